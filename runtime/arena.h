@@ -1,0 +1,72 @@
+// Planned device memory. One arena per context hands out pieces (sub-buffers) of a few large slabs, best fit first,
+// and takes them back as soon as their last handle is gone. The same code runs with or without memory behind it:
+// a *virtual* arena follows a dry run of the model and so learns how large the slabs must be; `commit` then makes
+// them, and the real run fits exactly. Without a plan an arena grows slab by slab.
+#pragma once
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace cl {
+class Buffer;
+class Context;
+}  // namespace cl
+
+namespace vsplat {
+
+struct ArenaState;
+
+// A piece of device memory; gives itself back when destroyed.
+class Block {
+ public:
+  Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size);
+  ~Block();
+  Block(const Block&) = delete;
+  Block& operator=(const Block&) = delete;
+
+  const cl::Buffer* buffer() const { return buffer_.get(); }  // null in a virtual arena
+  std::size_t size() const { return size_; }
+
+ private:
+  std::shared_ptr<ArenaState> arena_;
+  std::size_t slab_, offset_, size_;
+  std::unique_ptr<cl::Buffer> buffer_;
+};
+
+struct ArenaLimits {
+  std::size_t total = 0;     // bytes in all that may be used
+  std::size_t max_alloc = 0; // bytes of the largest slab
+  std::size_t align = 128;   // bytes
+};
+
+class Arena {
+ public:
+  // `context` null: virtual from the start.
+  Arena(const cl::Context* context, ArenaLimits limits);
+
+  // Throws Error(memory), naming `what`, both figures and the limit.
+  std::shared_ptr<Block> allocate(std::size_t bytes, const std::string& what);
+
+  // A virtual copy with today's slabs and live blocks, whose further growth is only counted.
+  Arena plan() const;
+  // Makes the slabs that `planned` (from plan()) came to need beyond today's.
+  void commit(const Arena& planned);
+  // Gives back every slab in which nothing lives.
+  void trim();
+
+  std::size_t reserved() const;   // bytes of all slabs now
+  std::size_t live() const;       // bytes in use now
+  std::size_t peak() const;       // most bytes of slabs since the start or reset_peak()
+  std::size_t peak_live() const;  // most bytes in use since the start or reset_peak()
+  void reset_peak();
+  bool is_virtual() const;
+  const ArenaLimits& limits() const;
+
+ private:
+  explicit Arena(std::shared_ptr<ArenaState> state) : state_(std::move(state)) {}
+  std::shared_ptr<ArenaState> state_;
+};
+
+}  // namespace vsplat

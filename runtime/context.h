@@ -1,0 +1,144 @@
+// The one object passed around: a device with its queue, kernels, memory and profile.
+// Not thread-safe: one thread at a time uses a context.
+#pragma once
+#include <array>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "runtime/arena.h"
+#include "runtime/device.h"
+#include "runtime/error.h"
+#include "runtime/profiler.h"
+#include "runtime/tensor.h"
+
+namespace vsplat {
+
+// Which family of dense kernels runs. cpu: one work-item owns a register tile, float16 vectors, no local memory, no barrier.
+// gpu: a work-group tiles through local memory. Both run on every device.
+enum class Flavour : int { cpu = 1, gpu = 2 };
+const char* name_of(Flavour flavour);
+
+// Who multiplies plain matrices. auto_: CLBlast on a GPU where its database covers the device, else our own.
+enum class GemmChoice : int { auto_ = 0, own = 1, clblast = 2 };
+
+struct ContextOptions {
+  std::string device;            // as choose_device() takes it
+  std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else by the device's traits), cpu, gpu
+  GemmChoice gemm = GemmChoice::auto_;
+  double max_memory_gib = 0;     // 0: what the device reports
+  // Called before each kernel that is compiled: its name and how many were compiled so far in this context.
+  std::function<void(const std::string&, int)> on_compile;
+};
+
+// Local memory as a kernel's argument.
+struct Local {
+  std::size_t bytes;
+};
+
+// Global and local sizes; a local size of 0 leaves the choice to the driver. A global size of 0 launches nothing.
+struct Range {
+  std::array<std::size_t, 3> global{1, 1, 1};
+  std::array<std::size_t, 3> local{0, 0, 0};
+};
+// At least n work-items in groups of `local`: kernels guard the tail.
+Range items(long n, long local = 64);
+// n work-groups (of n2 and n3 in the other directions) of `local` work-items each, in the first direction.
+Range groups(long n, long local, long n2 = 1, long n3 = 1);
+
+// A kernel by file and function, with the defines its program is built with ("-DTILE=4 -DSILU").
+struct KernelId {
+  const char* file;  // "layernorm" for cl/layernorm.cl
+  const char* name;
+  std::string defines;
+};
+
+using KernelArg = std::variant<Tensor, int, unsigned, float, Local>;
+
+class Context {
+ public:
+  explicit Context(const ContextOptions& options);
+  ~Context();
+  Context(const Context&) = delete;
+  Context& operator=(const Context&) = delete;
+
+  // A context that computes nothing and only counts memory: launches, writes and reads are skipped, tensors have no memory behind
+  // them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it.
+  std::unique_ptr<Context> planner() const;
+  bool planning() const;
+
+  const DeviceInfo& device() const;
+  Flavour flavour() const;
+  GemmChoice gemm_choice() const;
+  Arena& memory();
+  const Arena& memory() const;
+  Profiler& profiler();
+
+  // Uninitialised memory.
+  Tensor tensor(const Shape& shape, Type type = Type::f32, const std::string& what = "tensor");
+  // With a copy of `data`, count() elements of the type.
+  Tensor upload(const Shape& shape, const void* data, Type type = Type::f32, const std::string& what = "tensor");
+  template <class T>
+  Tensor upload(const Shape& shape, const std::vector<T>& data, Type type = Type::f32, const std::string& what = "tensor") {
+    return upload(shape, data.data(), type, what);
+  }
+  void write(const Tensor& tensor, const void* data);
+  void fill_zero(const Tensor& tensor);
+  void copy(const Tensor& from, const Tensor& to);
+  // Waits for everything before it: keep such calls few, and say why at each.
+  void read(const Tensor& tensor, void* data);
+  template <class T>
+  std::vector<T> read(const Tensor& tensor) {
+    std::vector<T> out(static_cast<std::size_t>(tensor.count()));
+    if (sizeof(T) != size_of(tensor.type())) fail(Status::internal, "read of {} as elements of {} bytes", tensor.describe(), sizeof(T));
+    if (!out.empty()) read(tensor, out.data());
+    return out;
+  }
+
+  // The one place that enqueues kernels of ours. Checks the number and sizes of arguments and the work-group against the device's
+  // limits before the driver does, names the launch for the profile, and records its event.
+  template <class... Args>
+  void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
+    launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
+  }
+  void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
+  // Largest work-group that this kernel can run in, and no more than the device's.
+  std::size_t max_work_group(const KernelId& kernel);
+
+  // For libraries that enqueue by themselves (CLBlast; runtime/ only): raw handles, and their event under our name.
+  void* raw_queue();
+  void* raw_buffer(const Tensor& tensor);
+  void record_foreign(const std::string& name, Cost cost, void* event);
+
+  // Waits for the queue and gathers the profile.
+  void finish();
+  // Enqueued work starts now, without waiting.
+  void flush();
+
+  const std::string& stage() const;
+
+ private:
+  friend class Stage;
+  struct Impl;
+  explicit Context(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+// The stage that launches belong to while it lives: "encoder", "modulation", "lifting", "volume", "heads", "selection", "refinement",
+// "decode", "splat". Memory peaks are kept per stage, too.
+class Stage {
+ public:
+  Stage(Context& context, const std::string& name);
+  ~Stage();
+  Stage(const Stage&) = delete;
+  Stage& operator=(const Stage&) = delete;
+
+ private:
+  Context& context_;
+  std::string before_;
+};
+
+}  // namespace vsplat

@@ -1,0 +1,39 @@
+// The one exception type of the library, and the statuses that cross the C boundary.
+#pragma once
+#include <fmt/format.h>
+
+#include <stdexcept>
+#include <string>
+
+namespace vsplat {
+
+// What kind of thing went wrong. Values equal those of `vsplat_status` in vsplat.h.
+enum class Status : int {
+  ok = 0,
+  usage = 1,      // the request itself is wrong: an unknown option or field, a view that is not there (exit code 2)
+  file = 2,       // a file cannot be read or written, or exists already
+  format = 3,     // a file's content is damaged or not what its format says
+  input = 4,      // well-formed input that cannot be used: a singular pose, a cube behind the cameras
+  device = 5,     // no such device, no platform, a driver's error
+  compile = 6,    // a kernel did not compile; the message holds the build log
+  memory = 7,     // more memory needed than there is; the message holds both figures
+  cancelled = 8,  // the caller's progress function said stop
+  internal = 9    // a defect of ours
+};
+
+// Carries what was asked, what was found and where, in one message for a person.
+class Error : public std::runtime_error {
+ public:
+  Error(Status status, const std::string& message) : std::runtime_error(message), status_(status) {}
+  Status status() const noexcept { return status_; }
+
+ private:
+  Status status_;
+};
+
+template <class... Args>
+[[noreturn]] void fail(Status status, fmt::format_string<Args...> text, Args&&... args) {
+  throw Error(status, fmt::format(text, std::forward<Args>(args)...));
+}
+
+}  // namespace vsplat
