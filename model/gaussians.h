@@ -1,0 +1,37 @@
+// K Gaussians, on the host and on the device. Means and scales (standard deviations) in the frame's units, unit quaternions
+// w x y z, opacities in [0,1], spherical harmonics with colour = max(0, basis . sh + 0.5), S = (degree + 1)^2 coefficients.
+#pragma once
+#include <cstddef>
+#include <vector>
+
+#include "runtime/tensor.h"
+
+namespace vsplat {
+
+struct Gaussians {
+  std::size_t count = 0;
+  int sh_degree = 0;             // 0 to 3
+  std::vector<float> means;      // [K,3]
+  std::vector<float> scales;     // [K,3]
+  std::vector<float> quats;      // [K,4]
+  std::vector<float> opacities;  // [K]
+  std::vector<float> sh;         // [K,S,3]
+
+  std::size_t sh_count() const { return static_cast<std::size_t>(sh_degree + 1) * (sh_degree + 1); }
+};
+
+struct DeviceGaussians {
+  Tensor means;      // f32 [K,3]
+  Tensor scales;     // f32 [K,3]
+  Tensor quats;      // f32 [K,4]
+  Tensor opacities;  // f32 [K]
+  Tensor sh;         // f32 [K,S,3]
+
+  long count() const { return means ? means.dim(0) : 0; }
+};
+
+class Context;
+Gaussians download(Context& ctx, const DeviceGaussians& g);
+DeviceGaussians upload(Context& ctx, const Gaussians& g);
+
+}  // namespace vsplat
