@@ -9,8 +9,6 @@ Eigen::Matrix4d Camera::c2w() const {
   return out;
 }
 
-Eigen::Vector3d Camera::centre() const {
-  return -w2c.topLeftCorner<3, 3>().transpose() * w2c.topRightCorner<3, 1>();
-}
+Eigen::Vector3d Camera::centre() const { return -w2c.topLeftCorner<3, 3>().transpose() * w2c.topRightCorner<3, 1>(); }
 
 }  // namespace vsplat

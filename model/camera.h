@@ -6,9 +6,9 @@
 
 namespace vsplat {
 
-// How a lens bends rays, in the models of COLMAP, nerfstudio and OpenCV, mapping undistorted normalised (x, y) to distorted.
-// `none` has no parameters; `opencv` k1 k2 p1 p2 k3 k4 k5 k6 (the rational model: simple radial, radial, OPENCV and FULL_OPENCV
-// are this with zeros); `fisheye` k1 k2 k3 k4 (theta_d = theta (1 + k1 theta^2 + ...)).
+// How a lens bends rays, in the models of COLMAP, nerfstudio and OpenCV, mapping undistorted normalised (x, y) to
+// distorted. `none` has no parameters; `opencv` k1 k2 p1 p2 k3 k4 k5 k6 (the rational model: simple radial, radial,
+// OPENCV and FULL_OPENCV are this with zeros); `fisheye` k1 k2 k3 k4 (theta_d = theta (1 + k1 theta^2 + ...)).
 struct Distortion {
   enum class Model { none, opencv, fisheye } model = Model::none;
   double k[8] = {};  // opencv: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1 k2 k3 k4

@@ -22,10 +22,10 @@ struct Config {
   int fine_dim = 512;
   int fine_count = 16;  // M
   int sh_degree = 1;
-  int groups = 32;                 // of every GroupNorm
-  std::string levels = "fine";      // fine, skeletal, coarse
-  std::string selection = "gumbel"; // gumbel, sigmoid, ste, opacity
-  double opacity_threshold = 0.005; // of selection "opacity"
+  int groups = 32;                   // of every GroupNorm
+  std::string levels = "fine";       // fine, skeletal, coarse
+  std::string selection = "gumbel";  // gumbel, sigmoid, ste, opacity
+  double opacity_threshold = 0.005;  // of selection "opacity"
   bool use_projected = true;
   std::string view_weight = "depth";  // depth, distance
   int refine_out_kernel = 1;          // 1, 3
@@ -34,7 +34,7 @@ struct Config {
   std::string rebase = "rotate";  // rotate, move
 
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
-  int tokens() const { return image / patch; }                       // along an edge
+  int tokens() const { return image / patch; }                           // along an edge
   int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation
   int projected_ch() const { return use_projected ? vit_dim : 0; }
   long voxels() const { return static_cast<long>(volume) * volume * volume; }

@@ -1,5 +1,6 @@
-// K Gaussians, on the host and on the device. Means and scales (standard deviations) in the frame's units, unit quaternions
-// w x y z, opacities in [0,1], spherical harmonics with colour = max(0, basis . sh + 0.5), S = (degree + 1)^2 coefficients.
+// K Gaussians, on the host and on the device. Means and scales (standard deviations) in the frame's units, unit
+// quaternions w x y z, opacities in [0,1], spherical harmonics with colour = max(0, basis . sh + 0.5), S = (degree +
+// 1)^2 coefficients.
 #pragma once
 #include <cstddef>
 #include <vector>

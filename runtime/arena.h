@@ -36,9 +36,9 @@ class Block {
 };
 
 struct ArenaLimits {
-  std::size_t total = 0;     // bytes in all that may be used
-  std::size_t max_alloc = 0; // bytes of the largest slab
-  std::size_t align = 128;   // bytes
+  std::size_t total = 0;      // bytes in all that may be used
+  std::size_t max_alloc = 0;  // bytes of the largest slab
+  std::size_t align = 128;    // bytes
 };
 
 class Arena {

@@ -17,8 +17,8 @@
 
 namespace vsplat {
 
-// Which family of dense kernels runs. cpu: one work-item owns a register tile, float16 vectors, no local memory, no barrier.
-// gpu: a work-group tiles through local memory. Both run on every device.
+// Which family of dense kernels runs. cpu: one work-item owns a register tile, float16 vectors, no local memory, no
+// barrier. gpu: a work-group tiles through local memory. Both run on every device.
 enum class Flavour : int { cpu = 1, gpu = 2 };
 const char* name_of(Flavour flavour);
 
@@ -29,7 +29,7 @@ struct ContextOptions {
   std::string device;            // as choose_device() takes it
   std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else by the device's traits), cpu, gpu
   GemmChoice gemm = GemmChoice::auto_;
-  double max_memory_gib = 0;     // 0: what the device reports
+  double max_memory_gib = 0;  // 0: what the device reports
   // Called before each kernel that is compiled: its name and how many were compiled so far in this context.
   std::function<void(const std::string&, int)> on_compile;
 };
@@ -56,6 +56,12 @@ struct KernelId {
   std::string defines;
 };
 
+// Device memory while a stage ran: bytes of slabs, and of tensors alive in them.
+struct StageMemory {
+  std::string stage;
+  std::size_t peak_reserved = 0, peak_live = 0;
+};
+
 using KernelArg = std::variant<Tensor, int, unsigned, float, Local>;
 
 class Context {
@@ -65,8 +71,8 @@ class Context {
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
-  // A context that computes nothing and only counts memory: launches, writes and reads are skipped, tensors have no memory behind
-  // them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it.
+  // A context that computes nothing and only counts memory: launches, writes and reads are skipped, tensors have no
+  // memory behind them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it.
   std::unique_ptr<Context> planner() const;
   bool planning() const;
 
@@ -82,7 +88,8 @@ class Context {
   // With a copy of `data`, count() elements of the type.
   Tensor upload(const Shape& shape, const void* data, Type type = Type::f32, const std::string& what = "tensor");
   template <class T>
-  Tensor upload(const Shape& shape, const std::vector<T>& data, Type type = Type::f32, const std::string& what = "tensor") {
+  Tensor upload(const Shape& shape, const std::vector<T>& data, Type type = Type::f32,
+                const std::string& what = "tensor") {
     return upload(shape, data.data(), type, what);
   }
   void write(const Tensor& tensor, const void* data);
@@ -93,13 +100,14 @@ class Context {
   template <class T>
   std::vector<T> read(const Tensor& tensor) {
     std::vector<T> out(static_cast<std::size_t>(tensor.count()));
-    if (sizeof(T) != size_of(tensor.type())) fail(Status::internal, "read of {} as elements of {} bytes", tensor.describe(), sizeof(T));
+    if (sizeof(T) != size_of(tensor.type()))
+      fail(Status::internal, "read of {} as elements of {} bytes", tensor.describe(), sizeof(T));
     if (!out.empty()) read(tensor, out.data());
     return out;
   }
 
-  // The one place that enqueues kernels of ours. Checks the number and sizes of arguments and the work-group against the device's
-  // limits before the driver does, names the launch for the profile, and records its event.
+  // The one place that enqueues kernels of ours. Checks the number and sizes of arguments and the work-group against
+  // the device's limits before the driver does, names the launch for the profile, and records its event.
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
     launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
@@ -119,6 +127,7 @@ class Context {
   void flush();
 
   const std::string& stage() const;
+  const std::vector<StageMemory>& stage_memory() const;  // in order of first use
 
  private:
   friend class Stage;
@@ -127,8 +136,8 @@ class Context {
   std::unique_ptr<Impl> impl_;
 };
 
-// The stage that launches belong to while it lives: "encoder", "modulation", "lifting", "volume", "heads", "selection", "refinement",
-// "decode", "splat". Memory peaks are kept per stage, too.
+// The stage that launches belong to while it lives: "encoder", "modulation", "lifting", "volume", "heads", "selection",
+// "refinement", "decode", "splat". Memory peaks are kept per stage, too.
 class Stage {
  public:
   Stage(Context& context, const std::string& name);

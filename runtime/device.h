@@ -15,24 +15,25 @@ struct DeviceInfo {
   int device = 0;    // position within the platform
   std::string name, vendor, driver, version, platform_name, platform_version;
   DeviceType type = DeviceType::other;
-  std::uint64_t memory = 0;       // bytes
-  std::uint64_t max_alloc = 0;    // bytes of the largest single buffer
-  std::uint64_t local_memory = 0; // bytes per work-group
-  bool local_is_fast = false;     // local memory of its own, not a piece of global memory
+  std::uint64_t memory = 0;        // bytes
+  std::uint64_t max_alloc = 0;     // bytes of the largest single buffer
+  std::uint64_t local_memory = 0;  // bytes per work-group
+  bool local_is_fast = false;      // local memory of its own, not a piece of global memory
   std::size_t max_work_group = 1;
   int compute_units = 1;
   int native_float_width = 1;
-  int align = 128;                // bytes: where a sub-buffer may start
-  bool event_profiling = false;   // device events carry times
+  int align = 128;               // bytes: where a sub-buffer may start
+  bool event_profiling = false;  // device events carry times
   bool fp16 = false, fp64 = false, subgroups = false;
-  bool is_pocl = false;           // has a binary cache of its own
+  bool is_pocl = false;  // has a binary cache of its own
 };
 
 // Every device of every platform, in the loader's order. Empty where there is no platform.
 std::vector<DeviceInfo> list_devices();
 
-// `spec`: flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc"), or a part of the name. Empty: $VSPLAT_DEVICE,
-// else the first GPU, else the first device. Throws Error(device) with the list of what there is; never picks another one.
+// `spec`: flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc"), or a part of the name. Empty:
+// $VSPLAT_DEVICE, else the first GPU, else the first device. Throws Error(device) with the list of what there is; never
+// picks another one.
 DeviceInfo choose_device(const std::string& spec);
 
 }  // namespace vsplat

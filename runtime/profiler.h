@@ -1,5 +1,5 @@
-// Where the time goes, kernel by kernel. Switched at run time; events are gathered in batches so that measuring does not
-// serialise the queue. A device without event times is timed on the host, one launch at a time, and marked so.
+// Where the time goes, kernel by kernel. Switched at run time; events are gathered in batches so that measuring does
+// not serialise the queue. A device without event times is timed on the host, one launch at a time, and marked so.
 #pragma once
 #include <cstdint>
 #include <iosfwd>
@@ -37,13 +37,16 @@ class Profiler {
   void enable(bool on) { enabled_ = on; }
 
   void add_event(const std::string& name, const std::string& stage, Cost cost, const cl::Event& event);
-  void add_host(const std::string& name, const std::string& stage, Cost cost, std::uint64_t start_ns, std::uint64_t end_ns);
+  void add_host(const std::string& name, const std::string& stage, Cost cost, std::uint64_t start_ns,
+                std::uint64_t end_ns);
   // Reads the times of finished events. Call after the queue has been drained.
   void collect();
 
   // Wall time from the first enqueue to the last finish, summed over spans (see Context::finish).
   void begin_span();
   void end_span();
+  // Time within a span that is not the device's: compilation.
+  void exclude_from_span(double seconds);
 
   std::vector<ProfileRow> rows() const;  // most time first
   double wall_seconds() const;

@@ -1,5 +1,8 @@
-// Equal letters must mean equal sizes: Dims().bind("x", x, {"R", "C"}).bind("gamma", gamma, {"C"}). An error names the tensor.
+// Equal letters must mean equal sizes: Dims().bind("x", x, {"R", "C"}).bind("gamma", gamma, {"C"}). An error names the
+// tensor.
 #pragma once
+#include <fmt/ranges.h>
+
 #include <map>
 #include <string>
 #include <vector>
@@ -12,9 +15,11 @@ namespace vsplat {
 class Dims {
  public:
   // A label that is a number ("3") must be that size. `type` is checked too.
-  Dims& bind(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels, Type type = Type::f32);
+  Dims& bind(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels,
+             Type type = Type::f32);
   // As bind, but a tensor that is none passes.
-  Dims& bind_optional(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels, Type type = Type::f32);
+  Dims& bind_optional(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels,
+                      Type type = Type::f32);
   Dims& set(const std::string& label, long size);
   long operator[](const std::string& label) const;
 

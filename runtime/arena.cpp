@@ -1,0 +1,216 @@
+#include "runtime/arena.h"
+
+#include <algorithm>
+
+#include "runtime/error.h"
+#include "runtime/opencl.h"
+
+namespace vsplat {
+
+namespace {
+
+struct Slab {
+  std::size_t capacity = 0;  // what it may hold
+  std::size_t used = 0;      // high-water mark of a growing slab; equals capacity of a made one
+  bool growing = false;      // virtual: counted only
+  std::size_t blocks = 0;    // alive
+  std::unique_ptr<cl::Buffer> buffer;
+  std::map<std::size_t, std::size_t> free;  // offset -> size, neighbours merged
+
+  void give_back(std::size_t offset, std::size_t size) {
+    auto next = free.lower_bound(offset);
+    if (next != free.end() && offset + size == next->first) {
+      size += next->second;
+      next = free.erase(next);
+    }
+    if (next != free.begin()) {
+      const auto before = std::prev(next);
+      if (before->first + before->second == offset) {
+        before->second += size;
+        return;
+      }
+    }
+    free.emplace(offset, size);
+  }
+};
+
+std::size_t round_up(std::size_t n, std::size_t to) { return (n + to - 1) / to * to; }
+
+double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
+
+// Slabs without a plan are at least this large, so that small tensors share one.
+constexpr std::size_t least_slab = std::size_t{4} << 20;
+
+}  // namespace
+
+struct ArenaState {
+  const cl::Context* context = nullptr;
+  bool is_virtual = false;
+  ArenaLimits limits;
+  std::vector<Slab> slabs;
+  std::size_t live = 0, peak = 0, peak_live = 0;
+
+  std::size_t reserved() const {
+    std::size_t sum = 0;
+    for (const Slab& slab : slabs) sum += slab.growing ? slab.used : slab.capacity;
+    return sum;
+  }
+
+  void note_peaks() {
+    peak = std::max(peak, reserved());
+    peak_live = std::max(peak_live, live);
+  }
+
+  void release(std::size_t slab, std::size_t offset, std::size_t size) {
+    slabs[slab].give_back(offset, size);
+    --slabs[slab].blocks;
+    live -= size;
+  }
+
+  void make_buffer(Slab& slab) const {
+    try {
+      slab.buffer = std::make_unique<cl::Buffer>(*context, CL_MEM_READ_WRITE, slab.capacity);
+    } catch (const cl::Error& e) {
+      fail_cl(e, fmt::format("allocating {:.3f} GiB on the device", gib(slab.capacity)));
+    }
+  }
+
+  [[noreturn]] void refuse(std::size_t size, const std::string& what) const {
+    fail(Status::memory,
+         "not enough device memory: {} needs {:.3f} GiB beside the {:.3f} GiB already reserved; {:.3f} GiB in all and "
+         "{:.3f} GiB in one buffer may be used (--max-memory, a smaller model or another device)",
+         what, gib(size), gib(reserved()), gib(limits.total), gib(limits.max_alloc));
+  }
+
+  void check_total(std::size_t more, const std::string& what) const {
+    if (more > limits.max_alloc || reserved() + more > limits.total) refuse(more, what);
+  }
+};
+
+Block::Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size)
+    : arena_(std::move(arena)), slab_(slab), offset_(offset), size_(size) {
+  Slab& home = arena_->slabs[slab];
+  ++home.blocks;
+  arena_->live += size;
+  arena_->note_peaks();
+  if (!home.buffer) return;
+  try {
+    const cl_buffer_region region{offset, size};
+    buffer_ = std::make_unique<cl::Buffer>(
+        home.buffer->createSubBuffer(CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region));
+  } catch (const cl::Error& e) {
+    arena_->release(slab, offset, size);
+    fail_cl(e, fmt::format("a sub-buffer of {} bytes at {}", size, offset));
+  }
+}
+
+Block::~Block() { arena_->release(slab_, offset_, size_); }
+
+Arena::Arena(const cl::Context* context, ArenaLimits limits) : state_(std::make_shared<ArenaState>()) {
+  state_->context = context;
+  state_->is_virtual = context == nullptr;
+  state_->limits = limits;
+}
+
+std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& what) {
+  ArenaState& s = *state_;
+  const std::size_t size = round_up(std::max<std::size_t>(bytes, 1), s.limits.align);
+  if (bytes > s.limits.max_alloc) s.refuse(bytes, what);
+
+  // Best fit over all slabs; the first of equals, so that a plan and its run choose alike.
+  std::size_t best_slab = 0, best_offset = 0, best_size = 0;
+  for (std::size_t i = 0; i < s.slabs.size(); ++i)
+    for (const auto& [offset, room] : s.slabs[i].free)
+      if (room >= size && (best_size == 0 || room < best_size)) best_slab = i, best_offset = offset, best_size = room;
+  if (best_size) {
+    auto& free = s.slabs[best_slab].free;
+    free.erase(best_offset);
+    if (best_size > size) free.emplace(best_offset + size, best_size - size);
+    return std::make_shared<Block>(state_, best_slab, best_offset, size);
+  }
+
+  if (s.is_virtual) {  // grow: a free tail of a growing slab is used first, then its end is moved
+    for (std::size_t i = 0; i < s.slabs.size(); ++i) {
+      Slab& slab = s.slabs[i];
+      if (!slab.growing) continue;
+      std::size_t offset = slab.used;
+      if (!slab.free.empty()) {
+        const auto last = std::prev(slab.free.end());
+        if (last->first + last->second == slab.used) offset = last->first;
+      }
+      if (offset + size > s.limits.max_alloc) continue;
+      if (offset != slab.used) slab.free.erase(offset);
+      slab.used = slab.capacity = offset + size;
+      return std::make_shared<Block>(state_, i, offset, size);
+    }
+    Slab slab;
+    slab.growing = true;
+    slab.capacity = slab.used = size;
+    s.slabs.push_back(std::move(slab));
+    return std::make_shared<Block>(state_, s.slabs.size() - 1, 0, size);
+  }
+
+  std::size_t capacity = std::max(size, least_slab);
+  if (capacity > s.limits.max_alloc || s.reserved() + capacity > s.limits.total) capacity = size;
+  s.check_total(capacity, what);
+  Slab slab;
+  slab.capacity = slab.used = capacity;
+  s.make_buffer(slab);
+  if (capacity > size) slab.free.emplace(size, capacity - size);
+  s.slabs.push_back(std::move(slab));
+  return std::make_shared<Block>(state_, s.slabs.size() - 1, 0, size);
+}
+
+Arena Arena::plan() const {
+  auto copy = std::make_shared<ArenaState>();
+  copy->is_virtual = true;
+  copy->limits = state_->limits;
+  copy->live = copy->peak_live = state_->live;
+  for (const Slab& slab : state_->slabs) {
+    Slab twin;
+    twin.capacity = slab.capacity;
+    twin.used = slab.used;
+    twin.growing = slab.growing;
+    twin.blocks = slab.blocks;
+    twin.free = slab.free;
+    copy->slabs.push_back(std::move(twin));
+  }
+  copy->peak = copy->reserved();
+  return Arena(std::move(copy));
+}
+
+void Arena::commit(const Arena& planned) {
+  ArenaState& s = *state_;
+  const auto& wanted = planned.state_->slabs;
+  std::size_t more = 0;
+  for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) more += wanted[i].capacity;
+  if (s.reserved() + more > s.limits.total) s.refuse(more, "the run");
+  for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) {
+    Slab slab;
+    slab.capacity = slab.used = wanted[i].capacity;
+    slab.growing = s.is_virtual;
+    if (!s.is_virtual) s.make_buffer(slab);
+    slab.free.emplace(0, slab.capacity);
+    s.slabs.push_back(std::move(slab));
+  }
+  s.note_peaks();
+}
+
+void Arena::trim() {
+  // Slabs keep their places, since blocks name them by number: only trailing ones go.
+  auto& slabs = state_->slabs;
+  while (!slabs.empty() && slabs.back().blocks == 0) slabs.pop_back();
+}
+
+std::size_t Arena::reserved() const { return state_->reserved(); }
+std::size_t Arena::live() const { return state_->live; }
+std::size_t Arena::peak() const { return state_->peak; }
+std::size_t Arena::peak_live() const { return state_->peak_live; }
+void Arena::reset_peak() {
+  state_->peak = state_->reserved();
+  state_->peak_live = state_->live;
+}
+bool Arena::is_virtual() const { return state_->is_virtual; }
+const ArenaLimits& Arena::limits() const { return state_->limits; }
+
+}  // namespace vsplat

@@ -1,0 +1,320 @@
+#include "runtime/context.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <map>
+
+#include "runtime/device_handles.h"
+#include "runtime/log.h"
+#include "runtime/program.h"
+
+namespace vsplat {
+
+const char* name_of(Flavour flavour) { return flavour == Flavour::cpu ? "cpu" : "gpu"; }
+
+Range items(long n, long local) {
+  const auto l = static_cast<std::size_t>(local);
+  return {{(static_cast<std::size_t>(n) + l - 1) / l * l, 1, 1}, {l, 1, 1}};
+}
+
+Range groups(long n, long local, long n2, long n3) {
+  return {{static_cast<std::size_t>(n * local), static_cast<std::size_t>(n2), static_cast<std::size_t>(n3)},
+          {static_cast<std::size_t>(local), 1, 1}};
+}
+
+namespace {
+
+std::uint64_t now_ns() {
+  return static_cast<std::uint64_t>(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+          .count());
+}
+
+Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
+  std::string name = asked;
+  if (name.empty() || name == "auto") {
+    const char* env = std::getenv("VSPLAT_KERNELS");
+    name = env && *env ? env : "auto";
+  }
+  if (name == "cpu") return Flavour::cpu;
+  if (name == "gpu") return Flavour::gpu;
+  if (name != "auto") fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (--kernels, VSPLAT_KERNELS)", name);
+  // Tiling through local memory pays where that memory is a store of its own.
+  return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu
+         : device.type == DeviceType::gpu                       ? Flavour::gpu
+                                                                : Flavour::cpu;
+}
+
+}  // namespace
+
+struct Context::Impl {
+  DeviceInfo info;
+  Flavour flavour = Flavour::cpu;
+  GemmChoice gemm = GemmChoice::auto_;
+  bool planning = false;
+  cl::Context context;
+  cl::CommandQueue queue;
+  std::unique_ptr<ProgramCache> programs;
+  Profiler profiler;
+  std::unique_ptr<Arena> arena;  // before context goes, its buffers must: see ~Context
+  std::string stage;
+  std::vector<StageMemory> stage_memory;
+
+  // The most that was reserved and in use while each stage ran.
+  void note_stage_memory() {
+    auto it =
+        std::find_if(stage_memory.begin(), stage_memory.end(), [&](const StageMemory& m) { return m.stage == stage; });
+    if (it == stage_memory.end()) it = stage_memory.insert(it, {stage, 0, 0});
+    it->peak_reserved = std::max(it->peak_reserved, arena->reserved());
+    it->peak_live = std::max(it->peak_live, arena->live());
+  }
+
+  // Runs `enqueue(event pointer or null)` and records it.
+  template <class F>
+  void record(const std::string& name, Cost cost, const F& enqueue) {
+    profiler.begin_span();
+    if (!profiler.enabled()) {
+      enqueue(nullptr);
+      return;
+    }
+    if (info.event_profiling) {
+      cl::Event event;
+      enqueue(&event);
+      profiler.add_event(name, stage, cost, event);
+      return;
+    }
+    queue.finish();
+    const std::uint64_t start = now_ns();
+    enqueue(nullptr);
+    queue.finish();
+    profiler.add_host(name, stage, cost, start, now_ns());
+  }
+
+  template <class F>
+  void transfer(const std::string& name, double bytes, const F& enqueue) {
+    const std::string before = stage;
+    stage = "transfer";
+    try {
+      record(name, {0, bytes}, enqueue);
+    } catch (const cl::Error& e) {
+      stage = before;
+      fail_cl(e, name);
+    }
+    stage = before;
+  }
+};
+
+Context::Context(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()) {
+  impl_->info = choose_device(options.device);
+  impl_->flavour = choose_flavour(options.kernels, impl_->info);
+  impl_->gemm = options.gemm;
+  const std::vector<FoundDevice> found = find_devices();
+  const cl::Device device = found.at(static_cast<std::size_t>(impl_->info.index)).handle;
+  try {
+    impl_->context = cl::Context(device);
+    const cl_command_queue_properties properties = impl_->info.event_profiling ? CL_QUEUE_PROFILING_ENABLE : 0;
+    impl_->queue = cl::CommandQueue(impl_->context, device, properties);
+  } catch (const cl::Error& e) {
+    fail_cl(e, "opening " + impl_->info.name);
+  }
+  impl_->programs = std::make_unique<ProgramCache>(impl_->context, device, impl_->info);
+  impl_->programs->on_compile = options.on_compile;
+  ArenaLimits limits;
+  limits.total =
+      options.max_memory_gib > 0 ? static_cast<std::size_t>(options.max_memory_gib * (1ull << 30)) : impl_->info.memory;
+  limits.max_alloc = std::min<std::size_t>(impl_->info.max_alloc, limits.total);
+  limits.align = static_cast<std::size_t>(impl_->info.align);
+  impl_->arena = std::make_unique<Arena>(&impl_->context, limits);
+}
+
+Context::~Context() {
+  if (!impl_ || impl_->planning) return;
+  try {
+    impl_->queue.finish();
+  } catch (const cl::Error&) {  // nothing can be done about a queue that fails while it is closed
+  }
+}
+
+std::unique_ptr<Context> Context::planner() const {
+  auto impl = std::make_unique<Impl>();
+  impl->info = impl_->info;
+  impl->flavour = impl_->flavour;
+  impl->gemm = impl_->gemm;
+  impl->planning = true;
+  impl->stage = impl_->stage;
+  impl->arena = std::make_unique<Arena>(impl_->arena->plan());
+  return std::unique_ptr<Context>(new Context(std::move(impl)));
+}
+
+bool Context::planning() const { return impl_->planning; }
+const DeviceInfo& Context::device() const { return impl_->info; }
+Flavour Context::flavour() const { return impl_->flavour; }
+GemmChoice Context::gemm_choice() const { return impl_->gemm; }
+Arena& Context::memory() { return *impl_->arena; }
+const Arena& Context::memory() const { return *impl_->arena; }
+Profiler& Context::profiler() { return impl_->profiler; }
+const std::vector<StageMemory>& Context::stage_memory() const { return impl_->stage_memory; }
+const std::string& Context::stage() const { return impl_->stage; }
+
+Tensor Context::tensor(const Shape& shape, Type type, const std::string& what) {
+  std::size_t bytes = size_of(type);
+  for (const long size : shape) bytes *= static_cast<std::size_t>(size);
+  std::string where = what;
+  if (!impl_->stage.empty()) where += " (stage " + impl_->stage + ")";
+  Tensor out(impl_->arena->allocate(bytes, where), shape, type);
+  impl_->note_stage_memory();
+  return out;
+}
+
+Tensor Context::upload(const Shape& shape, const void* data, Type type, const std::string& what) {
+  Tensor out = tensor(shape, type, what);
+  write(out, data);
+  return out;
+}
+
+void Context::write(const Tensor& tensor, const void* data) {
+  if (impl_->planning || tensor.count() == 0) return;
+  impl_->transfer("write", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
+    impl_->queue.enqueueWriteBuffer(*tensor.block()->buffer(), CL_TRUE, 0, tensor.bytes(), data, nullptr, event);
+  });
+}
+
+void Context::fill_zero(const Tensor& tensor) {
+  if (impl_->planning || tensor.count() == 0) return;
+  impl_->transfer("fill", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
+    impl_->queue.enqueueFillBuffer(*tensor.block()->buffer(), cl_uchar{0}, 0, tensor.bytes(), nullptr, event);
+  });
+}
+
+void Context::copy(const Tensor& from, const Tensor& to) {
+  if (from.bytes() != to.bytes()) fail(Status::internal, "copy of {} to {}", from.describe(), to.describe());
+  if (impl_->planning || from.count() == 0) return;
+  impl_->transfer("copy", 2.0 * static_cast<double>(from.bytes()), [&](cl::Event* event) {
+    impl_->queue.enqueueCopyBuffer(*from.block()->buffer(), *to.block()->buffer(), 0, 0, from.bytes(), nullptr, event);
+  });
+}
+
+void Context::read(const Tensor& tensor, void* data) {
+  if (impl_->planning) fail(Status::internal, "a plan cannot read {}", tensor.describe());
+  if (tensor.count() == 0) return;
+  impl_->transfer("read", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
+    impl_->queue.enqueueReadBuffer(*tensor.block()->buffer(), CL_TRUE, 0, tensor.bytes(), data, nullptr, event);
+  });
+}
+
+void Context::launch(const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
+  for (const std::size_t size : range.global)
+    if (size == 0) return;
+  if (impl_->planning) return;
+
+  const double built_before = impl_->programs->build_seconds();
+  cl::Kernel& kernel = impl_->programs->kernel(id.file, id.name, id.defines);
+  impl_->profiler.exclude_from_span(impl_->programs->build_seconds() - built_before);
+
+  std::size_t group = 1;
+  for (int i = 0; i < 3; ++i) {
+    const std::size_t local = range.local[i];
+    if (local == 0) continue;
+    group *= local;
+    if (range.global[i] % local != 0)
+      fail(Status::internal, "{}: global size {} is no multiple of local size {} in direction {}", id.name,
+           range.global[i], local, i);
+  }
+  if (group > impl_->info.max_work_group)
+    fail(Status::device, "{}: work-groups of {} items asked for, the device allows {}", id.name, group,
+         impl_->info.max_work_group);
+
+  try {
+    const auto expected = kernel.getInfo<CL_KERNEL_NUM_ARGS>();
+    if (expected != args.size())
+      fail(Status::internal, "{}: {} arguments given, {} expected", id.name, args.size(), expected);
+    for (cl_uint i = 0; i < args.size(); ++i) {
+      cl_int status = CL_SUCCESS;
+      if (const auto* tensor = std::get_if<Tensor>(&args[i])) {
+        const cl_mem mem = *tensor ? (*tensor->block()->buffer())() : nullptr;
+        status = clSetKernelArg(kernel(), i, sizeof(cl_mem), mem ? &mem : nullptr);
+      } else if (const auto* local = std::get_if<Local>(&args[i])) {
+        if (local->bytes > impl_->info.local_memory)
+          fail(Status::device, "{}: {} bytes of local memory asked for, the device has {}", id.name, local->bytes,
+               impl_->info.local_memory);
+        status = clSetKernelArg(kernel(), i, local->bytes, nullptr);
+      } else {
+        const void* value = std::visit([](const auto& v) { return static_cast<const void*>(&v); }, args[i]);
+        status = clSetKernelArg(kernel(), i, 4, value);
+      }
+      if (status != CL_SUCCESS)
+        fail(Status::internal, "{}: argument {} refused: {}", id.name, i, cl_error_name(status));
+    }
+    const cl::NDRange global(range.global[0], range.global[1], range.global[2]);
+    const cl::NDRange local = range.local[0] ? cl::NDRange(range.local[0], std::max<std::size_t>(range.local[1], 1),
+                                                           std::max<std::size_t>(range.local[2], 1))
+                                             : cl::NullRange;
+    impl_->record(id.name, cost, [&](cl::Event* event) {
+      impl_->queue.enqueueNDRangeKernel(kernel, cl::NullRange, global, local, nullptr, event);
+    });
+  } catch (const cl::Error& e) {
+    fail_cl(e, fmt::format("kernel {} over {}x{}x{} in groups of {}", id.name, range.global[0], range.global[1],
+                           range.global[2], group));
+  }
+}
+
+std::size_t Context::max_work_group(const KernelId& id) {
+  if (impl_->planning) return impl_->info.max_work_group;
+  cl::Kernel& kernel = impl_->programs->kernel(id.file, id.name, id.defines);
+  try {
+    const auto device = impl_->queue.getInfo<CL_QUEUE_DEVICE>();
+    return std::min(impl_->info.max_work_group, kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device));
+  } catch (const cl::Error& e) {
+    fail_cl(e, std::string("asking about kernel ") + id.name);
+  }
+}
+
+void* Context::raw_queue() { return impl_->queue(); }
+
+void* Context::raw_buffer(const Tensor& tensor) {
+  return tensor && tensor.block()->buffer() ? (*tensor.block()->buffer())() : nullptr;
+}
+
+void Context::record_foreign(const std::string& name, Cost cost, void* event) {
+  cl::Event owned(static_cast<cl_event>(event));  // takes over the reference
+  impl_->profiler.begin_span();
+  if (!impl_->profiler.enabled()) return;
+  if (impl_->info.event_profiling) {
+    impl_->profiler.add_event(name, impl_->stage, cost, owned);
+    return;
+  }
+  const std::uint64_t start = now_ns();
+  owned.wait();
+  impl_->profiler.add_host(name, impl_->stage, cost, start, now_ns());
+}
+
+void Context::finish() {
+  if (impl_->planning) return;
+  try {
+    impl_->queue.finish();
+  } catch (const cl::Error& e) {
+    fail_cl(e, "waiting for " + impl_->info.name);
+  }
+  impl_->profiler.end_span();
+  impl_->profiler.collect();
+}
+
+void Context::flush() {
+  if (impl_->planning) return;
+  try {
+    impl_->queue.flush();
+  } catch (const cl::Error& e) {
+    fail_cl(e, "sending work to " + impl_->info.name);
+  }
+}
+
+Stage::Stage(Context& context, const std::string& name) : context_(context), before_(context.impl_->stage) {
+  context_.impl_->stage = name;
+}
+
+Stage::~Stage() { context_.impl_->stage = before_; }
+
+}  // namespace vsplat

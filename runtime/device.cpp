@@ -1,0 +1,223 @@
+#include "runtime/device.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdlib>
+
+#include "runtime/device_handles.h"
+#include "runtime/opencl.h"
+
+namespace vsplat {
+
+const char* name_of(DeviceType type) {
+  switch (type) {
+    case DeviceType::cpu:
+      return "cpu";
+    case DeviceType::gpu:
+      return "gpu";
+    case DeviceType::accelerator:
+      return "acc";
+    case DeviceType::other:
+      break;
+  }
+  return "other";
+}
+
+namespace {
+
+std::string trimmed(std::string text) {
+  while (!text.empty() && (text.back() == '\0' || std::isspace(static_cast<unsigned char>(text.back()))))
+    text.pop_back();
+  const auto begin = std::find_if_not(text.begin(), text.end(), [](unsigned char c) { return std::isspace(c); });
+  return {begin, text.end()};
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+DeviceType type_of(cl_device_type type) {
+  if (type & CL_DEVICE_TYPE_GPU) return DeviceType::gpu;
+  if (type & CL_DEVICE_TYPE_CPU) return DeviceType::cpu;
+  if (type & CL_DEVICE_TYPE_ACCELERATOR) return DeviceType::accelerator;
+  return DeviceType::other;
+}
+
+DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
+  DeviceInfo d;
+  d.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
+  d.vendor = trimmed(device.getInfo<CL_DEVICE_VENDOR>());
+  d.driver = trimmed(device.getInfo<CL_DRIVER_VERSION>());
+  d.version = trimmed(device.getInfo<CL_DEVICE_VERSION>());
+  d.platform_name = trimmed(platform.getInfo<CL_PLATFORM_NAME>());
+  d.platform_version = trimmed(platform.getInfo<CL_PLATFORM_VERSION>());
+  d.type = type_of(device.getInfo<CL_DEVICE_TYPE>());
+  d.memory = device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
+  d.max_alloc = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
+  d.local_memory = device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+  d.local_is_fast = device.getInfo<CL_DEVICE_LOCAL_MEM_TYPE>() == CL_LOCAL;
+  d.max_work_group = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
+  d.compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>());
+  d.native_float_width = static_cast<int>(device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>());
+  d.align = std::max(static_cast<int>(device.getInfo<CL_DEVICE_MEM_BASE_ADDR_ALIGN>() / 8), 128);
+  d.event_profiling = (device.getInfo<CL_DEVICE_QUEUE_PROPERTIES>() & CL_QUEUE_PROFILING_ENABLE) != 0;
+  const std::string extensions = " " + device.getInfo<CL_DEVICE_EXTENSIONS>() + " ";
+  d.fp16 = extensions.find(" cl_khr_fp16 ") != std::string::npos;
+  d.fp64 = extensions.find(" cl_khr_fp64 ") != std::string::npos;
+  d.subgroups = extensions.find(" cl_khr_subgroups ") != std::string::npos;
+  d.is_pocl = d.platform_name == "Portable Computing Language";
+  return d;
+}
+
+std::string menu(const std::vector<DeviceInfo>& devices) {
+  std::string text;
+  for (const DeviceInfo& d : devices)
+    text += fmt::format("\n  {}  {}:{}  {}  {}", d.index, d.platform, d.device, name_of(d.type), d.name);
+  return text;
+}
+
+bool number(const std::string& text) {
+  return !text.empty() && text.size() < 6 &&
+         std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c); });
+}
+
+}  // namespace
+
+std::vector<FoundDevice> find_devices() {
+  std::vector<cl::Platform> platforms;
+  try {
+    cl::Platform::get(&platforms);
+  } catch (const cl::Error&) {  // the loader's way of saying that there is none
+    return {};
+  }
+  std::vector<FoundDevice> out;
+  for (std::size_t p = 0; p < platforms.size(); ++p) {
+    std::vector<cl::Device> devices;
+    try {
+      platforms[p].getDevices(CL_DEVICE_TYPE_ALL, &devices);
+    } catch (const cl::Error&) {  // a platform without devices
+      continue;
+    }
+    for (std::size_t i = 0; i < devices.size(); ++i) {
+      try {
+        DeviceInfo info = describe(platforms[p], devices[i]);
+        info.index = static_cast<int>(out.size());
+        info.platform = static_cast<int>(p);
+        info.device = static_cast<int>(i);
+        out.push_back({info, devices[i]});
+      } catch (const cl::Error&) {  // a driver that cannot describe its own device is not one to use
+      }
+    }
+  }
+  return out;
+}
+
+std::vector<DeviceInfo> list_devices() {
+  std::vector<DeviceInfo> out;
+  for (const FoundDevice& found : find_devices()) out.push_back(found.info);
+  return out;
+}
+
+DeviceInfo choose_device(const std::string& asked) {
+  const std::vector<DeviceInfo> devices = list_devices();
+  if (devices.empty())
+    fail(Status::device,
+         "no OpenCL device: the loader found no platform. Install a driver (for a CPU: the Debian package "
+         "pocl-opencl-icd) "
+         "and check that /etc/OpenCL/vendors or OCL_ICD_VENDORS names it");
+  std::string spec = trimmed(asked);
+  const char* from = "--device";
+  if (spec.empty()) {
+    if (const char* env = std::getenv("VSPLAT_DEVICE")) spec = trimmed(env);
+    from = "VSPLAT_DEVICE";
+  }
+  if (spec.empty()) {
+    for (const DeviceInfo& d : devices)
+      if (d.type == DeviceType::gpu) return d;
+    return devices.front();
+  }
+  const std::string key = lower(spec);
+  const std::size_t colon = key.find(':');
+  for (const DeviceInfo& d : devices) {
+    if (number(key) ? d.index == std::stoi(key)
+        : colon != std::string::npos && number(key.substr(0, colon)) && number(key.substr(colon + 1))
+            ? d.platform == std::stoi(key.substr(0, colon)) && d.device == std::stoi(key.substr(colon + 1))
+        : key == "cpu" || key == "gpu" || key == "acc" ? key == name_of(d.type)
+                                                       : lower(d.name).find(key) != std::string::npos)
+      return d;
+  }
+  fail(Status::device,
+       "no device is \"{}\" ({}): neither an index, a platform:device, a type (cpu, gpu, acc) nor a part of a name. "
+       "There are:{}",
+       spec, from, menu(devices));
+}
+
+const char* cl_error_name(cl_int code) {
+  switch (code) {
+    case CL_SUCCESS:
+      return "CL_SUCCESS";
+    case CL_DEVICE_NOT_FOUND:
+      return "CL_DEVICE_NOT_FOUND";
+    case CL_DEVICE_NOT_AVAILABLE:
+      return "CL_DEVICE_NOT_AVAILABLE";
+    case CL_COMPILER_NOT_AVAILABLE:
+      return "CL_COMPILER_NOT_AVAILABLE";
+    case CL_MEM_OBJECT_ALLOCATION_FAILURE:
+      return "CL_MEM_OBJECT_ALLOCATION_FAILURE";
+    case CL_OUT_OF_RESOURCES:
+      return "CL_OUT_OF_RESOURCES";
+    case CL_OUT_OF_HOST_MEMORY:
+      return "CL_OUT_OF_HOST_MEMORY";
+    case CL_PROFILING_INFO_NOT_AVAILABLE:
+      return "CL_PROFILING_INFO_NOT_AVAILABLE";
+    case CL_BUILD_PROGRAM_FAILURE:
+      return "CL_BUILD_PROGRAM_FAILURE";
+    case CL_MISALIGNED_SUB_BUFFER_OFFSET:
+      return "CL_MISALIGNED_SUB_BUFFER_OFFSET";
+    case CL_INVALID_VALUE:
+      return "CL_INVALID_VALUE";
+    case CL_INVALID_DEVICE:
+      return "CL_INVALID_DEVICE";
+    case CL_INVALID_CONTEXT:
+      return "CL_INVALID_CONTEXT";
+    case CL_INVALID_COMMAND_QUEUE:
+      return "CL_INVALID_COMMAND_QUEUE";
+    case CL_INVALID_MEM_OBJECT:
+      return "CL_INVALID_MEM_OBJECT";
+    case CL_INVALID_BINARY:
+      return "CL_INVALID_BINARY";
+    case CL_INVALID_BUILD_OPTIONS:
+      return "CL_INVALID_BUILD_OPTIONS";
+    case CL_INVALID_PROGRAM:
+      return "CL_INVALID_PROGRAM";
+    case CL_INVALID_KERNEL_NAME:
+      return "CL_INVALID_KERNEL_NAME";
+    case CL_INVALID_KERNEL:
+      return "CL_INVALID_KERNEL";
+    case CL_INVALID_ARG_INDEX:
+      return "CL_INVALID_ARG_INDEX";
+    case CL_INVALID_ARG_VALUE:
+      return "CL_INVALID_ARG_VALUE";
+    case CL_INVALID_ARG_SIZE:
+      return "CL_INVALID_ARG_SIZE";
+    case CL_INVALID_KERNEL_ARGS:
+      return "CL_INVALID_KERNEL_ARGS";
+    case CL_INVALID_WORK_DIMENSION:
+      return "CL_INVALID_WORK_DIMENSION";
+    case CL_INVALID_WORK_GROUP_SIZE:
+      return "CL_INVALID_WORK_GROUP_SIZE";
+    case CL_INVALID_WORK_ITEM_SIZE:
+      return "CL_INVALID_WORK_ITEM_SIZE";
+    case CL_INVALID_GLOBAL_OFFSET:
+      return "CL_INVALID_GLOBAL_OFFSET";
+    case CL_INVALID_BUFFER_SIZE:
+      return "CL_INVALID_BUFFER_SIZE";
+    case CL_INVALID_GLOBAL_WORK_SIZE:
+      return "CL_INVALID_GLOBAL_WORK_SIZE";
+    default:
+      return "an unnamed error";
+  }
+}
+
+}  // namespace vsplat

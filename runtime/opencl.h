@@ -1,0 +1,30 @@
+// Khronos' C++ bindings, set up once. Included by runtime's sources only: nothing above this layer sees OpenCL.
+#pragma once
+#define CL_HPP_TARGET_OPENCL_VERSION 120
+#define CL_HPP_MINIMUM_OPENCL_VERSION 120
+#define CL_HPP_ENABLE_EXCEPTIONS
+#define CL_TARGET_OPENCL_VERSION 120
+#define CL_USE_DEPRECATED_OPENCL_1_2_APIS
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic"
+#pragma GCC diagnostic ignored "-Wextra"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wignored-attributes"
+#include <CL/opencl.hpp>
+#pragma GCC diagnostic pop
+
+#include "runtime/error.h"
+
+namespace vsplat {
+
+// "CL_OUT_OF_RESOURCES" for -5.
+const char* cl_error_name(cl_int code);
+
+// Rethrows an OpenCL error as ours, with what was being done.
+[[noreturn]] inline void fail_cl(const cl::Error& e, const std::string& what) {
+  const bool memory = e.err() == CL_MEM_OBJECT_ALLOCATION_FAILURE || e.err() == CL_OUT_OF_HOST_MEMORY;
+  throw Error(memory ? Status::memory : Status::device,
+              fmt::format("{}: {} failed with {} ({})", what, e.what(), cl_error_name(e.err()), e.err()));
+}
+
+}  // namespace vsplat

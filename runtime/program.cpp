@@ -1,0 +1,101 @@
+#include "runtime/program.h"
+
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "runtime/embedded.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+
+namespace {
+
+std::string source_text(const std::string& name) {
+  if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {
+    const std::string path = std::string(folder) + "/" + name;
+    std::ifstream in(path, std::ios::binary);
+    if (!in) fail(Status::file, "{}: cannot be read (VSPLAT_KERNEL_DIR is set)", path);
+    std::stringstream text;
+    text << in.rdbuf();
+    return text.str();
+  }
+  for (const EmbeddedFile& file : embedded_files())
+    if (name == file.name) return file.text;
+  fail(Status::internal, "no kernel file {}", name);
+}
+
+void expand(const std::string& name, std::set<std::string>& seen, std::string& out) {
+  seen.insert(name);
+  out += fmt::format("#line 1 \"{}\"\n", name);
+  std::istringstream lines(source_text(name));
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    const std::string key = "#include \"";
+    if (line.rfind(key, 0) != 0) {
+      out += line + "\n";
+      continue;
+    }
+    const std::string included = line.substr(key.size(), line.find('"', key.size()) - key.size());
+    if (!seen.count(included)) expand(included, seen, out);
+    out += fmt::format("#line {} \"{}\"\n", number + 1, name);
+  }
+}
+
+}  // namespace
+
+std::string expanded_source(const std::string& file) {
+  std::set<std::string> seen;
+  std::string out;
+  expand(file + ".cl", seen, out);
+  return out;
+}
+
+ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo info)
+    : context_(std::move(context)), device_(std::move(device)), info_(std::move(info)) {}
+
+cl::Program ProgramCache::build(const std::string& file, const std::string& defines) {
+  const std::string options = "-cl-std=CL1.2 " + defines;
+  cl::Program program(context_, expanded_source(file));
+  try {
+    program.build({device_}, options.c_str());
+  } catch (const cl::Error& e) {
+    std::string log;
+    try {
+      log = program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_);
+    } catch (const cl::Error&) {
+      log = "(the driver gives no build log)";
+    }
+    fail(Status::compile, "cl/{}.cl does not compile on {} with {}: {}\n{}", file, info_.name, options,
+         cl_error_name(e.err()), log);
+  }
+  return program;
+}
+
+cl::Program& ProgramCache::program(const std::string& file, const std::string& defines) {
+  const std::string key = file + "\n" + defines;
+  const auto it = programs_.find(key);
+  if (it != programs_.end()) return it->second;
+  if (on_compile) on_compile(file, compiled_);
+  const auto start = std::chrono::steady_clock::now();
+  cl::Program built = build(file, defines);
+  build_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  ++compiled_;
+  return programs_.emplace(key, std::move(built)).first->second;
+}
+
+cl::Kernel& ProgramCache::kernel(const std::string& file, const std::string& name, const std::string& defines) {
+  const std::string key = file + "\n" + name + "\n" + defines;
+  const auto it = kernels_.find(key);
+  if (it != kernels_.end()) return it->second;
+  cl::Program& owner = program(file, defines);
+  try {
+    return kernels_.emplace(key, cl::Kernel(owner, name.c_str())).first->second;
+  } catch (const cl::Error& e) {
+    fail(Status::internal, "cl/{}.cl has no kernel {}: {}", file, name, cl_error_name(e.err()));
+  }
+}
+
+}  // namespace vsplat

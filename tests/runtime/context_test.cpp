@@ -1,0 +1,100 @@
+#include "runtime/context.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+using test::open_context;
+
+TEST(Context, WritesAndReadsBack) {
+  Context& ctx = test::context(Flavour::cpu);
+  const auto data = test::random_floats(1000, 1);
+  const Tensor t = ctx.upload({10, 100}, data);
+  EXPECT_EQ(ctx.read<float>(t), data);
+  const Tensor copy = ctx.tensor({1000});
+  ctx.copy(t, copy);
+  EXPECT_EQ(ctx.read<float>(copy), data);
+  ctx.fill_zero(copy);
+  EXPECT_EQ(ctx.read<float>(copy), std::vector<float>(1000, 0.0f));
+}
+
+TEST(Context, ReusesMemoryAndReportsPeak) {
+  auto ctx = open_context(Flavour::cpu);
+  const std::size_t mib = 1 << 20;
+  {
+    const Tensor a = ctx->tensor({8, mib / 4});
+    const Tensor b = ctx->tensor({8, mib / 4});
+    EXPECT_EQ(ctx->memory().live(), 16 * mib);
+  }
+  EXPECT_EQ(ctx->memory().live(), 0u);
+  const Tensor c = ctx->tensor({8, mib / 4});
+  EXPECT_EQ(ctx->memory().reserved(), 16 * mib);
+  EXPECT_EQ(ctx->memory().peak_live(), 16 * mib);
+}
+
+// What a plan says is what the run takes: same allocations, slabs made up front.
+TEST(Context, PlanPredictsTheRun) {
+  auto ctx = open_context(Flavour::cpu);
+  const Tensor weights = ctx->tensor({1000, 1000});
+  const auto work = [](Context& c) {
+    const Stage stage(c, "encoder");
+    Tensor kept = c.tensor({300000});
+    for (int i = 1; i < 20; ++i) {
+      const Tensor a = c.tensor({i * 50000L});
+      const Tensor b = c.tensor({1000000 - i * 30000L});
+      kept = c.tensor({300000 + i});
+    }
+    return kept;
+  };
+  auto plan = ctx->planner();
+  work(*plan);
+  ctx->memory().commit(plan->memory());
+  const std::size_t reserved = ctx->memory().reserved();
+  EXPECT_EQ(plan->memory().peak(), reserved);
+  const Tensor kept = work(*ctx);
+  EXPECT_EQ(ctx->memory().reserved(), reserved);
+  EXPECT_EQ(ctx->memory().peak_live(), plan->memory().peak_live());
+  EXPECT_EQ(ctx->stage_memory().back().stage, "encoder");
+}
+
+TEST(Context, RefusesMoreMemoryThanAllowed) {
+  ContextOptions options;
+  options.max_memory_gib = 0.01;
+  auto ctx = open_context(Flavour::cpu, options);
+  try {
+    ctx->tensor({100, 1000, 1000}, Type::f32, "the volume");
+    FAIL() << "400 MB were given out under a limit of 10 MB";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::memory);
+    EXPECT_NE(std::string(e.what()).find("the volume"), std::string::npos) << e.what();
+  }
+  EXPECT_EQ(ctx->memory().live(), 0u);
+}
+
+TEST(Context, UnknownDeviceIsAnErrorThatListsWhatThereIs) {
+  ContextOptions options;
+  options.device = "no such device";
+  try {
+    const Context ctx(options);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::device);
+    EXPECT_NE(std::string(e.what()).find(list_devices().front().name), std::string::npos) << e.what();
+  }
+}
+
+TEST(Context, EveryWayToNameADeviceFindsIt) {
+  for (const DeviceInfo& d : list_devices()) {
+    EXPECT_EQ(choose_device(std::to_string(d.index)).index, d.index);
+    EXPECT_EQ(choose_device(fmt::format("{}:{}", d.platform, d.device)).index, d.index);
+    EXPECT_EQ(choose_device(name_of(d.type)).type, d.type);
+    EXPECT_NE(choose_device(d.name.substr(1, 6)).name.find(d.name.substr(1, 6)), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace vsplat

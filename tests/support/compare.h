@@ -1,0 +1,52 @@
+// Random data and comparisons with messages that say where, how much, and against what.
+#pragma once
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace vsplat::test {
+
+inline std::vector<float> random_floats(std::size_t count, std::uint32_t seed, float low = -1.0f, float high = 1.0f) {
+  std::mt19937 engine(seed);
+  std::uniform_real_distribution<float> uniform(low, high);
+  std::vector<float> out(count);
+  for (float& v : out) v = uniform(engine);
+  return out;
+}
+
+inline std::vector<float> nans(std::size_t count) {
+  return std::vector<float>(count, std::numeric_limits<float>::quiet_NaN());
+}
+
+// Largest |got - want| over the largest |want|; a gap (NaN) fails, and so does an expectation that is all zeros where
+// there should be something to compare (allow_zero).
+template <class G, class W>
+::testing::AssertionResult close(const std::vector<G>& got, const std::vector<W>& want, double tolerance,
+                                 bool allow_zero = false) {
+  if (got.size() != want.size())
+    return ::testing::AssertionFailure() << got.size() << " values, " << want.size() << " expected";
+  double largest = 0, worst = -1;
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < want.size(); ++i) {
+    largest = std::max(largest, std::abs(static_cast<double>(want[i])));
+    const double error = std::abs(static_cast<double>(got[i]) - static_cast<double>(want[i]));
+    if (!(error <= worst)) worst = error, at = i;
+    if (!std::isfinite(error))
+      return ::testing::AssertionFailure()
+             << "index " << i << " of " << want.size() << ": " << got[i] << ", " << want[i] << " expected";
+  }
+  if (want.empty()) return ::testing::AssertionSuccess();
+  if (largest == 0 && !allow_zero)
+    return ::testing::AssertionFailure() << "all expected values are 0: nothing is tested";
+  if (worst <= tolerance * (largest > 0 ? largest : 1)) return ::testing::AssertionSuccess();
+  return ::testing::AssertionFailure() << "index " << at << " of " << want.size() << ": " << got[at] << ", " << want[at]
+                                       << " expected (off by " << worst / (largest > 0 ? largest : 1)
+                                       << " of the largest, " << largest << "; at most " << tolerance << ")";
+}
+
+}  // namespace vsplat::test

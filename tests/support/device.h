@@ -1,0 +1,38 @@
+// The device that tests run on: $VSPLAT_DEVICE, else what the library would choose; one context per kernel flavour.
+#pragma once
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "runtime/context.h"
+
+namespace vsplat::test {
+
+// A context of its own.
+inline std::unique_ptr<Context> open_context(Flavour flavour, ContextOptions options = {}) {
+  options.kernels = name_of(flavour);
+  return std::make_unique<Context>(options);
+}
+
+// One per flavour for the whole program, so that kernels compile once.
+inline Context& context(Flavour flavour) {
+  static std::unique_ptr<Context> contexts[2];
+  auto& slot = contexts[flavour == Flavour::gpu];
+  if (!slot) slot = open_context(flavour);
+  return *slot;
+}
+
+// TEST_P over both flavours: class MyOp : public FlavourTest {}; VSPLAT_FLAVOURS(MyOp);
+class FlavourTest : public ::testing::TestWithParam<Flavour> {
+ protected:
+  Context& ctx() { return context(GetParam()); }
+};
+
+inline std::string flavour_name(const ::testing::TestParamInfo<Flavour>& info) { return name_of(info.param); }
+
+}  // namespace vsplat::test
+
+#define VSPLAT_FLAVOURS(fixture)                                                                                \
+  INSTANTIATE_TEST_SUITE_P(Kernels, fixture, ::testing::Values(::vsplat::Flavour::cpu, ::vsplat::Flavour::gpu), \
+                           ::vsplat::test::flavour_name)
