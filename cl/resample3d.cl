@@ -1,0 +1,53 @@
+// Trilinear upsampling of a volume by two along every axis, sample centres as in align_corners = False.
+//   x [D,H,W,C] -> y [2D,2H,2W,C]   (f32, channels last)
+// Output o lies at (o + 0.5) / 2 - 0.5 of the input: 3/4 of input o >> 1 and 1/4 of its neighbour on the side of o's parity, which
+// at the border is input o >> 1 itself.
+
+// Linear combination along one axis, of the near input (weight 3/4) and the far one (1/4).
+#define MIX(near, far) ((near) * 0.75f + (far) * 0.25f)
+
+static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1 : -1), 0, size - 1); }
+
+// Rows of the input's eight voxels around output (i,j,k), near before far along every axis, z fastest.
+#define CORNERS(i, j, k)                                                                                                           \
+  const int in = (i) >> 1, jn = (j) >> 1, kn = (k) >> 1, ifar = far_of(i, D), jfar = far_of(j, H), kfar = far_of(k, W);             \
+  __global const float *p0 = x + (((long)in * H + jn) * W + kn) * C, *p1 = x + (((long)in * H + jn) * W + kfar) * C;                 \
+  __global const float *p2 = x + (((long)in * H + jfar) * W + kn) * C, *p3 = x + (((long)in * H + jfar) * W + kfar) * C;             \
+  __global const float *p4 = x + (((long)ifar * H + jn) * W + kn) * C, *p5 = x + (((long)ifar * H + jn) * W + kfar) * C;             \
+  __global const float *p6 = x + (((long)ifar * H + jfar) * W + kn) * C, *p7 = x + (((long)ifar * H + jfar) * W + kfar) * C;
+
+#define BLEND(LOAD, c)                                                                        \
+  MIX(MIX(MIX(LOAD(p0, c), LOAD(p1, c)), MIX(LOAD(p2, c), LOAD(p3, c))),                      \
+      MIX(MIX(LOAD(p4, c), LOAD(p5, c)), MIX(LOAD(p6, c), LOAD(p7, c))))
+
+#define LOAD1(p, c) ((p)[c])
+#define LOAD4(p, c) vload4(0, (p) + (c))
+#define LOAD16(p, c) vload16(0, (p) + (c))
+
+// A work-item per line of the output along z.
+__kernel void resample3d_up_cpu(__global const float* restrict x, __global float* restrict y, int D, int H, int W, int C) {
+  const int line = get_global_id(0);
+  if (line >= 4 * D * H) return;
+  const int i = line / (2 * H), j = line % (2 * H);
+  for (int k = 0; k < 2 * W; ++k) {
+    CORNERS(i, j, k)
+    __global float* out = y + ((long)line * 2 * W + k) * C;
+    int c = 0;
+    for (; c + 16 <= C; c += 16) vstore16(BLEND(LOAD16, c), 0, out + c);
+    for (; c < C; ++c) out[c] = BLEND(LOAD1, c);
+  }
+}
+
+// A work-item per four channels (direction 0) of an output voxel (direction 1).
+__kernel void resample3d_up_gpu(__global const float* restrict x, __global float* restrict y, int D, int H, int W, int C) {
+  const int c = get_global_id(0) * 4, voxel = get_global_id(1);
+  if (c >= C || voxel >= 8 * D * H * W) return;
+  const int i = voxel / (4 * H * W), j = voxel / (2 * W) % (2 * H), k = voxel % (2 * W);
+  CORNERS(i, j, k)
+  __global float* out = y + (long)voxel * C;
+  if (c + 4 <= C) {
+    vstore4(BLEND(LOAD4, c), 0, out + c);
+  } else {
+    for (int rest = c; rest < C; ++rest) out[rest] = BLEND(LOAD1, rest);
+  }
+}

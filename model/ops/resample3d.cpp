@@ -1,0 +1,24 @@
+#include "model/ops/resample3d.h"
+
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+
+void upsample3d_forward(Context& ctx, const Upsample3dForward& a) {
+  const long voxels = a.depth * a.height * a.width;
+  Dims d;
+  d.set("D*H*W", voxels)
+      .set("output voxels", 8 * voxels)
+      .bind("x", a.x, {"D*H*W", "C"})
+      .bind("y", a.y, {"output voxels", "C"});
+  const long c = d["C"];
+  const double count = static_cast<double>(voxels) * static_cast<double>(c);
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  const Range range = cpu ? items(4 * a.depth * a.height, 1) : groups((c + 127) / 128, 32, 8 * voxels);
+  if (voxels == 0 || c == 0) return;
+  ctx.launch({"resample3d", cpu ? "resample3d_up_cpu" : "resample3d_up_gpu", ""}, range,
+             {8 * 14 * count, 4 * 9 * count}, a.x, a.y, static_cast<int>(a.depth), static_cast<int>(a.height),
+             static_cast<int>(a.width), static_cast<int>(c));
+}
+
+}  // namespace vsplat

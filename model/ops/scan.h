@@ -1,0 +1,11 @@
+// Prefix sums on the device.
+#pragma once
+#include "runtime/context.h"
+
+namespace vsplat {
+
+// out[i] = in[0] + ... + in[i-1]; in u32 [n], out u32 [n+1], whose last is the total (modulo 2^32). Any n from 0 to
+// 2^31. `in` and `out` must not share memory.
+void exclusive_scan(Context& ctx, const Tensor& in, const Tensor& out);
+
+}  // namespace vsplat
