@@ -1,0 +1,20 @@
+// Features of the views at projected points, weighted by nearness (the paper's PAP).
+#pragma once
+#include "model/device_cameras.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct ProjectFeaturesForward {
+  Tensor features;                         // [V, t, t, C]
+  Tensor points;                           // [P, 3] in the object's frame
+  const DeviceCameras* cameras = nullptr;  // V of them
+  int image = 0;                           // edge of the pictures in pixels
+  bool half_pixel = true;                  // add half a pixel before sampling
+  bool by_distance = false;                // weights 1/distance instead of 1/depth
+  Tensor out;                              // [P, C]
+};
+
+void project_features_forward(Context& ctx, const ProjectFeaturesForward& a);
+
+}  // namespace vsplat
