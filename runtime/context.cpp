@@ -252,7 +252,7 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
     const cl::NDRange local = range.local[0] ? cl::NDRange(range.local[0], std::max<std::size_t>(range.local[1], 1),
                                                            std::max<std::size_t>(range.local[2], 1))
                                              : cl::NullRange;
-    impl_->record(id.name, cost, [&](cl::Event* event) {
+    impl_->record(id.label ? id.label : id.name, cost, [&](cl::Event* event) {
       impl_->queue.enqueueNDRangeKernel(kernel, cl::NullRange, global, local, nullptr, event);
     });
   } catch (const cl::Error& e) {

@@ -54,6 +54,7 @@ struct KernelId {
   const char* file;  // "layernorm" for cl/layernorm.cl
   const char* name;
   std::string defines;
+  const char* label = nullptr;  // what the profile calls it, if not by its name
 };
 
 // Device memory while a stage ran: bytes of slabs, and of tensors alive in them.

@@ -1,6 +1,6 @@
-// out = act(A B + bias) + residual, in both kernel flavours, where A's rows may be composed on the fly:
-// two sources side by side (a concatenation that is never stored), a per-channel affine with SiLU (GroupNorm
-// folded to scale and shift), and rows gathered through a map (sparse and strided convolutions as GEMMs).
+// out = act(A B + bias) + residual, in both kernel flavours, where A's rows may be composed on the fly: two sources
+// side by side (a concatenation that is never stored), a per-channel affine with SiLU (GroupNorm folded to scale and
+// shift), and rows gathered through a map (sparse and strided convolutions as GEMMs).
 #pragma once
 #include "runtime/context.h"
 
@@ -10,7 +10,8 @@ enum class Activation : int { none = 0, gelu = 1, silu = 2 };
 
 // B, repacked once at load in the layout that this context's flavour wants. K x N.
 struct PackedMatrix {
-  Tensor data;
+  Tensor data;   // cpu: [ceil(N/32), K, 32], zeros beyond N; gpu: [K, N]
+  Tensor plain;  // [K, N], only where CLBlast is forced upon the cpu flavour
   long k = 0, n = 0;
 };
 
@@ -18,11 +19,12 @@ struct PackedMatrix {
 // K.
 PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
                          const std::string& what);
-// Bytes that pack_matrix will take, for planning.
+// Bytes that pack_matrix takes (without PackedMatrix::plain), for planning.
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
 // Where A's rows come from. Channel c of a row is x0[row, c] for c < C0, else x1[row, c - C0]; then, where there is a
 // scale, v = v * scale[c] + shift[c], and SiLU where asked for. Rows that a map calls absent are zero (after all that).
+// Leading dimensions of x0 and x1 count as rows: [4, 1025, 768] is 4100 rows.
 struct RowSource {
   Tensor x0;            // [rows, C0]
   Tensor x1;            // [rows, C1] or none
@@ -39,10 +41,12 @@ struct Gemm {
   Activation activation = Activation::none;
   Tensor residual;  // [M, N] or none; may be `out` itself
   Tensor out;       // [M, N]
-  // A part of the rows: rows [row0, row0 + rows) of A (of the map, where there is one), residual and out. rows < 0:
-  // all.
+  // A part of the rows: rows [row0, row0 + rows) of A (of the map, where there is one), residual and out. rows < 0: all
+  // of A's from row0 on.
   long row0 = 0, rows = -1;
-  const char* name = "gemm";  // the row it gets in the profile is "<name>"
+  // Where residual and out start, if elsewhere than A (a block of A made in scratch memory). < 0: at row0.
+  long out_row0 = -1;
+  const char* name = "gemm";  // its row in the profile (packing A: "gemm_pack_a")
 };
 
 void gemm(Context& ctx, const Gemm& g);

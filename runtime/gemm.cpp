@@ -1,0 +1,153 @@
+#include "runtime/gemm.h"
+
+#include <algorithm>
+
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+
+namespace {
+
+constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
+// What is packed of A at a time: it stays in a CPU's last-level cache, and scratch memory stays bounded.
+constexpr long kScratchFloats = 2 << 20;
+
+long div_up(long a, long b) { return (a + b - 1) / b; }
+
+struct Sizes {
+  long m, n, k, c0, c1, taps, src_rows, row0, out_row0;
+};
+
+long rows_of(const Tensor& x) {
+  long rows = 1;
+  for (std::size_t i = 0; i + 1 < x.rank(); ++i) rows *= x.dim(i);
+  return rows;
+}
+
+[[noreturn]] void mismatch(const Gemm& g, const std::string& what, const Tensor& t, const std::string& expected) {
+  fail(Status::internal, "{}: {} is {}, {} expected", g.name, what, t.describe(), expected);
+}
+
+Sizes check(const Gemm& g) {
+  Sizes s{};
+  if (!g.b || !g.b->data) fail(Status::internal, "{}: no B", g.name);
+  if (!g.a.x0 || g.a.x0.rank() < 2) mismatch(g, "x0", g.a.x0, "[rows, C0]");
+  s.n = g.b->n;
+  s.c0 = g.a.x0.shape().back();
+  s.src_rows = rows_of(g.a.x0);
+  if (g.a.x1) {
+    s.c1 = g.a.x1.rank() < 2 ? 0 : g.a.x1.shape().back();
+    if (g.a.x1.rank() < 2 || rows_of(g.a.x1) != s.src_rows)
+      mismatch(g, "x1", g.a.x1, fmt::format("[{}, C1]", s.src_rows));
+  }
+  s.taps = 1;
+  if (g.a.map) {
+    if (g.a.map.rank() != 2 || g.a.map.type() != Type::i32) mismatch(g, "map", g.a.map, "i32 [M, T]");
+    s.taps = g.a.map.dim(1);
+  }
+  s.k = s.taps * (s.c0 + s.c1);
+  if (s.k != g.b->k)
+    fail(Status::internal, "{}: A's rows have {} values ({} x ({} + {})), B is {} x {}", g.name, s.k, s.taps, s.c0,
+         s.c1, g.b->k, g.b->n);
+  for (const Tensor& t : {g.a.scale, g.a.shift})
+    if (t && t.count() != s.c0 + s.c1) mismatch(g, "scale or shift", t, fmt::format("[{}]", s.c0 + s.c1));
+  if (static_cast<bool>(g.a.scale) != static_cast<bool>(g.a.shift))
+    fail(Status::internal, "{}: scale and shift go together", g.name);
+  if (g.bias && g.bias.count() != s.n) mismatch(g, "bias", g.bias, fmt::format("[{}]", s.n));
+
+  const long all = g.a.map ? g.a.map.dim(0) : s.src_rows;
+  s.row0 = g.row0;
+  s.m = g.rows < 0 ? all - g.row0 : g.rows;
+  s.out_row0 = g.out_row0 < 0 ? g.row0 : g.out_row0;
+  if (s.row0 < 0 || s.m < 0 || s.row0 + s.m > all)
+    fail(Status::internal, "{}: rows [{}, {}) of {}", g.name, s.row0, s.row0 + s.m, all);
+  const long room = (s.out_row0 + s.m) * s.n;
+  if (!g.out || g.out.shape().back() != s.n || g.out.count() < room)
+    mismatch(g, "out", g.out, fmt::format("[{}, {}]", s.out_row0 + s.m, s.n));
+  if (g.residual && (g.residual.shape().back() != s.n || g.residual.count() < room))
+    mismatch(g, "residual", g.residual, fmt::format("[{}, {}]", s.out_row0 + s.m, s.n));
+  for (const Tensor& t : {g.a.x0, g.a.x1, g.a.scale, g.a.shift, g.bias, g.residual, g.out})
+    if (t && t.type() != Type::f32) fail(Status::internal, "{}: {} found, f32 expected", g.name, t.describe());
+  return s;
+}
+
+Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
+  const double m = static_cast<double>(rows), n = static_cast<double>(s.n), k = static_cast<double>(s.k);
+  return {2 * m * n * k, 4 * (m * k + n * k + m * n * (g.residual ? 2 : 1))};
+}
+
+int as_int(long v) { return static_cast<int>(v); }
+
+void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
+  const long panels = div_up(s.m, kTileRows);
+  const long step = std::clamp(kScratchFloats / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
+  const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
+  for (long p = 0; p < panels; p += step) {
+    const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
+    const long count = div_up(rows, kTileRows);
+    const double packed = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
+    ctx.launch({"gemm_cpu", "gemm_pack_a", ""}, groups(s.taps, 1, count), {0, 2 * packed}, g.a.x0, as_int(s.c0), g.a.x1,
+               as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, as_int(s.taps), as_int(s.src_rows),
+               as_int(s.row0 + p * kTileRows), as_int(rows), scratch);
+    ctx.launch({"gemm_cpu", "gemm_tile", "", g.name}, groups(count, 1, div_up(s.n, kTileCols)), cost_of(g, s, rows),
+               scratch, g.b->data, as_int(rows), as_int(s.n), as_int(s.k), g.bias, static_cast<int>(g.activation),
+               g.residual, g.out, as_int(s.out_row0 + p * kTileRows));
+  }
+}
+
+void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
+  constexpr long tile = 64;
+  ctx.launch({"gemm_gpu", "gemm_tile_gpu", "", g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
+             cost_of(g, s, s.m), g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0,
+             g.a.map, as_int(s.taps), as_int(s.src_rows), as_int(s.row0), g.b->data, as_int(s.m), as_int(s.n), g.bias,
+             static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
+}
+
+}  // namespace
+
+std::size_t packed_bytes(Flavour flavour, long k, long n) {
+  const long columns = flavour == Flavour::cpu ? div_up(n, kTileCols) * kTileCols : n;
+  return static_cast<std::size_t>(k * columns) * sizeof(float);
+}
+
+PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
+                         const std::string& what) {
+  PackedMatrix out;
+  out.k = k;
+  out.n = n;
+  const bool panels = ctx.flavour() == Flavour::cpu;
+  const bool plain = !panels || ctx.gemm_choice() == GemmChoice::clblast;
+  const Shape panel_shape{div_up(n, kTileCols), k, kTileCols}, plain_shape{k, n};
+  if (ctx.planning()) {
+    out.data = ctx.tensor(panels ? panel_shape : plain_shape, Type::f32, what);
+    if (panels && plain) out.plain = ctx.tensor(plain_shape, Type::f32, what);
+    return out;
+  }
+  const auto element = [&](long i, long j) { return w[i * k_stride + j * n_stride]; };
+  std::vector<float> host;
+  if (panels) {
+    host.assign(packed_bytes(Flavour::cpu, k, n) / sizeof(float), 0.0f);
+    for (long j = 0; j < n; ++j)
+      for (long i = 0; i < k; ++i)
+        host[static_cast<std::size_t>((j / kTileCols * k + i) * kTileCols + j % kTileCols)] = element(i, j);
+    out.data = ctx.upload(panel_shape, host, Type::f32, what);
+  }
+  if (plain) {
+    host.resize(static_cast<std::size_t>(k * n));
+    for (long i = 0; i < k; ++i)
+      for (long j = 0; j < n; ++j) host[static_cast<std::size_t>(i * n + j)] = element(i, j);
+    (panels ? out.plain : out.data) = ctx.upload(plain_shape, host, Type::f32, what);
+  }
+  return out;
+}
+
+void gemm(Context& ctx, const Gemm& g) {
+  const Sizes s = check(g);
+  if (s.m == 0 || s.n == 0) return;
+  if (ctx.flavour() == Flavour::cpu)
+    gemm_cpu(ctx, g, s);
+  else
+    gemm_gpu(ctx, g, s);
+}
+
+}  // namespace vsplat
