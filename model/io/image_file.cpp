@@ -1,0 +1,114 @@
+#include "model/io/image_file.h"
+
+#include <cmath>
+#include <limits>
+#include <new>
+
+#include "model/io/image_formats.h"
+#include "runtime/error.h"
+#include "runtime/file.h"
+
+namespace vsplat {
+namespace {
+
+// Runs the reader of the format found in `file`.
+template <class T>
+T by_format(const FileBytes& file, T (*png)(const FileBytes&), T (*jpeg)(const FileBytes&),
+            T (*exr)(const FileBytes&)) {
+  try {
+    if (is_png(file)) return png(file);
+    if (is_jpeg(file)) return jpeg(file);
+    if (is_exr(file)) return exr(file);
+  } catch (const std::bad_alloc&) {
+    fail(Status::memory, "{}: not enough memory to decode the picture", file.path);
+  }
+  fail(Status::format, "{}: {} where a PNG, JPEG or EXR picture is expected", file.path,
+       file.size == 0 ? "an empty file" : "none of the known picture formats");
+}
+
+void check_planes(const char* what, const Image& colour, const Image& alpha, const Image& depth) {
+  if (colour.channels != 3 || alpha.channels != 1 || depth.channels != 1 || colour.width != alpha.width ||
+      colour.height != alpha.height || colour.width != depth.width || colour.height != depth.height || colour.empty())
+    fail(Status::internal, "{}: colour is {} x {} x {}, alpha {} x {} x {}, depth {} x {} x {}", what, colour.width,
+         colour.height, colour.channels, alpha.width, alpha.height, alpha.channels, depth.width, depth.height,
+         depth.channels);
+}
+
+}  // namespace
+
+void check_image_size(const std::string& path, long width, long height) {
+  if (width < 1 || height < 1)
+    fail(Status::format, "{}: the picture is {} x {} pixels, at least 1 x 1 is expected", path, width, height);
+  if (width > max_image_pixels / height)
+    fail(Status::format, "{}: the picture claims {} x {} pixels, at most {} in all are read", path, width, height,
+         max_image_pixels);
+}
+
+Image decode_image(const FileBytes& file) { return by_format<Image>(file, decode_png, decode_jpeg, decode_exr); }
+
+ImageInfo read_image_info(const std::string& path) {
+  const std::vector<unsigned char> bytes = read_file(path);
+  return by_format<ImageInfo>({path, bytes.data(), bytes.size()}, png_info, jpeg_info, exr_info);
+}
+
+Image read_image(const std::string& path) {
+  const std::vector<unsigned char> bytes = read_file(path);
+  return decode_image({path, bytes.data(), bytes.size()});
+}
+
+Image read_mask(const std::string& path) {
+  const Image picture = read_image(path);
+  Image mask(picture.width, picture.height, 1);
+  const int channels = picture.channels;
+  for (std::size_t i = 0; i < mask.data.size(); ++i) {
+    const float* p = &picture.data[i * channels];
+    // Grey stays bit for bit: a weighted sum of three equal values need not.
+    const float luma = p[0] == p[1] && p[1] == p[2] ? p[0] : 0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2];
+    mask.data[i] = channels == 4 ? luma * p[3] : luma;
+  }
+  return mask;
+}
+
+void write_png(const std::string& path, const Image& image) {
+  const std::vector<unsigned char> bytes = encode_png(image);
+  write_file(path, bytes.data(), bytes.size());
+}
+
+void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth) {
+  check_planes("write_exr", colour, alpha, depth);
+  Image rgba(colour.width, colour.height, 4), z(colour.width, colour.height, 1);
+  for (std::size_t i = 0; i < z.data.size(); ++i) {
+    const float a = alpha.data[i];
+    const bool seen = a > 0;
+    for (int c = 0; c < 3; ++c) rgba.data[4 * i + c] = seen ? srgb_decode(colour.data[3 * i + c] / a) * a : 0.0f;
+    rgba.data[4 * i + 3] = seen ? a : 0.0f;
+    z.data[i] = seen ? depth.data[i] / a : std::numeric_limits<float>::infinity();
+  }
+  const std::vector<unsigned char> bytes = encode_exr(rgba, z, true);
+  write_file(path, bytes.data(), bytes.size());
+}
+
+void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth) {
+  check_planes("write_exr_raw", colour, alpha, depth);
+  Image rgba(colour.width, colour.height, 4);
+  for (std::size_t i = 0; i < alpha.data.size(); ++i) {
+    for (int c = 0; c < 3; ++c) rgba.data[4 * i + c] = colour.data[3 * i + c];
+    rgba.data[4 * i + 3] = alpha.data[i];
+  }
+  const std::vector<unsigned char> bytes = encode_exr(rgba, depth, false);
+  write_file(path, bytes.data(), bytes.size());
+}
+
+// IEC 61966-2-1. Beyond 1 the curve goes on, so that decoding undoes encoding there, too.
+// In double, so that 1 stays 1.
+float srgb_encode(float linear) {
+  if (!(linear > 0.0031308f)) return 12.92f * linear;
+  return static_cast<float>(1.055 * std::pow(static_cast<double>(linear), 1 / 2.4) - 0.055);
+}
+
+float srgb_decode(float encoded) {
+  if (!(encoded > 0.04045f)) return encoded / 12.92f;
+  return static_cast<float>(std::pow((static_cast<double>(encoded) + 0.055) / 1.055, 2.4));
+}
+
+}  // namespace vsplat

@@ -1,0 +1,43 @@
+// Pictures in files: PNG, JPEG and EXR in (told apart by content, never by name), PNG and EXR out.
+// Files that are cut off, damaged or too large throw Error(format) naming the path; files that cannot be opened,
+// Error(file).
+#pragma once
+#include <string>
+
+#include "model/image.h"
+
+namespace vsplat {
+
+// A larger picture is refused before anything is allocated for it.
+inline constexpr long max_image_pixels = 1L << 28;
+
+struct ImageInfo {
+  int width = 0, height = 0;
+};
+
+// Reads the header alone.
+ImageInfo read_image_info(const std::string& path);
+
+// Three channels, or four where the file has transparency (straight alpha); grey is spread over the three. Colour is
+// sRGB-encoded, [0,1]: EXR's linear, premultiplied values are divided by alpha and encoded. Gamma and orientation tags
+// are ignored.
+Image read_image(const std::string& path);
+
+// A mask: one channel, the picture's luma, times its alpha where it has one.
+Image read_mask(const std::string& path);
+
+// 8 bits, colour (3 channels) or grey (1): round(255 * value clamped to [0,1]); NaN is written as 0.
+void write_png(const std::string& path, const Image& image);
+
+// `colour` [H][W][3] is sRGB-encoded and accumulated over black (so premultiplied), `alpha` and `depth` [H][W][1] as
+// accumulated. Written: half R, G, B (linear light, premultiplied) and A, float Z = depth / alpha, +infinity where
+// alpha is 0.
+void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth);
+
+// The three as they are, in float: `colour` over whatever background it was drawn on, without any curve; Z undivided.
+void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth);
+
+float srgb_encode(float linear);
+float srgb_decode(float encoded);
+
+}  // namespace vsplat

@@ -1,0 +1,39 @@
+// What image_file.cpp calls for each format. `path` is only for messages; `bytes` is the whole file.
+#pragma once
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "model/io/image_file.h"
+
+namespace vsplat {
+
+struct FileBytes {
+  const std::string& path;
+  const unsigned char* data;
+  std::size_t size;
+};
+
+Image decode_image(const FileBytes& file);  // whichever it is
+
+bool is_png(const FileBytes& file);
+bool is_jpeg(const FileBytes& file);
+bool is_exr(const FileBytes& file);
+
+ImageInfo png_info(const FileBytes& file);
+ImageInfo jpeg_info(const FileBytes& file);
+ImageInfo exr_info(const FileBytes& file);
+
+Image decode_png(const FileBytes& file);
+Image decode_jpeg(const FileBytes& file);
+Image decode_exr(const FileBytes& file);
+
+// 1 or 3 channels.
+std::vector<unsigned char> encode_png(const Image& image);
+// Channels R, G, B, A in float or half, and float Z, by scanlines with ZIP. rgba [H][W][4], z [H][W][1].
+std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour);
+
+// Throws Error(format) unless 1 <= width, height and width * height <= max_image_pixels.
+void check_image_size(const std::string& path, long width, long height);
+
+}  // namespace vsplat

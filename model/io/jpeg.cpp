@@ -1,0 +1,131 @@
+#include <csetjmp>
+#include <cstddef>
+#include <cstdio>
+// clang-format off: libjpeg's headers need those above, in this order
+#include <jerror.h>
+#include <jpeglib.h>
+// clang-format on
+
+#include "model/io/image_formats.h"
+#include "runtime/error.h"
+
+namespace vsplat {
+namespace {
+
+// What libjpeg calls warnings includes cut-off and damaged data, which it papers over with grey. Only those that leave
+// the picture whole are let pass.
+bool harmless(int code) {
+  return code == JWRN_EXTRANEOUS_DATA || code == JWRN_ADOBE_XFORM || code == JWRN_JFIF_MAJOR ||
+         code == JWRN_TOO_MUCH_DATA || code == JWRN_BOGUS_ICC;
+}
+
+struct Reader {
+  jpeg_decompress_struct jpeg{};
+  jpeg_error_mgr errors{};
+  jmp_buf leave;
+  char message[JMSG_LENGTH_MAX] = {};
+  bool out_of_memory = false;
+
+  Reader();
+  Reader(const Reader&) = delete;
+  Reader& operator=(const Reader&) = delete;
+  ~Reader() { jpeg_destroy_decompress(&jpeg); }
+};
+
+[[noreturn]] void jpeg_problem(j_common_ptr common) {
+  auto* r = static_cast<Reader*>(common->client_data);
+  common->err->format_message(common, r->message);
+  r->out_of_memory = common->err->msg_code == JERR_OUT_OF_MEMORY;
+  longjmp(r->leave, 1);
+}
+
+void jpeg_warning(j_common_ptr common, int level) {
+  if (level < 0 && !harmless(common->err->msg_code)) jpeg_problem(common);
+}
+
+void jpeg_print_nothing(j_common_ptr) {}
+
+Reader::Reader() {
+  jpeg.err = jpeg_std_error(&errors);
+  errors.error_exit = jpeg_problem;
+  errors.emit_message = jpeg_warning;
+  errors.output_message = jpeg_print_nothing;
+  jpeg.client_data = this;
+}
+
+// libjpeg leaves by longjmp, so what has a destructor lives outside the functions that call it.
+bool read_header(Reader& r, const FileBytes& file) {
+  if (setjmp(r.leave)) return false;
+  jpeg_create_decompress(&r.jpeg);
+  jpeg_mem_src(&r.jpeg, file.data, file.size);
+  jpeg_read_header(&r.jpeg, TRUE);
+  return true;
+}
+
+bool start(Reader& r) {
+  if (setjmp(r.leave)) return false;
+  r.jpeg.out_color_space = JCS_RGB;
+  jpeg_start_decompress(&r.jpeg);
+  return true;
+}
+
+bool read_row(Reader& r, unsigned char* row) {
+  if (setjmp(r.leave)) return false;
+  JSAMPROW rows[1] = {row};
+  jpeg_read_scanlines(&r.jpeg, rows, 1);
+  return true;
+}
+
+bool finish(Reader& r) {
+  if (setjmp(r.leave)) return false;
+  jpeg_finish_decompress(&r.jpeg);
+  return true;
+}
+
+[[noreturn]] void damaged(const FileBytes& file, const Reader& r) {
+  if (r.out_of_memory) fail(Status::memory, "{}: not enough memory to decode the picture", file.path);
+  fail(Status::format, "{}: a damaged or cut-off JPEG: {}", file.path, r.message);
+}
+
+void check_header(Reader& r, const FileBytes& file) {
+  if (!read_header(r, file)) damaged(file, r);
+  check_image_size(file.path, r.jpeg.image_width, r.jpeg.image_height);
+}
+
+}  // namespace
+
+bool is_jpeg(const FileBytes& file) {
+  return file.size >= 3 && file.data[0] == 0xff && file.data[1] == 0xd8 && file.data[2] == 0xff;
+}
+
+ImageInfo jpeg_info(const FileBytes& file) {
+  Reader r;
+  check_header(r, file);
+  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height)};
+}
+
+Image decode_jpeg(const FileBytes& file) {
+  Reader r;
+  check_header(r, file);
+  const J_COLOR_SPACE space = r.jpeg.jpeg_color_space;
+  if (space == JCS_CMYK || space == JCS_YCCK)
+    fail(Status::format, "{}: a CMYK JPEG; grey and RGB are read: convert it", file.path);
+  if (space != JCS_GRAYSCALE && space != JCS_YCbCr && space != JCS_RGB)
+    fail(Status::format, "{}: a JPEG of {} components in an unknown colour space; grey and RGB are read", file.path,
+         r.jpeg.num_components);
+  if (!start(r)) damaged(file, r);
+  const int width = static_cast<int>(r.jpeg.output_width), height = static_cast<int>(r.jpeg.output_height);
+  std::vector<unsigned char> row(3 * static_cast<std::size_t>(width));
+  Image out;
+  out.width = width;
+  out.height = height;
+  out.channels = 3;
+  for (int y = 0; y < height; ++y) {
+    if (!read_row(r, row.data())) damaged(file, r);
+    for (const unsigned char v : row) out.data.push_back(static_cast<float>(v) / 255.0f);
+  }
+  if (!finish(r)) damaged(file, r);
+  return out;
+}
+
+}  // namespace vsplat
