@@ -1,0 +1,67 @@
+// What the heads' raw numbers mean: Gaussians in the object's frame.   (f32; a work-item per Gaussian)
+//   raw row of A = 3 + 3S + 1 + 3 + 4 numbers: offset, SH (S coefficients x 3 colours), opacity, scale, rotation
+//   mean = anchor + (2 sigmoid(offset) - 1) reach     opacity = sigmoid(x - 2.1792)
+//   scale = softplus(x + scale_shift)                 quat = x / max(|x|, 1e-12)        SH as it is
+//   means, scales [K,3]  quats [K,4]  opacities [K]  sh [K,S,3]; rows row0 and up are written.
+#include "common.clh"
+
+#define OPACITY_SHIFT (-2.1792f)
+
+static inline float softplus(float x) { return fmax(x, 0.0f) + log1p(exp(-fabs(x))); }
+
+static inline void decode(__global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, long k,
+                          __global float* means, __global float* scales, __global float* quats, __global float* opacities,
+                          __global float* sh) {
+  const float3 offset = vload3(0, raw);
+  const float3 away = (float3)(sigmoid(offset.x), sigmoid(offset.y), sigmoid(offset.z)) * 2.0f - 1.0f;
+  vstore3(anchor + away * reach, k, means);
+  for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[3 + i];
+  raw += 3 + sh_size;
+  opacities[k] = sigmoid(raw[0] + OPACITY_SHIFT);
+  for (int i = 0; i < 3; ++i) scales[3 * k + i] = softplus(raw[1 + i] + scale_shift);
+  const float4 q = vload4(0, raw + 4);
+  // The largest component is divided out first: squares of small or large ones would leave float32's range.
+  const float largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));
+  const float4 unit = q / fmax(largest, 1e-30f);
+  const float norm = largest * sqrt(dot(unit, unit));
+  vstore4(q / fmax(norm, 1e-12f), k, quats);
+}
+
+// One Gaussian per voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3, A]
+__kernel void decode_coarse(__global const float* restrict raw, __global float* restrict means, __global float* restrict scales,
+                            __global float* restrict quats, __global float* restrict opacities, __global float* restrict sh, int R,
+                            int sh_size, float reach, float scale_shift) {
+  const int k = get_global_id(0);
+  if (k >= R * R * R) return;
+  const float3 voxel = (float3)((float)(k / (R * R)), (float)(k / R % R), (float)(k % R));
+  decode(raw + (long)k * (11 + sh_size), (voxel + 0.5f) / (float)R - 0.5f, reach, scale_shift, sh_size, k, means, scales, quats,
+         opacities, sh);
+}
+
+// M Gaussians for each of P voxels, around the coarse centre plus a fixed offset. raw [P, M A]   centres [P,3]   div_offset [M,3]
+__kernel void decode_fine(__global const float* restrict raw, __global const float* restrict centres,
+                          __global const float* restrict div_offset, __global float* restrict means, __global float* restrict scales,
+                          __global float* restrict quats, __global float* restrict opacities, __global float* restrict sh, int P, int M,
+                          int sh_size, float reach, float scale_shift) {
+  const int k = get_global_id(0);
+  if (k >= P * M) return;
+  const float3 anchor = vload3(k / M, centres) + vload3(k % M, div_offset);
+  decode(raw + (long)k * (11 + sh_size), anchor, reach, scale_shift, sh_size, k, means, scales, quats, opacities, sh);
+}
+
+// The skeleton's P Gaussians with new SH, and opacities times sigmoid(factor), into rows row0 and up. raw [P, 3S + 1]: SH, factor.
+__kernel void decode_adjusted(__global const float* restrict raw, __global const float* restrict in_means,
+                              __global const float* restrict in_scales, __global const float* restrict in_quats,
+                              __global const float* restrict in_opacities, __global float* restrict means,
+                              __global float* restrict scales, __global float* restrict quats, __global float* restrict opacities,
+                              __global float* restrict sh, int P, int sh_size, int row0) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const long k = (long)row0 + p;
+  raw += (long)p * (sh_size + 1);
+  vstore3(vload3(p, in_means), k, means);
+  vstore3(vload3(p, in_scales), k, scales);
+  vstore4(vload4(p, in_quats), k, quats);
+  for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[i];
+  opacities[k] = sigmoid(raw[sh_size]) * in_opacities[p];
+}

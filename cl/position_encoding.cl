@@ -1,0 +1,17 @@
+// x, then sin(2^i x) and cos(2^i x) for i = 0..BANDS-1, three values each: 3 + 6 BANDS columns.
+//   points [P,3]   out [P,W], written from `column` on   (f32)
+// A work-item per point. sin and cos are the accurate ones: 2^9 x is far outside the first period.
+#define BANDS 10
+
+__kernel void position_encoding_fwd(__global const float* restrict points, __global float* restrict out, int P, int W, int column) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const float3 x = vload3(p, points);
+  __global float* to = out + (long)p * W + column;
+  vstore3(x, 0, to);
+  for (int i = 0; i < BANDS; ++i) {
+    const float3 y = x * (float)(1 << i);
+    vstore3(sin(y), 2 * i + 1, to);
+    vstore3(cos(y), 2 * i + 2, to);
+  }
+}

@@ -1,0 +1,79 @@
+#include "model/ops/decode.h"
+
+#include <cmath>
+
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+namespace {
+
+constexpr long kLocal = 64;
+
+// softplus of this is the scale at a raw value of 0: a sixth of a voxel, so that three deviations span half a voxel.
+float scale_shift(long volume) {
+  return static_cast<float>(std::log(std::expm1(1.0 / (6.0 * static_cast<double>(volume)))));
+}
+
+Dims& bind(Dims& d, const DeviceGaussians& g, const std::string& name, const std::string& k) {
+  d.bind(name + ".means", g.means, {k, "3"})
+      .bind(name + ".scales", g.scales, {k, "3"})
+      .bind(name + ".quats", g.quats, {k, "4"});
+  return d.bind(name + ".opacities", g.opacities, {k}).bind(name + ".sh", g.sh, {k, "S", "3"});
+}
+
+Cost cost_of(double gaussians, double numbers) { return {gaussians * 60, gaussians * numbers * 8}; }
+
+}  // namespace
+
+DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what) {
+  DeviceGaussians g;
+  g.means = ctx.tensor({count, 3}, Type::f32, what + ".means");
+  g.scales = ctx.tensor({count, 3}, Type::f32, what + ".scales");
+  g.quats = ctx.tensor({count, 4}, Type::f32, what + ".quats");
+  g.opacities = ctx.tensor({count}, Type::f32, what + ".opacities");
+  g.sh = ctx.tensor({count, sh_count, 3}, Type::f32, what + ".sh");
+  return g;
+}
+
+void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a) {
+  const long r = a.volume, n = r * r * r;
+  Dims d;
+  d.set("R^3", n);
+  bind(d, a.out, "out", "R^3");
+  const long sh = 3 * d["S"];
+  d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"});
+  ctx.launch({"decode", "decode_coarse", ""}, items(n, kLocal),
+             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.out.means, a.out.scales,
+             a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(r), static_cast<int>(sh),
+             0.25f / static_cast<float>(r), scale_shift(r));
+}
+
+void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {
+  Dims d;
+  bind(d, a.out, "out", "K");
+  d.bind("centres", a.centres, {"P", "3"}).bind("div_offset", a.div_offset, {"M", "3"});
+  const long sh = 3 * d["S"], p = d["P"], m = d["M"], n = p * m;
+  d.set("M A", m * (11 + sh)).bind("raw", a.raw, {"P", "M A"});
+  if (d["K"] < n) fail(Status::internal, "decode: {} Gaussians do not fit in {}", n, a.out.means.describe());
+  ctx.launch({"decode", "decode_fine", ""}, items(n, kLocal),
+             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.centres, a.div_offset, a.out.means,
+             a.out.scales, a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(p), static_cast<int>(m),
+             static_cast<int>(sh), 0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
+}
+
+void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a) {
+  Dims d;
+  bind(d, a.skeleton, "skeleton", "P");
+  bind(d, a.out, "out", "K");
+  const long sh = 3 * d["S"], p = d["P"];
+  d.set("update", sh + 1).bind("raw", a.raw, {"P", "update"});
+  if (a.row0 < 0 || d["K"] < a.row0 + p) {
+    fail(Status::internal, "decode: rows {} to {} of {}", a.row0, a.row0 + p, a.out.means.describe());
+  }
+  ctx.launch({"decode", "decode_adjusted", ""}, items(p, kLocal),
+             cost_of(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.skeleton.means, a.skeleton.scales,
+             a.skeleton.quats, a.skeleton.opacities, a.out.means, a.out.scales, a.out.quats, a.out.opacities, a.out.sh,
+             static_cast<int>(p), static_cast<int>(sh), static_cast<int>(a.row0));
+}
+
+}  // namespace vsplat

@@ -1,0 +1,38 @@
+// The heads' raw numbers as Gaussians. A = 3 + 3S + 1 + 3 + 4 numbers each: offset, SH, opacity, scale, rotation.
+#pragma once
+#include "model/gaussians.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+// Room for `count` Gaussians with S = sh_count coefficients.
+DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what);
+
+// One per voxel, within a quarter voxel of its centre.
+struct DecodeCoarseForward {
+  Tensor raw;           // [R^3, A]
+  long volume = 0;      // R
+  DeviceGaussians out;  // R^3
+};
+void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a);
+
+// M per selected voxel, within an eighth of a voxel of coarse centre + div_offset: Gaussian p M + m of `out`.
+struct DecodeFineForward {
+  Tensor raw;           // [P, M A]
+  Tensor centres;       // [P, 3]
+  Tensor div_offset;    // [M, 3]
+  long volume = 0;      // R
+  DeviceGaussians out;  // at least P M; the first are written
+};
+void decode_fine_forward(Context& ctx, const DecodeFineForward& a);
+
+// The skeleton with new SH and opacity = sigmoid(factor) * its opacity; the rest is copied.
+struct DecodeAdjustedForward {
+  Tensor raw;                // [P, 3S + 1]: SH, factor
+  DeviceGaussians skeleton;  // P
+  long row0 = 0;
+  DeviceGaussians out;  // Gaussians row0 .. row0 + P - 1 are written
+};
+void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a);
+
+}  // namespace vsplat

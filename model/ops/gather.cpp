@@ -1,0 +1,36 @@
+#include "model/ops/gather.h"
+
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+
+void gather_forward(Context& ctx, const GatherForward& a) {
+  Dims d;
+  d.bind("x", a.x, {"N", "C"}).bind("index", a.index, {"P"}, Type::i32).bind("out", a.out, {"P", "W"});
+  const long c = d["C"], p = d["P"], w = d["W"];
+  if (a.column < 0 || a.column + c > w) {
+    fail(Status::internal, "gather: columns {} to {} of {}", a.column, a.column + c, a.out.describe());
+  }
+  const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
+  ctx.launch({"gather", "gather_rows", ""}, range, {0, 8.0 * static_cast<double>(p) * static_cast<double>(c)}, a.x,
+             a.index, a.out, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w), static_cast<int>(a.column));
+}
+
+DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
+  const long k = g.count(), p = index.dim(0);
+  const auto rows = [&](const Tensor& x, const Shape& shape, const char* what) {
+    const long c = x.rank() == 1 ? 1 : x.rank() == 2 ? x.dim(1) : x.dim(1) * x.dim(2);
+    const Tensor out = ctx.tensor({p, c}, Type::f32, what);
+    gather_forward(ctx, {x.reshaped({k, c}), index, out});
+    return out.reshaped(shape);
+  };
+  DeviceGaussians out;
+  out.means = rows(g.means, {p, 3}, "gather.means");
+  out.scales = rows(g.scales, {p, 3}, "gather.scales");
+  out.quats = rows(g.quats, {p, 4}, "gather.quats");
+  out.opacities = rows(g.opacities, {p}, "gather.opacities");
+  out.sh = rows(g.sh, {p, g.sh.dim(1), 3}, "gather.sh");
+  return out;
+}
+
+}  // namespace vsplat

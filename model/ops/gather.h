@@ -1,0 +1,19 @@
+// Rows by index.
+#pragma once
+#include "model/gaussians.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct GatherForward {
+  Tensor x;      // [N, C]
+  Tensor index;  // i32 [P], each in 0..N-1
+  Tensor out;    // [P, W]; columns column .. column + C - 1 are written
+  long column = 0;
+};
+void gather_forward(Context& ctx, const GatherForward& a);
+
+// The Gaussians of the given indices.
+DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index);
+
+}  // namespace vsplat

@@ -1,0 +1,17 @@
+// Sines and cosines of positions at ten octaves.
+#pragma once
+#include "runtime/context.h"
+
+namespace vsplat {
+
+inline constexpr long kPositionEncoding = 63;
+
+struct PositionEncodingForward {
+  Tensor points;  // [P, 3]
+  Tensor out;     // [P, W]; columns column .. column + 62 are written: x, then sin(2^i x), cos(2^i x), i = 0..9, three
+                  // values each
+  long column = 0;
+};
+void position_encoding_forward(Context& ctx, const PositionEncodingForward& a);
+
+}  // namespace vsplat

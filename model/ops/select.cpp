@@ -1,0 +1,39 @@
+#include "model/ops/select.h"
+
+#include "model/rng.h"
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+
+Selection selection_of(const std::string& name) {
+  if (name == "gumbel") return Selection::gumbel;
+  if (name == "sigmoid") return Selection::sigmoid;
+  if (name == "ste") return Selection::ste;
+  if (name == "opacity") return Selection::opacity;
+  fail(Status::usage, "selection is gumbel, sigmoid, ste or opacity, not \"{}\"", name);
+}
+
+void select_forward(Context& ctx, const SelectForward& a) {
+  Dims d;
+  d.bind("logits", a.logits, {"n"}).bind_optional("noise", a.noise, {"n"}).bind("opacities", a.opacities, {"n"});
+  d.bind("factor", a.factor, {"n"}).bind("refined", a.refined, {"n"}).bind("flags", a.flags, {"n"}, Type::u32);
+  if (a.selection == Selection::gumbel && !(a.temperature > 0)) {
+    fail(Status::usage, "the selection's temperature is {}; it must be above 0", a.temperature);
+  }
+  const long n = d["n"];
+  const auto count = static_cast<double>(n);
+  ctx.launch({"select", "select_fwd", ""}, items(n, 64), {10 * count, 24 * count}, a.logits, a.noise, a.opacities,
+             a.factor, a.refined, a.flags, static_cast<int>(n), static_cast<int>(a.selection), a.temperature,
+             a.opacity_threshold);
+}
+
+void logistic_noise(Context& ctx, const Tensor& noise, std::uint64_t seed, std::uint32_t step, std::uint32_t stream) {
+  const long n = Dims().bind("noise", noise, {"n"})["n"];
+  const auto key = rng_key(seed);
+  const auto count = static_cast<double>(n);
+  ctx.launch({"select", "select_noise", ""}, items(n, 64), {100 * count, 4 * count}, noise, static_cast<int>(n),
+             static_cast<unsigned>(step), static_cast<unsigned>(stream), static_cast<unsigned>(key[0]),
+             static_cast<unsigned>(key[1]));
+}
+
+}  // namespace vsplat

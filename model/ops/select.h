@@ -1,0 +1,31 @@
+// Confidence per voxel, and which voxels are refined.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "runtime/context.h"
+
+namespace vsplat {
+
+enum class Selection : int { gumbel = 1, sigmoid = 2, ste = 3, opacity = 4 };
+Selection selection_of(const std::string& name);  // the configuration's word
+
+struct SelectForward {
+  Tensor logits;     // [n]
+  Tensor noise;      // [n] or none; gumbel alone uses it
+  Tensor opacities;  // [n]
+  Selection selection = Selection::gumbel;
+  float temperature = 0.1f;          // of gumbel
+  float opacity_threshold = 0.005f;  // of opacity
+  Tensor factor;                     // [n]: by how much the opacity counts
+  Tensor refined;                    // [n]: opacity * factor
+  Tensor flags;                      // u32 [n]: 1 where the voxel is selected
+};
+void select_forward(Context& ctx, const SelectForward& a);
+
+// Logistic noise (the difference of two Gumbel variables). The same for equal seed, step and stream on every device, up
+// to the rounding of its logarithms.
+void logistic_noise(Context& ctx, const Tensor& noise /* [n] */, std::uint64_t seed, std::uint32_t step,
+                    std::uint32_t stream);
+
+}  // namespace vsplat

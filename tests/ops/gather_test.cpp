@@ -1,0 +1,84 @@
+#include "model/ops/gather.h"
+
+#include "model/ops/position_encoding.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+class Gather : public test::FlavourTest {};
+VSPLAT_FLAVOURS(Gather);
+
+TEST_P(Gather, RowsGoToTheirColumnsAndNowhereElse) {
+  const std::vector<int> index = {4, 0, 6, 6, 1};
+  for (const long c : {1L, 3L, 16L, 33L, 65L}) {
+    const std::vector<float> x = test::random_floats(static_cast<std::size_t>(7 * c), 61);
+    const long w = c + 3;
+    std::vector<float> want(static_cast<std::size_t>(5 * w), 9.0f);
+    for (long p = 0; p < 5; ++p) {
+      for (long i = 0; i < c; ++i) {
+        want[static_cast<std::size_t>(p * w + 2 + i)] =
+            x[static_cast<std::size_t>(index[static_cast<std::size_t>(p)] * c + i)];
+      }
+    }
+    const Tensor out = ctx().upload({5, w}, std::vector<float>(want.size(), 9.0f));
+    gather_forward(ctx(), {ctx().upload({7, c}, x), ctx().upload({5}, index, Type::i32), out, 2});
+    EXPECT_EQ(ctx().read<float>(out), want) << c;
+  }
+}
+
+TEST_P(Gather, Gaussians) {
+  Gaussians g;
+  g.count = 9;
+  g.sh_degree = 1;
+  g.means = test::random_floats(27, 1);
+  g.scales = test::random_floats(27, 2);
+  g.quats = test::random_floats(36, 3);
+  g.opacities = test::random_floats(9, 4);
+  g.sh = test::random_floats(108, 5);
+  const DeviceGaussians all = upload(ctx(), g);
+  const Gaussians two = download(ctx(), gather(ctx(), all, ctx().upload({2}, std::vector<int>{8, 2}, Type::i32)));
+  ASSERT_EQ(two.count, 2u);
+  EXPECT_EQ(two.sh_degree, 1);
+  const auto rows = [](const std::vector<float>& v, std::size_t size) {
+    std::vector<float> out(v.begin() + static_cast<long>(8 * size), v.begin() + static_cast<long>(9 * size));
+    out.insert(out.end(), v.begin() + static_cast<long>(2 * size), v.begin() + static_cast<long>(3 * size));
+    return out;
+  };
+  EXPECT_EQ(two.means, rows(g.means, 3));
+  EXPECT_EQ(two.scales, rows(g.scales, 3));
+  EXPECT_EQ(two.quats, rows(g.quats, 4));
+  EXPECT_EQ(two.opacities, rows(g.opacities, 1));
+  EXPECT_EQ(two.sh, rows(g.sh, 12));
+  EXPECT_EQ(gather(ctx(), all, ctx().tensor({0}, Type::i32)).count(), 0);
+}
+
+TEST_P(Gather, PositionEncodingMatchesReference) {
+  for (const long p : {0L, 1L, 15L, 16L, 17L, 101L}) {
+    const std::vector<float> points = test::random_floats(static_cast<std::size_t>(3 * p), 62, -0.6f, 0.6f);
+    std::vector<double> want;
+    for (long i = 0; i < p; ++i) {
+      const float* x = &points[static_cast<std::size_t>(3 * i)];
+      want.insert(want.end(), {5.0, x[0], x[1], x[2]});
+      for (int band = 0; band < 10; ++band) {
+        const double f = 1 << band;
+        want.insert(want.end(), {std::sin(x[0] * f), std::sin(x[1] * f), std::sin(x[2] * f)});
+        want.insert(want.end(), {std::cos(x[0] * f), std::cos(x[1] * f), std::cos(x[2] * f)});
+      }
+    }
+    const Tensor out = ctx().upload({p, 64}, std::vector<float>(want.size(), 5.0f));
+    position_encoding_forward(ctx(), {ctx().upload({p, 3}, points), out, 1});
+    EXPECT_TRUE(test::close(ctx().read<float>(out), want, 1e-7)) << p;  // of the largest, 5
+  }
+}
+
+TEST_P(Gather, RejectsBadShape) {
+  const Tensor index = ctx().tensor({2}, Type::i32);
+  EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({2, 4}), 2}), Error);
+  EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({3, 3})}), Error);
+  EXPECT_THROW(position_encoding_forward(ctx(), {ctx().tensor({2, 3}), ctx().tensor({2, 63}), 1}), Error);
+}
+
+}  // namespace
+}  // namespace vsplat
