@@ -1,0 +1,93 @@
+// Stable radix sort, least significant digit first: one pass orders by a digit, the bits of `mask` after `shift`.
+//   keys [n] u32 (u64 with -DKEY64), values [n] u32 (none: the index itself); out_keys, out_values [n] elsewhere.
+//   A pass is histogram -> exclusive scan of histogram [mask + 1, blocks] -> scatter. Blocks are runs of `block`
+//   keys, read in order by their owner, so equal digits keep their order and nothing depends on timing.
+// cpu: a work-item owns a block, its counters are private.
+// gpu: a work-group of WG items owns a block, each item a run of block / WG keys; counters [digit][item] in local memory.
+#ifndef DIGIT_BITS
+#define DIGIT_BITS 8  // of the largest digit: mask < 2^DIGIT_BITS
+#endif
+#define DIGITS (1 << DIGIT_BITS)
+#ifdef KEY64
+typedef ulong key_type;
+#else
+typedef uint key_type;
+#endif
+
+static inline uint digit_of(key_type key, int shift, uint mask) { return (uint)(key >> shift) & mask; }
+
+#ifndef WG
+kernel void radix_histogram_cpu(global const key_type* keys, global uint* histogram, uint n, uint block, uint blocks,
+                                int shift, uint mask) {
+  const uint b = get_global_id(0);
+  if (b >= blocks) return;
+  uint count[DIGITS];
+  for (uint d = 0; d <= mask; ++d) count[d] = 0;
+  const uint end = min(n, (b + 1) * block);
+  for (uint i = b * block; i < end; ++i) ++count[digit_of(keys[i], shift, mask)];
+  for (uint d = 0; d <= mask; ++d) histogram[d * blocks + b] = count[d];
+}
+
+kernel void radix_scatter_cpu(global const key_type* keys, global const uint* values, global const uint* offsets,
+                              global key_type* out_keys, global uint* out_values, uint n, uint block, uint blocks,
+                              int shift, uint mask) {
+  const uint b = get_global_id(0);
+  if (b >= blocks) return;
+  uint at[DIGITS];
+  for (uint d = 0; d <= mask; ++d) at[d] = offsets[d * blocks + b];
+  const uint end = min(n, (b + 1) * block);
+  for (uint i = b * block; i < end; ++i) {
+    const key_type key = keys[i];
+    const uint to = at[digit_of(key, shift, mask)]++;
+    out_keys[to] = key;
+    out_values[to] = values ? values[i] : i;
+  }
+}
+#else
+
+// count [mask + 1][WG]: how many keys of each digit each item's run has. Ends with a barrier.
+static inline void count_runs(global const key_type* keys, local uint* count, uint begin, uint end, int shift, uint mask) {
+  const uint item = get_local_id(0);
+  for (uint d = 0; d <= mask; ++d) count[d * WG + item] = 0;
+  for (uint i = begin; i < end; ++i) ++count[digit_of(keys[i], shift, mask) * WG + item];
+  barrier(CLK_LOCAL_MEM_FENCE);
+}
+
+kernel void radix_histogram_gpu(global const key_type* keys, global uint* histogram, uint n, uint block, uint blocks,
+                                int shift, uint mask) {
+  local uint count[DIGITS * WG];
+  const uint item = get_local_id(0), b = get_group_id(0), run = block / WG;
+  const uint begin = min(n, b * block + item * run), end = min(n, begin + run);
+  count_runs(keys, count, begin, end, shift, mask);
+  for (uint d = item; d <= mask; d += WG) {
+    uint sum = 0;
+    for (int j = 0; j < WG; ++j) sum += count[d * WG + j];
+    histogram[d * blocks + b] = sum;
+  }
+}
+
+kernel void radix_scatter_gpu(global const key_type* keys, global const uint* values, global const uint* offsets,
+                              global key_type* out_keys, global uint* out_values, uint n, uint block, uint blocks,
+                              int shift, uint mask) {
+  local uint count[DIGITS * WG];
+  const uint item = get_local_id(0), b = get_group_id(0), run = block / WG;
+  const uint begin = min(n, b * block + item * run), end = min(n, begin + run);
+  count_runs(keys, count, begin, end, shift, mask);
+  // Where each item's run of each digit goes.
+  for (uint d = item; d <= mask; d += WG) {
+    uint at = offsets[d * blocks + b];
+    for (int j = 0; j < WG; ++j) {
+      const uint c = count[d * WG + j];
+      count[d * WG + j] = at;
+      at += c;
+    }
+  }
+  barrier(CLK_LOCAL_MEM_FENCE);
+  for (uint i = begin; i < end; ++i) {
+    const key_type key = keys[i];
+    const uint to = count[digit_of(key, shift, mask) * WG + item]++;
+    out_keys[to] = key;
+    out_values[to] = values ? values[i] : i;
+  }
+}
+#endif
