@@ -1,0 +1,56 @@
+// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour.
+// Planes of constant x are packed into a ring of R planes (conv3d_pack), so that scratch memory is a few planes whatever X is; then
+// each work-item owns 12 outputs along z times 32 channels (conv3d_tile), whose 14 inputs along z lie side by side.
+//   ring [R, Y, ZT, C, 14]      ZT = ceil(Z/12); entry j of tile zt is z = 12 zt - 1 + j; zero outside the volume; plane x at x % R
+//   b    [ceil(N/32), 9, C, 3, 32]  weights: (dx, dy), channel, dz, 32 output channels; zero beyond N
+//   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
+#define PACK_ROWS 14
+#include "pack_cpu.clh"
+
+// Planes [plane0, plane0 + planes) composed and packed: x0's c0 channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu
+// v / (1 + exp(-v)); the padding is zero after all that.
+//   x0 [X, Y, Z, c0]; x1 [X, Y, Z, c1] or null; scale, shift [c0 + c1] or null
+// Work-groups of one work-item: (zt, y, plane).
+__kernel void conv3d_pack(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
+                          __global const float* shift, int silu, int Y, int Z, int R, int plane0, __global float* ring) {
+  const int zt = get_group_id(0), y = get_group_id(1), x = plane0 + get_group_id(2);
+  const int ZT = DIV_UP(Z, TILE_ROWS);
+  int row[PACK_ROWS];
+  for (int i = 0; i < PACK_ROWS; ++i) {
+    const int z = zt * TILE_ROWS - 1 + i;
+    row[i] = z >= 0 && z < Z ? (x * Y + y) * Z + z : -1;
+  }
+  const size_t tile = ((size_t)(x % R) * Y + y) * ZT + zt;
+  pack_sources(x0, c0, x1, c1, row, scale, shift, silu, ring + tile * (c0 + c1) * PACK_ROWS);
+}
+
+// Planes [plane0, ..) of out. Work-groups of one work-item: (zt + ZT y, plane, panel of b).
+__kernel void conv3d_tile(__global const float* ring, __global const float* b, int C, int N, int X, int Y, int Z, int R,
+                          int plane0, __global const float* bias, __global const float* residual, __global float* out) {
+  const int ZT = DIV_UP(Z, TILE_ROWS);
+  const int y = get_group_id(0) / ZT, zt = get_group_id(0) % ZT, x = plane0 + get_group_id(1);
+  const int n0 = get_group_id(2) * TILE_COLS;
+  TILE_DECLARE
+  for (int dx = 0; dx < 3; ++dx) {
+    const int from_x = x + dx - 1;
+    if (from_x < 0 || from_x >= X) continue;
+    for (int dy = 0; dy < 3; ++dy) {
+      const int from_y = y + dy - 1;
+      if (from_y < 0 || from_y >= Y) continue;
+      __global const float* pa = ring + (((size_t)(from_x % R) * Y + from_y) * ZT + zt) * C * PACK_ROWS;
+      __global const float* pb = b + ((size_t)n0 * 9 + (dx * 3 + dy) * TILE_COLS) * C * 3;
+      for (int c = 0; c < C; ++c) {
+        TILE_STEP(pa, pb)
+        TILE_STEP(pa + 1, pb + TILE_COLS)
+        TILE_STEP(pa + 2, pb + 2 * TILE_COLS)
+        pa += PACK_ROWS;
+        pb += 3 * TILE_COLS;
+      }
+    }
+  }
+  float16 t[2 * TILE_ROWS];
+  TILE_STORE(t)
+  const int z0 = zt * TILE_ROWS;
+  const size_t at = ((size_t)(x * Y + y) * Z + z0) * N + n0;
+  tile_finish(t, min(TILE_ROWS, Z - z0), 2, n0, N, bias, 0, residual ? residual + at : residual, out + at);
+}

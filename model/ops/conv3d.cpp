@@ -1,0 +1,177 @@
+#include "model/ops/conv3d.h"
+
+#include <algorithm>
+
+namespace vsplat {
+
+namespace {
+
+constexpr long kTileRows = 12, kTileCols = 32, kPackRows = 14;  // of cl/tile_cpu.clh and cl/conv3d_cpu.cl
+// Packed planes at a time: few launches, yet they stay in a CPU's last-level cache and scratch memory stays bounded.
+constexpr long kScratchFloats = 4 << 20;
+
+long div_up(long a, long b) { return (a + b - 1) / b; }
+int as_int(long v) { return static_cast<int>(v); }
+
+// Element k of the rows that a kernel multiplies with: which tap, which input channel.
+struct TapChannel {
+  long tap, channel;
+};
+
+// w [Cout][Cin][taps], rearranged to the order of k that `order` gives.
+template <class Order>
+ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, long cin, long taps, const Order& order,
+                 const std::string& what) {
+  const long k = taps * cin;
+  std::vector<float> rows;
+  if (!ctx.planning()) {
+    rows.resize(static_cast<std::size_t>(cout * k));
+    for (long n = 0; n < cout; ++n)
+      for (long i = 0; i < k; ++i) {
+        const TapChannel at = order(i);
+        rows[static_cast<std::size_t>(n * k + i)] = w[(n * cin + at.channel) * taps + at.tap];
+      }
+  }
+  ConvWeights out;
+  out.cin = cin, out.cout = cout;
+  out.w = pack_matrix(ctx, rows.data(), k, cout, 1, k, what);
+  if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
+  return out;
+}
+
+struct Shape3d {
+  long x, y, z, c0, c1, n;
+  long c() const { return c0 + c1; }
+};
+
+Shape3d check(const Conv3d& c) {
+  if (!c.weights || !c.weights->w.data) fail(Status::internal, "{}: no weights", c.name);
+  if (!c.in.x0 || c.in.x0.rank() < 2 || c.in.map) fail(Status::internal, "{}: the input is a volume", c.name);
+  if (c.x < 0 || c.y < 0 || c.z < 0) fail(Status::internal, "{}: a volume of {}x{}x{}", c.name, c.x, c.y, c.z);
+  const Shape3d s{c.x, c.y, c.z, c.in.x0.shape().back(), c.in.x1 ? c.in.x1.shape().back() : 0, c.weights->cout};
+  const long voxels = s.x * s.y * s.z;
+  const auto expect = [&](const char* what, const Tensor& t, long count) {
+    if (t && (t.count() != count || t.type() != Type::f32))
+      fail(Status::internal, "{}: {} is {}, {} numbers expected for {}x{}x{} and {}+{} -> {} channels", c.name, what,
+           t.describe(), count, s.x, s.y, s.z, s.c0, s.c1, s.n);
+  };
+  expect("x0", c.in.x0, voxels * s.c0);
+  expect("x1", c.in.x1, voxels * s.c1);
+  expect("scale", c.in.scale, s.c());
+  expect("shift", c.in.shift, s.c());
+  expect("residual", c.residual, voxels * s.n);
+  if (!c.out) fail(Status::internal, "{}: no out", c.name);
+  expect("out", c.out, voxels * s.n);
+  expect("bias", c.weights->bias, s.n);
+  if (c.weights->cin != s.c() || c.weights->w.k != 27 * s.c())
+    fail(Status::internal, "{}: the input has {}+{} channels, the weights {} (and {} taps)", c.name, s.c0, s.c1,
+         c.weights->cin, c.weights->cin ? c.weights->w.k / c.weights->cin : 0);
+  if (static_cast<bool>(c.in.scale) != static_cast<bool>(c.in.shift))
+    fail(Status::internal, "{}: scale and shift go together", c.name);
+  return s;
+}
+
+Cost cost_of(const Conv3d& c, const Shape3d& s, long planes) {
+  const double voxels = static_cast<double>(planes * s.y * s.z), ch = static_cast<double>(s.c()),
+               n = static_cast<double>(s.n);
+  return {2 * 27 * voxels * ch * n, 4 * (voxels * ch + 27 * ch * n + voxels * n * (c.residual ? 2 : 1))};
+}
+
+void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
+  const long zt = div_up(s.z, kTileRows);
+  const long plane = s.y * zt * s.c() * kPackRows;
+  // Out planes [p, p + step) need planes [p - 1, p + step + 1) in the ring.
+  const long step = std::clamp(kScratchFloats / std::max(1L, plane) - 2, 1L, s.x);
+  const long ring_planes = std::min(step + 2, s.x);
+  const Tensor ring = ctx.tensor({ring_planes, s.y, zt, s.c(), kPackRows}, Type::f32, "packed planes");
+  long packed = 0;
+  for (long p = 0; p < s.x; p += step) {
+    const long planes = std::min(step, s.x - p);
+    const long until = std::min(s.x, p + planes + 1);
+    const double bytes = 4.0 * static_cast<double>((until - packed) * (s.y * s.z * s.c() + plane));
+    ctx.launch({"conv3d_cpu", "conv3d_pack", ""}, groups(zt, 1, s.y, until - packed), {0, bytes}, c.in.x0, as_int(s.c0),
+               c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.y), as_int(s.z),
+               as_int(ring_planes), as_int(packed), ring);
+    packed = until;
+    ctx.launch({"conv3d_cpu", "conv3d_tile", "", c.name}, groups(zt * s.y, 1, planes, div_up(s.n, kTileCols)),
+               cost_of(c, s, planes), ring, c.weights->w.data, as_int(s.c()), as_int(s.n), as_int(s.x), as_int(s.y),
+               as_int(s.z), as_int(ring_planes), as_int(p), c.weights->bias, c.residual, c.out);
+  }
+}
+
+void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
+  constexpr long tile = 64;
+  ctx.launch({"conv3d_gpu", "conv3d_tile_gpu", "", c.name},
+             groups(div_up(s.n, tile), 256, div_up(s.x * s.y * s.z, tile)), cost_of(c, s, s.x), c.in.x0, as_int(s.c0),
+             c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z),
+             c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
+}
+
+}  // namespace
+
+ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what) {
+  // cpu: (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache; gpu: tap, channel.
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  const auto order = [&](long k) {
+    return cpu ? TapChannel{k / (3 * cin) * 3 + k % 3, k / 3 % cin} : TapChannel{k / cin, k % cin};
+  };
+  return pack(ctx, w, bias, cout, cin, 27, order, what);
+}
+
+ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, long cout, long cin,
+                             const std::string& what) {
+  return pack(
+      ctx, w, bias, cout, cin, 8,
+      [&](long k) {
+        return TapChannel{k / cin, k % cin};
+      },
+      what);
+}
+
+ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, long cout, long taps, long cin,
+                             const std::string& what) {
+  ConvWeights out;
+  out.cin = cin, out.cout = cout;
+  out.w = pack_matrix(ctx, w, taps * cin, cout, 1, taps * cin, what);
+  if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
+  return out;
+}
+
+std::size_t packed_conv_bytes(Flavour flavour, long cout, long taps, long cin) {
+  return packed_bytes(flavour, taps * cin, cout);
+}
+
+void conv3d(Context& ctx, const Conv3d& c) {
+  const Shape3d s = check(c);
+  if (s.x * s.y * s.z * s.n == 0) return;
+  if (ctx.flavour() == Flavour::cpu)
+    conv3d_cpu(ctx, c, s);
+  else
+    conv3d_gpu(ctx, c, s);
+}
+
+Tensor conv3d_down_map(Context& ctx, long x, long y, long z) {
+  const long hx = x / 2, hy = y / 2, hz = z / 2;
+  std::vector<int> map;
+  map.reserve(static_cast<std::size_t>(hx * hy * hz * 8));
+  for (long i = 0; i < hx * hy * hz; ++i)
+    for (long t = 0; t < 8; ++t) {
+      const long px = 2 * (i / (hy * hz)) + t / 4, py = 2 * (i / hz % hy) + t / 2 % 2, pz = 2 * (i % hz) + t % 2;
+      map.push_back(as_int((px * y + py) * z + pz));
+    }
+  return ctx.upload({hx * hy * hz, 8}, map, Type::i32, "map of a stride of 2");
+}
+
+void conv3d_down(Context& ctx, const Conv3dDown& c) {
+  if (!c.weights || !c.in.map || c.in.map.dim(1) != 8)
+    fail(Status::internal, "{}: weights and the map of conv3d_down_map() are needed", c.name);
+  Gemm g;
+  g.a = c.in;
+  g.b = &c.weights->w;
+  g.bias = c.weights->bias;
+  g.out = c.out;
+  g.name = c.name;
+  gemm(ctx, g);
+}
+
+}  // namespace vsplat
