@@ -1,0 +1,159 @@
+// Multi-head self-attention without a T x T matrix, cpu flavour: out = softmax(Q K^T / sqrt(D)) V by blocks of keys,
+// the softmax carried along (online). Rows of qkv are tokens, and hold q, k and v of every head.
+//   qkv [V, T, 3, H, D]
+//   kt  [V H, N, D, 32]        keys of panel n, transposed; N = ceil(T/32); keys beyond T are zero
+//   vp  [V H, 32 N, HEAD_PAD]  values; keys beyond T and channels beyond D are zero
+//   out [V, T, H D]
+// HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1.
+// attention_pack writes kt and vp; then one work-item of attention_cpu owns 12 queries of a head. Work-groups of one
+// work-item: the register tiles are explicit float16, and neighbouring groups share a head's panels in cache.
+#include "common.clh"
+
+#ifndef HEAD_PAD
+#define HEAD_PAD 64
+#endif
+#define ROWS 12  // queries of a tile
+#define KEYS 32  // keys of a panel
+#ifndef PANELS
+#define PANELS 4  // panels per step of the online softmax
+#endif
+#define STEP (PANELS * KEYS)
+#define LOG2E 1.44269504088896341f
+
+#define EACH_ROW(F) F(0) F(1) F(2) F(3) F(4) F(5) F(6) F(7) F(8) F(9) F(10) F(11)
+
+// 2^x for x <= 0 to 2e-7; below 2^-126 it stays there, which is nothing beside the largest term, 1. NaN stays NaN.
+static inline float16 exp2_16(float16 x) {
+  x = max(x, -126.0f);
+  const float16 shifted = x + 12582912.0f;  // 1.5 * 2^23: the sum's low bits are x rounded to an integer
+  const float16 f = x - (shifted - 12582912.0f);
+  float16 p = fma(f, (float16)(1.5403530393381609e-4f), (float16)(1.3333558146428443e-3f));
+  p = fma(p, f, (float16)(9.6181291076284772e-3f));
+  p = fma(p, f, (float16)(5.5504108664821580e-2f));
+  p = fma(p, f, (float16)(2.4022650695910071e-1f));
+  p = fma(p, f, (float16)(6.9314718055994531e-1f));
+  p = fma(p, f, (float16)(1.0f));
+  return p * as_float16((as_int16(shifted) << 23) + 0x3f800000);
+}
+
+static inline float max_of(float16 v) {
+  const float8 a = max(v.lo, v.hi);
+  const float4 b = max(a.lo, a.hi);
+  const float2 c = max(b.lo, b.hi);
+  return max(c.x, c.y);
+}
+
+static inline float sum_of(float16 v) {
+  const float8 a = v.lo + v.hi;
+  const float4 b = a.lo + a.hi;
+  const float2 c = b.lo + b.hi;
+  return c.x + c.y;
+}
+
+__kernel void attention_pack(__global const float* qkv, __global float* kt, __global float* vp, int V, int T, int H,
+                             int D) {
+  const int n = get_global_id(0), vh = get_global_id(1);
+  const int panels = DIV_UP(T, KEYS);
+  if (n >= panels || vh >= V * H) return;
+  const int v = vh / H, h = vh % H;
+  const size_t row = (size_t)3 * H * D;
+  __global const float* k = qkv + (size_t)v * T * row + (size_t)(H + h) * D;
+  __global const float* values = k + (size_t)H * D;
+  __global float* kto = kt + ((size_t)vh * panels + n) * D * KEYS;
+  __global float* vpo = vp + ((size_t)vh * panels + n) * KEYS * HEAD_PAD;
+  const int count = min(KEYS, T - n * KEYS);
+  for (int d = 0; d < D; ++d)
+    for (int j = 0; j < KEYS; ++j) kto[d * KEYS + j] = j < count ? k[(size_t)(n * KEYS + j) * row + d] : 0.0f;
+  for (int j = 0; j < KEYS; ++j)
+    for (int d = 0; d < HEAD_PAD; ++d)
+      vpo[j * HEAD_PAD + d] = j < count && d < D ? values[(size_t)(n * KEYS + j) * row + d] : 0.0f;
+}
+
+// The register tile: 12 rows by 32 columns in lo0 hi0 .. lo11 hi11.
+#define TILE_ZERO(i) float16 lo##i = (float16)(0.0f), hi##i = (float16)(0.0f);
+#define TILE_FMA(i)                                    \
+  lo##i = fma((float16)(a_[(i)*a_step_]), b0_, lo##i); \
+  hi##i = fma((float16)(a_[(i)*a_step_]), b1_, hi##i);
+#define TILE_SCORE(i)                             \
+  vstore16(lo##i, 0, p + (i)*STEP + column);      \
+  vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
+  high[i] = max(high[i], max(lo##i, hi##i));
+#define TILE_OUT_LOAD(i)                                            \
+  float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column) * decay[i]; \
+  float16 hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16) * decay[i];
+#define TILE_OUT_STORE(i)                        \
+  vstore16(lo##i, 0, o + (i)*HEAD_PAD + column); \
+  vstore16(hi##i, 0, o + (i)*HEAD_PAD + column + 16);
+
+__kernel void attention_cpu(__global const float* qkv, __global const float* kt, __global const float* vp,
+                            __global float* out, int V, int T, int H, int D, float scale) {
+  const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
+  if (t0 >= T || vh >= V * H) return;
+  const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
+  float q[HEAD_PAD * ROWS];  // [D, 12], scaled for base 2
+  float o[ROWS * HEAD_PAD], p[ROWS * STEP];
+  float16 total[ROWS];  // sums of the weights so far, lane by lane
+  float largest[ROWS], decay[ROWS];
+  for (int i = 0; i < ROWS; ++i) {
+    __global const float* from = qkv + ((size_t)(v * T + min(t0 + i, T - 1)) * 3 * H + h) * D;
+    for (int d = 0; d < D; ++d) q[d * ROWS + i] = from[d] * (scale * LOG2E);
+    for (int d = 0; d < HEAD_PAD; d += 16) vstore16((float16)(0.0f), 0, o + i * HEAD_PAD + d);
+    total[i] = (float16)(0.0f);
+    largest[i] = -INFINITY;
+  }
+  for (int n0 = 0; n0 < panels; n0 += PANELS) {
+    const int here = min(PANELS, panels - n0);
+    float16 high[ROWS];
+    for (int i = 0; i < ROWS; ++i) high[i] = (float16)(-INFINITY);
+    for (int n = 0; n < here; ++n) {
+      __global const float* b = kt + ((size_t)vh * panels + n0 + n) * D * KEYS;
+      EACH_ROW(TILE_ZERO)
+      for (int d = 0; d < D; ++d) {
+        const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
+        const float* a_ = q + d * ROWS;
+        const int a_step_ = 1;
+        EACH_ROW(TILE_FMA)
+      }
+      const int beyond = (n0 + n + 1) * KEYS - T;  // keys of this panel that are not there
+      if (beyond > 0) {
+        const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        const int16 gone0 = lane >= (float)(KEYS - beyond), gone1 = lane + 16.0f >= (float)(KEYS - beyond);
+#define TILE_MASK(i)                                  \
+  lo##i = select(lo##i, (float16)(-INFINITY), gone0); \
+  hi##i = select(hi##i, (float16)(-INFINITY), gone1);
+        EACH_ROW(TILE_MASK)
+      }
+      const int column = n * KEYS;
+      EACH_ROW(TILE_SCORE)
+    }
+    for (int i = 0; i < ROWS; ++i) {
+      const float top = max(largest[i], max_of(high[i]));
+      decay[i] = largest[i] == top ? 1.0f : exp2(largest[i] - top);
+      largest[i] = top;
+      float16 sum = total[i] * decay[i];
+      for (int j = 0; j < here * KEYS; j += 16) {
+        const float16 e = exp2_16(vload16(0, p + i * STEP + j) - top);
+        vstore16(e, 0, p + i * STEP + j);
+        sum += e;
+      }
+      total[i] = sum;
+    }
+    __global const float* values = vp + ((size_t)vh * panels + n0) * KEYS * HEAD_PAD;
+    for (int column = 0; column < HEAD_PAD; column += 32) {
+      EACH_ROW(TILE_OUT_LOAD)
+      for (int j = 0; j < here * KEYS; ++j) {
+        const float16 b0_ = vload16(0, values + j * HEAD_PAD + column),
+                      b1_ = vload16(0, values + j * HEAD_PAD + column + 16);
+        const float* a_ = p + j;
+        const int a_step_ = STEP;
+        EACH_ROW(TILE_FMA)
+      }
+      EACH_ROW(TILE_OUT_STORE)
+    }
+  }
+  for (int i = 0; i < rows; ++i) {
+    __global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
+    const float inverse = 1.0f / sum_of(total[i]);
+    for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * inverse;
+  }
+}

@@ -1,0 +1,40 @@
+// What surrounds the patch embedding's GEMM (a convolution whose stride is its size p): its rows, and the tokens'
+// positions.
+//   images [V, S, S, 3] in [0,1], t = S / p patches along an edge
+//   rows   [V (1 + t t), 3 p p]  ((image - mean) / deviation), channel, then y, then x, as PyTorch stores the weight;
+//   the class
+//                                token's row of each view is zero
+//   tokens [V, 1 + t t, C]       the GEMM's result; in place: + position [1 + t t, C]. The class token becomes its own
+//   row of
+//                                `position`, which holds class token plus position
+// patch_rows: one work-item per line of a patch, (y, patch, view). patch_tokens: one per 4 channels, (C / 4 rounded up,
+// token, view).
+#include "common.clh"
+
+__constant float image_mean[3] = {0.485f, 0.456f, 0.406f};
+__constant float image_deviation[3] = {0.229f, 0.224f, 0.225f};
+
+__kernel void patch_rows(__global const float* images, __global float* rows, int V, int S, int p) {
+  const int y = get_global_id(0), patch = get_global_id(1), v = get_global_id(2);
+  const int t = S / p;
+  if (y >= p || patch > t * t || v >= V) return;
+  __global float* to = rows + ((size_t)v * (1 + t * t) + patch) * 3 * p * p + (size_t)y * p;
+  if (patch == 0) {
+    for (int c = 0; c < 3; ++c)
+      for (int x = 0; x < p; ++x) to[(size_t)c * p * p + x] = 0.0f;
+    return;
+  }
+  const int py = (patch - 1) / t, px = (patch - 1) % t;
+  __global const float* from = images + (((size_t)v * S + (size_t)py * p + y) * S + (size_t)px * p) * 3;
+  for (int c = 0; c < 3; ++c)
+    for (int x = 0; x < p; ++x) to[(size_t)c * p * p + x] = (from[3 * x + c] - image_mean[c]) / image_deviation[c];
+}
+
+__kernel void patch_tokens(__global const float* position, __global float* tokens, int V, int T, int C) {
+  const int c0 = get_global_id(0) * 4, token = get_global_id(1), v = get_global_id(2);
+  if (c0 >= C || token >= T || v >= V) return;
+  __global const float* from = position + (size_t)token * C + c0;
+  __global float* to = tokens + ((size_t)v * T + token) * C + c0;
+  const int count = min(4, C - c0);
+  for (int c = 0; c < count; ++c) to[c] = token == 0 ? from[c] : to[c] + from[c];
+}

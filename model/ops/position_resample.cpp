@@ -1,0 +1,69 @@
+#include "model/ops/position_resample.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+namespace {
+
+double keys(double x) {
+  constexpr double a = -0.5;
+  x = std::abs(x);
+  if (x < 1) return ((a + 2) * x - (a + 3)) * x * x + 1;
+  if (x < 2) return (((x - 5) * x + 8) * x - 4) * a;
+  return 0;
+}
+
+}  // namespace
+
+ResampleAxis bicubic_axis(int from, int to) {
+  ResampleAxis axis;
+  if (from == to) {
+    axis.taps = 1;
+    axis.weight.assign(static_cast<std::size_t>(to), 1.0f);
+    for (int i = 0; i < to; ++i) axis.first.push_back(i);
+    return axis;
+  }
+  const double scale = static_cast<double>(from) / to, widen = std::max(scale, 1.0), support = 2 * widen;
+  std::vector<std::vector<double>> weights;
+  for (int i = 0; i < to; ++i) {
+    const double centre = scale * (i + 0.5);
+    const int first = std::max(static_cast<int>(centre - support + 0.5), 0);
+    const int end = std::min(static_cast<int>(centre + support + 0.5), from);
+    std::vector<double> row;
+    double sum = 0;
+    for (int j = first; j < end; ++j) {
+      row.push_back(keys((j - centre + 0.5) / widen));
+      sum += row.back();
+    }
+    for (double& w : row) w /= sum;  // at the borders, too, where a part of the kernel is cut off
+    axis.first.push_back(first);
+    axis.taps = std::max(axis.taps, static_cast<int>(row.size()));
+    weights.push_back(std::move(row));
+  }
+  for (std::vector<double>& row : weights) {
+    row.resize(static_cast<std::size_t>(axis.taps), 0.0);
+    for (const double w : row) axis.weight.push_back(static_cast<float>(w));
+  }
+  return axis;
+}
+
+void position_resample_forward(Context& ctx, const PositionResampleForward& a) {
+  const long g = a.from, t = a.to;
+  if (g < 1 || t < 1) fail(Status::internal, "position_resample: from {} to {} tokens", g, t);
+  Dims d;
+  d.set("stored tokens", 1 + g * g).set("tokens", 1 + t * t).bind("stored", a.stored, {"stored tokens", "C"});
+  d.bind("class_token", a.class_token, {"C"}).bind("out", a.out, {"tokens", "C"});
+  const long c = d["C"];
+  const ResampleAxis axis = bicubic_axis(a.from, a.to);
+  const Tensor first = ctx.upload({t}, axis.first, Type::i32, "position_resample.first");
+  const Tensor weight = ctx.upload({t, axis.taps}, axis.weight, Type::f32, "position_resample.weight");
+  const double taps = static_cast<double>(axis.taps) * axis.taps;
+  ctx.launch({"position_resample", "position_resample", ""}, groups((c + 63) / 64, 64, 1 + t * t),
+             {2.0 * taps * static_cast<double>(a.out.count()), static_cast<double>(a.out.bytes() + a.stored.bytes())},
+             a.stored, a.class_token, first, weight, a.out, a.from, a.to, axis.taps, static_cast<int>(c));
+}
+
+}  // namespace vsplat

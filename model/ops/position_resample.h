@@ -1,0 +1,30 @@
+// The position embedding, stored for g x g tokens, on the grid of t x t tokens: bicubic (Keys, a = -0.5), widened when
+// it shrinks the grid (antialiased), as PyTorch's interpolate does with antialias=True. With t = g the values stay as
+// they are.
+#pragma once
+#include <vector>
+
+#include "runtime/context.h"
+
+namespace vsplat {
+
+// What an output position draws on along one axis: `taps` stored positions from first[i] on, with weights that add up
+// to 1.
+struct ResampleAxis {
+  int taps = 0;
+  std::vector<int> first;     // [t]
+  std::vector<float> weight;  // [t, taps]; 0 beyond the grid
+};
+ResampleAxis bicubic_axis(int from, int to);
+
+struct PositionResampleForward {
+  Tensor stored;         // [1 + g g, C]: the class token's position, then the grid's
+  Tensor class_token;    // [C]
+  int from = 0, to = 0;  // g, t
+  Tensor out;            // [1 + t t, C]: class token plus its position, then the grid's
+};
+
+// Uploads two small tables: for use at load.
+void position_resample_forward(Context& ctx, const PositionResampleForward& a);
+
+}  // namespace vsplat

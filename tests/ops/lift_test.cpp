@@ -1,0 +1,96 @@
+#include "model/ops/lift.h"
+
+#include "tests/reference/lift.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/orbit.h"
+
+namespace vsplat {
+namespace {
+
+struct Case {
+  int views, tokens, patch, channels, volume;
+  double radius;
+  bool half_pixel;
+};
+
+class Lift : public test::FlavourTest {
+ protected:
+  // Variance and mean, in blocks of `block` voxels; the mean gets a bias.
+  std::vector<std::vector<float>> run(const std::vector<float>& features, const std::vector<float>& bias,
+                                      const std::vector<Camera>& cameras, const Case& k, long block) {
+    const long voxels = static_cast<long>(k.volume) * k.volume * k.volume, c = k.channels, v = k.views;
+    const DeviceCameras on_device = upload_cameras(ctx(), cameras);
+    const Tensor maps = ctx().upload({v * k.tokens * k.tokens, c}, features);
+    const Tensor mean = ctx().upload({voxels, c}, test::nans(static_cast<std::size_t>(voxels * c)));
+    const Tensor shift = ctx().upload({c}, bias);
+    std::vector<float> variance;
+    for (long first = 0; first < voxels; first += block) {
+      const long n = std::min(block, voxels - first);
+      const Tensor index = ctx().tensor({n, v, 4}, Type::i32);
+      const Tensor weight = ctx().upload({n, v, 4}, test::nans(static_cast<std::size_t>(n * v * 4)));
+      const Tensor part = ctx().upload({n, c}, test::nans(static_cast<std::size_t>(n * c)));
+      lift_corners(ctx(), {on_device, k.volume, k.tokens, k.tokens * k.patch, k.half_pixel, first, index, weight});
+      lift_variance_forward(ctx(), {maps, index, weight, part});
+      lift_mean_forward(ctx(), {maps, index, weight, shift, first, mean});
+      const auto values = ctx().read<float>(part);
+      variance.insert(variance.end(), values.begin(), values.end());
+    }
+    return {ctx().read<float>(mean), variance};
+  }
+
+  void check(const Case& k) {
+    const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
+    const auto c = static_cast<std::size_t>(k.channels);
+    const auto features =
+        test::random_floats(static_cast<std::size_t>(k.views * k.tokens * k.tokens) * c, 1, -1.0f, 2.0f);
+    const auto bias = test::random_floats(c, 2);
+    const auto got = run(features, bias, cameras, k, 100);
+    ref::Lifted want = ref::lift(features, k.tokens, k.channels, cameras, k.tokens * k.patch, k.half_pixel, k.volume);
+    for (std::size_t i = 0; i < want.mean.size(); ++i) want.mean[i] += bias[i % c];
+    // A texel's position in float32 is off by up to 1e-6 of the map, features change by 3 a texel.
+    EXPECT_TRUE(test::close(got[0], want.mean, 2e-5)) << k.views << " views, " << k.channels << " channels";
+    EXPECT_TRUE(test::close(got[1], want.variance, 2e-5, k.views == 1)) << k.views << " views";
+    EXPECT_EQ(run(features, bias, cameras, k, 1000), got) << "cut in other blocks";
+  }
+};
+VSPLAT_FLAVOURS(Lift);
+
+TEST_P(Lift, MatchesReferenceAtEverySizeThatBreaksThings) {
+  for (const int channels : {1, 3, 7, 15, 16, 17, 33, 130}) check({3, 6, 8, channels, 5, 1.6, true});
+  check({1, 1, 4, 5, 1, 1.6, true});
+  check({16, 5, 3, 20, 4, 2.0, true});
+}
+
+TEST_P(Lift, WithoutHalfAPixel) { check({2, 6, 8, 9, 6, 1.6, false}); }
+
+// Cameras so near that corners fall off the maps, and inside the cube, so that voxels lie behind them.
+TEST_P(Lift, OutsideTheMapsAndBehindTheCameras) {
+  check({3, 6, 8, 9, 6, 0.8, true});
+  check({4, 7, 4, 18, 6, 0.3, true});
+}
+
+// A voxel's centre in the plane of a camera, and at its centre: 1/0 and 0/0 count as outside.
+TEST_P(Lift, DepthZeroIsOutside) {
+  Camera camera;
+  camera.width = camera.height = 8;
+  camera.fx = camera.fy = 8, camera.cx = camera.cy = 4;
+  const Case k{2, 4, 2, 3, 1, 0, true};
+  const std::vector<float> features = test::random_floats(2 * 16 * 3, 1), bias = {1, 2, 3};
+  Camera beside = camera;
+  beside.w2c(0, 3) = 0.7;
+  const auto got = run(features, bias, {camera, beside}, k, 10);
+  EXPECT_EQ(got[0], bias);
+  EXPECT_EQ(got[1], (std::vector<float>{0, 0, 0}));
+}
+
+TEST_P(Lift, RejectsBadShape) {
+  const Tensor maps = ctx().tensor({8, 4}), index = ctx().tensor({5, 2, 4}, Type::i32);
+  const Tensor weight = ctx().tensor({5, 2, 4}), bias = ctx().tensor({4}), out = ctx().tensor({5, 4});
+  EXPECT_THROW(lift_variance_forward(ctx(), {maps, index, ctx().tensor({5, 3, 4}), out}), Error);
+  EXPECT_THROW(lift_variance_forward(ctx(), {maps, weight, weight, out}), Error);
+  EXPECT_THROW(lift_mean_forward(ctx(), {maps, index, weight, bias, 1, out}), Error);
+}
+
+}  // namespace
+}  // namespace vsplat
