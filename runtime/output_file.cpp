@@ -1,0 +1,48 @@
+#include "runtime/output_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+
+#include "runtime/error.h"
+
+namespace vsplat {
+
+OutputFile::OutputFile(const std::string& path) : path_(path) {
+  static std::atomic<unsigned> serial{0};
+  temporary_ = fmt::format("{}.{}-{}.tmp", path, ::getpid(), serial++);
+  const int descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (descriptor < 0) failed("be created");
+  file_ = ::fdopen(descriptor, "wb");
+  if (file_ == nullptr) {
+    ::close(descriptor);
+    ::unlink(temporary_.c_str());
+    failed("be opened");
+  }
+}
+
+OutputFile::~OutputFile() {
+  if (file_ == nullptr) return;
+  std::fclose(file_);
+  ::unlink(temporary_.c_str());
+}
+
+void OutputFile::write(const void* data, std::size_t bytes) {
+  if (bytes != 0 && std::fwrite(data, 1, bytes, file_) != bytes) failed("be written");
+}
+
+void OutputFile::commit() {
+  if (std::fflush(file_) != 0 || ::fsync(::fileno(file_)) != 0) failed("be written");
+  if (::rename(temporary_.c_str(), path_.c_str()) != 0) failed("be put in place");
+  std::fclose(file_);
+  file_ = nullptr;
+}
+
+void OutputFile::failed(const char* what) const {
+  fail(Status::file, "{}: cannot {}: {}", path_, what, std::strerror(errno));
+}
+
+}  // namespace vsplat

@@ -1,0 +1,28 @@
+// A file that appears whole or not at all: written under a temporary name beside its own, renamed by commit(). Whatever
+// ends before that (an exception, a full disk) leaves the old file, or none, and removes the temporary one.
+#pragma once
+#include <cstddef>
+#include <cstdio>
+#include <string>
+
+namespace vsplat {
+
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path);  // Error(file) where the folder cannot be written
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  void write(const void* data, std::size_t bytes);
+  void write(const std::string& text) { write(text.data(), text.size()); }
+  void commit();  // flushes to the disk, then renames
+
+ private:
+  [[noreturn]] void failed(const char* what) const;
+
+  std::string path_, temporary_;
+  std::FILE* file_ = nullptr;
+};
+
+}  // namespace vsplat
