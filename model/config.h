@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "runtime/error.h"
+
 namespace vsplat {
 
 struct Config {
@@ -38,6 +40,26 @@ struct Config {
   int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation
   int projected_ch() const { return use_projected ? vit_dim : 0; }
   long voxels() const { return static_cast<long>(volume) * volume * volume; }
+
+  bool operator==(const Config&) const = default;
 };
+
+// paper, small (what two CPU cores train), tiny and micro (for tests), in this order.
+const std::vector<std::string>& config_names();
+Config named_config(const std::string& name);  // Error(usage) that lists the names
+
+// Refuses by name, with the value found, what cannot be built.
+void check(const Config& config, Status status = Status::usage);
+
+// "fine_count=1", "volume_mult=1,2", "use_projected=false": parsed by the field's type; not checked against other
+// fields.
+void set_field(Config& config, const std::string& assignment);
+// All of them, then check().
+Config with_fields(Config config, const std::vector<std::string>& assignments);
+
+// Every field, in the order above.
+std::string to_json(const Config& config);
+// Absent fields take their defaults; unknown ones and wrong types are an Error(format) that names them. Checked.
+Config config_from_json(const std::string& text);
 
 }  // namespace vsplat

@@ -38,7 +38,7 @@ class SafetensorsFile {
   SafetensorsFile(SafetensorsFile&&) noexcept;
 
   const std::string& path() const { return path_; }
-  std::uint64_t bytes() const;
+  std::uint64_t bytes() const;  // of the whole file
   const std::map<std::string, std::string>& metadata() const { return metadata_; }
   const std::vector<TensorEntry>& tensors() const { return tensors_; }  // in the order of their values
   const TensorEntry* find(const std::string& name) const;               // null where there is none

@@ -1,0 +1,15 @@
+#!/bin/sh
+# Golden vectors from the PyTorch specification in tests/reference/pytorch.
+#   tests/golden/make.sh                 the committed ones, here (remove a file first to make it anew)
+#   tests/golden/make.sh DIR tiny        the larger ones, as ctest's golden_tiny does before the tests that read them
+# Needs a Python with torch >= 1.13 and numpy (Debian: python3-torch python3-numpy); VSPLAT_PYTHON names one. Exits with 77
+# where there is none.
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+for python in "${VSPLAT_PYTHON:-}" python3 /usr/bin/python3; do
+  if [ -n "$python" ] && "$python" -c 'import numpy, torch' 2>/dev/null; then
+    exec "$python" -B "$here/../reference/pytorch/make_cases.py" "${1:-$here}" "${2:-micro}"
+  fi
+done
+echo "no Python with torch and numpy found (VSPLAT_PYTHON, python3, /usr/bin/python3): no golden vectors made" >&2
+exit 77

@@ -1,0 +1,54 @@
+"""Write the golden vectors that tests read, one file a case, in one process (importing PyTorch is what takes time).
+
+    python3 make_cases.py DIR micro      the two committed ones, with gradients
+    python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected
+"""
+import os
+import sys
+
+import make_golden
+
+MICRO = {
+    "micro": [],
+    "micro_noise": ["--noise"],
+}
+
+TINY = {
+    "tiny": [],
+    "tiny_seed1": ["--seed", "1"],
+    "tiny_views1": ["--views", "1"],
+    "tiny_views6": ["--views", "6"],
+    "tiny_noise": ["--noise"],
+    "tiny_noise_seed1": ["--noise", "--seed", "1"],
+    "tiny_coarse": ["--set", "levels=coarse"],
+    "tiny_skeletal": ["--set", "levels=skeletal"],
+    "tiny_sigmoid": ["--set", "selection=sigmoid"],
+    "tiny_ste": ["--set", "selection=ste"],
+    "tiny_opacity": ["--set", "selection=opacity", "--set", "opacity_threshold=0.1"],
+    "tiny_unprojected": ["--set", "use_projected=false"],
+    "tiny_fine1": ["--set", "fine_count=1"],
+    "tiny_mirrored": ["--set", "negate_camera_centre=true"],
+    "tiny_paper": ["--set", "view_weight=distance", "--set", "voxel_levels=1", "--set", "refine_out_kernel=3",
+                   "--set", "sample_half_pixel=false"],
+    "tiny_empty": ["--empty"],
+}
+
+
+def main():
+    folder, size = sys.argv[1], sys.argv[2]
+    cases, common = (MICRO, ["--config", "micro"]) if size == "micro" else (TINY, ["--config", "tiny", "--no-grad"])
+    os.makedirs(folder, exist_ok=True)
+    here = os.path.dirname(os.path.abspath(__file__))
+    sources = max(os.path.getmtime(os.path.join(here, f)) for f in os.listdir(here) if f.endswith(".py"))
+    for name, options in cases.items():
+        path = os.path.join(folder, name + ".safetensors")
+        if os.path.exists(path) and os.path.getmtime(path) > sources:
+            continue
+        sys.argv = ["make_golden.py", path + ".tmp", *common, *options]
+        print(f"{name}: ", end="", flush=True)
+        make_golden.main()
+        os.replace(path + ".tmp", path)
+
+
+if __name__ == "__main__":
+    main()

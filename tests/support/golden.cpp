@@ -1,0 +1,47 @@
+#include "tests/support/golden.h"
+
+#include <filesystem>
+
+#include "runtime/error.h"
+
+namespace vsplat::test {
+namespace {
+
+const std::string& metadata_at(const SafetensorsFile& file, const std::string& key) {
+  const auto it = file.metadata().find(key);
+  if (it == file.metadata().end()) fail(Status::format, "{}: not golden vectors: no {}", file.path(), key);
+  return it->second;
+}
+
+}  // namespace
+
+std::string Golden::path_of(const std::string& name) {
+  if (name.ends_with(".safetensors")) return name;
+  const std::string committed = std::string(VSPLAT_SOURCE_DIR) + "/tests/golden/" + name + ".safetensors";
+  if (std::filesystem::exists(committed)) return committed;
+  return std::string(VSPLAT_GOLDEN_DIR) + "/" + name + ".safetensors";
+}
+
+bool Golden::exists(const std::string& name) { return std::filesystem::exists(path_of(name)); }
+
+Golden::Golden(const std::string& path)
+    : file_(path),
+      config_(config_from_json(metadata_at(file_, "config"))),
+      weights_(read_weights(file_, config_, "weight.")),
+      views_(std::stoi(metadata_at(file_, "views"))),
+      temperature_(std::stod(metadata_at(file_, "temperature"))) {}
+
+HostTensor Golden::tensor(const std::string& name) const {
+  const TensorEntry& entry = file_.at(name);
+  return {entry.shape, file_.floats(entry)};
+}
+
+const std::vector<std::string>& golden_cases() {
+  static const std::vector<std::string> names = {"tiny",         "tiny_seed1",       "tiny_views1",  "tiny_views6",
+                                                 "tiny_noise",   "tiny_noise_seed1", "tiny_coarse",  "tiny_skeletal",
+                                                 "tiny_sigmoid", "tiny_ste",         "tiny_opacity", "tiny_unprojected",
+                                                 "tiny_fine1",   "tiny_mirrored",    "tiny_paper",   "tiny_empty"};
+  return names;
+}
+
+}  // namespace vsplat::test

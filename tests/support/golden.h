@@ -1,0 +1,50 @@
+// Vectors of the PyTorch specification: a file of tests/reference/pytorch/make_golden.py. See there for the names.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "model/config.h"
+#include "model/model_file.h"
+#include "model/weights.h"
+#include "runtime/safetensors.h"
+
+namespace vsplat::test {
+
+class Golden {
+ public:
+  // `name` of a committed file ("micro", "micro_noise": tests/golden/) or of one that the fixture makes
+  // (golden_cases()); or any path that ends in .safetensors.
+  static Golden load(const std::string& name) { return Golden(path_of(name)); }
+  static std::string path_of(const std::string& name);
+  static bool exists(const std::string& name);
+
+  const Config& config() const { return config_; }
+  int views() const { return views_; }  // that the network took; `input.*` has two more, for rendering
+  double temperature() const { return temperature_; }
+  const Weights& weights() const { return weights_; }
+
+  bool has(const std::string& name) const { return file_.find(name) != nullptr; }
+  HostTensor tensor(const std::string& name) const;
+  std::vector<float> floats(const std::string& name) const { return tensor(name).data; }
+  std::vector<std::int64_t> integers(const std::string& name) const { return file_.integers(file_.at(name)); }
+  const SafetensorsFile& file() const { return file_; }
+
+ private:
+  explicit Golden(const std::string& path);
+
+  SafetensorsFile file_;
+  Config config_;
+  Weights weights_;
+  int views_ = 0;
+  double temperature_ = 0;
+};
+
+// The cases that the ctest fixture makes where PyTorch is there: tiny, two seeds, 1 and 6 views, noise, every variant.
+const std::vector<std::string>& golden_cases();
+
+}  // namespace vsplat::test
+
+// In a test's body: skips it, visibly, where the file has not been made.
+#define VSPLAT_NEED_GOLDEN(name)             \
+  if (!::vsplat::test::Golden::exists(name)) \
+  GTEST_SKIP() << ::vsplat::test::Golden::path_of(name) << " is not there (ctest's golden_tiny makes it, with PyTorch)"
