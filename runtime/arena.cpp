@@ -168,9 +168,7 @@ Arena Arena::plan() const {
   copy->live = copy->peak_live = state_->live;
   for (const Slab& slab : state_->slabs) {
     Slab twin;
-    twin.capacity = slab.capacity;
-    twin.used = slab.used;
-    twin.growing = slab.growing;
+    twin.capacity = twin.used = slab.growing ? slab.used : slab.capacity;
     twin.blocks = slab.blocks;
     twin.free = slab.free;
     copy->slabs.push_back(std::move(twin));

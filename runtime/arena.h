@@ -49,7 +49,9 @@ class Arena {
   // Throws Error(memory), naming `what`, both figures and the limit.
   std::shared_ptr<Block> allocate(std::size_t bytes, const std::string& what);
 
-  // A virtual copy with today's slabs and live blocks, whose further growth is only counted.
+  // A virtual copy with today's slabs and live blocks, whose further growth is only counted. What a virtual arena had
+  // grown to stands fixed in the copy, as it would in a run that committed it: a plan of the second half follows one of
+  // the first.
   Arena plan() const;
   // Makes the slabs that `planned` (from plan()) came to need beyond today's.
   void commit(const Arena& planned);

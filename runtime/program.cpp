@@ -53,12 +53,47 @@ std::string expanded_source(const std::string& file) {
   return out;
 }
 
+// PoCL compiles a second, generic variant when asked for binaries, and has a cache of its own.
 ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo info)
-    : context_(std::move(context)), device_(std::move(device)), info_(std::move(info)) {}
+    : context_(std::move(context)),
+      device_(std::move(device)),
+      info_(std::move(info)),
+      disk_(info_.is_pocl ? DiskCache("") : DiskCache()) {}
+
+bool ProgramCache::build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const {
+  const auto binary = disk_.load(key);
+  if (!binary) return false;
+  try {
+    out = cl::Program(context_, {device_}, {*binary});
+    out.build({device_}, options.c_str());
+    return true;
+  } catch (const cl::Error&) {  // a driver that refuses what it wrote itself: from source, then
+    return false;
+  }
+}
+
+void ProgramCache::save_to_disk(const std::string& key, const cl::Program& program) const {
+  if (!disk_.enabled()) return;
+  try {
+    const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
+    if (!binaries.empty() && !binaries[0].empty()) disk_.store(key, binaries[0]);
+  } catch (const cl::Error&) {  // no binaries to be had from this driver
+  }
+}
 
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines) {
   const std::string options = "-cl-std=CL1.2 " + defines;
-  cl::Program program(context_, expanded_source(file));
+  const std::string source = expanded_source(file);
+  const std::string key =
+      disk_.enabled()
+          ? DiskCache::key({"1", source, options, info_.name, info_.driver, info_.version, info_.platform_version})
+          : "";
+  cl::Program program;
+  if (disk_.enabled() && build_from_disk(key, options, program)) return program;
+
+  if (on_compile) on_compile(file, compiled_);
+  ++compiled_;
+  program = cl::Program(context_, source);
   try {
     program.build({device_}, options.c_str());
   } catch (const cl::Error& e) {
@@ -71,6 +106,7 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
     fail(Status::compile, "cl/{}.cl does not compile on {} with {}: {}\n{}", file, info_.name, options,
          cl_error_name(e.err()), log);
   }
+  save_to_disk(key, program);
   return program;
 }
 
@@ -78,11 +114,9 @@ cl::Program& ProgramCache::program(const std::string& file, const std::string& d
   const std::string key = file + "\n" + defines;
   const auto it = programs_.find(key);
   if (it != programs_.end()) return it->second;
-  if (on_compile) on_compile(file, compiled_);
   const auto start = std::chrono::steady_clock::now();
   cl::Program built = build(file, defines);
   build_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  ++compiled_;
   return programs_.emplace(key, std::move(built)).first->second;
 }
 

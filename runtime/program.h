@@ -6,6 +6,7 @@
 #include <string>
 
 #include "runtime/device.h"
+#include "runtime/disk_cache.h"
 #include "runtime/opencl.h"
 
 namespace vsplat {
@@ -28,10 +29,13 @@ class ProgramCache {
  private:
   cl::Program& program(const std::string& file, const std::string& defines);
   cl::Program build(const std::string& file, const std::string& defines);
+  bool build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const;
+  void save_to_disk(const std::string& key, const cl::Program& program) const;
 
   cl::Context context_;
   cl::Device device_;
   DeviceInfo info_;
+  DiskCache disk_;
   std::map<std::string, cl::Program> programs_;
   std::map<std::string, cl::Kernel> kernels_;
   int compiled_ = 0;

@@ -1,0 +1,66 @@
+#include "runtime/disk_cache.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+class DiskCacheTest : public ::testing::Test {
+ protected:
+  DiskCacheTest()
+      : folder_(fs::temp_directory_path() / ("vsplat-cache-" + std::to_string(::getpid()))), cache_(folder_.string()) {}
+  ~DiskCacheTest() override { fs::remove_all(folder_); }
+
+  fs::path folder_;
+  DiskCache cache_;
+  const std::vector<unsigned char> payload_ = {1, 2, 3, 250, 0, 7};
+};
+
+TEST_F(DiskCacheTest, GivesBackWhatWasStored) {
+  EXPECT_FALSE(cache_.load("k"));
+  cache_.store("k", payload_);
+  ASSERT_TRUE(cache_.load("k"));
+  EXPECT_EQ(*cache_.load("k"), payload_);
+}
+
+TEST_F(DiskCacheTest, DamagedEntriesAreNeverTrusted) {
+  cache_.store("k", payload_);
+  const fs::path entry = folder_ / "k.bin";
+  std::string whole;
+  {
+    std::ifstream in(entry, std::ios::binary);
+    whole.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    for (const bool cut : {true, false}) {
+      std::string bad = cut ? whole.substr(0, i) : whole;
+      if (!cut) bad[i] = static_cast<char>(bad[i] ^ 1);
+      std::ofstream(entry, std::ios::binary) << bad;
+      EXPECT_FALSE(cache_.load("k")) << (cut ? "cut at " : "flipped at ") << i;
+      EXPECT_FALSE(fs::exists(entry)) << "a damaged entry stays";
+    }
+  }
+}
+
+TEST_F(DiskCacheTest, KeysDependOnEveryPartAndItsBounds) {
+  EXPECT_NE(DiskCache::key({"ab", "c"}), DiskCache::key({"a", "bc"}));
+  EXPECT_NE(DiskCache::key({"ab"}), DiskCache::key({"ab", ""}));
+  EXPECT_EQ(DiskCache::key({"ab", "c"}), DiskCache::key({"ab", "c"}));
+}
+
+TEST_F(DiskCacheTest, AFolderThatCannotBeMadeIsNoError) {
+  std::ofstream(folder_.string() + "-file") << "x";
+  const DiskCache blocked(folder_.string() + "-file/inside");
+  blocked.store("k", payload_);
+  EXPECT_FALSE(blocked.load("k"));
+  fs::remove(folder_.string() + "-file");
+}
+
+}  // namespace
+}  // namespace vsplat
