@@ -1,8 +1,5 @@
 #include "runtime/file.h"
 
-#include <unistd.h>
-
-#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -10,6 +7,7 @@
 #include <memory>
 
 #include "runtime/error.h"
+#include "runtime/output_file.h"
 
 namespace vsplat {
 namespace {
@@ -18,12 +16,6 @@ struct Closer {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 using File = std::unique_ptr<std::FILE, Closer>;
-
-// Beside the target, so that the rename stays within one file system; unique among processes and threads.
-std::string temporary_name(const std::string& path) {
-  static std::atomic<unsigned> counter{0};
-  return fmt::format("{}.{}-{}.tmp", path, static_cast<long>(getpid()), counter++);
-}
 
 }  // namespace
 
@@ -42,23 +34,9 @@ std::vector<unsigned char> read_file(const std::string& path) {
 }
 
 void write_file(const std::string& path, const void* data, std::size_t size) {
-  const std::string temporary = temporary_name(path);
-  File file(std::fopen(temporary.c_str(), "wb"));
-  if (!file) fail(Status::file, "{}: cannot be written: {}", path, std::strerror(errno));
-  bool good = size == 0 || std::fwrite(data, 1, size, file.get()) == size;
-  good = good && std::fflush(file.get()) == 0;
-  int problem = errno;
-  if (std::fclose(file.release()) != 0 && good) {
-    good = false;
-    problem = errno;
-  }
-  if (good && std::rename(temporary.c_str(), path.c_str()) != 0) {
-    good = false;
-    problem = errno;
-  }
-  if (good) return;
-  std::remove(temporary.c_str());
-  fail(Status::file, "{}: cannot be written: {}", path, std::strerror(problem));
+  OutputFile file(path);
+  file.write(data, size);
+  file.commit();
 }
 
 }  // namespace vsplat
