@@ -79,7 +79,8 @@ kernel void project(global const float* means, global const float* scales, globa
   const float3 j1 = fx * rz * (W0 - sx * W2), j2 = fy * rz * (W1 - sy * W2);
   const float3 jn = fx * fy * rz * rz * (sx * W0 + sy * W1 + W2);
   float4 q = vload4(i, quats);
-  q *= rsqrt(dot(q, q));
+  const float q2 = dot(q, q);
+  q *= q2 > 0.0f ? rsqrt(q2) : 0.0f;  // none at all: no rotation
   const float3 r0 = (float3)(1.0f - 2.0f * (q.z * q.z + q.w * q.w), 2.0f * (q.y * q.z + q.x * q.w), 2.0f * (q.y * q.w - q.x * q.z));
   const float3 r1 = (float3)(2.0f * (q.y * q.z - q.x * q.w), 1.0f - 2.0f * (q.y * q.y + q.w * q.w), 2.0f * (q.z * q.w + q.x * q.y));
   const float3 r2 = (float3)(2.0f * (q.y * q.w + q.x * q.z), 2.0f * (q.z * q.w - q.x * q.y), 1.0f - 2.0f * (q.y * q.y + q.z * q.z));

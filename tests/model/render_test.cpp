@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <random>
 
+#include "model/io/ply.h"
 #include "model/scene.h"
 #include "tests/reference/splat.h"
 #include "tests/support/device.h"
@@ -208,6 +211,27 @@ TEST_P(Render, MovesWithItsCamera) {
   for (std::size_t i = 0; i < before.colour.data.size(); ++i)
     square += std::pow(before.colour.data[i] - after.colour.data[i], 2);
   EXPECT_LT(square / static_cast<double>(before.colour.data.size()), 1e-8);  // 80 dB
+}
+
+// Read again and drawn again: the same picture, but for the rounding of logarithms.
+TEST_P(Render, SurvivesThePly) {
+  const std::string path = (std::filesystem::temp_directory_path() /
+                            ("vsplat_render_test_" + std::to_string(std::random_device()()) + ".ply"))
+                               .string();
+  for (const char* kind : {"", "opacity", "needles"}) {
+    const SceneCase c{"", 400, 3, 64, 48, kind};
+    Scene scene;
+    scene.gaussians = test::make_scene(c, 15);
+    const Camera cam = test::make_camera(c, 15);
+    write_ply(path, scene);
+    const Picture before = render_picture(ctx(), upload(ctx(), scene.gaussians), cam, {});
+    const Picture after = render_picture(ctx(), upload(ctx(), read_ply(path).gaussians), cam, {});
+    double square = 0;
+    for (std::size_t i = 0; i < before.colour.data.size(); ++i)
+      square += std::pow(before.colour.data[i] - after.colour.data[i], 2);
+    EXPECT_LT(square / static_cast<double>(before.colour.data.size()), 1e-6) << kind;  // 60 dB
+  }
+  std::filesystem::remove(path);
 }
 
 VSPLAT_FLAVOURS(Render);

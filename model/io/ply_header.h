@@ -1,0 +1,40 @@
+// The text at the head of a PLY file.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace vsplat {
+
+enum class PlyType : std::uint8_t { i8, u8, i16, u16, i32, u32, f32, f64 };
+std::size_t size_of(PlyType type);
+// The value at `data`, little-endian.
+double ply_value(PlyType type, const unsigned char* data);
+
+struct PlyProperty {
+  std::string name;
+  PlyType type = PlyType::f32;
+  std::size_t offset = 0;  // bytes into its row
+};
+
+struct PlyElement {
+  std::string name;
+  std::uint64_t count = 0;
+  std::vector<PlyProperty> properties;
+  std::size_t stride = 0;  // bytes of a row; means nothing where has_list
+  bool has_list = false;
+
+  const PlyProperty* find(const std::string& property) const;
+};
+
+struct PlyHeader {
+  std::vector<PlyElement> elements;
+  std::vector<std::string> comments;  // without the word
+  std::size_t size = 0;               // bytes: where data begin
+};
+
+// `text` is the file's beginning, at least until end_header. Throws Error(format) naming path, line and what is wrong.
+PlyHeader parse_ply_header(const std::string& path, const std::string& text);
+
+}  // namespace vsplat
