@@ -31,4 +31,20 @@ PackedMatrix WeightLoader::linear_part(const std::string& name, const Shape& sha
   return pack_matrix(ctx_, find(name, shape).data.data() + k0, k, shape.at(0), 1, stride, prefix_ + name);
 }
 
+ConvWeights WeightLoader::conv3d(const std::string& name, long out, long in) const {
+  const HostTensor& w = find(name + ".weight", {out, in, 3, 3, 3});
+  return pack_conv3d(ctx_, w.data.data(), find(name + ".bias", {out}).data.data(), out, in, prefix_ + name);
+}
+
+ConvWeights WeightLoader::conv3d_down(const std::string& name, long out, long in) const {
+  const HostTensor& w = find(name + ".weight", {out, in, 2, 2, 2});
+  return pack_conv3d_down(ctx_, w.data.data(), find(name + ".bias", {out}).data.data(), out, in, prefix_ + name);
+}
+
+ConvWeights WeightLoader::submanifold(const std::string& name, long out, long kernel, long in) const {
+  const HostTensor& w = find(name + ".weight", {out, kernel, kernel, kernel, in});
+  const long taps = kernel * kernel * kernel;
+  return pack_submanifold(ctx_, w.data.data(), find(name + ".bias", {out}).data.data(), out, taps, in, prefix_ + name);
+}
+
 }  // namespace vsplat

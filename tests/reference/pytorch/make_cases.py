@@ -1,7 +1,8 @@
 """Write the golden vectors that tests read, one file a case, in one process (importing PyTorch is what takes time).
 
     python3 make_cases.py DIR micro      the two committed ones, with gradients
-    python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected
+    python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected,
+                                         a U-Net of one level and of three
 """
 import os
 import sys
@@ -31,6 +32,8 @@ TINY = {
     "tiny_paper": ["--set", "view_weight=distance", "--set", "voxel_levels=1", "--set", "refine_out_kernel=3",
                    "--set", "sample_half_pixel=false"],
     "tiny_empty": ["--empty"],
+    "micro_levels1": ["--config", "micro", "--set", "volume_mult=2"],
+    "micro_levels3": ["--config", "micro", "--set", "volume_mult=1,3,2"],
 }
 
 
