@@ -1,0 +1,82 @@
+// The network, whole: posed pictures in, Gaussians out. `forward` is the paper's figure: encoder, modulation, lifting,
+// volume network, coarse heads, selection, then, at the selected voxels only, projection, refinement, fine heads and
+// adjustor.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/config.h"
+#include "model/device_cameras.h"
+#include "model/gaussians.h"
+#include "model/weights.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct ForwardOptions {
+  double temperature = 0.1;                     // of the Gumbel-Sigmoid
+  const std::vector<float>* noise = nullptr;    // [R^3] logistic noise on the logits; none at inference
+  std::optional<std::uint64_t> selection_seed;  // draw that noise from this seed instead
+  const std::vector<int>* selection = nullptr;  // voxel indices that replace the selected ones, ascending
+  double assumed_selected = 0.1;                // share of the voxels that a plan takes for selected
+  // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...); not while
+  // planning.
+  std::function<void(const std::string&, const Tensor&)> tap;
+  // Called as each stage begins, with the share of the work that lies behind (0 to 1). May throw to cancel.
+  std::function<void(const std::string& stage, double done)> progress;
+};
+
+struct ForwardResult {
+  DeviceGaussians coarse;     // one per voxel, with refined opacity
+  DeviceGaussians final;      // M P fine ones voxel by voxel, then P adjusted skeletal ones (or what `levels` says)
+  std::vector<int> selected;  // voxel indices (i R + j) R + k, ascending
+};
+
+// Device memory that a run takes.
+struct MemoryPlan {
+  std::size_t weights = 0;          // bytes of slabs that hold the weights
+  std::size_t peak = 0;             // bytes in all, at the most
+  long selected = 0;                // voxels taken for selected
+  std::vector<StageMemory> stages;  // in order of their first use
+};
+
+class VsplatModel {
+ public:
+  // Uploads and repacks the weights for the context's device and flavour.
+  VsplatModel(Context& ctx, const Config& config, const Weights& weights);
+  ~VsplatModel();
+
+  const Config& config() const { return config_; }
+
+  // images [V,S,S,3] in [0,1], composited; cameras in the object's frame. Plans and reserves the memory of each half
+  // before it runs, and refuses (Error(memory)) what does not fit: before the start at `assumed_selected`, after the
+  // selection at the true count.
+  ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                        const ForwardOptions& options) const;
+
+  // What forward would take for so many views. `ctx` may be a planner.
+  MemoryPlan plan(const Context& ctx, long views, double selected_share) const;
+
+  // The same for a model not loaded yet, weights included; nothing is allocated.
+  static MemoryPlan plan(const Context& ctx, const Config& config, const Weights& weights, long views,
+                         double selected_share);
+
+  // No voxel can take more: every voxel selected, as a Gaussian count.
+  static long most_gaussians(const Config& config);
+
+ private:
+  struct Coarse;
+  struct Modules;
+  Coarse coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras, const ForwardOptions& options) const;
+  DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras,
+                       const ForwardOptions& options) const;
+
+  Config config_;
+  std::unique_ptr<Modules> modules_;
+};
+
+}  // namespace vsplat
