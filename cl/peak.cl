@@ -1,5 +1,7 @@
 // What the device can do at the most: independent multiply-adds, and a stream through memory. Results are written so that nothing is
 // optimised away.
+#include "common.clh"
+
 #ifndef WIDTH
 #define WIDTH 4  // numbers per vector
 #endif
@@ -11,12 +13,6 @@
 #define VEC CAT(float, WIDTH)
 #define STORE CAT(vstore, WIDTH)
 #define LOAD CAT(vload, WIDTH)
-
-#ifdef FP_FAST_FMAF
-#define FMA(a, b, c) fma(a, b, c)
-#else
-#define FMA(a, b, c) mad(a, b, c)
-#endif
 
 // Each work-item does steps * CHAINS * WIDTH multiply-adds. out [work-items, WIDTH]
 __kernel void peak_fma(int steps, float a, __global float* out) {
