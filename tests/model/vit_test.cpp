@@ -1,32 +1,14 @@
 // Encoder, modulation and lifting against the PyTorch specification.
 #include "model/vit.h"
 
-#include <Eigen/Dense>
-
 #include "model/lift.h"
 #include "model/modulation.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
-#include "tests/support/golden.h"
+#include "tests/support/golden_inputs.h"
 
 namespace vsplat {
 namespace {
-
-// The first V of the file's views.
-DeviceCameras cameras_of(Context& ctx, const test::Golden& golden) {
-  const auto c2w = golden.floats("input.c2w"), k = golden.floats("input.K");
-  std::vector<Camera> cameras;
-  for (std::size_t v = 0; v < static_cast<std::size_t>(golden.views()); ++v) {
-    Camera camera;
-    Eigen::Matrix4d m;
-    for (int i = 0; i < 16; ++i) m(i / 4, i % 4) = c2w[v * 16 + static_cast<std::size_t>(i)];
-    camera.w2c = m.inverse();
-    camera.width = camera.height = golden.config().image;
-    camera.fx = k[v * 9], camera.cx = k[v * 9 + 2], camera.fy = k[v * 9 + 4], camera.cy = k[v * 9 + 5];
-    cameras.push_back(camera);
-  }
-  return upload_cameras(ctx, cameras);
-}
 
 Tensor images_of(Context& ctx, const test::Golden& golden) {
   const long size = golden.config().image, views = golden.views();
@@ -35,32 +17,13 @@ Tensor images_of(Context& ctx, const test::Golden& golden) {
   return ctx.upload({views, size, size, 3}, images);
 }
 
-// conv_in[0] of the golden mean and variance, [R^3, 4 C~].
-std::vector<double> convolved(const test::Golden& golden) {
-  const HostTensor lifted = golden.tensor("stage.lifted");  // [1, 2C, R, R, R]
-  const HostTensor weight = golden.weights().at("volume_network.conv_in.0.weight");
-  const HostTensor bias = golden.weights().at("volume_network.conv_in.0.bias");
-  const auto voxels = static_cast<std::size_t>(golden.config().voxels());
-  const std::size_t k = lifted.data.size() / voxels, n = bias.data.size();
-  std::vector<double> out(voxels * n);
-  for (std::size_t p = 0; p < voxels; ++p) {
-    for (std::size_t j = 0; j < n; ++j) {
-      double sum = bias.data[j];
-      for (std::size_t i = 0; i < k; ++i)
-        sum += static_cast<double>(weight.data[j * k + i]) * lifted.data[i * voxels + p];
-      out[p * n + j] = sum;
-    }
-  }
-  return out;
-}
-
 class Encoder : public test::FlavourTest {
  protected:
   // Relative to the largest value of each; 1e-4 is the project's bound for a stage, float32 is well within it.
   void check(const std::string& name) {
     const test::Golden golden = test::Golden::load(name);
     const Config& config = golden.config();
-    const DeviceCameras cameras = cameras_of(ctx(), golden);
+    const DeviceCameras cameras = upload_cameras(ctx(), test::golden_cameras(golden));
     const Vit vit(ctx(), config, golden.weights());
     const PoseModulation modulation(ctx(), config, golden.weights());
     const Lifting lifting(ctx(), config, golden.weights());
@@ -69,7 +32,7 @@ class Encoder : public test::FlavourTest {
     EXPECT_TRUE(test::close(ctx().read<float>(features), golden.floats("stage.features"), 2e-5)) << name;
     const Tensor lifted = lifting.forward(ctx(), features, cameras);
     EXPECT_EQ(lifted.shape(), (Shape{config.voxels(), 4 * config.volume_ch}));
-    EXPECT_TRUE(test::close(ctx().read<float>(lifted), convolved(golden), 2e-5)) << name;
+    EXPECT_TRUE(test::close(ctx().read<float>(lifted), test::golden_compressed(golden), 2e-5)) << name;
   }
 };
 VSPLAT_FLAVOURS(Encoder);
@@ -91,7 +54,7 @@ TEST_P(Encoder, PlansItsMemory) {
   const Vit vit(*own, golden.config(), golden.weights());
   const Lifting lifting(*own, golden.config(), golden.weights());
   const PoseModulation modulation(*own, golden.config(), golden.weights());
-  const DeviceCameras cameras = cameras_of(*own, golden);
+  const DeviceCameras cameras = upload_cameras(*own, test::golden_cameras(golden));
   const Tensor images = images_of(*own, golden);
   const auto planner = own->planner();
   lifting.forward(*planner, modulation.forward(*planner, vit.forward(*planner, images), cameras), cameras);
@@ -106,7 +69,7 @@ TEST_P(Encoder, IsDeterministic) {
   const Vit vit(ctx(), golden.config(), golden.weights());
   const Lifting lifting(ctx(), golden.config(), golden.weights());
   const PoseModulation modulation(ctx(), golden.config(), golden.weights());
-  const DeviceCameras cameras = cameras_of(ctx(), golden);
+  const DeviceCameras cameras = upload_cameras(ctx(), test::golden_cameras(golden));
   const auto run = [&] {
     const Tensor tokens = vit.forward(ctx(), images_of(ctx(), golden));
     return ctx().read<float>(lifting.forward(ctx(), modulation.forward(ctx(), tokens, cameras), cameras));
