@@ -1,0 +1,179 @@
+#include "model/io/transforms_json.h"
+
+#include <array>
+#include <set>
+
+#include "model/io/view_checks.h"
+#include "runtime/error.h"
+
+namespace vsplat {
+namespace {
+
+using nlohmann::json;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+// The fields of a frame, over those of the whole file.
+class Fields {
+ public:
+  Fields(const json& root, const json& frame, std::string where)
+      : root_(root), frame_(frame), where_(std::move(where)) {}
+
+  const std::string& where() const { return where_; }
+  bool in_frame(const char* name) const { return present(frame_, name); }
+  const json* find(const char* name) const {
+    if (present(frame_, name)) return &frame_.at(name);
+    return present(root_, name) ? &root_.at(name) : nullptr;
+  }
+  double number_or(const char* name, double otherwise) const {
+    const json* value = find(name);
+    return value ? number(where_, name, *value) : otherwise;
+  }
+  std::string text_or(const char* name, const char* otherwise) const {
+    const json* value = find(name);
+    if (!value) return otherwise;
+    if (!value->is_string()) fail(Status::format, "{}: {} is {}, a text is expected", where_, name, excerpt(*value));
+    return value->get<std::string>();
+  }
+  bool flag(const char* name) const {
+    const json* value = find(name);
+    if (!value) return false;
+    if (!value->is_boolean())
+      fail(Status::format, "{}: {} is {}, true or false is expected", where_, name, excerpt(*value));
+    return value->get<bool>();
+  }
+
+ private:
+  static bool present(const json& object, const char* name) {
+    const auto at = object.find(name);
+    return at != object.end() && !at->is_null();
+  }
+
+  const json& root_;
+  const json& frame_;
+  std::string where_;
+};
+
+double angle_or_nan(const Fields& fields, const char* name) {
+  const double angle = fields.number_or(name, nan);
+  if (!std::isnan(angle) && !(angle > 1e-4 && angle < 3.14))
+    fail(Status::input, "{}: {} is {}, an angle between 0 and pi (radians) is expected", fields.where(), name, angle);
+  return angle;
+}
+
+// fl_x and fl_y win over angles; but a frame's own angle wins over the whole file's fl_, being about that frame.
+void read_focal_lengths(const Fields& fields, ListedView& view) {
+  Camera& camera = view.camera;
+  const bool own_angle = (fields.in_frame("camera_angle_x") || fields.in_frame("camera_angle_y")) &&
+                         !fields.in_frame("fl_x") && !fields.in_frame("fl_y");
+  camera.fx = own_angle ? nan : fields.number_or("fl_x", nan);
+  camera.fy = own_angle ? nan : fields.number_or("fl_y", nan);
+  if (std::isnan(camera.fx)) camera.fx = camera.fy;
+  if (std::isnan(camera.fy)) camera.fy = camera.fx;
+  if (!std::isnan(camera.fx)) return;
+  view.angle_x = angle_or_nan(fields, "camera_angle_x");
+  view.angle_y = angle_or_nan(fields, "camera_angle_y");
+  if (std::isnan(view.angle_x) && std::isnan(view.angle_y))
+    fail(Status::format, "{}: has no focal length: one of fl_x, fl_y, camera_angle_x, camera_angle_y is expected",
+         fields.where());
+}
+
+void read_distortion(const Fields& fields, Camera& camera) {
+  for (const char* name : {"ftheta_p0", "latlong", "equirectangular"})
+    if (const json* value = fields.find(name); value && !(value->is_boolean() && !value->get<bool>()))
+      fail(Status::input, "{}: the lens model of {} is not supported; undistort the pictures first", fields.where(),
+           name);
+  static const std::set<std::string> perspective = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"};
+  const std::string model = fields.text_or("camera_model", "OPENCV");
+  const bool fisheye = model == "OPENCV_FISHEYE" || fields.flag("is_fisheye");
+  if (!fisheye && perspective.count(model) == 0)
+    fail(Status::input,
+         "{}: camera_model {} is not supported (OPENCV, OPENCV_FISHEYE and PINHOLE are); undistort the pictures first",
+         fields.where(), model);
+  std::array<double, 6> k{};
+  const char* const names[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
+  for (int i = 0; i < 6; ++i) k[i] = fields.number_or(names[i], 0.0);
+  Distortion& out = camera.distortion;
+  if (fisheye) {
+    if (k[4] != 0 || k[5] != 0)
+      fail(Status::input, "{}: p1 and p2 of a fisheye lens are not supported; undistort the pictures first",
+           fields.where());
+    out.model = Distortion::Model::fisheye;
+    for (int i = 0; i < 4; ++i) out.k[i] = k[i];
+    return;
+  }
+  // k4 here is the factor of r^8, which OpenCV's rational model does not have.
+  if (k[3] != 0)
+    fail(Status::input, "{}: k4 of a perspective lens is not supported; undistort the pictures first", fields.where());
+  if (k == std::array<double, 6>{}) return;
+  out.model = Distortion::Model::opencv;
+  out.k[0] = k[0], out.k[1] = k[1], out.k[2] = k[4], out.k[3] = k[5], out.k[4] = k[2];
+}
+
+Eigen::Matrix4d read_pose(const Fields& fields, const json& frame) {
+  const auto at = frame.find("transform_matrix");
+  if (at == frame.end()) fail(Status::format, "{}: has no transform_matrix", fields.where());
+  Eigen::Matrix4d c2w = Eigen::Matrix4d::Identity();
+  if (at->is_array() && at->size() == 3) {
+    c2w.topRows<3>() = matrix<3, 4>(fields.where(), "transform_matrix", *at);
+  } else {
+    c2w = matrix<4, 4>(fields.where(), "transform_matrix", *at);
+  }
+  c2w = checked_rigid(fields.where(), "transform_matrix", c2w);
+  c2w.middleCols<2>(1) *= -1;  // OpenGL's axes to OpenCV's
+  return rigid_inverse(c2w);
+}
+
+ListedView read_frame(const std::filesystem::path& path, const json& root, const json& frame, std::size_t index,
+                      bool need_pictures) {
+  const std::string numbered = fmt::format("{}: frame {}", path.string(), index);
+  if (!frame.is_object()) fail(Status::format, "{}: is {}, an object is expected", numbered, excerpt(frame));
+  ListedView view;
+  if (const auto at = frame.find("file_path"); at != frame.end() && at->is_string()) view.name = at->get<std::string>();
+  const bool named = !view.name.empty() && view.name.find('\0') == std::string::npos;
+  if (!named && (need_pictures || frame.contains("file_path")))
+    fail(Status::format, "{}: file_path is {}, the picture's path is expected", numbered,
+         frame.contains("file_path") ? excerpt(frame.at("file_path")) : "absent");
+  const Fields fields(root, frame, named ? fmt::format("{} ({})", numbered, view.name) : numbered);
+  Camera& camera = view.camera;
+  camera.file = view.name;
+  if (fields.find("w")) camera.width = picture_side(fields.where(), "w", fields.number_or("w", 0));
+  if (fields.find("h")) camera.height = picture_side(fields.where(), "h", fields.number_or("h", 0));
+  camera.cx = fields.number_or("cx", nan);
+  camera.cy = fields.number_or("cy", nan);
+  read_focal_lengths(fields, view);
+  read_distortion(fields, camera);
+  camera.w2c = read_pose(fields, frame);
+  if (fields.in_frame("mask_path")) {
+    const std::string mask = fields.text_or("mask_path", "");
+    if (mask.find('\0') != std::string::npos) fail(Status::format, "{}: mask_path is no path", fields.where());
+    if (!mask.empty()) view.mask = path.parent_path() / mask;
+  }
+  check_intrinsics(fields.where(), camera);
+  return view;
+}
+
+}  // namespace
+
+ViewSet parse_transforms_json(const std::filesystem::path& path, const json& root, bool need_pictures) {
+  ViewSet out;
+  out.source = path;
+  out.convention = PoseConvention::opengl_c2w;
+  const std::string where = path.string();
+  if (const auto at = root.find("aabb_center"); at != root.end() && !at->is_null())
+    out.aabb_center = vector3(where, "aabb_center", *at);
+  if (const auto at = root.find("aabb_half"); at != root.end() && !at->is_null()) {
+    out.aabb_half = number(where, "aabb_half", *at);
+    if (!(*out.aabb_half > 0))
+      fail(Status::input, "{}: aabb_half is {}, a positive number is expected", where, *out.aabb_half);
+  }
+  const json& frames = root.at("frames");
+  if (!frames.is_array()) fail(Status::format, "{}: frames is {}, a list is expected", where, excerpt(frames));
+  if (frames.empty()) fail(Status::input, "{}: lists no frames", where);
+  out.views.reserve(frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    out.views.push_back(read_frame(path, root, frames[i], i, need_pictures));
+  return out;
+}
+
+}  // namespace vsplat

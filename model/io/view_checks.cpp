@@ -1,0 +1,174 @@
+#include "model/io/view_checks.h"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <cmath>
+#include <string_view>
+
+#include "runtime/error.h"
+#include "runtime/file.h"
+
+namespace vsplat {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::uintmax_t max_json_bytes = std::uintmax_t{1} << 28;
+constexpr double max_coordinate = 1e12;  // beyond, differences of positions have no digits left in float
+constexpr double rigid_tolerance = 1e-3;
+
+// Python's json module writes NaN, Infinity and -Infinity, which are not JSON: between quotes they are.
+std::string quote_words_of_python(const std::string& text) {
+  std::string out;
+  out.reserve(text.size() + 64);
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string && c == '\\' && i + 1 < text.size()) {
+      out += c;
+      out += text[++i];
+      continue;
+    }
+    if (c == '"') in_string = !in_string;
+    bool replaced = false;
+    if (!in_string && (c == 'N' || c == 'I' || c == '-')) {
+      for (const std::string_view word : {"NaN", "Infinity", "-Infinity"}) {
+        if (text.compare(i, word.size(), word) != 0) continue;
+        out += '"';
+        out += word;
+        out += '"';
+        i += word.size() - 1;
+        replaced = true;
+        break;
+      }
+    }
+    if (!replaced) out += c;
+  }
+  return out;
+}
+
+}  // namespace
+
+json read_json(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) fail(Status::file, "{}: no such file", path.string());
+  if (std::filesystem::file_size(path, error) > max_json_bytes || error)
+    fail(Status::format, "{}: is too large for a file of cameras (more than 256 MiB)", path.string());
+  const std::vector<unsigned char> bytes = read_file(path.string());
+  try {
+    return json::parse(quote_words_of_python(std::string(bytes.begin(), bytes.end())));
+  } catch (const json::exception& e) {
+    const std::string_view what = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
+    const auto begin = what.find("] ");
+    fail(Status::format, "{}: is not valid JSON: {}", path.string(),
+         begin == std::string_view::npos ? what : what.substr(begin + 2));
+  }
+}
+
+std::string excerpt(const json& value) {
+  std::string text = value.dump(-1, ' ', true, json::error_handler_t::replace);
+  if (text.size() > 60) text = text.substr(0, 57) + "...";
+  return text;
+}
+
+double number(const std::string& where, const char* field, const json& value) {
+  if (value.is_string()) {
+    const auto& word = value.get_ref<const std::string&>();
+    if (word == "NaN" || word == "Infinity" || word == "-Infinity")
+      fail(Status::input, "{}: {} is {}, a finite number is expected", where, field, word);
+  }
+  if (!value.is_number()) fail(Status::format, "{}: {} is {}, a number is expected", where, field, excerpt(value));
+  const double out = value.get<double>();
+  if (!std::isfinite(out)) fail(Status::input, "{}: {} is {}, a finite number is expected", where, field, out);
+  return out;
+}
+
+int picture_side(const std::string& where, const char* field, double value) {
+  if (!(value >= 1 && value <= max_picture_side) || value != std::floor(value))
+    fail(Status::input, "{}: {} is {}, a whole number of pixels from 1 to {} is expected", where, field, value,
+         max_picture_side);
+  return static_cast<int>(value);
+}
+
+template <int Rows, int Cols>
+Eigen::Matrix<double, Rows, Cols> matrix(const std::string& where, const char* field, const json& value) {
+  const auto misshaped = [&]() {
+    fail(Status::format, "{}: {} is {}, {} rows of {} numbers are expected", where, field, excerpt(value), Rows, Cols);
+  };
+  if (!value.is_array() || value.size() != Rows) misshaped();
+  Eigen::Matrix<double, Rows, Cols> out;
+  for (int r = 0; r < Rows; ++r) {
+    if (!value[r].is_array() || value[r].size() != Cols) misshaped();
+    for (int c = 0; c < Cols; ++c)
+      out(r, c) = number(where, fmt::format("{}[{}][{}]", field, r, c).c_str(), value[r][c]);
+  }
+  return out;
+}
+
+template Eigen::Matrix<double, 3, 3> matrix<3, 3>(const std::string&, const char*, const json&);
+template Eigen::Matrix<double, 3, 4> matrix<3, 4>(const std::string&, const char*, const json&);
+template Eigen::Matrix<double, 4, 4> matrix<4, 4>(const std::string&, const char*, const json&);
+
+Eigen::Vector3d vector3(const std::string& where, const char* field, const json& value) {
+  if (!value.is_array() || value.size() != 3)
+    fail(Status::format, "{}: {} is {}, three numbers are expected", where, field, excerpt(value));
+  Eigen::Vector3d out;
+  for (int i = 0; i < 3; ++i) out[i] = number(where, fmt::format("{}[{}]", field, i).c_str(), value[i]);
+  return out;
+}
+
+Eigen::Matrix4d checked_rigid(const std::string& where, const char* field, const Eigen::Matrix4d& m) {
+  if (!m.allFinite()) fail(Status::input, "{}: {} holds a value that is not finite", where, field);
+  if ((m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-6)
+    fail(Status::input, "{}: the last row of {} is {} {} {} {}, 0 0 0 1 is expected{}", where, field, m(3, 0), m(3, 1),
+         m(3, 2), m(3, 3), m.topRightCorner<3, 1>().isZero() ? " (the matrix is transposed, it seems)" : "");
+  if (m.topRightCorner<3, 1>().cwiseAbs().maxCoeff() > max_coordinate)
+    fail(Status::input, "{}: {} is further than {} from the origin", where, field, max_coordinate);
+  const Eigen::Matrix3d R = m.topLeftCorner<3, 3>();
+  const double largest = R.cwiseAbs().maxCoeff();
+  const double det = largest > 0 ? (R / largest).determinant() : 0.0;
+  if (std::abs(det) < 1e-6) fail(Status::input, "{}: {} is singular: it is no rotation and translation", where, field);
+  const double scale = largest * std::cbrt(std::abs(det));
+  const auto off = [](const Eigen::Matrix3d& r) {
+    return (r.transpose() * r - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  };
+  if (const double d = off(R / scale); d > rigid_tolerance)
+    fail(Status::input, "{}: {} is not rigid: its rotation is off orthonormal by {:.2g} (at most {} is taken)", where,
+         field, d, rigid_tolerance);
+  if (det < 0)
+    fail(Status::input, "{}: {} mirrors: its rotation has determinant -1, a proper one is expected", where, field);
+  if (std::abs(scale - 1) > rigid_tolerance)
+    fail(Status::input,
+         "{}: {} scales by {:.6g}: a pose is a rotation and a translation only; divide its 3 x 3 part by that", where,
+         field, scale);
+  Eigen::Matrix4d out = Eigen::Matrix4d::Identity();
+  out.topRightCorner<3, 1>() = m.topRightCorner<3, 1>();
+  out.topLeftCorner<3, 3>() = R;
+  if (off(R) > 1e-12) {  // below, the file's own digits are kept
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    out.topLeftCorner<3, 3>() = svd.matrixU() * svd.matrixV().transpose();
+  }
+  return out;
+}
+
+Eigen::Matrix4d rigid_inverse(const Eigen::Matrix4d& m) {
+  Eigen::Matrix4d out = Eigen::Matrix4d::Identity();
+  out.topLeftCorner<3, 3>() = m.topLeftCorner<3, 3>().transpose();
+  out.topRightCorner<3, 1>() = -(m.topLeftCorner<3, 3>().transpose() * m.topRightCorner<3, 1>());
+  return out;
+}
+
+void check_intrinsics(const std::string& where, const Camera& camera) {
+  const auto open = [](double v) { return std::isnan(v); };
+  for (const auto& [name, f] : {std::pair{"fx", camera.fx}, std::pair{"fy", camera.fy}})
+    if (!open(f) && !(f > 1e-6 && f < 1e9))
+      fail(Status::input, "{}: the focal length {} is {} pixels, a positive number is expected", where, name, f);
+  for (const auto& [name, c] : {std::pair{"cx", camera.cx}, std::pair{"cy", camera.cy}})
+    if (!open(c) && !(std::abs(c) < 1e9))
+      fail(Status::input, "{}: {} is {}, a position in pixels is expected", where, name, c);
+  for (const double k : camera.distortion.k)
+    if (!std::isfinite(k))
+      fail(Status::input, "{}: a distortion coefficient is {}, a finite number is expected", where, k);
+}
+
+}  // namespace vsplat

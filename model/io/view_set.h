@@ -1,0 +1,61 @@
+// Posed views from files: transforms.json (NeRF, instant-ngp, nerfstudio), COLMAP models, our own cameras.json and that
+// of the INRIA viewers. Every reader maps into OpenCV world-to-camera matrices in the user's own world; the matrices
+// are taken as listed (`applied_transform` and `applied_scale` describe how they came about and are not undone).
+#pragma once
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/camera.h"
+
+namespace vsplat {
+
+// How the file states a pose; what a mistaken one was probably meant to be follows from it.
+enum class PoseConvention {
+  opengl_c2w,      // transforms.json: camera-to-world, x right, y up, -z forward
+  opencv_w2c,      // COLMAP and our cameras.json: world-to-camera, x right, y down, z forward
+  opencv_position  // INRIA's cameras.json: centre in the world, camera-to-world rotation, OpenCV axes
+};
+
+// One camera of a file. What depends on a picture's size that the file does not give stays open until
+// resolve_intrinsics(): width or height 0, cx or cy NaN, and fx, fy NaN where only fields of view are given.
+struct ListedView {
+  Camera camera;
+  std::string name;               // as listed
+  std::filesystem::path picture;  // empty where there is no such file
+  std::optional<std::filesystem::path>
+      mask;  // black is not the object; whether the file exists is found when it is used
+  double angle_x = std::numeric_limits<double>::quiet_NaN(), angle_y = angle_x;  // fields of view in radians, or NaN
+};
+
+struct ViewSet {
+  std::vector<ListedView> views;  // every frame, as listed (COLMAP: in order of name), with a picture or without
+  std::optional<Eigen::Vector3d> aabb_center;
+  std::optional<double> aabb_half;
+  std::filesystem::path source;  // the file, or the COLMAP model's folder
+  PoseConvention convention = PoseConvention::opencv_w2c;
+};
+
+struct ReadOptions {
+  std::filesystem::path pictures_dir = {};  // where the pictures are, if not where the format has them
+  bool need_pictures =
+      true;  // one warning counts the frames that have none; none left is an error. False: target cameras
+};
+
+// `path`: one of the files, or a folder with transforms.json, else cameras.json, else a COLMAP model in sparse/0,
+// sparse, colmap or itself. Error(file) where there is none, Error(format) where its content is damaged, Error(input)
+// where a pose or an intrinsic is of no use (not finite, singular, mirrored, scaled, a focal length that is not
+// positive).
+ViewSet read_views(const std::filesystem::path& path, const ReadOptions& options = {});
+
+// Fills in what was left open from the size of the view's picture (or of the picture to draw, for a target camera).
+// Error(input) where the file lists another size.
+void resolve_intrinsics(ListedView& view, int width, int height);
+
+// Whether width, height and all intrinsics are known.
+bool is_resolved(const ListedView& view);
+
+}  // namespace vsplat

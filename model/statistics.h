@@ -1,0 +1,24 @@
+// Order statistics of a few numbers.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace vsplat {
+
+// Nearest rank: the smallest value that at least `share` of the values do not exceed. Not empty.
+inline double quantile(std::vector<double> values, double share) {
+  const auto rank = static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(values.size()) - 1e-9)) - 1;
+  const auto at = values.begin() + std::clamp<std::ptrdiff_t>(rank, 0, static_cast<std::ptrdiff_t>(values.size()) - 1);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// The middle value, or the mean of the two. Not empty.
+inline double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+}
+
+}  // namespace vsplat

@@ -1,0 +1,76 @@
+// Synthetic rigs of cameras and a temporary folder, for the tests of posed views.
+#pragma once
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "model/camera.h"
+#include "model/orbit.h"
+#include "runtime/error.h"
+#include "runtime/log.h"
+#include "tests/support/temporary_folder.h"
+
+namespace vsplat::test {
+
+class ViewFolder : public TemporaryFolder {
+ public:
+  std::filesystem::path path() const { return string(); }
+  std::filesystem::path operator/(const std::string& name) const { return path() / name; }
+  std::filesystem::path write(const std::string& name, const std::string& bytes) const {
+    std::filesystem::create_directories((path() / name).parent_path());
+    std::ofstream(path() / name, std::ios::binary) << bytes;
+    return path() / name;
+  }
+  std::filesystem::path touch(const std::string& name) const { return write(name, "x"); }
+};
+
+// Cameras around `centre` that look `off_degrees` past it, each another way.
+inline std::vector<Camera> ring(int count, const Eigen::Vector3d& centre = Eigen::Vector3d::Zero(), double radius = 2,
+                                double elevation = 0.3, double off_degrees = 0) {
+  std::vector<Camera> out;
+  for (int i = 0; i < count; ++i) {
+    const double a = 2 * M_PI * i / count, off = radius * std::tan(off_degrees * M_PI / 180);
+    const Eigen::Vector3d level(std::sin(a), 0, -std::cos(a)), side(std::cos(a), 0, std::sin(a)), up(0, -1, 0);
+    const Eigen::Vector3d eye = centre + radius * (std::cos(elevation) * level + std::sin(elevation) * up);
+    Camera c;
+    c.file = fmt::format("{}.png", i);
+    c.width = 640, c.height = 480;
+    c.fx = 800, c.fy = 790, c.cx = 322, c.cy = 237;
+    c.w2c = look_at(eye, centre + off * (std::cos(2.4 * i) * side + std::sin(2.4 * i) * up), up);
+    out.push_back(c);
+  }
+  return out;
+}
+
+// The Error that `call` throws: its status, and its message must hold every one of `words`.
+template <class Call>
+void expect_error(Status status, const std::vector<std::string>& words, Call&& call) {
+  try {
+    call();
+    ADD_FAILURE() << "no error; expected one with " << (words.empty() ? "" : words[0]);
+  } catch (const Error& e) {
+    EXPECT_EQ(static_cast<int>(e.status()), static_cast<int>(status)) << e.what();
+    for (const std::string& word : words)
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << "\"" << word << "\" is not in: " << e.what();
+  }
+}
+
+// Collects warnings while it lives.
+class Warnings {
+ public:
+  Warnings() {
+    set_log_sink([this](LogLevel level, const std::string& text) {
+      if (level == LogLevel::warning) all.push_back(text);
+    });
+  }
+  ~Warnings() { set_log_sink({}); }
+  Warnings(const Warnings&) = delete;
+  Warnings& operator=(const Warnings&) = delete;
+  std::vector<std::string> all;
+};
+
+}  // namespace vsplat::test
