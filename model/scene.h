@@ -24,6 +24,7 @@ struct Similarity {
   static Similarity from_matrix(
       const Eigen::Matrix4d& m);  // Throws Error(input) where the upper 3x3 is not scale times rotation
   Similarity inverse() const;
+  Eigen::Vector3d apply(const Eigen::Vector3d& x) const { return scale * (rotation * x) + translation; }
 };
 Similarity operator*(const Similarity& after, const Similarity& before);
 
