@@ -15,7 +15,7 @@ struct Data {
   GemmShape shape;
   std::vector<float> x0, x1, scale, shift, w, bias, residual;
   std::vector<int> map;
-  PackedMatrix b, b_reference;
+  PackedMatrix b;
   Gemm g;
 
   long channels() const { return shape.c0 + shape.c1; }
@@ -58,7 +58,7 @@ std::vector<int> sheet_map(long m, long taps) {
   return map;
 }
 
-Prepared prepare(Context& ctx, const GemmShape& s) {
+std::shared_ptr<Data> make_data(Context& ctx, const GemmShape& s) {
   auto d = std::make_shared<Data>();
   d->shape = s;
   d->x0 = random_floats(s.m * s.c0, 1);
@@ -88,7 +88,31 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
   g.bias = ctx.upload({s.n}, d->bias);
   g.activation = s.activation;
   g.out = ctx.tensor({s.m, s.n});
+  return d;
+}
 
+// The same product by CLBlast, in a context of its own that is opened at the first run.
+std::function<void()> by_clblast(const Context& ctx, const GemmShape& s) {
+  struct Other {
+    std::unique_ptr<Context> ctx;
+    std::shared_ptr<Data> data;
+  };
+  ContextOptions options;
+  options.device = std::to_string(ctx.device().index);
+  options.kernels = name_of(ctx.flavour());
+  options.gemm = GemmChoice::clblast;
+  return [options, s, other = std::make_shared<Other>()] {
+    if (!other->ctx) {
+      other->ctx = std::make_unique<Context>(options);
+      other->data = make_data(*other->ctx, s);
+    }
+    gemm(*other->ctx, other->data->g);
+    other->ctx->finish();
+  };
+}
+
+Prepared prepare(Context& ctx, const GemmShape& s) {
+  const auto d = make_data(ctx, s);
   Prepared p;
   const double m = static_cast<double>(s.m), n = static_cast<double>(s.n), k = static_cast<double>(d->k());
   p.cost = {2 * m * n * k, 4 * (m * static_cast<double>(d->channels()) + n * k + m * n * (s.residual ? 2 : 1))};
@@ -100,6 +124,7 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
         d->shape.m * d->shape.n, 300, [&](long i) { return got[static_cast<std::size_t>(i)]; },
         [&](long i) { return d->want(i); });
   };
+  if (!s.c1 && !s.taps && !s.prologue) p.references["CLBlast"] = by_clblast(ctx, s);
   return p;
 }
 

@@ -144,6 +144,7 @@ std::unique_ptr<Context> Context::planner() const {
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
   impl->planning = true;
+  impl->queue = impl_->queue;  // libraries are asked about it; nothing is enqueued
   impl->stage = impl_->stage;
   impl->arena = std::make_unique<Arena>(impl_->arena->plan());
   return std::unique_ptr<Context>(new Context(std::move(impl)));

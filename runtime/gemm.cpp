@@ -1,8 +1,10 @@
 #include "runtime/gemm.h"
 
+#include <clblast.h>
+
 #include <algorithm>
 
-#include "runtime/shape_check.h"
+#include "runtime/log.h"
 
 namespace vsplat {
 
@@ -103,6 +105,60 @@ void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
              static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
 }
 
+// Whether CLBlast multiplies: it reads A as it lies in memory. Left to choose, it does so on GPUs of the vendors whose
+// devices its tuning database covers.
+bool wants_clblast(const Context& ctx, const Gemm& g) {
+  if (g.a.x1 || g.a.scale || g.a.silu || g.a.map) return false;
+  if (ctx.gemm_choice() != GemmChoice::auto_) return ctx.gemm_choice() == GemmChoice::clblast;
+  if (ctx.device().type != DeviceType::gpu || ctx.flavour() != Flavour::gpu) return false;
+  for (const char* vendor : {"NVIDIA", "AMD", "Advanced Micro Devices", "Intel", "ARM", "QUALCOMM"})
+    if (ctx.device().vendor.find(vendor) != std::string::npos) return true;
+  return false;
+}
+
+// False where CLBlast cannot and was not asked for by name.
+bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
+  const auto u = [](long v) { return static_cast<std::size_t>(v); };
+  const Tensor& b = g.b->plain ? g.b->plain : g.b->data;
+  const bool epilogue = g.bias || g.residual || g.activation != Activation::none;
+  // The product goes to `out` unless the residual is there still.
+  const bool aside = g.residual && g.residual.block() == g.out.block();
+  const Tensor product = aside ? ctx.tensor({s.m, s.n}, Type::f32, "product") : g.out;
+  const long product_row0 = aside ? 0 : s.out_row0;
+
+  auto queue = static_cast<cl_command_queue>(ctx.raw_queue());
+  using clblast::Layout;
+  using clblast::Transpose;
+  std::size_t bytes = 0;
+  auto status = clblast::GemmTempBufferSize<float>(Layout::kRowMajor, Transpose::kNo, Transpose::kNo, u(s.m), u(s.n),
+                                                   u(s.k), u(s.row0 * s.k), u(s.k), 0, u(s.n), u(product_row0 * s.n),
+                                                   u(s.n), &queue, bytes);
+  if (status == clblast::StatusCode::kSuccess) {
+    const Tensor scratch =
+        bytes > 0 ? ctx.tensor({static_cast<long>((bytes + 3) / 4)}, Type::f32, "CLBlast's copies") : Tensor();
+    if (ctx.planning()) return true;
+    const auto memory = [&](const Tensor& t) { return static_cast<cl_mem>(ctx.raw_buffer(t)); };
+    cl_event event = nullptr;
+    status = clblast::Gemm(Layout::kRowMajor, Transpose::kNo, Transpose::kNo, u(s.m), u(s.n), u(s.k), 1.0f,
+                           memory(g.a.x0), u(s.row0 * s.k), u(s.k), memory(b), 0, u(s.n), 0.0f, memory(product),
+                           u(product_row0 * s.n), u(s.n), &queue, &event, memory(scratch));
+    if (status == clblast::StatusCode::kSuccess) ctx.record_foreign(g.name, cost_of(g, s, s.m), event);
+  }
+  if (status != clblast::StatusCode::kSuccess) {
+    const std::string what = fmt::format("{}: CLBlast refuses {} x {} x {} on {} with status {}", g.name, s.m, s.n, s.k,
+                                         ctx.device().name, static_cast<int>(status));
+    if (ctx.gemm_choice() == GemmChoice::clblast)
+      fail(Status::device, "{}; leave the choice to the program or choose its own", what);
+    verbose("{}", what);
+    return false;
+  }
+  if (epilogue)
+    ctx.launch({"gemm_gpu", "gemm_epilogue", ""}, items(s.m * s.n),
+               {0, 4.0 * static_cast<double>(s.m * s.n) * (g.residual ? 3 : 2)}, product, as_int(product_row0),
+               as_int(s.m), as_int(s.n), g.bias, static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
+  return true;
+}
+
 }  // namespace
 
 std::size_t packed_bytes(Flavour flavour, long k, long n) {
@@ -144,6 +200,7 @@ PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_st
 void gemm(Context& ctx, const Gemm& g) {
   const Sizes s = check(g);
   if (s.m == 0 || s.n == 0) return;
+  if (s.k > 0 && wants_clblast(ctx, g) && gemm_clblast(ctx, g, s)) return;
   if (ctx.flavour() == Flavour::cpu)
     gemm_cpu(ctx, g, s);
   else
