@@ -5,6 +5,7 @@
 #include <set>
 
 #include "tests/support/golden.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
@@ -37,6 +38,16 @@ TEST_P(ParamsOfTiny, AreTheReferencesStateDict) {
 INSTANTIATE_TEST_SUITE_P(Golden, ParamsOfTiny, ::testing::ValuesIn(test::golden_cases()),
                          [](const auto& one) { return one.param; });
 
+TEST(GoldenCases, AreThoseOfTheScript) {
+  // A name that the script does not make would only ever be skipped.
+  const std::string script =
+      test::contents_of(std::string(VSPLAT_SOURCE_DIR) + "/tests/reference/pytorch/make_cases.py");
+  std::set<std::string> made;
+  for (std::size_t at = script.find("    \"tiny"); at != std::string::npos; at = script.find("    \"tiny", at + 1))
+    made.insert(script.substr(at + 5, script.find('"', at + 5) - at - 5));
+  EXPECT_EQ(made, std::set<std::string>(test::golden_cases().begin(), test::golden_cases().end()));
+}
+
 TEST(Params, CountsAreTheReferences) {
   EXPECT_EQ(parameter_count(named_config("micro")), 38551);
   EXPECT_EQ(parameter_count(named_config("tiny")), 532466);
@@ -59,8 +70,12 @@ TEST(Params, FanInIsWhatFeedsOneOutput) {
   for (const Parameter& p : parameters(named_config("paper"))) {
     if (p.init == Init::zeros || p.init == Init::ones || p.init == Init::position || p.init == Init::sobol) continue;
     ASSERT_GT(p.fan_in, 0) << p.name;
-    if (p.shape.size() > 1) { EXPECT_EQ(p.fan_in, p.count() / p.shape[0]) << p.name; }
-    if (p.init == Init::xavier) { EXPECT_EQ(p.fan_out, p.shape[0]) << p.name; }
+    if (p.shape.size() > 1) {
+      EXPECT_EQ(p.fan_in, p.count() / p.shape[0]) << p.name;
+    }
+    if (p.init == Init::xavier) {
+      EXPECT_EQ(p.fan_out, p.shape[0]) << p.name;
+    }
   }
 }
 
