@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <set>
 
 #include "tests/support/golden.h"
@@ -40,11 +41,17 @@ INSTANTIATE_TEST_SUITE_P(Golden, ParamsOfTiny, ::testing::ValuesIn(test::golden_
 
 TEST(GoldenCases, AreThoseOfTheScript) {
   // A name that the script does not make would only ever be skipped.
-  const std::string script =
-      test::contents_of(std::string(VSPLAT_SOURCE_DIR) + "/tests/reference/pytorch/make_cases.py");
+  const std::string script = test::contents_of(std::filesystem::path(Golden::path_of("micro")).parent_path().string() +
+                                               "/../reference/pytorch/make_cases.py");
+  const std::size_t begin = script.find("TINY = {");
+  ASSERT_NE(begin, std::string::npos);
+  const std::string table = script.substr(begin, script.find("\n}", begin) - begin);
+  const std::string key = "\n    \"";  // its lines begin so, and none else do
   std::set<std::string> made;
-  for (std::size_t at = script.find("    \"tiny"); at != std::string::npos; at = script.find("    \"tiny", at + 1))
-    made.insert(script.substr(at + 5, script.find('"', at + 5) - at - 5));
+  for (std::size_t at = table.find(key); at != std::string::npos; at = table.find(key, at + 1)) {
+    const std::size_t name = at + key.size();
+    made.insert(table.substr(name, table.find('"', name) - name));
+  }
   EXPECT_EQ(made, std::set<std::string>(test::golden_cases().begin(), test::golden_cases().end()));
 }
 
