@@ -122,8 +122,10 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
 
 TEST(InitialWeights, ASeedGivesTheSameBytesEverywhere) {
   // Pinned: on another machine, compiler or C library they must be these.
-  EXPECT_EQ(digest_of(initial_weights(named_config("micro"), 0)), "f140263e82d176a654f2a3e6611b683a4b8d25ba6fdda99c72cfdff8f60b5f1a");
-  EXPECT_EQ(digest_of(initial_weights(named_config("micro"), 1ull << 40)), "7819a2d403b4022dec8da3131c4fbde33ef1392ff744ae0a50bde9ab388e0729");
+  EXPECT_EQ(digest_of(initial_weights(named_config("micro"), 0)),
+            "f140263e82d176a654f2a3e6611b683a4b8d25ba6fdda99c72cfdff8f60b5f1a");
+  EXPECT_EQ(digest_of(initial_weights(named_config("micro"), 1ull << 40)),
+            "7819a2d403b4022dec8da3131c4fbde33ef1392ff744ae0a50bde9ab388e0729");
 }
 
 TEST(InitialWeights, SeedsAndTensorsDiffer) {

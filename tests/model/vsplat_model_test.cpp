@@ -7,29 +7,12 @@
 #include "model/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
-#include "tests/support/golden.h"
+#include "tests/support/golden_inputs.h"
 
 namespace vsplat {
 namespace {
 
 using test::Golden;
-
-std::vector<Camera> golden_cameras(const Golden& golden, int first, int count) {
-  const std::vector<float> c2w = golden.floats("input.c2w"), k = golden.floats("input.K");
-  std::vector<Camera> out;
-  for (int i = first; i < first + count; ++i) {
-    Camera camera;
-    camera.width = camera.height = golden.config().image;
-    Eigen::Matrix4d pose;
-    for (int j = 0; j < 16; ++j) pose(j / 4, j % 4) = c2w[static_cast<std::size_t>(16 * i + j)];
-    camera.w2c.topLeftCorner<3, 3>() = pose.topLeftCorner<3, 3>().transpose();
-    camera.w2c.topRightCorner<3, 1>() = -camera.w2c.topLeftCorner<3, 3>() * pose.topRightCorner<3, 1>();
-    const float* m = &k[static_cast<std::size_t>(9 * i)];
-    camera.fx = m[0], camera.fy = m[4], camera.cx = m[2], camera.cy = m[5];
-    out.push_back(camera);
-  }
-  return out;
-}
 
 // A run of the model on a golden file's inputs, with every stage's output kept.
 struct ModelRun {
@@ -43,7 +26,7 @@ struct ModelRun {
     const long edge = config.image, views = golden.views();
     std::vector<float> images = golden.floats("input.images");
     images.resize(static_cast<std::size_t>(views * edge * edge * 3));
-    cameras = golden_cameras(golden, 0, golden.views());
+    cameras = test::golden_cameras(golden);
     ForwardOptions options;
     options.temperature = golden.temperature();
     std::vector<float> noise;
@@ -93,17 +76,17 @@ void expect_pictures(Context& ctx, const Golden& golden, const ModelRun& run) {
   RenderOptions options;
   options.background = {background[0], background[1], background[2]};
   if (golden.config().negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
-  const int shots = static_cast<int>(golden.tensor("input.c2w").shape[0]);
+  const std::vector<Camera> cameras = test::golden_all_cameras(golden);
   for (const auto& [level, gaussians] :
        {std::pair{"coarse", &run.result.coarse}, std::pair{"final", &run.result.final}}) {
     std::vector<float> colour, alpha, depth;
-    for (const Camera& camera : golden_cameras(golden, 0, shots)) {
+    for (const Camera& camera : cameras) {
       const Picture p = render_picture(ctx, *gaussians, camera, options);
       colour.insert(colour.end(), p.colour.data.begin(), p.colour.data.end());
       alpha.insert(alpha.end(), p.alpha.data.begin(), p.alpha.data.end());
       depth.insert(depth.end(), p.depth.data.begin(), p.depth.data.end());
     }
-    ASSERT_EQ(alpha.size(), pixels * static_cast<std::size_t>(shots));
+    ASSERT_EQ(alpha.size(), pixels * cameras.size());
     const std::string prefix = std::string("render.") + level + ".";
     expect_picture(colour, golden.floats(prefix + "image"), prefix + "image");
     expect_picture(alpha, golden.floats(prefix + "alpha"), prefix + "alpha");
@@ -170,7 +153,7 @@ TEST_P(Model, PlanTellsTheMemoryOfTheRun) {
   images.resize(static_cast<std::size_t>(golden.views()) * config.image * config.image * 3);
   const ForwardResult result =
       model.forward(*run_ctx, run_ctx->upload({golden.views(), config.image, config.image, 3}, images),
-                    upload_cameras(*run_ctx, golden_cameras(golden, 0, golden.views())), options);
+                    upload_cameras(*run_ctx, test::golden_cameras(golden)), options);
   EXPECT_EQ(result.selected, forced);
   EXPECT_EQ(result.final.count(), static_cast<long>(forced.size()) * (config.fine_count + 1));
   // The run holds its pictures and cameras in small slabs of their own.
@@ -189,7 +172,7 @@ TEST_P(Model, RefusesBeforeItStartsWhatDoesNotFit) {
     const VsplatModel model(*small, golden.config(), golden.weights());
     std::vector<float> images = golden.floats("input.images");
     images.resize(static_cast<std::size_t>(2) * 16 * 16 * 3);
-    model.forward(*small, small->upload({2, 16, 16, 3}, images), upload_cameras(*small, golden_cameras(golden, 0, 2)),
+    model.forward(*small, small->upload({2, 16, 16, 3}, images), upload_cameras(*small, test::golden_cameras(golden)),
                   {});
     FAIL() << "ran in 60 % of the memory that it needs";
   } catch (const Error& e) {
@@ -204,7 +187,7 @@ TEST_P(Model, SelectionSeedMakesARepeatableChoice) {
   std::vector<float> images = golden.floats("input.images");
   images.resize(static_cast<std::size_t>(2) * 16 * 16 * 3);
   const Tensor pictures = ctx().upload({2, 16, 16, 3}, images);
-  const DeviceCameras cameras = upload_cameras(ctx(), golden_cameras(golden, 0, 2));
+  const DeviceCameras cameras = upload_cameras(ctx(), test::golden_cameras(golden));
   const auto chosen = [&](std::optional<std::uint64_t> seed) {
     ForwardOptions options;
     options.temperature = 1;

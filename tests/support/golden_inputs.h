@@ -10,11 +10,11 @@
 
 namespace vsplat::test {
 
-// The views that the network took.
-inline std::vector<Camera> golden_cameras(const Golden& golden) {
+// All that there are: the views that the network took, then those to draw alone.
+inline std::vector<Camera> golden_all_cameras(const Golden& golden) {
   const auto c2w = golden.floats("input.c2w"), k = golden.floats("input.K");
   std::vector<Camera> cameras;
-  for (std::size_t v = 0; v < static_cast<std::size_t>(golden.views()); ++v) {
+  for (std::size_t v = 0; v < c2w.size() / 16; ++v) {
     Camera camera;
     Eigen::Matrix4d m;
     for (int i = 0; i < 16; ++i) m(i / 4, i % 4) = static_cast<double>(c2w[v * 16 + static_cast<std::size_t>(i)]);
@@ -23,6 +23,13 @@ inline std::vector<Camera> golden_cameras(const Golden& golden) {
     camera.fx = k[v * 9], camera.cx = k[v * 9 + 2], camera.fy = k[v * 9 + 4], camera.cy = k[v * 9 + 5];
     cameras.push_back(camera);
   }
+  return cameras;
+}
+
+// The views that the network took.
+inline std::vector<Camera> golden_cameras(const Golden& golden) {
+  std::vector<Camera> cameras = golden_all_cameras(golden);
+  cameras.resize(static_cast<std::size_t>(golden.views()));
   return cameras;
 }
 
