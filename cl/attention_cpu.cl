@@ -5,14 +5,16 @@
 //   vp  [V H, 32 N, HEAD_PAD]  values; keys beyond T and channels beyond D are zero
 //   out [V, T, H D]
 // HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1.
-// attention_pack writes kt and vp; then one work-item of attention_cpu owns 12 queries of a head. Work-groups of one
+// attention_pack writes kt and vp; then one work-item of attention_cpu owns ROWS queries of a head. Work-groups of one
 // work-item: the register tiles are explicit float16, and neighbouring groups share a head's panels in cache.
 #include "common.clh"
 
 #ifndef HEAD_PAD
 #define HEAD_PAD 64
 #endif
-#define ROWS 12  // queries of a tile
+#ifndef ROWS
+#define ROWS 12  // queries of a tile: 12, or 2 where a compiler takes vectors apart and would be at it for minutes
+#endif
 #define KEYS 32  // keys of a panel
 #ifndef PANELS
 #define PANELS 4  // panels per step of the online softmax
@@ -20,19 +22,23 @@
 #define STEP (PANELS * KEYS)
 #define LOG2E 1.44269504088896341f
 
+#if ROWS == 12
 #define EACH_ROW(F) F(0) F(1) F(2) F(3) F(4) F(5) F(6) F(7) F(8) F(9) F(10) F(11)
+#else
+#define EACH_ROW(F) F(0) F(1)
+#endif
 
 // 2^x for x <= 0 to 2e-7; below 2^-126 it stays there, which is nothing beside the largest term, 1. NaN stays NaN.
 static inline float16 exp2_16(float16 x) {
   x = max(x, -126.0f);
   const float16 shifted = x + 12582912.0f;  // 1.5 * 2^23: the sum's low bits are x rounded to an integer
   const float16 f = x - (shifted - 12582912.0f);
-  float16 p = fma(f, (float16)(1.5403530393381609e-4f), (float16)(1.3333558146428443e-3f));
-  p = fma(p, f, (float16)(9.6181291076284772e-3f));
-  p = fma(p, f, (float16)(5.5504108664821580e-2f));
-  p = fma(p, f, (float16)(2.4022650695910071e-1f));
-  p = fma(p, f, (float16)(6.9314718055994531e-1f));
-  p = fma(p, f, (float16)(1.0f));
+  float16 p = FMA(f, (float16)(1.5403530393381609e-4f), (float16)(1.3333558146428443e-3f));
+  p = FMA(p, f, (float16)(9.6181291076284772e-3f));
+  p = FMA(p, f, (float16)(5.5504108664821580e-2f));
+  p = FMA(p, f, (float16)(2.4022650695910071e-1f));
+  p = FMA(p, f, (float16)(6.9314718055994531e-1f));
+  p = FMA(p, f, (float16)(1.0f));
   return p * as_float16((as_int16(shifted) << 23) + 0x3f800000);
 }
 
@@ -72,8 +78,8 @@ __kernel void attention_pack(__global const float* qkv, __global float* kt, __gl
 // The register tile: 12 rows by 32 columns in lo0 hi0 .. lo11 hi11.
 #define TILE_ZERO(i) float16 lo##i = (float16)(0.0f), hi##i = (float16)(0.0f);
 #define TILE_FMA(i)                                    \
-  lo##i = fma((float16)(a_[(i)*a_step_]), b0_, lo##i); \
-  hi##i = fma((float16)(a_[(i)*a_step_]), b1_, hi##i);
+  lo##i = FMA((float16)(a_[(i)*a_step_]), b0_, lo##i); \
+  hi##i = FMA((float16)(a_[(i)*a_step_]), b1_, hi##i);
 #define TILE_SCORE(i)                             \
   vstore16(lo##i, 0, p + (i)*STEP + column);      \
   vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
@@ -90,7 +96,7 @@ __kernel void attention_cpu(__global const float* qkv, __global const float* kt,
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
-  float q[HEAD_PAD * ROWS];  // [D, 12], scaled for base 2
+  float q[HEAD_PAD * ROWS];  // [D, ROWS], scaled for base 2
   float o[ROWS * HEAD_PAD], p[ROWS * STEP];
   float16 total[ROWS];  // sums of the weights so far, lane by lane
   float largest[ROWS], decay[ROWS];

@@ -51,8 +51,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(_
         const float a = ks[d][x], b = ks[d][x + 16];
         for (int i = 0; i < 4; ++i) {
           const float q = qs[d][4 * y + i];
-          s[i][0] = mad(q, a, s[i][0]);
-          s[i][1] = mad(q, b, s[i][1]);
+          s[i][0] = FMA(q, a, s[i][0]);
+          s[i][1] = FMA(q, b, s[i][1]);
         }
       }
       barrier(CLK_LOCAL_MEM_FENCE);
@@ -95,7 +95,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(_
       for (int j = 0; j < KEYS; ++j)
         for (int i = 0; i < 4; ++i) {
           const float w = ws[4 * y + i][j];
-          for (int c = 0; c < 4; ++c) acc[i][c0 / 16 + c] = mad(w, vs[j][x + 16 * c], acc[i][c0 / 16 + c]);
+          for (int c = 0; c < 4; ++c) acc[i][c0 / 16 + c] = FMA(w, vs[j][x + 16 * c], acc[i][c0 / 16 + c]);
         }
       barrier(CLK_LOCAL_MEM_FENCE);
     }
