@@ -15,10 +15,19 @@ inline std::unique_ptr<Context> open_context(Flavour flavour, ContextOptions opt
   return std::make_unique<Context>(options);
 }
 
+// Closes the contexts when the tests are over: at the program's exit the driver may be gone before them.
+class Contexts : public ::testing::Environment {
+ public:
+  void TearDown() override {
+    for (auto& slot : slots) slot.reset();
+  }
+  static inline std::unique_ptr<Context> slots[2];
+};
+inline ::testing::Environment* const contexts = ::testing::AddGlobalTestEnvironment(new Contexts);
+
 // One per flavour for the whole program, so that kernels compile once.
 inline Context& context(Flavour flavour) {
-  static std::unique_ptr<Context> contexts[2];
-  auto& slot = contexts[flavour == Flavour::gpu];
+  auto& slot = Contexts::slots[flavour == Flavour::gpu];
   if (!slot) slot = open_context(flavour);
   return *slot;
 }
