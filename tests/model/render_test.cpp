@@ -11,6 +11,7 @@
 #include "model/scene.h"
 #include "tests/reference/splat.h"
 #include "tests/support/device.h"
+#include "tests/support/golden_inputs.h"
 #include "tests/support/scenes.h"
 
 namespace vsplat {
@@ -232,6 +233,41 @@ TEST_P(Render, SurvivesThePly) {
     EXPECT_LT(square / static_cast<double>(before.colour.data.size()), 1e-6) << kind;  // 60 dB
   }
   std::filesystem::remove(path);
+}
+
+std::vector<double> widened(const std::vector<float>& v) { return {v.begin(), v.end()}; }
+
+// The specification's own Gaussians drawn, against its pictures.
+TEST_P(Render, MatchesTheSpecificationsPictures) {
+  for (const std::string& name : test::golden_present()) {
+    SCOPED_TRACE(name);
+    const test::Golden golden = test::Golden::load(name);
+    const std::vector<Camera> cameras = test::golden_cameras(golden);
+    const std::vector<float> background = golden.floats("input.background");
+    RenderOptions options;
+    std::copy(background.begin(), background.end(), options.background.begin());
+    if (golden.config().negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
+    for (const std::string level : {"coarse", "final"}) {
+      const DeviceGaussians g = test::golden_gaussians(ctx(), golden, "stage." + level);
+      std::vector<float> colour, alpha, depth;
+      for (const Camera& cam : cameras) {
+        const Picture p = render_picture(ctx(), g, cam, options);
+        colour.insert(colour.end(), p.colour.data.begin(), p.colour.data.end());
+        alpha.insert(alpha.end(), p.alpha.data.begin(), p.alpha.data.end());
+        depth.insert(depth.end(), p.depth.data.begin(), p.depth.data.end());
+      }
+      // The file has pictures of more views than the network took.
+      const auto want = [&](const char* part, std::size_t count) {
+        std::vector<double> all = widened(golden.floats("render." + level + "." + part));
+        EXPECT_GE(all.size(), count);
+        all.resize(count);
+        return all;
+      };
+      EXPECT_TRUE(pictures_close(colour, want("image", colour.size()), "colour")) << level;
+      EXPECT_TRUE(pictures_close(alpha, want("alpha", alpha.size()), "alpha")) << level;
+      EXPECT_TRUE(pictures_close(depth, want("depth", depth.size()), "depth")) << level;
+    }
+  }
 }
 
 VSPLAT_FLAVOURS(Render);
