@@ -1,0 +1,130 @@
+#include "model/api/cameras.h"
+
+#include "model/api/input.h"
+#include "model/api/scene.h"
+#include "model/io/image_file.h"
+#include "model/io/view_checks.h"
+#include "model/io/view_set.h"
+#include "model/orbit.h"
+
+namespace vsplat::api {
+
+vsplat_camera describe(const Camera& camera) {
+  vsplat_camera out = VSPLAT_CAMERA_INIT;
+  out.width = camera.width;
+  out.height = camera.height;
+  out.fx = camera.fx;
+  out.fy = camera.fy;
+  out.cx = camera.cx;
+  out.cy = camera.cy;
+  for (int i = 0; i < 16; ++i) out.w2c[i] = camera.w2c(i / 4, i % 4);
+  return out;
+}
+
+Camera camera_of(const vsplat_camera& camera, const char* what) {
+  const vsplat_camera c = taken(&camera, VSPLAT_CAMERA_INIT, what);
+  Camera out;
+  out.width = picture_side(what, "width", c.width);
+  out.height = picture_side(what, "height", c.height);
+  out.fx = c.fx;
+  out.fy = c.fy;
+  out.cx = c.cx;
+  out.cy = c.cy;
+  check_intrinsics(what, out);
+  Eigen::Matrix4d w2c;
+  for (int i = 0; i < 16; ++i) w2c(i / 4, i % 4) = c.w2c[i];
+  out.w2c = checked_rigid(what, "w2c", w2c);
+  return out;
+}
+
+namespace {
+
+OrbitOptions orbit_options(const vsplat_orbit_options& o) {
+  OrbitOptions out;
+  if (o.count < 1) fail(Status::usage, "options.count is {}: an orbit has at least one camera", o.count);
+  if (o.radius < 0) fail(Status::usage, "options.radius is {}", o.radius);
+  if (o.radius > 0) out.radius = o.radius;
+  if (o.has_elevation) out.elevation_deg = o.elevation;
+  if (o.has_up) out.up = Eigen::Vector3d(o.up[0], o.up[1], o.up[2]);
+  return out;
+}
+
+vsplat_cameras new_cameras(std::vector<Camera> cameras) {
+  auto out = std::make_unique<vsplat_cameras_impl>();
+  out->cameras = std::move(cameras);
+  return out.release();
+}
+
+}  // namespace
+}  // namespace vsplat::api
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t height, vsplat_cameras* out_cameras) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_cameras, "out_cameras");
+    ViewSet set = read_views(path, {.need_pictures = false});
+    std::vector<Camera> cameras;
+    for (ListedView& view : set.views) {
+      if (!is_resolved(view)) {
+        const bool has_picture = !view.picture.empty();
+        const ImageInfo size = has_picture ? read_image_info(view.picture.string()) : ImageInfo{width, height};
+        if (size.width < 1 || size.height < 1)
+          fail(Status::input, "{}: camera {} has neither a size nor a picture to take it from", set.source.string(),
+               view.name);
+        resolve_intrinsics(view, size.width, size.height);
+      }
+      view.camera.distortion = {};
+      cameras.push_back(view.camera);
+    }
+    *out_cameras = new_cameras(std::move(cameras));
+  });
+}
+
+vsplat_status vsplat_cameras_orbit_input(vsplat_input input, const vsplat_orbit_options* options,
+                                         vsplat_cameras* out_cameras) {
+  return guarded([&] {
+    need(input, "input");
+    need(out_cameras, "out_cameras");
+    const vsplat_orbit_options o = taken(options, VSPLAT_ORBIT_OPTIONS_INIT, "options");
+    const std::vector<Camera> inputs = cameras_of(input->input);
+    const int width = o.width > 0 ? o.width : inputs.front().width,
+              height = o.height > 0 ? o.height : inputs.front().height;
+    *out_cameras =
+        new_cameras(orbit_about(inputs, input->input.placement.centre, o.count, width, height, orbit_options(o)));
+  });
+}
+
+vsplat_status vsplat_cameras_orbit_scene(vsplat_scene scene, const vsplat_orbit_options* options,
+                                         vsplat_cameras* out_cameras) {
+  return guarded([&] {
+    need(scene, "scene");
+    need(out_cameras, "out_cameras");
+    const vsplat_orbit_options o = taken(options, VSPLAT_ORBIT_OPTIONS_INIT, "options");
+    constexpr int side = 512;
+    *out_cameras = new_cameras(orbit_about_scene(scene->scene->gaussians, o.count, o.width > 0 ? o.width : side,
+                                                 o.height > 0 ? o.height : side, orbit_options(o)));
+  });
+}
+
+void vsplat_cameras_retain(vsplat_cameras cameras) { retain(cameras); }
+void vsplat_cameras_release(vsplat_cameras cameras) { release(cameras); }
+
+vsplat_status vsplat_cameras_count(vsplat_cameras cameras, size_t* out_count) {
+  return guarded([&] {
+    need(cameras, "cameras");
+    need(out_count, "out_count");
+    *out_count = cameras->cameras.size();
+  });
+}
+
+vsplat_status vsplat_cameras_get(vsplat_cameras cameras, size_t index, vsplat_camera* out_camera) {
+  return guarded([&] {
+    need(cameras, "cameras");
+    if (index >= cameras->cameras.size())
+      fail(Status::usage, "there is no camera {}: {} in all", index, cameras->cameras.size());
+    give(out_camera, describe(cameras->cameras[index]), "out_camera");
+  });
+}

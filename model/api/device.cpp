@@ -1,0 +1,136 @@
+#include "model/api/device.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+void copy_name(char (&out)[256], const std::string& text) {
+  std::strncpy(out, text.c_str(), sizeof out - 1);
+  out[sizeof out - 1] = '\0';
+}
+
+vsplat_device_info describe(const DeviceInfo& d) {
+  vsplat_device_info out = VSPLAT_DEVICE_INFO_INIT;
+  out.index = d.index;
+  out.platform = d.platform;
+  out.device = d.device;
+  out.type = static_cast<vsplat_device_type>(d.type);
+  copy_name(out.name, d.name);
+  copy_name(out.vendor, d.vendor);
+  copy_name(out.driver, d.driver);
+  copy_name(out.version, d.version);
+  copy_name(out.platform_name, d.platform_name);
+  out.memory = d.memory;
+  out.max_alloc = d.max_alloc;
+  out.local_memory = d.local_memory;
+  out.max_work_group = d.max_work_group;
+  out.compute_units = d.compute_units;
+  out.event_profiling = d.event_profiling;
+  out.fp16 = d.fp16;
+  out.fp64 = d.fp64;
+  out.subgroups = d.subgroups;
+  return out;
+}
+
+const char* name_of(vsplat_kernels kernels) {
+  switch (kernels) {
+    case VSPLAT_KERNELS_AUTO:
+      return "auto";
+    case VSPLAT_KERNELS_CPU:
+      return "cpu";
+    case VSPLAT_KERNELS_GPU:
+      return "gpu";
+  }
+  fail(Status::usage, "options.kernels is {}, not a value of vsplat_kernels", static_cast<int>(kernels));
+}
+
+GemmChoice choice_of(vsplat_gemm gemm) {
+  switch (gemm) {
+    case VSPLAT_GEMM_AUTO:
+      return GemmChoice::auto_;
+    case VSPLAT_GEMM_OWN:
+      return GemmChoice::own;
+    case VSPLAT_GEMM_CLBLAST:
+      return GemmChoice::clblast;
+  }
+  fail(Status::usage, "options.gemm is {}, not a value of vsplat_gemm", static_cast<int>(gemm));
+}
+
+}  // namespace
+
+vsplat_status vsplat_device_count(size_t* out_count) {
+  return guarded([&] {
+    need(out_count, "out_count");
+    *out_count = list_devices().size();
+  });
+}
+
+vsplat_status vsplat_device_describe(size_t index, vsplat_device_info* out_info) {
+  return guarded([&] {
+    const std::vector<DeviceInfo> devices = list_devices();
+    if (index >= devices.size()) fail(Status::device, "there is no device {}: {} in all", index, devices.size());
+    give(out_info, describe(devices[index]), "out_info");
+  });
+}
+
+vsplat_status vsplat_device_open(const vsplat_device_options* options, vsplat_device* out_device) {
+  return guarded([&] {
+    need(out_device, "out_device");
+    const vsplat_device_options o = taken(options, VSPLAT_DEVICE_OPTIONS_INIT, "options");
+    if (!(o.max_memory_gib >= 0)) fail(Status::usage, "options.max_memory_gib is {}", o.max_memory_gib);
+    ContextOptions context;
+    context.device = o.device ? o.device : "";
+    context.kernels = name_of(o.kernels);
+    context.gemm = choice_of(o.gemm);
+    context.max_memory_gib = o.max_memory_gib;
+    if (o.on_compile)
+      context.on_compile = [call = o.on_compile, user = o.user](const std::string& kernel, int compiled) {
+        call(user, kernel.c_str(), compiled);
+      };
+    *out_device = new vsplat_device_impl(context);
+  });
+}
+
+void vsplat_device_retain(vsplat_device device) { retain(device); }
+void vsplat_device_release(vsplat_device device) { release(device); }
+
+vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* out_info) {
+  return guarded([&] {
+    need(device, "device");
+    vsplat_device_info info = describe(device->context.device());
+    info.kernels = static_cast<vsplat_kernels>(device->context.flavour());
+    give(out_info, info, "out_info");
+  });
+}
+
+vsplat_status vsplat_device_profile(vsplat_device device, int32_t on) {
+  return guarded([&] {
+    need(device, "device");
+    device->context.finish();
+    Profiler& profiler = device->context.profiler();
+    if (on && !profiler.enabled()) profiler.reset();
+    profiler.enable(on != 0);
+  });
+}
+
+vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format, char** out_text) {
+  return guarded([&] {
+    need(device, "device");
+    need(out_text, "out_text");
+    Context& ctx = device->context;
+    ctx.finish();
+    switch (format) {
+      case VSPLAT_PROFILE_JSON:
+        *out_text = new_text(ctx.profiler().json(ctx.device().name, ctx.device().driver, ctx.memory().peak()));
+        return;
+      case VSPLAT_PROFILE_TRACE:
+        *out_text = new_text(ctx.profiler().chrome_trace());
+        return;
+      case VSPLAT_PROFILE_TABLE:
+        *out_text = new_text(ctx.profiler().table());
+        return;
+    }
+    fail(Status::usage, "format is {}, not a value of vsplat_profile_format", static_cast<int>(format));
+  });
+}

@@ -1,0 +1,23 @@
+#pragma once
+#include <memory>
+#include <optional>
+
+#include "model/api/handle.h"
+#include "model/gaussians.h"
+#include "model/model_file.h"
+#include "model/scene.h"
+#include "model/vsplat_model.h"
+#include "runtime/context.h"
+
+struct vsplat_device_impl : vsplat::api::Counted {
+  explicit vsplat_device_impl(const vsplat::ContextOptions& options) : context(options) {}
+
+  vsplat::Context context;
+
+  // What the last calls put on the device stays for the next ones, while its host side is there: see where they are
+  // filled. After the context, so that they go first.
+  std::weak_ptr<const vsplat::ModelFile> model_key;
+  std::unique_ptr<vsplat::VsplatModel> model;
+  std::weak_ptr<const vsplat::Scene> scene_key;
+  std::optional<vsplat::DeviceGaussians> scene;
+};

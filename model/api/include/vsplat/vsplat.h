@@ -1,0 +1,511 @@
+/* vsplat: four posed photos in, a 3D Gaussian splat and novel views out, on any OpenCL device.
+
+   How to read this header
+   - Handles are opaque and counted: a call that makes one gives it to the caller with a count of one;
+     vsplat_<noun>_retain adds one, vsplat_<noun>_release takes one away and frees at zero. Releasing NULL does nothing.
+     A handle keeps alive whatever it was made from.
+   - Every other call returns a status; results go through the trailing out_ pointers, which are written on success
+   only. Bad input leaves every object as it was. vsplat_last_error() holds the sentence for a person, per thread.
+   - Structs begin with their size: fill them from their _INIT macro, then set what you need. A library that is newer or
+     older than the caller takes the fields that both know. In an array of structs the first one's size is the stride.
+   - Cameras: OpenCV axes (x right, y down, z forward), pixels with centres at +0.5, matrices row-major, world to
+   camera.
+   - Pictures: [height][width][channels] float, colour sRGB-encoded in [0,1].
+   - Text that a call hands out (char** out_text) is freed with vsplat_text_free.
+   - Text that goes in is UTF-8, ended by NUL, and only read during the call.
+   - Threads: different devices may be used by different threads at the same time; calls that take the same device, or
+     a handle made with it, one at a time. Handles that belong to no device (model, views, cameras, scene) may be read
+   by several threads. Calls block until their result is there. Callbacks come on the calling thread.
+   - Within a major version this interface only grows. */
+#ifndef VSPLAT_H
+#define VSPLAT_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <vsplat/export.h>
+#include <vsplat/version.h>
+
+#if defined(__GNUC__) || defined(__clang__)
+#define VSPLAT_NODISCARD __attribute__((warn_unused_result))
+#else
+#define VSPLAT_NODISCARD
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ------------------------------------------------------------------------------------------------- status and text */
+
+typedef enum vsplat_status {
+  VSPLAT_OK = 0,
+  VSPLAT_ERROR_USAGE = 1,   /* the request itself is wrong: a null handle, an unknown field, a view that is not there */
+  VSPLAT_ERROR_FILE = 2,    /* a file cannot be read or written, or exists already */
+  VSPLAT_ERROR_FORMAT = 3,  /* a file's content is damaged or not what its format says */
+  VSPLAT_ERROR_INPUT = 4,   /* well-formed input that cannot be used: a singular pose, a cube behind the cameras */
+  VSPLAT_ERROR_DEVICE = 5,  /* no such device, no platform, a driver's error */
+  VSPLAT_ERROR_COMPILE = 6, /* a kernel did not compile; the message holds the build log */
+  VSPLAT_ERROR_MEMORY = 7,  /* more memory needed than there is; the message holds both figures */
+  VSPLAT_ERROR_CANCELLED = 8, /* a progress function said stop */
+  VSPLAT_ERROR_INTERNAL = 9   /* a defect of the library */
+} vsplat_status;
+
+/* "usage", "file", ...; "unknown" for other values. The text is static. */
+VSPLAT_API const char* vsplat_status_name(vsplat_status status);
+
+/* The sentence that belongs to the last call of this thread that failed; "" before the first failure. Valid until the
+   next failure on this thread. */
+VSPLAT_API const char* vsplat_last_error(void);
+
+/* The library's VSPLAT_VERSION, and its "major.minor.patch". */
+VSPLAT_API uint32_t vsplat_version(void);
+VSPLAT_API const char* vsplat_version_string(void);
+
+/* Frees what a call handed out; NULL is fine. */
+VSPLAT_API void vsplat_text_free(char* text);
+
+typedef enum vsplat_log_level {
+  VSPLAT_LOG_WARNING = 1, /* worth a user's attention: frames without pictures, nothing selected */
+  VSPLAT_LOG_INFO = 2,    /* what was found and chosen: the views, the cube */
+  VSPLAT_LOG_VERBOSE = 3  /* details for whoever looks into something */
+} vsplat_log_level;
+
+/* `text` is one message without a line end, valid during the call. */
+typedef void (*vsplat_log_function)(void* user, vsplat_log_level level, const char* text);
+
+/* Where messages go, for the whole process; NULL, as at the start, silences them. The function may be called from any
+   thread that uses the library, one at a time, and may not call the library. */
+VSPLAT_API void vsplat_log_set(vsplat_log_function function, void* user);
+
+/* Called as a computation goes on: `stage` as in a profile ("encoder", "lifting", ...) and the share of all stages'
+   work that is done, in [0,1]. Returns 0 to stop: the call then ends with VSPLAT_ERROR_CANCELLED. */
+typedef int32_t (*vsplat_progress_function)(void* user, const char* stage, double done);
+
+/* ------------------------------------------------------------------------------------------------------- devices */
+
+typedef struct vsplat_device_impl* vsplat_device;
+
+typedef enum vsplat_device_type {
+  VSPLAT_DEVICE_CPU = 1,
+  VSPLAT_DEVICE_GPU = 2,
+  VSPLAT_DEVICE_ACCELERATOR = 3,
+  VSPLAT_DEVICE_OTHER = 4
+} vsplat_device_type;
+
+/* Which family of dense kernels runs; both run on every device. */
+typedef enum vsplat_kernels {
+  VSPLAT_KERNELS_AUTO = 0, /* the environment's VSPLAT_KERNELS, else by the device's traits */
+  VSPLAT_KERNELS_CPU = 1,  /* a work-item owns a register tile */
+  VSPLAT_KERNELS_GPU = 2   /* a work-group tiles through local memory */
+} vsplat_kernels;
+
+/* Who multiplies plain matrices. */
+typedef enum vsplat_gemm {
+  VSPLAT_GEMM_AUTO = 0,   /* CLBlast on a GPU that its tuned database covers, else our own */
+  VSPLAT_GEMM_OWN = 1,    /* the library's own kernels */
+  VSPLAT_GEMM_CLBLAST = 2 /* CLBlast */
+} vsplat_gemm;
+
+typedef struct vsplat_device_info {
+  size_t size;
+  int32_t index;    /* flat, over all platforms */
+  int32_t platform; /* position of its platform */
+  int32_t device;   /* position within the platform */
+  vsplat_device_type type;
+  char name[256], vendor[256], driver[256], version[256], platform_name[256];
+  uint64_t memory;       /* bytes */
+  uint64_t max_alloc;    /* bytes of the largest single buffer */
+  uint64_t local_memory; /* bytes per work-group */
+  uint64_t max_work_group;
+  int32_t compute_units;
+  int32_t event_profiling; /* 1: device events carry times; 0: profiles are timed on the host */
+  int32_t fp16, fp64, subgroups;
+  vsplat_kernels kernels; /* of an open device: the flavour in use; AUTO in a list */
+} vsplat_device_info;
+#define VSPLAT_DEVICE_INFO_INIT                                                                              \
+  {                                                                                                          \
+    sizeof(vsplat_device_info), 0, 0, 0, VSPLAT_DEVICE_OTHER, "", "", "", "", "", 0, 0, 0, 0, 0, 0, 0, 0, 0, \
+        VSPLAT_KERNELS_AUTO                                                                                  \
+  }
+
+/* How many OpenCL devices there are, over all platforms; 0 where there is no platform. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_count(size_t* out_count);
+/* Describes device `index` < vsplat_device_count without opening it. Set out_info->size before. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_describe(size_t index, vsplat_device_info* out_info);
+
+typedef struct vsplat_device_options {
+  size_t size;
+  /* Flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc") or a part of the name. NULL or "": the
+     environment's VSPLAT_DEVICE, else the first GPU, else the first device. Never falls back to another one. */
+  const char* device;
+  vsplat_kernels kernels;
+  vsplat_gemm gemm;
+  double max_memory_gib; /* the planner believes it; 0: what the device reports */
+  /* Called before each kernel is compiled: its name and how many were compiled before it on this device. May be NULL.
+   */
+  void (*on_compile)(void* user, const char* kernel, int32_t compiled);
+  void* user;
+} vsplat_device_options;
+#define VSPLAT_DEVICE_OPTIONS_INIT \
+  { sizeof(vsplat_device_options), NULL, VSPLAT_KERNELS_AUTO, VSPLAT_GEMM_AUTO, 0.0, NULL, NULL }
+
+/* Opens a device. `options` NULL: all defaults. VSPLAT_ERROR_DEVICE with a list where there is no such device. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_open(const vsplat_device_options* options,
+                                                             vsplat_device* out_device);
+VSPLAT_API void vsplat_device_retain(vsplat_device device);
+VSPLAT_API void vsplat_device_release(vsplat_device device);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* out_info);
+
+typedef enum vsplat_profile_format {
+  VSPLAT_PROFILE_JSON = 1,  /* {"device", "driver", "wall_s", "peak_bytes", "kernels": [...]} */
+  VSPLAT_PROFILE_TRACE = 2, /* Chrome's and Perfetto's trace events */
+  VSPLAT_PROFILE_TABLE = 3  /* for reading */
+} vsplat_profile_format;
+
+/* Starts (on != 0) or stops recording every kernel's time. Recording begins anew when it is started. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile(vsplat_device device, int32_t on);
+/* What was recorded so far. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format,
+                                                                     char** out_text);
+
+/* --------------------------------------------------------------------------------------------------------- models */
+
+typedef struct vsplat_model_impl* vsplat_model;
+
+typedef struct vsplat_model_options {
+  size_t size;
+  const char* config;        /* "paper", "small", "tiny" or "micro" */
+  const char* const* fields; /* [num_fields] "FIELD=VALUE" changes to it; may be NULL */
+  size_t num_fields;
+  uint64_t seed;       /* of the random weights: the same file everywhere */
+  const char* encoder; /* a safetensors file with DINO ViT weights (timm's names) for the encoder; NULL: random, too */
+} vsplat_model_options;
+#define VSPLAT_MODEL_OPTIONS_INIT \
+  { sizeof(vsplat_model_options), "paper", NULL, 0, 0, NULL }
+
+/* Of the SHA-256 that a model file states of itself. A wrong one is VSPLAT_ERROR_FORMAT. */
+typedef enum vsplat_hash_state {
+  VSPLAT_HASH_ABSENT = 0,   /* the file states none (or the model comes from no file): damage to values goes unseen */
+  VSPLAT_HASH_VERIFIED = 1, /* stated, and right */
+  VSPLAT_HASH_STATED = 2    /* stated, not compared */
+} vsplat_hash_state;
+
+typedef struct vsplat_model_info {
+  size_t size;
+  int32_t image;          /* the network's pictures are image x image pixels */
+  int32_t views;          /* how many views are picked by default */
+  int32_t max_views;      /* most that the network takes; at least one */
+  int32_t volume;         /* voxels along an edge of the cube */
+  int32_t sh_degree;      /* of the Gaussians it makes */
+  uint64_t max_gaussians; /* that it can make, every voxel selected */
+  uint64_t parameters;
+  vsplat_hash_state hash;
+} vsplat_model_info;
+#define VSPLAT_MODEL_INFO_INIT \
+  { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT }
+
+/* A new model with random weights. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_init(const vsplat_model_options* options,
+                                                            vsplat_model* out_model);
+/* Reads a model file (safetensors): checks its structure, every expected tensor and, where it states one, its hash. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model);
+/* Writes a model file, whole or not at all; with its hash. An existing file is replaced. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save(vsplat_model model, const char* path);
+VSPLAT_API void vsplat_model_retain(vsplat_model model);
+VSPLAT_API void vsplat_model_release(vsplat_model model);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_info);
+/* What a model file's header says, without reading its values (hash: ABSENT or STATED), and the same as a JSON object:
+   "config" (every field), "tensors", "parameters", "file_bytes", "dtypes", "sha256" and "provenance". Either out_
+   pointer may be NULL. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info,
+                                                               char** out_text);
+/* Reads all of a model file and keeps nothing: structure, shapes, and the hash where one is stated. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_verify(const char* path, vsplat_hash_state* out_state);
+
+/* -------------------------------------------------------------------------------------------------------- cameras */
+
+typedef struct vsplat_camera {
+  size_t size;
+  int32_t width, height; /* pixels */
+  double fx, fy, cx, cy; /* pixels */
+  double w2c[16];        /* row-major [4][4], a rigid motion: world to camera */
+} vsplat_camera;
+#define VSPLAT_CAMERA_INIT                                                                              \
+  {                                                                                                     \
+    sizeof(vsplat_camera), 0, 0, 0.0, 0.0, 0.0, 0.0, { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 } \
+  }
+
+typedef struct vsplat_cameras_impl* vsplat_cameras;
+
+/* Every camera of a transforms.json, a cameras.json or a COLMAP model, or of the folder that holds one; as pinholes,
+   pictures not needed. `width` and `height`: the size for cameras whose file tells none; 0: such are an error. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t height,
+                                                              vsplat_cameras* out_cameras);
+VSPLAT_API void vsplat_cameras_retain(vsplat_cameras cameras);
+VSPLAT_API void vsplat_cameras_release(vsplat_cameras cameras);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_count(vsplat_cameras cameras, size_t* out_count);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_get(vsplat_cameras cameras, size_t index,
+                                                             vsplat_camera* out_camera);
+
+/* ---------------------------------------------------------------------------------------------------------- views */
+
+/* Posed photographs as they were taken, before any choice: read lazily from files, or held in memory. */
+typedef struct vsplat_views_impl* vsplat_views;
+
+typedef struct vsplat_view {
+  size_t size;
+  vsplat_camera camera; /* of the whole picture, without distortion */
+  const float* pixels;  /* [height][width][channels]; copied */
+  int32_t channels;     /* 3: RGB; 4: RGBA with straight alpha, composited to white */
+} vsplat_view;
+#define VSPLAT_VIEW_INIT \
+  { sizeof(vsplat_view), VSPLAT_CAMERA_INIT, NULL, 3 }
+
+/* Reads the list of views at `path`: a transforms.json, a cameras.json, a COLMAP model or a folder holding one.
+   `pictures`: where a COLMAP model's pictures are, or NULL to look beside it. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_load(const char* path, const char* pictures,
+                                                            vsplat_views* out_views);
+/* From pictures in memory. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views,
+                                                              vsplat_views* out_views);
+VSPLAT_API void vsplat_views_retain(vsplat_views views);
+VSPLAT_API void vsplat_views_release(vsplat_views views);
+/* How many are listed, with or without a picture. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count);
+
+/* ---------------------------------------------------------------------------------------------------------- input */
+
+/* The chosen views as the network sees them: cropped, resampled, undistorted, on white, with the object's cube placed.
+ */
+typedef struct vsplat_input_impl* vsplat_input;
+
+typedef enum vsplat_fit {
+  VSPLAT_FIT_AUTO = 0,   /* resamples square pictures, treats others as OBJECT */
+  VSPLAT_FIT_OBJECT = 1, /* the square about the cube's projected centre that spans 1.5 of its edges */
+  VSPLAT_FIT_CROP = 2,   /* the centre square */
+  VSPLAT_FIT_PAD = 3     /* the whole picture, white beside it */
+} vsplat_fit;
+
+typedef struct vsplat_input_options {
+  size_t size;
+  const char* const* names; /* [num_names] views by name (stem or path) or "@index", the first being the reference view;
+                               NULL: the configuration's number of them by k-means over the cameras, or all */
+  size_t num_names;
+  int32_t has_center; /* 1: `center` is set */
+  double center[3];   /* of the object's cube, in the world */
+  double scale;       /* the cube's edge in world units; 0: not set */
+  int32_t
+      auto_frame; /* 1: what is not set is estimated from cameras and masks; 0: it comes from the file, else 0,0,0, 1 */
+  vsplat_fit fit;
+  int32_t force; /* 1: goes on where the cube seems to be behind or outside most views */
+} vsplat_input_options;
+#define VSPLAT_INPUT_OPTIONS_INIT \
+  { sizeof(vsplat_input_options), NULL, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, 0 }
+
+typedef struct vsplat_input_info {
+  size_t size;
+  int32_t views;
+  int32_t image;    /* pixels along an edge */
+  double center[3]; /* the cube, as it was placed */
+  double scale;
+} vsplat_input_info;
+#define VSPLAT_INPUT_INFO_INIT \
+  { sizeof(vsplat_input_info), 0, 0, {0, 0, 0}, 0.0 }
+
+/* Chooses views, places the cube, checks both and prepares the pictures for `model`. `options` NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_prepare(vsplat_model model, vsplat_views views,
+                                                               const vsplat_input_options* options,
+                                                               vsplat_input* out_input);
+VSPLAT_API void vsplat_input_retain(vsplat_input input);
+VSPLAT_API void vsplat_input_release(vsplat_input input);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_get_info(vsplat_input input, vsplat_input_info* out_info);
+/* The camera of view `index`, in the user's world, as the picture was cropped and resampled. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_get_camera(vsplat_input input, size_t index,
+                                                                  vsplat_camera* out_camera);
+/* The picture of view `index`: float [image][image][3] into the caller's memory of `capacity` floats. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_get_picture(vsplat_input input, size_t index, float* out_pixels,
+                                                                   size_t capacity);
+/* The files that vsplat_input_save would write into `folder`, a line each. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_get_files(vsplat_input input, const char* folder,
+                                                                 char** out_text);
+/* Writes the pictures as 8-bit PNG files and their cameras.json into `folder`, which is made where it is not there: a
+   folder that reads like any other. Existing files are replaced. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_save(vsplat_input input, const char* folder);
+
+/* ---------------------------------------------------------------------------------------------------------- scene */
+
+/* Gaussians in one frame, with how they are meant to be drawn. */
+typedef struct vsplat_scene_impl* vsplat_scene;
+
+typedef struct vsplat_scene_info {
+  size_t size;
+  uint64_t count;     /* Gaussians */
+  int32_t sh_degree;  /* 0 to 3 */
+  double near_plane;  /* world units */
+  int32_t has_mirror; /* 1: view-dependent colour is meant as seen from the camera's mirror image about `mirror` */
+  double mirror[3];
+} vsplat_scene_info;
+#define VSPLAT_SCENE_INFO_INIT                           \
+  {                                                      \
+    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, { 0, 0, 0 } \
+  }
+
+/* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
+typedef struct vsplat_gaussians {
+  size_t size;
+  uint64_t capacity; /* Gaussians that fit into every array */
+  float* means;      /* [K][3] world */
+  float* scales;     /* [K][3] standard deviations, world units */
+  float* rotations;  /* [K][4] unit quaternions w, x, y, z */
+  float* opacities;  /* [K] in [0,1] */
+  float* sh;         /* [K][S][3] colour = max(0, 0.5 + basis . sh), in the basis of 3DGS files */
+} vsplat_gaussians;
+#define VSPLAT_GAUSSIANS_INIT \
+  { sizeof(vsplat_gaussians), 0, NULL, NULL, NULL, NULL, NULL }
+
+/* A standard 3DGS PLY. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene);
+/* Writes one, whole or not at all. An existing file is replaced. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
+VSPLAT_API void vsplat_scene_retain(vsplat_scene scene);
+VSPLAT_API void vsplat_scene_release(vsplat_scene scene);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_info);
+/* Copies the Gaussians out. VSPLAT_ERROR_USAGE where they do not fit. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_get_gaussians(vsplat_scene scene,
+                                                                     const vsplat_gaussians* arrays);
+/* The voxels that were selected when the scene was made, ascending, as index (i R + j) R + k with i along x; none for a
+   scene from a file. *out_count is how many there are; as many as fit `capacity` are written (out_voxels may be NULL
+   with capacity 0). */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_get_selection(vsplat_scene scene, int32_t* out_voxels,
+                                                                     size_t capacity, size_t* out_count);
+/* Writes that list as text, whole or not at all. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_selection(vsplat_scene scene, const char* path);
+
+/* ---------------------------------------------------------------------------------------------------- reconstruct */
+
+typedef struct vsplat_reconstruct_options {
+  size_t size;
+  const char* selection; /* a file of voxels that replaces the network's selection; NULL: none */
+  int32_t has_seed;      /* 1: the selection is drawn with noise from `seed` */
+  uint64_t seed;
+  double near_plane;      /* of the scene, world units; 0: 0.2 times the cube's edge */
+  const char* dump;       /* a folder: every stage in its stages.safetensors; NULL: none */
+  double assume_selected; /* share of voxels that a run is refused for before it starts, should it not fit; 0: 0.1 */
+  vsplat_progress_function progress; /* may be NULL */
+  void* user;
+} vsplat_reconstruct_options;
+#define VSPLAT_RECONSTRUCT_OPTIONS_INIT \
+  { sizeof(vsplat_reconstruct_options), NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL }
+
+/* One forward pass. The scene is in the frame of the input's cameras. With no voxel selected it is empty: not an error.
+   The model's weights stay on the device until model or device go. `options` NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model,
+                                                             vsplat_input input,
+                                                             const vsplat_reconstruct_options* options,
+                                                             vsplat_scene* out_scene);
+
+/* What a computation will need. */
+typedef struct vsplat_stage_memory {
+  char stage[32];
+  uint64_t reserved; /* bytes of device memory that are held when the stage needs most */
+  uint64_t live;     /* bytes of them in use */
+} vsplat_stage_memory;
+
+#define VSPLAT_MAX_STAGES 32
+typedef struct vsplat_plan {
+  size_t size;
+  uint64_t peak;  /* bytes */
+  uint64_t limit; /* bytes that may be used */
+  int32_t fits;   /* 1: peak <= limit, and no buffer exceeds the device's largest */
+  uint32_t num_stages;
+  vsplat_stage_memory stages[VSPLAT_MAX_STAGES];
+} vsplat_plan;
+#define VSPLAT_PLAN_INIT               \
+  {                                    \
+    sizeof(vsplat_plan), 0, 0, 0, 0, { \
+      { "", 0, 0 }                     \
+    }                                  \
+  }
+
+/* Memory of vsplat_reconstruct for `views` views with that share of the voxels selected (1: the hard bound), without
+   computing anything. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model,
+                                                                  int32_t views, double selected,
+                                                                  vsplat_plan* out_plan);
+
+/* --------------------------------------------------------------------------------------------------------- render */
+
+typedef struct vsplat_orbit_options {
+  size_t size;
+  int32_t count;         /* cameras on the circle */
+  int32_t width, height; /* pixels; 0: the input's size, 512 x 512 about a scene */
+  double radius;         /* world units; 0: from inputs or scene */
+  int32_t has_elevation; /* 1: `elevation` is set */
+  double elevation;      /* degrees above the plane across `up` */
+  int32_t has_up;        /* 1: `up` is set */
+  double up[3];
+} vsplat_orbit_options;
+#define VSPLAT_ORBIT_OPTIONS_INIT                                      \
+  {                                                                    \
+    sizeof(vsplat_orbit_options), 8, 0, 0, 0.0, 0, 0.0, 0, { 0, 0, 0 } \
+  }
+
+/* A circle about the cube's centre: median distance and elevation, mean up axis and field of view of the input views.
+ */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_orbit_input(vsplat_input input,
+                                                                     const vsplat_orbit_options* options,
+                                                                     vsplat_cameras* out_cameras);
+/* About the Gaussians' median position: up is -y, 50 degrees of field of view, from where 95 % of them fill it. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_orbit_scene(vsplat_scene scene,
+                                                                     const vsplat_orbit_options* options,
+                                                                     vsplat_cameras* out_cameras);
+
+typedef struct vsplat_render_options {
+  size_t size;
+  float background[3]; /* sRGB-encoded */
+  double near_plane;   /* world units; 0: the scene's */
+  vsplat_progress_function progress;
+  void* user;
+} vsplat_render_options;
+#define VSPLAT_RENDER_OPTIONS_INIT \
+  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL }
+
+/* Arrays of the caller, any of them NULL where not wanted. */
+typedef struct vsplat_picture {
+  size_t size;
+  uint64_t capacity; /* pixels that fit into every array */
+  float* colour;     /* [height][width][3] over the background; may exceed 1 */
+  float* alpha;      /* [height][width] */
+  float* depth;      /* [height][width] accumulated: sum of weight x camera z, world units */
+} vsplat_picture;
+#define VSPLAT_PICTURE_INIT \
+  { sizeof(vsplat_picture), 0, NULL, NULL, NULL }
+
+/* Draws the scene from a camera, as the original 3D Gaussian splatting rasteriser defines it. `options` NULL: defaults.
+   The scene's Gaussians stay on the device until scene or device go. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene,
+                                                        const vsplat_camera* camera,
+                                                        const vsplat_render_options* options,
+                                                        const vsplat_picture* picture);
+
+/* Memory of vsplat_render for `count` Gaussians of that degree into a picture of that size. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t sh_degree,
+                                                             int32_t width, int32_t height, vsplat_plan* out_plan);
+
+typedef enum vsplat_picture_format {
+  VSPLAT_PICTURE_PNG = 1, /* 8-bit RGB, rounded, over the background it was drawn on */
+  VSPLAT_PICTURE_EXR = 2, /* half R, G, B, A, linear and premultiplied: draw it over black; float Z = depth / alpha */
+  VSPLAT_PICTURE_EXR_RAW = 3 /* float R, G, B, A, Z as they are */
+} vsplat_picture_format;
+
+/* Writes what vsplat_render drew, whole or not at all. PNG needs `colour` alone, EXR all three. An existing file is
+   replaced. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width,
+                                                              int32_t height, vsplat_picture_format format,
+                                                              const char* path);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

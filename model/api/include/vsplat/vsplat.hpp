@@ -1,0 +1,271 @@
+// The C interface for C++17 and later: handles that release themselves, and vsplat::Error instead of statuses. Header
+// only; all else (units, layouts, threads) is as vsplat.h says.
+#ifndef VSPLAT_HPP
+#define VSPLAT_HPP
+
+#include <vsplat/vsplat.h>
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vsplat {
+inline namespace cxx {
+
+class Error : public std::runtime_error {
+ public:
+  Error(vsplat_status status, const char* message) : std::runtime_error(message), status_(status) {}
+  vsplat_status status() const noexcept { return status_; }
+
+ private:
+  vsplat_status status_;
+};
+
+inline void check(vsplat_status status) {
+  if (status != VSPLAT_OK) throw Error(status, vsplat_last_error());
+}
+
+// Takes over what a call handed out.
+inline std::string text(char* from) {
+  std::string out(from);
+  vsplat_text_free(from);
+  return out;
+}
+
+// A counted reference; get() for the C functions.
+template <class T, void (*Retain)(T), void (*Release)(T)>
+class Handle {
+ public:
+  Handle() = default;
+  explicit Handle(T owned) : handle_(owned) {}
+  Handle(const Handle& other) : handle_(other.handle_) { Retain(handle_); }
+  Handle(Handle&& other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
+  Handle& operator=(Handle other) noexcept {
+    std::swap(handle_, other.handle_);
+    return *this;
+  }
+  ~Handle() { Release(handle_); }
+
+  T get() const { return handle_; }
+  explicit operator bool() const { return handle_ != nullptr; }
+
+ private:
+  T handle_ = nullptr;
+};
+
+using DeviceHandle = Handle<vsplat_device, vsplat_device_retain, vsplat_device_release>;
+using ModelHandle = Handle<vsplat_model, vsplat_model_retain, vsplat_model_release>;
+using ViewsHandle = Handle<vsplat_views, vsplat_views_retain, vsplat_views_release>;
+using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_release>;
+using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
+using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
+
+class Device : public DeviceHandle {
+ public:
+  Device() = default;
+  explicit Device(const vsplat_device_options& options) : DeviceHandle(open(options)) {}
+
+  static std::vector<vsplat_device_info> list() {
+    size_t count = 0;
+    check(vsplat_device_count(&count));
+    std::vector<vsplat_device_info> out(count, VSPLAT_DEVICE_INFO_INIT);
+    for (size_t i = 0; i < count; ++i) check(vsplat_device_describe(i, &out[i]));
+    return out;
+  }
+  vsplat_device_info info() const {
+    vsplat_device_info out = VSPLAT_DEVICE_INFO_INIT;
+    check(vsplat_device_get_info(get(), &out));
+    return out;
+  }
+  void profile(bool on) { check(vsplat_device_profile(get(), on)); }
+  std::string profile_text(vsplat_profile_format format) const {
+    char* out = nullptr;
+    check(vsplat_device_profile_text(get(), format, &out));
+    return text(out);
+  }
+
+ private:
+  static vsplat_device open(const vsplat_device_options& options) {
+    vsplat_device out = nullptr;
+    check(vsplat_device_open(&options, &out));
+    return out;
+  }
+};
+
+class Model : public ModelHandle {
+ public:
+  Model() = default;
+  using ModelHandle::ModelHandle;
+
+  static Model init(const vsplat_model_options& options) {
+    vsplat_model out = nullptr;
+    check(vsplat_model_init(&options, &out));
+    return Model(out);
+  }
+  static Model load(const std::string& path) {
+    vsplat_model out = nullptr;
+    check(vsplat_model_load(path.c_str(), &out));
+    return Model(out);
+  }
+  void save(const std::string& path) const { check(vsplat_model_save(get(), path.c_str())); }
+  vsplat_model_info info() const {
+    vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
+    check(vsplat_model_get_info(get(), &out));
+    return out;
+  }
+};
+
+class Cameras : public CamerasHandle {
+ public:
+  Cameras() = default;
+  using CamerasHandle::CamerasHandle;
+
+  // `width` and `height`: for cameras whose file tells no size; 0: none.
+  static Cameras load(const std::string& path, int width = 0, int height = 0) {
+    vsplat_cameras out = nullptr;
+    check(vsplat_cameras_load(path.c_str(), width, height, &out));
+    return Cameras(out);
+  }
+  std::vector<vsplat_camera> all() const {
+    size_t count = 0;
+    check(vsplat_cameras_count(get(), &count));
+    std::vector<vsplat_camera> out(count, VSPLAT_CAMERA_INIT);
+    for (size_t i = 0; i < count; ++i) check(vsplat_cameras_get(get(), i, &out[i]));
+    return out;
+  }
+};
+
+class Views : public ViewsHandle {
+ public:
+  Views() = default;
+  using ViewsHandle::ViewsHandle;
+
+  static Views load(const std::string& path, const std::string& pictures = "") {
+    vsplat_views out = nullptr;
+    check(vsplat_views_load(path.c_str(), pictures.empty() ? nullptr : pictures.c_str(), &out));
+    return Views(out);
+  }
+  static Views create(const std::vector<vsplat_view>& views) {
+    vsplat_views out = nullptr;
+    check(vsplat_views_create(views.data(), views.size(), &out));
+    return Views(out);
+  }
+};
+
+class Input : public InputHandle {
+ public:
+  Input() = default;
+  Input(const Model& model, const Views& views, const vsplat_input_options& options)
+      : InputHandle(prepare(model, views, options)) {}
+
+  vsplat_input_info info() const {
+    vsplat_input_info out = VSPLAT_INPUT_INFO_INIT;
+    check(vsplat_input_get_info(get(), &out));
+    return out;
+  }
+  // What save() would write.
+  std::vector<std::string> files(const std::string& folder) const {
+    char* out = nullptr;
+    check(vsplat_input_get_files(get(), folder.c_str(), &out));
+    std::vector<std::string> lines(1);
+    for (const char c : text(out)) {
+      if (c == '\n')
+        lines.emplace_back();
+      else
+        lines.back() += c;
+    }
+    lines.pop_back();
+    return lines;
+  }
+  void save(const std::string& folder) const { check(vsplat_input_save(get(), folder.c_str())); }
+  Cameras orbit(const vsplat_orbit_options& options) const {
+    vsplat_cameras out = nullptr;
+    check(vsplat_cameras_orbit_input(get(), &options, &out));
+    return Cameras(out);
+  }
+
+ private:
+  static vsplat_input prepare(const Model& model, const Views& views, const vsplat_input_options& options) {
+    vsplat_input out = nullptr;
+    check(vsplat_input_prepare(model.get(), views.get(), &options, &out));
+    return out;
+  }
+};
+
+class Scene : public SceneHandle {
+ public:
+  Scene() = default;
+  using SceneHandle::SceneHandle;
+
+  static Scene load(const std::string& path) {
+    vsplat_scene out = nullptr;
+    check(vsplat_scene_load(path.c_str(), &out));
+    return Scene(out);
+  }
+  void save(const std::string& path) const { check(vsplat_scene_save(get(), path.c_str())); }
+  vsplat_scene_info info() const {
+    vsplat_scene_info out = VSPLAT_SCENE_INFO_INIT;
+    check(vsplat_scene_get_info(get(), &out));
+    return out;
+  }
+  std::vector<int32_t> selection() const {
+    size_t count = 0;
+    check(vsplat_scene_get_selection(get(), nullptr, 0, &count));
+    std::vector<int32_t> out(count);
+    check(vsplat_scene_get_selection(get(), out.data(), out.size(), &count));
+    return out;
+  }
+  Cameras orbit(const vsplat_orbit_options& options) const {
+    vsplat_cameras out = nullptr;
+    check(vsplat_cameras_orbit_scene(get(), &options, &out));
+    return Cameras(out);
+  }
+};
+
+inline Scene reconstruct(const Device& device, const Model& model, const Input& input,
+                         const vsplat_reconstruct_options& options = VSPLAT_RECONSTRUCT_OPTIONS_INIT) {
+  vsplat_scene out = nullptr;
+  check(vsplat_reconstruct(device.get(), model.get(), input.get(), &options, &out));
+  return Scene(out);
+}
+
+// What was drawn, in memory of its own.
+struct Picture {
+  int width = 0, height = 0;
+  std::vector<float> colour, alpha, depth;  // [height][width][3], [height][width], [height][width]
+
+  vsplat_picture arrays() {
+    vsplat_picture out = VSPLAT_PICTURE_INIT;
+    out.capacity = alpha.size();
+    out.colour = colour.data();
+    out.alpha = alpha.data();
+    out.depth = depth.data();
+    return out;
+  }
+  void save(const std::string& path, vsplat_picture_format format) {
+    const vsplat_picture p = arrays();
+    check(vsplat_picture_save(&p, width, height, format, path.c_str()));
+  }
+};
+
+inline Picture render(const Device& device, const Scene& scene, const vsplat_camera& camera,
+                      const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
+  Picture out;
+  out.width = camera.width;
+  out.height = camera.height;
+  const size_t pixels = camera.width > 0 && camera.height > 0
+                            ? static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height)
+                            : 0;
+  out.colour.resize(3 * pixels);
+  out.alpha.resize(pixels);
+  out.depth.resize(pixels);
+  const vsplat_picture p = out.arrays();
+  check(vsplat_render(device.get(), scene.get(), &camera, &options, &p));
+  return out;
+}
+
+}  // namespace cxx
+}  // namespace vsplat
+
+#endif

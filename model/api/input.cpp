@@ -1,0 +1,166 @@
+// Views as they were taken, and as the network gets them.
+#include "model/api/input.h"
+
+#include <algorithm>
+
+#include "model/api/cameras.h"
+#include "model/api/model.h"
+#include "model/io/written_views.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+vsplat_status vsplat_views_load(const char* path, const char* pictures, vsplat_views* out_views) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_views, "out_views");
+    auto views = std::make_unique<vsplat_views_impl>();
+    views->photographs.set = read_views(path, {.pictures_dir = pictures ? pictures : ""});
+    *out_views = views.release();
+  });
+}
+
+vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vsplat_views* out_views) {
+  return guarded([&] {
+    need(views, "views");
+    need(out_views, "out_views");
+    if (num_views == 0) fail(Status::usage, "num_views is 0");
+    check_size(*views, "views[0]");
+    auto out = std::make_unique<vsplat_views_impl>();
+    out->photographs.set.source = "pictures in memory";
+    const char* at = reinterpret_cast<const char*>(views);
+    for (size_t i = 0; i < num_views; ++i, at += views->size) {
+      const std::string where = fmt::format("views[{}]", i);
+      const vsplat_view view = taken(reinterpret_cast<const vsplat_view*>(at), VSPLAT_VIEW_INIT, where.c_str());
+      need(view.pixels, (where + ".pixels").c_str());
+      if (view.channels != 3 && view.channels != 4)
+        fail(Status::usage, "{}.channels is {}: 3 (RGB) or 4 (RGBA) expected", where, view.channels);
+      ListedView listed;
+      listed.camera = camera_of(view.camera, (where + ".camera").c_str());
+      listed.name = listed.camera.file = std::to_string(i);
+      listed.picture = where;  // there is one, in memory
+      Image picture(listed.camera.width, listed.camera.height, view.channels);
+      std::copy_n(view.pixels, picture.data.size(), picture.data.begin());
+      out->photographs.set.views.push_back(std::move(listed));
+      out->photographs.pictures.push_back(std::move(picture));
+    }
+    *out_views = out.release();
+  });
+}
+
+void vsplat_views_retain(vsplat_views views) { retain(views); }
+void vsplat_views_release(vsplat_views views) { release(views); }
+
+vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count) {
+  return guarded([&] {
+    need(views, "views");
+    need(out_count, "out_count");
+    *out_count = views->photographs.set.views.size();
+  });
+}
+
+namespace {
+
+Fit fit_of(vsplat_fit fit) {
+  switch (fit) {
+    case VSPLAT_FIT_AUTO:
+      return Fit::automatic;
+    case VSPLAT_FIT_OBJECT:
+      return Fit::object;
+    case VSPLAT_FIT_CROP:
+      return Fit::crop;
+    case VSPLAT_FIT_PAD:
+      return Fit::pad;
+  }
+  fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", static_cast<int>(fit));
+}
+
+const PreparedView& view_at(vsplat_input input, size_t index) {
+  need(input, "input");
+  if (index >= input->input.views.size())
+    fail(Status::usage, "there is no view {}: {} in all", index, input->input.views.size());
+  return input->input.views[index];
+}
+
+InputRequest request_of(const vsplat_input_options& o) {
+  InputRequest out;
+  need_array(o.names, o.num_names, "options.names");
+  for (size_t i = 0; i < o.num_names; ++i) {
+    need(o.names[i], "an element of options.names");
+    out.names.emplace_back(o.names[i]);
+  }
+  if (o.has_center) {
+    const Eigen::Vector3d centre(o.center[0], o.center[1], o.center[2]);
+    if (!centre.allFinite()) fail(Status::usage, "options.center is {}", to_text(centre));
+    out.placement.centre = centre;
+  }
+  if (!(o.scale >= 0) || !std::isfinite(o.scale)) fail(Status::usage, "options.scale is {}", o.scale);
+  if (o.scale > 0) out.placement.edge = o.scale;
+  out.placement.auto_frame = o.auto_frame != 0;
+  out.fit = fit_of(o.fit);
+  out.force = o.force != 0;
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_input_prepare(vsplat_model model, vsplat_views views, const vsplat_input_options* options,
+                                   vsplat_input* out_input) {
+  return guarded([&] {
+    need(model, "model");
+    need(views, "views");
+    need(out_input, "out_input");
+    const InputRequest request = request_of(taken(options, VSPLAT_INPUT_OPTIONS_INIT, "options"));
+    auto input = std::make_unique<vsplat_input_impl>();
+    input->input = prepare_input(views->photographs, model->file->config, request);
+    *out_input = input.release();
+  });
+}
+
+void vsplat_input_retain(vsplat_input input) { retain(input); }
+void vsplat_input_release(vsplat_input input) { release(input); }
+
+vsplat_status vsplat_input_get_info(vsplat_input input, vsplat_input_info* out_info) {
+  return guarded([&] {
+    need(input, "input");
+    vsplat_input_info info = VSPLAT_INPUT_INFO_INIT;
+    info.views = static_cast<int32_t>(input->input.views.size());
+    info.image = input->input.views.front().image.width;
+    for (int i = 0; i < 3; ++i) info.center[i] = input->input.placement.centre[i];
+    info.scale = input->input.placement.edge;
+    give(out_info, info, "out_info");
+  });
+}
+
+vsplat_status vsplat_input_get_camera(vsplat_input input, size_t index, vsplat_camera* out_camera) {
+  return guarded([&] { give(out_camera, describe(view_at(input, index).camera), "out_camera"); });
+}
+
+vsplat_status vsplat_input_get_picture(vsplat_input input, size_t index, float* out_pixels, size_t capacity) {
+  return guarded([&] {
+    const Image& image = view_at(input, index).image;
+    need(out_pixels, "out_pixels");
+    if (capacity < image.data.size())
+      fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, image.data.size());
+    std::copy(image.data.begin(), image.data.end(), out_pixels);
+  });
+}
+
+vsplat_status vsplat_input_get_files(vsplat_input input, const char* folder, char** out_text) {
+  return guarded([&] {
+    need(input, "input");
+    need(folder, "folder");
+    need(out_text, "out_text");
+    std::string text;
+    for (const std::string& file : written_view_files(folder, input->input.views)) text += file + "\n";
+    *out_text = new_text(text);
+  });
+}
+
+vsplat_status vsplat_input_save(vsplat_input input, const char* folder) {
+  return guarded([&] {
+    need(input, "input");
+    need(folder, "folder");
+    write_views(folder, input->input.views);
+  });
+}

@@ -1,0 +1,117 @@
+#include "model/api/model.h"
+
+#include <nlohmann/json.hpp>
+
+#include "model/init.h"
+#include "model/params.h"
+#include "model/view_choice.h"
+#include "model/vsplat_model.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
+  vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
+  out.image = config.image;
+  out.views = config.views;
+  out.max_views = max_views;
+  out.volume = config.volume;
+  out.sh_degree = config.sh_degree;
+  out.max_gaussians = static_cast<uint64_t>(VsplatModel::most_gaussians(config));
+  out.parameters = static_cast<uint64_t>(parameter_count(config));
+  out.hash = hash;
+  return out;
+}
+
+std::string json_of(const ModelInfo& info) {
+  nlohmann::ordered_json out;
+  out["config"] = nlohmann::ordered_json::parse(to_json(info.config));
+  out["tensors"] = info.tensors;
+  out["parameters"] = info.parameters;
+  out["file_bytes"] = info.file_bytes;
+  out["dtypes"] = info.dtypes;
+  out["sha256"] = info.sha256;
+  out["provenance"] = nlohmann::ordered_json::object();
+  for (const auto& [name, value] : info.provenance) out["provenance"][name] = value;
+  return out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+}  // namespace
+
+vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {
+  return guarded([&] {
+    need(out_model, "out_model");
+    const vsplat_model_options o = taken(options, VSPLAT_MODEL_OPTIONS_INIT, "options");
+    need(o.config, "options.config");
+    need_array(o.fields, o.num_fields, "options.fields");
+    std::vector<std::string> fields;
+    for (size_t i = 0; i < o.num_fields; ++i) {
+      need(o.fields[i], "an element of options.fields");
+      fields.emplace_back(o.fields[i]);
+    }
+    ModelFile file;
+    file.config = with_fields(named_config(o.config), fields);
+    file.weights = initial_weights(file.config, o.seed);
+    file.metadata["seed"] = std::to_string(o.seed);
+    file.metadata["origin"] = std::string("random weights, vsplat ") + VSPLAT_VERSION_STRING;
+    if (o.encoder) {
+      load_encoder(file.weights, file.config, o.encoder);
+      file.metadata["origin"] += ", encoder from a file";
+    }
+    auto model = std::make_unique<vsplat_model_impl>();
+    model->file = std::make_shared<const ModelFile>(std::move(file));
+    *out_model = model.release();
+  });
+}
+
+vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_model, "out_model");
+    auto model = std::make_unique<vsplat_model_impl>();
+    model->file = std::make_shared<const ModelFile>(load_model(path));
+    // load_model() compares the hash where there is one.
+    model->hash = model->file->metadata.count("sha256") ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+    *out_model = model.release();
+  });
+}
+
+vsplat_status vsplat_model_save(vsplat_model model, const char* path) {
+  return guarded([&] {
+    need(model, "model");
+    need(path, "path");
+    std::map<std::string, std::string> provenance = model->file->metadata;
+    for (const char* own : {"format", "version", "config", "sha256"}) provenance.erase(own);
+    save_model(path, model->file->config, model->file->weights, provenance);
+  });
+}
+
+void vsplat_model_retain(vsplat_model model) { retain(model); }
+void vsplat_model_release(vsplat_model model) { release(model); }
+
+vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_info) {
+  return guarded([&] {
+    need(model, "model");
+    give(out_info, describe(model->file->config, model->hash), "out_info");
+  });
+}
+
+vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info, char** out_text) {
+  return guarded([&] {
+    need(path, "path");
+    const ModelInfo info = model_info(path);
+    if (out_info)
+      give(out_info, describe(info.config, info.sha256.empty() ? VSPLAT_HASH_ABSENT : VSPLAT_HASH_STATED), "out_info");
+    if (out_text) *out_text = new_text(json_of(info));
+  });
+}
+
+vsplat_status vsplat_model_verify(const char* path, vsplat_hash_state* out_state) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_state, "out_state");
+    *out_state = verify_model(path) == HashState::matches ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+  });
+}

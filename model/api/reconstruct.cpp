@@ -1,0 +1,80 @@
+// One forward pass, and what it needs.
+#include "model/reconstruct.h"
+
+#include "model/api/device.h"
+#include "model/api/input.h"
+#include "model/api/model.h"
+#include "model/api/plan.h"
+#include "model/api/scene.h"
+#include "model/io/selection_file.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+// Once per model and device: weights are uploaded and repacked at the first call.
+const VsplatModel& on_device(vsplat_device device, const std::shared_ptr<const ModelFile>& file) {
+  if (device->model_key.lock() != file) {
+    device->model.reset();
+    device->model_key.reset();
+    const Stage stage(device->context, "encoder");  // its position embedding is resampled on the device
+    device->model = std::make_unique<VsplatModel>(device->context, file->config, file->weights);
+    device->model_key = file;
+  }
+  return *device->model;
+}
+
+double share_of(double asked) {
+  constexpr double usual = 0.1;
+  if (!(asked >= 0 && asked <= 1)) fail(Status::usage, "{} of the voxels selected: 0 to 1 expected", asked);
+  return asked > 0 ? asked : usual;
+}
+
+}  // namespace
+
+vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vsplat_input input,
+                                 const vsplat_reconstruct_options* options, vsplat_scene* out_scene) {
+  return guarded([&] {
+    need(device, "device");
+    need(model, "model");
+    need(input, "input");
+    need(out_scene, "out_scene");
+    const vsplat_reconstruct_options o = taken(options, VSPLAT_RECONSTRUCT_OPTIONS_INIT, "options");
+    if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
+    ReconstructOptions how;
+    how.near = o.near_plane;
+    how.dump = o.dump ? o.dump : "";
+    how.forward.assumed_selected = share_of(o.assume_selected);
+    if (o.has_seed) how.forward.selection_seed = o.seed;
+    std::vector<int> selection;
+    if (o.selection) {
+      selection = read_selection(o.selection, model->file->config.voxels());
+      how.forward.selection = &selection;
+    }
+    if (o.progress)
+      how.forward.progress = [&o](const std::string& stage, double done) {
+        if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
+      };
+    Reconstruction made =
+        reconstruct(device->context, on_device(device, model->file), input->input.views, input->input.placement, how);
+    auto scene = std::make_unique<vsplat_scene_impl>();
+    scene->scene = std::make_shared<const Scene>(std::move(made.scene));
+    scene->selected = std::move(made.selected);
+    *out_scene = scene.release();
+  });
+}
+
+vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, int32_t views, double selected,
+                                      vsplat_plan* out_plan) {
+  return guarded([&] {
+    need(device, "device");
+    need(model, "model");
+    if (views < 1 || views > max_views) fail(Status::usage, "{} views: 1 to {} expected", views, max_views);
+    const Context& ctx = device->context;
+    MemoryPlan plan;
+    const bool fits = fits_within(
+        [&] { plan = VsplatModel::plan(ctx, model->file->config, model->file->weights, views, share_of(selected)); });
+    give(out_plan, plan_of(plan.stages, plan.peak, ctx.memory().limits().total, fits), "out_plan");
+  });
+}

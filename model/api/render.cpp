@@ -1,0 +1,109 @@
+// Drawing a scene, what it needs, and writing what was drawn.
+#include "model/render.h"
+
+#include <algorithm>
+
+#include "model/api/cameras.h"
+#include "model/api/device.h"
+#include "model/api/plan.h"
+#include "model/api/scene.h"
+#include "model/io/image_file.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+// Once per scene and device: many cameras are drawn from the same one.
+const DeviceGaussians& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene) {
+  if (device->scene_key.lock() != scene) {
+    device->scene.reset();
+    device->scene_key.reset();
+    device->scene = upload(device->context, scene->gaussians);
+    device->scene_key = scene;
+  }
+  return *device->scene;
+}
+
+void copy(const Image& from, float* to) {
+  if (to) std::copy(from.data.begin(), from.data.end(), to);
+}
+
+Image image_of(const float* data, int width, int height, int channels, const char* what) {
+  need(data, what);
+  Image out(width, height, channels);
+  std::copy_n(data, out.data.size(), out.data.begin());
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
+                            const vsplat_render_options* options, const vsplat_picture* picture) {
+  return guarded([&] {
+    need(device, "device");
+    need(scene, "scene");
+    need(camera, "camera");
+    need(picture, "picture");
+    const Camera view = camera_of(*camera, "camera");
+    const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
+    const vsplat_picture p = taken(picture, VSPLAT_PICTURE_INIT, "picture");
+    const uint64_t pixels = static_cast<uint64_t>(view.width) * static_cast<uint64_t>(view.height);
+    if (p.capacity < pixels)
+      fail(Status::usage, "picture.capacity is {} pixels: the camera's picture has {}", p.capacity, pixels);
+    if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
+    RenderOptions how;
+    std::copy_n(o.background, 3, how.background.begin());
+    for (const float v : how.background)
+      if (!std::isfinite(v)) fail(Status::usage, "options.background is not finite");
+    how.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene->scene->near;
+    how.mirror = scene->scene->mirror;
+    if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
+    const Picture drawn = render_picture(device->context, on_device(device, scene->scene), view, how);
+    device->context.finish();
+    copy(drawn.colour, p.colour);
+    copy(drawn.alpha, p.alpha);
+    copy(drawn.depth, p.depth);
+  });
+}
+
+vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t sh_degree, int32_t width, int32_t height,
+                                 vsplat_plan* out_plan) {
+  return guarded([&] {
+    need(device, "device");
+    if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
+    if (count > INT32_MAX) fail(Status::usage, "count is {}: at most {} Gaussians", count, INT32_MAX);
+    Camera camera;
+    vsplat_camera any = VSPLAT_CAMERA_INIT;
+    any.width = width, any.height = height, any.fx = any.fy = 1;
+    camera = camera_of(any, "the picture");
+    const std::unique_ptr<Context> planner = device->context.planner();
+    const long k = static_cast<long>(count), s = (sh_degree + 1) * (sh_degree + 1);
+    const bool fits = fits_within([&] {
+      const Stage stage(*planner, "scene");
+      const DeviceGaussians g{planner->tensor({k, 3}), planner->tensor({k, 3}), planner->tensor({k, 4}),
+                              planner->tensor({k}), planner->tensor({k, s, 3})};
+      (void)render(*planner, g, camera, RenderOptions{});
+    });
+    give(out_plan, plan_of(planner->stage_memory(), planner->memory().peak(), planner->memory().limits().total, fits),
+         "out_plan");
+  });
+}
+
+vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width, int32_t height,
+                                  vsplat_picture_format format, const char* path) {
+  return guarded([&] {
+    need(picture, "picture");
+    need(path, "path");
+    const vsplat_picture p = taken(picture, VSPLAT_PICTURE_INIT, "picture");
+    if (width < 1 || height < 1 || p.capacity / static_cast<uint64_t>(width) < static_cast<uint64_t>(height))
+      fail(Status::usage, "a picture of {} x {} pixels in arrays of {}", width, height, p.capacity);
+    const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
+    if (format == VSPLAT_PICTURE_PNG) return write_png(path, colour);
+    if (format != VSPLAT_PICTURE_EXR && format != VSPLAT_PICTURE_EXR_RAW)
+      fail(Status::usage, "format is {}, not a value of vsplat_picture_format", static_cast<int>(format));
+    const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
+    const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
+    (format == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
+  });
+}

@@ -1,0 +1,11 @@
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "model/api/handle.h"
+#include "model/scene.h"
+
+struct vsplat_scene_impl : vsplat::api::Counted {
+  std::shared_ptr<const vsplat::Scene> scene;
+  std::vector<int> selected;  // voxels, ascending
+};
