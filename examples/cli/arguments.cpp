@@ -1,0 +1,145 @@
+#include "arguments.h"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <numeric>
+
+#include "command.h"
+
+namespace command {
+namespace {
+
+template <class T>
+bool whole(const std::string& text, T& value) {
+  const char* const begin = text.data() + (text.size() > 1 && text[0] == '+');
+  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size() && begin != end;
+}
+
+std::vector<std::string> split(const std::string& text, char at) {
+  std::vector<std::string> out(1);
+  for (const char c : text) {
+    if (c == at)
+      out.emplace_back();
+    else
+      out.back() += c;
+  }
+  return out;
+}
+
+[[noreturn]] void wrong(const std::string& option, const std::string& text, const std::string& expected) {
+  throw UsageError(option + " is \"" + text + "\": " + expected + " expected");
+}
+
+// Levenshtein's distance.
+std::size_t distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i);
+    for (std::size_t j = 1; j <= b.size(); ++j)
+      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])}));
+  }
+  return row[b.size()];
+}
+
+// The nearest of `names`, or "" where none is near.
+std::string nearest(const std::string& word, const std::vector<std::string>& names) {
+  std::string best;
+  std::size_t least = std::max<std::size_t>(2, word.size() / 3) + 1;
+  for (const std::string& name : names) {
+    const std::size_t d = distance(word, name);
+    if (d < least) least = d, best = name;
+  }
+  return best;
+}
+
+}  // namespace
+
+double number(const std::string& option, const std::string& text) {
+  double value = 0;
+  if (!whole(text, value) || !std::isfinite(value)) wrong(option, text, "a number");
+  return value;
+}
+
+std::uint64_t seed_value(const std::string& option, const std::string& text) {
+  std::uint64_t value = 0;
+  if (!whole(text, value)) wrong(option, text, "a whole number from 0 to 2^64 - 1");
+  return value;
+}
+
+std::array<double, 3> triple(const std::string& option, const std::string& text) {
+  const std::vector<std::string> parts = split(text, ',');
+  std::array<double, 3> out{};
+  bool good = parts.size() == 3;
+  for (std::size_t i = 0; good && i < 3; ++i) good = whole(parts[i], out[i]) && std::isfinite(out[i]);
+  if (!good) wrong(option, text, "three numbers with commas and without blanks, such as 0,-1.5,2,");
+  return out;
+}
+
+Size picture_size(const std::string& option, const std::string& text) {
+  const std::vector<std::string> parts = split(text, 'x');
+  Size out;
+  constexpr int most = 16384;
+  if (parts.size() != 2 || !whole(parts[0], out.width) || !whole(parts[1], out.height) || out.width < 1 ||
+      out.height < 1 || out.width > most || out.height > most)
+    wrong(option, text, "WIDTHxHEIGHT in pixels, 1 to 16384 each, such as 640x480,");
+  return out;
+}
+
+std::vector<std::string> list(const std::string& option, const std::string& text) {
+  std::vector<std::string> parts = split(text, ',');
+  for (const std::string& part : parts)
+    if (part.empty()) wrong(option, text, "a list with commas and no empty entries, such as a,b or @0,@3,");
+  return parts;
+}
+
+std::optional<int> orbit_count(const std::string& option, const std::string& text) {
+  const std::string head = "orbit:";
+  if (text.rfind(head, 0) != 0) return std::nullopt;
+  int count = 0;
+  if (!whole(text.substr(head.size()), count) || count < 1 || count > 10000)
+    wrong(option, text, "orbit:N with N from 1 to 10000, such as orbit:8,");
+  return count;
+}
+
+std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments) {
+  const auto is_long = [](const std::string& s) {
+    return s.size() > 2 && s[0] == '-' && s[1] == '-' && s.find('=') == std::string::npos;
+  };
+  const auto is_negative = [](const std::string& s) {
+    return s.size() > 1 && s[0] == '-' && (std::isdigit(static_cast<unsigned char>(s[1])) || s[1] == '.');
+  };
+  std::vector<std::string> out;
+  for (const std::string& argument : arguments) {
+    if (!out.empty() && is_long(out.back()) && is_negative(argument))
+      out.back() += "=" + argument;
+    else
+      out.push_back(argument);
+  }
+  return out;
+}
+
+std::string unknown_text(const CLI::App& app) {
+  const CLI::App* scope = &app;
+  while (!scope->get_subcommands().empty()) scope = scope->get_subcommands().front();
+  std::vector<std::string> names;
+  for (const CLI::Option* option : scope->get_options())
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  for (const CLI::App* sub : scope->get_subcommands([](const CLI::App*) { return true; }))
+    names.push_back(sub->get_name());
+  std::string text, hints;
+  for (const std::string& argument : scope->remaining(true)) {
+    const std::string word = argument.substr(0, argument.find('='));
+    text += (text.empty() ? "" : ", ") + argument;
+    const std::string hint = nearest(word, names);
+    if (!hint.empty()) hints += (hints.empty() ? "" : ", ") + hint;
+  }
+  if (text.empty()) return "";
+  return scope->get_name() + ": unknown argument" + (text.find(", ") == std::string::npos ? " " : "s ") + text +
+         (hints.empty() ? "" : "; did you mean " + hints + "?");
+}
+
+}  // namespace command

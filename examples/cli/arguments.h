@@ -1,0 +1,34 @@
+// Values of options, read strictly: a number is a whole word, finite, and nothing follows it. Each throws UsageError
+// naming the option.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace command {
+
+double number(const std::string& option, const std::string& text);
+std::uint64_t seed_value(const std::string& option, const std::string& text);
+std::array<double, 3> triple(const std::string& option, const std::string& text);  // "x,y,z"
+
+struct Size {
+  int width = 0, height = 0;
+};
+Size picture_size(const std::string& option, const std::string& text);  // "640x480"
+
+// "a,b,c" -> its parts, none empty.
+std::vector<std::string> list(const std::string& option, const std::string& text);
+
+// "orbit:N" -> N; anything else is the path of a cameras file.
+std::optional<int> orbit_count(const std::string& option, const std::string& text);
+
+// "--center -1,2,3" becomes "--center=-1,2,3": a value may begin with a minus.
+std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments);
+
+// What to say of arguments that nothing took, with the nearest option or sub-command; "" where there are none.
+std::string unknown_text(const CLI::App& app);
+
+}  // namespace command

@@ -1,0 +1,88 @@
+// vsplat bench: the network's dense kernels at their real shapes, checked, timed and held against the device's limits.
+// The one sub-command that is not on the public header: it runs the cases of bench/.
+#include "bench/bench.h"
+
+#include <cstdio>
+
+#include "arguments.h"
+#include "command.h"
+#include "outputs.h"
+
+namespace command {
+namespace {
+
+struct Options {
+  Common common;
+  std::vector<std::string> suites;
+  std::string filter;
+  double seconds = 1.0;
+  bool references = false;
+};
+
+vsplat::ContextOptions context_options(const Common& common) {
+  vsplat::ContextOptions out;
+  out.device = common.device;
+  out.kernels = common.kernels;
+  out.gemm = common.gemm == "own"       ? vsplat::GemmChoice::own
+             : common.gemm == "clblast" ? vsplat::GemmChoice::clblast
+                                        : vsplat::GemmChoice::auto_;
+  out.max_memory_gib = common.max_memory;
+  out.on_compile = [&common](const std::string& kernel, int compiled) {
+    show_progress(common, "preparing kernels: " + std::to_string(compiled + 1) + " (" + kernel + ")");
+  };
+  return out;
+}
+
+void bench(const Options& o) try {
+  Outputs outputs(o.common.overwrite);
+  outputs.expect(o.common.profile);
+  outputs.expect(o.common.trace);
+  vsplat::Context ctx(context_options(o.common));
+  say(o.common, "device " + std::to_string(ctx.device().index) + ": " + ctx.device().name + ", driver " +
+                    ctx.device().driver + ", " + vsplat::name_of(ctx.flavour()) + " kernels");
+  if (!o.common.profile.empty() || !o.common.trace.empty()) ctx.profiler().enable(true);
+  vsplat::bench::Options options;
+  options.suites = o.suites;
+  options.filter = o.filter;
+  options.seconds = o.seconds;
+  options.references = o.references;
+  options.on_case = [&o](const std::string& name) {
+    if (interrupted()) throw std::runtime_error("stopped");
+    show_progress(o.common, name);
+  };
+  const vsplat::bench::Report report = vsplat::bench::run(ctx, options);
+  clear_progress();
+  const std::string text = o.common.json ? vsplat::bench::json(report) : vsplat::bench::table(report);
+  std::printf("%s%s", text.c_str(), text.empty() || text.back() == '\n' ? "" : "\n");
+  ctx.finish();
+  if (!o.common.profile.empty())
+    write_text(outputs.begin(o.common.profile),
+               ctx.profiler().json(ctx.device().name, ctx.device().driver, ctx.memory().peak()));
+  if (!o.common.trace.empty()) write_text(outputs.begin(o.common.trace), ctx.profiler().chrome_trace());
+  outputs.commit();
+} catch (const vsplat::Error& e) {
+  if (e.status() == vsplat::Status::usage) throw UsageError(e.what());
+  throw;
+}
+
+}  // namespace
+
+void add_bench(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("bench", "Time the dense kernels against what the device can do");
+  sub->add_option("suites", o->suites, "Which suites (default: all)")
+      ->check(one_of(vsplat::bench::suite_names()))
+      ->type_name("gemm|conv");
+  sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
+  sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
+  sub->add_flag("--references", o->references, "Other libraries' kernels, too (CLBlast compiles for long on a CPU)");
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat bench gemm conv\n"
+      "  vsplat bench conv --run 48 --json\n"
+      "Every case's result is checked before it is timed; the peaks are measured in the same run.");
+  sub->callback([o, &run] { run = [o] { bench(*o); }; });
+}
+
+}  // namespace command

@@ -1,0 +1,121 @@
+#include "command.h"
+
+#include <unistd.h>
+#include <vsplat/vsplat.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+
+namespace command {
+namespace {
+
+const auto start_time = std::chrono::steady_clock::now();
+volatile std::sig_atomic_t stop_asked = 0;
+bool progress_shown = false;
+int log_threshold = VSPLAT_LOG_INFO;
+
+void on_signal(int number) {
+  stop_asked = 1;
+  std::signal(number, SIG_DFL);
+}
+
+void on_log(void*, vsplat_log_level level, const char* text) {
+  if (static_cast<int>(level) > log_threshold) return;
+  clear_progress();
+  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", text);
+}
+
+}  // namespace
+
+CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMember(values).description(""); }
+
+CLI::Validator positive() { return CLI::Validator(CLI::PositiveNumber).description(""); }
+
+void add_common(CLI::App& app, Common& common) {
+  const std::string group = "Everywhere";
+  app.add_option(
+         "-d,--device", common.device,
+         "OpenCL device: index, platform:device, cpu|gpu|acc, or part of its name (default: $VSPLAT_DEVICE, else "
+         "the first GPU, else the first device)")
+      ->type_name("DEVICE")
+      ->group(group);
+  app.add_option("--kernels", common.kernels, "Flavour of the dense kernels (default: $VSPLAT_KERNELS, else by device)")
+      ->check(one_of({"auto", "cpu", "gpu"}))
+      ->type_name("auto|cpu|gpu")
+      ->group(group);
+  app.add_option("--gemm", common.gemm, "Who multiplies matrices")
+      ->check(one_of({"auto", "own", "clblast"}))
+      ->type_name("auto|own|clblast")
+      ->group(group);
+  app.add_option("--max-memory", common.max_memory, "Device memory to plan with (default: what the device reports)")
+      ->check(positive())
+      ->type_name("GiB")
+      ->group(group);
+  app.add_option("--profile", common.profile, "Write every kernel's time as JSON")->type_name("FILE")->group(group);
+  app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
+      ->type_name("FILE")
+      ->group(group);
+  app.add_flag("--json", common.json, "Results as JSON on stdout")->group(group);
+  app.add_flag("-w,--overwrite", common.overwrite, "Replace files that exist")->group(group);
+  app.add_flag("-q,--quiet", common.quiet, "Only warnings and errors")->group(group);
+  app.add_flag("-v,--verbose", common.verbose, "Details")->group(group);
+}
+
+void start_log(const Common& common) {
+  log_threshold = common.quiet ? VSPLAT_LOG_WARNING : common.verbose ? VSPLAT_LOG_VERBOSE : VSPLAT_LOG_INFO;
+  vsplat_log_set(on_log, nullptr);
+}
+
+void say(const Common& common, const std::string& text) {
+  if (common.quiet) return;
+  clear_progress();
+  std::fprintf(stderr, "%s\n", text.c_str());
+}
+
+void show_progress(const Common& common, const std::string& text) {
+  static const bool terminal = isatty(STDERR_FILENO) != 0;
+  if (common.quiet || !terminal) return;
+  std::fprintf(stderr, "\r\033[K%s", text.c_str());
+  std::fflush(stderr);
+  progress_shown = true;
+}
+
+void clear_progress() {
+  if (!progress_shown) return;
+  std::fprintf(stderr, "\r\033[K");
+  std::fflush(stderr);
+  progress_shown = false;
+}
+
+std::string seconds_text(double seconds) {
+  char text[64];
+  if (seconds < 60)
+    std::snprintf(text, sizeof text, "%.1f s", seconds);
+  else
+    std::snprintf(text, sizeof text, "%d min %02d s", static_cast<int>(seconds) / 60, static_cast<int>(seconds) % 60);
+  return text;
+}
+
+std::string bytes_text(std::uint64_t bytes) {
+  char text[64];
+  const double mib = static_cast<double>(bytes) / (1 << 20);
+  if (mib < 1000)
+    std::snprintf(text, sizeof text, mib < 10 ? "%.2f MiB" : "%.0f MiB", mib);
+  else
+    std::snprintf(text, sizeof text, "%.2f GiB", mib / 1024);
+  return text;
+}
+
+double elapsed_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_time).count();
+}
+
+void catch_interrupts() {
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+}
+
+bool interrupted() { return stop_asked != 0; }
+
+}  // namespace command

@@ -1,0 +1,65 @@
+// What the sub-commands share: their options, the device they open, what they print, and when they stop.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+namespace command {
+
+// A request that cannot be served as it stands (exit code 2). Everything else that goes wrong ends with 1.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// Options that every sub-command takes.
+struct Common {
+  std::string device;
+  std::string kernels = "auto";
+  std::string gemm = "auto";
+  double max_memory = 0;  // GiB
+  std::string profile, trace;
+  bool json = false, overwrite = false, quiet = false, verbose = false;
+};
+
+// Checks of values that say nothing of themselves in --help, where the type's name tells.
+CLI::Validator one_of(const std::vector<std::string>& values);
+CLI::Validator positive();
+
+// Adds them to a sub-command, in a group of their own.
+void add_common(CLI::App& app, Common& common);
+
+// Sends the library's messages to stderr, as much of them as asked for.
+void start_log(const Common& common);
+
+// One line on stderr, unless --quiet. Whatever progress is shown is taken away before it.
+void say(const Common& common, const std::string& text);
+
+// On a terminal a line that is written over; otherwise nothing.
+void show_progress(const Common& common, const std::string& text);
+void clear_progress();
+
+// "3.4 s", "2 min 05 s"; "1.20 GiB", "35 MiB".
+std::string seconds_text(double seconds);
+std::string bytes_text(std::uint64_t bytes);
+
+// Since the program started.
+double elapsed_seconds();
+
+// Interrupts (SIGINT, SIGTERM) ask for a clean stop; a second one ends at once.
+void catch_interrupts();
+bool interrupted();
+
+// Each adds its sub-command with everything it needs; `run` is set when it was asked for and does the work.
+using Run = std::function<void()>;
+void add_devices(CLI::App& app, Run& run);
+void add_init(CLI::App& app, Run& run);
+void add_weights(CLI::App& app, Run& run);
+void add_reconstruct(CLI::App& app, Run& run);
+void add_render(CLI::App& app, Run& run);
+void add_bench(CLI::App& app, Run& run);
+
+}  // namespace command

@@ -1,0 +1,89 @@
+// vsplat devices: what there is to compute on.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+
+namespace command {
+namespace {
+
+const char* type_name(vsplat_device_type type) {
+  switch (type) {
+    case VSPLAT_DEVICE_CPU:
+      return "cpu";
+    case VSPLAT_DEVICE_GPU:
+      return "gpu";
+    case VSPLAT_DEVICE_ACCELERATOR:
+      return "acc";
+    case VSPLAT_DEVICE_OTHER:
+      break;
+  }
+  return "other";
+}
+
+nlohmann::ordered_json json_of(const vsplat_device_info& d) {
+  return {{"index", d.index},
+          {"platform", d.platform},
+          {"device", d.device},
+          {"type", type_name(d.type)},
+          {"name", d.name},
+          {"vendor", d.vendor},
+          {"driver", d.driver},
+          {"version", d.version},
+          {"platform_name", d.platform_name},
+          {"memory", d.memory},
+          {"max_alloc", d.max_alloc},
+          {"local_memory", d.local_memory},
+          {"max_work_group", d.max_work_group},
+          {"compute_units", d.compute_units},
+          {"event_profiling", d.event_profiling != 0},
+          {"fp16", d.fp16 != 0},
+          {"fp64", d.fp64 != 0},
+          {"subgroups", d.subgroups != 0}};
+}
+
+void list_devices(const Common& common) {
+  const std::vector<vsplat_device_info> devices = vsplat::Device::list();
+  if (common.json) {
+    nlohmann::ordered_json out = nlohmann::ordered_json::array();
+    for (const vsplat_device_info& d : devices) out.push_back(json_of(d));
+    std::printf("%s\n", out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    return;
+  }
+  if (devices.empty()) {
+    say(common,
+        "no OpenCL device: the loader found no platform. Install a driver (for a CPU: the Debian package "
+        "pocl-opencl-icd) "
+        "and check that /etc/OpenCL/vendors or OCL_ICD_VENDORS names it");
+    return;
+  }
+  std::printf("index  p:d  type   memory     largest    units  name (platform, driver)\n");
+  for (const vsplat_device_info& d : devices)
+    std::printf("%5d  %d:%d  %-5s  %-9s  %-9s  %5d  %s (%s, %s)%s\n", d.index, d.platform, d.device, type_name(d.type),
+                bytes_text(d.memory).c_str(), bytes_text(d.max_alloc).c_str(), d.compute_units, d.name, d.platform_name,
+                d.driver, d.event_profiling ? "" : " [profiles are timed on the host]");
+}
+
+}  // namespace
+
+void add_devices(CLI::App& app, Run& run) {
+  auto common = std::make_shared<Common>();
+  CLI::App* sub = app.add_subcommand("devices", "List the OpenCL devices");
+  add_common(*sub, *common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat devices\n"
+      "  vsplat devices --json\n"
+      "Choose one by index, platform:device, type or part of its name:\n"
+      "  vsplat render scene.ply --cameras orbit:8 --images out/ --device 0:1\n"
+      "  VSPLAT_DEVICE=pthread vsplat ...");
+  sub->callback([common, &run] {
+    run = [common] {
+      start_log(*common);
+      list_devices(*common);
+    };
+  });
+}
+
+}  // namespace command

@@ -1,0 +1,69 @@
+// vsplat init: a new model with random weights.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
+
+#include "arguments.h"
+#include "command.h"
+#include "outputs.h"
+
+namespace command {
+namespace {
+
+struct Options {
+  Common common;
+  std::string config, encoder, output, seed;
+  std::vector<std::string> fields;
+};
+
+void init(const Options& o) {
+  start_log(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.encoder);
+  outputs.expect(o.output);
+  std::vector<const char*> fields;
+  for (const std::string& field : o.fields) fields.push_back(field.c_str());
+  vsplat_model_options options = VSPLAT_MODEL_OPTIONS_INIT;
+  options.config = o.config.c_str();
+  options.fields = fields.data();
+  options.num_fields = fields.size();
+  options.seed = seed_value("--seed", o.seed);
+  options.encoder = o.encoder.empty() ? nullptr : o.encoder.c_str();
+  const vsplat::Model model = vsplat::Model::init(options);
+  model.save(outputs.begin(o.output));
+  outputs.commit();
+  const vsplat_model_info info = model.info();
+  say(o.common, o.output + ": " + o.config + ", " + std::to_string(info.parameters) + " parameters, seed " + o.seed);
+  if (o.common.json)
+    std::printf("%s\n",
+                nlohmann::ordered_json{{"output", o.output}, {"parameters", info.parameters}, {"image", info.image}}
+                    .dump(1)
+                    .c_str());
+}
+
+}  // namespace
+
+void add_init(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("init", "Make a model file with random weights");
+  sub->add_option("config", o->config, "Named configuration")
+      ->required()
+      ->check(one_of({"paper", "small", "tiny", "micro"}))
+      ->type_name("paper|small|tiny|micro");
+  sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
+  sub->add_option("--seed", o->seed, "Of the random numbers: a seed gives the same file everywhere")
+      ->required()
+      ->type_name("S");
+  sub->add_option("--encoder", o->encoder, "DINO ViT weights in timm's naming, for the encoder alone")
+      ->type_name("FILE");
+  sub->add_option("--set", o->fields, "Change a field of the configuration")->type_name("FIELD=VALUE");
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat init small --seed 1 --output small.safetensors\n"
+      "  vsplat init tiny --seed 7 --set fine_count=1 --set selection=sigmoid --output m.safetensors\n"
+      "  vsplat init paper --seed 1 --encoder dino_vitb16.safetensors --output start.safetensors");
+  sub->callback([o, &run] { run = [o] { init(*o); }; });
+}
+
+}  // namespace command

@@ -1,0 +1,70 @@
+// vsplat: the command line. One file per sub-command; here they are put together and errors become exit codes:
+// 0, 1 where something failed, 2 where the request itself is wrong.
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <vector>
+#include <vsplat/vsplat.hpp>
+
+#include "arguments.h"
+#include "command.h"
+
+namespace {
+
+constexpr int exit_failed = 1, exit_usage = 2;
+
+int report(int code, const std::string& text) {
+  command::clear_progress();
+  std::fprintf(stderr, "vsplat: %s\n", text.c_str());
+  return code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Posed photos in, a 3D Gaussian splat and pictures of it from anywhere out, on any OpenCL device.",
+               "vsplat");
+  app.set_version_flag("-V,--version", std::string("vsplat ") + vsplat_version_string());
+  app.require_subcommand(1);
+  app.get_formatter()->column_width(38);
+  app.footer(
+      "Examples:\n"
+      "  vsplat devices                                   what there is to compute on\n"
+      "  vsplat init small --seed 1 --output model.safetensors\n"
+      "  vsplat reconstruct photos/ --model model.safetensors --output scene.ply \\\n"
+      "         --render orbit:8 --images pictures/\n"
+      "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
+      "`vsplat COMMAND --help` tells all of a command's options, with examples.");
+  command::Run run;
+  command::add_reconstruct(app, run);
+  command::add_render(app, run);
+  command::add_init(app, run);
+  command::add_weights(app, run);
+  command::add_devices(app, run);
+  command::add_bench(app, run);
+
+  try {
+    // CLI11 takes the arguments last first, without the program's name.
+    std::vector<std::string> arguments = command::with_joined_numbers({argv + std::min(argc, 1), argv + argc});
+    std::reverse(arguments.begin(), arguments.end());
+    app.parse(std::move(arguments));
+  } catch (const CLI::Success& e) {  // --help, --version
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {  // what nothing takes is the likelier cause, even where something is missing
+    const std::string unknown = command::unknown_text(app);
+    return report(exit_usage, (unknown.empty() ? e.what() : unknown) + "\nRun with --help for more.");
+  }
+
+  try {
+    command::catch_interrupts();
+    if (run) run();
+    return 0;
+  } catch (const command::UsageError& e) {
+    return report(exit_usage, e.what());
+  } catch (const vsplat::Error& e) {
+    if (e.status() == VSPLAT_ERROR_CANCELLED) return report(exit_failed, "stopped; nothing was written");
+    return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, e.what());
+  } catch (const std::exception& e) {
+    return report(exit_failed, e.what());
+  }
+}

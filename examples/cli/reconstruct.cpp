@@ -1,0 +1,232 @@
+// vsplat reconstruct: the main job. Posed pictures and a model in, a scene and pictures of it out.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "pictures.h"
+
+namespace command {
+namespace {
+
+struct Options {
+  Common common;
+  PictureOptions pictures;
+  std::string views, model, output, names, picture_folder, write_views, write_selection, dump, center, scale;
+  std::string fit = "auto", selection, selection_seed, assume_selected;
+  bool force = false, auto_frame = false, dry_run = false;
+};
+
+// What the options ask for, read and checked against each other before anything is opened.
+struct Request {
+  explicit Request(const Options& o);
+
+  PictureJob pictures;
+  std::vector<std::string> names;
+  std::vector<const char*> name_pointers;
+  vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
+  vsplat_reconstruct_options run = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+};
+
+Request::Request(const Options& o) : pictures(o.pictures) {
+  if (o.output.empty() && !o.dry_run) throw UsageError("reconstruct needs --output, the scene's file");
+  if (pictures.wanted && o.pictures.images.empty())
+    throw UsageError("--render needs --images, the folder for the pictures");
+  if (!pictures.wanted && !o.pictures.images.empty())
+    throw UsageError("--images needs --render, the cameras to draw from: a file or orbit:N");
+  if (!o.names.empty()) names = list("--views", o.names);
+  for (const std::string& name : names) name_pointers.push_back(name.c_str());
+  input.names = name_pointers.empty() ? nullptr : name_pointers.data();
+  input.num_names = name_pointers.size();
+  if (!o.center.empty()) {
+    const std::array<double, 3> center = triple("--center", o.center);
+    input.has_center = 1;
+    std::copy(center.begin(), center.end(), input.center);
+  }
+  if (!o.scale.empty()) {
+    input.scale = number("--scale", o.scale);
+    if (!(input.scale > 0))
+      throw UsageError("--scale is \"" + o.scale + "\": a positive edge length in world units expected");
+  }
+  input.auto_frame = o.auto_frame;
+  input.fit = o.fit == "object" ? VSPLAT_FIT_OBJECT
+              : o.fit == "crop" ? VSPLAT_FIT_CROP
+              : o.fit == "pad"  ? VSPLAT_FIT_PAD
+                                : VSPLAT_FIT_AUTO;
+  input.force = o.force;
+  run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
+  if (!o.selection_seed.empty()) {
+    run.has_seed = 1;
+    run.seed = seed_value("--selection-seed", o.selection_seed);
+  }
+  run.near_plane = pictures.near;
+  run.dump = o.dump.empty() ? nullptr : o.dump.c_str();
+  if (!o.assume_selected.empty()) {
+    run.assume_selected = number("--assume-selected", o.assume_selected);
+    if (!(run.assume_selected > 0 && run.assume_selected <= 1))
+      throw UsageError("--assume-selected is \"" + o.assume_selected +
+                       "\": a share of the voxels, above 0 and up to 1, expected");
+  }
+}
+
+void dry_run(const Options& o, const Request& request) {
+  Session session(o.common);
+  const vsplat::Model model = vsplat::Model::load(o.model);
+  const vsplat_model_info info = model.info();
+  size_t listed = 0;
+  vsplat::check(vsplat_views_count(vsplat::Views::load(o.views, o.picture_folder).get(), &listed));
+  const size_t views = request.names.empty() ? std::min(listed, static_cast<size_t>(info.views)) : request.names.size();
+  const double share = request.run.assume_selected > 0 ? request.run.assume_selected : 0.1;
+  std::vector<Plan> plans;
+  for (const double selected : {share, 1.0}) {
+    vsplat_plan plan = VSPLAT_PLAN_INIT;
+    vsplat::check(
+        vsplat_plan_reconstruct(session.device().get(), model.get(), static_cast<int32_t>(views), selected, &plan));
+    char title[128];
+    std::snprintf(title, sizeof title, "%zu views, %.4g %% of the voxels selected%s", views, 100 * selected,
+                  selected == 1.0 ? " (no run can need more)" : "");
+    plans.push_back({title, plan});
+    if (share == 1.0) break;
+  }
+  print_plans(o.common, plans);
+}
+
+void summarise(const Options& o, const vsplat::Input& input, const vsplat::Scene& scene, std::size_t pictures) {
+  const vsplat_scene_info info = scene.info();
+  const std::size_t selected = scene.selection().size();
+  say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + std::to_string(selected) +
+                    " selected voxels" +
+                    (pictures ? ", " + std::to_string(pictures) + " pictures in " + o.pictures.images : "") + ", " +
+                    seconds_text(elapsed_seconds()));
+  if (!o.common.json) return;
+  const vsplat_input_info placed = input.info();
+  std::printf("%s\n", nlohmann::ordered_json{{"output", o.output},
+                                             {"gaussians", info.count},
+                                             {"selected", selected},
+                                             {"views", placed.views},
+                                             {"center", {placed.center[0], placed.center[1], placed.center[2]}},
+                                             {"scale", placed.scale},
+                                             {"near", info.near_plane},
+                                             {"images", pictures},
+                                             {"seconds", elapsed_seconds()}}
+                          .dump(1)
+                          .c_str());
+}
+
+// Where the library puts what --dump asks for.
+std::string dump_file(const Options& o) { return (std::filesystem::path(o.dump) / "stages.safetensors").string(); }
+
+void reconstruct(const Options& o) {
+  Request request(o);
+  start_log(o.common);
+  if (o.dry_run) return dry_run(o, request);
+  const PictureJob& job = request.pictures;
+  Outputs outputs(o.common.overwrite);
+  for (const std::string& path : {o.model, o.selection, job.orbit ? "" : job.cameras}) outputs.input(path);
+  for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
+  if (!o.dump.empty()) outputs.expect(dump_file(o));
+  if (job.orbit) job.expect(outputs, static_cast<std::size_t>(*job.orbit));
+
+  Session session(o.common);
+  const vsplat::Model model = vsplat::Model::load(o.model);
+  std::vector<vsplat_camera> cameras;
+  if (job.wanted && !job.orbit) {
+    cameras = job.load_cameras(model.info().image);
+    job.expect(outputs, cameras.size());
+  }
+  const vsplat::Input input(model, vsplat::Views::load(o.views, o.picture_folder), request.input);
+  if (job.orbit) cameras = input.orbit(job.orbit_options).all();
+  const std::vector<std::string> view_files =
+      o.write_views.empty() ? std::vector<std::string>() : input.files(o.write_views);
+  for (const std::string& path : view_files) outputs.expect(path);
+
+  request.run.progress = Session::on_progress;
+  request.run.user = &session;
+  if (request.run.dump) outputs.begin(dump_file(o));
+  session.start("reconstructing");
+  const vsplat::Scene scene = vsplat::reconstruct(session.device(), model, input, request.run);
+  if (job.wanted) job.draw(session, scene, cameras, outputs);
+  for (const std::string& path : view_files) outputs.begin(path);
+  if (!o.write_views.empty()) input.save(o.write_views);
+  if (!o.write_selection.empty())
+    vsplat::check(vsplat_scene_save_selection(scene.get(), outputs.begin(o.write_selection).c_str()));
+  session.write_profile(outputs);
+  scene.save(outputs.begin(o.output));
+  outputs.commit();
+  summarise(o, input, scene, cameras.size());
+}
+
+void add_placement(CLI::App& sub, Options& o) {
+  const std::string group = "The object's cube";
+  sub.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else 0,0,0)")
+      ->type_name("x,y,z")
+      ->group(group);
+  sub.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else 1)")
+      ->type_name("S")
+      ->group(group);
+  sub.add_flag("--auto-frame", o.auto_frame, "Estimate what is not given from the cameras and masks")->group(group);
+  sub.add_option("--fit", o.fit,
+                 "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "
+                 "square, pad adds white, auto resamples square ones and treats others as object")
+      ->check(one_of({"auto", "object", "crop", "pad"}))
+      ->type_name("auto|object|crop|pad")
+      ->group(group);
+  sub.add_flag("--force", o.force, "Go on where the cube seems to be behind or outside most views")->group(group);
+}
+
+void add_extras(CLI::App& sub, Options& o) {
+  const std::string group = "More";
+  sub.add_option("--write-views", o.write_views, "Write what the network gets: pictures and cameras.json")
+      ->type_name("DIR")
+      ->group(group);
+  sub.add_option("--write-selection", o.write_selection, "Write the selected voxels as text")
+      ->type_name("FILE")
+      ->group(group);
+  sub.add_option("--selection", o.selection, "Take these voxels instead of selecting")->type_name("FILE")->group(group);
+  sub.add_option("--selection-seed", o.selection_seed, "Select with noise from this seed (default: without noise)")
+      ->type_name("S")
+      ->group(group);
+  sub.add_option("--near", o.pictures.near, "Near plane, world units (default: 0.2 times the cube's edge)")
+      ->type_name("Z")
+      ->group(group);
+  sub.add_option("--dump", o.dump, "Write every stage's result as safetensors")->type_name("DIR")->group(group);
+  sub.add_flag("--dry-run", o.dry_run, "Only say how much memory each stage would take")->group(group);
+  sub.add_option("--assume-selected", o.assume_selected, "Share of the voxels to plan with (default 0.1)")
+      ->type_name("F")
+      ->group(group);
+}
+
+}  // namespace
+
+void add_reconstruct(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("reconstruct", "Make a scene from posed pictures");
+  sub->add_option("views", o->views,
+                  "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
+      ->required()
+      ->type_name("VIEWS");
+  sub->add_option("-m,--model", o->model, "The model file")->required()->type_name("MODEL");
+  sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
+  sub->add_option("--views", o->names,
+                  "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
+                  "(default: the model's number of well spread ones, or all)")
+      ->type_name("NAME,...|@INDEX,...");
+  sub->add_option("--pictures", o->picture_folder, "Where a COLMAP model's pictures are")->type_name("DIR");
+  add_placement(*sub, *o);
+  add_picture_options(*sub, o->pictures, "--render");
+  add_extras(*sub, *o);
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat reconstruct photos/ --model model.safetensors --output scene.ply\n"
+      "  vsplat reconstruct photos/transforms.json --model model.safetensors --output scene.ply \\\n"
+      "         --views 20,25,29,32 --center -0.1,0,2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
+      "  vsplat reconstruct colmap/ --pictures photos/ --model model.safetensors --output scene.ply --auto-frame\n"
+      "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
+      "The scene is in the world of your cameras. Pictures may be PNG, JPEG or EXR; alpha and masks become white.\n"
+      "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json world-to-camera\n"
+      "with x right, y down, z forward.");
+  sub->callback([o, &run] { run = [o] { reconstruct(*o); }; });
+}
+
+}  // namespace command

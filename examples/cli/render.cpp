@@ -1,0 +1,94 @@
+// vsplat render: pictures of a scene from a PLY file.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "pictures.h"
+
+namespace command {
+namespace {
+
+struct Options {
+  Common common;
+  PictureOptions pictures;
+  std::string scene;
+  bool dry_run = false;
+};
+
+constexpr int default_size = 512;
+
+std::vector<vsplat_camera> cameras_of(const PictureJob& job, const vsplat::Scene& scene) {
+  return job.orbit ? scene.orbit(job.orbit_options).all() : job.load_cameras(default_size);
+}
+
+void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
+             const std::vector<vsplat_camera>& cameras) {
+  const vsplat_scene_info info = scene.info();
+  vsplat_plan largest = VSPLAT_PLAN_INIT;
+  int width = 0, height = 0;
+  for (const vsplat_camera& c : cameras) {
+    if (c.width == width && c.height == height) continue;
+    vsplat_plan plan = VSPLAT_PLAN_INIT;
+    vsplat::check(vsplat_plan_render(session.device().get(), info.count, info.sh_degree, c.width, c.height, &plan));
+    if (plan.peak >= largest.peak) largest = plan, width = c.width, height = c.height;
+  }
+  print_plans(o.common, {{std::to_string(info.count) + " Gaussians, " + std::to_string(width) + " x " +
+                              std::to_string(height) + " pixels (what overlaps in a picture is estimated)",
+                          largest}});
+}
+
+void render(const Options& o) {
+  const PictureJob job(o.pictures);
+  if (!job.wanted) throw UsageError("render needs --cameras");
+  if (o.pictures.images.empty() && !o.dry_run) throw UsageError("render needs --images, the folder for the pictures");
+  start_log(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.scene);
+  outputs.expect(o.common.profile);
+  outputs.expect(o.common.trace);
+  if (job.orbit && !o.dry_run) job.expect(outputs, static_cast<std::size_t>(*job.orbit));
+  const vsplat::Scene scene = vsplat::Scene::load(o.scene);
+  const std::vector<vsplat_camera> cameras = cameras_of(job, scene);
+  if (!job.orbit && !o.dry_run) job.expect(outputs, cameras.size());
+
+  Session session(o.common);
+  if (o.dry_run) return dry_run(o, session, scene, cameras);
+  job.draw(session, scene, cameras, outputs);
+  session.write_profile(outputs);
+  outputs.commit();
+  say(o.common, std::to_string(cameras.size()) + " pictures of " + std::to_string(scene.info().count) +
+                    " Gaussians in " + o.pictures.images + ", " + seconds_text(elapsed_seconds()));
+  if (o.common.json) {
+    nlohmann::ordered_json files = nlohmann::ordered_json::array();
+    for (std::size_t i = 0; i < cameras.size(); ++i) files.push_back(job.file(i));
+    std::printf(
+        "%s\n",
+        nlohmann::ordered_json{{"gaussians", scene.info().count}, {"images", files}, {"seconds", elapsed_seconds()}}
+            .dump(1)
+            .c_str());
+  }
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("render", "Draw a scene from a 3DGS PLY file");
+  sub->add_option("scene", o->scene, "A standard 3DGS PLY file")->required()->type_name("SCENE.ply");
+  add_picture_options(*sub, o->pictures, "--cameras");
+  sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
+      ->type_name("Z")
+      ->group("Pictures");
+  sub->add_flag("--dry-run", o->dry_run, "Only say how much memory it would take");
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat render scene.ply --cameras orbit:24 --images turn/\n"
+      "  vsplat render scene.ply --cameras photos/transforms.json --images again/ --size 640x480 --background 0,0,0\n"
+      "  vsplat render scene.ply --cameras orbit:1 --up 0,0,1 --orbit-elevation -10 --images x/ --format exr\n"
+      "orbit:N is a circle about the Gaussians' median position, from where 95 % of them fill the picture; up is -y.\n"
+      "cameras.json: [{\"file\", \"w\", \"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"w2c\": 4x4}, ...], x right, y down, z "
+      "forward.");
+  sub->callback([o, &run] { run = [o] { render(*o); }; });
+}
+
+}  // namespace command

@@ -1,0 +1,98 @@
+#include "session.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace command {
+
+vsplat_device_options Session::options() {
+  vsplat_device_options out = VSPLAT_DEVICE_OPTIONS_INIT;
+  out.device = common_.device.c_str();
+  out.kernels = common_.kernels == "cpu"   ? VSPLAT_KERNELS_CPU
+                : common_.kernels == "gpu" ? VSPLAT_KERNELS_GPU
+                                           : VSPLAT_KERNELS_AUTO;
+  out.gemm = common_.gemm == "own"       ? VSPLAT_GEMM_OWN
+             : common_.gemm == "clblast" ? VSPLAT_GEMM_CLBLAST
+                                         : VSPLAT_GEMM_AUTO;
+  out.max_memory_gib = common_.max_memory;
+  out.on_compile = on_compile;
+  out.user = this;
+  return out;
+}
+
+Session::Session(const Common& common) : common_(common), device_(options()) {
+  const vsplat_device_info info = device_.info();
+  say(common_, std::string("device ") + std::to_string(info.index) + ": " + info.name + " (" + info.platform_name +
+                   "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
+                   " kernels" + (info.event_profiling ? "" : ", timed on the host"));
+  if (!common_.profile.empty() || !common_.trace.empty() || common_.verbose) device_.profile(true);
+}
+
+void Session::on_compile(void* session, const char* kernel, int32_t compiled) {
+  auto* self = static_cast<Session*>(session);
+  if (!isatty(STDERR_FILENO) && !self->compiled_)
+    say(self->common_, "preparing kernels; a device's first run takes longest");
+  self->compiled_ = true;
+  show_progress(self->common_, "preparing kernels: " + std::to_string(compiled + 1) + " (" + kernel + ")");
+}
+
+void Session::start(const std::string& what) {
+  what_ = what;
+  started_ = last_line_ = elapsed_seconds();
+  stage_.clear();
+}
+
+int32_t Session::on_progress(void* session, const char* stage, double done) {
+  auto* self = static_cast<Session*>(session);
+  if (interrupted()) return 0;
+  const double now = elapsed_seconds(), spent = now - self->started_;
+  std::string text =
+      self->what_ + ": " + stage + ", " + std::to_string(static_cast<int>(100 * done)) + " %, " + seconds_text(spent);
+  if (done > 0.05 && done < 1) text += ", about " + seconds_text(spent * (1 - done) / done) + " left";
+  if (isatty(STDERR_FILENO)) {
+    show_progress(self->common_, text);
+  } else if (self->stage_ != stage && (self->common_.verbose || now - self->last_line_ > 5)) {  // few lines in a log
+    self->last_line_ = now;
+    say(self->common_, text);
+  }
+  self->stage_ = stage;
+  return 1;
+}
+
+void Session::write_profile(Outputs& outputs) {
+  if (!common_.profile.empty()) write_text(outputs.begin(common_.profile), device_.profile_text(VSPLAT_PROFILE_JSON));
+  if (!common_.trace.empty()) write_text(outputs.begin(common_.trace), device_.profile_text(VSPLAT_PROFILE_TRACE));
+  if (common_.verbose) say(common_, device_.profile_text(VSPLAT_PROFILE_TABLE));
+}
+
+void print_plans(const Common& common, const std::vector<Plan>& plans) {
+  if (common.json) {
+    nlohmann::ordered_json out = nlohmann::ordered_json::array();
+    for (const Plan& p : plans) {
+      nlohmann::ordered_json stages = nlohmann::ordered_json::array();
+      for (uint32_t i = 0; i < p.plan.num_stages; ++i)
+        stages.push_back({{"stage", p.plan.stages[i].stage},
+                          {"reserved", p.plan.stages[i].reserved},
+                          {"live", p.plan.stages[i].live}});
+      out.push_back({{"what", p.title},
+                     {"peak_bytes", p.plan.peak},
+                     {"limit_bytes", p.plan.limit},
+                     {"fits", p.plan.fits != 0},
+                     {"stages", stages}});
+    }
+    std::printf("%s\n", out.dump(1).c_str());
+    return;
+  }
+  for (const Plan& p : plans) {
+    std::printf("%s\n", p.title.c_str());
+    for (uint32_t i = 0; i < p.plan.num_stages; ++i)
+      std::printf("  %-12s %10s held, %10s in use\n", p.plan.stages[i].stage,
+                  bytes_text(p.plan.stages[i].reserved).c_str(), bytes_text(p.plan.stages[i].live).c_str());
+    std::printf("  %-12s %10s of %s: %s\n", "peak", bytes_text(p.plan.peak).c_str(), bytes_text(p.plan.limit).c_str(),
+                p.plan.fits ? "fits" : "DOES NOT FIT");
+  }
+}
+
+}  // namespace command

@@ -1,0 +1,43 @@
+// An open device with what the user sees of it: the line that names it, progress, and the profile at the end.
+#pragma once
+#include <string>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+#include "outputs.h"
+
+namespace command {
+
+class Session {
+ public:
+  explicit Session(const Common& common);
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  const vsplat::Device& device() const { return device_; }
+  // For the progress fields of options structs: shows the stage with times, and stops where the user interrupts.
+  static int32_t on_progress(void* session, const char* stage, double done);
+  // What the work is called in the next progress lines, and when it began.
+  void start(const std::string& what);
+  // Writes --profile and --trace, and the table to stderr with --verbose.
+  void write_profile(Outputs& outputs);
+
+ private:
+  static void on_compile(void* session, const char* kernel, int32_t compiled);
+  vsplat_device_options options();
+
+  const Common& common_;
+  std::string what_, stage_;
+  double started_ = 0, last_line_ = 0;
+  bool compiled_ = false;
+  vsplat::Device device_;
+};
+
+// A table, or JSON with --json, of what a computation needs against what there is.
+struct Plan {
+  std::string title;
+  vsplat_plan plan;
+};
+void print_plans(const Common& common, const std::vector<Plan>& plans);
+
+}  // namespace command
