@@ -75,6 +75,7 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   const Times t = time(ctx, p.run, options.seconds);
   r.median_s = t.median, r.spread = t.spread;
   r.gflops = p.cost.flops / t.median / 1e9;
+  r.performed_gflops = (p.performed_flops > 0 ? p.performed_flops : p.cost.flops) / t.median / 1e9;
   r.gbs = p.cost.bytes / t.median / 1e9;
   if (options.references)
     for (const auto& [library, run] : p.references) r.reference[library] = time(ctx, run, options.seconds).median;
@@ -111,7 +112,7 @@ Report run(Context& ctx, const Options& options) {
   report.peak_gflops = std::max(report.peak_gflops, measure_gflops(ctx));
   report.peak_gbs = std::max(report.peak_gbs, measure_gbs(ctx));
   for (Result& r : report.results)
-    r.share_of_peak = r.kind == "memory" ? r.gbs / report.peak_gbs : r.gflops / report.peak_gflops;
+    r.share_of_peak = r.kind == "memory" ? r.gbs / report.peak_gbs : r.performed_gflops / report.peak_gflops;
   return report;
 }
 
@@ -145,6 +146,7 @@ std::string json(const Report& report) {
                             {"median_s", r.median_s},
                             {"spread", r.spread},
                             {"gflops", r.gflops},
+                            {"performed_gflops", r.performed_gflops},
                             {"gbs", r.gbs},
                             {"share_of_peak", r.share_of_peak},
                             {"error", r.error},

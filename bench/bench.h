@@ -14,9 +14,10 @@ namespace vsplat::bench {
 
 // A case that is ready to run, its data on the device.
 struct Prepared {
-  Cost cost;                  // of one run
-  bool memory_bound = false;  // which of the two peaks it is held against
-  std::function<void()> run;  // enqueues one run
+  Cost cost;                   // of one run, by the definition of what is computed
+  double performed_flops = 0;  // where the method gets by with fewer: held against the peak (0: cost.flops)
+  bool memory_bound = false;   // which of the two peaks it is held against
+  std::function<void()> run;   // enqueues one run
   std::function<double()>
       error;  // after a run: the worst error, relative to the largest value (on a sample of outputs)
   double tolerance = 1e-4;
@@ -40,8 +41,10 @@ struct Options {
 struct Result {
   std::string suite, name, kind;  // kind: "compute" or "memory"
   double median_s = 0;
-  double spread = 0;  // (third quartile - first) / median
-  double gflops = 0, gbs = 0, share_of_peak = 0;
+  double spread = 0;            // (third quartile - first) / median
+  double gflops = 0, gbs = 0;   // of the definition's cost
+  double performed_gflops = 0;  // of what the method computes
+  double share_of_peak = 0;     // of performed_gflops or gbs, by kind
   double error = 0;
   std::map<std::string, double> reference;  // library -> median seconds
 };

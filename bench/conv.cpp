@@ -62,7 +62,7 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
     d->residual = random_floats(voxels * s.cout, 7);
     c.residual = ctx.upload({voxels, s.cout}, d->residual);
   }
-  d->weights = pack_conv3d(ctx, d->w.data(), d->bias.data(), s.cout, channels, "weight");
+  d->weights = pack_conv3d(ctx, d->w.data(), d->bias.data(), s.cout, channels, "weight", s.method);
   c.weights = &d->weights;
   c.x = c.y = c.z = s.side;
   c.out = ctx.tensor({voxels, s.cout});
@@ -70,6 +70,7 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
   Prepared p;
   const double v = static_cast<double>(voxels), ci = static_cast<double>(channels), co = static_cast<double>(s.cout);
   p.cost = {2 * 27 * v * ci * co, 4 * (v * ci + 27 * ci * co + v * co * (s.residual ? 2 : 1))};
+  p.performed_flops = conv3d_flops(d->weights, s.side, s.side, s.side);
   p.run = [&ctx, d] { conv3d(ctx, d->conv); };
   p.error = [&ctx, d] {
     const auto got = ctx.read<float>(d->conv.out);

@@ -3,7 +3,7 @@
 #pragma once
 #include <vector>
 
-#include "runtime/gemm.h"
+#include "model/ops/conv3d.h"
 
 namespace vsplat::bench {
 
@@ -43,13 +43,19 @@ struct ConvShape {
   long c1 = 0;           // a skip beside the cin channels
   bool prologue = true;  // GroupNorm (as an affine) and SiLU
   bool residual = false;
+  ConvMethod method = ConvMethod::auto_;
 };
 
 inline const std::vector<ConvShape> kConvShapes = {
-    {"48.512-128", 48, 512, 128},          {"48.128-128", 48, 128, 128, 0, true, true},
-    {"48.256+128-128", 48, 256, 128, 128}, {"48.128+128-128", 48, 128, 128, 128},
-    {"24.128-256", 24, 128, 256},          {"24.256-256", 24, 256, 256, 0, true, true},
-    {"24.256+256-256", 24, 256, 256, 256}, {"small.32.64-64", 32, 64, 64},
+    {"48.512-128", 48, 512, 128},
+    {"48.128-128", 48, 128, 128, 0, true, true},
+    {"48.256+128-128", 48, 256, 128, 128},
+    {"48.128+128-128", 48, 128, 128, 128},
+    {"48.128-128.direct", 48, 128, 128, 0, true, true, ConvMethod::direct},
+    {"24.128-256", 24, 128, 256},
+    {"24.256-256", 24, 256, 256, 0, true, true},
+    {"24.256+256-256", 24, 256, 256, 256},
+    {"small.32.64-64", 32, 64, 64},
     {"small.16.128-128", 16, 128, 128},
 };
 

@@ -9,6 +9,7 @@ namespace {
 constexpr long kTileRows = 12, kTileCols = 32, kPackRows = 14;  // of cl/tile_cpu.clh and cl/conv3d_cpu.cl
 // Packed planes at a time: few launches, yet they stay in a CPU's last-level cache and scratch memory stays bounded.
 constexpr long kScratchFloats = 4 << 20;
+constexpr long kTileSide = 4, kCoefficients = 36;  // of cl/conv3d_winograd.cl
 
 long div_up(long a, long b) { return (a + b - 1) / b; }
 int as_int(long v) { return static_cast<int>(v); }
@@ -39,6 +40,42 @@ ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, lon
   return out;
 }
 
+// G g G^T over x and y for all of w [Cout][Cin][3][3][3], as cl/conv3d_winograd.cl reads it.
+ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long cout, long cin,
+                          const std::string& what) {
+  if (ctx.flavour() != Flavour::cpu) fail(Status::usage, "{}: Winograd's method is for the cpu kernels", what);
+  constexpr double p = 0.75, q = 1.5, pp = p * p, qq = q * q;
+  constexpr double at_p = 1 / (2 * pp * (pp - qq)), at_q = 1 / (2 * qq * (qq - pp));
+  constexpr double g[6][3] = {{1 / (pp * qq), 0, 0},       {at_p, at_p * p, at_p * pp},  {at_p, -at_p * p, at_p * pp},
+                              {at_q, at_q * q, at_q * qq}, {at_q, -at_q * q, at_q * qq}, {0, 0, 1}};
+  const long panels = div_up(cout, kTileCols);
+  ConvWeights out;
+  out.cin = cin, out.cout = cout, out.winograd = true;
+  out.w.k = kCoefficients * 3 * cin, out.w.n = cout;
+  out.w.data = ctx.tensor({panels, kCoefficients, cin, 3, kTileCols}, Type::f32, what);
+  if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
+  if (ctx.planning()) return out;
+  std::vector<float> u(static_cast<std::size_t>(panels * kCoefficients * cin * 3 * kTileCols), 0.0f);
+  for (long n = 0; n < cout; ++n)
+    for (long c = 0; c < cin; ++c)
+      for (long dz = 0; dz < 3; ++dz) {
+        const float* from = w + (n * cin + c) * 27 + dz;
+        double half_way[6][3];
+        for (int i = 0; i < 6; ++i)
+          for (int dy = 0; dy < 3; ++dy)
+            half_way[i][dy] = g[i][0] * from[dy * 3] + g[i][1] * from[9 + dy * 3] + g[i][2] * from[18 + dy * 3];
+        for (int i = 0; i < 6; ++i)
+          for (int j = 0; j < 6; ++j) {
+            const double value = g[j][0] * half_way[i][0] + g[j][1] * half_way[i][1] + g[j][2] * half_way[i][2];
+            const long at =
+                (((n / kTileCols * kCoefficients + i * 6 + j) * cin + c) * 3 + dz) * kTileCols + n % kTileCols;
+            u[static_cast<std::size_t>(at)] = static_cast<float>(value);
+          }
+      }
+  ctx.write(out.w.data, u.data());
+  return out;
+}
+
 struct Shape3d {
   long x, y, z, c0, c1, n;
   long c() const { return c0 + c1; }
@@ -63,7 +100,7 @@ Shape3d check(const Conv3d& c) {
   if (!c.out) fail(Status::internal, "{}: no out", c.name);
   expect("out", c.out, voxels * s.n);
   expect("bias", c.weights->bias, s.n);
-  if (c.weights->cin != s.c() || c.weights->w.k != 27 * s.c())
+  if (c.weights->cin != s.c() || c.weights->w.k != (c.weights->winograd ? 3 * kCoefficients : 27) * s.c())
     fail(Status::internal, "{}: the input has {}+{} channels, the weights {} (and {} taps)", c.name, s.c0, s.c1,
          c.weights->cin, c.weights->cin ? c.weights->w.k / c.weights->cin : 0);
   if (static_cast<bool>(c.in.scale) != static_cast<bool>(c.in.shift))
@@ -74,7 +111,8 @@ Shape3d check(const Conv3d& c) {
 Cost cost_of(const Conv3d& c, const Shape3d& s, long planes) {
   const double voxels = static_cast<double>(planes * s.y * s.z), ch = static_cast<double>(s.c()),
                n = static_cast<double>(s.n);
-  return {2 * 27 * voxels * ch * n, 4 * (voxels * ch + 27 * ch * n + voxels * n * (c.residual ? 2 : 1))};
+  return {conv3d_flops(*c.weights, planes, s.y, s.z),
+          4 * (voxels * ch + 27 * ch * n + voxels * n * (c.residual ? 2 : 1))};
 }
 
 void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
@@ -99,6 +137,24 @@ void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
   }
 }
 
+void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
+  const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
+  const long per_tile = zt * kCoefficients * s.c() * kPackRows;
+  const long step = std::clamp(kScratchFloats / std::max(1L, per_tile), 1L, tiles);
+  const Tensor v = ctx.tensor({step, zt, kCoefficients, s.c(), kPackRows}, Type::f32, "transformed tiles");
+  const Cost whole = cost_of(c, s, s.x);
+  for (long t = 0; t < tiles; t += step) {
+    const long count = std::min(step, tiles - t);
+    const double share = static_cast<double>(count) / static_cast<double>(tiles);
+    ctx.launch({"conv3d_winograd", "winograd_pack", ""}, groups(zt, 1, count),
+               {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, as_int(s.c0), c.in.x1, as_int(s.c1),
+               c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), as_int(t), v);
+    ctx.launch({"conv3d_winograd", "winograd_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
+               {whole.flops * share, whole.bytes * share}, v, c.weights->w.data, as_int(s.c()), as_int(s.n),
+               as_int(s.x), as_int(s.y), as_int(s.z), as_int(t), c.weights->bias, c.residual, c.out);
+  }
+}
+
 void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
   constexpr long tile = 64;
   ctx.launch({"conv3d_gpu", "conv3d_tile_gpu", "", c.name},
@@ -109,7 +165,11 @@ void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
 
 }  // namespace
 
-ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what) {
+ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
+                        ConvMethod method) {
+  if (method == ConvMethod::auto_)
+    method = cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu ? ConvMethod::winograd : ConvMethod::direct;
+  if (method == ConvMethod::winograd) return pack_winograd(ctx, w, bias, cout, cin, what);
   // cpu: (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache; gpu: tap, channel.
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto order = [&](long k) {
@@ -137,14 +197,19 @@ ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, lo
   return out;
 }
 
-std::size_t packed_conv_bytes(Flavour flavour, long cout, long taps, long cin) {
-  return packed_bytes(flavour, taps * cin, cout);
+double conv3d_flops(const ConvWeights& weights, long x, long y, long z) {
+  const double products = static_cast<double>(weights.cin) * static_cast<double>(weights.cout);
+  const double tiles = static_cast<double>(div_up(x, kTileSide) * div_up(y, kTileSide));
+  return 2 * products * static_cast<double>(z) *
+         (weights.winograd ? 3.0 * kCoefficients * tiles : 27.0 * static_cast<double>(x * y));
 }
 
 void conv3d(Context& ctx, const Conv3d& c) {
   const Shape3d s = check(c);
   if (s.x * s.y * s.z * s.n == 0) return;
-  if (ctx.flavour() == Flavour::cpu)
+  if (c.weights->winograd)
+    conv3d_winograd(ctx, c, s);
+  else if (ctx.flavour() == Flavour::cpu)
     conv3d_cpu(ctx, c, s);
   else
     conv3d_gpu(ctx, c, s);

@@ -57,9 +57,9 @@ struct OnDevice {
   Conv3d c;
 };
 
-std::unique_ptr<OnDevice> upload(Context& ctx, const ref::ConvCase& c) {
+std::unique_ptr<OnDevice> upload_case(Context& ctx, const ref::ConvCase& c, ConvMethod method) {
   auto d = std::make_unique<OnDevice>();
-  d->weights = pack_conv3d(ctx, c.w.data(), or_null(c.bias), c.cout, c.in.c0 + c.in.c1, "weight");
+  d->weights = pack_conv3d(ctx, c.w.data(), or_null(c.bias), c.cout, c.in.c0 + c.in.c1, "weight", method);
   d->c.weights = &d->weights;
   d->c.in = upload_rows(ctx, c.in);
   d->c.x = c.size[0], d->c.y = c.size[1], d->c.z = c.size[2];
@@ -69,18 +69,28 @@ std::unique_ptr<OnDevice> upload(Context& ctx, const ref::ConvCase& c) {
   return d;
 }
 
-// float32 sums of 27 Cin products, up to some 2000, err by about 1e-7 of the largest times the square root of that.
-constexpr double kTolerance = 1e-5;
+struct Way {
+  Flavour flavour;
+  ConvMethod method;
+};
 
-class Conv3dTest : public test::FlavourTest {
+class Conv3dTest : public ::testing::TestWithParam<Way> {
  protected:
+  Context& ctx() { return test::context(GetParam().flavour); }
+  std::unique_ptr<OnDevice> upload(Context& on, const ref::ConvCase& c) {
+    return upload_case(on, c, GetParam().method);
+  }
+  // float32 sums of 27 Cin products, up to some 2000, err by about 1e-7 of the largest times the square root of that;
+  // Winograd's transforms triple it.
+  double tolerance() const { return GetParam().method == ConvMethod::winograd ? 2e-5 : 1e-5; }
+
   void expect_matches(const Try& t) {
     SCOPED_TRACE(fmt::format("{}x{}x{} {}+{} -> {} affine {} silu {} bias {} residual {}", t.size[0], t.size[1],
                              t.size[2], t.cin, t.c1, t.cout, t.affine, t.silu, t.bias, t.residual));
     const ref::ConvCase c = make_case(t);
     const auto d = upload(ctx(), c);
     conv3d(ctx(), d->c);
-    EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), kTolerance));
+    EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
   }
 };
 
@@ -106,8 +116,8 @@ TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
 
 // More planes than are packed at a time, so that the ring of planes goes round.
 TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
-  // Only the cpu flavour packs: a plane of 1040 channels is a seventh of what it does at a time.
-  Try t{{11, 40, 12}, GetParam() == Flavour::cpu ? 1040 : 26, 3};
+  // Only the cpu flavour packs: of planes of 1040 channels it does seven at a time, of tiles eight.
+  Try t{{11, 40, 12}, GetParam().flavour == Flavour::cpu ? 1040 : 26, 3};
   t.affine = t.silu = true;
   const ref::ConvCase c = make_case(t);
   const auto d = upload(ctx(), c);
@@ -122,7 +132,7 @@ TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
           some.push_back(got[static_cast<std::size_t>(((x * 40 + y) * 12 + z) * 3 + n)]);
           want.push_back(c.at(x, y, z, n));
         }
-  EXPECT_TRUE(test::close(some, want, kTolerance));
+  EXPECT_TRUE(test::close(some, want, tolerance()));
 }
 
 TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
@@ -132,7 +142,7 @@ TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
   const auto d = upload(ctx(), c);
   d->c.out = d->c.residual;
   conv3d(ctx(), d->c);
-  EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), kTolerance));
+  EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
 }
 
 TEST_P(Conv3dTest, EmptyIsNothing) {
@@ -157,7 +167,7 @@ TEST_P(Conv3dTest, DownMatchesReference) {
       d.in.map = conv3d_down_map(ctx(), size[0], size[1], size[2]);
       d.out = ctx().upload({rows, c.cout}, test::nans(static_cast<std::size_t>(rows * c.cout)));
       conv3d_down(ctx(), d);
-      EXPECT_TRUE(test::close(ctx().read<float>(d.out), c.all(), kTolerance));
+      EXPECT_TRUE(test::close(ctx().read<float>(d.out), c.all(), tolerance()));
     }
 }
 
@@ -186,7 +196,7 @@ TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
   g.bias = weights.bias;
   g.out = ctx().tensor({voxels, c.cout});
   gemm(ctx(), g);
-  EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), kTolerance));
+  EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), tolerance()));
 }
 
 TEST_P(Conv3dTest, SameBitsTwice) {
@@ -203,7 +213,7 @@ TEST_P(Conv3dTest, SameBitsTwice) {
 
 TEST_P(Conv3dTest, PlanTakesTheSameMemory) {
   const ref::ConvCase c = make_case({{11, 40, 12}, 40, 6});
-  const auto own = test::open_context(GetParam());
+  const auto own = test::open_context(GetParam().flavour);
   const auto plan = own->planner();
   for (Context* at : {plan.get(), own.get()}) conv3d(*at, upload(*at, c)->c);
   EXPECT_EQ(own->memory().peak_live(), plan->memory().peak_live());
@@ -227,7 +237,24 @@ TEST_P(Conv3dTest, RejectsBadShapes) {
   rejects([](Conv3d& b) { b.out = Tensor(); });
 }
 
-VSPLAT_FLAVOURS(Conv3dTest);
+INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dTest,
+                         ::testing::Values(Way{Flavour::cpu, ConvMethod::direct},
+                                           Way{Flavour::cpu, ConvMethod::winograd},
+                                           Way{Flavour::gpu, ConvMethod::direct}),
+                         [](const ::testing::TestParamInfo<Way>& way) {
+                           return std::string(name_of(way.param.flavour)) +
+                                  (way.param.method == ConvMethod::winograd ? "_winograd" : "_direct");
+                         });
+
+// Left to itself, the cpu flavour takes Winograd's method where there is enough to do, and the gpu flavour never.
+TEST(Conv3dMethod, IsChosenBySize) {
+  const std::vector<float> w(27 * 32 * 32, 1.0f);
+  Context &cpu = test::context(Flavour::cpu), &gpu = test::context(Flavour::gpu);
+  EXPECT_TRUE(pack_conv3d(cpu, w.data(), nullptr, 32, 32, "w").winograd);
+  EXPECT_FALSE(pack_conv3d(cpu, w.data(), nullptr, 16, 32, "w").winograd);
+  EXPECT_FALSE(pack_conv3d(gpu, w.data(), nullptr, 32, 32, "w").winograd);
+  EXPECT_THROW(pack_conv3d(gpu, w.data(), nullptr, 32, 32, "w", ConvMethod::winograd), Error);
+}
 
 }  // namespace
 }  // namespace vsplat

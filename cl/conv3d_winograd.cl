@@ -1,0 +1,138 @@
+// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour, by Winograd's F(4x4, 3x3) over x and y
+// and directly along z: 36 products where the direct sum needs 144.
+// A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made at load.
+// The points are 0, +-3/4, +-3/2 and infinity, whose squares are exact in binary and which keep the error within thrice the direct sum's.
+//   v [tiles, ZT, 36, C, 14]         B^T d B; ZT = ceil(Z/12); entry j of zt is z = 12 zt - 1 + j; zero outside the volume (winograd_pack)
+//   u [ceil(N/32), 36, C, 3, 32]     G g G^T: coefficient, channel, dz, 32 output channels; zero beyond N
+//   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
+// Tile t of the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4).
+#define PACK_ROWS 14
+#include "pack_cpu.clh"
+
+#define P 0.75f  // the points +-P and +-Q
+#define Q 1.5f
+#define PP (P * P)
+#define QQ (Q * Q)
+
+// y = B^T x, 6 -> 6, elements `stride` apart.
+static inline void transform_in(const float16* x, float16* y, int stride) {
+  const float16 x0 = x[0], x1 = x[stride], x2 = x[2 * stride], x3 = x[3 * stride], x4 = x[4 * stride], x5 = x[5 * stride];
+  const float16 p_even = FMA(x2, (float16)(-QQ), x4), p_odd = P * FMA(x1, (float16)(-QQ), x3);
+  const float16 q_even = FMA(x2, (float16)(-PP), x4), q_odd = Q * FMA(x1, (float16)(-PP), x3);
+  y[0] = FMA(x0, (float16)(PP * QQ), FMA(x2, (float16)(-PP - QQ), x4));
+  y[stride] = p_even + p_odd;
+  y[2 * stride] = p_even - p_odd;
+  y[3 * stride] = q_even + q_odd;
+  y[4 * stride] = q_even - q_odd;
+  y[5 * stride] = FMA(x1, (float16)(PP * QQ), FMA(x3, (float16)(-PP - QQ), x5));
+}
+
+// y = A^T x, 6 -> 4.
+static inline void transform_out(const float16* x, int x_stride, float16* y, int y_stride) {
+  const float16 p_sum = x[x_stride] + x[2 * x_stride], p_diff = x[x_stride] - x[2 * x_stride];
+  const float16 q_sum = x[3 * x_stride] + x[4 * x_stride], q_diff = x[3 * x_stride] - x[4 * x_stride];
+  y[0] = x[0] + p_sum + q_sum;
+  y[y_stride] = FMA(q_diff, (float16)(Q), P * p_diff);
+  y[2 * y_stride] = FMA(q_sum, (float16)(QQ), PP * p_sum);
+  y[3 * y_stride] = FMA(q_diff, (float16)(Q * QQ), FMA(p_diff, (float16)(P * PP), x[5 * x_stride]));
+}
+
+// Channels [0, count) of x [X, Y, Z, count] around one tile, composed and transformed: to [36][C][14], from this source's first channel on.
+static inline void pack_source(__global const float* x, int count, __global const float* scale, __global const float* shift,
+                               int silu, int X, int Y, int Z, int x_first, int y_first, int z_first, int C,
+                               __global float* to) {
+  for (int c = 0; c < count; c += 16) {
+    const int width = min(16, count - c);
+    float16 v[36 * PACK_ROWS];  // coefficient, z
+    const float16 a = scale ? load_part(scale + c, width) : (float16)(1.0f);
+    const float16 b = scale ? load_part(shift + c, width) : (float16)(0.0f);
+    for (int j = 0; j < PACK_ROWS; ++j) {
+      const int z = z_first + j;
+      float16 d[36];
+      for (int i = 0; i < 6; ++i) {
+        const int px = x_first + i;
+        for (int k = 0; k < 6; ++k) {
+          const int py = y_first + k;
+          float16 value = (float16)(0.0f);
+          if (px >= 0 && px < X && py >= 0 && py < Y && z >= 0 && z < Z) {
+            value = load_part(x + ((size_t)(px * Y + py) * Z + z) * count + c, width);
+            if (scale) value = FMA(value, a, b);
+            if (silu) value = silu_16(value);
+          }
+          d[6 * i + k] = value;
+        }
+      }
+#pragma unroll
+      for (int i = 0; i < 6; ++i) transform_in(d + 6 * i, d + 6 * i, 1);
+#pragma unroll
+      for (int i = 0; i < 6; ++i) transform_in(d + i, d + i, 6);
+      for (int i = 0; i < 36; ++i) v[i * PACK_ROWS + j] = d[i];
+    }
+    for (int i = 0; i < 36; ++i) {
+      float16 r[16];
+#pragma unroll
+      for (int j = 0; j < PACK_ROWS; ++j) r[j] = v[i * PACK_ROWS + j];
+      r[14] = r[15] = (float16)(0.0f);
+      transpose_16(r);
+      __global float* column = to + ((size_t)i * C + c) * PACK_ROWS;
+      if (width == 16) {
+#pragma unroll
+        for (int j = 0; j < 16; ++j) store_column(r[j], column + j * PACK_ROWS);
+      } else {
+        for (int j = 0; j < width; ++j) store_column(r[j], column + j * PACK_ROWS);
+      }
+    }
+  }
+}
+
+// Tiles from tile0 on. x0 [X, Y, Z, c0], then x1 [X, Y, Z, c1] or null; with scale, shift [c0 + c1] v * scale + shift; with silu
+// v / (1 + exp(-v)); the padding is zero after all that. Work-groups of one work-item: (zt, tile).
+__kernel void winograd_pack(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
+                            __global const float* shift, int silu, int X, int Y, int Z, int tile0, __global float* v) {
+  const int zt = get_group_id(0), ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
+  const int t = get_group_id(1), tile = tile0 + t;
+  const int x = 4 * (tile / TY) - 1, y = 4 * (tile % TY) - 1, z = TILE_ROWS * zt - 1;
+  const int C = c0 + c1;
+  __global float* to = v + ((size_t)t * ZT + zt) * 36 * C * PACK_ROWS;
+  pack_source(x0, c0, scale, shift, silu, X, Y, Z, x, y, z, C, to);
+  if (c1)
+    pack_source(x1, c1, scale ? scale + c0 : scale, scale ? shift + c0 : shift, silu, X, Y, Z, x, y, z, C,
+                to + c0 * PACK_ROWS);
+}
+
+// Work-groups of one work-item: (zt + ZT tile, panel of u): 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
+__kernel void winograd_tile(__global const float* v, __global const float* u, int C, int N, int X, int Y, int Z, int tile0,
+                            __global const float* bias, __global const float* residual, __global float* out) {
+  const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
+  const int tile = tile0 + get_group_id(0) / ZT, z0 = TILE_ROWS * (get_group_id(0) % ZT);
+  const int n0 = get_group_id(1) * TILE_COLS;
+  __global const float* pa = v + (size_t)get_group_id(0) * 36 * C * PACK_ROWS;
+  __global const float* pb = u + (size_t)n0 * 36 * C * 3;
+  float16 m[36 * 2 * TILE_ROWS];  // coefficient, z, half of the channels
+  for (int i = 0; i < 36; ++i) {
+    TILE_DECLARE
+    for (int c = 0; c < C; ++c) {
+      TILE_STEP(pa, pb)
+      TILE_STEP(pa + 1, pb + TILE_COLS)
+      TILE_STEP(pa + 2, pb + 2 * TILE_COLS)
+      pa += PACK_ROWS;
+      pb += 3 * TILE_COLS;
+    }
+    TILE_STORE(m + i * 2 * TILE_ROWS)
+  }
+  const int rows = min(TILE_ROWS, Z - z0), x0 = 4 * (tile / TY), y0 = 4 * (tile % TY);
+  float16 o[16 * 2 * TILE_ROWS];  // column, z, half of the channels
+  for (int i = 0; i < 2 * rows; ++i) {
+    float16 half_way[24];
+#pragma unroll
+    for (int k = 0; k < 6; ++k) transform_out(m + (6 * k) * 2 * TILE_ROWS + i, 2 * TILE_ROWS, half_way + 4 * k, 1);
+#pragma unroll
+    for (int k = 0; k < 4; ++k) transform_out(half_way + k, 4, o + k * 2 * TILE_ROWS + i, 4 * 2 * TILE_ROWS);
+  }
+  for (int i = 0; i < 16; ++i) {
+    const int x = x0 + i / 4, y = y0 + i % 4;
+    if (x >= X || y >= Y) continue;
+    const size_t at = ((size_t)(x * Y + y) * Z + z0) * N + n0;
+    tile_finish(o + i * 2 * TILE_ROWS, rows, 2, n0, N, bias, 0, residual ? residual + at : residual, out + at);
+  }
+}
