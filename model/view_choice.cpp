@@ -173,6 +173,7 @@ std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
     const int found = static_cast<int>(out.size());
     if (found > request.wanted) {
       std::vector<Eigen::Vector3d> positions;
+      positions.reserve(out.size());
       for (const int i : out) positions.push_back(set.views[i].camera.centre());
       std::vector<int> picked = nearest_members(positions, kmeans(positions, request.wanted));
       for (int i = 0; static_cast<int>(picked.size()) < request.wanted; ++i)  // several views at one place
