@@ -39,9 +39,9 @@ void check_planes(const char* what, const Image& colour, const Image& alpha, con
 void check_image_size(const std::string& path, long width, long height) {
   if (width < 1 || height < 1)
     fail(Status::format, "{}: the picture is {} x {} pixels, at least 1 x 1 is expected", path, width, height);
-  if (width > max_image_pixels / height)
-    fail(Status::format, "{}: the picture claims {} x {} pixels, at most {} in all are read", path, width, height,
-         max_image_pixels);
+  if (width > max_image_side || height > max_image_side || width > max_image_pixels / height)
+    fail(Status::format, "{}: the picture claims {} x {} pixels; at most {} to a side and {} in all are read", path,
+         width, height, max_image_side, max_image_pixels);
 }
 
 Image decode_image(const FileBytes& file) { return by_format<Image>(file, decode_png, decode_jpeg, decode_exr); }

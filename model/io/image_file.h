@@ -10,6 +10,7 @@ namespace vsplat {
 
 // A larger picture is refused before anything is allocated for it.
 inline constexpr long max_image_pixels = 1L << 28;
+inline constexpr long max_image_side = 65535;
 
 struct ImageInfo {
   int width = 0, height = 0;

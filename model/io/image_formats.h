@@ -33,7 +33,7 @@ std::vector<unsigned char> encode_png(const Image& image);
 // Channels R, G, B, A in float or half, and float Z, by scanlines with ZIP. rgba [H][W][4], z [H][W][1].
 std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour);
 
-// Throws Error(format) unless 1 <= width, height and width * height <= max_image_pixels.
+// Throws Error(format) unless 1 <= width, height <= max_image_side and width * height <= max_image_pixels.
 void check_image_size(const std::string& path, long width, long height);
 
 }  // namespace vsplat
