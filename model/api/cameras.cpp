@@ -1,5 +1,7 @@
 #include "model/api/cameras.h"
 
+#include <cmath>
+
 #include "model/api/input.h"
 #include "model/api/scene.h"
 #include "model/io/image_file.h"
@@ -30,6 +32,8 @@ Camera camera_of(const vsplat_camera& camera, const char* what) {
   out.fy = c.fy;
   out.cx = c.cx;
   out.cy = c.cy;
+  for (const double v : {c.fx, c.fy, c.cx, c.cy})  // the readers' checks let pass what a file leaves open
+    if (!std::isfinite(v)) fail(Status::input, "{}: an intrinsic is {}", what, v);
   check_intrinsics(what, out);
   Eigen::Matrix4d w2c;
   for (int i = 0; i < 16; ++i) w2c(i / 4, i % 4) = c.w2c[i];

@@ -31,6 +31,17 @@ double share_of(double asked) {
   return asked > 0 ? asked : usual;
 }
 
+std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o, long voxels) {
+  need_array(o.voxels, o.num_voxels, "options.voxels");
+  if (o.selection && o.voxels) fail(Status::usage, "options has both a list and a file of voxels");
+  if (o.selection) return read_selection(o.selection, voxels);
+  if (!o.voxels) return std::nullopt;
+  for (size_t i = 0; i < o.num_voxels; ++i)
+    if (o.voxels[i] < 0 || o.voxels[i] >= voxels || (i > 0 && o.voxels[i] <= o.voxels[i - 1]))
+      fail(Status::usage, "options.voxels[{}] is {}: ascending indices below {} expected", i, o.voxels[i], voxels);
+  return std::vector<int>(o.voxels, o.voxels + o.num_voxels);
+}
+
 }  // namespace
 
 vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vsplat_input input,
@@ -47,11 +58,8 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     how.dump = o.dump ? o.dump : "";
     how.forward.assumed_selected = share_of(o.assume_selected);
     if (o.has_seed) how.forward.selection_seed = o.seed;
-    std::vector<int> selection;
-    if (o.selection) {
-      selection = read_selection(o.selection, model->file->config.voxels());
-      how.forward.selection = &selection;
-    }
+    const std::optional<std::vector<int>> selection = selection_of(o, model->file->config.voxels());
+    if (selection) how.forward.selection = &*selection;
     if (o.progress)
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);

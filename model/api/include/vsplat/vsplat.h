@@ -385,17 +385,19 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_selection(vsplat_sce
 
 typedef struct vsplat_reconstruct_options {
   size_t size;
-  const char* selection; /* a file of voxels that replaces the network's selection; NULL: none */
+  const int32_t* voxels; /* [num_voxels] a list, ascending, that replaces the network's selection; NULL: none */
+  size_t num_voxels;
+  const char* selection; /* the same from a file; NULL: none */
   int32_t has_seed;      /* 1: the selection is drawn with noise from `seed` */
   uint64_t seed;
   double near_plane;      /* of the scene, world units; 0: 0.2 times the cube's edge */
   const char* dump;       /* a folder: every stage in its stages.safetensors; NULL: none */
-  double assume_selected; /* share of voxels that a run is refused for before it starts, should it not fit; 0: 0.1 */
+  double assume_selected; /* share of the voxels for which a run that does not fit is refused beforehand; 0: 0.1 */
   vsplat_progress_function progress; /* may be NULL */
   void* user;
 } vsplat_reconstruct_options;
 #define VSPLAT_RECONSTRUCT_OPTIONS_INIT \
-  { sizeof(vsplat_reconstruct_options), NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL }
+  { sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL }
 
 /* One forward pass. The scene is in the frame of the input's cameras. With no voxel selected it is empty: not an error.
    The model's weights stay on the device until model or device go. `options` NULL: defaults. */

@@ -1,0 +1,329 @@
+/* The public header compiled and used as plain C: misuse, with the exact status of each, and the main job from pictures
+   in memory. Prints every check that does not hold; exits 1 if any did. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <vsplat/vsplat.h>
+
+static int failures = 0;
+
+static void expect_at(int line, vsplat_status got, vsplat_status wanted, const char* call) {
+  if (got == wanted && (got == VSPLAT_OK || strlen(vsplat_last_error()) > 0)) return;
+  ++failures;
+  printf("line %d: %s: %s, %s expected (%s)\n", line, call, vsplat_status_name(got), vsplat_status_name(wanted),
+         vsplat_last_error());
+}
+#define EXPECT(status, call) expect_at(__LINE__, call, status, #call)
+
+static void hold_at(int line, int good, const char* what) {
+  if (good) return;
+  ++failures;
+  printf("line %d: %s does not hold\n", line, what);
+}
+#define HOLD(what) hold_at(__LINE__, (what) != 0, #what)
+
+static void null_handles(void) {
+  size_t count = 0;
+  int32_t voxel = 0;
+  char* text = NULL;
+  float pixels[3];
+  vsplat_device_info device_info = VSPLAT_DEVICE_INFO_INIT;
+  vsplat_model_info model_info = VSPLAT_MODEL_INFO_INIT;
+  vsplat_input_info input_info = VSPLAT_INPUT_INFO_INIT;
+  vsplat_scene_info scene_info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_camera camera = VSPLAT_CAMERA_INIT;
+  vsplat_gaussians gaussians = VSPLAT_GAUSSIANS_INIT;
+  vsplat_picture picture = VSPLAT_PICTURE_INIT;
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  vsplat_orbit_options orbit = VSPLAT_ORBIT_OPTIONS_INIT;
+  vsplat_device device = NULL;
+  vsplat_model model = NULL;
+  vsplat_views views = NULL;
+  vsplat_input input = NULL;
+  vsplat_cameras cameras = NULL;
+  vsplat_scene scene = NULL;
+
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_count(NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_open(NULL, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_get_info(NULL, &device_info));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile(NULL, 1));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile_text(NULL, VSPLAT_PROFILE_JSON, &text));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(NULL, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load(NULL, &model));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load("model", NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save(NULL, "model"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_get_info(NULL, &model_info));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_inspect(NULL, &model_info, &text));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_verify("model", NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_load(NULL, 0, 0, &cameras));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_count(NULL, &count));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_get(NULL, 0, &camera));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_orbit_input(NULL, &orbit, &cameras));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_orbit_scene(NULL, &orbit, &cameras));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_load(NULL, NULL, &views));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(NULL, 1, &views));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_count(NULL, &count));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_prepare(NULL, NULL, NULL, &input));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_info(NULL, &input_info));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_camera(NULL, 0, &camera));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_picture(NULL, 0, pixels, 3));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_files(NULL, ".", &text));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_save(NULL, "."));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load(NULL, &scene));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_save(NULL, "scene"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_info(NULL, &scene_info));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_gaussians(NULL, &gaussians));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_selection(NULL, &voxel, 1, &count));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_save_selection(NULL, "file"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_reconstruct(NULL, NULL, NULL, NULL, &scene));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(NULL, NULL, &camera, NULL, &picture));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_reconstruct(NULL, NULL, 1, 0.1, &plan));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_render(NULL, 1, 0, 1, 1, &plan));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(NULL, 1, 1, VSPLAT_PICTURE_PNG, "x.png"));
+  HOLD(!device && !model && !views && !input && !cameras && !scene && !text);
+
+  vsplat_device_retain(NULL);
+  vsplat_device_release(NULL);
+  vsplat_model_release(NULL);
+  vsplat_views_release(NULL);
+  vsplat_input_release(NULL);
+  vsplat_cameras_release(NULL);
+  vsplat_scene_release(NULL);
+  vsplat_text_free(NULL);
+}
+
+static void bad_values(vsplat_device device) {
+  vsplat_device other = NULL;
+  vsplat_device_options options = VSPLAT_DEVICE_OPTIONS_INIT;
+  vsplat_device_info info = VSPLAT_DEVICE_INFO_INIT;
+  vsplat_model model = NULL;
+  vsplat_model_options model_options = VSPLAT_MODEL_OPTIONS_INIT;
+  vsplat_scene scene = NULL;
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  vsplat_hash_state hash;
+  char* text = NULL;
+  const char* unknown_field[] = {"depth=7"};
+
+  options.device = "no such device";
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_device_open(&options, &other));
+  HOLD(strstr(vsplat_last_error(), "no such device") != NULL);
+  options.device = NULL;
+  options.kernels = (vsplat_kernels)7;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_open(&options, &other));
+  options.kernels = VSPLAT_KERNELS_AUTO;
+  options.max_memory_gib = NAN;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_open(&options, &other));
+  options.size = 0;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_open(&options, &other));
+  HOLD(strstr(vsplat_last_error(), "_INIT") != NULL);
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_device_describe(100000, &info));
+  info.size = 0;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_get_info(device, &info));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile_text(device, (vsplat_profile_format)9, &text));
+
+  model_options.config = "huge";
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(&model_options, &model));
+  model_options.config = "micro";
+  model_options.num_fields = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(&model_options, &model));
+  model_options.fields = unknown_field;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(&model_options, &model));
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_model_load("/no/such/file", &model));
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_model_verify("/no/such/file", &hash));
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_scene_load("/no/such/file", &scene));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_render(device, 1, 9, 8, 8, &plan));
+  HOLD(!other && !model && !scene && !text);
+}
+
+/* A caller built against a shorter struct than the library's gets what it has room for, and not a byte more. */
+static void short_structs(vsplat_device device) {
+  vsplat_device_info whole = VSPLAT_DEVICE_INFO_INIT, part = VSPLAT_DEVICE_INFO_INIT;
+  const size_t room = offsetof(vsplat_device_info, vendor);
+  size_t i;
+  memset(&part, 0x5a, sizeof part);
+  part.size = room;
+  EXPECT(VSPLAT_OK, vsplat_device_get_info(device, &whole));
+  EXPECT(VSPLAT_OK, vsplat_device_get_info(device, &part));
+  HOLD(part.size == room && strcmp(part.name, whole.name) == 0);
+  for (i = room; i < sizeof part; ++i)
+    if (((const unsigned char*)&part)[i] != 0x5a) break;
+  HOLD(i == sizeof part);
+}
+
+enum { side = 16, num_views = 2 };
+
+static vsplat_camera camera_at(double z_sign) {
+  vsplat_camera out = VSPLAT_CAMERA_INIT;
+  out.width = out.height = side;
+  out.fx = out.fy = 20;
+  out.cx = out.cy = side / 2.0;
+  out.w2c[0] = out.w2c[10] = z_sign; /* from the front, and turned half round y from behind */
+  out.w2c[11] = 2;
+  return out;
+}
+
+static vsplat_views make_views(float* pixels) {
+  vsplat_view all[num_views] = {VSPLAT_VIEW_INIT, VSPLAT_VIEW_INIT};
+  vsplat_views views = NULL;
+  int i;
+  for (i = 0; i < side * side * 3; ++i) pixels[i] = (float)(i * 7919 % 101) / 101.0f;
+  for (i = 0; i < num_views; ++i) {
+    all[i].pixels = pixels;
+    all[i].camera = camera_at(i ? -1 : 1);
+  }
+  all[1].channels = 5;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(all, num_views, &views));
+  all[1].channels = 3;
+  all[1].pixels = NULL;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(all, num_views, &views));
+  all[1].pixels = pixels;
+  all[1].camera.fx = NAN;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_views_create(all, num_views, &views));
+  all[1].camera = camera_at(-1);
+  all[1].camera.w2c[0] = 0;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_views_create(all, num_views, &views));
+  all[1].camera = camera_at(-1);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(all, 0, &views));
+  HOLD(!views);
+  EXPECT(VSPLAT_OK, vsplat_views_create(all, num_views, &views));
+  return views;
+}
+
+static int32_t stop(void* user, const char* stage, double done) {
+  (void)done;
+  *(int*)user += stage && *stage;
+  return 0;
+}
+
+static void use_scene(vsplat_device device, vsplat_scene scene, const int32_t* voxels, size_t selected) {
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  vsplat_camera camera = camera_at(1);
+  vsplat_picture picture = VSPLAT_PICTURE_INIT;
+  float colour[side * side * 3], alpha[side * side];
+  vsplat_orbit_options orbit = VSPLAT_ORBIT_OPTIONS_INIT;
+  vsplat_cameras cameras = NULL;
+  size_t count = 0, i;
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
+  HOLD(info.count == selected * 3 && info.sh_degree == 1); /* micro: two fine ones and a skeletal one each */
+  HOLD(fabs(info.near_plane - 0.2) < 1e-6);
+  arrays.capacity = info.count - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_gaussians(scene, &arrays));
+  arrays.capacity = info.count;
+  arrays.means = malloc(info.count * 3 * sizeof(float));
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
+  for (i = 0; i < info.count * 3 && fabsf(arrays.means[i]) < 1; ++i) continue;
+  HOLD(i == info.count * 3);
+  free(arrays.means);
+  EXPECT(VSPLAT_OK, vsplat_scene_get_selection(scene, NULL, 0, &count));
+  HOLD(count == selected && voxels[0] == 3);
+
+  picture.capacity = side * side - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, NULL, &picture));
+  picture.capacity = side * side;
+  picture.colour = colour;
+  picture.alpha = alpha;
+  camera.width = 0;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_render(device, scene, &camera, NULL, &picture));
+  camera.width = side;
+  for (i = 0; i < side * side; ++i) alpha[i] = NAN;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, NULL, &picture));
+  for (i = 0; i < side * side && alpha[i] >= 0 && alpha[i] <= 1; ++i) continue;
+  HOLD(i == side * side);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(&picture, side, side + 1, VSPLAT_PICTURE_PNG, "x.png"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(&picture, side, side, VSPLAT_PICTURE_EXR, "x.exr")); /* no depth */
+
+  orbit.count = 0;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_orbit_scene(scene, &orbit, &cameras));
+  orbit.count = 3;
+  EXPECT(VSPLAT_OK, vsplat_cameras_orbit_scene(scene, &orbit, &cameras));
+  EXPECT(VSPLAT_OK, vsplat_cameras_count(cameras, &count));
+  HOLD(count == 3);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_get(cameras, 3, &camera));
+  vsplat_cameras_release(cameras);
+}
+
+static void main_job(vsplat_device device) {
+  static float pixels[side * side * 3], out[side * side * 3];
+  const int32_t voxels[] = {3, 21, 40};
+  const char* no_such_view[] = {"nobody"};
+  vsplat_model_options model_options = VSPLAT_MODEL_OPTIONS_INIT;
+  vsplat_model model = NULL;
+  vsplat_model_info model_info = VSPLAT_MODEL_INFO_INIT;
+  vsplat_views views = make_views(pixels);
+  vsplat_input input = NULL;
+  vsplat_input_options input_options = VSPLAT_INPUT_OPTIONS_INIT;
+  vsplat_input_info input_info = VSPLAT_INPUT_INFO_INIT;
+  vsplat_reconstruct_options options = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+  vsplat_scene scene = NULL;
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  char* text = NULL;
+  int calls = 0;
+
+  model_options.config = "micro";
+  model_options.seed = 5;
+  EXPECT(VSPLAT_OK, vsplat_model_init(&model_options, &model));
+  EXPECT(VSPLAT_OK, vsplat_model_get_info(model, &model_info));
+  HOLD(model_info.image == side && model_info.views == 2 && model_info.max_views == 16 && model_info.parameters > 0);
+  HOLD(model_info.max_gaussians == 4 * 4 * 4 * 3);
+
+  input_options.names = no_such_view;
+  input_options.num_names = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_prepare(model, views, &input_options, &input));
+  input_options.num_names = 0;
+  input_options.has_center = 1;
+  input_options.center[2] = -3;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_input_prepare(model, views, &input_options, &input)); /* behind the first camera */
+  input_options.center[2] = NAN;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_prepare(model, views, &input_options, &input));
+  HOLD(!input);
+  EXPECT(VSPLAT_OK, vsplat_input_prepare(model, views, NULL, &input));
+  vsplat_views_release(views);
+  EXPECT(VSPLAT_OK, vsplat_input_get_info(input, &input_info));
+  HOLD(input_info.views == num_views && input_info.image == side && input_info.scale == 1);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_picture(input, 0, out, 5));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_picture(input, num_views, out, side * side * 3));
+  EXPECT(VSPLAT_OK, vsplat_input_get_picture(input, 0, out, side * side * 3));
+  HOLD(memcmp(out, pixels, sizeof out) == 0); /* the network's own size: bit for bit */
+
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_reconstruct(device, model, 17, 0.1, &plan));
+  EXPECT(VSPLAT_OK, vsplat_plan_reconstruct(device, model, num_views, 0.1, &plan));
+  HOLD(plan.fits && plan.peak > 0 && plan.num_stages > 0);
+
+  options.progress = stop;
+  options.user = &calls;
+  EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_reconstruct(device, model, input, &options, &scene));
+  HOLD(calls == 1 && !scene);
+  options.progress = NULL;
+  options.voxels = voxels;
+  options.num_voxels = 3;
+  EXPECT(VSPLAT_OK, vsplat_device_profile(device, 1));
+  EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, &options, &scene));
+  EXPECT(VSPLAT_OK, vsplat_device_profile_text(device, VSPLAT_PROFILE_JSON, &text));
+  HOLD(text && strstr(text, "\"wall_s\"") != NULL);
+  vsplat_text_free(text);
+  vsplat_model_release(model);
+  vsplat_input_release(input);
+  if (scene) use_scene(device, scene, voxels, 3);
+  vsplat_scene_release(scene);
+}
+
+int main(void) {
+  vsplat_device device = NULL;
+  HOLD(vsplat_version() == VSPLAT_VERSION && strcmp(vsplat_version_string(), VSPLAT_VERSION_STRING) == 0);
+  HOLD(strcmp(vsplat_status_name(VSPLAT_ERROR_MEMORY), "memory") == 0);
+  HOLD(strcmp(vsplat_last_error(), "") == 0);
+  null_handles();
+  EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
+  if (device) {
+    bad_values(device);
+    short_structs(device);
+    main_job(device);
+    vsplat_device_retain(device);
+    vsplat_device_release(device);
+    vsplat_device_release(device);
+  }
+  if (failures) printf("%d checks do not hold\n", failures);
+  return failures != 0;
+}
