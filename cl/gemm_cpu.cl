@@ -5,6 +5,26 @@
 #define PACK_ROWS 12
 #include "pack_cpu.clh"
 
+// Both sources composed, once, for a map that reads every row many times: y [rows, c0 + c1]. Shapes as for gemm_pack_a.
+// One work-item per row.
+__kernel void gemm_compose(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
+                           __global const float* shift, int silu, int rows, __global float* y) {
+  const int row = get_global_id(0), C = c0 + c1;
+  if (row >= rows) return;
+  for (int part = 0; part < 2; ++part) {
+    const int count = part ? c1 : c0, first = part ? c0 : 0;
+    __global const float* x = (part ? x1 : x0) + (size_t)row * count;
+    __global float* to = y + (size_t)row * C + first;
+    for (int c = 0; c < count; c += 16) {
+      const int width = min(16, count - c);
+      float16 v = load_part(x + c, width);
+      if (scale) v = FMA(v, load_part(scale + first + c, width), load_part(shift + first + c, width));
+      if (silu) v = silu_16(v);
+      store_part(v, width, to + c);
+    }
+  }
+}
+
 // A composed and packed. Row m in [0, M) is, for each of T taps, the source row map[row0 + m, t] (row0 + m where map is null): x0's c0
 // channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu v / (1 + exp(-v)). A source row outside [0, src_rows) is zero
 // after all that.

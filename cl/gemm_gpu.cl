@@ -23,6 +23,18 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile
            out_row0);
 }
 
+// Both sources composed, once, for a map that reads every row many times: y [rows, c0 + c1]. One work-item per element.
+__kernel void gemm_compose(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
+                           __global const float* shift, int silu_a, int rows, __global float* y) {
+  const size_t i = get_global_id(0);
+  const int C = c0 + c1;
+  if (i >= (size_t)rows * C) return;
+  const int row = i / C, c = i % C;
+  float v = c < c0 ? x0[(size_t)row * c0 + c] : x1[(size_t)row * c1 + (c - c0)];
+  if (scale) v = FMA(v, scale[c], shift[c]);
+  y[i] = silu_a ? silu(v) : v;
+}
+
 // The epilogue alone, after a library's GEMM: out = act(x + bias) + residual. x [M, N]; residual, out [.., N] from row row0 on; x may be
 // those rows of out. One work-item per element.
 __kernel void gemm_epilogue(__global const float* x, int x_row0, int M, int N, __global const float* bias, int act,

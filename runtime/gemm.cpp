@@ -105,6 +105,20 @@ void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
              static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
 }
 
+// A map that reads each row many times would compose it as often: then the composed rows are worth keeping.
+bool wants_composed(const Gemm& g, const Sizes& s) {
+  return g.a.map && (g.a.scale || g.a.silu) && s.m * s.taps > 2 * s.src_rows;
+}
+
+Tensor composed(Context& ctx, const Gemm& g, const Sizes& s) {
+  const Tensor y = ctx.tensor({s.src_rows, s.c0 + s.c1}, Type::f32, "composed rows");
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  ctx.launch({cpu ? "gemm_cpu" : "gemm_gpu", "gemm_compose", ""}, cpu ? items(s.src_rows, 1) : items(y.count()),
+             {0, 2.0 * static_cast<double>(y.bytes())}, g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale,
+             g.a.shift, g.a.silu ? 1 : 0, as_int(s.src_rows), y);
+  return y;
+}
+
 // Whether CLBlast multiplies: it reads A as it lies in memory. Left to choose, it does so on GPUs of the vendors whose
 // devices its tuning database covers.
 bool wants_clblast(const Context& ctx, const Gemm& g) {
@@ -200,6 +214,13 @@ PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_st
 void gemm(Context& ctx, const Gemm& g) {
   const Sizes s = check(g);
   if (s.m == 0 || s.n == 0) return;
+  if (wants_composed(g, s)) {
+    Gemm plain = g;
+    plain.a = RowSource();
+    plain.a.x0 = composed(ctx, g, s);
+    plain.a.map = g.a.map;
+    return gemm(ctx, plain);
+  }
   if (s.k > 0 && wants_clblast(ctx, g) && gemm_clblast(ctx, g, s)) return;
   if (ctx.flavour() == Flavour::cpu)
     gemm_cpu(ctx, g, s);
