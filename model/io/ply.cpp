@@ -1,5 +1,6 @@
 #include "model/io/ply.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -12,13 +13,14 @@
 
 #include "model/io/ply_header.h"
 #include "runtime/error.h"
-#include "runtime/file.h"
 #include "runtime/log.h"
+#include "runtime/output_file.h"
 
 namespace vsplat {
 namespace {
 
 constexpr double kC0 = 0.28209479177387814;
+constexpr std::size_t kRows = 4096;  // Gaussians in memory at a time, beside the scene
 constexpr std::size_t kMaxHeader = std::size_t{1} << 20;
 // Their sigmoid (exponential) is 0 or 1 (0) in float arithmetic, yet every reader takes them.
 constexpr float kLogitOfOne = 40, kLogitOfZero = -110, kLogOfZero = -110;
@@ -321,7 +323,6 @@ Scene read_ply(const std::string& path) {
   g.opacities.reserve(g.count);
   g.sh.reserve(3 * g.count * g.sh_count());
   in.seek(at);
-  constexpr std::size_t kRows = 4096;
   std::vector<unsigned char> rows(std::min(kRows, g.count) * vertex->stride);
   for (std::size_t first = 0; first < g.count; first += kRows) {
     const std::size_t count = std::min(kRows, g.count - first);
@@ -337,18 +338,20 @@ void write_ply(const std::string& path, const Scene& scene) {
   const Gaussians& g = scene.gaussians;
   const std::vector<std::string> names = property_names(g.sh_count());
   const std::string header = make_header(scene, names);
-  const std::size_t row_bytes = names.size() * sizeof(float);
-  std::vector<unsigned char> out(header.size() + g.count * row_bytes);
-  std::memcpy(out.data(), header.data(), header.size());
-  std::vector<float> row(names.size());
-  for (std::size_t k = 0; k < g.count; ++k) {
-    put_row(g, k, row.data());
-    for (std::size_t i = 0; i < row.size(); ++i)
-      if (!std::isfinite(row[i]))
-        fail(Status::input, "{}: Gaussian {}: its {} would be {}: nothing is written", path, k, names[i], row[i]);
-    std::memcpy(&out[header.size() + k * row_bytes], row.data(), row_bytes);
+  OutputFile file(path);
+  file.write(header);
+  const std::size_t width = names.size();
+  std::vector<float> rows(std::min(kRows, g.count) * width);
+  for (std::size_t first = 0; first < g.count; first += kRows) {
+    const std::size_t count = std::min(kRows, g.count - first);
+    for (std::size_t i = 0; i < count; ++i) put_row(g, first + i, &rows[i * width]);
+    for (std::size_t i = 0; i < count * width; ++i)
+      if (!std::isfinite(rows[i]))
+        fail(Status::input, "{}: Gaussian {}: its {} would be {}: nothing is written", path, first + i / width,
+             names[i % width], rows[i]);
+    file.write(rows.data(), count * width * sizeof(float));
   }
-  write_file(path, out.data(), out.size());
+  file.commit();
 }
 
 }  // namespace vsplat
