@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "model/dump.h"
+#include "runtime/log.h"
 
 namespace vsplat {
 
@@ -61,6 +62,7 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
     out.scene.gaussians = download(ctx, result.final);
   }
   ctx.finish();
+  if (out.scene.gaussians.count == 0) warn("no voxel was selected: the scene is empty");
 
   out.scene.near = static_cast<float>(kNearInObject);
   if (config.negate_camera_centre) out.scene.mirror = std::array<float, 3>{0, 0, 0};

@@ -1,0 +1,149 @@
+"""Well-formed requests that cannot be served: exit code 1, a sentence of their own, nothing written."""
+import json
+import os
+import random
+import struct
+
+import support
+
+
+class Outputs(support.Case):
+    def test_nothing_is_written_where_one_file_exists(self):
+        more = ["--render", "orbit:2", "--images", self.path("pictures"), "--write-views", self.path("seen"), "--write-selection",
+                self.path("voxels.txt"), "--dump", self.path("dump"), "--profile", self.path("p.json"), "--trace", self.path("t.json")]
+        for name in ("out.ply", "pictures/0001.png", "seen/cameras.json", "seen/2.png", "voxels.txt", "dump/stages.safetensors", "p.json", "t.json"):
+            with self.subTest(name=name):
+                os.makedirs(os.path.dirname(self.path(name)), exist_ok=True)
+                open(self.path(name), "w").write("mine")
+                self.refuses(1, [os.path.basename(name), "--overwrite"], *self.reconstruct(*more, "--views", "0,1,2"))
+                os.remove(self.path(name))
+        open(self.path("out.ply"), "w").write("mine")
+        self.succeeds(*self.reconstruct(*more, "--overwrite"))
+        self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+
+    def test_folder_that_cannot_be_written(self):
+        open(self.path("file"), "w").write("")
+        self.refuses(1, "not a folder", *self.reconstruct("--profile", self.path("file", "p.json")))
+        self.refuses(1, "cannot be written", *self.reconstruct("--profile", "/proc/no/p.json"))
+        self.refuses(1, "not a file", *self.reconstruct("--profile", self.folder))
+        self.refuses(1, "/proc", "init", "micro", "--seed", 1, "--output", "/proc/model.safetensors")
+
+    def test_unknown_device_and_no_platform(self):
+        self.refuses(1, ["no device", "quantum"], *self.reconstruct("--device", "quantum"))
+        self.refuses(1, "no device", *self.reconstruct(), env={"VSPLAT_DEVICE": "quantum"})
+        self.refuses(1, ["no OpenCL device", "pocl-opencl-icd"], *self.reconstruct(), env={"OCL_ICD_VENDORS": self.path("none")})
+        out, err = self.succeeds("devices", env={"OCL_ICD_VENDORS": self.path("none")})
+        self.assertIn("no OpenCL device", err)
+        out, err = self.succeeds("devices", "--json", env={"OCL_ICD_VENDORS": self.path("none")})
+        self.assertEqual(json.loads(out), [])
+
+    def test_more_memory_than_there_is(self):
+        self.refuses(1, ["memory", "GiB"], *self.reconstruct("--max-memory", "0.0005"))
+
+
+class Views(support.Case):
+    def test_no_such_file(self):
+        self.refuses(1, "nowhere", "reconstruct", self.path("nowhere"), "--model", self.model, "--output", self.path("x.ply"))
+
+    def test_truncated_picture(self):
+        path = self.path("views", "images", "1.png")
+        data = open(path, "rb").read()
+        open(path, "wb").write(data[:len(data) // 2])
+        self.refuses(1, "1.png", *self.reconstruct("--views", "0,1"))
+
+    def test_pictures_that_are_missing(self):
+        os.remove(self.path("views", "images", "1.png"))
+        self.refuses(2, "1", *self.reconstruct("--views", "0,1"))
+        _, err = self.succeeds(*self.reconstruct())
+        self.assertEqual(err.count("warning"), 1)
+        for i in (0, 2):
+            os.remove(self.path("views", "images", f"{i}.png"))
+        self.refuses(1, "transforms.json", *self.reconstruct("--overwrite"))
+
+    def test_poses(self):
+        def set_pose(value):
+            def change(data):
+                data["frames"][1]["transform_matrix"] = value
+            return change
+        good = support.camera_to_world(30)
+        for words, pose in ((["transform_matrix"], [[0] * 4] * 4), (["transform_matrix", "finite"], [[float("nan")] * 4, *good[1:]]),
+                            (["transform_matrix"], good[:3] + [[0, 0, 0]]), (["transform_matrix"], "identity")):
+            self.edit_views(set_pose(pose))
+            self.refuses(1, words + ["transforms.json"], *self.reconstruct())
+
+    def test_picture_and_intrinsics_disagree(self):
+        self.edit_views(lambda data: data.update(w=32))
+        self.refuses(1, ["32", "16"], *self.reconstruct())
+
+    def test_cube_that_is_not_in_view(self):
+        self.refuses(1, "behind", *self.reconstruct("--center", "0,0,50"))
+        self.refuses(1, "cube", *self.reconstruct("--scale", "5"))                         # a corner is behind a camera
+        self.refuses(1, "cube", *self.reconstruct("--scale", "5", "--force"))              # which --force does not pass
+        self.refuses(1, ["w2c"], *self.swapped())
+
+    def swapped(self):
+        """OpenGL camera-to-world matrices where our cameras.json has OpenCV world-to-camera ones."""
+        os.makedirs(self.path("swapped"))
+        cameras = []
+        for i in range(3):
+            os.link(self.path("views", "images", f"{i}.png"), self.path("swapped", f"{i}.png"))
+            cameras.append({"file": f"{i}.png", "w": 16, "h": 16, "fx": 20, "fy": 20, "cx": 8, "cy": 8,
+                            "w2c": support.camera_to_world(100 * i + 10)})
+        json.dump(cameras, open(self.path("swapped", "cameras.json"), "w"))
+        return "reconstruct", self.path("swapped"), "--model", self.model, "--output", self.path("x.ply")
+
+
+class Models(support.Case):
+    def header(self, data):
+        size = struct.unpack("<Q", data[:8])[0]
+        return json.loads(data[8:8 + size]), data[8 + size:]
+
+    def write(self, header, body):
+        text = json.dumps(header).encode()
+        open(self.model, "wb").write(struct.pack("<Q", len(text)) + text + body)
+
+    def test_damage_is_found(self):
+        data = open(self.model, "rb").read()
+        rng = random.Random(1)
+        for _ in range(8):
+            open(self.model, "wb").write(data[:rng.randrange(len(data))])
+            self.refuses(1, "model.safetensors", *self.reconstruct())
+            self.refuses(1, "model.safetensors", "weights", "verify", self.model)
+        for _ in range(8):
+            broken = bytearray(data)
+            broken[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+            open(self.model, "wb").write(broken)
+            self.refuses(1, "model.safetensors", *self.reconstruct())
+
+    def test_tensors_that_do_not_fit(self):
+        header, body = self.header(open(self.model, "rb").read())
+        name = next(n for n in header if n.endswith("attn.qkv.weight"))
+        del header["__metadata__"]["sha256"]
+        original = header[name]
+        header[name] = {**original, "shape": original["shape"][::-1]}
+        self.write(header, body)
+        self.refuses(1, [name, "shape"], *self.reconstruct())
+        header["another"] = header.pop(name)
+        header["another"]["shape"] = original["shape"]
+        self.write(header, body)
+        self.refuses(1, name, *self.reconstruct())
+
+    def test_not_a_model(self):
+        self.refuses(1, "nowhere", "weights", "info", self.path("nowhere"))
+        open(self.model, "w").write("not a model")
+        self.refuses(1, "model.safetensors", "weights", "info", self.model)
+
+
+class Scenes(support.Case):
+    def test_damaged_ply(self):
+        self.succeeds(*self.reconstruct())
+        data = open(self.path("out.ply"), "rb").read()
+        open(self.path("out.ply"), "wb").write(data[:-10])
+        self.refuses(1, "out.ply", "render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
+        self.refuses(1, "none.ply", "render", self.path("none.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
+        open(self.path("voxels.txt"), "w").write("3\n2\n")
+        self.refuses(1, ["voxels.txt", "line 2"], *self.reconstruct("--selection", self.path("voxels.txt"), "--overwrite"))
+
+
+if __name__ == "__main__":
+    support.main()

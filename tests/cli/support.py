@@ -1,0 +1,137 @@
+"""What the tests of the command line share: running it, pictures, posed views. Python's standard library only."""
+import json
+import math
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+import zlib
+
+VSPLAT = os.environ["VSPLAT"]
+
+
+def run(*arguments, env=None, cwd=None):
+    """-> exit code, stdout, stderr."""
+    done = subprocess.run([VSPLAT, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=280,
+                          env={**os.environ, **(env or {})})
+    return done.returncode, done.stdout, done.stderr
+
+
+def write_png(path, width, height, rows):
+    """rows: height lists of width (r, g, b)."""
+    chunk = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    data = b"".join(b"\0" + bytes(v for pixel in row for v in pixel) for row in rows)
+    with open(path, "wb") as f:
+        f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+                + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b""))
+
+
+def read_png(path):
+    """-> width, height, the bytes of all pixels (8-bit RGB)."""
+    data = open(path, "rb").read()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n", path
+    at, packed = 8, b""
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at:at + 8])
+        body = data[at + 8:at + 8 + size]
+        if kind == b"IHDR":
+            width, height, depth, colour = struct.unpack(">IIBB", body[:10])
+            assert (depth, colour) == (8, 2), path
+        packed += body if kind == b"IDAT" else b""
+        at += 12 + size
+    raw, stride, out = zlib.decompress(packed), 3 * width, bytearray()
+    before = bytearray(stride)
+    for y in range(height):
+        kind, row = raw[y * (stride + 1)], bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
+        for i in range(stride):
+            a, b, c = row[i - 3] if i >= 3 else 0, before[i], before[i - 3] if i >= 3 else 0
+            p = a + b - c
+            nearest = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
+            row[i] = (row[i] + (0, a, b, (a + b) // 2, nearest)[kind]) & 255
+        out += row
+        before = row
+    return width, height, bytes(out)
+
+
+def psnr(a, b):
+    mse = sum((x - y) ** 2 for x, y in zip(a, b)) / len(a)
+    return math.inf if mse == 0 else 10 * math.log10(255 ** 2 / mse)
+
+
+def camera_to_world(azimuth, distance=2.0, centre=(0.0, 0.0, 0.0)):
+    """OpenGL axes: at `azimuth` (degrees) about y, looking at the centre."""
+    s, c = math.sin(math.radians(azimuth)), math.cos(math.radians(azimuth))
+    return [[c, 0, s, centre[0] + distance * s], [0, 1, 0, centre[1]], [-s, 0, c, centre[2] + distance * c], [0, 0, 0, 1]]
+
+
+class Case(unittest.TestCase):
+    """Each test in a folder of its own, with `model.safetensors` (micro) and posed views beside each other."""
+    SIDE = 16
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="vsplat-cli-")
+        self.addCleanup(shutil.rmtree, self.folder, True)
+        self.model = self.path("model.safetensors")
+        code, _, err = run("init", "micro", "--seed", 3, "--output", self.model, "--quiet")
+        self.assertEqual(code, 0, err)
+        self.views = self.make_views()
+
+    def path(self, *parts):
+        return os.path.join(self.folder, *parts)
+
+    def make_views(self, name="views", count=3, centre=(0.0, 0.0, 0.0), **changes):
+        """changes: top-level fields of the transforms.json. -> its path"""
+        os.makedirs(self.path(name, "images"))
+        frames = []
+        for i in range(count):
+            rows = [[((x * 13 + 40 * i) % 256, (y * 17) % 256, (x * y * 5) % 256) for x in range(self.SIDE)] for y in range(self.SIDE)]
+            write_png(self.path(name, "images", f"{i}.png"), self.SIDE, self.SIDE, rows)
+            frames.append({"file_path": f"images/{i}.png", "transform_matrix": camera_to_world(100 * i, centre=centre)})
+        path = self.path(name, "transforms.json")
+        with open(path, "w") as f:
+            json.dump({"fl_x": 20, "w": self.SIDE, "h": self.SIDE, "frames": frames, **changes}, f)
+        return path
+
+    def edit_views(self, change):
+        with open(self.views) as f:
+            data = json.load(f)
+        change(data)
+        with open(self.views, "w") as f:
+            json.dump(data, f)
+
+    def snapshot(self):
+        out = {}
+        for root, folders, files in os.walk(self.folder):
+            for name in folders:
+                out[os.path.join(root, name)] = None
+            for name in files:
+                out[os.path.join(root, name)] = open(os.path.join(root, name), "rb").read()
+        return out
+
+    def refuses(self, code, words, *arguments, env=None):
+        """Ends with `code`, says all of `words` on stderr, nothing on stdout, and leaves every file as it was."""
+        before = self.snapshot()
+        got, out, err = run(*arguments, env=env)
+        self.assertEqual(got, code, err)
+        for word in [words] if isinstance(words, str) else words:
+            self.assertIn(word, err)
+        self.assertEqual(out, "")
+        self.assertNotIn("terminate called", err)
+        self.assertEqual(before, self.snapshot(), "files changed")
+        return err
+
+    def succeeds(self, *arguments, env=None):
+        code, out, err = run(*arguments, env=env)
+        self.assertEqual(code, 0, err)
+        return out, err
+
+    def reconstruct(self, *more):
+        """Arguments of the main job."""
+        return ("reconstruct", self.views, "--model", self.model, "--output", self.path("out.ply"), *more)
+
+
+def main():
+    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])

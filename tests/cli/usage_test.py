@@ -1,0 +1,68 @@
+"""Requests that are wrong in themselves: exit code 2, a sentence that names the option, nothing written."""
+import support
+
+
+class Usage(support.Case):
+    def test_commands(self):
+        self.refuses(2, "subcommand is required")
+        self.refuses(2, ["devcies", "devices"], "devcies")
+        self.refuses(2, ["--modle", "did you mean --model"], "reconstruct", self.views, "--modle", self.model)
+        self.refuses(2, "--output", *self.reconstruct()[:4])
+        self.refuses(2, "--model", "reconstruct", self.views, "--output", self.path("x.ply"))
+        self.refuses(2, "seed", "init", "micro", "--output", self.path("x"))
+
+    def test_help(self):
+        for command in ([], ["devices"], ["init"], ["weights"], ["weights", "info"], ["reconstruct"], ["render"], ["bench"]):
+            out, err = self.succeeds(*command, "--help")
+            self.assertIn("Example", out)
+            self.assertEqual(err, "")
+        out, _ = self.succeeds("--version")
+        self.assertRegex(out, r"^vsplat \d+\.\d+\.\d+\n$")
+
+    def test_pictures_need_each_other(self):
+        self.refuses(2, ["--render", "--images"], *self.reconstruct("--render", "orbit:2"))
+        self.refuses(2, ["--render", "--images"], *self.reconstruct("--images", self.path("x")))
+        self.refuses(2, "--images", "render", "scene.ply", "--cameras", "orbit:2")
+        self.refuses(2, "--cameras", "render", "scene.ply", "--images", self.path("x"))
+        self.refuses(2, "--format exr", *self.reconstruct("--exr-raw"))
+
+    def test_values(self):
+        for option, *values in (("--center", "1,2", "1,2,3,4", "1,2,x", "1,,2", "nan,0,0", "0,0,inf", "1, 2, 3", ""),
+                                ("--scale", "0", "-1", "x", "nan", "1e999"), ("--near", "0", "-0.1", "z"),
+                                ("--background", "255,255,255", "1,1", "-1,0,0"), ("--size", "0x5", "5", "5x", "5x5x5", "-5x5", "1e9x1"),
+                                ("--fit", "squash"), ("--format", "jpg"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
+                                ("--assume-selected", "0", "1.1", "-1"), ("--up", "0,0,0"), ("--orbit-radius", "0", "-2"),
+                                ("--orbit-elevation", "90", "-100"), ("--kernels", "fpga"), ("--gemm", "mkl"), ("--max-memory", "0", "-3"),
+                                ("--render", "orbit:0", "orbit:", "orbit:-3", "orbit:x")):
+            for value in values:
+                more = ["--images", self.path("pictures")] if option == "--render" else []
+                with self.subTest(option=option, value=value):
+                    if value:
+                        self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(option, value, *more))
+                    self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(f"{option}={value}", *more))
+
+    def test_views_that_are_not_there(self):
+        self.refuses(2, ["nobody"], *self.reconstruct("--views", "0,nobody"))
+        self.refuses(2, ["@7"], *self.reconstruct("--views", "@7"))
+        self.refuses(2, ["0"], *self.reconstruct("--views", "0,0"))
+
+    def test_configuration(self):
+        self.refuses(2, "huge", "init", "huge", "--seed", 1, "--output", self.path("x"))
+        self.refuses(2, "no field", "init", "micro", "--seed", 1, "--set", "depth=3", "--output", self.path("x"))
+        self.refuses(2, "patch", "init", "micro", "--seed", 1, "--set", "patch=5", "--output", self.path("x"))
+        for seed in ("-1", "x", "18446744073709551616"):
+            self.refuses(2, "--seed", "init", "micro", "--seed", seed, "--output", self.path("x"))
+
+    def test_one_output_twice(self):
+        self.refuses(2, "twice", *self.reconstruct("--profile", self.path("out.ply")))
+        self.refuses(2, "read", "reconstruct", self.views, "--model", self.model, "--output", self.model, "--overwrite")
+
+    def test_numbers_may_begin_with_a_minus(self):
+        views = self.make_views("moved", centre=(-1.0, 2.0, -0.5))
+        for arguments in (("--center", "-1,2,-0.5"), ("--center=-1,2,-0.5",), ("--center", "-1,2,-.5", "--up", "-0,-1,0")):
+            out, err = self.succeeds("reconstruct", views, "--model", self.model, "--output", self.path("out.ply"), *arguments, "--overwrite")
+            self.assertIn("(-1, 2, -0.5)", err)
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,29 @@
+#!/bin/sh
+# Installs a build, then builds and runs a project that knows only the installed files, from another directory.
+#   tests/install/run.sh BUILD_DIR
+set -eu
+build=$(cd "$1" && pwd)
+here=$(cd "$(dirname "$0")" && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+cmake --install "$build" --prefix "$work/first" >/dev/null
+mv "$work/first" "$work/moved"  # the package may not depend on where it was installed
+cp -r "$here" "$work/project"
+cmake -S "$work/project" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/moved" >/dev/null
+cmake --build "$work/build" >/dev/null
+cd "$work"
+unset VSPLAT_KERNEL_DIR || true
+"$work/build/user_c"
+"$work/build/user_cpp"
+"$work/moved/bin/vsplat" --version
+
+library=$(dirname "$(find "$work/moved" -name vsplat.pc)")
+flags=$(PKG_CONFIG_PATH=$library pkg-config --define-prefix --cflags --libs vsplat)
+# shellcheck disable=SC2086  # a list of flags
+cc -std=c99 "$here/user.c" $flags -Wl,-rpath,"$(dirname "$library")" -o "$work/by_pkg_config"
+"$work/by_pkg_config"
+if grep -rl "$build\|$(dirname "$(dirname "$here")")" "$work/moved/lib" "$work/moved/include" --include='*.cmake' --include='*.h' --include='*.pc'; then
+  echo "the files above name the build or source directory" >&2
+  exit 1
+fi
