@@ -46,19 +46,21 @@ __kernel void gemm_pack_a(__global const float* x0, int c0, __global const float
   pack_sources(x0, c0, x1, c1, row, scale, shift, silu, panels + ((size_t)panel * T + t) * (c0 + c1) * PACK_ROWS);
 }
 
-// Work-groups of one work-item: (panel of A, panel of B), so that a panel of B stays in cache while A's stream by.
-__kernel void gemm_tile(__global const float* panels, __global const float* b, int M, int N, int K,
+// Work-groups of one work-item: (panel of B, block of `block` panels of A), so that a block of A stays in cache while B's panels stream by.
+__kernel void gemm_tile(__global const float* panels, __global const float* b, int block, int M, int N, int K,
                         __global const float* bias, int act, __global const float* residual, __global float* out,
                         int row0) {
-  const int panel = get_group_id(0);
-  const int n0 = get_group_id(1) * TILE_COLS;
-  __global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
-  __global const float* pb = b + (size_t)n0 * K;
-  TILE_DECLARE
-  for (int k = 0; k < K; ++k) TILE_STEP(pa + k * TILE_ROWS, pb + k * TILE_COLS)
-  float16 t[2 * TILE_ROWS];
-  TILE_STORE(t)
-  const int m = panel * TILE_ROWS;
-  const size_t at = (size_t)(row0 + m) * N + n0;
-  tile_finish(t, min(TILE_ROWS, M - m), 2, n0, N, bias, act, residual ? residual + at : residual, out + at);
+  const int n0 = get_group_id(0) * TILE_COLS;
+  const int last = min((int)(get_group_id(1) + 1) * block, DIV_UP(M, TILE_ROWS));
+  for (int panel = get_group_id(1) * block; panel < last; ++panel) {
+    __global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
+    __global const float* pb = b + (size_t)n0 * K;
+    TILE_DECLARE
+    for (int k = 0; k < K; ++k) TILE_STEP(pa + k * TILE_ROWS, pb + k * TILE_COLS)
+    float16 t[2 * TILE_ROWS];
+    TILE_STORE(t)
+    const int m = panel * TILE_ROWS;
+    const size_t at = (size_t)(row0 + m) * N + n0;
+    tile_finish(t, min(TILE_ROWS, M - m), 2, n0, N, bias, act, residual ? residual + at : residual, out + at);
+  }
 }

@@ -13,6 +13,8 @@ namespace {
 constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
 // What is packed of A at a time: it stays in a CPU's last-level cache, and scratch memory stays bounded.
 constexpr long kScratchFloats = 2 << 20;
+// What one work-item multiplies each panel of B with: this much of A stays in the first caches meanwhile.
+constexpr long kBlockFloats = 32 << 10;
 
 long div_up(long a, long b) { return (a + b - 1) / b; }
 
@@ -84,6 +86,7 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   const long panels = div_up(s.m, kTileRows);
   const long step = std::clamp(kScratchFloats / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
   const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
+  const long block = std::max(1L, kBlockFloats / std::max(1L, s.k * kTileRows));
   for (long p = 0; p < panels; p += step) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);
@@ -91,15 +94,16 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
     ctx.launch({"gemm_cpu", "gemm_pack_a", ""}, groups(s.taps, 1, count), {0, 2 * packed}, g.a.x0, as_int(s.c0), g.a.x1,
                as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, as_int(s.taps), as_int(s.src_rows),
                as_int(s.row0 + p * kTileRows), as_int(rows), scratch);
-    ctx.launch({"gemm_cpu", "gemm_tile", "", g.name}, groups(count, 1, div_up(s.n, kTileCols)), cost_of(g, s, rows),
-               scratch, g.b->data, as_int(rows), as_int(s.n), as_int(s.k), g.bias, static_cast<int>(g.activation),
-               g.residual, g.out, as_int(s.out_row0 + p * kTileRows));
+    ctx.launch({"gemm_cpu", "gemm_tile", "", g.name}, groups(div_up(s.n, kTileCols), 1, div_up(count, block)),
+               cost_of(g, s, rows), scratch, g.b->data, as_int(block), as_int(rows), as_int(s.n), as_int(s.k), g.bias,
+               static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0 + p * kTileRows));
   }
 }
 
 void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
-  constexpr long tile = 64;
-  ctx.launch({"gemm_gpu", "gemm_tile_gpu", "", g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
+  const GpuTile shape = gpu_tile(ctx, s.m, s.n);
+  const long tile = shape.side;
+  ctx.launch({"gemm_gpu", "gemm_tile_gpu", shape.defines, g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
              cost_of(g, s, s.m), g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0,
              g.a.map, as_int(s.taps), as_int(s.src_rows), as_int(s.row0), g.b->data, as_int(s.m), as_int(s.n), g.bias,
              static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
@@ -174,6 +178,14 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
 }
 
 }  // namespace
+
+GpuTile gpu_tile(const Context& ctx, long m, long n) {
+  // Larger tiles load less for each product, as long as there are enough of them to keep every unit busy.
+  constexpr long large = 128;
+  const long enough = 2L * ctx.device().compute_units;
+  if (n > 64 && div_up(m, large) * div_up(n, large) >= enough) return {large, "-DRM=8 -DRN=8"};
+  return {64, ""};
+}
 
 std::size_t packed_bytes(Flavour flavour, long k, long n) {
   const long columns = flavour == Flavour::cpu ? div_up(n, kTileCols) * kTileCols : n;

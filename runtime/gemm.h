@@ -22,6 +22,13 @@ PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_st
 // Bytes that pack_matrix takes (without PackedMatrix::plain), for planning.
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
+// The side of the gpu flavour's square tiles for an [m, n] output, and the defines that cl/tile_gpu.clh takes for it.
+struct GpuTile {
+  long side;
+  const char* defines;
+};
+GpuTile gpu_tile(const Context& ctx, long m, long n);
+
 // Where A's rows come from. Channel c of a row is x0[row, c] for c < C0, else x1[row, c - C0]; then, where there is a
 // scale, v = v * scale[c] + shift[c], and SiLU where asked for. Rows that a map calls absent are zero (after all that).
 // Leading dimensions of x0 and x1 count as rows: [4, 1025, 768] is 4100 rows.

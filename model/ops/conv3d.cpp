@@ -156,11 +156,11 @@ void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
 }
 
 void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
-  constexpr long tile = 64;
-  ctx.launch({"conv3d_gpu", "conv3d_tile_gpu", "", c.name},
-             groups(div_up(s.n, tile), 256, div_up(s.x * s.y * s.z, tile)), cost_of(c, s, s.x), c.in.x0, as_int(s.c0),
-             c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z),
-             c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
+  const GpuTile tile = gpu_tile(ctx, s.x * s.y * s.z, s.n);
+  ctx.launch({"conv3d_gpu", "conv3d_tile_gpu", tile.defines, c.name},
+             groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0,
+             as_int(s.c0), c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y),
+             as_int(s.z), c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
 }
 
 }  // namespace

@@ -132,6 +132,27 @@ TEST_P(GemmTest, GeluIsExactEverywhere) {
   EXPECT_TRUE(test::close(ctx().read<float>(d->g.out), c.all(), 2.5e-7));
 }
 
+// Enough tiles for the gpu flavour to take its large ones (on devices of few units), with tails in both directions.
+TEST_P(GemmTest, LargeTilesMatchReference) {
+  const long side = 128 * std::min(4, ctx().device().compute_units) + 5;
+  Try t{side, 133, 37};
+  t.residual = true, t.act = Activation::silu;
+  expect_matches(t);
+  t.n = 5, t.m = 300;  // and few columns, for which it does not
+  expect_matches(t);
+}
+
+// Values at which a careless exponential overflows.
+TEST_P(GemmTest, SiluOfLargeValuesIsFinite) {
+  ref::GemmCase c = make_case({1, 1, 1});
+  c.m = c.a.rows = 401, c.act = 2, c.w = {1.0f}, c.bias = {0.0f};
+  c.a.x0.clear();
+  for (int i = 0; i <= 400; ++i) c.a.x0.push_back(static_cast<float>(i - 200));
+  const auto d = upload(ctx(), c);
+  gemm(ctx(), d->g);
+  EXPECT_TRUE(test::close(ctx().read<float>(d->g.out), c.all(), 1e-7));
+}
+
 TEST_P(GemmTest, EmptyIsNothing) {
   for (const long m : {0L, 4L}) {
     const ref::GemmCase c = make_case({m, m ? 0L : 5L, 3});
