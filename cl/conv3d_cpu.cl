@@ -48,9 +48,7 @@ __kernel void conv3d_tile(__global const float* ring, __global const float* b, i
       }
     }
   }
-  float16 t[2 * TILE_ROWS];
-  TILE_STORE(t)
   const int z0 = zt * TILE_ROWS;
   const size_t at = ((size_t)(x * Y + y) * Z + z0) * N + n0;
-  tile_finish(t, min(TILE_ROWS, Z - z0), 2, n0, N, bias, 0, residual ? residual + at : residual, out + at);
+  TILE_FINISH(min(TILE_ROWS, Z - z0), n0, N, bias, 0, residual ? residual + at : residual, out + at);
 }

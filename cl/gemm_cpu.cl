@@ -57,10 +57,8 @@ __kernel void gemm_tile(__global const float* panels, __global const float* b, i
     __global const float* pb = b + (size_t)n0 * K;
     TILE_DECLARE
     for (int k = 0; k < K; ++k) TILE_STEP(pa + k * TILE_ROWS, pb + k * TILE_COLS)
-    float16 t[2 * TILE_ROWS];
-    TILE_STORE(t)
     const int m = panel * TILE_ROWS;
     const size_t at = (size_t)(row0 + m) * N + n0;
-    tile_finish(t, min(TILE_ROWS, M - m), 2, n0, N, bias, act, residual ? residual + at : residual, out + at);
+    TILE_FINISH(min(TILE_ROWS, M - m), n0, N, bias, act, residual ? residual + at : residual, out + at);
   }
 }

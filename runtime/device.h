@@ -21,7 +21,7 @@ struct DeviceInfo {
   bool local_is_fast = false;      // local memory of its own, not a piece of global memory
   std::size_t max_work_group = 1;
   int compute_units = 1;
-  int native_float_width = 1;
+  int native_float_width = 1;    // less than 4: its compiler takes vectors apart
   int align = 128;               // bytes: where a sub-buffer may start
   bool event_profiling = false;  // device events carry times
   bool fp16 = false, fp64 = false, subgroups = false;

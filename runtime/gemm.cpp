@@ -91,12 +91,13 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);
     const double packed = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
-    ctx.launch({"gemm_cpu", "gemm_pack_a", ""}, groups(s.taps, 1, count), {0, 2 * packed}, g.a.x0, as_int(s.c0), g.a.x1,
-               as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, as_int(s.taps), as_int(s.src_rows),
-               as_int(s.row0 + p * kTileRows), as_int(rows), scratch);
-    ctx.launch({"gemm_cpu", "gemm_tile", "", g.name}, groups(div_up(s.n, kTileCols), 1, div_up(count, block)),
-               cost_of(g, s, rows), scratch, g.b->data, as_int(block), as_int(rows), as_int(s.n), as_int(s.k), g.bias,
-               static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0 + p * kTileRows));
+    ctx.launch({"gemm_cpu", "gemm_pack_a", tile_defines(ctx.device())}, groups(s.taps, 1, count), {0, 2 * packed},
+               g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map,
+               as_int(s.taps), as_int(s.src_rows), as_int(s.row0 + p * kTileRows), as_int(rows), scratch);
+    ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name},
+               groups(div_up(s.n, kTileCols), 1, div_up(count, block)), cost_of(g, s, rows), scratch, g.b->data,
+               as_int(block), as_int(rows), as_int(s.n), as_int(s.k), g.bias, static_cast<int>(g.activation),
+               g.residual, g.out, as_int(s.out_row0 + p * kTileRows));
   }
 }
 
@@ -186,6 +187,8 @@ GpuTile gpu_tile(const Context& ctx, long m, long n) {
   if (n > 64 && div_up(m, large) * div_up(n, large) >= enough) return {large, "-DRM=8 -DRN=8"};
   return {64, ""};
 }
+
+const char* tile_defines(const DeviceInfo& device) { return device.native_float_width >= 4 ? "" : "-DTILE_LOOPS"; }
 
 std::size_t packed_bytes(Flavour flavour, long k, long n) {
   const long columns = flavour == Flavour::cpu ? div_up(n, kTileCols) * kTileCols : n;

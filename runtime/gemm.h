@@ -41,6 +41,9 @@ struct RowSource {
                // >= rows is absent
 };
 
+// What the cpu flavour's dense kernels are built with on a device (see cl/tile_cpu.clh).
+const char* tile_defines(const DeviceInfo& device);
+
 struct Gemm {
   RowSource a;
   const PackedMatrix* b = nullptr;

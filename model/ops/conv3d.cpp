@@ -127,13 +127,14 @@ void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
     const long planes = std::min(step, s.x - p);
     const long until = std::min(s.x, p + planes + 1);
     const double bytes = 4.0 * static_cast<double>((until - packed) * (s.y * s.z * s.c() + plane));
-    ctx.launch({"conv3d_cpu", "conv3d_pack", ""}, groups(zt, 1, s.y, until - packed), {0, bytes}, c.in.x0, as_int(s.c0),
-               c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.y), as_int(s.z),
-               as_int(ring_planes), as_int(packed), ring);
+    ctx.launch({"conv3d_cpu", "conv3d_pack", tile_defines(ctx.device())}, groups(zt, 1, s.y, until - packed),
+               {0, bytes}, c.in.x0, as_int(s.c0), c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0,
+               as_int(s.y), as_int(s.z), as_int(ring_planes), as_int(packed), ring);
     packed = until;
-    ctx.launch({"conv3d_cpu", "conv3d_tile", "", c.name}, groups(zt * s.y, 1, planes, div_up(s.n, kTileCols)),
-               cost_of(c, s, planes), ring, c.weights->w.data, as_int(s.c()), as_int(s.n), as_int(s.x), as_int(s.y),
-               as_int(s.z), as_int(ring_planes), as_int(p), c.weights->bias, c.residual, c.out);
+    ctx.launch({"conv3d_cpu", "conv3d_tile", tile_defines(ctx.device()), c.name},
+               groups(zt * s.y, 1, planes, div_up(s.n, kTileCols)), cost_of(c, s, planes), ring, c.weights->w.data,
+               as_int(s.c()), as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(ring_planes), as_int(p),
+               c.weights->bias, c.residual, c.out);
   }
 }
 
@@ -168,7 +169,9 @@ void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method) {
   if (method == ConvMethod::auto_)
-    method = cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu ? ConvMethod::winograd : ConvMethod::direct;
+    method = cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4
+                 ? ConvMethod::winograd
+                 : ConvMethod::direct;
   if (method == ConvMethod::winograd) return pack_winograd(ctx, w, bias, cout, cin, what);
   // cpu: (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache; gpu: tap, channel.
   const bool cpu = ctx.flavour() == Flavour::cpu;
