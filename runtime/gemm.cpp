@@ -8,6 +8,8 @@
 
 namespace vsplat {
 
+const char* tile_defines(const DeviceInfo& device) { return device.native_float_width >= 4 ? "" : "-DTILE_LOOPS"; }
+
 namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
@@ -83,10 +85,13 @@ Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
 int as_int(long v) { return static_cast<int>(v); }
 
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
+  check_tile_terms(ctx.device(), g.name, s.k);
   const long panels = div_up(s.m, kTileRows);
   const long step = std::clamp(kScratchFloats / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
   const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
-  const long block = std::max(1L, kBlockFloats / std::max(1L, s.k * kTileRows));
+  // One panel a work-item where the tile is made of loops: llvmpipe ends every loop of a work-item after 65535 turns in
+  // all.
+  const long block = *tile_defines(ctx.device()) ? 1 : std::max(1L, kBlockFloats / std::max(1L, s.k * kTileRows));
   for (long p = 0; p < panels; p += step) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);
@@ -188,7 +193,15 @@ GpuTile gpu_tile(const Context& ctx, long m, long n) {
   return {64, ""};
 }
 
-const char* tile_defines(const DeviceInfo& device) { return device.native_float_width >= 4 ? "" : "-DTILE_LOOPS"; }
+void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {
+  constexpr long most = 65535 / (kTileRows + 1) - 64;  // a turn for each row and term, less what starts and ends a tile
+  if (*tile_defines(device) && terms > most)
+    fail(Status::device,
+         "{}: sums of {} terms; {} has no vectors, and its cpu kernels are right for at most {} (choose --kernels gpu "
+         "or "
+         "another device)",
+         name, terms, device.name, most);
+}
 
 std::size_t packed_bytes(Flavour flavour, long k, long n) {
   const long columns = flavour == Flavour::cpu ? div_up(n, kTileCols) * kTileCols : n;

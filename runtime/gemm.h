@@ -43,6 +43,9 @@ struct RowSource {
 
 // What the cpu flavour's dense kernels are built with on a device (see cl/tile_cpu.clh).
 const char* tile_defines(const DeviceInfo& device);
+// Where the tile is made of loops (no vectors), llvmpipe would end them all, silently, after 65535 turns of a
+// work-item: Error(device) for a sum of more than `terms` that would get there.
+void check_tile_terms(const DeviceInfo& device, const char* name, long terms);
 
 struct Gemm {
   RowSource a;

@@ -116,6 +116,7 @@ Cost cost_of(const Conv3d& c, const Shape3d& s, long planes) {
 }
 
 void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
+  check_tile_terms(ctx.device(), c.name, 27 * s.c());
   const long zt = div_up(s.z, kTileRows);
   const long plane = s.y * zt * s.c() * kPackRows;
   // Out planes [p, p + step) need planes [p - 1, p + step + 1) in the ring.
