@@ -2,7 +2,7 @@
 
     python3 make_cases.py DIR micro      the two committed ones, with gradients
     python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected,
-                                         a U-Net of one level and of three
+                                         a U-Net of one level and of three, and one of many channels
 """
 import os
 import sys
@@ -34,6 +34,9 @@ TINY = {
     "tiny_empty": ["--empty"],
     "micro_levels1": ["--config", "micro", "--set", "volume_mult=2"],
     "micro_levels3": ["--config", "micro", "--set", "volume_mult=1,3,2"],
+    # Wide enough for the kernels that only many channels choose (Winograd).
+    "micro_wide": ["--config", "micro", "--set", "volume=6", "--set", "volume_ch=32", "--set", "vit_dim=36", "--set", "voxel_ch=36",
+                   "--set", "fine_dim=40"],
 }
 
 
