@@ -9,12 +9,18 @@ vsplat_plan plan_of(const std::vector<StageMemory>& stages, std::size_t peak, st
   out.peak = peak;
   out.limit = limit;
   out.fits = fits && out.peak <= out.limit;
-  out.num_stages = static_cast<uint32_t>(std::min<size_t>(stages.size(), VSPLAT_MAX_STAGES));
-  for (uint32_t i = 0; i < out.num_stages; ++i) {
-    const std::string name = stages[i].stage.empty() ? "model" : stages[i].stage;
-    std::strncpy(out.stages[i].stage, name.c_str(), sizeof out.stages[i].stage - 1);
-    out.stages[i].reserved = stages[i].peak_reserved;
-    out.stages[i].live = stages[i].peak_live;
+  for (const StageMemory& from : stages) {  // a stage that comes twice (coarse heads, fine heads) is one row
+    const std::string name = from.stage.empty() ? "model" : from.stage;
+    vsplat_stage_memory* const end = out.stages + out.num_stages;
+    vsplat_stage_memory* const to =
+        std::find_if(out.stages, end, [&](const vsplat_stage_memory& s) { return name == s.stage; });
+    if (to == end) {
+      if (out.num_stages == VSPLAT_MAX_STAGES) break;
+      std::strncpy(to->stage, name.c_str(), sizeof to->stage - 1);
+      ++out.num_stages;
+    }
+    to->reserved = std::max<uint64_t>(to->reserved, from.peak_reserved);
+    to->live = std::max<uint64_t>(to->live, from.peak_live);
   }
   return out;
 }
