@@ -41,6 +41,7 @@ std::optional<MaskExtent> extent_of(const Chosen& chosen) {
 
 std::vector<Camera> cameras_of(const Input& input) {
   std::vector<Camera> out;
+  out.reserve(input.views.size());
   for (const PreparedView& view : input.views) out.push_back(view.camera);
   return out;
 }
@@ -49,10 +50,12 @@ Input prepare_input(const Photographs& photographs, const Config& config, const 
   const ViewSet& set = photographs.set;
   const std::vector<Chosen> chosen = choose(photographs, choose_views(set, {request.names, config.views}));
   std::vector<Camera> cameras;
+  cameras.reserve(chosen.size());
   for (const Chosen& c : chosen) cameras.push_back(c.view.camera);
 
   const auto estimate = [&](const std::optional<Eigen::Vector3d>& centre) {
     std::vector<std::optional<MaskExtent>> extents;
+    extents.reserve(chosen.size());
     for (const Chosen& c : chosen) extents.push_back(extent_of(c));
     return auto_frame(cameras, extents, centre);
   };
