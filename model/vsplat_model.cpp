@@ -8,6 +8,7 @@
 #include "model/modulation.h"
 #include "model/ops/gather.h"
 #include "model/refine.h"
+#include "model/render.h"
 #include "model/select.h"
 #include "model/unet3d.h"
 #include "model/vit.h"
@@ -78,6 +79,24 @@ class Progress {
   const ForwardOptions& options_;
   double total_, done_ = 0;
 };
+
+// Drawing the result, once the network's own tensors are gone and their slabs free: a picture of the network's size,
+// with the number of tiles a Gaussian touches taken for RenderOptions::assumed_tiles (how many do is known only when it
+// is drawn).
+std::unique_ptr<Context> plan_picture(const Context& ctx, const Arena& after_network, long gaussians,
+                                      const Config& config) {
+  auto plan = ctx.planner();
+  plan->memory().commit(after_network);
+  const Stage stage(*plan, "splat");
+  const DeviceGaussians g{plan->tensor({gaussians, 3}), plan->tensor({gaussians, 3}), plan->tensor({gaussians, 4}),
+                          plan->tensor({gaussians}), plan->tensor({gaussians, config.sh_count(), 3})};
+  Camera camera;
+  camera.width = camera.height = config.image;
+  camera.fx = camera.fy = config.image;
+  camera.cx = camera.cy = config.image / 2.0;
+  render(*plan, g, camera, {});
+  return plan;
+}
 
 double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
 
@@ -228,9 +247,10 @@ MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_sha
   out.selected = state.selected.count;
   const auto second = first->planner();  // the first half's slabs stand; the second grows beside them
   const DeviceGaussians gaussians = fine(*second, state, cameras, options);
-  out.peak = second->memory().peak();
-  for (const Context* half : {first.get(), second.get()})
-    for (const StageMemory& stage : half->stage_memory())
+  const auto third = plan_picture(ctx, second->memory(), gaussians.count(), config_);
+  out.peak = std::max(second->memory().peak(), third->memory().peak());
+  for (const Context* part : {first.get(), second.get(), third.get()})
+    for (const StageMemory& stage : part->stage_memory())
       if (!stage.stage.empty()) out.stages.push_back(stage);
   return out;
 }

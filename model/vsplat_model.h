@@ -36,7 +36,8 @@ struct ForwardResult {
   std::vector<int> selected;  // voxel indices (i R + j) R + k, ascending
 };
 
-// Device memory that a run takes.
+// Device memory that a run takes: the network's, and that of drawing its result at the network's size ("splat", where
+// each Gaussian is taken to touch RenderOptions::assumed_tiles tiles).
 struct MemoryPlan {
   std::size_t weights = 0;          // bytes of slabs that hold the weights
   std::size_t peak = 0;             // bytes in all, at the most

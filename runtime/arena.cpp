@@ -182,7 +182,7 @@ void Arena::commit(const Arena& planned) {
   const auto& wanted = planned.state_->slabs;
   std::size_t more = 0;
   for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) more += wanted[i].capacity;
-  if (s.reserved() + more > s.limits.total) s.refuse(more, "the run");
+  if (!s.is_virtual && s.reserved() + more > s.limits.total) s.refuse(more, "the run");
   for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) {
     Slab slab;
     slab.capacity = slab.used = wanted[i].capacity;

@@ -84,7 +84,7 @@ void dry_run(const Options& o, const Request& request) {
         vsplat_plan_reconstruct(session.device().get(), model.get(), static_cast<int32_t>(views), selected, &plan));
     char title[128];
     std::snprintf(title, sizeof title, "%zu views, %.4g %% of the voxels selected%s", views, 100 * selected,
-                  selected == 1.0 ? " (no run can need more)" : "");
+                  selected == 1.0 ? " (the network cannot take more)" : "");
     plans.push_back({title, plan});
     if (share == 1.0) break;
   }
