@@ -56,7 +56,7 @@ __kernel void gemm_tile(__global const float* panels, __global const float* b, i
     __global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
     __global const float* pb = b + (size_t)n0 * K;
     TILE_DECLARE
-    for (int k = 0; k < K; ++k) TILE_STEP(pa + k * TILE_ROWS, pb + k * TILE_COLS)
+    TILE_SUM(K, pa + k * TILE_ROWS, pb + k * TILE_COLS)
     const int m = panel * TILE_ROWS;
     const size_t at = (size_t)(row0 + m) * N + n0;
     TILE_FINISH(min(TILE_ROWS, M - m), n0, N, bias, act, residual ? residual + at : residual, out + at);

@@ -19,7 +19,7 @@
     x = max(x, -126.0f);                                                                                          \
     const FLOAT whole = rint(x), f = x - whole;                                                                   \
     const FLOAT p =                                                                                               \
-        mad(mad(mad(mad(mad((FLOAT)(0.00132764714f), f, (FLOAT)(0.00967554133f)), f, (FLOAT)(0.0555071328f)), f,  \
+        FMA(FMA(FMA(FMA(FMA((FLOAT)(0.00132764714f), f, (FLOAT)(0.00967554133f)), f, (FLOAT)(0.0555071328f)), f,  \
                     (FLOAT)(0.240221197f)),                                                                       \
                 f, (FLOAT)(0.693146967f)),                                                                        \
             f, (FLOAT)(1.00000007f));                                                                             \
@@ -54,21 +54,21 @@ kernel void rasterize_cpu(global const float* records, global const uint* ids,
     if (dy0 < -place.z || dy0 > (ROWS - 1) + place.z) continue;
     const float4 form = vload4(1, records + (size_t)id * 12), tint = vload4(2, records + (size_t)id * 12);
     const float16 dx = (place.x - ((float)x0 + 0.5f)) - lane;
-    const float16 slope = form.y * dx, base = mad(form.z * dx, dx, (float16)(form.x));
+    const float16 slope = form.y * dx, base = FMA(form.z * dx, dx, (float16)(form.x));
     float16 left = 0.0f;
 #pragma unroll
     for (int r = 0; r < ROWS; ++r) {
       const float16 t = (dy0 - (float)r) - slope;
-      const float16 a = min(exp2_rows(mad(form.w * t, t, base)), MAX_ALPHA);
+      const float16 a = min(exp2_rows(FMA(form.w * t, t, base)), MAX_ALPHA);
       // Transmittance as a product: T - T a would round across the threshold.
       const float16 after = T[r] * (1.0f - a);
       const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
       const float16 w = select((float16)(0.0f), T[r] * a, live & ~skip);
       T[r] = select(select((float16)(0.0f), after, live), T[r], skip);
-      red[r] = mad(w, (float16)(tint.x), red[r]);
-      green[r] = mad(w, (float16)(tint.y), green[r]);
-      blue[r] = mad(w, (float16)(tint.z), blue[r]);
-      far[r] = mad(w, (float16)(place.w), far[r]);
+      red[r] = FMA(w, (float16)(tint.x), red[r]);
+      green[r] = FMA(w, (float16)(tint.y), green[r]);
+      blue[r] = FMA(w, (float16)(tint.z), blue[r]);
+      far[r] = FMA(w, (float16)(place.w), far[r]);
       sum[r] += w;
       left = max(left, T[r]);
     }
@@ -78,9 +78,9 @@ kernel void rasterize_cpu(global const float* records, global const uint* ids,
     const size_t row = (size_t)(y0 + r) * width + x0;
     const float16 rest = 1.0f - sum[r];
     float out[5][TILE];
-    vstore16(mad(rest, (float16)(background_r), red[r]), 0, out[0]);
-    vstore16(mad(rest, (float16)(background_g), green[r]), 0, out[1]);
-    vstore16(mad(rest, (float16)(background_b), blue[r]), 0, out[2]);
+    vstore16(FMA(rest, (float16)(background_r), red[r]), 0, out[0]);
+    vstore16(FMA(rest, (float16)(background_g), green[r]), 0, out[1]);
+    vstore16(FMA(rest, (float16)(background_b), blue[r]), 0, out[2]);
     vstore16(sum[r], 0, out[3]);
     vstore16(far[r], 0, out[4]);
     for (int x = 0; x < TILE && x0 + x < width; ++x) {
@@ -125,20 +125,20 @@ kernel void rasterize_gpu(global const float* records, global const uint* ids,
     for (int p = 0; p < PIXELS; ++p) left = max(left, T[p]);
     for (uint i = 0; i < n && left > 0.0f; ++i) {
       const float4 at = place[i], f = form[i], c = tint[i];
-      const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x, slope = f.y * dx, base = mad(f.z * dx, dx, f.x);
+      const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x, slope = f.y * dx, base = FMA(f.z * dx, dx, f.x);
       const float dy0 = (at.y - ((float)y0 + 0.5f)) - (float)y;
       left = 0.0f;
       for (int p = 0; p < PIXELS; ++p) {
         const float t = (dy0 - (float)(p * STEP)) - slope;
-        const float a = min(exp2_scalar(mad(f.w * t, t, base)), MAX_ALPHA);
+        const float a = min(exp2_scalar(FMA(f.w * t, t, base)), MAX_ALPHA);
         if (a >= MIN_ALPHA) {
           const float after = T[p] * (1.0f - a);
           const float w = after >= MIN_TRANSMITTANCE ? T[p] * a : 0.0f;
           T[p] = after >= MIN_TRANSMITTANCE ? after : 0.0f;
-          red[p] = mad(w, c.x, red[p]);
-          green[p] = mad(w, c.y, green[p]);
-          blue[p] = mad(w, c.z, blue[p]);
-          far[p] = mad(w, at.w, far[p]);
+          red[p] = FMA(w, c.x, red[p]);
+          green[p] = FMA(w, c.y, green[p]);
+          blue[p] = FMA(w, c.z, blue[p]);
+          far[p] = FMA(w, at.w, far[p]);
           sum[p] += w;
         }
         left = max(left, T[p]);
@@ -154,9 +154,9 @@ kernel void rasterize_gpu(global const float* records, global const uint* ids,
     if (px >= width || py >= height) continue;
     const size_t at = (size_t)py * width + px;
     const float rest = 1.0f - sum[p];
-    colour[3 * at] = mad(rest, background_r, red[p]);
-    colour[3 * at + 1] = mad(rest, background_g, green[p]);
-    colour[3 * at + 2] = mad(rest, background_b, blue[p]);
+    colour[3 * at] = FMA(rest, background_r, red[p]);
+    colour[3 * at + 1] = FMA(rest, background_g, green[p]);
+    colour[3 * at + 2] = FMA(rest, background_b, blue[p]);
     alpha[at] = sum[p];
     depth[at] = far[p];
   }
