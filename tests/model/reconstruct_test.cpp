@@ -5,18 +5,17 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <filesystem>
 
 #include "model/metrics.h"
 #include "model/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
 
-namespace fs = std::filesystem;
 using test::Golden;
 
 // The golden views, as if taken in a world that `motion` makes of the object's.
@@ -90,14 +89,14 @@ TEST_P(Reconstruct, DumpsEveryStageUnderItsGoldenName) {
   const Golden golden = Golden::load("micro");
   const VsplatModel model(ctx(), golden.config(), golden.weights());
   ReconstructOptions options;
-  options.dump = (fs::temp_directory_path() / fmt::format("vsplat-dump-{}", name_of(GetParam()))).string();
+  const test::TemporaryFolder folder;
+  options.dump = folder / "dump";
   reconstruct(ctx(), model, golden_views(golden, {}), {}, options);
   const SafetensorsFile file(options.dump + "/stages.safetensors");
   for (const char* name : {"stage.features", "stage.volume", "stage.logits", "stage.confidence",
                            "stage.coarse.opacities", "stage.projected", "stage.refined", "stage.final.sh"})
     EXPECT_TRUE(test::close(file.floats(file.at(name)), golden.floats(name), 1e-4)) << name;
   EXPECT_EQ(file.integers(file.at("stage.coords")), golden.integers("stage.coords"));
-  fs::remove_all(options.dump);
 }
 
 TEST_P(Reconstruct, RefusesPicturesOfAnotherSizeAndTooManyViews) {

@@ -10,10 +10,12 @@
 #include "model/io/image_file.h"
 #include "runtime/error.h"
 #include "runtime/log.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
+
+using test::TemporaryFolder;
 
 Image random_picture(int w, int h, int channels, unsigned seed) {
   std::mt19937 rng(seed);

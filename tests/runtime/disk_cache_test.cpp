@@ -1,10 +1,11 @@
 #include "runtime/disk_cache.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
@@ -13,12 +14,9 @@ namespace fs = std::filesystem;
 
 class DiskCacheTest : public ::testing::Test {
  protected:
-  DiskCacheTest()
-      : folder_(fs::temp_directory_path() / ("vsplat-cache-" + std::to_string(::getpid()))), cache_(folder_.string()) {}
-  ~DiskCacheTest() override { fs::remove_all(folder_); }
-
-  fs::path folder_;
-  DiskCache cache_;
+  test::TemporaryFolder home_;
+  const fs::path folder_ = home_ / "cache";
+  DiskCache cache_{folder_.string()};
   const std::vector<unsigned char> payload_ = {1, 2, 3, 250, 0, 7};
 };
 
@@ -59,7 +57,6 @@ TEST_F(DiskCacheTest, AFolderThatCannotBeMadeIsNoError) {
   const DiskCache blocked(folder_.string() + "-file/inside");
   blocked.store("k", payload_);
   EXPECT_FALSE(blocked.load("k"));
-  fs::remove(folder_.string() + "-file");
 }
 
 }  // namespace

@@ -12,11 +12,11 @@
 #include "model/orbit.h"
 #include "runtime/error.h"
 #include "runtime/log.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat::test {
 
-class ViewFolder : public TemporaryFolder {
+class ViewFolder : public test::TemporaryFolder {
  public:
   std::filesystem::path path() const { return string(); }
   std::filesystem::path operator/(const std::string& name) const { return path() / name; }

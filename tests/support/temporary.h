@@ -27,6 +27,8 @@ class TemporaryFolder {
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 
   std::string path(const std::string& name = "") const { return name.empty() ? path_ : path_ + "/" + name; }
+  std::string operator/(const std::string& name) const { return path(name); }
+  const std::string& string() const { return path_; }
 
   // Names in it, sorted.
   std::vector<std::string> entries() const {

@@ -13,10 +13,12 @@
 #include "runtime/error.h"
 #include "runtime/file.h"
 #include "tests/support/image_writers.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
+
+using test::TemporaryFolder;
 
 std::vector<std::uint16_t> random_samples(std::size_t count, int largest, unsigned seed) {
   std::mt19937 rng(seed);

@@ -10,10 +10,12 @@
 #include "model/io/image_file.h"
 #include "model/io/view_set.h"
 #include "runtime/error.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
+
+using test::TemporaryFolder;
 
 std::vector<PreparedView> some_views(const std::vector<std::string>& names) {
   std::mt19937 rng(1);
