@@ -33,8 +33,8 @@ vsplat_device_info describe(const DeviceInfo& d) {
   return out;
 }
 
-const char* name_of(vsplat_kernels kernels) {
-  switch (kernels) {
+const char* name_of(const vsplat_kernels& kernels) {
+  switch (value_of(kernels)) {
     case VSPLAT_KERNELS_AUTO:
       return "auto";
     case VSPLAT_KERNELS_CPU:
@@ -42,11 +42,11 @@ const char* name_of(vsplat_kernels kernels) {
     case VSPLAT_KERNELS_GPU:
       return "gpu";
   }
-  fail(Status::usage, "options.kernels is {}, not a value of vsplat_kernels", static_cast<int>(kernels));
+  fail(Status::usage, "options.kernels is {}, not a value of vsplat_kernels", value_of(kernels));
 }
 
-GemmChoice choice_of(vsplat_gemm gemm) {
-  switch (gemm) {
+GemmChoice choice_of(const vsplat_gemm& gemm) {
+  switch (value_of(gemm)) {
     case VSPLAT_GEMM_AUTO:
       return GemmChoice::auto_;
     case VSPLAT_GEMM_OWN:
@@ -54,7 +54,7 @@ GemmChoice choice_of(vsplat_gemm gemm) {
     case VSPLAT_GEMM_CLBLAST:
       return GemmChoice::clblast;
   }
-  fail(Status::usage, "options.gemm is {}, not a value of vsplat_gemm", static_cast<int>(gemm));
+  fail(Status::usage, "options.gemm is {}, not a value of vsplat_gemm", value_of(gemm));
 }
 
 }  // namespace
@@ -120,7 +120,7 @@ vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_fo
     need(out_text, "out_text");
     Context& ctx = device->context;
     ctx.finish();
-    switch (format) {
+    switch (value_of(format)) {
       case VSPLAT_PROFILE_JSON:
         *out_text = new_text(ctx.profiler().json(ctx.device().name, ctx.device().driver, ctx.memory().peak()));
         return;
@@ -131,6 +131,6 @@ vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_fo
         *out_text = new_text(ctx.profiler().table());
         return;
     }
-    fail(Status::usage, "format is {}, not a value of vsplat_profile_format", static_cast<int>(format));
+    fail(Status::usage, "format is {}, not a value of vsplat_profile_format", value_of(format));
   });
 }

@@ -86,6 +86,15 @@ void give(T* out, const T& value, const char* what) {
   out->size = size;
 }
 
+// What a caller in C has put into an enum, which may be none of its values: C++ may not even load those as the enum.
+template <class E>
+int value_of(const E& from) {
+  static_assert(sizeof(E) == sizeof(int));
+  int out = 0;
+  std::memcpy(&out, &from, sizeof out);
+  return out;
+}
+
 // A copy that vsplat_text_free frees.
 char* new_text(const std::string& text);
 

@@ -61,8 +61,8 @@ vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count) {
 
 namespace {
 
-Fit fit_of(vsplat_fit fit) {
-  switch (fit) {
+Fit fit_of(const vsplat_fit& fit) {
+  switch (value_of(fit)) {
     case VSPLAT_FIT_AUTO:
       return Fit::automatic;
     case VSPLAT_FIT_OBJECT:
@@ -72,7 +72,7 @@ Fit fit_of(vsplat_fit fit) {
     case VSPLAT_FIT_PAD:
       return Fit::pad;
   }
-  fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", static_cast<int>(fit));
+  fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", value_of(fit));
 }
 
 const PreparedView& view_at(vsplat_input input, size_t index) {

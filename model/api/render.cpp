@@ -99,11 +99,12 @@ vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width, 
     if (width < 1 || height < 1 || p.capacity / static_cast<uint64_t>(width) < static_cast<uint64_t>(height))
       fail(Status::usage, "a picture of {} x {} pixels in arrays of {}", width, height, p.capacity);
     const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
-    if (format == VSPLAT_PICTURE_PNG) return write_png(path, colour);
-    if (format != VSPLAT_PICTURE_EXR && format != VSPLAT_PICTURE_EXR_RAW)
-      fail(Status::usage, "format is {}, not a value of vsplat_picture_format", static_cast<int>(format));
+    const int kind = value_of(format);
+    if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
+    if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW)
+      fail(Status::usage, "format is {}, not a value of vsplat_picture_format", kind);
     const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
     const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
-    (format == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
+    (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
   });
 }

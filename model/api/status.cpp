@@ -42,7 +42,7 @@ static_assert(VSPLAT_ERROR_USAGE == static_cast<int>(Status::usage) &&
               VSPLAT_ERROR_INTERNAL == static_cast<int>(Status::internal));
 
 const char* vsplat_status_name(vsplat_status status) {
-  switch (status) {
+  switch (api::value_of(status)) {
     case VSPLAT_OK:
       return "ok";
     case VSPLAT_ERROR_USAGE:
