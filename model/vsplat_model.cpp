@@ -104,7 +104,8 @@ void refuse_unless_fits(const Context& plan, const std::string& what) {
   const ArenaLimits& limits = plan.memory().limits();
   if (plan.memory().peak() <= limits.total) return;
   fail(Status::memory,
-       "not enough device memory: {} needs {:.3f} GiB, {:.3f} GiB may be used (--max-memory, fewer views, a smaller "
+       "not enough device memory for {}: {:.4g} GiB needed, {:.4g} GiB may be used (--max-memory, fewer views, a "
+       "smaller "
        "model or another device)",
        what, gib(plan.memory().peak()), gib(limits.total));
 }

@@ -71,14 +71,14 @@ struct ArenaState {
     try {
       slab.buffer = std::make_unique<cl::Buffer>(*context, CL_MEM_READ_WRITE, slab.capacity);
     } catch (const cl::Error& e) {
-      fail_cl(e, fmt::format("allocating {:.3f} GiB on the device", gib(slab.capacity)));
+      fail_cl(e, fmt::format("allocating {:.4g} GiB on the device", gib(slab.capacity)));
     }
   }
 
   [[noreturn]] void refuse(std::size_t size, const std::string& what) const {
     fail(Status::memory,
-         "not enough device memory: {} needs {:.3f} GiB beside the {:.3f} GiB already reserved; {:.3f} GiB in all and "
-         "{:.3f} GiB in one buffer may be used (--max-memory, a smaller model or another device)",
+         "not enough device memory: {} needs {:.4g} GiB beside the {:.4g} GiB already reserved; {:.4g} GiB in all and "
+         "{:.4g} GiB in one buffer may be used (--max-memory, a smaller model or another device)",
          what, gib(size), gib(reserved()), gib(limits.total), gib(limits.max_alloc));
   }
 

@@ -123,8 +123,10 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   impl_->programs = std::make_unique<ProgramCache>(impl_->context, device, impl_->info);
   impl_->programs->on_compile = options.on_compile;
   ArenaLimits limits;
-  limits.total =
-      options.max_memory_gib > 0 ? static_cast<std::size_t>(options.max_memory_gib * (1ull << 30)) : impl_->info.memory;
+  constexpr double most_gib = 1ull << 32;  // more than any device has; sums of sizes stay within 64 bits
+  limits.total = options.max_memory_gib > 0
+                     ? static_cast<std::size_t>(std::min(options.max_memory_gib, most_gib) * (1ull << 30))
+                     : impl_->info.memory;
   limits.max_alloc = std::min<std::size_t>(impl_->info.max_alloc, limits.total);
   limits.align = static_cast<std::size_t>(impl_->info.align);
   impl_->arena = std::make_unique<Arena>(&impl_->context, limits);

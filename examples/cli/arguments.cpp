@@ -4,6 +4,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "command.h"
@@ -64,6 +65,22 @@ double number(const std::string& option, const std::string& text) {
   return value;
 }
 
+double positive_number(const std::string& option, const std::string& text, const std::string& what) {
+  const double value = number(option, text);
+  if (value < std::numeric_limits<float>::min() || value > std::numeric_limits<float>::max())
+    wrong(option, text, "a positive " + what);
+  return value;
+}
+
+CLI::Validator positive() {
+  const auto check = [](const std::string& text) {
+    double value = 0;
+    const bool good = whole(text, value) && std::isfinite(value) && value > 0;
+    return good ? std::string() : "\"" + text + "\" found, a positive number expected";
+  };
+  return CLI::Validator(check, "");
+}
+
 std::uint64_t seed_value(const std::string& option, const std::string& text) {
   std::uint64_t value = 0;
   if (!whole(text, value)) wrong(option, text, "a whole number from 0 to 2^64 - 1");
@@ -122,6 +139,18 @@ std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arg
   return out;
 }
 
+void refuse_empty_values(const std::vector<std::string>& arguments) {
+  const std::string hint = " (a variable that is not set?)";
+  std::string before;
+  for (const std::string& argument : arguments) {
+    if (argument.empty())
+      throw UsageError(before.empty() ? "an argument is empty" + hint : "empty argument after " + before + hint);
+    if (argument.size() > 3 && argument.rfind("--", 0) == 0 && argument.find('=') == argument.size() - 1)
+      throw UsageError(argument + " has no value" + hint);
+    before = argument;
+  }
+}
+
 std::string unknown_text(const CLI::App& app) {
   const CLI::App* scope = &app;
   while (!scope->get_subcommands().empty()) scope = scope->get_subcommands().front();
@@ -138,7 +167,10 @@ std::string unknown_text(const CLI::App& app) {
     if (!hint.empty()) hints += (hints.empty() ? "" : ", ") + hint;
   }
   if (text.empty()) return "";
-  return scope->get_name() + ": unknown argument" + (text.find(", ") == std::string::npos ? " " : "s ") + text +
+  if (scope == &app && text[0] != '-')
+    return "unknown command " + text + (hints.empty() ? "" : "; did you mean " + hints + "?");
+  return (scope == &app ? "" : scope->get_name() + ": ") + "unknown argument" +
+         (text.find(", ") == std::string::npos ? " " : "s ") + text +
          (hints.empty() ? "" : "; did you mean " + hints + "?");
 }
 

@@ -11,6 +11,10 @@
 namespace command {
 
 double number(const std::string& option, const std::string& text);
+// A length or a distance: above zero, and within what the device's floats hold. `what` names it in the error.
+double positive_number(const std::string& option, const std::string& text, const std::string& what);
+// The same strictness for options that CLI11 reads.
+CLI::Validator positive();
 std::uint64_t seed_value(const std::string& option, const std::string& text);
 std::array<double, 3> triple(const std::string& option, const std::string& text);  // "x,y,z"
 
@@ -27,6 +31,9 @@ std::optional<int> orbit_count(const std::string& option, const std::string& tex
 
 // "--center -1,2,3" becomes "--center=-1,2,3": a value may begin with a minus.
 std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments);
+
+// Throws where a value is empty: most likely a script's variable that is not set, which must not pass for "not given".
+void refuse_empty_values(const std::vector<std::string>& arguments);
 
 // What to say of arguments that nothing took, with the nearest option or sub-command; "" where there are none.
 std::string unknown_text(const CLI::App& app);

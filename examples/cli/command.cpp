@@ -7,6 +7,8 @@
 #include <csignal>
 #include <cstdio>
 
+#include "arguments.h"
+
 namespace command {
 namespace {
 
@@ -29,8 +31,6 @@ void on_log(void*, vsplat_log_level level, const char* text) {
 }  // namespace
 
 CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMember(values).description(""); }
-
-CLI::Validator positive() { return CLI::Validator(CLI::PositiveNumber).description(""); }
 
 void add_common(CLI::App& app, Common& common) {
   const std::string group = "Everywhere";

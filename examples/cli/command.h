@@ -25,9 +25,8 @@ struct Common {
   bool json = false, overwrite = false, quiet = false, verbose = false;
 };
 
-// Checks of values that say nothing of themselves in --help, where the type's name tells.
+// A check of values that says nothing of itself in --help, where the type's name tells.
 CLI::Validator one_of(const std::vector<std::string>& values);
-CLI::Validator positive();
 
 // Adds them to a sub-command, in a group of their own.
 void add_common(CLI::App& app, Common& common);

@@ -45,11 +45,15 @@ int main(int argc, char** argv) {
 
   try {
     // CLI11 takes the arguments last first, without the program's name.
-    std::vector<std::string> arguments = command::with_joined_numbers({argv + std::min(argc, 1), argv + argc});
+    std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
+    command::refuse_empty_values(arguments);
+    arguments = command::with_joined_numbers(arguments);
     std::reverse(arguments.begin(), arguments.end());
     app.parse(std::move(arguments));
   } catch (const CLI::Success& e) {  // --help, --version
     return app.exit(e);
+  } catch (const command::UsageError& e) {
+    return report(exit_usage, e.what());
   } catch (const CLI::ParseError& e) {  // what nothing takes is the likelier cause, even where something is missing
     const std::string unknown = command::unknown_text(app);
     return report(exit_usage, (unknown.empty() ? e.what() : unknown) + "\nRun with --help for more.");

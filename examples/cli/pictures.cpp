@@ -42,19 +42,13 @@ PictureJob::PictureJob(const PictureOptions& o) : cameras(o.cameras), images(o.i
     for (const double v : background)
       if (v < 0 || v > 1) throw UsageError("--background is \"" + o.background + "\": each of r,g,b goes from 0 to 1");
   }
-  if (!o.near.empty()) {
-    near = number("--near", o.near);
-    if (!(near > 0)) throw UsageError("--near is \"" + o.near + "\": a positive distance in world units expected");
-  }
+  if (!o.near.empty()) near = positive_number("--near", o.near, "distance in world units");
   if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
   format = o.format == "png" ? VSPLAT_PICTURE_PNG : o.exr_raw ? VSPLAT_PICTURE_EXR_RAW : VSPLAT_PICTURE_EXR;
   orbit_options.count = orbit.value_or(0);
   if (size) orbit_options.width = size->width, orbit_options.height = size->height;
-  if (!o.orbit_radius.empty()) {
-    orbit_options.radius = number("--orbit-radius", o.orbit_radius);
-    if (!(orbit_options.radius > 0))
-      throw UsageError("--orbit-radius is \"" + o.orbit_radius + "\": a positive distance in world units expected");
-  }
+  if (!o.orbit_radius.empty())
+    orbit_options.radius = positive_number("--orbit-radius", o.orbit_radius, "distance in world units");
   if (!o.orbit_elevation.empty()) {
     orbit_options.has_elevation = 1;
     orbit_options.elevation = number("--orbit-elevation", o.orbit_elevation);

@@ -43,11 +43,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
     input.has_center = 1;
     std::copy(center.begin(), center.end(), input.center);
   }
-  if (!o.scale.empty()) {
-    input.scale = number("--scale", o.scale);
-    if (!(input.scale > 0))
-      throw UsageError("--scale is \"" + o.scale + "\": a positive edge length in world units expected");
-  }
+  if (!o.scale.empty()) input.scale = positive_number("--scale", o.scale, "edge length in world units");
   input.auto_frame = o.auto_frame;
   input.fit = o.fit == "object" ? VSPLAT_FIT_OBJECT
               : o.fit == "crop" ? VSPLAT_FIT_CROP
@@ -122,7 +118,9 @@ void reconstruct(const Options& o) {
   if (o.dry_run) return dry_run(o, request);
   const PictureJob& job = request.pictures;
   Outputs outputs(o.common.overwrite);
+  const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
   for (const std::string& path : {o.model, o.selection, job.orbit ? "" : job.cameras}) outputs.input(path);
+  for (const std::string& path : views.files()) outputs.input(path);
   for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
   if (job.orbit) job.expect(outputs, static_cast<std::size_t>(*job.orbit));
@@ -134,7 +132,7 @@ void reconstruct(const Options& o) {
     cameras = job.load_cameras(model.info().image);
     job.expect(outputs, cameras.size());
   }
-  const vsplat::Input input(model, vsplat::Views::load(o.views, o.picture_folder), request.input);
+  const vsplat::Input input(model, views, request.input);
   if (job.orbit) cameras = input.orbit(job.orbit_options).all();
   const std::vector<std::string> view_files =
       o.write_views.empty() ? std::vector<std::string>() : input.files(o.write_views);

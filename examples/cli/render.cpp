@@ -43,6 +43,7 @@ void render(const Options& o) {
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
+  if (!job.orbit) outputs.input(job.cameras);
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
   if (job.orbit && !o.dry_run) job.expect(outputs, static_cast<std::size_t>(*job.orbit));

@@ -2,6 +2,7 @@
 #include "model/api/input.h"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "model/api/cameras.h"
 #include "model/api/model.h"
@@ -56,6 +57,29 @@ vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count) {
     need(views, "views");
     need(out_count, "out_count");
     *out_count = views->photographs.set.views.size();
+  });
+}
+
+vsplat_status vsplat_views_get_files(vsplat_views views, char** out_text) {
+  return guarded([&] {
+    need(views, "views");
+    need(out_text, "out_text");
+    const ViewSet& set = views->photographs.set;
+    std::vector<std::filesystem::path> files;
+    std::error_code error;
+    if (std::filesystem::is_directory(set.source, error)) {  // a COLMAP model
+      for (const auto& entry : std::filesystem::directory_iterator(set.source, error)) files.push_back(entry.path());
+    } else {
+      files.push_back(set.source);
+    }
+    for (const ListedView& view : set.views) {
+      files.push_back(view.picture);
+      if (view.mask) files.push_back(*view.mask);
+    }
+    std::string text;
+    for (const std::filesystem::path& file : files)
+      if (std::filesystem::is_regular_file(file, error)) text += file.string() + "\n";
+    *out_text = new_text(text);
   });
 }
 

@@ -58,10 +58,11 @@ json read_json(const std::filesystem::path& path) {
   try {
     return json::parse(quote_words_of_python(std::string(bytes.begin(), bytes.end())));
   } catch (const json::exception& e) {
-    const std::string_view what = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
-    const auto begin = what.find("] ");
-    fail(Status::format, "{}: is not valid JSON: {}", path.string(),
-         begin == std::string_view::npos ? what : what.substr(begin + 2));
+    std::string what = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
+    what.erase(0, what.find("] ") == std::string::npos ? 0 : what.find("] ") + 2);
+    for (char& c : what)  // it quotes the place, in a file that may be no text at all
+      if (static_cast<unsigned char>(c) >= 0x7f) c = '?';
+    fail(Status::format, "{}: is not valid JSON: {}", path.string(), what);
   }
 }
 

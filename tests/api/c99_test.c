@@ -69,6 +69,7 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_camera(NULL, 0, &camera));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_picture(NULL, 0, pixels, 3));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_get_files(NULL, ".", &text));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_get_files(NULL, &text));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_save(NULL, "."));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load(NULL, &scene));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_save(NULL, "scene"));

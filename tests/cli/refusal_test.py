@@ -38,12 +38,23 @@ class Outputs(support.Case):
         self.assertEqual(json.loads(out), [])
 
     def test_more_memory_than_there_is(self):
-        self.refuses(1, ["memory", "GiB"], *self.reconstruct("--max-memory", "0.0005"))
+        self.refuses(1, ["memory", "0.0005 GiB"], *self.reconstruct("--max-memory", "0.0005"))
+        self.refuses(1, ["memory", "picture"], *self.reconstruct("--render", "orbit:1", "--images", self.path("x"), "--size", "16384x16384",
+                                                                 "--max-memory", "0.5"))
+        self.succeeds(*self.reconstruct("--max-memory", "1e300"))           # believed, as far as there are bytes
 
 
 class Views(support.Case):
     def test_no_such_file(self):
         self.refuses(1, "nowhere", "reconstruct", self.path("nowhere"), "--model", self.model, "--output", self.path("x.ply"))
+
+    def test_not_a_list_of_views(self):
+        for text in ("", "{", "[]", "3", "{}", '{"frames": 1}', '{"frames": [1]}', "[" * 100000, "[{}]"):
+            open(self.views, "w").write(text)
+            self.refuses(1, "transforms.json", *self.reconstruct())
+        open(self.views, "wb").write(b'["\xc8\xff')
+        self.assertNotIn("\\x", self.refuses(1, "transforms.json: is not valid JSON", *self.reconstruct()))
+        self.refuses(1, "images", "reconstruct", self.path("views", "images"), "--model", self.model, "--output", self.path("x.ply"))
 
     def test_truncated_picture(self):
         path = self.path("views", "images", "1.png")
@@ -141,8 +152,21 @@ class Scenes(support.Case):
         open(self.path("out.ply"), "wb").write(data[:-10])
         self.refuses(1, "out.ply", "render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
         self.refuses(1, "none.ply", "render", self.path("none.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
-        open(self.path("voxels.txt"), "w").write("3\n2\n")
-        self.refuses(1, ["voxels.txt", "line 2"], *self.reconstruct("--selection", self.path("voxels.txt"), "--overwrite"))
+
+    def test_damaged_selection(self):
+        for text, line in (("3\n2\n", 2), ("2\n2\n", 2), ("# of another model\n999999999\n", 2), ("-1\n", 1), ("1\nx\n", 2), ("3 x\n", 1),
+                           ("3.0\n", 1), ("9" * 30 + "\n", 1)):
+            open(self.path("voxels.txt"), "w").write(text)
+            self.refuses(1, ["voxels.txt", f"line {line}"], *self.reconstruct("--selection", self.path("voxels.txt")))
+
+    def test_files_of_another_kind(self):
+        self.succeeds(*self.reconstruct())
+        picture, scene = self.path("views", "images", "0.png"), self.path("out.ply")
+        for path in (scene, self.folder, picture, self.views):
+            self.refuses(1, path, "weights", "verify", path)
+        for path in (self.model, self.folder, picture):
+            self.refuses(1, path, "render", path, "--cameras", "orbit:1", "--images", self.path("x"))
+            self.refuses(1, path, "render", scene, "--cameras", path, "--images", self.path("x"))
 
 
 if __name__ == "__main__":

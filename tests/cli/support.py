@@ -15,7 +15,7 @@ VSPLAT = os.environ["VSPLAT"]
 
 def run(*arguments, env=None, cwd=None):
     """-> exit code, stdout, stderr."""
-    done = subprocess.run([VSPLAT, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=280,
+    done = subprocess.run([VSPLAT, *map(str, arguments)], capture_output=True, text=True, errors="backslashreplace", cwd=cwd, timeout=280,
                           env={**os.environ, **(env or {})})
     return done.returncode, done.stdout, done.stderr
 

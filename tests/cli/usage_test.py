@@ -5,7 +5,7 @@ import support
 class Usage(support.Case):
     def test_commands(self):
         self.refuses(2, "subcommand is required")
-        self.refuses(2, ["devcies", "devices"], "devcies")
+        self.refuses(2, ["unknown command devcies", "devices"], "devcies")
         self.refuses(2, ["--modle", "did you mean --model"], "reconstruct", self.views, "--modle", self.model)
         self.refuses(2, "--output", *self.reconstruct()[:4])
         self.refuses(2, "--model", "reconstruct", self.views, "--output", self.path("x.ply"))
@@ -28,11 +28,12 @@ class Usage(support.Case):
 
     def test_values(self):
         for option, *values in (("--center", "1,2", "1,2,3,4", "1,2,x", "1,,2", "nan,0,0", "0,0,inf", "1, 2, 3", ""),
-                                ("--scale", "0", "-1", "x", "nan", "1e999"), ("--near", "0", "-0.1", "z"),
+                                ("--scale", "0", "-1", "x", "nan", "1e999", "1e-60", "1e60", "2 "),
+                                ("--near", "0", "-0.1", "z", "1e60"),
                                 ("--background", "255,255,255", "1,1", "-1,0,0"), ("--size", "0x5", "5", "5x", "5x5x5", "-5x5", "1e9x1"),
                                 ("--fit", "squash"), ("--format", "jpg"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
-                                ("--assume-selected", "0", "1.1", "-1"), ("--up", "0,0,0"), ("--orbit-radius", "0", "-2"),
-                                ("--orbit-elevation", "90", "-100"), ("--kernels", "fpga"), ("--gemm", "mkl"), ("--max-memory", "0", "-3"),
+                                ("--assume-selected", "0", "1.1", "-1"), ("--up", "0,0,0"), ("--orbit-radius", "0", "-2", "1e-60"),
+                                ("--orbit-elevation", "90", "-100"), ("--kernels", "fpga"), ("--gemm", "mkl"), ("--max-memory", "0", "-3", "nan", "inf", "1x", "0x10", " 1"),
                                 ("--render", "orbit:0", "orbit:", "orbit:-3", "orbit:x")):
             for value in values:
                 more = ["--images", self.path("pictures")] if option == "--render" else []
@@ -40,6 +41,12 @@ class Usage(support.Case):
                     if value:
                         self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(option, value, *more))
                     self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(f"{option}={value}", *more))
+
+    def test_values_that_are_empty(self):
+        self.refuses(2, "--center", *self.reconstruct("--center", ""))      # and not: as if it were not given
+        self.refuses(2, "--views", *self.reconstruct("--views", "", "--quiet"))
+        self.refuses(2, "--model= has no value", "reconstruct", self.views, "--model=", "--output", self.path("x.ply"))
+        self.refuses(2, "is empty", "", "x")
 
     def test_views_that_are_not_there(self):
         self.refuses(2, ["nobody"], *self.reconstruct("--views", "0,nobody"))
@@ -56,6 +63,11 @@ class Usage(support.Case):
     def test_one_output_twice(self):
         self.refuses(2, "twice", *self.reconstruct("--profile", self.path("out.ply")))
         self.refuses(2, "read", "reconstruct", self.views, "--model", self.model, "--output", self.model, "--overwrite")
+        for path in (self.views, self.path("views", "images", "1.png")):
+            self.refuses(2, "read", *self.reconstruct("--profile", path, "--overwrite"))
+        self.succeeds(*self.reconstruct("--write-views", self.path("seen")))
+        self.refuses(2, "read", "reconstruct", self.path("seen"), "--model", self.model, "--output", self.path("x.ply"),
+                     "--write-views", self.path("seen"), "--overwrite")
 
     def test_numbers_may_begin_with_a_minus(self):
         views = self.make_views("moved", centre=(-1.0, 2.0, -0.5))

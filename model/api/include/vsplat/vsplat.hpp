@@ -32,6 +32,18 @@ inline std::string text(char* from) {
   vsplat_text_free(from);
   return out;
 }
+// The lines of a text, each ended by a line feed.
+inline std::vector<std::string> lines(const std::string& text) {
+  std::vector<std::string> out(1);
+  for (const char c : text) {
+    if (c == '\n')
+      out.emplace_back();
+    else
+      out.back() += c;
+  }
+  out.pop_back();
+  return out;
+}
 
 // A counted reference; get() for the C functions.
 template <class T, void (*Retain)(T), void (*Release)(T)>
@@ -151,6 +163,11 @@ class Views : public ViewsHandle {
     check(vsplat_views_create(views.data(), views.size(), &out));
     return Views(out);
   }
+  std::vector<std::string> files() const {
+    char* out = nullptr;
+    check(vsplat_views_get_files(get(), &out));
+    return lines(text(out));
+  }
 };
 
 class Input : public InputHandle {
@@ -168,15 +185,7 @@ class Input : public InputHandle {
   std::vector<std::string> files(const std::string& folder) const {
     char* out = nullptr;
     check(vsplat_input_get_files(get(), folder.c_str(), &out));
-    std::vector<std::string> lines(1);
-    for (const char c : text(out)) {
-      if (c == '\n')
-        lines.emplace_back();
-      else
-        lines.back() += c;
-    }
-    lines.pop_back();
-    return lines;
+    return lines(text(out));
   }
   void save(const std::string& folder) const { check(vsplat_input_save(get(), folder.c_str())); }
   Cameras orbit(const vsplat_orbit_options& options) const {
