@@ -1,0 +1,9 @@
+// What every test program tells the sanitizers, where it is built with them (see drivers.supp).
+extern "C" {
+
+// Leaks are told apart by whose they are; that takes whole call stacks.
+const char* __asan_default_options() { return "fast_unwind_on_malloc=0"; }
+
+const char* __lsan_default_options() { return "print_suppressions=0:suppressions=" VSPLAT_SUPPRESSIONS; }
+
+}  // extern "C"
