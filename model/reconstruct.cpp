@@ -43,6 +43,7 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
   if (views.empty() || views.size() > 16)
     fail(Status::usage, "{} views given, the network takes 1 to 16", views.size());
   std::vector<Camera> cameras;
+  cameras.reserve(views.size());
   for (const PreparedView& view : views) cameras.push_back(view.camera);
   const PlacedViews placed = place_views(cameras, placement, config.rebase);
 
