@@ -1,0 +1,44 @@
+// Scenes with what the PyTorch specification draws of them, and its gradients: the files of
+// tests/reference/pytorch/make_splat.py. See there for how they keep clear of thresholds.
+#pragma once
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/camera.h"
+#include "model/gaussians.h"
+#include "model/render.h"
+
+namespace vsplat::test {
+
+struct SplatGolden {
+  Gaussians gaussians;  // quaternions of any length
+  std::vector<Camera> cameras;
+  RenderOptions options;          // background, near plane, mirror
+  std::vector<Picture> pictures;  // one a camera
+  std::vector<Picture> cotangents;
+
+  // Of the sum over cameras, pictures and pixels of cotangent . picture: by the Gaussians' values, shaped as those, and
+  // by xi = (omega, tau) at 0, one a camera, where w2c is replaced by exp([omega, tau]) w2c.
+  Gaussians gradient;
+  std::vector<std::array<double, 6>> pose_gradient;
+
+  // A name of splat_committed() or splat_made().
+  static SplatGolden load(const std::string& name);
+  static std::string path_of(const std::string& name);
+  static bool exists(const std::string& name);
+};
+
+const std::vector<std::string>& splat_committed();  // small, in tests/golden/splat/
+const std::vector<std::string>& splat_made();       // by the ctest fixture, where PyTorch is there
+// The committed ones, and of the others those that are there.
+std::vector<std::string> splat_present();
+
+}  // namespace vsplat::test
+
+// In a test's body: skips it, visibly, where the file has not been made.
+#define VSPLAT_NEED_SPLAT(name)                              \
+  if (!::vsplat::test::SplatGolden::exists(name))            \
+  GTEST_SKIP() << ::vsplat::test::SplatGolden::path_of(name) \
+               << " is not there (ctest's golden_splat makes it, with PyTorch)"
