@@ -44,8 +44,7 @@ def main():
     folder, size = sys.argv[1], sys.argv[2]
     cases, common = (MICRO, ["--config", "micro"]) if size == "micro" else (TINY, ["--config", "tiny", "--no-grad"])
     os.makedirs(folder, exist_ok=True)
-    here = os.path.dirname(os.path.abspath(__file__))
-    sources = max(os.path.getmtime(os.path.join(here, f)) for f in os.listdir(here) if f.endswith(".py"))
+    sources = max(os.path.getmtime(f) for f in (__file__, make_golden.__file__, make_golden.ref.__file__))
     for name, options in cases.items():
         path = os.path.join(folder, name + ".safetensors")
         if os.path.exists(path) and os.path.getmtime(path) > sources:
