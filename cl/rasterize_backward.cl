@@ -1,0 +1,272 @@
+// What a picture's gradient says of each Gaussian in each tile: blending (rasterize.cl) differentiated.
+//   records [V,12] as project.cl writes them; ids [N] records tile by tile, near to far; starts [tiles + 1]; slots [N]: where an
+//   intersection's row goes. colour [H,W,3], alpha [H,W], depth [H,W]: what blending made of them; g_colour, g_alpha, g_depth:
+//   the loss's derivatives by those, of which any may be null (zeros).
+//   rows [N,10], each the sum over the tile's pixels of
+//     h, h dx, h t, h dx^2, h dx t, h t^2, w g_colour (3), w g_depth
+//   with w the weight, h the loss's derivative by ln alpha (0 where alpha is held at 0.99), and dx, t as rasterize.clh has them.
+//   touched [N] bytes: 1 where a row was written. Those of Gaussians that no pixel of the tile sees are left as they are, and
+//   so are their rows.
+// With s = colour . g_colour + z g_depth + g_alpha - background . g_colour, a Gaussian's derivative by alpha is
+//   T s - (sum of w s behind it) / (1 - alpha);
+// the sum over all is known from the picture, so that walking near to far, with blending's own decisions, suffices.
+// cpu: a work-item owns a tile, a float16 a block of 4 x 4 pixels. gpu: a work-group of 16 x 16 / PIXELS items owns a tile,
+// each item PIXELS rows of one column. Sums are taken in a fixed order.
+#include "rasterize.clh"
+
+#define COLUMNS 10
+
+#ifdef BATCH
+#define BLOCK 4
+#define BLOCKS 16
+#define LANES 16
+
+// The tile's share of a picture of `channels` values a pixel, of which `channel` is meant, block by block; 0 outside of it.
+static void load_tile(float16* out, global const float* picture, int channels, int channel, int x0, int y0, int width,
+                      int height) {
+  float values[BLOCKS * LANES];
+  for (int i = 0; i < BLOCKS * LANES; ++i) {
+    const int block = i / LANES, lane = i % LANES;
+    const int x = x0 + block % BLOCK * BLOCK + lane % BLOCK, y = y0 + block / BLOCK * BLOCK + lane / BLOCK;
+    values[i] = picture && x < width && y < height ? picture[((size_t)y * width + x) * channels + channel] : 0.0f;
+  }
+  for (int b = 0; b < BLOCKS; ++b) out[b] = vload16(b, values);
+}
+
+// Sums of pairs of lanes, of a in the lower half and of b in the upper.
+static inline float16 fold8(float16 a, float16 b) { return (float16)(a.lo, b.lo) + (float16)(a.hi, b.hi); }
+static inline float16 fold4(float16 a, float16 b) {
+  return (float16)(a.s012389ab, b.s012389ab) + (float16)(a.s4567cdef, b.s4567cdef);
+}
+static inline float16 fold2(float16 a, float16 b) {
+  return (float16)(a.s014589cd, b.s014589cd) + (float16)(a.s2367abef, b.s2367abef);
+}
+static inline float16 fold1(float16 a, float16 b) { return (float16)(a.even, b.even) + (float16)(a.odd, b.odd); }
+
+kernel void rasterize_backward_cpu(global const float* records, global const uint* ids, global const uint* starts,
+                                   global const uint* slots, global const float* colour, global const float* alpha,
+                                   global const float* depth, global const float* g_colour, global const float* g_alpha,
+                                   global const float* g_depth, global float* rows, global uchar* touched, int width, int height,
+                                   int tiles_x, int tile_count, float background_r, float background_g, float background_b) {
+  const int tile = get_global_id(0);
+  if (tile >= tile_count) return;
+  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
+  const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+
+  // Per block: transmittance (0: finished), gradients, what s is without the Gaussian, and the sum of w s still to come.
+  float16 T[BLOCKS], gr[BLOCKS], gg[BLOCKS], gb[BLOCKS], gz[BLOCKS], base[BLOCKS], rest[BLOCKS];
+  load_tile(gr, g_colour, 3, 0, x0, y0, width, height);
+  load_tile(gg, g_colour, 3, 1, x0, y0, width, height);
+  load_tile(gb, g_colour, 3, 2, x0, y0, width, height);
+  load_tile(gz, g_depth, 1, 0, x0, y0, width, height);
+  load_tile(base, g_alpha, 1, 0, x0, y0, width, height);
+  load_tile(T, alpha, 1, 0, x0, y0, width, height);
+  for (int b = 0; b < BLOCKS; ++b) rest[b] = base[b] * T[b];
+  load_tile(T, depth, 1, 0, x0, y0, width, height);
+  for (int b = 0; b < BLOCKS; ++b) rest[b] = FMA(gz[b], T[b], rest[b]);
+  load_tile(T, colour, 3, 0, x0, y0, width, height);
+  for (int b = 0; b < BLOCKS; ++b) rest[b] = FMA(gr[b], T[b] - background_r, rest[b]);
+  load_tile(T, colour, 3, 1, x0, y0, width, height);
+  for (int b = 0; b < BLOCKS; ++b) rest[b] = FMA(gg[b], T[b] - background_g, rest[b]);
+  load_tile(T, colour, 3, 2, x0, y0, width, height);
+  uint alive = 0;
+  for (int b = 0; b < BLOCKS; ++b) {
+    rest[b] = FMA(gb[b], T[b] - background_b, rest[b]);
+    base[b] -= gr[b] * background_r + gg[b] * background_g + gb[b] * background_b;
+    const int left = b % BLOCK * BLOCK, top = b / BLOCK * BLOCK;
+    T[b] = select((float16)(0.0f), (float16)(1.0f),
+                  (column < (float)(width - x0 - left)) & (row < (float)(height - y0 - top)));
+    if (x0 + left < width && y0 + top < height) alive |= 1u << b;
+  }
+
+  const uint end = starts[tile + 1];
+  for (uint first = starts[tile]; first < end && alive; first += BATCH) {
+    const int n = min(end - first, (uint)BATCH);
+    float u[BATCH], v[BATCH], far[BATCH], reach[BATCH], lo[BATCH], k[BATCH], qx[BATCH], qy[BATCH], r[BATCH], g[BATCH], bl[BATCH];
+    for (int i = 0; i < n; ++i) {
+      global const float* record = records + (size_t)ids[first + i] * 12;
+      u[i] = record[0] - ((float)x0 + 0.5f);
+      v[i] = record[1] - ((float)y0 + 0.5f);
+      reach[i] = record[2];
+      far[i] = record[3];
+      lo[i] = record[4];
+      k[i] = record[5];
+      qx[i] = record[6];
+      qy[i] = record[7];
+      r[i] = record[8];
+      g[i] = record[9];
+      bl[i] = record[10];
+    }
+    for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i) u[i] = v[i] = reach[i] = lo[i] = k[i] = qx[i] = qy[i] = 0.0f;
+
+    // Which blocks each one can reach: at most 1.5 pixels from a block's middle to its pixels' centres, and alpha is under
+    // 1/255 where qx dx^2 or qy t^2 alone brings it there. A little more, so that rounding cannot matter.
+    uint masks[BATCH];
+    for (int i = 0; i < n; i += LANES) {
+      const float16 mid = (float)(BLOCK - 1) / 2, us = vload16(0, u + i) - mid, vs = vload16(0, v + i) - mid;
+      const float16 ks = vload16(0, k + i), most = (vload16(0, lo + i) + 7.9943534f) + 1e-3f;
+      const float16 rx = sqrt(most / -vload16(0, qx + i)) * 1.001f + 1.51f;
+      const float16 rt = sqrt(most / -vload16(0, qy + i)) * 1.001f + (1.0f + fabs(ks)) * 1.51f;
+      const float16 ry = vload16(0, reach + i) + 1.51f;
+      int16 mask = 0;
+      for (int b = 0; b < BLOCKS; ++b) {
+        const float16 dx = us - (float)(b % BLOCK * BLOCK), dy = vs - (float)(b / BLOCK * BLOCK);
+        mask |= (fabs(dx) <= rx) & (fabs(dy) <= ry) & (fabs(FMA(-ks, dx, dy)) <= rt) & (int16)(1 << b);
+      }
+      vstore16(as_uint16(mask), 0, masks + i);
+    }
+
+    for (int i = 0; i < n; ++i) {
+      uint todo = masks[i] & alive;
+      if (!todo) continue;
+      float16 m = 0.0f, mx = 0.0f, mt = 0.0f, mxx = 0.0f, mxt = 0.0f, mtt = 0.0f;
+      float16 wr = 0.0f, wg = 0.0f, wb = 0.0f, wz = 0.0f;
+      const float4 form = (float4)(lo[i], k[i], qx[i], qy[i]);
+      do {
+        const uint b = 31 - clz(todo);
+        todo ^= 1u << b;
+        const float16 dx = u[i] - (column + (float)(b % BLOCK * BLOCK)), dy = v[i] - (row + (float)(b / BLOCK * BLOCK));
+        const float16 t = SHEARED(form, dx, dy);
+        const float16 full = exp2_rows(LOG2_ALPHA(form, dx, t)), a = min(full, MAX_ALPHA), before = T[b];
+        const float16 after = before * (1.0f - a);
+        const int16 seen = full >= MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
+        T[b] = select(before, select((float16)(0.0f), after, live), seen);
+        const float16 w = select((float16)(0.0f), before * a, seen & live);
+        const float16 gain = w * FMA(r[i], gr[b], FMA(g[i], gg[b], FMA(bl[i], gb[b], FMA(far[i], gz[b], base[b]))));
+        const float16 behind = rest[b] - gain;
+        rest[b] = behind;
+        const float16 h = select((float16)(0.0f), gain - a * behind / (1.0f - a), seen & live & (full <= MAX_ALPHA));
+        const float16 hx = h * dx, ht = h * t;
+        m += h;
+        mx += hx;
+        mt += ht;
+        mxx = FMA(hx, dx, mxx);
+        mxt = FMA(hx, t, mxt);
+        mtt = FMA(ht, t, mtt);
+        wr = FMA(w, gr[b], wr);
+        wg = FMA(w, gg[b], wg);
+        wb = FMA(w, gb[b], wb);
+        wz = FMA(w, gz[b], wz);
+        if (!any(T[b] > 0.0f)) alive &= ~(1u << b);
+      } while (todo);
+      // Ten sums over lanes, side by side.
+      const float16 sums = fold1(fold2(fold4(fold8(m, mx), fold8(mt, mxx)), fold4(fold8(mxt, mtt), fold8(wr, wg))),
+                                 fold2(fold4(fold8(wb, wz), (float16)(0.0f)), (float16)(0.0f)));
+      const uint slot = slots[first + i];
+      vstore8(sums.lo, 0, rows + (size_t)slot * COLUMNS);
+      vstore2(sums.s89, 0, rows + (size_t)slot * COLUMNS + 8);
+      touched[slot] = 1;
+    }
+  }
+}
+#endif
+
+#ifdef PIXELS
+#define WG (TILE * TILE / PIXELS)
+#define STEP (TILE / PIXELS)  // rows between an item's pixels
+#define PARTS (WG / 16)       // sums of 16 items each make a column's sum
+
+kernel void rasterize_backward_gpu(global const float* records, global const uint* ids, global const uint* starts,
+                                   global const uint* slots, global const float* colour, global const float* alpha,
+                                   global const float* depth, global const float* g_colour, global const float* g_alpha,
+                                   global const float* g_depth, global float* rows, global uchar* touched, int width, int height,
+                                   int tiles_x, int tile_count, float background_r, float background_g, float background_b) {
+  local float4 place[WG], form[WG], tint[WG];
+  local int hits[WG];
+  local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
+  local int alive;
+  const int item = get_local_id(0), tile = get_group_id(0);
+  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE, x = item % TILE, y = item / TILE;
+  float T[PIXELS], base[PIXELS], rest[PIXELS];
+  float4 grad[PIXELS];  // by red, green, blue, depth
+  for (int p = 0; p < PIXELS; ++p) {
+    const int px = x0 + x, py = y0 + y + p * STEP;
+    const bool inside = px < width && py < height;
+    const size_t at = inside ? (size_t)py * width + px : 0;
+    T[p] = inside ? 1.0f : 0.0f;
+    grad[p] = 0.0f;
+    if (inside && g_colour) grad[p].xyz = vload3(at, g_colour);
+    if (inside && g_depth) grad[p].w = g_depth[at];
+    const float ga = inside && g_alpha ? g_alpha[at] : 0.0f;
+    const float3 background = (float3)(background_r, background_g, background_b);
+    rest[p] = inside ? dot(grad[p].xyz, vload3(at, colour) - background) + grad[p].w * depth[at] + ga * alpha[at] : 0.0f;
+    base[p] = ga - dot(grad[p].xyz, background);
+  }
+  const uint end = starts[tile + 1];
+  int going = 1;
+  for (uint first = starts[tile]; first < end && going; first += WG) {
+    const uint n = min(end - first, (uint)WG);
+    if (item < n) {
+      const size_t id = ids[first + item];
+      place[item] = vload4(0, records + id * 12);
+      form[item] = vload4(1, records + id * 12);
+      tint[item] = vload4(2, records + id * 12);
+    }
+    hits[item] = 0;
+    if (item == 0) alive = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    float left = 0.0f;
+    for (int p = 0; p < PIXELS; ++p) left = max(left, T[p]);
+    for (uint i = 0; i < n; ++i) {
+      float sums[COLUMNS] = {0.0f};
+      bool hit = false;
+      if (left > 0.0f) {
+        const float4 at = place[i], f = form[i], c = (float4)(tint[i].xyz, at.w);
+        const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x;
+        left = 0.0f;
+        for (int p = 0; p < PIXELS; ++p) {
+          const float dy = (at.y - ((float)y0 + 0.5f)) - (float)(y + p * STEP), t = SHEARED(f, dx, dy);
+          const float full = exp2_scalar(LOG2_ALPHA(f, dx, t)), a = min(full, MAX_ALPHA);
+          if (full >= MIN_ALPHA) {
+            const float after = T[p] * (1.0f - a);
+            if (after >= MIN_TRANSMITTANCE) {
+              const float w = T[p] * a, gain = w * (dot(c, grad[p]) + base[p]);
+              rest[p] -= gain;
+              const float h = full <= MAX_ALPHA ? gain - a * rest[p] / (1.0f - a) : 0.0f, hx = h * dx, ht = h * t;
+              sums[0] += h;
+              sums[1] += hx;
+              sums[2] += ht;
+              sums[3] = FMA(hx, dx, sums[3]);
+              sums[4] = FMA(hx, t, sums[4]);
+              sums[5] = FMA(ht, t, sums[5]);
+              sums[6] = FMA(w, grad[p].x, sums[6]);
+              sums[7] = FMA(w, grad[p].y, sums[7]);
+              sums[8] = FMA(w, grad[p].z, sums[8]);
+              sums[9] = FMA(w, grad[p].w, sums[9]);
+              hit = true;
+              T[p] = after;
+            } else {
+              T[p] = 0.0f;
+            }
+          }
+          left = max(left, T[p]);
+        }
+      }
+      if (hit) atomic_or(&hits[i], 1);
+      for (int q = 0; q < COLUMNS; ++q) values[q * (WG + PARTS) + item] = sums[q];
+      barrier(CLK_LOCAL_MEM_FENCE);
+      if (hits[i]) {
+        for (int j = item; j < COLUMNS * PARTS; j += WG) {
+          local const float* from = values + j / PARTS * (WG + PARTS) + j % PARTS;
+          float sum = 0.0f;
+          for (int k = 0; k < WG; k += PARTS) sum += from[k];
+          parts[j] = sum;
+        }
+      }
+      barrier(CLK_LOCAL_MEM_FENCE);
+      if (hits[i] && item < COLUMNS) {
+        float sum = 0.0f;
+        for (int k = 0; k < PARTS; ++k) sum += parts[item * PARTS + k];
+        const uint slot = slots[first + i];
+        rows[(size_t)slot * COLUMNS + item] = sum;
+        if (item == 0) touched[slot] = 1;
+      }
+    }
+    if (left > 0.0f) atomic_or(&alive, 1);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    going = alive;
+    barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
+  }
+}
+#endif

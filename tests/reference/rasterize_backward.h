@@ -1,0 +1,67 @@
+// Blending's derivative in double, pixel by pixel and far to near: what cl/rasterize_backward.cl alone is held against.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace vsplat::ref {
+
+// records [V,12], ids [N] and starts as model/ops/tile_bin.h has them, derivatives of a loss by colour [H,W,3], alpha
+// and depth [H,W]. Returns [N,10], the rows of cl/rasterize_backward.cl in the order of ids.
+inline std::vector<double> blend_backward(const std::vector<float>& records, const std::vector<std::uint32_t>& ids,
+                                          const std::vector<std::uint32_t>& starts, int width, int height,
+                                          const std::array<float, 3>& background, const std::vector<float>& by_colour,
+                                          const std::vector<float>& by_alpha, const std::vector<float>& by_depth) {
+  struct Seen {
+    std::size_t i;
+    double alpha, before, dx, t;
+    bool held;
+  };
+  std::vector<double> rows(10 * ids.size());
+  std::size_t pixel = 0;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x, ++pixel) {
+      const int tiles_x = (width + 15) / 16, tile_row = y / 16, tile_column = x / 16;
+      const auto tile = static_cast<std::size_t>(tile_row) * static_cast<std::size_t>(tiles_x) +
+                        static_cast<std::size_t>(tile_column);
+      std::vector<Seen> all;
+      double T = 1;
+      for (std::size_t i = starts[tile]; i < starts[tile + 1]; ++i) {
+        const float* r = &records[12 * std::size_t{ids[i]}];
+        const double dx = r[0] - (x + 0.5), t = r[1] - (y + 0.5) - r[5] * dx;
+        const double full = std::exp2(r[4] + r[6] * dx * dx + r[7] * t * t), a = std::min<double>(0.99f, full);
+        if (a < static_cast<double>(1.0f / 255.0f)) continue;
+        if (T * (1 - a) < static_cast<double>(1e-4f)) break;
+        all.push_back({i, a, T, dx, t, full > static_cast<double>(0.99f)});
+        T *= 1 - a;
+      }
+      double by_after = 0;  // the loss by the transmittance after this Gaussian
+      for (std::size_t c = 0; c < 3; ++c) by_after += by_colour[3 * pixel + c] * background[c];
+      for (auto s = all.rbegin(); s != all.rend(); ++s) {
+        const float* r = &records[12 * std::size_t{ids[s->i]}];
+        double by_weight = by_alpha[pixel] + by_depth[pixel] * r[3];
+        for (std::size_t c = 0; c < 3; ++c) by_weight += by_colour[3 * pixel + c] * r[8 + c];
+        const double w = s->before * s->alpha;
+        const double h = s->held ? 0 : s->alpha * s->before * (by_weight - by_after);
+        const double row[] = {h,
+                              h * s->dx,
+                              h * s->t,
+                              h * s->dx * s->dx,
+                              h * s->dx * s->t,
+                              h * s->t * s->t,
+                              w * by_colour[3 * pixel],
+                              w * by_colour[3 * pixel + 1],
+                              w * by_colour[3 * pixel + 2],
+                              w * by_depth[pixel]};
+        for (std::size_t c = 0; c < 10; ++c) rows[10 * s->i + c] += row[c];
+        by_after = s->alpha * by_weight + (1 - s->alpha) * by_after;
+      }
+    }
+  }
+  return rows;
+}
+
+}  // namespace vsplat::ref
