@@ -1,0 +1,154 @@
+// Projection (project.cl) differentiated: from the rows of rasterize_backward.cl to gradients of the Gaussians, one work-item
+// per visible Gaussian, and of the camera's pose.
+//   means [K,3], scales [K,3], quats [K,4], opacities [K], sh [K,S,3], views [V,32], view: as project.cl takes them;
+//   mirrored: whether colours are seen from the camera's mirror image.
+//   ids [N]: which Gaussian each of the N visible ones is; records [N,12]; rows [M,10], touched [M], of which those of visible
+//   Gaussian i are offsets[i] to offsets[i + 1] (offsets [N+1]).
+//   Adds to g_means, g_scales, g_quats (by the quaternion as given, of whatever length), g_opacities, g_sh, shaped as above.
+//   twists [N,6], where it is not null: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
+// What is constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
+#include "common.clh"
+
+#define COLUMNS 10
+#define LN2 0.693147180559945309f
+
+// Of coefficient i, with its basis function and the function's gradient: adds to the coefficient's gradient, returns the
+// direction's.
+static inline float3 sh_term(global const float* sh, global float* g_sh, int i, float3 by_colour, float basis, float3 slope) {
+  vstore3(vload3(i, g_sh) + basis * by_colour, i, g_sh);
+  return dot(vload3(i, sh), by_colour) * slope;
+}
+
+// project.cl's sh_colour; returns the gradient by the unit direction d.
+static inline float3 sh_backward(global const float* sh, global float* g_sh, int count, float3 d, float3 by_colour) {
+#define TERM(i, scale, basis, sx, sy, sz) \
+  sum += sh_term(sh, g_sh, i, by_colour, (scale) * (basis), (scale) * (float3)(sx, sy, sz))
+  float3 sum = 0.0f;
+  const float x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z;
+  TERM(0, 0.28209479177387814f, 1.0f, 0.0f, 0.0f, 0.0f);
+  if (count > 1) {
+    TERM(1, -0.4886025119029199f, y, 0.0f, 1.0f, 0.0f);
+    TERM(2, 0.4886025119029199f, z, 0.0f, 0.0f, 1.0f);
+    TERM(3, -0.4886025119029199f, x, 1.0f, 0.0f, 0.0f);
+  }
+  if (count > 4) {
+    TERM(4, 1.0925484305920792f, x * y, y, x, 0.0f);
+    TERM(5, -1.0925484305920792f, y * z, 0.0f, z, y);
+    TERM(6, 0.31539156525252005f, 2.0f * zz - xx - yy, -2.0f * x, -2.0f * y, 4.0f * z);
+    TERM(7, -1.0925484305920792f, x * z, z, 0.0f, x);
+    TERM(8, 0.5462742152960396f, xx - yy, 2.0f * x, -2.0f * y, 0.0f);
+  }
+  if (count > 9) {
+    TERM(9, -0.5900435899266435f, y * (3.0f * xx - yy), 6.0f * x * y, 3.0f * (xx - yy), 0.0f);
+    TERM(10, 2.890611442640554f, x * y * z, y * z, x * z, x * y);
+    TERM(11, -0.4570457994644658f, y * (4.0f * zz - xx - yy), -2.0f * x * y, 4.0f * zz - xx - 3.0f * yy, 8.0f * y * z);
+    TERM(12, 0.3731763325901154f, z * (2.0f * zz - 3.0f * (xx + yy)), -6.0f * x * z, -6.0f * y * z,
+         6.0f * zz - 3.0f * (xx + yy));
+    TERM(13, -0.4570457994644658f, x * (4.0f * zz - xx - yy), 4.0f * zz - 3.0f * xx - yy, -2.0f * x * y, 8.0f * x * z);
+    TERM(14, 1.445305721320277f, z * (xx - yy), 2.0f * x * z, -2.0f * y * z, xx - yy);
+    TERM(15, -0.5900435899266435f, x * (xx - 3.0f * yy), 3.0f * (xx - yy), -6.0f * x * y, 0.0f);
+  }
+  return sum;
+}
+
+// From the gradient by a unit quaternion's rotation matrix, of which c0, c1, c2 are the columns, to the quaternion's (w x y z).
+static inline float4 rotation_backward(float4 q, float3 c0, float3 c1, float3 c2) {
+  const float w = q.x, x = q.y, y = q.z, z = q.w;
+  return 2.0f * (float4)(x * (c1.z - c2.y) + y * (c2.x - c0.z) + z * (c0.y - c1.x),
+                         w * (c1.z - c2.y) + y * (c1.x + c0.y) + z * (c2.x + c0.z) - 2.0f * x * (c1.y + c2.z),
+                         w * (c2.x - c0.z) + x * (c1.x + c0.y) + z * (c2.y + c1.z) - 2.0f * y * (c0.x + c2.z),
+                         w * (c0.y - c1.x) + x * (c2.x + c0.z) + y * (c2.y + c1.z) - 2.0f * z * (c0.x + c1.y));
+}
+
+static inline void add3(float3 value, int i, global float* to) { vstore3(vload3(i, to) + value, i, to); }
+
+kernel void project_backward(global const float* means, global const float* scales, global const float* quats,
+                             global const float* opacities, global const float* sh, global const float* views, int view,
+                             int mirrored, global const uint* ids, global const float* records, global const float* rows,
+                             global const uchar* touched, global const uint* offsets, global float* g_means,
+                             global float* g_scales, global float* g_quats, global float* g_opacities, global float* g_sh,
+                             global float* twists, int N, int S) {
+  const int n = get_global_id(0);
+  if (n >= N) return;
+  float8 low = 0.0f;
+  float2 high = 0.0f;
+  bool seen = false;
+  for (uint r = offsets[n]; r < offsets[n + 1]; ++r) {
+    if (!touched[r]) continue;
+    low += vload8(0, rows + (size_t)r * COLUMNS);
+    high += vload2(0, rows + (size_t)r * COLUMNS + 8);
+    seen = true;
+  }
+  if (twists)
+    for (int i = 0; i < 6; ++i) twists[(size_t)n * 6 + i] = 0.0f;
+  if (!seen) return;
+
+  // With p = covariance^-1 (place - pixel), which is linear in dx and t: the sums of h p and of h p p^T, from which the
+  // loss's derivative by the place is the one negated, and that by the covariance half of the other.
+  const float4 form = vload4(1, records + (size_t)n * 12), tint = vload4(2, records + (size_t)n * 12);
+  const float k = form.y, X = -2.0f * LN2 * form.z, Y = -2.0f * LN2 * form.w;
+  const float py = Y * low.s2, px = X * low.s1 - k * py;
+  const float pyy = Y * Y * low.s5, pxy = X * Y * low.s4 - k * pyy, pxx = X * X * low.s3 - k * (X * Y * low.s4 + pxy);
+  const float3 by_tint = (float3)(tint.x > 0.0f ? low.s6 : 0.0f, tint.y > 0.0f ? low.s7 : 0.0f, tint.z > 0.0f ? high.x : 0.0f);
+
+  const size_t i = ids[n];
+  g_opacities[i] += low.s0 / opacities[i];
+
+  // The forward's quantities, by their names there.
+  global const float* camera = views + (size_t)view * 32;
+  const float3 W0 = vload3(0, camera), W1 = vload3(1, camera), W2 = vload3(2, camera);
+  const float3 mean = vload3(i, means), s = vload3(i, scales);
+  const float3 d = (mean - vload3(3, camera)) - vload3(4, camera);
+  const float fx = camera[15], fy = camera[16], z = dot(W2, d), rz = 1.0f / z, xz = dot(W0, d) * rz, yz = dot(W1, d) * rz;
+  const float sx = clamp(xz, -camera[19], camera[19]), sy = clamp(yz, -camera[20], camera[20]);
+  const float3 j1 = fx * rz * (W0 - sx * W2), j2 = fy * rz * (W1 - sy * W2);
+  float4 q = vload4(i, quats);
+  const float q2 = dot(q, q), q1 = q2 > 0.0f ? rsqrt(q2) : 0.0f;
+  q *= q1;
+  const float3 r0 = (float3)(1.0f - 2.0f * (q.z * q.z + q.w * q.w), 2.0f * (q.y * q.z + q.x * q.w), 2.0f * (q.y * q.w - q.x * q.z));
+  const float3 r1 = (float3)(2.0f * (q.y * q.z - q.x * q.w), 1.0f - 2.0f * (q.y * q.y + q.w * q.w), 2.0f * (q.z * q.w + q.x * q.y));
+  const float3 r2 = (float3)(2.0f * (q.y * q.w + q.x * q.z), 2.0f * (q.z * q.w - q.x * q.y), 1.0f - 2.0f * (q.y * q.y + q.z * q.z));
+  const float3 a1 = (float3)(dot(j1, r0), dot(j1, r1), dot(j1, r2)), a2 = (float3)(dot(j2, r0), dot(j2, r1), dot(j2, r2));
+
+  // Covariance = s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s; then a = j R, j = J W.
+  const float3 by_s1 = (pxx * a1 + pxy * a2) * s, by_s2 = (pxy * a1 + pyy * a2) * s;
+  add3(by_s1 * a1 + by_s2 * a2, i, g_scales);
+  const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
+  const float4 by_q = rotation_backward(q, by_a1.x * j1 + by_a2.x * j2, by_a1.y * j1 + by_a2.y * j2, by_a1.z * j1 + by_a2.z * j2);
+  vstore4(vload4(i, g_quats) + q1 * (by_q - dot(by_q, q) * q), i, g_quats);
+  const float3 by_j1 = by_a1.x * r0 + by_a1.y * r1 + by_a1.z * r2, by_j2 = by_a2.x * r0 + by_a2.y * r1 + by_a2.z * r2;
+
+  // The place in the camera: through u, v, z and the Jacobian.
+  const float by_sx = -fx * rz * dot(by_j1, W2), by_sy = -fy * rz * dot(by_j2, W2);
+  const float by_xz = -fx * px + (sx == xz ? by_sx : 0.0f), by_yz = -fy * py + (sy == yz ? by_sy : 0.0f);
+  const float3 by_place = (float3)(by_xz, by_yz, high.y * z - dot(by_j1, j1) - dot(by_j2, j2) - by_xz * xz - by_yz * yz) * rz;
+  const float3 by_mean = by_place.x * W0 + by_place.y * W1 + by_place.z * W2;
+
+  float3 from = (mean - (float3)(camera[22], camera[23], camera[24])) - (float3)(camera[25], camera[26], camera[27]);
+  const float from2 = dot(from, from), from1 = from2 > 0.0f ? rsqrt(from2) : 0.0f;
+  from *= from1;
+  const float3 by_unit = sh_backward(sh + i * S * 3, g_sh + i * S * 3, S, from, by_tint);
+  const float3 by_from = from1 * (by_unit - dot(by_unit, from) * from);
+  add3(by_mean + by_from, i, g_means);
+
+  if (twists) {
+    // A turn moves the place and turns J W; a shift by tau moves the place and, by -W^T tau, the camera's centre.
+    const float3 place = (float3)(dot(W0, d), dot(W1, d), z);
+    const float3 c1 = (float3)(dot(W0, by_j1), dot(W1, by_j1), dot(W2, by_j1));
+    const float3 c2 = (float3)(dot(W0, by_j2), dot(W1, by_j2), dot(W2, by_j2));
+    const float3 J1 = fx * rz * (float3)(1.0f, 0.0f, -sx), J2 = fy * rz * (float3)(0.0f, 1.0f, -sy);
+    const float3 seen_from = (mirrored ? -1.0f : 1.0f) * (float3)(dot(W0, by_from), dot(W1, by_from), dot(W2, by_from));
+    vstore3(cross(place, by_place) + cross(c1, J1) + cross(c2, J2), 0, twists + (size_t)n * 6);
+    vstore3(by_place + seen_from, 0, twists + (size_t)n * 6 + 3);
+  }
+}
+
+// sums [ceil(N / block), 6] of twists [N,6]: in order, so that they are the same every time.
+kernel void project_backward_pose(global const float* twists, global float* sums, int N, int block, int blocks) {
+  const int at = get_global_id(0);
+  if (at >= blocks * 6) return;
+  const int b = at / 6, c = at % 6, end = min(N, (b + 1) * block);
+  float sum = 0.0f;
+  for (int n = b * block; n < end; ++n) sum += twists[(size_t)n * 6 + c];
+  sums[at] = sum;
+}

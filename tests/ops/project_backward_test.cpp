@@ -1,0 +1,273 @@
+#include "model/ops/project_backward.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "tests/reference/splat.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/scenes.h"
+#include "tests/support/twist.h"
+
+namespace vsplat {
+namespace {
+
+// A loss that is linear in what projection makes of one Gaussian: its derivatives.
+struct Loss {
+  double by_u, by_v, by_z, by_a, by_b, by_c, by_log_opacity;
+  Eigen::Vector3d by_colour;
+
+  double operator()(const ref::Splat& s) const {
+    return by_u * s.u + by_v * s.v + by_z * s.z + by_a * s.a + by_b * s.b + by_c * s.c +
+           by_log_opacity * std::log(s.opacity) + by_colour.dot(s.colour);
+  }
+};
+
+// By central differences of fourth order: f(0) is not evaluated.
+double derivative(const std::function<double(double)>& f, double step) {
+  const auto slope = [&](double h) { return (f(h) - f(-h)) / (2 * h); };
+  return (4 * slope(step / 2) - slope(step)) / 3;
+}
+
+class ProjectBackward : public test::FlavourTest {
+ protected:
+  struct Problem {
+    Gaussians g;
+    Camera camera;
+    ref::Options options;
+    std::vector<std::uint32_t> ids, offsets{0};
+    std::vector<float> records, rows;
+    std::vector<std::uint8_t> touched;
+    std::vector<Loss> losses;
+  };
+
+  struct Result {
+    Gaussians gradient;
+    std::vector<float> pose;
+  };
+
+  // Far enough from the limits of the Jacobian and of colour for differences to stay on one side.
+  static bool smooth(const ref::Splat& s, const Camera& cam) {
+    const double x = (s.u - cam.cx) / cam.fx, y = (s.v - cam.cy) / cam.fy;
+    const double lx = 1.3 * cam.width / (2 * cam.fx), ly = 1.3 * cam.height / (2 * cam.fy);
+    const bool colour_clear = s.colour.minCoeff() > 0.05;
+    return std::abs(std::abs(x) / lx - 1) > 0.05 && std::abs(std::abs(y) / ly - 1) > 0.05 && colour_clear;
+  }
+
+  static Problem make(const Gaussians& g, const Camera& cam, const ref::Options& options) {
+    Problem p{g, cam, options, {}, {0}, {}, {}, {}, {}};
+    std::mt19937 engine(77);
+    std::normal_distribution<double> normal;
+    const double log2e = 1 / std::log(2.0);
+    for (std::size_t k = 0; k < g.count; ++k) {
+      const ref::Splat s = ref::project(g, k, cam, options);
+      if (s.culled || s.opacity < 1.0f / 255 || !smooth(s, cam)) continue;
+      p.ids.push_back(static_cast<std::uint32_t>(k));
+      const double det = s.a * s.c - s.b * s.b, X = 1 / s.a, Y = s.a / det, slope = s.b / s.a;
+      for (const double v : {s.u, s.v, 0.0, s.z, std::log2(s.opacity), slope, -0.5 * log2e * X, -0.5 * log2e * Y,
+                             s.colour[0], s.colour[1], s.colour[2], 0.0})
+        p.records.push_back(static_cast<float>(v));
+      // Derivatives of the size that pictures make them: p is of the size of one over the smaller radius.
+      const double n[] = {normal(engine), normal(engine), normal(engine)};
+      Loss loss{n[0] / std::sqrt(s.a),
+                n[1] / std::sqrt(s.c),
+                normal(engine),
+                n[0] * n[0] / s.a,
+                n[0] * n[1] / std::sqrt(s.a * s.c),
+                n[1] * n[1] / s.c,
+                normal(engine),
+                {normal(engine), normal(engine), normal(engine)}};
+      // The sums of cl/rasterize_backward.cl from which these come: of h (1, dx, t, dx^2, dx t, t^2).
+      const double py = -loss.by_v, px = -loss.by_u, pyy = 2 * loss.by_c, pxy = loss.by_b, pxx = 2 * loss.by_a;
+      const double mxt = (pxy + slope * pyy) / (X * Y), mtt = pyy / (Y * Y);
+      const double mxx = (pxx + 2 * slope * X * Y * mxt - slope * slope * Y * Y * mtt) / (X * X);
+      const std::vector<double> sums = {
+          loss.by_log_opacity, (px + slope * py) / X, py / Y,   mxx, mxt, mtt, loss.by_colour[0],
+          loss.by_colour[1],   loss.by_colour[2],     loss.by_z};
+      const std::size_t parts = 1 + engine() % 4;
+      for (std::size_t part = 0; part < parts; ++part) {
+        if (part == 1) {  // one that no pixel saw
+          p.rows.resize(p.rows.size() + 10, std::numeric_limits<float>::quiet_NaN());
+          p.touched.push_back(0);
+        }
+        for (const double v : sums) p.rows.push_back(static_cast<float>(v / static_cast<double>(parts)));
+        p.touched.push_back(1);
+      }
+      p.offsets.push_back(static_cast<std::uint32_t>(p.touched.size()));
+      p.losses.push_back(loss);
+    }
+    return p;
+  }
+
+  Result run(const Problem& p, bool pose) {
+    std::optional<std::array<float, 3>> mirror;
+    if (p.options.mirror)
+      mirror = {static_cast<float>(p.options.mirror->x()), static_cast<float>(p.options.mirror->y()),
+                static_cast<float>(p.options.mirror->z())};
+    const Camera other = test::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
+    const Tensor views = upload_views(ctx(), {other, p.camera}, 0.2f, mirror);
+    const DeviceGaussians g = upload(ctx(), p.g);
+    const GaussianGradients out = zero_gradients(ctx(), g);
+    const long n = static_cast<long>(p.ids.size()), m = static_cast<long>(p.touched.size());
+    const VisibleGaussians visible{ctx().upload({n}, p.ids, Type::u32),
+                                   ctx().upload({n, 12}, p.records),
+                                   ctx().upload({n + 1}, p.offsets, Type::u32),
+                                   {ctx().upload({m, 10}, p.rows), ctx().upload({m}, p.touched, Type::u8)}};
+    Result r;
+    const Tensor twist = project_backward(ctx(), g, views, 1, mirror.has_value(), visible, out, pose);
+    if (pose) r.pose = ctx().read<float>(twist);
+    r.gradient = download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh});
+    return r;
+  }
+
+  // Differences by each of a Gaussian's floats, which are changed to floats: the step taken is the one between those.
+  static std::vector<double> differences(const Problem& p, std::vector<float> Gaussians::*field, std::size_t each,
+                                         const std::function<double(std::size_t, std::size_t)>& step) {
+    Gaussians g = p.g;
+    std::vector<double> out((g.*field).size(), 0.0);
+    for (std::size_t i = 0; i < p.ids.size(); ++i) {
+      for (std::size_t j = 0; j < each; ++j) {
+        const std::size_t at = p.ids[i] * each + j;
+        float& value = (g.*field)[at];
+        const float base = value;
+        const auto slope = [&](double h) {
+          const float low = base - static_cast<float>(h), high = base + static_cast<float>(h);
+          value = high;
+          const double f = p.losses[i](ref::project(g, p.ids[i], p.camera, p.options));
+          value = low;
+          const double b = p.losses[i](ref::project(g, p.ids[i], p.camera, p.options));
+          value = base;
+          return (f - b) / (static_cast<double>(high) - low);
+        };
+        const double h = step(p.ids[i], j);
+        out[at] = (4 * slope(h / 2) - slope(h)) / 3;
+      }
+    }
+    return out;
+  }
+
+  void check(const Gaussians& g, const Camera& cam, const ref::Options& options, double tolerance) {
+    const Problem p = make(g, cam, options);
+    const Result got = run(p, true);
+    const auto smallest = [&](std::size_t k) {
+      return static_cast<double>(std::min({g.scales[3 * k], g.scales[3 * k + 1], g.scales[3 * k + 2]}));
+    };
+    const bool none = p.ids.empty();
+    EXPECT_TRUE(test::close(got.gradient.means,
+                            differences(p, &Gaussians::means, 3, [&](auto, auto) { return 0x1p-10; }), tolerance, none))
+        << "means";
+    EXPECT_TRUE(
+        test::close(got.gradient.scales,
+                    differences(p, &Gaussians::scales, 3, [&](auto k, auto j) { return 0x1p-6 * g.scales[3 * k + j]; }),
+                    tolerance, none))
+        << "scales";
+    EXPECT_TRUE(test::close(got.gradient.quats,
+                            differences(p, &Gaussians::quats, 4,
+                                        [&](auto k, auto) {
+                                          const float* q = &g.quats[4 * k];
+                                          const double length =
+                                              std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+                                          return length * (smallest(k) < 1e-3 ? 0x1p-10 : 0x1p-8);
+                                        }),
+                            tolerance, none))
+        << "quats";
+    EXPECT_TRUE(
+        test::close(got.gradient.opacities,
+                    differences(p, &Gaussians::opacities, 1, [&](auto k, auto) { return 0x1p-6 * g.opacities[k]; }),
+                    tolerance, none))
+        << "opacities";
+    EXPECT_TRUE(test::close(got.gradient.sh,
+                            differences(p, &Gaussians::sh, 3 * g.sh_count(), [](auto, auto) { return 0x1p-8; }),
+                            tolerance, none))
+        << "sh";
+    std::vector<double> pose(6);
+    for (std::size_t i = 0; i < 6; ++i) {
+      pose[i] = derivative(
+          [&](double h) {
+            Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
+            twist[static_cast<Eigen::Index>(i)] = h;
+            Camera moved = cam;
+            moved.w2c = test::exp_twist(twist) * cam.w2c;
+            double sum = 0;
+            for (std::size_t n = 0; n < p.ids.size(); ++n)
+              sum += p.losses[n](ref::project(g, p.ids[n], moved, options));
+            return sum;
+          },
+          1e-3);
+    }
+    EXPECT_TRUE(test::close(got.pose, pose, tolerance, none)) << "pose";
+  }
+};
+
+TEST_P(ProjectBackward, MatchesDifferences) {
+  for (const test::SceneCase& c : test::scene_cases()) {
+    SCOPED_TRACE(c.name);
+    check(test::make_scene(c, 31), test::make_camera(c, 31), {}, 1e-4);
+  }
+}
+
+TEST_P(ProjectBackward, MirrorsTheCameraForColours) {
+  const test::SceneCase c{"", 100, 3, 64, 64, ""};
+  ref::Options options;
+  options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
+  check(test::make_scene(c, 32), test::make_camera(c, 32), options, 1e-4);
+}
+
+TEST_P(ProjectBackward, TakesQuaternionsOfAnyLength) {
+  const test::SceneCase c{"", 60, 0, 64, 64, ""};
+  Gaussians g = test::make_scene(c, 33);
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (std::size_t i = 0; i < 4; ++i) g.quats[4 * k + i] *= 0.125f * static_cast<float>(1 + k);
+  check(g, test::make_camera(c, 33), {}, 1e-4);
+}
+
+TEST_P(ProjectBackward, AddsToWhatIsThere) {
+  const test::SceneCase c{"", 40, 1, 64, 64, ""};
+  const Problem p = make(test::make_scene(c, 34), test::make_camera(c, 34), {});
+  const Tensor views = upload_views(ctx(), {p.camera}, 0.2f, {});
+  const DeviceGaussians g = upload(ctx(), p.g);
+  const GaussianGradients out = zero_gradients(ctx(), g);
+  const long n = static_cast<long>(p.ids.size()), m = static_cast<long>(p.touched.size());
+  const VisibleGaussians visible{ctx().upload({n}, p.ids, Type::u32),
+                                 ctx().upload({n, 12}, p.records),
+                                 ctx().upload({n + 1}, p.offsets, Type::u32),
+                                 {ctx().upload({m, 10}, p.rows), ctx().upload({m}, p.touched, Type::u8)}};
+  const auto all = [&] {
+    const Gaussians d = download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh});
+    std::vector<float> values;
+    for (const auto* v : {&d.means, &d.scales, &d.quats, &d.opacities, &d.sh})
+      values.insert(values.end(), v->begin(), v->end());
+    return values;
+  };
+  EXPECT_FALSE(project_backward(ctx(), g, views, 0, false, visible, out, false));
+  std::vector<float> once = all();
+  (void)project_backward(ctx(), g, views, 0, false, visible, out, false);
+  for (float& v : once) v *= 2;
+  EXPECT_EQ(all(), once);
+}
+
+TEST_P(ProjectBackward, RejectsBadShape) {
+  const test::SceneCase c{"", 4, 1, 32, 32, ""};
+  const DeviceGaussians g = upload(ctx(), test::make_scene(c, 35));
+  GaussianGradients out = zero_gradients(ctx(), g);
+  const Tensor views = upload_views(ctx(), {test::make_camera(c, 35)}, 0.2f, {});
+  VisibleGaussians visible{ctx().tensor({2}, Type::u32),
+                           ctx().tensor({2, 12}),
+                           ctx().tensor({3}, Type::u32),
+                           {ctx().tensor({7, 10}), ctx().tensor({7}, Type::u8)}};
+  EXPECT_THROW(project_backward(ctx(), g, views, 1, false, visible, out, false), Error);
+  visible.offsets = ctx().tensor({2}, Type::u32);
+  EXPECT_THROW(project_backward(ctx(), g, views, 0, false, visible, out, false), Error);
+  visible.offsets = ctx().tensor({3}, Type::u32);
+  out.sh = ctx().tensor({4, 9, 3});
+  EXPECT_THROW(project_backward(ctx(), g, views, 0, false, visible, out, false), Error);
+}
+
+VSPLAT_FLAVOURS(ProjectBackward);
+
+}  // namespace
+}  // namespace vsplat
