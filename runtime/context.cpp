@@ -60,6 +60,7 @@ struct Context::Impl {
   std::unique_ptr<Arena> arena;  // before context goes, its buffers must: see ~Context
   std::string stage;
   std::vector<StageMemory> stage_memory;
+  std::optional<double> fill_seconds;  // see event_times()
 
   // The most that was reserved and in use while each stage ran.
   void note_stage_memory() {
@@ -70,6 +71,27 @@ struct Context::Impl {
     it->peak_live = std::max(it->peak_live, arena->live());
   }
 
+  // Whether events carry times. Some drivers say that they do and report a nanosecond for everything (Mesa 22's
+  // rusticl): a fill that takes any device longer than a microsecond finds out, when the first time is wanted.
+  bool event_times() {
+    if (!info.event_profiling) return false;
+    if (!fill_seconds) {
+      fill_seconds = 0;
+      try {
+        const std::size_t bytes = 16 << 20;
+        const cl::Buffer buffer(context, CL_MEM_READ_WRITE, bytes);
+        cl::Event event;
+        queue.enqueueFillBuffer(buffer, cl_uint{0}, 0, bytes, nullptr, &event);
+        event.wait();
+        const auto start = event.getProfilingInfo<CL_PROFILING_COMMAND_START>(),
+                   end = event.getProfilingInfo<CL_PROFILING_COMMAND_END>();
+        if (end > start) fill_seconds = static_cast<double>(end - start) * 1e-9;
+      } catch (const cl::Error&) {  // then the host's clock it is
+      }
+    }
+    return *fill_seconds > 1e-6;
+  }
+
   // Runs `enqueue(event pointer or null)` and records it.
   template <class F>
   void record(const std::string& name, Cost cost, const F& enqueue) {
@@ -78,7 +100,7 @@ struct Context::Impl {
       enqueue(nullptr);
       return;
     }
-    if (info.event_profiling) {
+    if (event_times()) {
       cl::Event event;
       enqueue(&event);
       profiler.add_event(name, stage, cost, event);
@@ -285,7 +307,7 @@ void Context::record_foreign(const std::string& name, Cost cost, void* event) {
   cl::Event owned(static_cast<cl_event>(event));  // takes over the reference
   impl_->profiler.begin_span();
   if (!impl_->profiler.enabled()) return;
-  if (impl_->info.event_profiling) {
+  if (impl_->event_times()) {
     impl_->profiler.add_event(name, impl_->stage, cost, owned);
     return;
   }

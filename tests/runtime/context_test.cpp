@@ -61,6 +61,27 @@ TEST(Context, PlanPredictsTheRun) {
   EXPECT_EQ(ctx->stage_memory().back().stage, "encoder");
 }
 
+// Some drivers say that their events carry times and report a nanosecond for each: the host's clock stands in there.
+TEST(Context, ProfilesTimesThatCanBe) {
+  auto ctx = open_context(Flavour::cpu);
+  const long n = 64;
+  const Tensor out = ctx->tensor({n, 16});
+  const Cost cost{2.0 * 16 * 8 * 20000 * n, 0};
+  const auto run = [&] {
+    ctx->launch({"peak", "peak_fma", "-DWIDTH=16 -DCHAINS=8"}, items(n, 1), cost, 20000, 0.9f, out);
+    ctx->finish();
+  };
+  run();  // compiles
+  ctx->profiler().enable(true);
+  for (int i = 0; i < 3; ++i) run();
+  ASSERT_EQ(ctx->profiler().rows().size(), 1u);
+  const ProfileRow row = ctx->profiler().rows()[0];
+  EXPECT_EQ(row.calls, 3u);
+  const double seconds = static_cast<double>(row.total_ns) * 1e-9;
+  EXPECT_LT(row.flops / seconds, 1e15) << "faster than any device, by the clock of the " << row.timed_by;
+  EXPECT_LE(seconds, 1.01 * ctx->profiler().wall_seconds());
+}
+
 TEST(Context, RefusesMoreMemoryThanAllowed) {
   ContextOptions options;
   options.max_memory_gib = 0.01;
