@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace vsplat::bench {
@@ -19,19 +20,31 @@ struct Times {
   double median, spread, least;
 };
 
-// Runs at least three times, and for `budget` seconds; the first run, which compiles, is not counted.
-Times time(Context& ctx, const std::function<void()>& run, double budget) {
-  run();
+double quantile(std::vector<double> values, double share) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(std::lround(share * static_cast<double>(values.size() - 1)))];
+}
+
+// Runs with each input at least three times, and for `budget` seconds; the first run with each, which compiles and
+// makes room, is not counted.
+Times time(Context& ctx, const std::function<void()>& run, double budget, int inputs = 1) {
+  for (int i = 0; i < inputs; ++i) run();
   ctx.finish();
-  std::vector<double> times;
+  std::vector<std::vector<double>> by_input(static_cast<std::size_t>(inputs));
   double spent = 0;
-  while (times.size() < 3 || (spent < budget && times.size() < 1000)) {
-    times.push_back(seconds_of(ctx, run));
-    spent += times.back();
+  for (int round = 0; round < 3 || (spent < budget && round < 1000); ++round) {
+    for (auto& times : by_input) {
+      times.push_back(seconds_of(ctx, run));
+      spent += times.back();
+    }
   }
-  std::sort(times.begin(), times.end());
-  const auto at = [&](double share) { return times[static_cast<std::size_t>(share * (times.size() - 1) + 0.5)]; };
-  return {at(0.5), (at(0.75) - at(0.25)) / at(0.5), times.front()};
+  // Inputs differ in what they take; what spreads is one input's time.
+  std::vector<double> all, relative;
+  for (const auto& times : by_input) {
+    all.insert(all.end(), times.begin(), times.end());
+    for (const double t : times) relative.push_back(t / quantile(times, 0.5));
+  }
+  return {quantile(all, 0.5), quantile(relative, 0.75) - quantile(relative, 0.25), quantile(all, 0)};
 }
 
 // One work-item's vectors are one register tile of the cpu flavour; a gpu wants many work-items instead.
@@ -59,24 +72,81 @@ double measure_gbs(Context& ctx) {
 
 struct Suite {
   const char* name;
-  std::vector<Case> (*cases)();
+  std::vector<Case> (*cases)(const Options&);
 };
-const std::vector<Suite> kSuites = {{"gemm", gemm_cases}, {"conv", conv_cases}};
+const std::vector<Suite> kSuites = {{"gemm", gemm_cases}, {"conv", conv_cases}, {"render", render_cases}};
+
+// What a kernel does for a pass, from its name.
+std::string stage_of(const std::string& kernel) {
+  // The first that fits.
+  static const std::pair<const char*, const char*> families[] = {{"project_backward", "project_backward"},
+                                                                 {"project_cull", "cull"},
+                                                                 {"project", "project"},
+                                                                 {"visible", "cull"},
+                                                                 {"radix_", "sort"},
+                                                                 {"scan_", "sort"},
+                                                                 {"tile_bin", "bin"},
+                                                                 {"rasterize_backward", "rasterize_backward"},
+                                                                 {"rasterize", "rasterize"},
+                                                                 {"read", "transfer"},
+                                                                 {"write", "transfer"},
+                                                                 {"copy", "transfer"},
+                                                                 {"fill", "transfer"}};
+  for (const auto& [prefix, stage] : families)
+    if (kernel.rfind(prefix, 0) == 0) return stage;
+  return kernel;
+}
+
+struct Profiled {
+  Cost cost;  // of one run, on average
+  std::map<std::string, double> stages;
+};
+
+// Every input once more, with the profiler on.
+Profiled profile(Context& ctx, const Prepared& p) {
+  Profiler& profiler = ctx.profiler();
+  const bool enabled = profiler.enabled();
+  std::map<std::string, ProfileRow> before;  // the user may be profiling the whole run
+  for (const ProfileRow& row : profiler.rows()) before[row.stage + "/" + row.name] = row;
+  profiler.enable(true);
+  double wall = 0;
+  for (int i = 0; i < p.inputs; ++i) wall += seconds_of(ctx, p.run);
+  profiler.enable(enabled);
+  Profiled out;
+  double in_kernels = 0;
+  for (const ProfileRow& row : profiler.rows()) {
+    const ProfileRow& old = before[row.stage + "/" + row.name];
+    const double seconds = static_cast<double>(row.total_ns - old.total_ns) * 1e-9;
+    if (row.calls == old.calls) continue;
+    out.stages[stage_of(row.name)] += seconds / wall;
+    in_kernels += seconds;
+    out.cost.flops += (row.flops - old.flops) / p.inputs;
+    out.cost.bytes += (row.bytes - old.bytes) / p.inputs;
+  }
+  out.stages["host"] = std::max(0.0, 1 - in_kernels / wall);
+  return out;
+}
 
 Result run_case(Context& ctx, const std::string& suite, const Case& c, const Options& options) {
   const Prepared p = c.prepare(ctx);
   Result r;
-  r.suite = suite, r.name = c.name, r.kind = p.memory_bound ? "memory" : "compute";
+  r.suite = suite, r.name = c.name, r.kind = p.kind;
   p.run();
   r.error = p.error();
   if (!(r.error <= p.tolerance))
     fail(Status::internal, "bench {}/{}: off by {:.2g} of the largest value, at most {:.2g} expected", suite, c.name,
          r.error, p.tolerance);
-  const Times t = time(ctx, p.run, options.seconds);
+  const Times t = time(ctx, p.run, options.seconds, p.inputs);
+  Cost cost = p.cost;
+  if (is_pass(p.kind)) {
+    const Profiled profiled = profile(ctx, p);
+    cost = profiled.cost;
+    r.stages = profiled.stages;
+  }
   r.median_s = t.median, r.spread = t.spread;
-  r.gflops = p.cost.flops / t.median / 1e9;
-  r.performed_gflops = (p.performed_flops > 0 ? p.performed_flops : p.cost.flops) / t.median / 1e9;
-  r.gbs = p.cost.bytes / t.median / 1e9;
+  r.gflops = cost.flops / t.median / 1e9;
+  r.performed_gflops = (p.performed_flops > 0 ? p.performed_flops : cost.flops) / t.median / 1e9;
+  r.gbs = cost.bytes / t.median / 1e9;
   if (options.references)
     for (const auto& [library, run] : p.references) r.reference[library] = time(ctx, run, options.seconds).median;
   return r;
@@ -84,8 +154,23 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
 
 }  // namespace
 
+const char* name_of(Kind kind) {
+  switch (kind) {
+    case Kind::compute:
+      return "compute";
+    case Kind::memory:
+      return "memory";
+    case Kind::forward:
+      return "forward";
+    case Kind::backward:
+      return "backward";
+  }
+  return "?";
+}
+
 std::vector<std::string> suite_names() {
   std::vector<std::string> names;
+  names.reserve(kSuites.size());
   for (const Suite& s : kSuites) names.push_back(s.name);
   return names;
 }
@@ -102,7 +187,7 @@ Report run(Context& ctx, const Options& options) {
   for (const Suite& suite : kSuites) {
     const auto& asked = options.suites;
     if (!asked.empty() && std::find(asked.begin(), asked.end(), suite.name) == asked.end()) continue;
-    for (const Case& c : suite.cases()) {
+    for (const Case& c : suite.cases(options)) {
       const std::string full = fmt::format("{}/{}", suite.name, c.name);
       if (full.find(options.filter) == std::string::npos) continue;
       if (options.on_case) options.on_case(full);
@@ -111,8 +196,12 @@ Report run(Context& ctx, const Options& options) {
   }
   report.peak_gflops = std::max(report.peak_gflops, measure_gflops(ctx));
   report.peak_gbs = std::max(report.peak_gbs, measure_gbs(ctx));
-  for (Result& r : report.results)
-    r.share_of_peak = r.kind == "memory" ? r.gbs / report.peak_gbs : r.performed_gflops / report.peak_gflops;
+  for (Result& r : report.results) {
+    const double of_memory = r.gbs / report.peak_gbs, of_compute = r.performed_gflops / report.peak_gflops;
+    r.share_of_peak = is_pass(r.kind)          ? std::max(of_memory, of_compute)
+                      : r.kind == Kind::memory ? of_memory
+                                               : of_compute;
+  }
   return report;
 }
 
@@ -123,7 +212,8 @@ std::string table(const Report& report) {
                      "share", "of");
   for (const Result& r : report.results) {
     out += fmt::format("{:<28}{:>9.3f} ms{:>8.1f}%{:>11.1f}{:>9.1f}{:>8.1f}%  {:<8}", r.suite + "/" + r.name,
-                       r.median_s * 1e3, r.spread * 100, r.gflops, r.gbs, r.share_of_peak * 100, r.kind);
+                       r.median_s * 1e3, r.spread * 100, r.gflops, r.gbs, r.share_of_peak * 100, name_of(r.kind));
+    for (const auto& [stage, share] : r.stages) out += fmt::format("{} {:.1f}%  ", stage, share * 100);
     for (const auto& [library, seconds] : r.reference)
       out += fmt::format("{} {:.3f} ms ({:.2f}x)", library, seconds * 1e3, seconds / r.median_s);
     out += "\n";
@@ -139,18 +229,21 @@ std::string json(const Report& report) {
   j["peak_gflops"] = report.peak_gflops;
   j["peak_gbs"] = report.peak_gbs;
   j["results"] = nlohmann::ordered_json::array();
-  for (const Result& r : report.results)
-    j["results"].push_back({{"suite", r.suite},
-                            {"name", r.name},
-                            {"kind", r.kind},
-                            {"median_s", r.median_s},
-                            {"spread", r.spread},
-                            {"gflops", r.gflops},
-                            {"performed_gflops", r.performed_gflops},
-                            {"gbs", r.gbs},
-                            {"share_of_peak", r.share_of_peak},
-                            {"error", r.error},
-                            {"reference", r.reference}});
+  for (const Result& r : report.results) {
+    nlohmann::ordered_json entry = {{"suite", r.suite},
+                                    {"name", r.name},
+                                    {"kind", name_of(r.kind)},
+                                    {"median_s", r.median_s},
+                                    {"spread", r.spread},
+                                    {"gflops", r.gflops},
+                                    {"performed_gflops", r.performed_gflops},
+                                    {"gbs", r.gbs},
+                                    {"share_of_peak", r.share_of_peak},
+                                    {"error", r.error},
+                                    {"reference", r.reference}};
+    if (!r.stages.empty()) entry["stages"] = r.stages;
+    j["results"].push_back(std::move(entry));
+  }
   return j.dump(2) + "\n";
 }
 

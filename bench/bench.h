@@ -1,6 +1,6 @@
-// What `vsplat bench` runs: cases with the network's real shapes, each checked against a reference on the host before
-// it is timed, beside the device's limits, measured in the same run.
-//   bench::Report report = bench::run(ctx, {{"gemm", "conv"}});
+// What `vsplat bench` runs: the network's real shapes and scenes to draw, each checked against a reference on the host
+// before it is timed, beside the device's limits, measured in the same run.
+//   bench::Report report = bench::run(ctx, {{"gemm", "render"}});
 //   fmt::print("{}", bench::table(report));   // or bench::json(report)
 #pragma once
 #include <functional>
@@ -12,11 +12,17 @@
 
 namespace vsplat::bench {
 
+// A single kernel, named by the peak that it is held against, or a whole pass of many.
+enum class Kind { compute, memory, forward, backward };
+const char* name_of(Kind kind);
+inline bool is_pass(Kind kind) { return kind == Kind::forward || kind == Kind::backward; }
+
 // A case that is ready to run, its data on the device.
 struct Prepared {
-  Cost cost;                   // of one run, by the definition of what is computed
+  Kind kind = Kind::compute;
+  Cost cost;  // of one run, by the definition of what is computed; a pass costs what its launches say, on average
   double performed_flops = 0;  // where the method gets by with fewer: held against the peak (0: cost.flops)
-  bool memory_bound = false;   // which of the two peaks it is held against
+  int inputs = 1;              // run() goes through so many in turn
   std::function<void()> run;   // enqueues one run
   std::function<double()>
       error;  // after a run: the worst error, relative to the largest value (on a sample of outputs)
@@ -35,18 +41,21 @@ struct Options {
   std::string filter;               // only cases whose "suite/name" contains this
   double seconds = 1.0;             // spent on timing each case, at the least three runs
   bool references = false;          // time other libraries, too (CLBlast compiles for ten seconds on a CPU)
+  std::string scenes;               // a folder with NAME.ply and NAME.cameras.json to draw; empty: scenes made here
   std::function<void(const std::string&)> on_case;  // called before each
 };
 
 struct Result {
-  std::string suite, name, kind;  // kind: "compute" or "memory"
+  std::string suite, name;
+  Kind kind = Kind::compute;
   double median_s = 0;
-  double spread = 0;            // (third quartile - first) / median
+  double spread = 0;            // (third quartile - first) / median, of times over the median of the same input
   double gflops = 0, gbs = 0;   // of the definition's cost
   double performed_gflops = 0;  // of what the method computes
-  double share_of_peak = 0;     // of performed_gflops or gbs, by kind
+  double share_of_peak = 0;     // of performed_gflops or gbs, by kind; for a pass the larger of both
   double error = 0;
   std::map<std::string, double> reference;  // library -> median seconds
+  std::map<std::string, double> stages;     // of a pass: shares of its time, "host" is what no kernel accounts for
 };
 
 struct Report {
@@ -63,7 +72,8 @@ std::string table(const Report& report);
 std::string json(const Report& report);
 
 // The suites.
-std::vector<Case> gemm_cases();
-std::vector<Case> conv_cases();
+std::vector<Case> gemm_cases(const Options& options);
+std::vector<Case> conv_cases(const Options& options);
+std::vector<Case> render_cases(const Options& options);
 
 }  // namespace vsplat::bench

@@ -83,7 +83,7 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
 
 }  // namespace
 
-std::vector<Case> conv_cases() {
+std::vector<Case> conv_cases(const Options&) {
   std::vector<Case> cases;
   for (const ConvShape& s : kConvShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
   return cases;

@@ -116,7 +116,7 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
   Prepared p;
   const double m = static_cast<double>(s.m), n = static_cast<double>(s.n), k = static_cast<double>(d->k());
   p.cost = {2 * m * n * k, 4 * (m * static_cast<double>(d->channels()) + n * k + m * n * (s.residual ? 2 : 1))};
-  p.memory_bound = s.n == 1;
+  p.kind = s.n == 1 ? Kind::memory : Kind::compute;
   p.run = [&ctx, d] { gemm(ctx, d->g); };
   p.error = [&ctx, d] {
     const auto got = ctx.read<float>(d->g.out);
@@ -130,7 +130,7 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
 
 }  // namespace
 
-std::vector<Case> gemm_cases() {
+std::vector<Case> gemm_cases(const Options&) {
   std::vector<Case> cases;
   for (const GemmShape& s : kGemmShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
   return cases;

@@ -1,5 +1,5 @@
-// vsplat bench: the network's dense kernels at their real shapes, checked, timed and held against the device's limits.
-// The one sub-command that is not on the public header: it runs the cases of bench/.
+// vsplat bench: the network's dense kernels at their real shapes and the drawing of whole scenes, checked, timed and
+// held against the device's limits. The one sub-command that is not on the public header: it runs the cases of bench/.
 #include "bench/bench.h"
 
 #include <cstdio>
@@ -17,6 +17,7 @@ struct Options {
   std::string filter;
   double seconds = 1.0;
   bool references = false;
+  std::string scenes;
 };
 
 vsplat::ContextOptions context_options(const Common& common) {
@@ -46,6 +47,7 @@ void bench(const Options& o) try {
   options.filter = o.filter;
   options.seconds = o.seconds;
   options.references = o.references;
+  options.scenes = o.scenes;
   options.on_case = [&o](const std::string& name) {
     if (interrupted()) throw std::runtime_error("stopped");
     show_progress(o.common, name);
@@ -69,18 +71,26 @@ void bench(const Options& o) try {
 
 void add_bench(CLI::App& app, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub = app.add_subcommand("bench", "Time the dense kernels against what the device can do");
+  CLI::App* sub = app.add_subcommand("bench", "Time dense kernels and drawing against what the device can do");
   sub->add_option("suites", o->suites, "Which suites (default: all)")
       ->check(one_of(vsplat::bench::suite_names()))
-      ->type_name("gemm|conv");
+      ->type_name("gemm|conv|render");
   sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
   sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
   sub->add_flag("--references", o->references, "Other libraries' kernels, too (CLBlast compiles for long on a CPU)");
+  sub->add_option("--scenes", o->scenes,
+                  "Draw NAME.ply by NAME.cameras.json of this folder (default: scenes made here)")
+      ->check(CLI::ExistingDirectory)
+      ->type_name("DIR");
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
       "  vsplat bench gemm conv\n"
       "  vsplat bench conv --run 48 --json\n"
+      "  vsplat bench render --run small\n"
+      "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720). A frame is timed from "
+      "the call\n"
+      "to the picture on the device, by 8 cameras in turn; the stages' shares of it include the host's.\n"
       "Every case's result is checked before it is timed; the peaks are measured in the same run.");
   sub->callback([o, &run] { run = [o] { bench(*o); }; });
 }

@@ -4,7 +4,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "bench/scenes.h"
+#include "model/io/cameras_json.h"
+#include "model/io/ply.h"
 #include "tests/support/device.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
@@ -29,6 +33,55 @@ TEST(Bench, ReportsEachCaseAgainstPeaksOfTheSameRun) {
   EXPECT_EQ(json["results"][0]["name"], "small.16.128-128");
   EXPECT_EQ(json["results"][0]["kind"], "compute");
   EXPECT_NE(bench::table(report).find("conv/small.16.128-128"), std::string::npos);
+}
+
+TEST(Bench, DrawsScenesAndSaysWhereTheirTimeWent) {
+  bench::Options options;
+  options.suites = {"render"};
+  options.filter = "small";
+  options.seconds = 0;
+  for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
+    const bench::Report report = bench::run(test::context(flavour), options);
+    ASSERT_EQ(report.results.size(), 1u);
+    const bench::Result& r = report.results[0];
+    EXPECT_EQ(r.name, "small-5k");
+    EXPECT_EQ(r.kind, bench::Kind::forward);
+    EXPECT_GT(r.median_s, 0);
+    EXPECT_GT(r.gflops, 0);
+    EXPECT_GT(r.error, 0);  // a picture in float32, and not only background
+    EXPECT_LE(r.error, 1e-5);
+    double sum = 0;
+    for (const auto& [stage, share] : r.stages) sum += share;
+    EXPECT_NEAR(sum, 1, 0.02);
+    for (const char* stage : {"project", "sort", "bin", "rasterize"}) EXPECT_GT(r.stages.at(stage), 0) << stage;
+    const auto json = nlohmann::json::parse(bench::json(report));
+    EXPECT_EQ(json["results"][0]["kind"], "forward");
+    EXPECT_EQ(json["results"][0]["stages"].size(), r.stages.size());
+    EXPECT_TRUE(json["results"][0]["reference"].empty());
+  }
+}
+
+// A folder's scenes instead: the same one, written and read again.
+TEST(Bench, DrawsTheScenesOfAFolder) {
+  const test::TemporaryFolder folder;
+  const bench::BenchScene made = bench::make_scene("small-5k");
+  write_ply(folder.path("small-5k.ply"), made.scene);
+  write_cameras(folder.path("small-5k.cameras.json"), made.cameras);
+  const bench::BenchScene read = bench::read_scene(folder.path(), "small-5k");
+  EXPECT_EQ(read.scene.gaussians.means, made.scene.gaussians.means);
+  ASSERT_EQ(read.cameras.size(), 8u);
+  EXPECT_EQ(read.cameras[3].w2c, made.cameras[3].w2c);
+  EXPECT_EQ(read.cameras[3].width, 128);
+  EXPECT_THROW(bench::read_scene(folder.path(), "slab-1m"), Error);
+}
+
+TEST(Bench, MakesScenesOfTheSizesTheyAreNamedFor) {
+  const bench::BenchScene object = bench::make_scene("object-190k");
+  EXPECT_EQ(object.scene.gaussians.count, 188003u);
+  EXPECT_EQ(object.scene.gaussians.sh.size(), 188003u * 4 * 3);
+  EXPECT_EQ(object.cameras.size(), 8u);
+  EXPECT_EQ(object.cameras[0].width, 512);
+  EXPECT_THROW(bench::make_scene("slab"), Error);
 }
 
 TEST(Bench, UnknownSuiteIsAnErrorThatListsThem) {

@@ -104,35 +104,43 @@ inline std::vector<Splat> project_all(const Gaussians& g, const Camera& cam, con
   return out;
 }
 
-inline Frame render(const Gaussians& g, const Camera& cam, const Options& options = {}) {
-  const std::vector<Splat> all = project_all(g, cam, options);
+// The drawn ones, near to far.
+inline std::vector<const Splat*> depth_order(const std::vector<Splat>& all) {
   std::vector<const Splat*> order;
   for (const Splat& s : all)
     if (!s.culled) order.push_back(&s);
   std::stable_sort(order.begin(), order.end(), [](const Splat* l, const Splat* r) { return l->z < r->z; });
-  Frame out;
-  for (int y = 0; y < cam.height; ++y) {
-    for (int x = 0; x < cam.width; ++x) {
-      double T = 1, alpha = 0, depth = 0;
-      Eigen::Vector3d colour = Eigen::Vector3d::Zero();
-      for (const Splat* s : order) {
-        if (x / 16 < s->x0 || x / 16 >= s->x1 || y / 16 < s->y0 || y / 16 >= s->y1) continue;
-        const double dx = s->u - (x + 0.5), dy = s->v - (y + 0.5), det = s->a * s->c - s->b * s->b;
-        const double power = -0.5 * (s->c * dx * dx + s->a * dy * dy) / det + s->b * dx * dy / det;
-        const double a = std::min<double>(0.99f, s->opacity * std::exp(power));
-        if (power > 0 || a < static_cast<double>(1.0f / 255.0f)) continue;
-        if (T * (1 - a) < static_cast<double>(1e-4f)) break;
-        colour += T * a * s->colour;
-        alpha += T * a;
-        depth += T * a * s->z;
-        T *= 1 - a;
-      }
-      for (int c = 0; c < 3; ++c)
-        out.colour.push_back(colour[c] + (1 - alpha) * options.background[static_cast<std::size_t>(c)]);
-      out.alpha.push_back(alpha);
-      out.depth.push_back(depth);
-    }
+  return order;
+}
+
+// Adds one pixel to the frame.
+inline void blend_pixel(const std::vector<const Splat*>& order, int x, int y, const Options& options, Frame& out) {
+  double T = 1, alpha = 0, depth = 0;
+  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
+  for (const Splat* s : order) {
+    if (x / 16 < s->x0 || x / 16 >= s->x1 || y / 16 < s->y0 || y / 16 >= s->y1) continue;
+    const double dx = s->u - (x + 0.5), dy = s->v - (y + 0.5), det = s->a * s->c - s->b * s->b;
+    const double power = -0.5 * (s->c * dx * dx + s->a * dy * dy) / det + s->b * dx * dy / det;
+    const double a = std::min<double>(0.99f, s->opacity * std::exp(power));
+    if (power > 0 || a < static_cast<double>(1.0f / 255.0f)) continue;
+    if (T * (1 - a) < static_cast<double>(1e-4f)) break;
+    colour += T * a * s->colour;
+    alpha += T * a;
+    depth += T * a * s->z;
+    T *= 1 - a;
   }
+  for (int c = 0; c < 3; ++c)
+    out.colour.push_back(colour[c] + (1 - alpha) * options.background[static_cast<std::size_t>(c)]);
+  out.alpha.push_back(alpha);
+  out.depth.push_back(depth);
+}
+
+inline Frame render(const Gaussians& g, const Camera& cam, const Options& options = {}) {
+  const std::vector<Splat> all = project_all(g, cam, options);
+  const std::vector<const Splat*> order = depth_order(all);
+  Frame out;
+  for (int y = 0; y < cam.height; ++y)
+    for (int x = 0; x < cam.width; ++x) blend_pixel(order, x, y, options, out);
   return out;
 }
 
