@@ -1,12 +1,58 @@
 #include "model/api/scene.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "model/io/ply.h"
 #include "model/io/selection_file.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
+
+namespace {
+
+// `from` replaces `to`'s `each` values of each Gaussian, where it is not null. `good` says what a value must be, `what`
+// in words.
+template <class Good>
+void replace(std::vector<float>& to, const float* from, size_t count, size_t each, const char* name, const Good& good,
+             const char* what) {
+  if (!from) return;
+  for (size_t i = 0; i < count * each; ++i)
+    if (!good(from[i]))
+      fail(Status::input, "arrays.{}: {} in value {} of Gaussian {}: {} expected", name, from[i], i % each, i / each,
+           what);
+  to.assign(from, from + count * each);
+}
+
+void check_rotations(const float* quats, size_t count) {
+  for (size_t k = 0; quats && k < count; ++k) {
+    const float* q = quats + 4 * k;
+    const float length2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    if (!(length2 > 0) || !std::isfinite(length2))
+      fail(Status::input, "arrays.rotations: Gaussian {} has {} {} {} {}, which is no rotation", k, q[0], q[1], q[2],
+           q[3]);
+  }
+}
+
+// A copy of the scene with those of the arrays that are there.
+std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussians& a) {
+  const size_t n = scene.gaussians.count;
+  if (a.capacity < n) fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, n);
+  const auto finite = [](float v) { return std::isfinite(v); };
+  check_rotations(a.rotations, n);
+  auto out = std::make_shared<Scene>(scene);
+  Gaussians& g = out->gaussians;
+  replace(g.means, a.means, n, 3, "means", finite, "a finite number");
+  replace(
+      g.scales, a.scales, n, 3, "scales", [](float v) { return v >= 0 && std::isfinite(v); }, "a number from 0 up");
+  replace(g.quats, a.rotations, n, 4, "rotations", finite, "a finite number");
+  replace(
+      g.opacities, a.opacities, n, 1, "opacities", [](float v) { return v >= 0 && v <= 1; }, "0 to 1");
+  replace(g.sh, a.sh, n, 3 * g.sh_count(), "sh", finite, "a finite number");
+  return out;
+}
+
+}  // namespace
 
 vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene) {
   return guarded([&] {
@@ -15,6 +61,48 @@ vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene) {
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->scene = std::make_shared<const Scene>(read_ply(path));
     *out_scene = scene.release();
+  });
+}
+
+vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_gaussians* arrays,
+                                  vsplat_scene* out_scene) {
+  return guarded([&] {
+    need(info, "info");
+    need(arrays, "arrays");
+    need(out_scene, "out_scene");
+    const vsplat_scene_info i = taken(info, VSPLAT_SCENE_INFO_INIT, "info");
+    const vsplat_gaussians a = taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays");
+    if (i.sh_degree < 0 || i.sh_degree > 3) fail(Status::usage, "info.sh_degree is {}: 0 to 3 expected", i.sh_degree);
+    if (i.count > INT32_MAX) fail(Status::usage, "info.count is {}: at most {} Gaussians", i.count, INT32_MAX);
+    if (!(i.near_plane >= 0) || !std::isfinite(i.near_plane))
+      fail(Status::usage, "info.near_plane is {}", i.near_plane);
+    need_array(a.means, i.count, "arrays.means");
+    need_array(a.scales, i.count, "arrays.scales");
+    need_array(a.rotations, i.count, "arrays.rotations");
+    need_array(a.opacities, i.count, "arrays.opacities");
+    need_array(a.sh, i.count, "arrays.sh");
+    Scene empty;
+    empty.gaussians.count = i.count;
+    empty.gaussians.sh_degree = i.sh_degree;
+    if (i.near_plane > 0) empty.near = static_cast<float>(i.near_plane);
+    if (i.has_mirror) {
+      empty.mirror.emplace();
+      for (size_t c = 0; c < 3; ++c) {
+        if (!std::isfinite(i.mirror[c])) fail(Status::input, "info.mirror[{}] is {}", c, i.mirror[c]);
+        (*empty.mirror)[c] = static_cast<float>(i.mirror[c]);
+      }
+    }
+    auto scene = std::make_unique<vsplat_scene_impl>();
+    scene->scene = with_values(empty, a);
+    *out_scene = scene.release();
+  });
+}
+
+vsplat_status vsplat_scene_update(vsplat_scene scene, const vsplat_gaussians* arrays) {
+  return guarded([&] {
+    need(scene, "scene");
+    need(arrays, "arrays");
+    scene->scene = with_values(*scene->scene, taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays"));
   });
 }
 

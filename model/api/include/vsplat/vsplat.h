@@ -359,7 +359,7 @@ typedef struct vsplat_gaussians {
   uint64_t capacity; /* Gaussians that fit into every array */
   float* means;      /* [K][3] world */
   float* scales;     /* [K][3] standard deviations, world units */
-  float* rotations;  /* [K][4] unit quaternions w, x, y, z */
+  float* rotations;  /* [K][4] quaternions w, x, y, z; of length 1 unless the caller gave others */
   float* opacities;  /* [K] in [0,1] */
   float* sh;         /* [K][S][3] colour = max(0, 0.5 + basis . sh), in the basis of 3DGS files */
 } vsplat_gaussians;
@@ -368,6 +368,14 @@ typedef struct vsplat_gaussians {
 
 /* A standard 3DGS PLY. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene);
+/* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2) and mirror are taken.
+   Of `arrays`, none may be NULL: rotations of any length but 0, scales not negative, opacities in [0,1], every value
+   finite; VSPLAT_ERROR_INPUT names the first that is not. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
+                                                              const vsplat_gaussians* arrays, vsplat_scene* out_scene);
+/* New values for the same Gaussians, checked and copied in the same way; arrays that are NULL stay as they were.
+   Nothing else may use the scene meanwhile. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_update(vsplat_scene scene, const vsplat_gaussians* arrays);
 /* Writes one, whole or not at all. An existing file is replaced. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
 VSPLAT_API void vsplat_scene_retain(vsplat_scene scene);

@@ -202,6 +202,30 @@ class Input : public InputHandle {
   }
 };
 
+// Gaussians, or derivatives by them, in memory of their own.
+struct Gaussians {
+  std::vector<float> means, scales, rotations, opacities, sh;  // [K][3], [K][3], [K][4], [K], [K][S][3]
+
+  Gaussians() = default;
+  Gaussians(size_t count, int sh_degree)
+      : means(3 * count),
+        scales(3 * count),
+        rotations(4 * count),
+        opacities(count),
+        sh(3 * count * static_cast<size_t>((sh_degree + 1) * (sh_degree + 1))) {}
+
+  vsplat_gaussians arrays() {
+    vsplat_gaussians out = VSPLAT_GAUSSIANS_INIT;
+    out.capacity = opacities.size();
+    out.means = means.data();
+    out.scales = scales.data();
+    out.rotations = rotations.data();
+    out.opacities = opacities.data();
+    out.sh = sh.data();
+    return out;
+  }
+};
+
 class Scene : public SceneHandle {
  public:
   Scene() = default;
@@ -211,6 +235,26 @@ class Scene : public SceneHandle {
     vsplat_scene out = nullptr;
     check(vsplat_scene_load(path.c_str(), &out));
     return Scene(out);
+  }
+  // Near plane and mirror are those of `info`; the count is that of `gaussians`.
+  static Scene create(Gaussians gaussians, int sh_degree, vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT) {
+    vsplat_scene out = nullptr;
+    const vsplat_gaussians arrays = gaussians.arrays();
+    info.count = arrays.capacity;
+    info.sh_degree = sh_degree;
+    check(vsplat_scene_create(&info, &arrays, &out));
+    return Scene(out);
+  }
+  void update(Gaussians gaussians) const {
+    const vsplat_gaussians arrays = gaussians.arrays();
+    check(vsplat_scene_update(get(), &arrays));
+  }
+  Gaussians gaussians() const {
+    const vsplat_scene_info about = info();
+    Gaussians out(about.count, about.sh_degree);
+    const vsplat_gaussians arrays = out.arrays();
+    check(vsplat_scene_get_gaussians(get(), &arrays));
+    return out;
   }
   void save(const std::string& path) const { check(vsplat_scene_save(get(), path.c_str())); }
   vsplat_scene_info info() const {
