@@ -91,8 +91,9 @@ SplatGolden SplatGolden::load(const std::string& name) {
 }
 
 const std::vector<std::string>& splat_committed() {
-  static const std::vector<std::string> names = {"one",  "seventeen", "degree2", "degree3", "needles",   "mirror",
-                                                 "near", "extremes",  "stops",   "wide",    "one_pixel", "empty"};
+  static const std::vector<std::string> names = {"one",    "seventeen", "degree2", "degree3",  "needles",
+                                                 "mirror", "clamped",   "near",    "extremes", "stops",
+                                                 "wide",   "one_pixel", "empty"};
   return names;
 }
 

@@ -35,6 +35,7 @@ SMALL = {
     "mirror": (50, 3, 20, 20, 1, "mirror"),
     "near": (100, 1, 34, 30, 1, "near-exact"),
     "extremes": (60, 1, 32, 32, 1, "opacity"),
+    "clamped": (40, 1, 32, 32, 1, "clamped"),
     "stops": (150, 0, 24, 20, 1, "stops"),
     "wide": (12, 1, 50, 10, 1, "wide"),
     "one_pixel": (50, 1, 1, 1, 2, ""),
@@ -57,7 +58,7 @@ widen = lambda x: torch.tensor(single(x))
 
 def draw(rng, count, degree, kind):
     """Columns of `count` random Gaussians, float32 values."""
-    scale = {"large": 0.9, "wide": 0.3, "small": 0.015, "opacity": 0.09, "stops": 0.08}.get(kind, 0.03)
+    scale = {"large": 0.9, "wide": 0.3, "small": 0.015, "opacity": 0.09, "clamped": 0.2, "stops": 0.08}.get(kind, 0.03)
     reach = 2 if "near" in kind else 0.4 if kind == "stops" else 0.5
     means = rng.uniform(-reach, reach, (count, 3))
     scales = scale * np.exp(rng.normal(0, 0.6, (count, 3)))
@@ -67,6 +68,8 @@ def draw(rng, count, degree, kind):
     opacities = rng.uniform(0.4 if kind == "stops" else 0.05, 0.5 if kind in ("large", "wide") else 0.95, count)
     if kind == "opacity":
         opacities = rng.choice([0, 1e-6, 1 / 256, 0.5, 0.989, 0.991, 1 - 1e-6, 1], count)
+    if kind == "clamped":
+        opacities = rng.choice([0.985, 0.991, 0.999, 1], count)
     if kind == "near-exact":
         # The camera is at the origin and not turned, so z is what is written here: at the near plane (left out), one rounding before it
         # (left out) and behind it (drawn), several equal (they blend in the order of the file), and on both sides at random.
