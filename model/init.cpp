@@ -10,6 +10,7 @@
 #include "model/params.h"
 #include "model/rng.h"
 #include "runtime/log.h"
+#include "runtime/printable.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat {

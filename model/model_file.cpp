@@ -5,6 +5,7 @@
 
 #include "model/params.h"
 #include "runtime/error.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {

@@ -14,6 +14,7 @@
 
 #include "runtime/error.h"
 #include "runtime/output_file.h"
+#include "runtime/printable.h"
 #include "runtime/sha256.h"
 
 namespace vsplat {
@@ -102,15 +103,6 @@ const char* name_of(Dtype dtype) { return info(dtype).name; }
 long TensorEntry::count() const { return static_cast<long>(bytes / size_of(dtype)); }
 
 std::string text_of(const Shape& shape) { return fmt::format("[{}]", fmt::join(shape, ", ")); }
-
-std::string printable(std::string_view text) {
-  constexpr std::size_t kLongest = 100;
-  std::string out(text.substr(0, kLongest));
-  for (char& c : out)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  if (text.size() > kLongest) out += fmt::format("... ({} bytes)", text.size());
-  return out;
-}
 
 // ----------------------------------------------------------------------------------------------------------------
 // reader

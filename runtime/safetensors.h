@@ -76,7 +76,4 @@ struct TensorToWrite {
 void write_safetensors(const std::string& path, const std::vector<TensorToWrite>& tensors,
                        const std::map<std::string, std::string>& metadata = {}, bool hash = false);
 
-// Text from a file as it may stand in a message: without control characters, and not of any length.
-std::string printable(std::string_view text);
-
 }  // namespace vsplat

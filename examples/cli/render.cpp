@@ -11,13 +11,25 @@ struct Options {
   Common common;
   PictureOptions pictures;
   std::string scene;
-  bool dry_run = false;
+  bool dry_run = false, skip_bad = false;
 };
 
 constexpr int default_size = 512;
 
 std::vector<vsplat_camera> cameras_of(const PictureJob& job, const vsplat::Scene& scene) {
   return job.orbit ? scene.orbit(job.orbit_options).all() : job.load_cameras(default_size);
+}
+
+vsplat::Scene load_scene(const Options& o) {
+  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
+  options.skip_bad = o.skip_bad;
+  return vsplat::Scene::load(o.scene, options);
+}
+
+nlohmann::ordered_json skipped_json(const vsplat_scene_info& info) {
+  return {{"not_finite", info.skipped_not_finite},
+          {"huge_scale", info.skipped_huge_scale},
+          {"zero_rotation", info.skipped_zero_rotation}};
 }
 
 void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
@@ -47,7 +59,7 @@ void render(const Options& o) {
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
   if (job.orbit && !o.dry_run) job.expect(outputs, static_cast<std::size_t>(*job.orbit));
-  const vsplat::Scene scene = vsplat::Scene::load(o.scene);
+  const vsplat::Scene scene = load_scene(o);
   const std::vector<vsplat_camera> cameras = cameras_of(job, scene);
   if (!job.orbit && !o.dry_run) job.expect(outputs, cameras.size());
 
@@ -61,11 +73,12 @@ void render(const Options& o) {
   if (o.common.json) {
     nlohmann::ordered_json files = nlohmann::ordered_json::array();
     for (std::size_t i = 0; i < cameras.size(); ++i) files.push_back(job.file(i));
-    std::printf(
-        "%s\n",
-        nlohmann::ordered_json{{"gaussians", scene.info().count}, {"images", files}, {"seconds", elapsed_seconds()}}
-            .dump(1)
-            .c_str());
+    std::printf("%s\n", nlohmann::ordered_json{{"gaussians", scene.info().count},
+                                               {"skipped", skipped_json(scene.info())},
+                                               {"images", files},
+                                               {"seconds", elapsed_seconds()}}
+                            .dump(1)
+                            .c_str());
   }
 }
 
@@ -79,6 +92,9 @@ void add_render(CLI::App& app, Run& run) {
   sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
       ->type_name("Z")
       ->group("Pictures");
+  sub->add_flag(
+      "--skip-bad", o->skip_bad,
+      "Leave out single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0) and count them");
   sub->add_flag("--dry-run", o->dry_run, "Only say how much memory it would take");
   add_common(*sub, o->common);
   sub->footer(

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/io/ply.h"
 #include "model/io/selection_file.h"
 
 using namespace vsplat;
@@ -55,11 +54,17 @@ std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussi
 }  // namespace
 
 vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene) {
+  return vsplat_scene_load_with(path, nullptr, out_scene);
+}
+
+vsplat_status vsplat_scene_load_with(const char* path, const vsplat_scene_load_options* options,
+                                     vsplat_scene* out_scene) {
   return guarded([&] {
     need(path, "path");
     need(out_scene, "out_scene");
+    const vsplat_scene_load_options o = taken(options, VSPLAT_SCENE_LOAD_OPTIONS_INIT, "options");
     auto scene = std::make_unique<vsplat_scene_impl>();
-    scene->scene = std::make_shared<const Scene>(read_ply(path));
+    scene->scene = std::make_shared<const Scene>(read_ply(path, o.skip_bad ? &scene->skipped : nullptr));
     *out_scene = scene.release();
   });
 }
@@ -127,6 +132,9 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     info.near_plane = static_cast<double>(s.near);
     info.has_mirror = s.mirror.has_value();
     for (size_t i = 0; s.mirror && i < 3; ++i) info.mirror[i] = static_cast<double>((*s.mirror)[i]);
+    info.skipped_not_finite = scene->skipped.not_finite;
+    info.skipped_huge_scale = scene->skipped.huge_scale;
+    info.skipped_zero_rotation = scene->skipped.zero_rotation;
     give(out_info, info, "out_info");
   });
 }

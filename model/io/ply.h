@@ -1,17 +1,29 @@
 // The standard 3DGS PLY: one vertex per Gaussian, opacity as a logit, scales as logarithms, spherical harmonics as
 // f_dc_* and channel-major f_rest_*.
 #pragma once
+#include <cstdint>
 #include <string>
 
 #include "model/scene.h"
 
 namespace vsplat {
 
-// binary_little_endian, properties in any order and of any scalar type, unknown ones and other elements skipped. Absent
-// groups get rotation 1 0 0 0, log-scale -4, opacity logit 0; red, green, blue stand in for f_dc_*. Quaternions come
-// out of length 1. Damaged files throw Error(format) that names the path, the Gaussian, the property and its byte;
-// bytes that nothing in the header accounts for are a warning.
-Scene read_ply(const std::string& path);
+// Single Gaussians of a file that cannot be drawn, by reason.
+struct SkippedGaussians {
+  std::uint64_t not_finite = 0;     // a value is NaN or infinite (but for infinite opacity logits: 0 and 1)
+  std::uint64_t huge_scale = 0;     // a scale's exponential is beyond what a float holds
+  std::uint64_t zero_rotation = 0;  // a quaternion of length 0
+
+  std::uint64_t total() const { return not_finite + huge_scale + zero_rotation; }
+};
+
+// ASCII and binary of either byte order, properties in any order and of any scalar type, unknown ones and other
+// elements skipped. Absent groups get rotation 1 0 0 0, log-scale -4, opacity logit 0; red, green, blue stand in for
+// f_dc_*. Quaternions come out of length 1. Memory beside the scene is bounded, and nothing is made for Gaussians that
+// the file is too small to hold. Damaged files throw Error(format) that names the path, the Gaussian, the property and
+// its byte; bytes that nothing in the header accounts for are a warning. With `skipped`, single Gaussians that cannot
+// be drawn are left out and counted there, and a warning tells how many; else the first one is an error.
+Scene read_ply(const std::string& path, SkippedGaussians* skipped = nullptr);
 
 // All floats, with normals, and the near plane, the mirror point and the SH degree as comments. Writes a temporary file
 // and renames it. Opacities 0 and 1 become logits that every reader turns back into 0 and 1.

@@ -1,5 +1,6 @@
 #include "model/io/ply_header.h"
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cstring>
@@ -7,6 +8,7 @@
 #include <sstream>
 
 #include "runtime/error.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -36,6 +38,9 @@ const std::map<std::string, PlyType>& type_names() {
   return names;
 }
 
+constexpr const char* kFormats[] = {"binary_little_endian", "binary_big_endian", "ascii"};  // as PlyFormat
+constexpr std::size_t kMaxProperties = 1024;  // of an element; 3DGS files have 62
+
 class Parser {
  public:
   Parser(const std::string& path, const std::string& text) : path_(path), text_(text) {}
@@ -55,7 +60,7 @@ class Parser {
       } else if (words[0] == "property") {
         property(words);
       } else {
-        bad("\"" + line.substr(0, 60) + "\" is no line of a PLY header");
+        bad("\"" + printable(line) + "\" is no line of a PLY header");
       }
     }
     header_.size = at_;
@@ -71,7 +76,9 @@ class Parser {
     ++line_;
     line_start_ = at_;
     const std::size_t end = text_.find('\n', at_);
-    if (end == std::string::npos) bad("the file ends before end_header");
+    if (end == std::string::npos)
+      bad(text_.size() < kMaxPlyHeader ? "the file ends before end_header"
+                                       : fmt::format("there is no end_header within {} bytes", kMaxPlyHeader));
     std::string line = text_.substr(at_, end - at_);
     at_ = end + 1;
     if (!line.empty() && line.back() == '\r') line.pop_back();
@@ -80,18 +87,21 @@ class Parser {
 
   void format(const std::vector<std::string>& words) {
     if (words.size() < 2 || words[0] != "format") bad("\"format\" is expected here");
-    if (words[1] == "ascii" || words[1] == "binary_big_endian")
-      bad("format " + words[1] + " is not read; convert the file to binary_little_endian");
-    if (words[1] != "binary_little_endian") bad("unknown format \"" + words[1] + "\"");
+    const auto known = std::find(std::begin(kFormats), std::end(kFormats), words[1]);
+    if (known == std::end(kFormats))
+      bad("format \"" + printable(words[1]) +
+          "\" is unknown: binary_little_endian, binary_big_endian or ascii is expected");
+    header_.format = static_cast<PlyFormat>(known - std::begin(kFormats));
   }
 
   void element(const std::vector<std::string>& words) {
     PlyElement e;
     if (words.size() != 3) bad("an element has a name and a count");
-    e.name = words[1];
+    e.name = printable(words[1]);
     const char* last = words[2].data() + words[2].size();
     const auto [end, problem] = std::from_chars(words[2].data(), last, e.count);
-    if (problem != std::errc() || end != last) bad("\"" + words[2] + "\" is no count of elements");
+    if (problem != std::errc() || end != last)
+      bad("element " + e.name + ": \"" + printable(words[2]) + "\" is no count: a whole number below 2^64 is expected");
     header_.elements.push_back(std::move(e));
   }
 
@@ -99,13 +109,16 @@ class Parser {
     if (header_.elements.empty()) bad("a property before any element");
     PlyElement& e = header_.elements.back();
     if (words.size() == 5 && words[1] == "list") {
-      e.has_list = true;
+      if (!e.has_list()) e.list = printable(words[4]);
       return;
     }
     if (words.size() != 3) bad("a property has a type and a name");
     const auto type = type_names().find(words[1]);
-    if (type == type_names().end()) bad("unknown type \"" + words[1] + "\"");
-    if (e.find(words[2])) bad("property " + words[2] + " is there twice");
+    if (type == type_names().end())
+      bad("property " + printable(words[2]) + ": unknown type \"" + printable(words[1]) + "\"");
+    if (e.properties.size() == kMaxProperties)
+      bad(fmt::format("element {} has more than {} properties", e.name, kMaxProperties));
+    if (e.find(words[2])) bad("property " + printable(words[2]) + " is there twice");
     e.properties.push_back({words[2], type->second, e.stride});
     e.stride += size_of(type->second);
   }

@@ -21,20 +21,27 @@ struct PlyProperty {
 struct PlyElement {
   std::string name;
   std::uint64_t count = 0;
-  std::vector<PlyProperty> properties;
-  std::size_t stride = 0;  // bytes of a row; means nothing where has_list
-  bool has_list = false;
+  std::vector<PlyProperty> properties;  // without lists
+  std::size_t stride = 0;               // bytes of a row; means nothing where there is a list
+  std::string list;                     // the first property that is one
 
+  bool has_list() const { return !list.empty(); }
   const PlyProperty* find(const std::string& property) const;
 };
 
+enum class PlyFormat : std::uint8_t { little_endian, big_endian, ascii };
+
 struct PlyHeader {
+  PlyFormat format = PlyFormat::little_endian;
   std::vector<PlyElement> elements;
   std::vector<std::string> comments;  // without the word
   std::size_t size = 0;               // bytes: where data begin
 };
 
-// `text` is the file's beginning, at least until end_header. Throws Error(format) naming path, line and what is wrong.
+inline constexpr std::size_t kMaxPlyHeader = std::size_t{1} << 20;  // bytes
+
+// `text` is the file's beginning, at least until end_header or kMaxPlyHeader bytes of it. Throws Error(format) naming
+// path, line and what is wrong.
 PlyHeader parse_ply_header(const std::string& path, const std::string& text);
 
 }  // namespace vsplat

@@ -72,6 +72,7 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_get_files(NULL, &text));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_save(NULL, "."));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load(NULL, &scene));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load_with("scene", NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_save(NULL, "scene"));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_info(NULL, &scene_info));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_gaussians(NULL, &gaussians));
@@ -310,12 +311,44 @@ static void main_job(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
+/* Three Gaussians as text, two of which cannot be drawn. */
+static void damaged_scene(void) {
+  const char* path = "c99_test_scene.ply"; /* in the build's folder, where ctest runs this */
+  vsplat_scene scene = NULL;
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
+  FILE* file = fopen(path, "w");
+  HOLD(file != NULL);
+  if (!file) return;
+  fputs(
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nproperty float rot_0\n"
+      "property float rot_1\nproperty float rot_2\nproperty float rot_3\nend_header\n"
+      "0 0 0 0 0 0 0 0 0 0\n0 0 0 nan 0 0 1 0 0 0\n0 0 0 0 0 0 1 0 0 0\n",
+      file);
+  fclose(file);
+  EXPECT(VSPLAT_ERROR_FORMAT, vsplat_scene_load(path, &scene));
+  HOLD(strstr(vsplat_last_error(), "Gaussian 0, rot_0") != NULL && !scene);
+  EXPECT(VSPLAT_ERROR_FORMAT, vsplat_scene_load_with(path, NULL, &scene));
+  EXPECT(VSPLAT_ERROR_FORMAT, vsplat_scene_load_with(path, &options, &scene));
+  options.skip_bad = 1;
+  EXPECT(VSPLAT_OK, vsplat_scene_load_with(path, &options, &scene));
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
+  HOLD(info.count == 1 && info.skipped_zero_rotation == 1 && info.skipped_not_finite == 1 &&
+       info.skipped_huge_scale == 0);
+  vsplat_scene_release(scene);
+  options.size = 3;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load_with(path, &options, &scene));
+  remove(path);
+}
+
 int main(void) {
   vsplat_device device = NULL;
   HOLD(vsplat_version() == VSPLAT_VERSION && strcmp(vsplat_version_string(), VSPLAT_VERSION_STRING) == 0);
   HOLD(strcmp(vsplat_status_name(VSPLAT_ERROR_MEMORY), "memory") == 0);
   HOLD(strcmp(vsplat_last_error(), "") == 0);
   null_handles();
+  damaged_scene();
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   if (device) {
     bad_values(device);

@@ -153,6 +153,49 @@ class Scenes(support.Case):
         self.refuses(1, "out.ply", "render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
         self.refuses(1, "none.ply", "render", self.path("none.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
 
+    def write_scene(self, *rows, count=None, name="scene.ply"):
+        """Gaussians as text. -> bytes of the header"""
+        names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+        head = (f"ply\nformat ascii 1.0\nelement vertex {len(rows) if count is None else count}\n"
+                + "".join(f"property float {n}\n" for n in names) + "end_header\n")
+        with open(self.path(name), "w") as f:
+            f.write(head + "".join(row + "\n" for row in rows))
+        return len(head)
+
+    def render(self, *more):
+        return ("render", self.path("scene.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--size", "16x16", *more)
+
+    def test_single_bad_gaussians(self):
+        good = "0 0 {} 0 0 0 {} -1 -1 {} {} 0 0 0"
+        rows = [good.format(*v) for v in ((0, 9, -1, 1), ("nan", 9, -1, 1), (0, "inf", -1, 1), (0, 9, 200, 1), (0, 9, -1, 0), (1, "-inf", -1, 1))]
+        head = self.write_scene(*rows)
+        at = head + len(rows[0]) + 1 + 4
+        self.refuses(1, ["scene.ply", f"Gaussian 1, z (byte {at})", "nan", "finite", "--skip-bad"], *self.render())
+        out, err = self.succeeds(*self.render("--skip-bad", "--json"))
+        for word in ("scene.ply", "3 of 6", "1 with values", "1 with scales", "1 with rotations", f"(byte {at})"):
+            self.assertIn(word, err)
+        result = json.loads(out)
+        self.assertEqual(result["gaussians"], 3)
+        self.assertEqual(result["skipped"], {"not_finite": 1, "huge_scale": 1, "zero_rotation": 1})
+        self.write_scene(rows[0])
+        out, err = self.succeeds(*self.render("--json", "--overwrite"))
+        self.assertNotIn("left out", err)
+        self.assertEqual(json.loads(out)["skipped"], {"not_finite": 0, "huge_scale": 0, "zero_rotation": 0})
+
+    def test_counts_that_no_file_holds(self):
+        for count in (2, 99999999999999, 2**63, 2**64 - 1):
+            self.write_scene("0 0 0 0 0 0 9 -1 -1 -1 1 0 0 0", count=count)
+            self.refuses(1, ["scene.ply", "element vertex", f"promises {count}", "byte"], *self.render("--skip-bad"))
+        for count in (-1, 2**64, "many"):
+            self.write_scene("0 0 0 0 0 0 9 -1 -1 -1 1 0 0 0", count=count)
+            self.refuses(1, ["scene.ply", "line 3", "element vertex", f'"{count}"'], *self.render())
+
+    def test_bytes_beyond_what_is_promised(self):
+        self.write_scene(*["0 0 0 0 0 0 9 -1 -1 -1 1 0 0 0"] * 3, count=2)
+        _, err = self.succeeds(*self.render())
+        self.assertIn("warning", err)
+        self.assertIn("bytes after the last element", err)
+
     def test_damaged_selection(self):
         for text, line in (("3\n2\n", 2), ("2\n2\n", 2), ("# of another model\n999999999\n", 2), ("-1\n", 1), ("1\nx\n", 2), ("3 x\n", 1),
                            ("3.0\n", 1), ("9" * 30 + "\n", 1)):

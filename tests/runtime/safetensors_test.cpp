@@ -240,7 +240,6 @@ TEST_F(SafetensorsTest, NamesAFileThatCannotBeRead) {
 TEST_F(SafetensorsTest, LongAndStrangeNamesDoNotFloodMessages) {
   const std::string message = refusal(file_of("{\"" + std::string(100000, 'n') + "\\u0007\":1}", 0));
   EXPECT_LT(message.size(), 500u);
-  EXPECT_EQ(printable("a\tb\x7f"), "a?b?");
 }
 
 TEST_F(SafetensorsTest, WritesNothingIntoAFolderThatIsNotThere) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -230,21 +231,27 @@ TEST_F(Ply, RefusesByName) {
     text.replace(text.find(from), from.size(), to);
     return complaint(text);
   };
-  EXPECT_NE(with("binary_little_endian", "binary_big_endian").find("binary_big_endian"), std::string::npos);
-  EXPECT_NE(with("binary_little_endian", "ascii").find("ascii"), std::string::npos);
+  EXPECT_NE(with("binary_little_endian", "binary\x01").find("\"binary?\" is unknown"), std::string::npos);
   EXPECT_NE(with("vertex 1", "vertex 99999999999999999999999").find("no count"), std::string::npos);
   EXPECT_NE(with("vertex 1", "vertex 18446744073709551615").find("promises 18446744073709551615"), std::string::npos);
   EXPECT_NE(with("vertex 1", "vertex 329406144173384851").find("promises"),
             std::string::npos);  // times 56 is 2^64 + 40
-  EXPECT_NE(with("vertex 1", "vertex -1").find("no count"), std::string::npos);
-  EXPECT_NE(with("vertex 1", "vertex 2").find("promises 2"), std::string::npos);
+  EXPECT_NE(with("vertex 1", "vertex -1").find("element vertex: \"-1\" is no count"), std::string::npos);
+  EXPECT_NE(with("vertex 1", "vertex 99999999999999").find("promises 99999999999999 of 56 bytes"), std::string::npos);
+  EXPECT_NE(with("vertex 1", fmt::format("vertex {}", (std::uint64_t{1} << 63) / 56 + 1)).find("promises"),
+            std::string::npos);
+  const std::string end = std::to_string(good.size()), begin = std::to_string(good.size() - 56);
+  EXPECT_NE(with("vertex 1", "vertex 2")
+                .find("promises 2 of 56 bytes each from byte " + begin + " on, the file has " + end +
+                      " bytes, which is 1 of them"),
+            std::string::npos);
   EXPECT_NE(with("element vertex", "element points").find("no element vertex"), std::string::npos);
   EXPECT_NE(with("float y", "float yy").find("no property y"), std::string::npos);
   EXPECT_NE(with("float rot_2", "float rot_7").find("no property rot_2"), std::string::npos);
   EXPECT_NE(with("float scale_2", "float depth").find("2DGS"), std::string::npos);
   EXPECT_NE(with("float opacity", "half opacity").find("unknown type \"half\""), std::string::npos);
   EXPECT_NE(with("float opacity", "float x").find("twice"), std::string::npos);
-  EXPECT_NE(with("float opacity", "list uchar int opacity").find("list"), std::string::npos);
+  EXPECT_NE(with("float opacity", "list uchar int opacity").find("list opacity"), std::string::npos);
   EXPECT_NE(with("float opacity", "float f_rest_0").find("f_rest"), std::string::npos);
   EXPECT_NE(with("float f_dc_0", "float f_dc_9").find("f_dc_0"), std::string::npos);
   EXPECT_NE(with("float x", "uint packed_position").find("compressed"), std::string::npos);
@@ -253,7 +260,13 @@ TEST_F(Ply, RefusesByName) {
   EXPECT_NE(with("element", "comment vsplat near -1\nelement").find("at least 0"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat mirror_camera_about 1 2\nelement").find("3 finite"), std::string::npos);
   EXPECT_NE(with("end_header", "something").find("something"), std::string::npos);
+  EXPECT_NE(complaint("ply\n" + std::string(2 << 20, 'x')).find("line 2 (byte 4): there is no end_header within"),
+            std::string::npos);
+  std::string many = header(0, kPlain);
+  for (int i = 0; i < 2000; ++i) many.insert(many.find("end_header"), fmt::format("property float p{}\n", i));
+  EXPECT_NE(complaint(many).find("more than 1024 properties"), std::string::npos);
   EXPECT_THROW(read_ply(path("absent.ply")), Error);
+  EXPECT_THROW(read_ply("/dev/zero"), Error);
   EXPECT_THROW(read_ply(folder_.string()), Error);
 }
 
@@ -261,6 +274,117 @@ TEST_F(Ply, WarnsOfBytesBeyond) {
   put(header(1, kPlain) + floats(kRow) + "abc");
   EXPECT_EQ(read_ply(path()).gaussians.count, 1u);
   EXPECT_NE(warnings_.find("3 bytes"), std::string::npos) << warnings_;
+}
+
+// A count that nothing could hold: refused before anything is made for it.
+TEST_F(Ply, PromisesTakeNoMemory) {
+  for (const char* format : {"binary_little_endian", "binary_big_endian", "ascii"}) {
+    std::string head = header(0, kPlain);
+    head.replace(head.find("binary_little_endian"), 20, format);
+    head.replace(head.find("vertex 0"), 8, "vertex 1000000000000");
+    EXPECT_NE(complaint(head + floats(kRow)).find("promises 1000000000000"), std::string::npos);
+  }
+}
+
+TEST_F(Ply, SkipsBadOnesAndCountsThem) {
+  constexpr float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  const auto with = [](std::size_t i, float v) {
+    std::vector<float> row = kRow;
+    row[i] = v;
+    return floats(row);
+  };
+  const std::string head = header(8, kPlain);
+  put(head + with(0, 7) + with(2, nan) + with(4, inf) + with(6, nan) + with(6, inf) + with(8, 89) + with(10, 0) +
+      with(0, 9));
+  SkippedGaussians skipped;
+  skipped.huge_scale = 5;  // of an earlier file
+  const Gaussians g = read_ply(path(), &skipped).gaussians;
+  EXPECT_EQ(g.count, 3u);
+  EXPECT_EQ(g.means, (std::vector<float>{7, 2, 3, 1, 2, 3, 9, 2, 3}));
+  EXPECT_EQ(g.opacities, (std::vector<float>{0.5f, 1, 0.5f}));
+  EXPECT_EQ(g.scales.size(), 9u);
+  EXPECT_EQ(g.quats.size(), 12u);
+  EXPECT_EQ(g.sh.size(), 9u);
+  EXPECT_EQ(skipped.not_finite, 3u);
+  EXPECT_EQ(skipped.huge_scale, 1u);
+  EXPECT_EQ(skipped.zero_rotation, 1u);
+  EXPECT_NE(warnings_.find("5 of 8 Gaussians are left out: 3 "), std::string::npos) << warnings_;
+  EXPECT_NE(warnings_.find("Gaussian 1, z (byte " + std::to_string(head.size() + 64) + ")"), std::string::npos);
+
+  warnings_.clear();
+  put(header(1, kPlain) + floats(kRow));
+  EXPECT_EQ(read_ply(path(), &skipped).gaussians.count, 1u);
+  EXPECT_EQ(skipped.total(), 0u);
+  EXPECT_EQ(warnings_, "");
+}
+
+// Damage to the file as a whole is an error whatever may be skipped.
+TEST_F(Ply, SkippingPassesOverNoOtherDamage) {
+  SkippedGaussians skipped;
+  put(header(2, kPlain) + floats(kRow));
+  EXPECT_THROW(read_ply(path(), &skipped), Error);
+}
+
+TEST_F(Ply, ReadsBigEndian) {
+  std::string data = floats(kRow) + floats(kRow);
+  for (std::size_t i = 0; i < data.size(); i += 4) std::reverse(data.begin() + i, data.begin() + i + 4);
+  std::string head = header(2, kPlain, "element camera 1\nproperty short a\n");
+  head.replace(head.find("little"), 6, "big");
+  put(head + "ab" + data);
+  const Gaussians g = read_ply(path()).gaussians;
+  EXPECT_EQ(g.means, (std::vector<float>{1, 2, 3, 1, 2, 3}));
+  EXPECT_EQ(g.sh, (std::vector<float>{0.1f, 0.2f, 0.3f, 0.1f, 0.2f, 0.3f}));
+  EXPECT_FLOAT_EQ(g.scales[5], std::exp(-3.0f));
+  EXPECT_EQ(warnings_, "");
+}
+
+// The same scene as text: nine digits tell every float.
+TEST_F(Ply, ReadsText) {
+  std::string head = header(2, kPlain, "element camera 2\nproperty list uchar int a\n");
+  head.replace(head.find("binary_little_endian"), 20, "ascii");
+  const std::string row = "1 +2 3.0\t0.1 2e-1 .3  0 -1 -2 -3 1 0 0 0";
+  put(head + "2 1 2\n0\n" + row + "\n\n  " + row + " \r\n\n");
+  const Gaussians g = read_ply(path()).gaussians;
+  EXPECT_EQ(g.means, (std::vector<float>{1, 2, 3, 1, 2, 3}));
+  EXPECT_EQ(g.sh, (std::vector<float>{0.1f, 0.2f, 0.3f, 0.1f, 0.2f, 0.3f}));
+  EXPECT_FLOAT_EQ(g.scales[5], std::exp(-3.0f));
+  EXPECT_EQ(warnings_, "");
+  put(head + "0\n0\n" + row + "\n" + row);  // without an end of the last line
+  EXPECT_EQ(read_ply(path()).gaussians.count, 2u);
+  put(head + "0\n0\n" + row + "\n" + row + "\n\nmore");
+  EXPECT_EQ(read_ply(path()).gaussians.count, 2u);
+  EXPECT_NE(warnings_.find("5 bytes after the last element"), std::string::npos) << warnings_;
+}
+
+TEST_F(Ply, RefusesDamagedTextByName) {
+  std::string head = header(2, kPlain);
+  head.replace(head.find("binary_little_endian"), 20, "ascii");
+  const std::string row = "1 2 3 0.1 0.2 0.3 0 -1 -2 -3 1 0 0 0\n";
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string bad = row;
+    bad.replace(bad.find(from), from.size(), to);
+    return complaint(head + row + bad);
+  };
+  const auto at = [&](std::size_t i) { return " (byte " + std::to_string(head.size() + row.size() + i) + "): "; };
+  EXPECT_NE(with("2 3", "2 x").find("Gaussian 1, z" + at(4) + "\"x\", a number is expected"), std::string::npos);
+  EXPECT_NE(with("0.1", "0.1.1").find("Gaussian 1, f_dc_0" + at(6)), std::string::npos);
+  EXPECT_NE(with("0.1", "nan").find("Gaussian 1, f_dc_0" + at(6) + "nan, a finite"), std::string::npos);
+  EXPECT_NE(with("0.1", "1e39").find("Gaussian 1, f_dc_0" + at(6) + "1e+39, a finite"), std::string::npos);
+  EXPECT_NE(with("0.1", "-1e999").find("-inf, a finite"), std::string::npos);
+  EXPECT_EQ(with("0.1", "-1e-999"), "");
+  EXPECT_NE(with("0 0 0\n", "0 0\n").find("Gaussian 1, rot_3" + at(34) + "\"\""), std::string::npos);
+  EXPECT_NE(with("\n", " 0\n").find("Gaussian 1" + at(37) + "more than the 14 values"), std::string::npos);
+  EXPECT_NE(complaint(head + row).find("promises 2"), std::string::npos);
+  std::string dense = "1 2 3 4 5 6 0 1 2 3 1 0 0 0\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n";
+  EXPECT_NE(complaint(head + dense).find("promises 2 rows, the file ends after 1"), std::string::npos);
+  EXPECT_NE(complaint(head + std::string(3 << 20, '1')).find("row 0 (byte"), std::string::npos);
+}
+
+// A colour of a float's size, divided by 0.28, is beyond a float.
+TEST_F(Ply, RefusesColoursThatOverflow) {
+  const std::vector<std::string> names{"float x", "float y", "float z", "float red", "float green", "float blue"};
+  EXPECT_NE(complaint(header(1, names) + floats({1, 2, 3, 0, 3e38f, 0})).find("Gaussian 0, green (byte"),
+            std::string::npos);
 }
 
 // Cut off anywhere, or with any byte changed: an error or a scene, never a crash.

@@ -347,11 +347,13 @@ typedef struct vsplat_scene_info {
   double near_plane;  /* world units */
   int32_t has_mirror; /* 1: view-dependent colour is meant as seen from the camera's mirror image about `mirror` */
   double mirror[3];
+  /* Gaussians of the file that vsplat_scene_load_with left out with `skip_bad`, by reason. */
+  uint64_t skipped_not_finite; /* a value is NaN or infinite; an infinite opacity logit is opacity 0 or 1, and taken */
+  uint64_t skipped_huge_scale; /* a scale's exponential is beyond what a float holds */
+  uint64_t skipped_zero_rotation; /* the quaternion's length is 0 */
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT                           \
-  {                                                      \
-    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, { 0, 0, 0 } \
-  }
+#define VSPLAT_SCENE_INFO_INIT \
+  { sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0 }
 
 /* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
@@ -366,8 +368,22 @@ typedef struct vsplat_gaussians {
 #define VSPLAT_GAUSSIANS_INIT \
   { sizeof(vsplat_gaussians), 0, NULL, NULL, NULL, NULL, NULL }
 
-/* A standard 3DGS PLY. */
+/* A standard 3DGS PLY, binary or ASCII. VSPLAT_ERROR_FORMAT names the Gaussian, the property and the byte of the first
+   value that cannot be drawn; bytes that nothing in the header accounts for are a warning. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene);
+
+typedef struct vsplat_scene_load_options {
+  size_t size;
+  int32_t skip_bad; /* 1: single Gaussians that cannot be drawn are left out and counted (vsplat_scene_info) */
+} vsplat_scene_load_options;
+#define VSPLAT_SCENE_LOAD_OPTIONS_INIT \
+  { sizeof(vsplat_scene_load_options), 0 }
+
+/* The same with options; NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_with(const char* path,
+                                                                 const vsplat_scene_load_options* options,
+                                                                 vsplat_scene* out_scene);
+
 /* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2) and mirror are taken.
    Of `arrays`, none may be NULL: rotations of any length but 0, scales not negative, opacities in [0,1], every value
    finite; VSPLAT_ERROR_INPUT names the first that is not. */

@@ -236,6 +236,11 @@ class Scene : public SceneHandle {
     check(vsplat_scene_load(path.c_str(), &out));
     return Scene(out);
   }
+  static Scene load(const std::string& path, const vsplat_scene_load_options& options) {
+    vsplat_scene out = nullptr;
+    check(vsplat_scene_load_with(path.c_str(), &options, &out));
+    return Scene(out);
+  }
   // Near plane and mirror are those of `info`; the count is that of `gaussians`.
   static Scene create(Gaussians gaussians, int sh_degree, vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT) {
     vsplat_scene out = nullptr;

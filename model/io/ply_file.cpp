@@ -1,0 +1,35 @@
+#include "model/io/ply_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "runtime/error.h"
+
+namespace vsplat {
+
+PlyFile::PlyFile(const std::string& path) : path_(path) {
+  std::error_code problem;
+  const auto status = std::filesystem::status(path, problem);
+  // Opening a pipe that nobody writes to would wait for ever.
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    fail(Status::file, "{}: is {}, a PLY file is expected", path,
+         std::filesystem::is_directory(status) ? "a folder" : "no regular file");
+  file_.reset(std::fopen(path.c_str(), "rb"));
+  if (!file_) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
+  size_ = std::filesystem::file_size(path, problem);
+  if (problem) fail(Status::file, "{}: its size cannot be told: {}", path, problem.message());
+}
+
+std::size_t PlyFile::read(void* to, std::size_t bytes) {
+  const std::size_t n = std::fread(to, 1, bytes, file_.get());
+  if (n < bytes && std::ferror(file_.get())) fail(Status::file, "{}: cannot be read: {}", path_, std::strerror(errno));
+  return n;
+}
+
+void PlyFile::seek(std::uint64_t to) {
+  if (fseeko(file_.get(), static_cast<off_t>(to), SEEK_SET) != 0)
+    fail(Status::file, "{}: cannot be read at byte {}: {}", path_, to, std::strerror(errno));
+}
+
+}  // namespace vsplat

@@ -1,0 +1,32 @@
+// A PLY file's bytes, read from front to back, with the size known beforehand.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+namespace vsplat {
+
+class PlyFile {
+ public:
+  // Error(file) where there is no such file, or it is a folder, a pipe or a device.
+  explicit PlyFile(const std::string& path);
+
+  const std::string& path() const { return path_; }
+  std::uint64_t size() const { return size_; }
+  // Fewer bytes than asked for at the end of the file only.
+  std::size_t read(void* to, std::size_t bytes);
+  void seek(std::uint64_t to);
+
+ private:
+  struct Closer {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+
+  std::string path_;
+  std::unique_ptr<std::FILE, Closer> file_;
+  std::uint64_t size_ = 0;
+};
+
+}  // namespace vsplat
