@@ -113,14 +113,16 @@ Image premultiplied(const Image& picture, const Image* mask) {
   return out;
 }
 
-Image on_white(const Image& premultiplied) {
+Image over(const Image& premultiplied, const std::array<float, 3>& background) {
   Image out(premultiplied.width, premultiplied.height, 3);
   for (std::size_t i = 0; i < out.data.size() / 3; ++i) {
     const float* p = &premultiplied.data[4 * i];
-    for (int c = 0; c < 3; ++c) out.data[3 * i + c] = std::clamp(p[c] + (1.0f - p[3]), 0.0f, 1.0f);
+    for (int c = 0; c < 3; ++c) out.data[3 * i + c] = std::clamp(p[c] + (1.0f - p[3]) * background[c], 0.0f, 1.0f);
   }
   return out;
 }
+
+Image on_white(const Image& premultiplied) { return over(premultiplied, {1, 1, 1}); }
 
 Image resample(const Image& in, const Window& window) {
   const int size = window.size;

@@ -1,5 +1,7 @@
 // A square window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
 #pragma once
+#include <array>
+
 #include "model/camera.h"
 #include "model/image.h"
 
@@ -9,7 +11,8 @@ namespace vsplat {
 // alphas multiply. What is behind alpha 0 is gone, so that no resampling brings it back.
 Image premultiplied(const Image& picture, const Image* mask);
 
-// On white, three channels, clamped to [0,1].
+// Over a colour, three channels, clamped to [0,1].
+Image over(const Image& premultiplied, const std::array<float, 3>& background);
 Image on_white(const Image& premultiplied);
 
 // A square window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and side; `size` pixels

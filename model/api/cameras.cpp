@@ -4,6 +4,7 @@
 
 #include "model/api/input.h"
 #include "model/api/scene.h"
+#include "model/camera_path.h"
 #include "model/io/image_file.h"
 #include "model/io/view_checks.h"
 #include "model/io/view_set.h"
@@ -53,9 +54,10 @@ OrbitOptions orbit_options(const vsplat_orbit_options& o) {
   return out;
 }
 
-vsplat_cameras new_cameras(std::vector<Camera> cameras) {
+vsplat_cameras new_cameras(std::vector<Camera> cameras, std::vector<std::string> masks = {}) {
   auto out = std::make_unique<vsplat_cameras_impl>();
   out->cameras = std::move(cameras);
+  out->masks = std::move(masks);
   return out.release();
 }
 
@@ -71,6 +73,7 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
     need(out_cameras, "out_cameras");
     ViewSet set = read_views(path, {.need_pictures = false});
     std::vector<Camera> cameras;
+    std::vector<std::string> masks;
     for (ListedView& view : set.views) {
       if (!is_resolved(view)) {
         const bool has_picture = !view.picture.empty();
@@ -80,10 +83,18 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
                view.name);
         resolve_intrinsics(view, size.width, size.height);
       }
-      view.camera.distortion = {};
       cameras.push_back(view.camera);
+      masks.push_back(view.mask ? view.mask->string() : "");
     }
-    *out_cameras = new_cameras(std::move(cameras));
+    *out_cameras = new_cameras(std::move(cameras), std::move(masks));
+  });
+}
+
+vsplat_status vsplat_cameras_path(vsplat_cameras keys, int32_t count, vsplat_cameras* out_cameras) {
+  return guarded([&] {
+    need(keys, "keys");
+    need(out_cameras, "out_cameras");
+    *out_cameras = new_cameras(camera_path(keys->cameras, count));
   });
 }
 
@@ -127,8 +138,6 @@ vsplat_status vsplat_cameras_count(vsplat_cameras cameras, size_t* out_count) {
 vsplat_status vsplat_cameras_get(vsplat_cameras cameras, size_t index, vsplat_camera* out_camera) {
   return guarded([&] {
     need(cameras, "cameras");
-    if (index >= cameras->cameras.size())
-      fail(Status::usage, "there is no camera {}: {} in all", index, cameras->cameras.size());
-    give(out_camera, describe(cameras->cameras[index]), "out_camera");
+    give(out_camera, describe(cameras->at(index)), "out_camera");
   });
 }

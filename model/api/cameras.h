@@ -1,11 +1,19 @@
 #pragma once
+#include <string>
 #include <vector>
 
 #include "model/api/handle.h"
 #include "model/camera.h"
 
 struct vsplat_cameras_impl : vsplat::api::Counted {
-  std::vector<vsplat::Camera> cameras;
+  std::vector<vsplat::Camera> cameras;  // drawn as pinholes: `distortion` is that of the listed picture
+  std::vector<std::string> masks;       // per camera, of its listed picture; "" or none at all: no mask
+
+  const vsplat::Camera& at(std::size_t index) const {
+    if (index >= cameras.size())
+      vsplat::fail(vsplat::Status::usage, "there is no camera {}: {} in all", index, cameras.size());
+    return cameras[index];
+  }
 };
 
 namespace vsplat::api {

@@ -1,4 +1,4 @@
-// Drawing a scene, what it needs, and writing what was drawn.
+// Drawing a scene, and what it needs.
 #include "model/render.h"
 
 #include <algorithm>
@@ -7,7 +7,6 @@
 #include "model/api/device.h"
 #include "model/api/plan.h"
 #include "model/api/scene.h"
-#include "model/io/image_file.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -27,13 +26,6 @@ const DeviceGaussians& on_device(vsplat_device device, const std::shared_ptr<con
 
 void copy(const Image& from, float* to) {
   if (to) std::copy(from.data.begin(), from.data.end(), to);
-}
-
-Image image_of(const float* data, int width, int height, int channels, const char* what) {
-  need(data, what);
-  Image out(width, height, channels);
-  std::copy_n(data, out.data.size(), out.data.begin());
-  return out;
 }
 
 }  // namespace
@@ -87,24 +79,5 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
     });
     give(out_plan, plan_of(planner->stage_memory(), planner->memory().peak(), planner->memory().limits().total, fits),
          "out_plan");
-  });
-}
-
-vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width, int32_t height,
-                                  vsplat_picture_format format, const char* path) {
-  return guarded([&] {
-    need(picture, "picture");
-    need(path, "path");
-    const vsplat_picture p = taken(picture, VSPLAT_PICTURE_INIT, "picture");
-    if (width < 1 || height < 1 || p.capacity / static_cast<uint64_t>(width) < static_cast<uint64_t>(height))
-      fail(Status::usage, "a picture of {} x {} pixels in arrays of {}", width, height, p.capacity);
-    const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
-    const int kind = value_of(format);
-    if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
-    if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW)
-      fail(Status::usage, "format is {}, not a value of vsplat_picture_format", kind);
-    const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
-    const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
-    (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
   });
 }

@@ -44,6 +44,15 @@ void check_image_size(const std::string& path, long width, long height) {
          width, height, max_image_side, max_image_pixels);
 }
 
+std::vector<unsigned char> rounded(const Image& image) {
+  std::vector<unsigned char> out(image.data.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const float v = image.data[i] > 0 ? std::fmin(image.data[i], 1.0f) : 0.0f;  // NaN is not > 0
+    out[i] = static_cast<unsigned char>(std::lround(255.0f * v));
+  }
+  return out;
+}
+
 Image decode_image(const FileBytes& file) { return by_format<Image>(file, decode_png, decode_jpeg, decode_exr); }
 
 ImageInfo read_image_info(const std::string& path) {
@@ -71,6 +80,11 @@ Image read_mask(const std::string& path) {
 
 void write_png(const std::string& path, const Image& image) {
   const std::vector<unsigned char> bytes = encode_png(image);
+  write_file(path, bytes.data(), bytes.size());
+}
+
+void write_jpeg(const std::string& path, const Image& image, int quality) {
+  const std::vector<unsigned char> bytes = encode_jpeg(path, image, quality);
   write_file(path, bytes.data(), bytes.size());
 }
 

@@ -1,4 +1,4 @@
-// Pictures in files: PNG, JPEG and EXR in (told apart by content, never by name), PNG and EXR out.
+// Pictures in files: PNG, JPEG and EXR in (told apart by content, never by name), PNG, JPEG and EXR out.
 // Files that are cut off, damaged or too large throw Error(format) naming the path; files that cannot be opened,
 // Error(file).
 #pragma once
@@ -29,6 +29,10 @@ Image read_mask(const std::string& path);
 
 // 8 bits, colour (3 channels) or grey (1): round(255 * value clamped to [0,1]); NaN is written as 0.
 void write_png(const std::string& path, const Image& image);
+
+// Colour (3 channels), rounded as write_png() does, `quality` 1 to 100 on libjpeg's scale, without loss of resolution
+// in the colours. Error(usage) for another quality, Error(input) for a side beyond the 65500 pixels that JPEG holds.
+void write_jpeg(const std::string& path, const Image& image, int quality);
 
 // `colour` [H][W][3] is sRGB-encoded and accumulated over black (so premultiplied), `alpha` and `depth` [H][W][1] as
 // accumulated. Written: half R, G, B (linear light, premultiplied) and A, float Z = depth / alpha, +infinity where

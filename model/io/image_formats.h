@@ -28,8 +28,12 @@ Image decode_png(const FileBytes& file);
 Image decode_jpeg(const FileBytes& file);
 Image decode_exr(const FileBytes& file);
 
+// round(255 * value clamped to [0,1]), NaN as 0: what every 8-bit format takes.
+std::vector<unsigned char> rounded(const Image& image);
 // 1 or 3 channels.
 std::vector<unsigned char> encode_png(const Image& image);
+// 3 channels, baseline, colours at full resolution. `path` is for messages.
+std::vector<unsigned char> encode_jpeg(const std::string& path, const Image& image, int quality);
 // Channels R, G, B, A in float or half, and float Z, by scanlines with ZIP. rgba [H][W][4], z [H][W][1].
 std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool half_colour);
 

@@ -1,6 +1,7 @@
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
+#include <cstdlib>
 // clang-format off: libjpeg's headers need those above, in this order
 #include <jerror.h>
 #include <jpeglib.h>
@@ -19,24 +20,21 @@ bool harmless(int code) {
          code == JWRN_TOO_MUCH_DATA || code == JWRN_BOGUS_ICC;
 }
 
-struct Reader {
-  jpeg_decompress_struct jpeg{};
+// How libjpeg's errors come back: by a jump to whoever called it last.
+struct Problems {
   jpeg_error_mgr errors{};
   jmp_buf leave;
   char message[JMSG_LENGTH_MAX] = {};
   bool out_of_memory = false;
 
-  Reader();
-  Reader(const Reader&) = delete;
-  Reader& operator=(const Reader&) = delete;
-  ~Reader() { jpeg_destroy_decompress(&jpeg); }
+  jpeg_error_mgr* handler();
 };
 
 [[noreturn]] void jpeg_problem(j_common_ptr common) {
-  auto* r = static_cast<Reader*>(common->client_data);
-  common->err->format_message(common, r->message);
-  r->out_of_memory = common->err->msg_code == JERR_OUT_OF_MEMORY;
-  longjmp(r->leave, 1);
+  auto* p = static_cast<Problems*>(common->client_data);
+  common->err->format_message(common, p->message);
+  p->out_of_memory = common->err->msg_code == JERR_OUT_OF_MEMORY;
+  longjmp(p->leave, 1);
 }
 
 void jpeg_warning(j_common_ptr common, int level) {
@@ -45,13 +43,42 @@ void jpeg_warning(j_common_ptr common, int level) {
 
 void jpeg_print_nothing(j_common_ptr) {}
 
-Reader::Reader() {
-  jpeg.err = jpeg_std_error(&errors);
+jpeg_error_mgr* Problems::handler() {
+  jpeg_std_error(&errors);
   errors.error_exit = jpeg_problem;
   errors.emit_message = jpeg_warning;
   errors.output_message = jpeg_print_nothing;
-  jpeg.client_data = this;
+  return &errors;
 }
+
+struct Reader : Problems {
+  jpeg_decompress_struct jpeg{};
+
+  Reader() {
+    jpeg.err = handler();
+    jpeg.client_data = static_cast<Problems*>(this);
+  }
+  Reader(const Reader&) = delete;
+  Reader& operator=(const Reader&) = delete;
+  ~Reader() { jpeg_destroy_decompress(&jpeg); }
+};
+
+struct Writer : Problems {
+  jpeg_compress_struct jpeg{};
+  unsigned char* data = nullptr;  // libjpeg's, by malloc
+  unsigned long size = 0;
+
+  Writer() {
+    jpeg.err = handler();
+    jpeg.client_data = static_cast<Problems*>(this);
+  }
+  Writer(const Writer&) = delete;
+  Writer& operator=(const Writer&) = delete;
+  ~Writer() {
+    jpeg_destroy_compress(&jpeg);
+    std::free(data);
+  }
+};
 
 // libjpeg leaves by longjmp, so what has a destructor lives outside the functions that call it.
 bool read_header(Reader& r, const FileBytes& file) {
@@ -79,6 +106,27 @@ bool read_row(Reader& r, unsigned char* row) {
 bool finish(Reader& r) {
   if (setjmp(r.leave)) return false;
   jpeg_finish_decompress(&r.jpeg);
+  return true;
+}
+
+bool write_all(Writer& w, int width, int height, int quality, const unsigned char* rgb) {
+  if (setjmp(w.leave)) return false;
+  jpeg_create_compress(&w.jpeg);
+  jpeg_mem_dest(&w.jpeg, &w.data, &w.size);
+  w.jpeg.image_width = static_cast<JDIMENSION>(width);
+  w.jpeg.image_height = static_cast<JDIMENSION>(height);
+  w.jpeg.input_components = 3;
+  w.jpeg.in_color_space = JCS_RGB;
+  jpeg_set_defaults(&w.jpeg);
+  jpeg_set_quality(&w.jpeg, quality, TRUE);
+  for (int i = 0; i < 3; ++i) w.jpeg.comp_info[i].h_samp_factor = w.jpeg.comp_info[i].v_samp_factor = 1;
+  w.jpeg.optimize_coding = TRUE;
+  jpeg_start_compress(&w.jpeg, TRUE);
+  for (int y = 0; y < height; ++y) {
+    JSAMPROW rows[1] = {const_cast<unsigned char*>(rgb) + static_cast<std::size_t>(y) * width * 3};  // only read
+    jpeg_write_scanlines(&w.jpeg, rows, 1);
+  }
+  jpeg_finish_compress(&w.jpeg);
   return true;
 }
 
@@ -126,6 +174,20 @@ Image decode_jpeg(const FileBytes& file) {
   }
   if (!finish(r)) damaged(file, r);
   return out;
+}
+
+std::vector<unsigned char> encode_jpeg(const std::string& path, const Image& image, int quality) {
+  if (quality < 1 || quality > 100) fail(Status::usage, "{}: JPEG quality {}; 1 to 100 are possible", path, quality);
+  if (image.channels != 3 || image.empty())
+    fail(Status::internal, "write_jpeg takes 3 channels, not {} x {} x {}", image.width, image.height, image.channels);
+  if (image.width > JPEG_MAX_DIMENSION || image.height > JPEG_MAX_DIMENSION)
+    fail(Status::input, "{}: {} x {} pixels; JPEG holds at most {} to a side", path, image.width, image.height,
+         JPEG_MAX_DIMENSION);
+  const std::vector<unsigned char> rgb = rounded(image);
+  Writer w;
+  if (!write_all(w, image.width, image.height, quality, rgb.data()))
+    fail(w.out_of_memory ? Status::memory : Status::internal, "{}: JPEG encoding failed: {}", path, w.message);
+  return {w.data, w.data + w.size};
 }
 
 }  // namespace vsplat

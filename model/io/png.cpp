@@ -1,7 +1,6 @@
 #include <png.h>
 
 #include <bit>
-#include <cmath>
 #include <csetjmp>
 #include <cstdint>
 #include <cstring>
@@ -193,11 +192,7 @@ std::vector<unsigned char> encode_png(const Image& image) {
   if ((image.channels != 1 && image.channels != 3) || image.empty())
     fail(Status::internal, "write_png takes 1 or 3 channels, not {} x {} x {}", image.width, image.height,
          image.channels);
-  std::vector<unsigned char> rows(image.data.size());
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const float v = image.data[i] > 0 ? std::fmin(image.data[i], 1.0f) : 0.0f;  // NaN is not > 0
-    rows[i] = static_cast<unsigned char>(std::lround(255.0f * v));
-  }
+  const std::vector<unsigned char> rows = rounded(image);
   Source source{};
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &source, png_problem, png_ignore_warning);
   png_infop info = png ? png_create_info_struct(png) : nullptr;

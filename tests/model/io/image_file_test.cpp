@@ -194,6 +194,35 @@ TEST(JpegIn, RefusesCmykByName) {
   expect_error(Status::format, folder / "a.jpg", "CMYK");
 }
 
+TEST(JpegOut, IsReadBackNearlyTheSame) {
+  const TemporaryFolder folder;
+  Image in(37, 21, 3);
+  const std::vector<std::uint8_t> samples = smooth_samples(37, 21, 3);
+  for (std::size_t i = 0; i < samples.size(); ++i) in.data[i] = samples[i] / 255.0f;
+  in.at(5, 7)[0] = 1, in.at(5, 7)[1] = in.at(5, 7)[2] = 0;  // a red dot, which half the resolution would smear
+  std::size_t before = 0;
+  for (const int quality : {30, 90, 100}) {
+    write_jpeg(folder / "a.jpg", in, quality);
+    const Image out = read_image(folder / "a.jpg");
+    ASSERT_EQ(out.data.size(), in.data.size());
+    double mean = 0;
+    for (std::size_t i = 0; i < in.data.size(); ++i)
+      mean += std::abs(out.data[i] - in.data[i]) / static_cast<double>(in.data.size());
+    EXPECT_LT(mean, quality == 30 ? 0.03 : 0.01);
+    EXPECT_GT(out.at(5, 7)[0] - out.at(5, 7)[1], quality == 30 ? 0.0 : 0.7);
+    const std::size_t size = test::contents_of(folder / "a.jpg").size();
+    EXPECT_GT(size, before);
+    before = size;
+  }
+}
+
+TEST(JpegOut, RefusesWhatItCannotHold) {
+  const TemporaryFolder folder;
+  for (const int quality : {0, 101, -1}) EXPECT_THROW(write_jpeg(folder / "a.jpg", Image(2, 2, 3), quality), Error);
+  EXPECT_THROW(write_jpeg(folder / "a.jpg", Image(65501, 1, 3), 90), Error);
+  EXPECT_TRUE(folder.entries().empty());
+}
+
 TEST(ExrIn, DividesByAlphaAndEncodes) {
   const TemporaryFolder folder;
   const int w = 19, h = 11;

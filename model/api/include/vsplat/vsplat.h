@@ -246,6 +246,12 @@ VSPLAT_API void vsplat_cameras_release(vsplat_cameras cameras);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_count(vsplat_cameras cameras, size_t* out_count);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_get(vsplat_cameras cameras, size_t index,
                                                              vsplat_camera* out_camera);
+/* `count` (1 to 10000) cameras on a smooth path through `keys`, in their order: centres on a cubic spline through the
+   keys' centres, rotations by the shorter arcs, fields of view and principal points interpolated, pictures in the first
+   key's size. The first and the last camera are the first and the last key; all are the first key where there is one
+   key or one camera. VSPLAT_ERROR_INPUT where a key's pictures have other proportions than the first one's. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_path(vsplat_cameras keys, int32_t count,
+                                                              vsplat_cameras* out_cameras);
 
 /* ---------------------------------------------------------------------------------------------------------- views */
 
@@ -524,17 +530,23 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_render(vsplat_device devic
 typedef enum vsplat_picture_format {
   VSPLAT_PICTURE_PNG = 1, /* 8-bit RGB, rounded, over the background it was drawn on */
   VSPLAT_PICTURE_EXR = 2, /* half R, G, B, A, linear and premultiplied: draw it over black; float Z = depth / alpha */
-  VSPLAT_PICTURE_EXR_RAW = 3 /* float R, G, B, A, Z as they are */
+  VSPLAT_PICTURE_EXR_RAW = 3, /* float R, G, B, A, Z as they are */
+  VSPLAT_PICTURE_JPEG = 4     /* as PNG, of quality 90 */
 } vsplat_picture_format;
 
-/* Writes what vsplat_render drew, whole or not at all. PNG needs `colour` alone, EXR all three. An existing file is
-   replaced. */
+/* Writes what vsplat_render drew, whole or not at all. PNG and JPEG need `colour` alone, EXR all three. An existing
+   file is replaced. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width,
                                                               int32_t height, vsplat_picture_format format,
                                                               const char* path);
+/* As JPEG of `quality` 1 to 100, with colours at full resolution. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save_jpeg(const vsplat_picture* picture, int32_t width,
+                                                                   int32_t height, int32_t quality, const char* path);
 
 #ifdef __cplusplus
 }
 #endif
+
+#include <vsplat/pictures.h>
 
 #endif

@@ -72,6 +72,8 @@ using ViewsHandle = Handle<vsplat_views, vsplat_views_retain, vsplat_views_relea
 using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_release>;
 using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
 using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
+using SheetHandle = Handle<vsplat_sheet, vsplat_sheet_retain, vsplat_sheet_release>;
+using AnimationHandle = Handle<vsplat_animation, vsplat_animation_retain, vsplat_animation_release>;
 
 class Device : public DeviceHandle {
  public:
@@ -144,6 +146,25 @@ class Cameras : public CamerasHandle {
     check(vsplat_cameras_count(get(), &count));
     std::vector<vsplat_camera> out(count, VSPLAT_CAMERA_INIT);
     for (size_t i = 0; i < count; ++i) check(vsplat_cameras_get(get(), i, &out[i]));
+    return out;
+  }
+  // A smooth path with these as its keys.
+  Cameras path(int count) const {
+    vsplat_cameras out = nullptr;
+    check(vsplat_cameras_path(get(), count, &out));
+    return Cameras(out);
+  }
+  // "" where there is none.
+  std::string find_picture(size_t index, const std::string& folder) const {
+    char* out = nullptr;
+    check(vsplat_cameras_find_picture(get(), index, folder.c_str(), &out));
+    return text(out);
+  }
+  // [height][width][3]
+  std::vector<float> load_picture(size_t index, const std::string& path, int width, int height,
+                                  const float (&background)[3]) const {
+    std::vector<float> out(3 * static_cast<size_t>(width) * static_cast<size_t>(height));
+    check(vsplat_cameras_load_picture(get(), index, path.c_str(), width, height, background, out.data(), out.size()));
     return out;
   }
 };
@@ -304,6 +325,48 @@ struct Picture {
   void save(const std::string& path, vsplat_picture_format format) {
     const vsplat_picture p = arrays();
     check(vsplat_picture_save(&p, width, height, format, path.c_str()));
+  }
+  void save_jpeg(const std::string& path, int quality) {
+    const vsplat_picture p = arrays();
+    check(vsplat_picture_save_jpeg(&p, width, height, quality, path.c_str()));
+  }
+};
+
+class Sheet : public SheetHandle {
+ public:
+  Sheet() = default;
+  explicit Sheet(const vsplat_sheet_options& options) : SheetHandle(create(options)) {}
+
+  void add(Picture& picture) {
+    const vsplat_picture p = picture.arrays();
+    check(vsplat_sheet_add(get(), &p, picture.width, picture.height));
+  }
+  void save(const std::string& path) const { check(vsplat_sheet_save(get(), path.c_str())); }
+
+ private:
+  static vsplat_sheet create(const vsplat_sheet_options& options) {
+    vsplat_sheet out = nullptr;
+    check(vsplat_sheet_create(&options, &out));
+    return out;
+  }
+};
+
+class Animation : public AnimationHandle {
+ public:
+  Animation() = default;
+  explicit Animation(const vsplat_animation_options& options) : AnimationHandle(create(options)) {}
+
+  void add(Picture& picture) {
+    const vsplat_picture p = picture.arrays();
+    check(vsplat_animation_add(get(), &p, picture.width, picture.height));
+  }
+  void save(const std::string& path) const { check(vsplat_animation_save(get(), path.c_str())); }
+
+ private:
+  static vsplat_animation create(const vsplat_animation_options& options) {
+    vsplat_animation out = nullptr;
+    check(vsplat_animation_create(&options, &out));
+    return out;
   }
 };
 

@@ -1,0 +1,77 @@
+// Given pictures beside drawn ones.
+#include <algorithm>
+#include <cmath>
+
+#include "model/api/cameras.h"
+#include "model/io/image_file.h"
+#include "model/io/picture_folder.h"
+#include "model/io/view_checks.h"
+#include "model/metrics.h"
+#include "model/reference_picture.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+Image clamped(const float* data, int width, int height) {
+  Image out(width, height, 3);
+  std::transform(data, data + out.data.size(), out.data.begin(), [](float v) { return std::clamp(v, 0.0f, 1.0f); });
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index, const char* folder, char** out_path) {
+  return guarded([&] {
+    need(cameras, "cameras");
+    need(folder, "folder");
+    need(out_path, "out_path");
+    const std::string& listed = cameras->at(index).file;
+    *out_path = new_text(find_picture(folder, listed.empty() ? fmt::format("{:04}", index) : listed).string());
+  });
+}
+
+vsplat_status vsplat_picture_file_size(const char* path, int32_t* out_width, int32_t* out_height) {
+  return guarded([&] {
+    need(path, "path");
+    const ImageInfo info = read_image_info(path);
+    if (out_width) *out_width = info.width;
+    if (out_height) *out_height = info.height;
+  });
+}
+
+vsplat_status vsplat_cameras_load_picture(vsplat_cameras cameras, size_t index, const char* path, int32_t width,
+                                          int32_t height, const float background[3], float* out_pixels,
+                                          size_t capacity) {
+  return guarded([&] {
+    need(cameras, "cameras");
+    need(path, "path");
+    need(background, "background");
+    need(out_pixels, "out_pixels");
+    const Camera& camera = cameras->at(index);
+    const std::string mask = index < cameras->masks.size() ? cameras->masks[index] : "";
+    const Image picture =
+        reference_picture(camera, path, mask, width, height, {background[0], background[1], background[2]});
+    if (capacity < picture.data.size())
+      fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, picture.data.size());
+    std::copy(picture.data.begin(), picture.data.end(), out_pixels);
+  });
+}
+
+vsplat_status vsplat_compare(const float* pixels, const float* reference, int32_t width, int32_t height,
+                             vsplat_comparison* out_comparison, float* out_difference) {
+  return guarded([&] {
+    need(pixels, "pixels");
+    need(reference, "reference");
+    const Image a = clamped(pixels, picture_side("pixels", "width", width), picture_side("pixels", "height", height)),
+                b = clamped(reference, width, height);
+    vsplat_comparison found = VSPLAT_COMPARISON_INIT;
+    found.psnr = psnr(a, b);
+    found.ssim = ssim(a, b);
+    give(out_comparison, found, "out_comparison");
+    if (!out_difference) return;
+    const Image difference = absolute_difference(a, b);
+    std::copy(difference.data.begin(), difference.data.end(), out_difference);
+  });
+}

@@ -1,0 +1,124 @@
+// Drawn pictures into files: one by one, as a contact sheet, as an animation.
+#include <algorithm>
+
+#include "model/api/handle.h"
+#include "model/contact_sheet.h"
+#include "model/io/image_file.h"
+#include "model/io/webp_animation.h"
+
+struct vsplat_sheet_impl : vsplat::api::Counted {
+  explicit vsplat_sheet_impl(const vsplat::SheetOptions& options) : sheet(options) {}
+  vsplat::ContactSheet sheet;
+};
+
+struct vsplat_animation_impl : vsplat::api::Counted {
+  explicit vsplat_animation_impl(const vsplat::AnimationOptions& options) : animation(options) {}
+  vsplat::WebpAnimation animation;
+};
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+constexpr int usual_quality = 90;
+
+// The caller's struct, with arrays that hold a picture of that size.
+vsplat_picture picture_of(const vsplat_picture* picture, int32_t width, int32_t height) {
+  need(picture, "picture");
+  const vsplat_picture p = taken(picture, VSPLAT_PICTURE_INIT, "picture");
+  if (width < 1 || height < 1 || p.capacity / static_cast<uint64_t>(width) < static_cast<uint64_t>(height))
+    fail(Status::usage, "a picture of {} x {} pixels in arrays of {}", width, height, p.capacity);
+  return p;
+}
+
+Image image_of(const float* data, int width, int height, int channels, const char* what) {
+  need(data, what);
+  Image out(width, height, channels);
+  std::copy_n(data, out.data.size(), out.data.begin());
+  return out;
+}
+
+Image colour_of(const vsplat_picture* picture, int32_t width, int32_t height) {
+  return image_of(picture_of(picture, width, height).colour, width, height, 3, "picture.colour");
+}
+
+}  // namespace
+
+vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width, int32_t height,
+                                  vsplat_picture_format format, const char* path) {
+  return guarded([&] {
+    need(path, "path");
+    const vsplat_picture p = picture_of(picture, width, height);
+    const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
+    const int kind = value_of(format);
+    if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
+    if (kind == VSPLAT_PICTURE_JPEG) return write_jpeg(path, colour, usual_quality);
+    if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW)
+      fail(Status::usage, "format is {}, not a value of vsplat_picture_format", kind);
+    const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
+    const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
+    (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
+  });
+}
+
+vsplat_status vsplat_picture_save_jpeg(const vsplat_picture* picture, int32_t width, int32_t height, int32_t quality,
+                                       const char* path) {
+  return guarded([&] {
+    need(path, "path");
+    write_jpeg(path, colour_of(picture, width, height), quality);
+  });
+}
+
+vsplat_status vsplat_sheet_create(const vsplat_sheet_options* options, vsplat_sheet* out_sheet) {
+  return guarded([&] {
+    need(out_sheet, "out_sheet");
+    const vsplat_sheet_options o = taken(options, VSPLAT_SHEET_OPTIONS_INIT, "options");
+    *out_sheet = std::make_unique<vsplat_sheet_impl>(SheetOptions{o.cell, o.columns, o.expected}).release();
+  });
+}
+
+void vsplat_sheet_retain(vsplat_sheet sheet) { retain(sheet); }
+void vsplat_sheet_release(vsplat_sheet sheet) { release(sheet); }
+
+vsplat_status vsplat_sheet_add(vsplat_sheet sheet, const vsplat_picture* picture, int32_t width, int32_t height) {
+  return guarded([&] {
+    need(sheet, "sheet");
+    sheet->sheet.add(colour_of(picture, width, height));
+  });
+}
+
+vsplat_status vsplat_sheet_save(vsplat_sheet sheet, const char* path) {
+  return guarded([&] {
+    need(sheet, "sheet");
+    need(path, "path");
+    write_png(path, sheet->sheet.sheet());
+  });
+}
+
+vsplat_status vsplat_animation_create(const vsplat_animation_options* options, vsplat_animation* out_animation) {
+  return guarded([&] {
+    need(out_animation, "out_animation");
+    const vsplat_animation_options o = taken(options, VSPLAT_ANIMATION_OPTIONS_INIT, "options");
+    *out_animation = std::make_unique<vsplat_animation_impl>(AnimationOptions{o.fps, o.quality}).release();
+  });
+}
+
+void vsplat_animation_retain(vsplat_animation animation) { retain(animation); }
+void vsplat_animation_release(vsplat_animation animation) { release(animation); }
+
+vsplat_status vsplat_animation_add(vsplat_animation animation, const vsplat_picture* picture, int32_t width,
+                                   int32_t height) {
+  return guarded([&] {
+    need(animation, "animation");
+    animation->animation.add(colour_of(picture, width, height));
+  });
+}
+
+vsplat_status vsplat_animation_save(vsplat_animation animation, const char* path) {
+  return guarded([&] {
+    need(animation, "animation");
+    need(path, "path");
+    animation->animation.write(path);
+  });
+}

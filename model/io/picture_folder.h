@@ -1,0 +1,13 @@
+// Which picture of a folder belongs to a camera.
+#pragma once
+#include <filesystem>
+#include <string>
+
+namespace vsplat {
+
+// The picture (.png, .jpg, .jpeg, .exr) of `folder` with the stem of `name`, whatever folders `name` is listed with;
+// where `folder` has the folder of `name` inside, it is looked for there. A file called exactly as listed comes first.
+// "" where there is none; Error(input) where several have the stem, Error(file) where the folder cannot be read.
+std::filesystem::path find_picture(const std::filesystem::path& folder, const std::filesystem::path& name);
+
+}  // namespace vsplat
