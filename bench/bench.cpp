@@ -18,6 +18,7 @@ double seconds_of(Context& ctx, const std::function<void()>& run) {
 
 struct Times {
   double median, spread, least;
+  double mean;  // over the inputs, of each one's median
 };
 
 double quantile(std::vector<double> values, double share) {
@@ -40,11 +41,13 @@ Times time(Context& ctx, const std::function<void()>& run, double budget, int in
   }
   // Inputs differ in what they take; what spreads is one input's time.
   std::vector<double> all, relative;
+  double mean = 0;
   for (const auto& times : by_input) {
     all.insert(all.end(), times.begin(), times.end());
+    mean += quantile(times, 0.5) / inputs;
     for (const double t : times) relative.push_back(t / quantile(times, 0.5));
   }
-  return {quantile(all, 0.5), quantile(relative, 0.75) - quantile(relative, 0.25), quantile(all, 0)};
+  return {quantile(all, 0.5), quantile(relative, 0.75) - quantile(relative, 0.25), quantile(all, 0), mean};
 }
 
 // One work-item's vectors are one register tile of the cpu flavour; a gpu wants many work-items instead.
@@ -102,28 +105,29 @@ struct Profiled {
   std::map<std::string, double> stages;
 };
 
-// Every input once more, with the profiler on.
-Profiled profile(Context& ctx, const Prepared& p) {
+// Every input once more, with the profiler on. Gathering times takes time, so shares are of a run without it,
+// `seconds`.
+Profiled profile(Context& ctx, const Prepared& p, double seconds) {
   Profiler& profiler = ctx.profiler();
   const bool enabled = profiler.enabled();
   std::map<std::string, ProfileRow> before;  // the user may be profiling the whole run
   for (const ProfileRow& row : profiler.rows()) before[row.stage + "/" + row.name] = row;
   profiler.enable(true);
-  double wall = 0;
-  for (int i = 0; i < p.inputs; ++i) wall += seconds_of(ctx, p.run);
+  for (int i = 0; i < p.inputs; ++i) seconds_of(ctx, p.run);
   profiler.enable(enabled);
   Profiled out;
   double in_kernels = 0;
   for (const ProfileRow& row : profiler.rows()) {
     const ProfileRow& old = before[row.stage + "/" + row.name];
-    const double seconds = static_cast<double>(row.total_ns - old.total_ns) * 1e-9;
     if (row.calls == old.calls) continue;
-    out.stages[stage_of(row.name)] += seconds / wall;
-    in_kernels += seconds;
+    const double each = static_cast<double>(row.total_ns - old.total_ns) * 1e-9 / p.inputs;
+    out.stages[stage_of(row.name)] += each;
+    in_kernels += each;
     out.cost.flops += (row.flops - old.flops) / p.inputs;
     out.cost.bytes += (row.bytes - old.bytes) / p.inputs;
   }
-  out.stages["host"] = std::max(0.0, 1 - in_kernels / wall);
+  out.stages["host"] = std::max(0.0, seconds - in_kernels);
+  for (auto& [stage, share] : out.stages) share /= std::max(seconds, in_kernels);
   return out;
 }
 
@@ -139,7 +143,7 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   const Times t = time(ctx, p.run, options.seconds, p.inputs);
   Cost cost = p.cost;
   if (is_pass(p.kind)) {
-    const Profiled profiled = profile(ctx, p);
+    const Profiled profiled = profile(ctx, p, t.mean);
     cost = profiled.cost;
     r.stages = profiled.stages;
   }
