@@ -113,13 +113,22 @@ std::vector<std::string> list(const std::string& option, const std::string& text
   return parts;
 }
 
-std::optional<int> orbit_count(const std::string& option, const std::string& text) {
-  const std::string head = "orbit:";
-  if (text.rfind(head, 0) != 0) return std::nullopt;
-  int count = 0;
-  if (!whole(text.substr(head.size()), count) || count < 1 || count > 10000)
-    wrong(option, text, "orbit:N with N from 1 to 10000, such as orbit:8,");
-  return count;
+CameraChoice camera_choice(const std::string& option, const std::string& text) {
+  constexpr int most = 10000;
+  const std::string orbit = "orbit:", path = "path:";
+  CameraChoice out;
+  if (text.rfind(orbit, 0) == 0) {
+    if (!whole(text.substr(orbit.size()), out.orbit) || out.orbit < 1 || out.orbit > most)
+      wrong(option, text, "orbit:N with N from 1 to 10000, such as orbit:8,");
+  } else if (text.rfind(path, 0) == 0) {
+    const std::size_t colon = text.rfind(':');
+    if (colon <= path.size() || !whole(text.substr(colon + 1), out.path) || out.path < 1 || out.path > most)
+      wrong(option, text, "path:CAMERAS:N with N from 1 to 10000, such as path:cameras.json:60,");
+    out.file = text.substr(path.size(), colon - path.size());
+  } else {
+    out.file = text;
+  }
+  return out;
 }
 
 std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments) {

@@ -4,7 +4,6 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,8 +25,12 @@ Size picture_size(const std::string& option, const std::string& text);  // "640x
 // "a,b,c" -> its parts, none empty.
 std::vector<std::string> list(const std::string& option, const std::string& text);
 
-// "orbit:N" -> N; anything else is the path of a cameras file.
-std::optional<int> orbit_count(const std::string& option, const std::string& text);
+// Which cameras to draw from: "orbit:N", "path:CAMERAS:N" (N after the last colon), or the path of a cameras file.
+struct CameraChoice {
+  int orbit = 0, path = 0;  // their N, or 0
+  std::string file;         // the cameras, or the path's keys; "" for an orbit
+};
+CameraChoice camera_choice(const std::string& option, const std::string& text);
 
 // "--center -1,2,3" becomes "--center=-1,2,3": a value may begin with a minus.
 std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments);

@@ -43,8 +43,16 @@ Outputs::~Outputs() {
   for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder) fs::remove(*folder, ignored);
 }
 
+void Outputs::refuse_if_same(const std::string& path, const fs::path& output, const fs::path& input) {
+  std::error_code error;
+  if (output == input || fs::equivalent(output, input, error))
+    throw UsageError(path + " is read and cannot be the output, too");
+}
+
 void Outputs::input(const std::string& path) {
-  if (!path.empty()) inputs_.push_back(normal(path));
+  if (path.empty()) return;
+  inputs_.push_back(normal(path));
+  for (const fs::path& output : expected_) refuse_if_same(path, output, inputs_.back());
 }
 
 void Outputs::expect(const std::string& path) {
@@ -52,11 +60,9 @@ void Outputs::expect(const std::string& path) {
   const fs::path file = normal(path);
   if (std::find(expected_.begin(), expected_.end(), file) != expected_.end())
     throw UsageError(path + " would be written twice: give each output a name of its own");
-  std::error_code error;
-  for (const fs::path& input : inputs_)
-    if (file == input || fs::equivalent(file, input, error))
-      throw UsageError(path + " is read and cannot be the output, too");
+  for (const fs::path& input : inputs_) refuse_if_same(path, file, input);
   expected_.push_back(file);
+  std::error_code error;
   const fs::file_status status = fs::status(file, error);
   if (fs::exists(status)) {
     if (!fs::is_regular_file(status)) throw std::runtime_error(path + " exists and is not a file");

@@ -17,7 +17,7 @@ class Outputs {
   // A file that will be written. UsageError where it is named twice or is one of the inputs; std::runtime_error where
   // it exists (unless overwriting), is no file, or its folder cannot be written. "" is no file.
   void expect(const std::string& path);
-  // A file that is read: never written over, not even with --overwrite.
+  // A file that is read: never written over, not even with --overwrite. UsageError where it is expected as an output.
   void input(const std::string& path);
 
   // Before writing `path`: makes its folder. Returns the path.
@@ -25,6 +25,8 @@ class Outputs {
   void commit() { committed_ = true; }
 
  private:
+  static void refuse_if_same(const std::string& path, const std::filesystem::path& output,
+                             const std::filesystem::path& input);
   void make_folder(const std::filesystem::path& folder);
 
   bool overwrite_, committed_ = false;

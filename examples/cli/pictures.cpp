@@ -1,30 +1,60 @@
 #include "pictures.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 namespace command {
+namespace {
+
+void add_output_options(CLI::App& app, PictureOptions& o, const std::string& group) {
+  app.add_option("--images", o.images, "Folder for the pictures: 0000.png, ... in the cameras' order")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--format", o.format, "Of --images: 8-bit PNG (default) or JPEG, or EXR with alpha and depth")
+      ->check(one_of({"png", "jpg", "exr"}))
+      ->type_name("png|jpg|exr")
+      ->group(group);
+  app.add_option("--quality", o.quality, "Of JPEG and --turntable (default 90; 100: --turntable without loss)")
+      ->type_name("1-100")
+      ->group(group);
+  app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
+      ->group(group);
+  app.add_option("--sheet", o.sheet, "All pictures on one: a contact sheet")->type_name("FILE.png")->group(group);
+  app.add_option("--turntable", o.turntable, "All pictures one after the other: an animation that loops")
+      ->type_name("FILE.webp")
+      ->group(group);
+  app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100 (default 24)")->type_name("F")->group(group);
+  app.add_option("--compare", o.compare,
+                 "PSNR and SSIM against the pictures of this folder: those with the stems of the cameras' files, or "
+                 "0000, 0001, ...")
+      ->type_name("DIR")
+      ->group(group);
+  app.add_option("--differences", o.differences, "With --compare: folder for 4 x |difference| as 0000.png, ...")
+      ->type_name("DIR")
+      ->group(group);
+}
+
+void need_ending(const std::string& option, const std::string& path, const std::string& ending) {
+  if (!path.empty() && std::filesystem::path(path).extension() != ending)
+    throw UsageError(option + " is \"" + path + "\": a name that ends in " + ending + " expected");
+}
+
+}  // namespace
 
 void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_option) {
   const std::string group = "Pictures";
   app.add_option(
          cameras_option, o.cameras,
-         "Draw the scene from these cameras (transforms.json, cameras.json, COLMAP model or a folder with one), "
-         "or from N on a circle")
-      ->type_name("CAMERAS|orbit:N")
+         "Draw the scene from these cameras (transforms.json, cameras.json, COLMAP model or a folder with one), from "
+         "N on a circle, or from N on a smooth path through given ones")
+      ->type_name("CAMERAS|orbit:N|path:CAMERAS:N")
       ->group(group);
-  app.add_option("--images", o.images, "Folder for the pictures: 0000.png, ... in the cameras' order")
-      ->type_name("DIR")
-      ->group(group);
+  add_output_options(app, o, group);
   app.add_option("--size", o.size, "Size of the pictures; intrinsics are scaled along")->type_name("WxH")->group(group);
   app.add_option("--background", o.background, "Colour behind the scene, each 0 to 1 (default 1,1,1)")
       ->type_name("r,g,b")
-      ->group(group);
-  app.add_option("--format", o.format, "8-bit PNG, or EXR with alpha and depth")
-      ->check(one_of({"png", "exr"}))
-      ->type_name("png|exr")
-      ->group(group);
-  app.add_flag("--exr-raw", o.exr_raw, "EXR as rasterised: float, over the background, no curve, depth accumulated")
       ->group(group);
   app.add_option("--orbit-radius", o.orbit_radius, "Distance of orbit:N's cameras, world units")
       ->type_name("R")
@@ -33,19 +63,19 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
   app.add_option("--up", o.up, "Which way is up in the world")->type_name("x,y,z")->group(group);
 }
 
-PictureJob::PictureJob(const PictureOptions& o) : cameras(o.cameras), images(o.images) {
+PictureJob::PictureJob(const PictureOptions& o) {
   wanted = !o.cameras.empty();
-  if (wanted) orbit = orbit_count("orbit", o.cameras);
+  if (wanted) choice = camera_choice("cameras", o.cameras);
   if (!o.size.empty()) size = picture_size("--size", o.size);
   if (!o.background.empty()) {
-    background = triple("--background", o.background);
-    for (const double v : background)
+    const std::array<double, 3> colour = triple("--background", o.background);
+    for (const double v : colour)
       if (v < 0 || v > 1) throw UsageError("--background is \"" + o.background + "\": each of r,g,b goes from 0 to 1");
+    std::transform(colour.begin(), colour.end(), background, [](double v) { return static_cast<float>(v); });
   }
   if (!o.near.empty()) near = positive_number("--near", o.near, "distance in world units");
-  if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
-  format = o.format == "png" ? VSPLAT_PICTURE_PNG : o.exr_raw ? VSPLAT_PICTURE_EXR_RAW : VSPLAT_PICTURE_EXR;
-  orbit_options.count = orbit.value_or(0);
+  read_outputs(o);
+  orbit_options.count = choice.orbit;
   if (size) orbit_options.width = size->width, orbit_options.height = size->height;
   if (!o.orbit_radius.empty())
     orbit_options.radius = positive_number("--orbit-radius", o.orbit_radius, "distance in world units");
@@ -63,41 +93,125 @@ PictureJob::PictureJob(const PictureOptions& o) : cameras(o.cameras), images(o.i
   }
 }
 
-std::vector<vsplat_camera> PictureJob::load_cameras(int fallback) const {
+void PictureJob::read_outputs(const PictureOptions& o) {
+  images = o.images, sheet = o.sheet, turntable = o.turntable, compare = o.compare, differences = o.differences;
+  written = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
+  need_ending("--sheet", sheet, ".png");
+  need_ending("--turntable", turntable, ".webp");
+  if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
+  if (!o.format.empty() && written && images.empty())
+    throw UsageError("--format is that of --images: give the folder for them");
+  if (!differences.empty() && compare.empty()) throw UsageError("--differences needs --compare");
+  if (!o.fps.empty()) {
+    animation_options.fps = number("--fps", o.fps);
+    if (animation_options.fps < 0.1 || animation_options.fps > 100)
+      throw UsageError("--fps is \"" + o.fps + "\": 0.1 to 100 pictures per second expected");
+    if (turntable.empty()) throw UsageError("--fps needs --turntable");
+  }
+  if (!o.quality.empty()) {
+    const double value = number("--quality", o.quality);
+    if (value < 1 || value > 100 || value != static_cast<int>(value))
+      throw UsageError("--quality is \"" + o.quality + "\": a whole number from 1 to 100 expected");
+    if (turntable.empty() && o.format != "jpg") throw UsageError("--quality needs --format jpg or --turntable");
+    animation_options.quality = quality = static_cast<int>(value);
+  }
+  format = o.format == "jpg"   ? VSPLAT_PICTURE_JPEG
+           : o.format != "exr" ? VSPLAT_PICTURE_PNG
+           : o.exr_raw         ? VSPLAT_PICTURE_EXR_RAW
+                               : VSPLAT_PICTURE_EXR;
+}
+
+Shots PictureJob::load_cameras(int fallback) const {
   const Size unknown = size.value_or(Size{fallback, fallback});
-  std::vector<vsplat_camera> all = vsplat::Cameras::load(cameras, unknown.width, unknown.height).all();
-  if (!size) return all;
-  for (vsplat_camera& c : all) {
+  Shots out;
+  out.listed = vsplat::Cameras::load(choice.file, unknown.width, unknown.height);
+  if (choice.path) out.listed = out.listed.path(choice.path);
+  out.all = out.listed.all();
+  if (!size) return out;
+  for (vsplat_camera& c : out.all) {
     const double x = static_cast<double>(size->width) / c.width, y = static_cast<double>(size->height) / c.height;
     c.fx *= x, c.cx *= x, c.fy *= y, c.cy *= y;
     c.width = size->width, c.height = size->height;
   }
-  return all;
+  return out;
 }
 
 std::string PictureJob::file(std::size_t index) const {
   char name[32];
-  std::snprintf(name, sizeof name, "%04zu.%s", index, format == VSPLAT_PICTURE_PNG ? "png" : "exr");
+  const char* ending = format == VSPLAT_PICTURE_PNG ? "png" : format == VSPLAT_PICTURE_JPEG ? "jpg" : "exr";
+  std::snprintf(name, sizeof name, "%04zu.%s", index, ending);
   return (std::filesystem::path(images) / name).string();
 }
 
 void PictureJob::expect(Outputs& outputs, std::size_t count) const {
-  for (std::size_t i = 0; i < count; ++i) outputs.expect(file(i));
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!images.empty()) outputs.expect(file(i));
+    if (!differences.empty()) outputs.expect(Comparison::difference_file(differences, i));
+  }
+  outputs.expect(sheet);
+  outputs.expect(turntable);
+}
+
+std::optional<Comparison> PictureJob::prepare(const Shots& shots, Outputs& outputs) const {
+  const auto other = std::find_if(shots.all.begin(), shots.all.end(), [&](const vsplat_camera& c) {
+    return c.width != shots.all[0].width || c.height != shots.all[0].height;
+  });
+  if (!turntable.empty() && other != shots.all.end())
+    throw UsageError("--turntable needs pictures of one size: camera " + std::to_string(other - shots.all.begin()) +
+                     " draws " + std::to_string(other->width) + " x " + std::to_string(other->height) +
+                     " pixels, the first one " + std::to_string(shots.all[0].width) + " x " +
+                     std::to_string(shots.all[0].height) + "; --size makes them equal");
+  if (compare.empty()) return std::nullopt;
+  return Comparison(compare, differences, background, shots, outputs);
+}
+
+// What is drawn for EXR is drawn over black.
+vsplat::Picture PictureJob::over_background(const vsplat::Picture& drawn) const {
+  vsplat::Picture out = drawn;
+  for (std::size_t i = 0; i < out.colour.size(); ++i) out.colour[i] += (1 - out.alpha[i / 3]) * background[i % 3];
+  return out;
 }
 
 void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::vector<vsplat_camera>& all,
-                      Outputs& outputs) const {
+                      std::optional<Comparison>& comparison, Outputs& outputs) const {
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = near;
   // A linear, premultiplied EXR holds no background: what is drawn over black is just that.
-  for (std::size_t i = 0; i < 3; ++i)
-    options.background[i] = format == VSPLAT_PICTURE_EXR ? 0.0f : static_cast<float>(background[i]);
+  const bool over_black = format == VSPLAT_PICTURE_EXR && !images.empty();
+  if (!over_black) std::copy(std::begin(background), std::end(background), options.background);
+  if (over_black) std::fill(std::begin(options.background), std::end(options.background), 0.0f);
+  vsplat_sheet_options sheet_options = VSPLAT_SHEET_OPTIONS_INIT;
+  sheet_options.expected = static_cast<int32_t>(all.size());
+  vsplat::Sheet cells = sheet.empty() ? vsplat::Sheet() : vsplat::Sheet(sheet_options);
+  vsplat::Animation frames = turntable.empty() ? vsplat::Animation() : vsplat::Animation(animation_options);
   session.start("drawing");
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!Session::on_progress(&session, "splat", static_cast<double>(i) / static_cast<double>(all.size())))
       throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
-    vsplat::render(session.device(), scene, all[i], options).save(outputs.begin(file(i)), format);
+    vsplat::Picture picture = vsplat::render(session.device(), scene, all[i], options);
+    if (!images.empty() && format == VSPLAT_PICTURE_JPEG) picture.save_jpeg(outputs.begin(file(i)), quality);
+    if (!images.empty() && format != VSPLAT_PICTURE_JPEG) picture.save(outputs.begin(file(i)), format);
+    if (over_black && (cells || frames || comparison)) picture = over_background(picture);
+    if (cells) cells.add(picture);
+    if (frames) frames.add(picture);
+    if (comparison) comparison->add(i, picture, outputs);
   }
+  if (cells) cells.save(outputs.begin(sheet));
+  if (frames) frames.save(outputs.begin(turntable));
+}
+
+std::string PictureJob::summary(std::size_t count) const {
+  std::string out = std::to_string(count) + (count == 1 ? " picture" : " pictures");
+  if (!images.empty()) out += " in " + images;
+  for (const std::string& file : {sheet, turntable})
+    if (!file.empty()) out += ", " + file;
+  return out;
+}
+
+void PictureJob::add_results(const std::optional<Comparison>& comparison, nlohmann::ordered_json& out) const {
+  if (!sheet.empty()) out["sheet"] = sheet;
+  if (!turntable.empty()) out["turntable"] = turntable;
+  if (comparison) out["comparison"] = comparison->json();
 }
 
 }  // namespace command

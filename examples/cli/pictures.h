@@ -1,21 +1,24 @@
 // Drawing a scene from many cameras into picture files: what reconstruct and render have in common.
 #pragma once
 #include <array>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 #include <vsplat/vsplat.hpp>
 
 #include "arguments.h"
+#include "comparison.h"
 #include "outputs.h"
 #include "session.h"
 
 namespace command {
 
 struct PictureOptions {
-  std::string cameras;  // a file or folder, or orbit:N
+  std::string cameras;  // a file or folder, orbit:N or path:CAMERAS:N
   std::string images;   // the folder
-  std::string size, background, format = "png", near, orbit_radius, orbit_elevation, up;
+  std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up;
+  std::string sheet, turntable, fps, compare, differences;
   bool exr_raw = false;
 };
 
@@ -26,22 +29,35 @@ void add_picture_options(CLI::App& app, PictureOptions& options, const char* cam
 struct PictureJob {
   explicit PictureJob(const PictureOptions& options);
 
-  bool wanted = false;
-  std::optional<int> orbit;
+  bool wanted = false;   // cameras are given
+  bool written = false;  // something is asked for that is made of pictures
+  CameraChoice choice;
   std::optional<Size> size;
-  std::array<double, 3> background{1, 1, 1};
+  float background[3] = {1, 1, 1};
   double near = 0;  // 0: the scene's
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
+  int quality = 90;
   vsplat_orbit_options orbit_options = VSPLAT_ORBIT_OPTIONS_INIT;
-  std::string cameras, images;
+  vsplat_animation_options animation_options = VSPLAT_ANIMATION_OPTIONS_INIT;
+  std::string images, sheet, turntable, compare, differences;
 
-  // The cameras of a file, in the size asked for. `fallback`: for cameras that tell no size.
-  std::vector<vsplat_camera> load_cameras(int fallback) const;
+  // The cameras of a file or on a path, in the size asked for. `fallback`: for cameras that tell no size.
+  Shots load_cameras(int fallback) const;
   // DIR/0000.png, ...
   std::string file(std::size_t index) const;
   void expect(Outputs& outputs, std::size_t count) const;
+  // What must hold of the cameras before anything is drawn; finds the pictures to compare with.
+  std::optional<Comparison> prepare(const Shots& shots, Outputs& outputs) const;
   void draw(Session& session, const vsplat::Scene& scene, const std::vector<vsplat_camera>& all,
-            Outputs& outputs) const;
+            std::optional<Comparison>& comparison, Outputs& outputs) const;
+  // "24 pictures in DIR, FILE.png": what draw() has written.
+  std::string summary(std::size_t count) const;
+  // The fields "sheet", "turntable" and "comparison", as far as they were asked for.
+  void add_results(const std::optional<Comparison>& comparison, nlohmann::ordered_json& out) const;
+
+ private:
+  void read_outputs(const PictureOptions& options);
+  vsplat::Picture over_background(const vsplat::Picture& drawn) const;
 };
 
 }  // namespace command

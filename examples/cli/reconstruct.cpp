@@ -30,10 +30,12 @@ struct Request {
 
 Request::Request(const Options& o) : pictures(o.pictures) {
   if (o.output.empty() && !o.dry_run) throw UsageError("reconstruct needs --output, the scene's file");
-  if (pictures.wanted && o.pictures.images.empty())
-    throw UsageError("--render needs --images, the folder for the pictures");
-  if (!pictures.wanted && !o.pictures.images.empty())
-    throw UsageError("--images needs --render, the cameras to draw from: a file or orbit:N");
+  if (pictures.wanted && !pictures.written)
+    throw UsageError("--render needs --images, the folder for the pictures, or --sheet, --turntable or --compare");
+  if (!pictures.wanted && pictures.written)
+    throw UsageError(
+        "--images, --sheet, --turntable and --compare need --render, the cameras to draw from: a file, orbit:N or "
+        "path:CAMERAS:N");
   if (!o.names.empty()) names = list("--views", o.names);
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
   input.names = name_pointers.empty() ? nullptr : name_pointers.data();
@@ -87,26 +89,27 @@ void dry_run(const Options& o, const Request& request) {
   print_plans(o.common, plans);
 }
 
-void summarise(const Options& o, const vsplat::Input& input, const vsplat::Scene& scene, std::size_t pictures) {
+void summarise(const Options& o, const PictureJob& job, const vsplat::Input& input, const vsplat::Scene& scene,
+               std::size_t pictures, const std::optional<Comparison>& comparison) {
   const vsplat_scene_info info = scene.info();
   const std::size_t selected = scene.selection().size();
+  if (comparison) say(o.common, comparison->table());
   say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + std::to_string(selected) +
-                    " selected voxels" +
-                    (pictures ? ", " + std::to_string(pictures) + " pictures in " + o.pictures.images : "") + ", " +
+                    " selected voxels" + (pictures ? ", " + job.summary(pictures) : "") + ", " +
                     seconds_text(elapsed_seconds()));
   if (!o.common.json) return;
   const vsplat_input_info placed = input.info();
-  std::printf("%s\n", nlohmann::ordered_json{{"output", o.output},
-                                             {"gaussians", info.count},
-                                             {"selected", selected},
-                                             {"views", placed.views},
-                                             {"center", {placed.center[0], placed.center[1], placed.center[2]}},
-                                             {"scale", placed.scale},
-                                             {"near", info.near_plane},
-                                             {"images", pictures},
-                                             {"seconds", elapsed_seconds()}}
-                          .dump(1)
-                          .c_str());
+  nlohmann::ordered_json out = {{"output", o.output},
+                                {"gaussians", info.count},
+                                {"selected", selected},
+                                {"views", placed.views},
+                                {"center", {placed.center[0], placed.center[1], placed.center[2]}},
+                                {"scale", placed.scale},
+                                {"near", info.near_plane},
+                                {"images", job.images.empty() ? 0 : pictures}};
+  job.add_results(comparison, out);
+  out["seconds"] = elapsed_seconds();
+  std::printf("%s\n", out.dump(1).c_str());
 }
 
 // Where the library puts what --dump asks for.
@@ -119,21 +122,26 @@ void reconstruct(const Options& o) {
   const PictureJob& job = request.pictures;
   Outputs outputs(o.common.overwrite);
   const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
-  for (const std::string& path : {o.model, o.selection, job.orbit ? "" : job.cameras}) outputs.input(path);
+  for (const std::string& path : {o.model, o.selection, job.choice.file}) outputs.input(path);
   for (const std::string& path : views.files()) outputs.input(path);
   for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
-  if (job.orbit) job.expect(outputs, static_cast<std::size_t>(*job.orbit));
+  if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
 
   Session session(o.common);
   const vsplat::Model model = vsplat::Model::load(o.model);
-  std::vector<vsplat_camera> cameras;
-  if (job.wanted && !job.orbit) {
-    cameras = job.load_cameras(model.info().image);
-    job.expect(outputs, cameras.size());
+  Shots shots;
+  if (job.wanted && !job.choice.orbit) {
+    shots = job.load_cameras(model.info().image);
+    job.expect(outputs, shots.all.size());
   }
   const vsplat::Input input(model, views, request.input);
-  if (job.orbit) cameras = input.orbit(job.orbit_options).all();
+  if (job.choice.orbit) {
+    shots.listed = input.orbit(job.orbit_options);
+    shots.all = shots.listed.all();
+  }
+  std::optional<Comparison> comparison;
+  if (job.wanted) comparison = job.prepare(shots, outputs);
   const std::vector<std::string> view_files =
       o.write_views.empty() ? std::vector<std::string>() : input.files(o.write_views);
   for (const std::string& path : view_files) outputs.expect(path);
@@ -143,7 +151,7 @@ void reconstruct(const Options& o) {
   if (request.run.dump) outputs.begin(dump_file(o));
   session.start("reconstructing");
   const vsplat::Scene scene = vsplat::reconstruct(session.device(), model, input, request.run);
-  if (job.wanted) job.draw(session, scene, cameras, outputs);
+  if (job.wanted) job.draw(session, scene, shots.all, comparison, outputs);
   for (const std::string& path : view_files) outputs.begin(path);
   if (!o.write_views.empty()) input.save(o.write_views);
   if (!o.write_selection.empty())
@@ -151,7 +159,7 @@ void reconstruct(const Options& o) {
   session.write_profile(outputs);
   scene.save(outputs.begin(o.output));
   outputs.commit();
-  summarise(o, input, scene, cameras.size());
+  summarise(o, job, input, scene, shots.all.size(), comparison);
 }
 
 void add_placement(CLI::App& sub, Options& o) {

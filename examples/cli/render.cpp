@@ -16,10 +16,6 @@ struct Options {
 
 constexpr int default_size = 512;
 
-std::vector<vsplat_camera> cameras_of(const PictureJob& job, const vsplat::Scene& scene) {
-  return job.orbit ? scene.orbit(job.orbit_options).all() : job.load_cameras(default_size);
-}
-
 vsplat::Scene load_scene(const Options& o) {
   vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
   options.skip_bad = o.skip_bad;
@@ -48,38 +44,49 @@ void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
                           largest}});
 }
 
+void print_results(const Options& o, const PictureJob& job, const vsplat::Scene& scene, std::size_t count,
+                   const std::optional<Comparison>& comparison) {
+  if (comparison) say(o.common, comparison->table());
+  say(o.common, job.summary(count) + " of " + std::to_string(scene.info().count) + " Gaussians, " +
+                    seconds_text(elapsed_seconds()));
+  if (!o.common.json) return;
+  nlohmann::ordered_json files = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < count && !job.images.empty(); ++i) files.push_back(job.file(i));
+  nlohmann::ordered_json out = {
+      {"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}, {"images", files}};
+  job.add_results(comparison, out);
+  out["seconds"] = elapsed_seconds();
+  std::printf("%s\n", out.dump(1).c_str());
+}
+
 void render(const Options& o) {
   const PictureJob job(o.pictures);
   if (!job.wanted) throw UsageError("render needs --cameras");
-  if (o.pictures.images.empty() && !o.dry_run) throw UsageError("render needs --images, the folder for the pictures");
+  if (!job.written && !o.dry_run)
+    throw UsageError("render needs --images, the folder for the pictures, or --sheet, --turntable or --compare");
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
-  if (!job.orbit) outputs.input(job.cameras);
+  outputs.input(job.choice.file);
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
-  if (job.orbit && !o.dry_run) job.expect(outputs, static_cast<std::size_t>(*job.orbit));
+  Shots shots;
+  if (!job.choice.orbit) shots = job.load_cameras(default_size);
+  if (!o.dry_run) job.expect(outputs, job.choice.orbit ? static_cast<std::size_t>(job.choice.orbit) : shots.all.size());
   const vsplat::Scene scene = load_scene(o);
-  const std::vector<vsplat_camera> cameras = cameras_of(job, scene);
-  if (!job.orbit && !o.dry_run) job.expect(outputs, cameras.size());
+  if (job.choice.orbit) {
+    shots.listed = scene.orbit(job.orbit_options);
+    shots.all = shots.listed.all();
+  }
+  std::optional<Comparison> comparison;
+  if (!o.dry_run) comparison = job.prepare(shots, outputs);
 
   Session session(o.common);
-  if (o.dry_run) return dry_run(o, session, scene, cameras);
-  job.draw(session, scene, cameras, outputs);
+  if (o.dry_run) return dry_run(o, session, scene, shots.all);
+  job.draw(session, scene, shots.all, comparison, outputs);
   session.write_profile(outputs);
   outputs.commit();
-  say(o.common, std::to_string(cameras.size()) + " pictures of " + std::to_string(scene.info().count) +
-                    " Gaussians in " + o.pictures.images + ", " + seconds_text(elapsed_seconds()));
-  if (o.common.json) {
-    nlohmann::ordered_json files = nlohmann::ordered_json::array();
-    for (std::size_t i = 0; i < cameras.size(); ++i) files.push_back(job.file(i));
-    std::printf("%s\n", nlohmann::ordered_json{{"gaussians", scene.info().count},
-                                               {"skipped", skipped_json(scene.info())},
-                                               {"images", files},
-                                               {"seconds", elapsed_seconds()}}
-                            .dump(1)
-                            .c_str());
-  }
+  print_results(o, job, scene, shots.all.size(), comparison);
 }
 
 }  // namespace
@@ -100,9 +107,15 @@ void add_render(CLI::App& app, Run& run) {
   sub->footer(
       "Examples:\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/\n"
+      "  vsplat render scene.ply --cameras orbit:72 --turntable turn.webp --sheet sheet.png\n"
+      "  vsplat render scene.ply --cameras path:keys.json:120 --size 1280x720 --turntable flight.webp --fps 30\n"
+      "  vsplat render scene.ply --cameras photos/transforms.json --compare photos/images --differences off/ --json\n"
       "  vsplat render scene.ply --cameras photos/transforms.json --images again/ --size 640x480 --background 0,0,0\n"
       "  vsplat render scene.ply --cameras orbit:1 --up 0,0,1 --orbit-elevation -10 --images x/ --format exr\n"
       "orbit:N is a circle about the Gaussians' median position, from where 95 % of them fill the picture; up is -y.\n"
+      "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between.\n"
+      "--compare: alpha and the cameras' masks come over --background, lens distortion is undone; SSIM takes 11 x 11\n"
+      "Gaussian windows, sigma 1.5; with --json, null is an infinite PSNR (equal) or the SSIM of a picture too small.\n"
       "cameras.json: [{\"file\", \"w\", \"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"w2c\": 4x4}, ...], x right, y down, z "
       "forward.");
   sub->callback([o, &run] { run = [o] { render(*o); }; });

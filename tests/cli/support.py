@@ -56,6 +56,17 @@ def read_png(path):
     return width, height, bytes(out)
 
 
+def write_scene(path, splats):
+    """splats: (x, y, z), (r, g, b), standard deviation, opacity each: round ones without view-dependent colour."""
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(splats)}\n" + "".join(f"property float {n}\n" for n in names) + "end_header\n"
+    with open(path, "wb") as f:
+        f.write(head.encode())
+        for at, colour, size, opacity in splats:
+            f.write(struct.pack("<14f", *at, *((c - 0.5) / 0.28209479177387814 for c in colour), math.log(opacity / (1 - opacity)),
+                                *[math.log(size)] * 3, 1, 0, 0, 0))
+
+
 def psnr(a, b):
     mse = sum((x - y) ** 2 for x, y in zip(a, b)) / len(a)
     return math.inf if mse == 0 else 10 * math.log10(255 ** 2 / mse)

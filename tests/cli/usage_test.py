@@ -25,13 +25,31 @@ class Usage(support.Case):
         self.refuses(2, "--images", "render", "scene.ply", "--cameras", "orbit:2")
         self.refuses(2, "--cameras", "render", "scene.ply", "--images", self.path("x"))
         self.refuses(2, "--format exr", *self.reconstruct("--exr-raw"))
+        drawn = ("render", "scene.ply", "--cameras", "orbit:2")
+        self.refuses(2, ["--sheet", "--turntable", "--compare"], *drawn)
+        self.refuses(2, "--render", *self.reconstruct("--sheet", self.path("x.png")))
+        self.refuses(2, "--images", *drawn, "--format", "jpg", "--sheet", self.path("x.png"))
+        self.refuses(2, "--turntable", *drawn, "--images", self.path("x"), "--fps", "3")
+        self.refuses(2, "--format jpg", *drawn, "--images", self.path("x"), "--quality", "80")
+        self.refuses(2, "--compare", *drawn, "--images", self.path("x"), "--differences", self.path("y"))
+
+    def test_values_of_pictures(self):
+        for option, *values in (("--quality", "0", "101", "1.5", "x"), ("--fps", "0", "0.01", "101", "-3", "x"), ("--sheet", "x.jpg", "x"),
+                                ("--turntable", "x.gif", "x.WEBP2")):
+            for value in values:
+                with self.subTest(option=option, value=value):
+                    more = [] if option == "--turntable" else ["--turntable", self.path("x.webp")]
+                    self.refuses(2, option, "render", "scene.ply", "--cameras", "orbit:2", *more, option, value)
+        for cameras in ("path:", "path:x", "path:x:", "path::3", "path:x:0", "path:x:-1", "path:x:1.5", "path:x:10001", "path:3"):
+            with self.subTest(cameras=cameras):
+                self.refuses(2, ["path:CAMERAS:N", cameras], "render", "scene.ply", "--cameras", cameras, "--images", self.path("x"))
 
     def test_values(self):
         for option, *values in (("--center", "1,2", "1,2,3,4", "1,2,x", "1,,2", "nan,0,0", "0,0,inf", "1, 2, 3", ""),
                                 ("--scale", "0", "-1", "x", "nan", "1e999", "1e-60", "1e60", "2 "),
                                 ("--near", "0", "-0.1", "z", "1e60"),
                                 ("--background", "255,255,255", "1,1", "-1,0,0"), ("--size", "0x5", "5", "5x", "5x5x5", "-5x5", "1e9x1"),
-                                ("--fit", "squash"), ("--format", "jpg"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
+                                ("--fit", "squash"), ("--format", "gif"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
                                 ("--assume-selected", "0", "1.1", "-1"), ("--up", "0,0,0"), ("--orbit-radius", "0", "-2", "1e-60"),
                                 ("--orbit-elevation", "90", "-100"), ("--kernels", "fpga"), ("--gemm", "mkl"), ("--max-memory", "0", "-3", "nan", "inf", "1x", "0x10", " 1"),
                                 ("--render", "orbit:0", "orbit:", "orbit:-3", "orbit:x")):

@@ -1,0 +1,212 @@
+"""What is made of drawn pictures: formats, contact sheets, animations, comparisons."""
+import json
+import math
+import os
+import struct
+
+import support
+
+SPLATS = [((0.1 * i - 0.3, 0.05 * (i % 3) - 0.05, 0.07 * (i % 2)), (i / 6, 1 - i / 6, 0.4), 0.08, 0.8) for i in range(7)]
+
+
+def webp_frames(path):
+    """-> canvas, loops (0: for ever), and every frame's duration in milliseconds."""
+    data = open(path, "rb").read()
+    riff, size, kind = struct.unpack("<4sI4s", data[:12])
+    assert (riff, kind, size + 8) == (b"RIFF", b"WEBP", len(data)), path
+    at, canvas, loops, durations = 12, None, None, []
+    number = lambda b: int.from_bytes(b, "little")
+    while at < len(data):
+        kind, size = struct.unpack("<4sI", data[at:at + 8])
+        body = data[at + 8:at + 8 + size]
+        if kind == b"VP8X":
+            canvas = number(body[4:7]) + 1, number(body[7:10]) + 1
+        elif kind == b"ANIM":
+            loops = number(body[4:6])
+        elif kind == b"ANMF":
+            durations.append(number(body[12:15]))
+        at += 8 + size + size % 2
+    return canvas, loops, durations
+
+
+class Pictures(support.Case):
+    def setUp(self):
+        super().setUp()
+        support.write_scene(self.path("scene.ply"), SPLATS)
+
+    def render(self, *more, cameras="orbit:3", size="32x24"):
+        return ("render", self.path("scene.ply"), "--cameras", cameras, *(["--size", size] if size else []), *more)
+
+    def test_jpeg(self):
+        self.succeeds(*self.render("--images", self.path("png")))
+        sizes = []
+        for quality in ([], ["--quality", 50], ["--quality", 100]):
+            folder = self.path("jpg" + "".join(map(str, quality)))
+            self.succeeds(*self.render("--images", folder, "--format", "jpg", *quality))
+            self.assertEqual(sorted(os.listdir(folder)), ["0000.jpg", "0001.jpg", "0002.jpg"])
+            with open(os.path.join(folder, "0000.jpg"), "rb") as f:
+                data = f.read()
+            self.assertEqual((data[:3], data[-2:]), (b"\xff\xd8\xff", b"\xff\xd9"))
+            sizes.append(len(data))
+        self.assertTrue(sizes[1] < sizes[0] < sizes[2], sizes)
+        out, _ = self.succeeds(*self.render("--compare", self.path("jpg"), "--json"))
+        self.assertGreater(json.loads(out)["comparison"]["psnr"], 35)
+
+    def test_sheet(self):
+        out, _ = self.succeeds(*self.render("--sheet", self.path("new", "sheet.png"), "--images", self.path("png"), "--json"))
+        self.assertEqual(json.loads(out)["sheet"], self.path("new", "sheet.png"))
+        width, height, pixels = support.read_png(self.path("new", "sheet.png"))
+        self.assertEqual((width, height), (2 * 32 + 3 * 8, 2 * 24 + 3 * 8))
+        for i in range(3):                                              # small ones are there pixel for pixel
+            _, _, own = support.read_png(self.path("png", f"{i:04d}.png"))
+            x, y = 8 + i % 2 * 40, 8 + i // 2 * 32
+            for row in range(24):
+                at = 3 * ((y + row) * width + x)
+                self.assertEqual(pixels[at:at + 3 * 32], own[3 * 32 * row:3 * 32 * (row + 1)])
+        self.succeeds(*self.render("--sheet", self.path("alone.png"), cameras="orbit:40", size="300x200"))
+        self.assertFalse(os.path.exists(self.path("0000.png")))
+
+    def test_turntable(self):
+        self.succeeds(*self.render("--turntable", self.path("a.webp"), cameras="orbit:5"))
+        self.assertEqual(webp_frames(self.path("a.webp")), ((32, 24), 0, [42, 41, 42, 42, 41]))
+        self.succeeds(*self.render("--turntable", self.path("b.webp"), "--fps", "3", "--quality", "100", cameras="orbit:5"))
+        self.assertEqual(webp_frames(self.path("b.webp")), ((32, 24), 0, [333, 334, 333, 333, 334]))
+        self.succeeds(*self.render("--turntable", self.path("a again.webp"), cameras="orbit:5"))
+        self.assertEqual(*(open(self.path(name), "rb").read() for name in ("a.webp", "a again.webp")))
+
+    def cameras(self, *sizes, **changes):
+        """-> the path of our cameras.json: one camera of each size, named like the shots of a folder."""
+        path = self.path("cameras.json")
+        with open(path, "w") as f:
+            json.dump([{"file": f"shots/{name}.jpg", "w": w, "h": h, "fx": 30, "fy": 30, "cx": w / 2, "cy": h / 2, **changes,
+                        "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]} for name, (w, h) in zip("abcdef", sizes)], f)
+        return path
+
+    def test_mixed_sizes(self):
+        cameras = self.cameras((32, 24), (16, 48), (5, 5))
+        self.succeeds(*self.render("--sheet", self.path("sheet.png"), "--images", self.path("x"), cameras=cameras, size=None))
+        self.assertEqual(support.read_png(self.path("sheet.png"))[:2], (2 * (32 + 8) + 8, 2 * (48 + 8) + 8))
+        self.refuses(2, ["--turntable", "camera 1", "16 x 48", "32 x 24", "--size"],
+                     *self.render("--turntable", self.path("t.webp"), cameras=cameras, size=None))
+        self.succeeds(*self.render("--turntable", self.path("t.webp"), cameras=cameras))
+
+    def compared(self, *more, folder="given", **how):
+        out, err = self.succeeds(*self.render("--compare", self.path(folder), "--json", *more, **how))
+        return json.loads(out)["comparison"], err
+
+    def test_comparison_with_what_was_drawn(self):
+        self.succeeds(*self.render("--images", self.path("given")))
+        result, err = self.compared()
+        self.assertEqual([p["reference"] for p in result["pictures"]], [self.path("given", f"{i:04d}.png") for i in range(3)])
+        for row in [result, *result["pictures"]]:
+            self.assertGreater(row["psnr"], 55)                         # the file is rounded to 8 bits, what is compared is not
+            self.assertGreater(row["ssim"], 0.999)
+            self.assertLessEqual(row["ssim"], 1)
+        for word in ("PSNR", "SSIM", "mean", "0002"):
+            self.assertIn(word, err)
+        other, _ = self.compared("--background", "0,0,0")
+        self.assertLess(other["psnr"], 15)
+        self.assertAlmostEqual(other["psnr"], sum(p["psnr"] for p in other["pictures"]) / 3)
+
+    def test_comparison_by_hand(self):
+        cameras = self.cameras((32, 24), (32, 24))
+        self.succeeds(*self.render("--images", self.path("drawn"), cameras=cameras, size=None))
+        os.makedirs(self.path("given"))
+        for i, name in enumerate("ab"):
+            support.write_png(self.path("given", name + ".png"), 32, 24, [[(10 * i, 128, 255 - 5 * x) for x in range(32)] for _ in range(24)])
+        result, _ = self.compared("--differences", self.path("off"), cameras=cameras, size=None)
+        for i, name in enumerate("ab"):
+            drawn, given, off = (support.read_png(self.path(*p))[2] for p in (("drawn", f"{i:04d}.png"), ("given", name + ".png"), ("off", f"{i:04d}.png")))
+            row = result["pictures"][i]
+            self.assertEqual((row["reference"], row["difference"]), (self.path("given", name + ".png"), self.path("off", f"{i:04d}.png")))
+            self.assertAlmostEqual(row["psnr"], support.psnr(drawn, given), delta=0.05)
+            for a, b, c in zip(drawn, given, off):
+                self.assertLessEqual(abs(min(255, 4 * abs(a - b)) - c), 3)
+
+    def test_equal_and_tiny_pictures(self):
+        support.write_scene(self.path("scene.ply"), [])
+        os.makedirs(self.path("given"))
+        support.write_png(self.path("given", "a.png"), 32, 10, [[(255, 255, 255)] * 32] * 10)
+        result, err = self.compared(cameras=self.cameras((32, 10)), size=None)
+        self.assertEqual(result, {"psnr": None, "ssim": None, "pictures": [{"reference": self.path("given", "a.png"), "psnr": None, "ssim": None}]})
+        self.assertIn("equal", err)
+
+    def test_masks_come_over_the_background(self):
+        support.write_scene(self.path("scene.ply"), [])
+        for folder in ("photos", "photos/masks"):
+            os.makedirs(self.path(folder))
+        support.write_png(self.path("photos", "a.png"), 16, 16, [[(10, 200, 30)] * 8 + [(0, 0, 255)] * 8] * 16)
+        support.write_png(self.path("photos", "masks", "a.png"), 16, 16, [[(0, 0, 0)] * 8 + [(255, 255, 255)] * 8] * 16)
+        frame = {"file_path": "a.png", "mask_path": "masks/a.png", "transform_matrix": support.camera_to_world(0)}
+        with open(self.path("photos", "transforms.json"), "w") as f:
+            json.dump({"fl_x": 20, "w": 16, "h": 16, "frames": [frame]}, f)
+        how = {"folder": "photos", "cameras": self.path("photos"), "size": None}
+        result, _ = self.compared("--background", "0,0,1", **how)
+        self.assertIsNone(result["psnr"])                               # all of it is the background
+        result, _ = self.compared("--background", "0,1,1", **how)
+        self.assertAlmostEqual(result["psnr"], -10 * math.log10(1 / 6), places=4)
+        support.write_png(self.path("photos", "masks", "a.png"), 8, 16, [[(0, 0, 0)] * 8] * 16)
+        self.refuses(1, ["masks/a.png", "8 x 16"], *self.render("--compare", self.path("photos"), "--turntable", self.path("t.webp"),
+                                                                cameras=self.path("photos"), size=None))
+
+    def test_comparison_refuses(self):
+        cameras = self.cameras((32, 24), (32, 24))
+        given = lambda *more, **how: self.render("--compare", self.path("given"), *more, **{"cameras": cameras, "size": None, **how})
+        self.refuses(1, "given", *given())
+        os.makedirs(self.path("given"))
+        picture = lambda name, w=32: support.write_png(self.path("given", name), w, 24, [[(1, 2, 3)] * w] * 24)
+        picture("a.png")
+        self.refuses(1, ["camera 1 of 2", "given"], *given())
+        picture("b.png", 31)
+        self.refuses(1, ["b.png", "31 x 24", "32 x 24"], *given("--sheet", self.path("s.png")))
+        self.refuses(1, ["a.png", "32 x 24", "64 x 48"], *given(size="64x48"))
+        picture("b.png")
+        picture("b.jpeg")
+        self.refuses(1, ["b.png", "b.jpeg"], *given())
+        os.remove(self.path("given", "b.jpeg"))
+        self.refuses(2, "is read", *given("--sheet", self.path("given", "b.png"), "--overwrite"))
+        os.rename(self.path("given", "a.png"), self.path("given", "0000.png"))
+        os.rename(self.path("given", "b.png"), self.path("given", "0001.png"))
+        self.refuses(2, "is read", *given("--images", self.path("given"), "--overwrite", cameras="orbit:2", size="32x24"))
+
+    def test_damaged_pictures_leave_nothing(self):
+        cameras = self.cameras((32, 24), (32, 24))
+        os.makedirs(self.path("given"))
+        for name in ("a.png", "b.png"):
+            support.write_png(self.path("given", name), 32, 24, [[(1, 2, 3)] * 32] * 24)
+        with open(self.path("given", "b.png"), "r+b") as f:
+            f.truncate(os.path.getsize(self.path("given", "b.png")) - 20)
+        self.refuses(1, "b.png", *self.render("--compare", self.path("given"), "--images", self.path("new"), "--sheet", self.path("s.png"), "--turntable",
+                                              self.path("t.webp"), "--differences", self.path("off"), cameras=cameras, size=None))
+
+    def test_nothing_is_replaced_unasked(self):
+        everything = self.render("--images", self.path("x"), "--sheet", self.path("s.png"), "--turntable", self.path("t.webp"))
+        self.succeeds(*everything)
+        for name in ("s.png", "t.webp"):
+            os.rename(self.path("x"), self.path("y"))
+            self.refuses(1, [name, "--overwrite"], *everything)
+            os.remove(self.path(name))
+            os.rename(self.path("y"), self.path("x"))
+        self.succeeds(*everything, "--overwrite")
+        self.refuses(2, "twice", *self.render("--images", self.path("x"), "--sheet", self.path("x", "0000.png"), "--overwrite"))
+
+    def test_exr_beside_others(self):
+        self.succeeds(*self.render("--sheet", self.path("png.png"), "--background", "0.2,0.5,1"))
+        self.succeeds(*self.render("--sheet", self.path("exr.png"), "--background", "0.2,0.5,1", "--images", self.path("x"), "--format", "exr"))
+        a, b = (support.read_png(self.path(name))[2] for name in ("png.png", "exr.png"))
+        self.assertLessEqual(max(abs(x - y) for x, y in zip(a, b)), 1)  # drawn over black, shown over the background
+
+    def test_reconstruct(self):
+        out, err = self.succeeds(*self.reconstruct("--render", self.views, "--compare", self.path("views", "images"), "--sheet", self.path("s.png"),
+                                                   "--turntable", self.path("t.webp"), "--json"))
+        result = json.loads(out)
+        self.assertEqual(result["images"], 0)
+        self.assertEqual(len(result["comparison"]["pictures"]), 3)
+        self.assertTrue(0 < result["comparison"]["psnr"] < 60)
+        self.assertEqual(len(webp_frames(self.path("t.webp"))[2]), 3)
+        self.assertEqual(support.read_png(self.path("s.png"))[:2], (2 * 24 + 8, 2 * 24 + 8))
+        self.assertIn("SSIM", err)
+
+
+if __name__ == "__main__":
+    support.main()
