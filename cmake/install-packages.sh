@@ -11,7 +11,7 @@ build="build-essential cmake ninja-build git pkg-config
   libpng-dev libjpeg62-turbo-dev libopenexr-dev libwebp-dev libssl-dev
   libgtest-dev python3"
 tests="python3-torch python3-numpy python3-scipy python3-pil libopenblas0-pthread
-  mesa-opencl-icd oclgrind clang-format clang-tidy"
+  mesa-opencl-icd oclgrind clang-format clang-tidy clang libclang-rt-dev"
 
 packages=$build
 list=no

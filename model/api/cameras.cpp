@@ -9,6 +9,7 @@
 #include "model/io/view_checks.h"
 #include "model/io/view_set.h"
 #include "model/orbit.h"
+#include "runtime/printable.h"
 
 namespace vsplat::api {
 
@@ -80,7 +81,7 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
         const ImageInfo size = has_picture ? read_image_info(view.picture.string()) : ImageInfo{width, height};
         if (size.width < 1 || size.height < 1)
           fail(Status::input, "{}: camera {} has neither a size nor a picture to take it from", set.source.string(),
-               view.name);
+               printable(view.name));
         resolve_intrinsics(view, size.width, size.height);
       }
       cameras.push_back(view.camera);

@@ -5,6 +5,7 @@
 #include "model/io/view_checks.h"
 #include "runtime/error.h"
 #include "runtime/file.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -67,7 +68,7 @@ ViewSet parse_cameras_json(const std::filesystem::path& path, const json& root, 
     const bool inria = !entry.contains("w2c") && entry.contains("position") && entry.contains("rotation");
     if (!inria && !entry.contains("w2c")) fail(Status::format, "{}: has neither w2c nor position and rotation", where);
     const std::string name = file_name(where, entry, inria ? "img_name" : "file", need_pictures);
-    if (!name.empty()) where += " (" + name + ")";
+    if (!name.empty()) where += " (" + printable(name) + ")";
     ListedView view = inria ? read_inria(where, entry) : read_ours(where, entry);
     check_intrinsics(where, view.camera);
     view.name = view.camera.file = name;

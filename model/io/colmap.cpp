@@ -12,6 +12,7 @@
 
 #include "model/io/view_checks.h"
 #include "runtime/error.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -194,7 +195,8 @@ std::vector<ListedView> read_images_binary(const fs::path& path, const Cameras& 
     const auto camera_id = in.read<std::uint32_t>("an image's camera");
     const std::string name = in.text("an image's name");
     in.skip(24 * in.count("points", 24));
-    out.push_back(make_view(fmt::format("{}: image {} ({})", in.path(), id, name), cameras, camera_id, name, pose));
+    out.push_back(
+        make_view(fmt::format("{}: image {} ({})", in.path(), id, printable(name)), cameras, camera_id, name, pose));
   }
   in.end();
   return out;
@@ -237,7 +239,7 @@ class TextFile {
     T out{};
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out);
     if (text.empty() || error != std::errc() || end != text.data() + text.size())
-      fail(Status::format, "{}: {} is \"{}\", a number is expected", where(), what, text.substr(0, 60));
+      fail(Status::format, "{}: {} is \"{}\", a number is expected", where(), what, printable(text));
     return out;
   }
 
@@ -260,7 +262,7 @@ Cameras read_cameras_text(const fs::path& path) {
     const auto* const model =
         std::find_if(std::begin(models), std::end(models), [&](const Model& m) { return name == m.name; });
     if (model == std::end(models))
-      fail(Status::format, "{}: camera model \"{}\" is not one of COLMAP's", where, name.substr(0, 60));
+      fail(Status::format, "{}: camera model \"{}\" is not one of COLMAP's", where, printable(name));
     const int model_id = static_cast<int>(model - models);
     supported_model(where, model_id);
     const auto width = in.value<double>("WIDTH"), height = in.value<double>("HEIGHT");
@@ -284,7 +286,8 @@ std::vector<ListedView> read_images_text(const fs::path& path, const Cameras& ca
     const std::string name(in.rest());
     if (name.empty() || name.find('\0') != std::string::npos)
       fail(Status::format, "{}: NAME is missing or no name", in.where());
-    out.push_back(make_view(fmt::format("{} (image {}, {})", in.where(), id, name), cameras, camera_id, name, pose));
+    out.push_back(
+        make_view(fmt::format("{} (image {}, {})", in.where(), id, printable(name)), cameras, camera_id, name, pose));
     if (!in.any_line()) break;
     long words = 0;
     while (!in.word().empty()) ++words;

@@ -116,6 +116,7 @@ class TextRows : public PlyRows {
     for (const PlyProperty* p : wanted) columns_.push_back(static_cast<std::size_t>(p - element.properties.data()));
     at_ = header.size;
     file_.seek(at_);
+    block_ = static_cast<std::size_t>(std::min<std::uint64_t>(kBlock, file_.size()));
     for (const PlyElement& e : header.elements) {
       // A value takes a digit and a blank at least.
       const std::uint64_t row = std::max<std::uint64_t>(1, 2 * e.properties.size());
@@ -177,8 +178,8 @@ class TextRows : public PlyRows {
         if (kept > kBlock)
           fail(Status::format, "{}: element {}: row {} (byte {}) has no end within {} bytes", file_.path(), e.name, row,
                at_, kept);
-        text_.resize(kept + kBlock);
-        text_.resize(kept + file_.read(&text_[kept], kBlock));
+        text_.resize(kept + block_);
+        text_.resize(kept + file_.read(&text_[kept], block_));
         if (text_.size() > kept) continue;
         if (kept == 0)
           fail(Status::format, "{}: element {}: the header promises {} rows, the file ends after {} (byte {})",
@@ -198,7 +199,7 @@ class TextRows : public PlyRows {
     const std::uint64_t end = at_;
     for (std::string rest = text_.substr(begin_);;) {
       if (rest.find_first_not_of(" \t\r\v\f\n") != rest.npos) return warn_of_rest(file_, end);
-      rest.resize(kBlock);
+      rest.resize(block_);
       rest.resize(file_.read(rest.data(), rest.size()));
       if (rest.empty()) return;
     }
@@ -209,6 +210,7 @@ class TextRows : public PlyRows {
   std::vector<std::size_t> columns_;  // of the wanted properties
   std::vector<double> values_;        // of a row, all of them
   std::vector<std::uint64_t> begins_;
+  std::size_t block_ = 0;  // bytes read at a time
   std::string text_;       // read, from byte at_ - begin_ of the file
   std::size_t begin_ = 0;  // of the next line
   std::uint64_t at_ = 0, line_end_ = 0, row_ = 0;

@@ -5,6 +5,7 @@
 
 #include "model/io/view_checks.h"
 #include "runtime/error.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -89,7 +90,7 @@ void read_distortion(const Fields& fields, Camera& camera) {
   if (!fisheye && perspective.count(model) == 0)
     fail(Status::input,
          "{}: camera_model {} is not supported (OPENCV, OPENCV_FISHEYE and PINHOLE are); undistort the pictures first",
-         fields.where(), model);
+         fields.where(), printable(model));
   std::array<double, 6> k{};
   const char* const names[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
   for (int i = 0; i < 6; ++i) k[i] = fields.number_or(names[i], 0.0);
@@ -134,7 +135,7 @@ ListedView read_frame(const std::filesystem::path& path, const json& root, const
   if (!named && (need_pictures || frame.contains("file_path")))
     fail(Status::format, "{}: file_path is {}, the picture's path is expected", numbered,
          frame.contains("file_path") ? excerpt(frame.at("file_path")) : "absent");
-  const Fields fields(root, frame, named ? fmt::format("{} ({})", numbered, view.name) : numbered);
+  const Fields fields(root, frame, named ? fmt::format("{} ({})", numbered, printable(view.name)) : numbered);
   Camera& camera = view.camera;
   camera.file = view.name;
   if (fields.find("w")) camera.width = picture_side(fields.where(), "w", fields.number_or("w", 0));

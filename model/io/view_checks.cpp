@@ -13,15 +13,19 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::uintmax_t max_json_bytes = std::uintmax_t{1} << 28;
-constexpr double max_coordinate = 1e12;  // beyond, differences of positions have no digits left in float
+constexpr std::uintmax_t max_json_bytes = std::uintmax_t{1}
+                                          << 26;  // 60,000 cameras; parsed it takes some ten times that
+constexpr int max_json_depth = 32;                // cameras need 4; what walks a parsed value does so recursively
+constexpr double max_coefficient = 1e6;           // of a lens
+constexpr double max_coordinate = 1e12;           // beyond, differences of positions have no digits left in float
 constexpr double rigid_tolerance = 1e-3;
 
 // Python's json module writes NaN, Infinity and -Infinity, which are not JSON: between quotes they are.
-std::string quote_words_of_python(const std::string& text) {
+std::string quote_words_of_python(const std::string& path, const std::string& text) {
   std::string out;
   out.reserve(text.size() + 64);
   bool in_string = false;
+  int depth = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (in_string && c == '\\' && i + 1 < text.size()) {
@@ -30,6 +34,9 @@ std::string quote_words_of_python(const std::string& text) {
       continue;
     }
     if (c == '"') in_string = !in_string;
+    if (!in_string && (c == ']' || c == '}')) --depth;
+    if (!in_string && (c == '[' || c == '{') && ++depth > max_json_depth)
+      fail(Status::format, "{}: byte {}: nested deeper than {} levels: no file of cameras", path, i, max_json_depth);
     bool replaced = false;
     if (!in_string && (c == 'N' || c == 'I' || c == '-')) {
       for (const std::string_view word : {"NaN", "Infinity", "-Infinity"}) {
@@ -53,10 +60,10 @@ json read_json(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) fail(Status::file, "{}: no such file", path.string());
   if (std::filesystem::file_size(path, error) > max_json_bytes || error)
-    fail(Status::format, "{}: is too large for a file of cameras (more than 256 MiB)", path.string());
+    fail(Status::format, "{}: is too large for a file of cameras (more than 64 MiB)", path.string());
   const std::vector<unsigned char> bytes = read_file(path.string());
   try {
-    return json::parse(quote_words_of_python(std::string(bytes.begin(), bytes.end())));
+    return json::parse(quote_words_of_python(path.string(), std::string(bytes.begin(), bytes.end())));
   } catch (const json::exception& e) {
     std::string what = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
     what.erase(0, what.find("] ") == std::string::npos ? 0 : what.find("] ") + 2);
@@ -167,9 +174,13 @@ void check_intrinsics(const std::string& where, const Camera& camera) {
   for (const auto& [name, c] : {std::pair{"cx", camera.cx}, std::pair{"cy", camera.cy}})
     if (!open(c) && !(std::abs(c) < 1e9))
       fail(Status::input, "{}: {} is {}, a position in pixels is expected", where, name, c);
-  for (const double k : camera.distortion.k)
-    if (!std::isfinite(k))
-      fail(Status::input, "{}: a distortion coefficient is {}, a finite number is expected", where, k);
+  constexpr const char* opencv[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
+  constexpr const char* fisheye[] = {"k1", "k2", "k3", "k4", "", "", "", ""};
+  const Distortion& lens = camera.distortion;
+  for (std::size_t i = 0; i < std::size(opencv); ++i)
+    if (!(std::abs(lens.k[i]) <= max_coefficient))
+      fail(Status::input, "{}: the lens coefficient {} is {}, a number of at most {} either way is expected", where,
+           lens.model == Distortion::Model::fisheye ? fisheye[i] : opencv[i], lens.k[i], max_coefficient);
 }
 
 }  // namespace vsplat

@@ -8,6 +8,7 @@
 #include "model/io/view_checks.h"
 #include "runtime/error.h"
 #include "runtime/log.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -97,9 +98,9 @@ void count_pictures(const ViewSet& set) {
   if (missing == 0) return;
   if (missing == set.views.size())
     fail(Status::input, "{}: none of the {} pictures listed is there, {} first; --pictures DIR says where they are",
-         set.source.string(), missing, first->name);
+         set.source.string(), missing, printable(first->name));
   warn("{}: {} of {} listed frames have no picture and are skipped ({} first)", set.source.string(), missing,
-       set.views.size(), first->name);
+       set.views.size(), printable(first->name));
 }
 
 ViewSet read_json_views(const fs::path& path, bool need_pictures) {
@@ -151,7 +152,7 @@ ViewSet read_views(const fs::path& path, const ReadOptions& options) {
 
 void resolve_intrinsics(ListedView& view, int width, int height) {
   Camera& c = view.camera;
-  const std::string where = view.picture.empty() ? view.name : view.picture.string();
+  const std::string where = view.picture.empty() ? printable(view.name) : view.picture.string();
   if (width < 1 || height < 1 || width > max_picture_side || height > max_picture_side)
     fail(Status::input, "{}: a picture of {} x {} pixels is not possible", where, width, height);
   const bool fits = (c.width == 0 || c.width == width) && (c.height == 0 || c.height == height);

@@ -191,6 +191,12 @@ TEST_F(Colmap, DamagedTextIsNamed) {
   expect_error(Status::format, {"cameras.txt: line 2", "a number"}, with("cameras.txt", cameras_txt, "237", ""));
   expect_error(Status::input, {"focal length", "-800"}, with("cameras.txt", cameras_txt, "800", "-800"));
   expect_error(Status::input, {"parameter 0", "nan"}, with("cameras.txt", cameras_txt, "800", "nan"));
+  expect_error(Status::input, {"cameras.txt: line 4 (camera 2)", "coefficient k1 is 1e+300"},
+               with("cameras.txt", cameras_txt, "0.125", "1e300"));
+  expect_error(Status::format, {"NAME"}, with("images.txt", images_txt, "left/", std::string("le\0ft/", 6)));
+  expect_error(Status::input, {"QW is inf"},
+               with("images.txt", images_txt, "\n9 ", "\n9 inf 0 0 0 0 0 0 7 a.jpg\n\n9 "));
+  expect_error(Status::input, {"WIDTH is 1e+300"}, with("cameras.txt", cameras_txt, "640", "1e300"));
   expect_error(Status::format, {"camera 7", "twice"}, with("cameras.txt", cameras_txt, "2 SIMPLE", "7 SIMPLE"));
   expect_error(Status::format, {"images.txt: line 2", "left/a.jpg", "camera 8"},
                with("images.txt", images_txt, "7 left", "8 left"));
@@ -222,6 +228,25 @@ TEST_F(Colmap, DamagedBytesNeverCrash) {
       EXPECT_EQ(read().views.size(), 3U);  // never fewer, silently
     } catch (const Error&) {
     }
+  }
+  // Counts: of cameras, of images and of the points of the first image.
+  for (const std::uint64_t count : {std::uint64_t{1} << 40, ~std::uint64_t{0}, std::uint64_t{1} << 63}) {
+    const auto set = [&](std::string& in, std::size_t at) { std::memcpy(&in[at], &count, sizeof count); };
+    cameras_bin = good_cameras, images_bin = good_images;
+    set(cameras_bin, 0);
+    write_binary();
+    expect_error(Status::format, {"cameras.bin: byte 0", fmt::format("{} cameras cannot be in", count)},
+                 [&] { read(); });
+    cameras_bin = good_cameras;
+    set(images_bin, 0);
+    write_binary();
+    expect_error(Status::format, {"images.bin: byte 0", fmt::format("{} images cannot be in", count)}, [&] { read(); });
+    images_bin = good_images;
+    const std::size_t points = 8 + 4 + 56 + 4 + images[0].name.size() + 1;
+    set(images_bin, points);
+    write_binary();
+    expect_error(Status::format, {fmt::format("images.bin: byte {}: {} points cannot be in", points, count)},
+                 [&] { read(); });
   }
   cameras_bin = good_cameras;
   images_bin = good_images + "x";

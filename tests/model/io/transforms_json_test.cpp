@@ -125,6 +125,38 @@ TEST_F(TransformsJson, DistortionOfBothLenses) {
   expect_error(Status::input, {"EQUIRECTANGULAR", "not supported"}, [&] { read(root); });
 }
 
+TEST_F(TransformsJson, LensesThatAreNoneAreNamed) {
+  json root = sample(3);
+  for (const char* name : {"k1", "k2", "k3", "p1", "p2"})
+    for (const double value : {1e300, -1e7}) {
+      json bad = root;
+      bad["frames"][2][name] = value;
+      expect_error(Status::input,
+                   {"transforms.json: frame 2", fmt::format("coefficient {} is {}", name, value), "1000000"},
+                   [&] { read(bad); });
+    }
+  root["camera_model"] = "OPENCV_FISHEYE";
+  root["k4"] = 1e300;
+  expect_error(Status::input, {"frame 0", "coefficient k4 is 1e+300"}, [&] { read(root); });
+}
+
+// What walks a parsed file does so recursively: depth is bounded before.
+TEST_F(TransformsJson, DeepNestingIsRefused) {
+  const std::string open(1000000, '['), close(1000000, ']');
+  const std::string text = R"({"frames": [{"file_path": "a", "fl_x": 1, "transform_matrix": )";
+  const auto path = folder.write("transforms.json", text + open + close + "}]}");
+  expect_error(Status::format, {"transforms.json: byte 91", "deeper than 32"}, [&] { read_views(path); });
+  // Brackets in a text are none.
+  folder.write("transforms.json", text + '"' + open + "\"}]}");
+  expect_error(Status::format, {"frame 0", "transform_matrix is \"[[["}, [&] { read_views(path); });
+}
+
+TEST_F(TransformsJson, HugeFilesAreRefusedUnread) {
+  const auto path = folder.write("transforms.json", "{");
+  std::filesystem::resize_file(path, std::uintmax_t{1} << 40);  // a hole: no disk is taken
+  expect_error(Status::format, {"transforms.json", "64 MiB"}, [&] { read_views(path); });
+}
+
 TEST_F(TransformsJson, CubeAndMasks) {
   json root = sample(2);
   root["aabb_center"] = {0.5, -1, 2};

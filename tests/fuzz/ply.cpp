@@ -1,0 +1,58 @@
+#include "model/io/ply.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/fuzz/targets.h"
+
+namespace vsplat::fuzz {
+namespace {
+
+bool all_finite(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
+void check(const Scene& scene) {
+  const Gaussians& g = scene.gaussians;
+  hold(g.sh_degree >= 0 && g.sh_degree <= 3, "degree");
+  hold(g.means.size() == 3 * g.count && g.scales.size() == 3 * g.count && g.quats.size() == 4 * g.count, "sizes");
+  hold(g.opacities.size() == g.count && g.sh.size() == 3 * g.count * g.sh_count(), "sizes");
+  hold(all_finite(g.means) && all_finite(g.scales) && all_finite(g.sh), "finite");
+  for (const float s : g.scales) hold(s >= 0, "scales are not negative");
+  for (const float o : g.opacities) hold(o >= 0 && o <= 1, "opacities are shares");
+  for (std::size_t k = 0; k < g.count; ++k) {
+    double norm = 0;
+    for (std::size_t i = 0; i < 4; ++i) norm += std::pow(static_cast<double>(g.quats[4 * k + i]), 2);
+    hold(std::abs(norm - 1) < 1e-5, "rotations have length 1");
+  }
+  hold(std::isfinite(scene.near) && scene.near >= 0, "near plane");
+  for (int i = 0; scene.mirror && i < 3; ++i) hold(std::isfinite((*scene.mirror)[i]), "mirror");
+}
+
+}  // namespace
+
+void ply(std::string_view bytes) {
+  static MemoryFile file;
+  file.fill(bytes);
+  bool whole = true;
+  Scene all;
+  try {
+    all = read_ply(file.path());
+    check(all);
+  } catch (const Error& e) {
+    hold_message(e, file.path());
+    whole = false;
+  }
+  try {
+    SkippedGaussians skipped;
+    const Scene scene = read_ply(file.path(), &skipped);
+    check(scene);
+    hold(whole == (skipped.total() == 0), "what is skipped is an error otherwise");
+    hold(!whole || scene.gaussians.means == all.gaussians.means, "nothing else is skipped");
+  } catch (const Error& e) {
+    hold_message(e, file.path());
+    hold(!whole, "skipping refuses no more");
+  }
+}
+
+}  // namespace vsplat::fuzz

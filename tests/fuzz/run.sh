@@ -1,0 +1,36 @@
+#!/bin/sh
+# Coverage-guided fuzzing of the readers: builds the targets (build/fuzz) and runs them, so many seconds each.
+#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: ply, views_json, colmap
+#   tests/fuzz/run.sh build                    only builds
+#   tests/fuzz/run.sh run SECONDS [TARGET...]  only runs
+# VSPLAT_FUZZ_SEED fixes the seed. An input that breaks something is kept in build/fuzz/found: with the fix it goes into
+# tests/fuzz/regressions/TARGET, which the test `fuzz_replay_test` reads in every build.
+set -eu
+cd "$(dirname "$0")/../.."
+
+mode=${1:?SECONDS, build or run is expected}
+if [ "$mode" != run ]; then
+  cmake --preset fuzz >/dev/null
+  cmake --build --preset fuzz
+  [ "$mode" != build ] || exit 0
+else
+  shift
+fi
+seconds=${1:?SECONDS is expected}
+shift
+[ $# -gt 0 ] || set -- ply views_json colmap
+
+for target; do
+  data=tests/fuzz
+  grown=build/fuzz/corpus/$target  # what libFuzzer adds; the committed seeds are only read
+  mkdir -p "$grown" build/fuzz/found
+  # Memory: far above what these inputs need and far below what a believed count would take.
+  build/fuzz/tests/fuzz/fuzz_"$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256 \
+    -max_len=16384 -seed="${VSPLAT_FUZZ_SEED:-0}" -artifact_prefix=build/fuzz/found/"$target"- -dict=$data/"$target".dict \
+    -print_final_stats=1 "$grown" $data/corpus/"$target" $data/regressions/"$target" >build/fuzz/found/"$target".log 2>&1 || {
+    tail -n 60 build/fuzz/found/"$target".log >&2
+    echo "fuzz_$target has found something: see build/fuzz/found" >&2
+    exit 1
+  }
+  echo "fuzz_$target: $(grep '^Done' build/fuzz/found/"$target".log), $(grep peak_rss build/fuzz/found/"$target".log)"
+done
