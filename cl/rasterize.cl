@@ -1,93 +1,144 @@
 // Blending, near to far, as the original rasteriser defines it: alpha = min(0.99, o exp(power)), nothing below 1/255, and a
 // pixel ends before the Gaussian that would bring its transmittance under 1e-4.
-//   records [K,12] as project.cl writes them; ids [N] Gaussians tile by tile, near to far; starts [tiles + 1].
+//   records [V,12] as project.cl writes them; ids [N] Gaussians tile by tile, near to far; starts [tiles + 1].
 //   colour [H,W,3] = sum of weight x colour + what is left x background; alpha [H,W] = sum of weights;
-//   depth [H,W] = sum of weight x camera z, not divided by alpha. Tiles are 16 x 16 pixels, tiles_x of them in a row.
-// cpu: a work-item owns ROWS rows of a tile, a float16 each. gpu: a work-group of 16 x 16 / PIXELS items owns a tile, each
-// item PIXELS rows of one column, and records pass through local memory.
-#include "common.clh"
+//   depth [H,W] = sum of weight x camera z, not divided by alpha. Tiles are 16 x 16 pixels: those of a part of the
+//   picture, tiles_x in a row, which begins with tile (tile_x0, tile_y0).
+// cpu: a work-item owns a tile, a float16 a block of 4 x 4 pixels. gpu: a work-group of 16 x 16 / PIXELS items owns a tile,
+// each item PIXELS rows of one column, and records pass through local memory.
+#include "rasterize.clh"
 
-#define TILE 16
-#define MAX_ALPHA 0.99f
-#define MIN_ALPHA (1.0f / 255.0f)
-#define MIN_TRANSMITTANCE 1e-4f
+#ifdef BATCH
+// A tile's Gaussians come in batches. First, 16 Gaussians at a time, each is held against the tile's 16 blocks; then it is
+// blended into those that it can reach and that have pixels left to finish.
+#define BLOCKS 16
+#define LOG2_255 7.99435344f
 
-// 2^x for x <= 0, a few units in the last place off (what is under 2^-126 does not matter here): a polynomial on [-0.5, 0.5]
-// and the exponent's bits.
-#define EXP2(NAME, FLOAT, INT, CONVERT, AS)                                                                       \
-  static inline FLOAT NAME(FLOAT x) {                                                                             \
-    x = max(x, -126.0f);                                                                                          \
-    const FLOAT whole = rint(x), f = x - whole;                                                                   \
-    const FLOAT p =                                                                                               \
-        FMA(FMA(FMA(FMA(FMA((FLOAT)(0.00132764714f), f, (FLOAT)(0.00967554133f)), f, (FLOAT)(0.0555071328f)), f,  \
-                    (FLOAT)(0.240221197f)),                                                                       \
-                f, (FLOAT)(0.693146967f)),                                                                        \
-            f, (FLOAT)(1.00000007f));                                                                             \
-    return AS(AS##_bits(p) + (CONVERT(whole) << 23));                                                             \
+static inline float largest(float16 x) {
+  const float8 a = max(x.lo, x.hi);
+  const float4 b = max(a.lo, a.hi);
+  const float2 c = max(b.lo, b.hi);
+  return max(c.x, c.y);
+}
+
+// masks [BATCH]: of each Gaussian's blocks (bit 4 row + column). A block's pixel centres lie within 1.5 of its middle, dx and
+// t within 1.5 and 1.5 (1 + |k|) of theirs: where even the nearest of these leave log2 alpha < log2(1/255), the block is
+// left out, and nothing is lost. The margin is rounding's.
+static inline void reach_blocks(const float* records, uint n, float corner_x, float corner_y, uint* masks) {
+  for (uint first = 0; first < n; first += 16) {
+    float part[7][16];
+    for (uint j = 0; j < 16; ++j) {
+      const float* r = records + 12 * min(first + j, n - 1);
+      part[0][j] = r[0], part[1][j] = r[1], part[2][j] = r[2];
+      part[3][j] = r[4], part[4][j] = r[5], part[5][j] = r[6], part[6][j] = r[7];
+    }
+    const float16 u = vload16(0, part[0]) - (corner_x + 1.5f), v = vload16(0, part[1]) - (corner_y + 1.5f);
+    const float16 reach_y = vload16(0, part[2]) + 1.5f, room = vload16(0, part[3]) + (LOG2_255 + 1e-3f);
+    const float16 k = vload16(0, part[4]), qx = vload16(0, part[5]), qy = vload16(0, part[6]);
+    const float16 half_t = FMA(fabs(k), (float16)(1.501f), (float16)(1.501f));
+    uint16 mask = 0;
+#pragma unroll
+    for (int column = 0; column < 4; ++column) {
+      const float16 dx = u - (float)(4 * column), t = v - k * dx, near_x = max(fabs(dx) - 1.501f, 0.0f);
+      const float16 left = FMA(qx * near_x, near_x, room);
+#pragma unroll
+      for (int row = 0; row < 4; ++row) {
+        const float16 near_t = max(fabs(t - (float)(4 * row)) - half_t, 0.0f);
+        const int16 hit = (fabs(v - (float)(4 * row)) <= reach_y) & (FMA(qy * near_t, near_t, left) >= 0.0f);
+        mask |= as_uint16(hit) & (1u << (4 * row + column));
+      }
+    }
+    vstore16(mask, 0, masks + first);
   }
-#define as_float_bits as_int
-#define as_float16_bits as_int16
-EXP2(exp2_scalar, float, int, convert_int, as_float)
-EXP2(exp2_rows, float16, int16, convert_int16, as_float16)
+}
 
-#ifdef ROWS
-kernel void rasterize_cpu(global const float* records, global const uint* ids,
-                          global const uint* starts, global float* colour, global float* alpha, global float* depth,
-                          int width, int height, int tiles_x, int tile_count, float background_r, float background_g,
+// Four pixels side by side, as far as they are in the picture.
+static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, global float* colour, global float* alpha,
+                             global float* depth, int width, int height, int x, int y) {
+  if (y >= height) return;
+  const size_t pixel = (size_t)y * width + x;
+  if (x + 4 <= width) {
+    vstore8((float8)(r.x, g.x, b.x, r.y, g.y, b.y, r.z, g.z), 0, colour + 3 * pixel);
+    vstore4((float4)(b.z, r.w, g.w, b.w), 0, colour + 3 * pixel + 8);
+    vstore4(a, 0, alpha + pixel);
+    vstore4(z, 0, depth + pixel);
+    return;
+  }
+  const float rest[5][4] = {{r.x, r.y, r.z, r.w}, {g.x, g.y, g.z, g.w}, {b.x, b.y, b.z, b.w}, {a.x, a.y, a.z, a.w},
+                            {z.x, z.y, z.z, z.w}};
+  for (int i = 0; x + i < width; ++i) {
+    for (int c = 0; c < 3; ++c) colour[3 * (pixel + i) + c] = rest[c][i];
+    alpha[pixel + i] = rest[3][i];
+    depth[pixel + i] = rest[4][i];
+  }
+}
+
+kernel void rasterize_cpu(global const float* records, global const uint* ids, global const uint* starts,
+                          global float* colour, global float* alpha, global float* depth, int width, int height,
+                          int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
                           float background_b) {
-  const int strip = get_global_id(0), tile = strip / (TILE / ROWS);
+  const int tile = get_global_id(0);
   if (tile >= tile_count) return;
-  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE + strip % (TILE / ROWS) * ROWS;
-  if (y0 >= height) return;
-  const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
+  const float16 lane_x = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 lane_y = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  const float corner_x = (float)x0 + 0.5f, corner_y = (float)y0 + 0.5f;
   // A finished pixel has transmittance 0.
-  float16 T[ROWS], red[ROWS], green[ROWS], blue[ROWS], sum[ROWS], far[ROWS];
-  for (int r = 0; r < ROWS; ++r) {
-    T[r] = y0 + r < height ? 1.0f : 0.0f;
-    red[r] = green[r] = blue[r] = sum[r] = far[r] = 0.0f;
+  float16 column[BLOCKS], row[BLOCKS];  // of each block's pixels
+  float16 T[BLOCKS], red[BLOCKS], green[BLOCKS], blue[BLOCKS], sum[BLOCKS], far[BLOCKS];
+  uint alive = 0;  // blocks
+  for (int b = 0; b < BLOCKS; ++b) {
+    column[b] = lane_x + (float)(4 * (b & 3));
+    row[b] = lane_y + (float)(4 * (b >> 2));
+    T[b] = select((float16)(0.0f), (float16)(1.0f), (column[b] < (float)(width - x0)) & (row[b] < (float)(height - y0)));
+    red[b] = green[b] = blue[b] = sum[b] = far[b] = 0.0f;
+    if (x0 + 4 * (b & 3) < width && y0 + 4 * (b >> 2) < height) alive |= 1u << b;
   }
   const uint end = starts[tile + 1];
-  for (uint i = starts[tile]; i < end; ++i) {
-    const uint id = ids[i];
-    const float4 place = vload4(0, records + (size_t)id * 12);
-    const float dy0 = place.y - ((float)y0 + 0.5f);
-    if (dy0 < -place.z || dy0 > (ROWS - 1) + place.z) continue;
-    const float4 form = vload4(1, records + (size_t)id * 12), tint = vload4(2, records + (size_t)id * 12);
-    const float16 dx = (place.x - ((float)x0 + 0.5f)) - lane;
-    const float16 slope = form.y * dx, base = FMA(form.z * dx, dx, (float16)(form.x));
-    float16 left = 0.0f;
-#pragma unroll
-    for (int r = 0; r < ROWS; ++r) {
-      const float16 t = (dy0 - (float)r) - slope;
-      const float16 a = min(exp2_rows(FMA(form.w * t, t, base)), MAX_ALPHA);
-      // Transmittance as a product: T - T a would round across the threshold.
-      const float16 after = T[r] * (1.0f - a);
-      const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
-      const float16 w = select((float16)(0.0f), T[r] * a, live & ~skip);
-      T[r] = select(select((float16)(0.0f), after, live), T[r], skip);
-      red[r] = FMA(w, (float16)(tint.x), red[r]);
-      green[r] = FMA(w, (float16)(tint.y), green[r]);
-      blue[r] = FMA(w, (float16)(tint.z), blue[r]);
-      far[r] = FMA(w, (float16)(place.w), far[r]);
-      sum[r] += w;
-      left = max(left, T[r]);
+  for (uint first = starts[tile]; first < end && alive; first += BATCH) {
+    const uint n = min(end - first, (uint)BATCH);
+    float batch[12 * BATCH];
+    uint masks[BATCH];
+    for (uint j = 0; j < n; ++j) {
+      global const float* r = records + (size_t)ids[first + j] * 12;
+      vstore4(vload4(0, r), 0, batch + 12 * j);
+      vstore4(vload4(1, r), 1, batch + 12 * j);
+      vstore4(vload4(2, r), 2, batch + 12 * j);
     }
-    if (!any(left > 0.0f)) break;
+    reach_blocks(batch, n, corner_x, corner_y, masks);
+    for (uint j = 0; j < n; ++j) {
+      const float* r = batch + 12 * j;
+      const float4 form = (float4)(r[4], r[5], r[6], r[7]);
+      const float u = r[0] - corner_x, v = r[1] - corner_y;
+      for (uint rest = masks[j] & alive; rest; rest &= rest - 1) {
+        const uint b = 31 - clz(rest & -rest);
+        const float16 dx = u - column[b], dy = v - row[b];
+        const float16 a = min(exp2_rows(LOG2_ALPHA(form, dx, SHEARED(form, dx, dy))), MAX_ALPHA);
+        // Transmittance as a product: T - T a would round across the threshold.
+        const float16 before = T[b], after = before * (1.0f - a);
+        const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
+        const float16 w = select((float16)(0.0f), before * a, live & ~skip);
+        T[b] = select(select((float16)(0.0f), after, live), before, skip);
+        red[b] = FMA(w, (float16)(r[8]), red[b]);
+        green[b] = FMA(w, (float16)(r[9]), green[b]);
+        blue[b] = FMA(w, (float16)(r[10]), blue[b]);
+        far[b] = FMA(w, (float16)(r[3]), far[b]);
+        sum[b] += w;
+      }
+    }
+    for (uint b = 0; b < BLOCKS; ++b)
+      if (largest(T[b]) == 0.0f) alive &= ~(1u << b);
   }
-  for (int r = 0; r < ROWS && y0 + r < height; ++r) {
-    const size_t row = (size_t)(y0 + r) * width + x0;
-    const float16 rest = 1.0f - sum[r];
-    float out[5][TILE];
-    vstore16(FMA(rest, (float16)(background_r), red[r]), 0, out[0]);
-    vstore16(FMA(rest, (float16)(background_g), green[r]), 0, out[1]);
-    vstore16(FMA(rest, (float16)(background_b), blue[r]), 0, out[2]);
-    vstore16(sum[r], 0, out[3]);
-    vstore16(far[r], 0, out[4]);
-    for (int x = 0; x < TILE && x0 + x < width; ++x) {
-      for (int c = 0; c < 3; ++c) colour[3 * (row + x) + c] = out[c][x];
-      alpha[row + x] = out[3][x];
-      depth[row + x] = out[4][x];
-    }
+  for (int b = 0; b < BLOCKS; ++b) {
+    const int x = x0 + 4 * (b & 3), y = y0 + 4 * (b >> 2);
+    if (x >= width || y >= height) continue;
+    const float16 left = 1.0f - sum[b];
+    const float16 r = FMA(left, (float16)(background_r), red[b]), g = FMA(left, (float16)(background_g), green[b]);
+    const float16 bl = FMA(left, (float16)(background_b), blue[b]);
+    write_row(r.s0123, g.s0123, bl.s0123, sum[b].s0123, far[b].s0123, colour, alpha, depth, width, height, x, y);
+    write_row(r.s4567, g.s4567, bl.s4567, sum[b].s4567, far[b].s4567, colour, alpha, depth, width, height, x, y + 1);
+    write_row(r.s89ab, g.s89ab, bl.s89ab, sum[b].s89ab, far[b].s89ab, colour, alpha, depth, width, height, x, y + 2);
+    write_row(r.scdef, g.scdef, bl.scdef, sum[b].scdef, far[b].scdef, colour, alpha, depth, width, height, x, y + 3);
   }
 }
 #endif
@@ -98,12 +149,13 @@ kernel void rasterize_cpu(global const float* records, global const uint* ids,
 
 kernel void rasterize_gpu(global const float* records, global const uint* ids,
                           global const uint* starts, global float* colour, global float* alpha, global float* depth,
-                          int width, int height, int tiles_x, int tile_count, float background_r, float background_g,
-                          float background_b) {
+                          int width, int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
+                          float background_r, float background_g, float background_b) {
   local float4 place[WG], form[WG], tint[WG];
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
-  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE, x = item % TILE, y = item / TILE;
+  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
+  const int x = item % TILE, y = item / TILE;
   float T[PIXELS], red[PIXELS], green[PIXELS], blue[PIXELS], sum[PIXELS], far[PIXELS];
   for (int p = 0; p < PIXELS; ++p) {
     T[p] = x0 + x < width && y0 + y + p * STEP < height ? 1.0f : 0.0f;
@@ -125,12 +177,12 @@ kernel void rasterize_gpu(global const float* records, global const uint* ids,
     for (int p = 0; p < PIXELS; ++p) left = max(left, T[p]);
     for (uint i = 0; i < n && left > 0.0f; ++i) {
       const float4 at = place[i], f = form[i], c = tint[i];
-      const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x, slope = f.y * dx, base = FMA(f.z * dx, dx, f.x);
+      const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x;
       const float dy0 = (at.y - ((float)y0 + 0.5f)) - (float)y;
       left = 0.0f;
       for (int p = 0; p < PIXELS; ++p) {
-        const float t = (dy0 - (float)(p * STEP)) - slope;
-        const float a = min(exp2_scalar(FMA(f.w * t, t, base)), MAX_ALPHA);
+        const float t = SHEARED(f, dx, dy0 - (float)(p * STEP));
+        const float a = min(exp2_scalar(LOG2_ALPHA(f, dx, t)), MAX_ALPHA);
         if (a >= MIN_ALPHA) {
           const float after = T[p] * (1.0f - a);
           const float w = after >= MIN_TRANSMITTANCE ? T[p] * a : 0.0f;

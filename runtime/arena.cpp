@@ -1,6 +1,7 @@
 #include "runtime/arena.h"
 
 #include <algorithm>
+#include <bit>
 
 #include "runtime/error.h"
 #include "runtime/opencl.h"
@@ -9,13 +10,15 @@ namespace vsplat {
 
 namespace {
 
+// Pieces lie below `top`, with holes between them where some were given back. Holes are filled first, then `top` moves
+// up: in a slab that only counts as in one that was made by that count, so that a run goes as its plan went.
 struct Slab {
-  std::size_t capacity = 0;  // what it may hold
-  std::size_t used = 0;      // high-water mark of a growing slab; equals capacity of a made one
-  bool growing = false;      // virtual: counted only
-  std::size_t blocks = 0;    // alive
+  std::size_t capacity = 0;  // of a growing slab: the most that it came to
+  std::size_t top = 0;
+  bool growing = false;    // virtual: counted only
+  std::size_t blocks = 0;  // alive
   std::unique_ptr<cl::Buffer> buffer;
-  std::map<std::size_t, std::size_t> free;  // offset -> size, neighbours merged
+  std::map<std::size_t, std::size_t> free;  // the holes: offset -> size, neighbours merged
 
   void give_back(std::size_t offset, std::size_t size) {
     auto next = free.lower_bound(offset);
@@ -26,11 +29,15 @@ struct Slab {
     if (next != free.begin()) {
       const auto before = std::prev(next);
       if (before->first + before->second == offset) {
-        before->second += size;
-        return;
+        offset = before->first;
+        size += before->second;
+        free.erase(before);
       }
     }
-    free.emplace(offset, size);
+    if (offset + size == top)
+      top = offset;
+    else
+      free.emplace(offset, size);
   }
 };
 
@@ -49,10 +56,11 @@ struct ArenaState {
   ArenaLimits limits;
   std::vector<Slab> slabs;
   std::size_t live = 0, peak = 0, peak_live = 0;
+  bool rounded = false;
 
   std::size_t reserved() const {
     std::size_t sum = 0;
-    for (const Slab& slab : slabs) sum += slab.growing ? slab.used : slab.capacity;
+    for (const Slab& slab : slabs) sum += slab.capacity;
     return sum;
   }
 
@@ -114,7 +122,9 @@ Arena::Arena(const cl::Context* context, ArenaLimits limits) : state_(std::make_
 
 std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& what) {
   ArenaState& s = *state_;
-  const std::size_t size = round_up(std::max<std::size_t>(bytes, 1), s.limits.align);
+  const std::size_t eighth = s.rounded ? std::bit_floor(bytes) / 8 : 0;
+  std::size_t size = round_up(std::max<std::size_t>(bytes, 1), std::max(s.limits.align, eighth));
+  if (size > s.limits.max_alloc) size = round_up(bytes, s.limits.align);
   if (bytes > s.limits.max_alloc) s.refuse(bytes, what);
 
   // Best fit over all slabs; the first of equals, so that a plan and its run choose alike.
@@ -129,23 +139,19 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
     return std::make_shared<Block>(state_, best_slab, best_offset, size);
   }
 
-  if (s.is_virtual) {  // grow: a free tail of a growing slab is used first, then its end is moved
-    for (std::size_t i = 0; i < s.slabs.size(); ++i) {
-      Slab& slab = s.slabs[i];
-      if (!slab.growing) continue;
-      std::size_t offset = slab.used;
-      if (!slab.free.empty()) {
-        const auto last = std::prev(slab.free.end());
-        if (last->first + last->second == slab.used) offset = last->first;
-      }
-      if (offset + size > s.limits.max_alloc) continue;
-      if (offset != slab.used) slab.free.erase(offset);
-      slab.used = slab.capacity = offset + size;
-      return std::make_shared<Block>(state_, i, offset, size);
-    }
+  for (std::size_t i = 0; i < s.slabs.size(); ++i) {
+    Slab& slab = s.slabs[i];
+    const std::size_t offset = slab.top;
+    if (offset + size > (slab.growing ? s.limits.max_alloc : slab.capacity)) continue;
+    slab.top = offset + size;
+    slab.capacity = std::max(slab.capacity, slab.top);
+    return std::make_shared<Block>(state_, i, offset, size);
+  }
+
+  if (s.is_virtual) {
     Slab slab;
     slab.growing = true;
-    slab.capacity = slab.used = size;
+    slab.capacity = slab.top = size;
     s.slabs.push_back(std::move(slab));
     return std::make_shared<Block>(state_, s.slabs.size() - 1, 0, size);
   }
@@ -154,9 +160,9 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
   if (capacity > s.limits.max_alloc || s.reserved() + capacity > s.limits.total) capacity = size;
   s.check_total(capacity, what);
   Slab slab;
-  slab.capacity = slab.used = capacity;
+  slab.capacity = capacity;
+  slab.top = size;
   s.make_buffer(slab);
-  if (capacity > size) slab.free.emplace(size, capacity - size);
   s.slabs.push_back(std::move(slab));
   return std::make_shared<Block>(state_, s.slabs.size() - 1, 0, size);
 }
@@ -165,10 +171,12 @@ Arena Arena::plan() const {
   auto copy = std::make_shared<ArenaState>();
   copy->is_virtual = true;
   copy->limits = state_->limits;
+  copy->rounded = state_->rounded;
   copy->live = copy->peak_live = state_->live;
   for (const Slab& slab : state_->slabs) {
     Slab twin;
-    twin.capacity = twin.used = slab.growing ? slab.used : slab.capacity;
+    twin.capacity = slab.capacity;
+    twin.top = slab.top;
     twin.blocks = slab.blocks;
     twin.free = slab.free;
     copy->slabs.push_back(std::move(twin));
@@ -185,10 +193,8 @@ void Arena::commit(const Arena& planned) {
   if (!s.is_virtual && s.reserved() + more > s.limits.total) s.refuse(more, "the run");
   for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) {
     Slab slab;
-    slab.capacity = slab.used = wanted[i].capacity;
-    slab.growing = s.is_virtual;
+    slab.capacity = wanted[i].capacity;
     if (!s.is_virtual) s.make_buffer(slab);
-    slab.free.emplace(0, slab.capacity);
     s.slabs.push_back(std::move(slab));
   }
   s.note_peaks();
@@ -210,5 +216,8 @@ void Arena::reset_peak() {
 }
 bool Arena::is_virtual() const { return state_->is_virtual; }
 const ArenaLimits& Arena::limits() const { return state_->limits; }
+
+RoundedSizes::RoundedSizes(Arena& arena) : arena_(arena.state_), before_(arena_->rounded) { arena_->rounded = true; }
+RoundedSizes::~RoundedSizes() { arena_->rounded = before_; }
 
 }  // namespace vsplat

@@ -67,8 +67,23 @@ class Arena {
   const ArenaLimits& limits() const;
 
  private:
+  friend class RoundedSizes;
   explicit Arena(std::shared_ptr<ArenaState> state) : state_(std::move(state)) {}
   std::shared_ptr<ArenaState> state_;
+};
+
+// While it lives, pieces are made up to an eighth larger than asked for: sizes that differ little from one time to the
+// next fit where the first ones were.
+class RoundedSizes {
+ public:
+  explicit RoundedSizes(Arena& arena);
+  ~RoundedSizes();
+  RoundedSizes(const RoundedSizes&) = delete;
+  RoundedSizes& operator=(const RoundedSizes&) = delete;
+
+ private:
+  std::shared_ptr<ArenaState> arena_;
+  bool before_;
 };
 
 }  // namespace vsplat

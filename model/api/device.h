@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "model/api/handle.h"
+#include "model/gaussian_chunks.h"
 #include "model/gaussians.h"
 #include "model/model_file.h"
 #include "model/scene.h"
@@ -19,5 +20,5 @@ struct vsplat_device_impl : vsplat::api::Counted {
   std::weak_ptr<const vsplat::ModelFile> model_key;
   std::unique_ptr<vsplat::VsplatModel> model;
   std::weak_ptr<const vsplat::Scene> scene_key;
-  std::optional<vsplat::DeviceGaussians> scene;
+  std::optional<vsplat::GaussianChunks> scene;
 };

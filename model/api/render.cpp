@@ -14,11 +14,11 @@ using namespace vsplat::api;
 namespace {
 
 // Once per scene and device: many cameras are drawn from the same one.
-const DeviceGaussians& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene) {
+const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {
   if (device->scene_key.lock() != scene) {
     device->scene.reset();
     device->scene_key.reset();
-    device->scene = upload(device->context, scene->gaussians);
+    device->scene = place_on_device(device->context, scene->gaussians, pixels);
     device->scene_key = scene;
   }
   return *device->scene;
@@ -51,7 +51,8 @@ vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vspl
     how.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene->scene->near;
     how.mirror = scene->scene->mirror;
     if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
-    const Picture drawn = render_picture(device->context, on_device(device, scene->scene), view, how);
+    const Picture drawn =
+        render_picture(device->context, on_device(device, scene->scene, static_cast<double>(pixels)), view, how);
     device->context.finish();
     copy(drawn.colour, p.colour);
     copy(drawn.alpha, p.alpha);

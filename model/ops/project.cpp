@@ -51,27 +51,62 @@ Tensor upload_views(Context& ctx, const std::vector<Camera>& cameras, float near
   return ctx.upload({static_cast<long>(cameras.size()), kViewFloats}, data, Type::f32, "views");
 }
 
-Projected project(Context& ctx, const DeviceGaussians& g, const Tensor& views, long view, int width, int height) {
-  Dims d;
-  d.bind("means", g.means, {"K", "3"}).bind("scales", g.scales, {"K", "3"}).bind("quats", g.quats, {"K", "4"});
-  d.bind("opacities", g.opacities, {"K"}).bind("sh", g.sh, {"K", "S", "3"}).bind("views", views, {"V", "32"});
-  const long k = d["K"], s = d["S"];
+namespace {
+
+struct Launch {
+  int width;  // Gaussians per work-item
+  std::string defines;
+};
+
+// Compilers that take vectors apart are given scalars.
+Launch launch_of(const Context& ctx) {
+  const int width = ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4 ? 16 : 1;
+  return {width, "-DWIDTH=" + std::to_string(width)};
+}
+
+Range range_of(const Launch& l, long n) { return items((n + l.width - 1) / l.width, l.width == 1 ? 64 : 16); }
+
+// Of the scene's arrays; S goes into `d`.
+void bind(Dims& d, const DeviceGaussians& g) {
+  d.bind("means", g.means, {"n", "3"}).bind("scales", g.scales, {"n", "3"}).bind("quats", g.quats, {"n", "4"});
+  d.bind("opacities", g.opacities, {"n"}).bind("sh", g.sh, {"n", "S", "3"});
+  const long s = d["S"];
   if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project: {} spherical harmonics", s);
+}
+
+}  // namespace
+
+void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, int width,
+                  int height, const Culled& out) {
+  Dims d;
+  bind(d, g);
+  d.bind("views", views, {"V", "32"}).bind("rects", out.rects, {"K", "2"}, Type::u32);
+  d.bind("keys", out.keys, {"K"}, Type::u32);
+  const long n = d["n"];
   if (view < 0 || view >= d["V"]) fail(Status::internal, "project: view {} of {}", view, d["V"]);
+  if (base < 0 || base + n > d["K"]) fail(Status::internal, "project: {} Gaussians from {} of {}", n, base, d["K"]);
   // Rects hold 16 bits per tile index, kernels count tiles and Gaussians in 31.
   if (tiles_along(width) > 65535 || tiles_along(height) > 65535)
     fail(Status::usage, "a picture of {} x {} pixels: at most 1048560 along an edge can be drawn", width, height);
-  if (k >= (1L << 31)) fail(Status::memory, "{} Gaussians: at most 2^31 - 1 can be drawn at once", k);
+  if (d["K"] >= (1L << 31)) fail(Status::memory, "{} Gaussians: at most 2^31 - 1 can be drawn at once", d["K"]);
+  const Launch l = launch_of(ctx);
+  const double count = static_cast<double>(n);
+  ctx.launch({"project", "project_cull", l.defines}, range_of(l, n), {count * 190, count * 56}, g.means, g.scales,
+             g.quats, g.opacities, views, static_cast<int>(view), out.rects, out.keys, static_cast<int>(base),
+             static_cast<int>(n), static_cast<int>(tiles_along(width)), static_cast<int>(tiles_along(height)));
+}
 
-  Projected out{ctx.tensor({k, 12}, Type::f32, "splat.records"), ctx.tensor({k, 2}, Type::u32, "splat.rects"),
-                ctx.tensor({k}, Type::u32, "splat.counts"), ctx.tensor({k}, Type::u32, "splat.keys")};
-  const double n = static_cast<double>(k);
-  ctx.launch({"project", "project", ""}, items(k),
-             {n * (200.0 + 10.0 * static_cast<double>(s)), n * (44.0 + 12.0 * static_cast<double>(s) + 64.0)}, g.means,
-             g.scales, g.quats, g.opacities, g.sh, views, static_cast<int>(view), out.records, out.rects, out.counts,
-             out.keys, static_cast<int>(k), static_cast<int>(s), static_cast<int>(tiles_along(width)),
-             static_cast<int>(tiles_along(height)));
-  return out;
+void project(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, const Tensor& ids,
+             long from, long n, const Tensor& records) {
+  Dims d;
+  bind(d, g);
+  d.bind("views", views, {"V", "32"}).bind("ids", ids, {"N"}, Type::u32).bind("records", records, {"N", "12"});
+  if (from < 0 || from + n > d["N"]) fail(Status::internal, "project: {} from {} of {}", n, from, d["N"]);
+  const Launch l = launch_of(ctx);
+  const double count = static_cast<double>(n), s = static_cast<double>(d["S"]);
+  ctx.launch({"project", "project", l.defines}, range_of(l, n), {count * (180 + 8 * s), count * (96 + 12 * s)}, g.means,
+             g.scales, g.quats, g.opacities, g.sh, views, static_cast<int>(view), ids, records, static_cast<int>(base),
+             static_cast<int>(from), static_cast<int>(n), static_cast<int>(d["S"]));
 }
 
 }  // namespace vsplat

@@ -12,7 +12,10 @@ struct DevicePicture {
   Tensor depth;   // f32 [H,W]: sum of weight x camera z
 };
 
-DevicePicture rasterize(Context& ctx, const Projected& projected, const Binned& binned, int width, int height,
-                        const std::array<float, 3>& background);
+DevicePicture make_picture(Context& ctx, int width, int height);
+
+// Draws a part of the picture.
+void rasterize(Context& ctx, const Projected& projected, const Binned& binned, const Part& part,
+               const std::array<float, 3>& background, const DevicePicture& picture);
 
 }  // namespace vsplat

@@ -1,7 +1,7 @@
 #include "model/ops/tile_bin.h"
 
+#include <algorithm>
 #include <bit>
-#include <numeric>
 
 #include "model/ops/radix_sort.h"
 #include "model/ops/scan.h"
@@ -10,52 +10,109 @@
 namespace vsplat {
 namespace {
 
-constexpr long kSumBlock = 1024;
+Tensor counts_of(Context& ctx, const Tensor& rects, const Tensor& order) {
+  const long v = rects.dim(0);
+  Tensor out = ctx.tensor({v}, Type::u32, "tile_bin.counts");
+  ctx.launch({"tile_bin", "tile_bin_counts", ""}, items(v), {0, 16.0 * static_cast<double>(v)}, rects, order, out,
+             static_cast<int>(v));
+  return out;
+}
+
+// What both flavours work on.
+struct Job {
+  Context& ctx;
+  const Tensor& rects;
+  const Tensor& order;
+  const Part& part;
+  long v, n;
+};
+
+long blocks_at_most(const Context& ctx) { return 4L * std::max(ctx.device().compute_units, 1); }
+
+Tensor pairs(const Job& j, const char* what) { return j.ctx.tensor({j.n}, Type::u32, what); }
+
+void count_and_place(const Job& j, Binned& out) {
+  Context& ctx = j.ctx;
+  const long tiles = j.part.tiles();
+  // Enough blocks to share out evenly, but no more, for each counts every tile.
+  const long most = blocks_at_most(ctx);
+  const long block = std::max((j.v + most - 1) / most, 256L), blocks = std::max((j.v + block - 1) / block, 1L);
+  const double v = static_cast<double>(j.v), n = static_cast<double>(j.n);
+  const double table = 4.0 * static_cast<double>(blocks) * static_cast<double>(tiles);
+  const int V = static_cast<int>(j.v), step = static_cast<int>(block), B = static_cast<int>(blocks);
+  const int tiles_x = static_cast<int>(j.part.tiles_x()), T = static_cast<int>(tiles);
+  const Tensor histogram = ctx.tensor({most, tiles}, Type::u32, "tile_bin.histogram").first(blocks);
+  const Tensor ordered = ctx.tensor({j.v, 2}, Type::u32, "tile_bin.ordered");
+  ctx.launch({"tile_bin", "tile_bin_order", ""}, items(j.v, 256), {0, 20 * v}, j.rects, j.order, ordered, V);
+  {
+    const Tensor totals = ctx.tensor({tiles}, Type::u32, "tile_bin.totals");
+    ctx.launch({"tile_bin", "tile_bin_count", ""}, items(blocks, 1), {0, 8 * v + table}, ordered, histogram, V, step, B,
+               tiles_x, T);
+    ctx.launch({"tile_bin", "tile_bin_totals", ""}, items(tiles), {0, table}, histogram, totals, B, T);
+    exclusive_scan(ctx, totals, out.starts);
+  }
+  ctx.launch({"tile_bin", "tile_bin_place", ""}, items(tiles), {0, 2 * table}, histogram, out.starts, B, T);
+  ctx.launch({"tile_bin", "tile_bin_scatter", ""}, items(blocks, 1), {0, 12 * v + 4 * n + table}, ordered, j.order,
+             histogram, out.offsets, out.ids, out.slots, V, step, B, tiles_x, T, static_cast<unsigned>(j.n));
+}
+
+// Pairs are written out near to far and sorted, stably, by tile alone.
+void emit_and_sort(const Job& j, Binned& out) {
+  Context& ctx = j.ctx;
+  const long tiles = j.part.tiles();
+  const double v = static_cast<double>(j.v), n = static_cast<double>(j.n);
+  const unsigned N = static_cast<unsigned>(j.n);
+  Tensor keys = pairs(j, "tile_bin.tiles");
+  Tensor gaussians = pairs(j, "tile_bin.gaussians"), slots = out.slots ? pairs(j, "tile_bin.emitted_slots") : Tensor();
+  {
+    const Tensor emitted = ctx.tensor({j.v + 1}, Type::u32, "tile_bin.emitted");
+    exclusive_scan(ctx, counts_of(ctx, j.rects, j.order), emitted);
+    ctx.launch({"tile_bin", "tile_bin_emit", ""}, items(j.v), {0, 16 * v + 8 * n}, j.rects, j.order, emitted,
+               out.offsets, keys, gaussians, slots, static_cast<int>(j.v), static_cast<int>(j.part.tiles_x()));
+  }
+  const int bits = std::bit_width(static_cast<std::uint64_t>(std::max(tiles - 1, 0L)));
+  // With two things to sort along, what is sorted is where they stand.
+  const Sorted sorted = radix_sort(ctx, std::move(keys), slots ? Tensor() : gaussians, bits);
+  const auto pick = [&](const Tensor& values, const Tensor& to) {
+    ctx.launch({"tile_bin", "tile_bin_pick", ""}, items(j.n), {0, 12 * n}, sorted.values, values, to, N);
+  };
+  if (slots) {
+    pick(gaussians, out.ids);
+    pick(slots, out.slots);
+  } else {
+    out.ids = sorted.values;
+  }
+  ctx.launch({"tile_bin", "tile_bin_ranges", ""}, items(j.n + 1), {0, 4 * n + 4.0 * static_cast<double>(tiles)},
+             sorted.keys, out.starts, N, static_cast<unsigned>(tiles));
+}
 
 }  // namespace
 
-std::uint64_t count_intersections(Context& ctx, const Projected& p) {
-  const long k = Dims().bind("counts", p.counts, {"K"}, Type::u32)["K"];
-  const long blocks = (k + kSumBlock - 1) / kSumBlock;
-  const Tensor sums = ctx.tensor({blocks}, Type::u64, "tile_bin.sums");
-  ctx.launch({"tile_bin", "tile_bin_total", ""}, items(blocks), {0, 4.0 * static_cast<double>(k)}, p.counts, sums,
-             static_cast<int>(k), static_cast<int>(kSumBlock), static_cast<int>(blocks));
-  if (ctx.planning()) return 0;
-  const auto parts = ctx.read<std::uint64_t>(sums);
-  return std::accumulate(parts.begin(), parts.end(), std::uint64_t{0});
-}
-
-Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, int width, int height) {
+Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, const Part& part, bool slots) {
   Dims d;
-  d.bind("rects", p.rects, {"K", "2"}, Type::u32)
-      .bind("counts", p.counts, {"K"}, Type::u32)
-      .bind("keys", p.keys, {"K"}, Type::u32);
-  const long k = d["K"], tiles_x = tiles_along(width), tiles = tiles_x * tiles_along(height);
+  d.bind("rects", p.rects, {"V", "2"}, Type::u32).bind("keys", p.keys, {"V"}, Type::u32);
+  const long v = d["V"], tiles = part.tiles();
   if (count >= (std::uint64_t{1} << 31) || tiles >= (1L << 31))
     fail(Status::memory,
-         "a picture of {} x {} pixels: {} Gaussians touch its {} tiles {} times, at most 2147483647 can be sorted; "
-         "draw it smaller "
-         "or in parts",
-         width, height, k, tiles, count);
-  const long n = static_cast<long>(count);
-
-  // Depth first, over the Gaussians only; then intersections are emitted near to far and sorted, stably, by tile alone.
-  Tensor ids = radix_sort(ctx, p.keys, Tensor(), 32).values;
-  const Tensor ordered = ctx.tensor({k}, Type::u32, "tile_bin.ordered");
-  Tensor offsets = ctx.tensor({k + 1}, Type::u32, "tile_bin.offsets");
-  const double kd = static_cast<double>(k), nd = static_cast<double>(n);
-  ctx.launch({"tile_bin", "tile_bin_gather", ""}, items(k), {0, 12 * kd}, p.counts, ids, ordered, static_cast<int>(k));
-  exclusive_scan(ctx, ordered, offsets);
-  Tensor tile_keys = ctx.tensor({n}, Type::u32, "tile_bin.tiles");
-  Tensor gaussians = ctx.tensor({n}, Type::u32, "tile_bin.gaussians");
-  ctx.launch({"tile_bin", "tile_bin_emit", ""}, items(k), {0, 16 * kd + 8 * nd}, p.rects, ids, offsets, tile_keys,
-             gaussians, static_cast<int>(k), static_cast<int>(tiles_x));
-  ids = offsets = Tensor();
-  const int bits = std::bit_width(static_cast<std::uint64_t>(tiles - 1));
-  const Sorted sorted = radix_sort(ctx, std::move(tile_keys), std::move(gaussians), bits);
-  Binned out{sorted.values, ctx.tensor({tiles + 1}, Type::u32, "tile_bin.starts")};
-  ctx.launch({"tile_bin", "tile_bin_ranges", ""}, items(n + 1), {0, 4 * nd + 4.0 * static_cast<double>(tiles)},
-             sorted.keys, out.starts, static_cast<unsigned>(n), static_cast<unsigned>(tiles));
+         "{} Gaussians touch the {} tiles of a picture's part {} times, at most 2147483647 can be sorted", v, tiles,
+         count);
+  const Tensor order = radix_sort(ctx, p.keys, Tensor(), p.key_bits).values;
+  const Job job{ctx, p.rects, order, part, v, static_cast<long>(count)};
+  Binned out;
+  out.starts = ctx.tensor({tiles + 1}, Type::u32, "tile_bin.starts");
+  if (slots) {
+    out.offsets = ctx.tensor({v + 1}, Type::u32, "tile_bin.offsets");
+    exclusive_scan(ctx, counts_of(ctx, p.rects, Tensor()), out.offsets);
+    out.slots = pairs(job, "tile_bin.slots");
+  }
+  if (ctx.flavour() == Flavour::cpu) {
+    out.ids = ctx.tensor({job.n + blocks_at_most(ctx)}, Type::u32, "tile_bin.ids");
+    count_and_place(job, out);
+    out.ids = out.ids.first(job.n);
+  } else {
+    if (slots) out.ids = pairs(job, "tile_bin.ids");
+    emit_and_sort(job, out);
+  }
   return out;
 }
 

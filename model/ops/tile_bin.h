@@ -1,21 +1,20 @@
-// Which Gaussians each tile of a picture sees, near to far.
+// Which Gaussians each tile of a part of a picture sees, near to far.
 #pragma once
 #include <cstdint>
 
-#include "model/ops/project.h"
+#include "model/ops/visible.h"
 
 namespace vsplat {
 
 struct Binned {
-  Tensor ids;     // u32 [N]: Gaussians, tile by tile, near to far, equal depths in their own order
-  Tensor starts;  // u32 [tiles + 1]: where each tile's (row-major) run begins
+  Tensor ids;      // u32 [N]: of the V projected Gaussians, tile by tile, near to far, equal depths in their own order
+  Tensor starts;   // u32 [tiles + 1]: where each tile's (row-major) run begins
+  Tensor offsets;  // u32 [V+1], if asked for: where each Gaussian's run of slots begins
+  Tensor slots;    // u32 [N], if asked for: the place of each of `ids` when the pairs are ordered by Gaussian
 };
 
-// Intersections of tiles and Gaussians in all. Waits for the device: their number sets the size of what follows.
-// A plan cannot know it: 0.
-std::uint64_t count_intersections(Context& ctx, const Projected& projected);
-
-// `count` as counted above; more than 2^31 - 1 are refused with Error(memory). Uses projected.keys as scratch.
-Binned tile_bin(Context& ctx, const Projected& projected, std::uint64_t count, int width, int height);
+// `count`: the pairs, as count_visible tells them. Uses projected.keys as scratch. `slots`: whether offsets and slots
+// are wanted, for a backward.
+Binned tile_bin(Context& ctx, const Projected& projected, std::uint64_t count, const Part& part, bool slots = false);
 
 }  // namespace vsplat

@@ -154,35 +154,66 @@ TEST_P(Render, RefusesCamerasThatCannotBe) {
   EXPECT_THROW(render(ctx(), g, good, options), Error);
 }
 
-// Hundreds of Gaussians that fill a huge picture: more intersections than can be sorted, found out before anything is
-// made.
-TEST_P(Render, RefusesMoreIntersectionsThanCanBeSorted) {
-  Gaussians g = test::make_scene({"", 3000, 0, 0, 0, "large"}, 12);
-  for (float& s : g.scales) s = 5;
-  for (float& o : g.opacities) o = 0.9f;
-  const Camera cam = test::look_at({0, 0, -3}, {0, 0, 0}, {0, -1, 0}, 15000, 15000, 9000);
-  const DeviceGaussians d = upload(ctx(), g);
-  EXPECT_GT(count_intersections(ctx(), d, cam, {}), std::uint64_t{1} << 31);
+// However little memory there is, the picture has the same bits: in parts of it, and with the scene uploaded in chunks.
+TEST_P(Render, DrawsInPartsWhatDoesNotFit) {
+  const SceneCase c{"", 150000, 0, 300, 200, ""};
+  const Gaussians g = test::make_scene(c, 12);
+  const Camera cam = test::make_camera(c, 12);
+  const Picture want = render_picture(ctx(), upload(ctx(), g), cam, {});
+  for (const double gib : {0.06, 0.016, 0.0115}) {
+    ContextOptions options;
+    options.max_memory_gib = gib;
+    const auto small = test::open_context(GetParam(), options);
+    const GaussianChunks scene = place_on_device(*small, g, 300 * 200);
+    int parts = 0;
+    for_each_part(*small, scene, cam, {}, false,
+                  [&](Context& on, const Part&, const Projected&, const Binned&) { parts += !on.planning(); });
+    EXPECT_EQ(parts > 1, gib < 0.02) << gib;
+    EXPECT_EQ(scene.chunks() > 1, gib < 0.02) << gib;
+    const Picture got = render_picture(*small, scene, cam, {});
+    EXPECT_EQ(got.colour.data, want.colour.data) << gib;
+    EXPECT_EQ(got.alpha.data, want.alpha.data) << gib;
+    EXPECT_EQ(got.depth.data, want.depth.data) << gib;
+    EXPECT_LE(static_cast<double>(small->memory().peak()), gib * (1 << 30));
+  }
+}
+
+TEST_P(Render, RefusesWhatNoPartFitsOf) {
+  const SceneCase c{"", 20000, 0, 64, 64, "cluster"};
+  const Gaussians g = test::make_scene(c, 12);
+  Camera cam = test::make_camera(c, 12);
+  cam.fx = cam.fy = 4;  // all of it within a tile
+  ContextOptions options;
+  options.max_memory_gib = 0.001;
+  const auto small = test::open_context(GetParam(), options);
   try {
-    render(ctx(), d, cam, {});
+    render(*small, place_on_device(*small, g, 64 * 64), cam, {});
     FAIL() << "drawn";
   } catch (const Error& e) {
     EXPECT_EQ(e.status(), Status::memory) << e.what();
   }
 }
 
-TEST_P(Render, PlansWithoutDrawing) {
-  const SceneCase c{"", 1000, 1, 100, 60, ""};
-  const DeviceGaussians g = upload(ctx(), test::make_scene(c, 13));
-  const Camera cam = test::make_camera(c, 13);
-  RenderOptions options;
-  options.assumed_tiles = static_cast<double>(count_intersections(ctx(), g, cam, options)) / 1000;
-  auto plan = ctx().planner();
-  render(*plan, g, cam, options);
-  ctx().memory().commit(plan->memory());
-  const std::size_t reserved = ctx().memory().reserved();
-  render(ctx(), g, cam, options);
-  EXPECT_EQ(ctx().memory().reserved(), reserved);
+// What a plan says is what a run of several cameras takes, on a device that nothing was done on before.
+TEST_P(Render, PlansWhatItTakes) {
+  const SceneCase c{"", 30000, 1, 200, 160, ""};
+  const Gaussians g = test::make_scene(c, 13);
+  for (const double gib : {0.0, 0.009}) {
+    ContextOptions options;
+    options.max_memory_gib = gib;
+    const auto counting = test::open_context(GetParam(), options), drawing = test::open_context(GetParam(), options);
+    const auto plan = counting->planner();
+    const GaussianChunks planned = place_on_device(*plan, g, 200 * 160);
+    const GaussianChunks scene = place_on_device(*counting, g, 200 * 160),
+                         drawn = place_on_device(*drawing, g, 200 * 160);
+    for (std::uint32_t seed = 0; seed < 5; ++seed) {
+      Camera cam = test::make_camera(c, seed);
+      cam.fx = cam.fy *= 1.0 + 0.3 * seed;
+      plan_render(*counting, scene, *plan, planned, cam, {});
+      render(*drawing, drawn, cam, {});
+    }
+    EXPECT_EQ(plan->memory().peak(), drawing->memory().peak()) << gib;
+  }
 }
 
 // A scene and its camera moved together give the same picture: positions, sizes, rotations and colours went along.

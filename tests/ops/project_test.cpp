@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "tests/reference/splat.h"
 #include "tests/support/device.h"
@@ -14,18 +16,37 @@ namespace {
 
 class Project : public test::FlavourTest {};
 
+// By the scene's indices; records of those that are seen alone.
 struct Result {
   std::vector<float> records;
-  std::vector<std::uint32_t> rects, counts, keys;
+  std::vector<std::uint32_t> rects, keys;
 };
 
 Result run(Context& ctx, const Gaussians& g, const Camera& cam,
            const std::optional<std::array<float, 3>>& mirror = {}) {
   const Tensor views =
       upload_views(ctx, {Camera(test::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5)), cam}, 0.2f, mirror);
-  const Projected p = project(ctx, upload(ctx, g), views, 1, cam.width, cam.height);
-  return {ctx.read<float>(p.records), ctx.read<std::uint32_t>(p.rects), ctx.read<std::uint32_t>(p.counts),
-          ctx.read<std::uint32_t>(p.keys)};
+  const long k = static_cast<long>(g.count);
+  const DeviceGaussians d = upload(ctx, g);
+  const Culled culled{ctx.upload({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef), Type::u32),
+                      ctx.tensor({k}, Type::u32), Tensor()};
+  project_cull(ctx, d, 0, views, 1, cam.width, cam.height, culled);
+  Result out{std::vector<float>(12 * g.count, NAN), ctx.read<std::uint32_t>(culled.rects),
+             ctx.read<std::uint32_t>(culled.keys)};
+  std::vector<std::uint32_t> ids;
+  for (std::uint32_t i = 0; i < g.count; ++i)
+    if (out.rects[2 * i + 1] != 0) ids.push_back(i);
+  // In two launches, the second of which begins in the middle of nowhere.
+  const long n = static_cast<long>(ids.size()), first = n / 3;
+  const Tensor on_device = ctx.upload({n}, ids, Type::u32);
+  const Tensor records = ctx.upload({n, 12}, std::vector<float>(12 * ids.size(), NAN));
+  project(ctx, d, 0, views, 1, on_device, 0, first, records);
+  project(ctx, d, 0, views, 1, on_device, first, n - first, records);
+  const auto got = ctx.read<float>(records);
+  for (std::size_t v = 0; v < ids.size(); ++v)
+    std::copy_n(got.begin() + static_cast<std::ptrdiff_t>(12 * v), 12,
+                out.records.begin() + 12 * std::ptrdiff_t{ids[v]});
+  return out;
 }
 
 // Whether any pixel of tile (tx, ty) gets alpha >= 1/255, by a margin.
@@ -44,14 +65,14 @@ bool touches(const ref::Splat& s, int tx, int ty) {
 void check(const ref::Splat& want, const Result& got, std::size_t k, double focal) {
   const std::uint32_t x = got.rects[2 * k], y = got.rects[2 * k + 1];
   if (want.culled || want.opacity < 1.0f / 255) {
-    EXPECT_EQ(got.counts[k], 0u);
-    EXPECT_EQ(got.keys[k], 0xffffffffu);
+    EXPECT_EQ(x, 0u);
+    EXPECT_EQ(y, 0u);
     return;
   }
-  const bool drawn = got.counts[k] != 0;
-  const int x0 = drawn ? static_cast<int>(x & 0xffff) : 0, x1 = drawn ? static_cast<int>(x >> 16) : 0;
-  const int y0 = drawn ? static_cast<int>(y & 0xffff) : 0, y1 = drawn ? static_cast<int>(y >> 16) : 0;
-  EXPECT_EQ(got.counts[k], static_cast<unsigned>((x1 - x0) * (y1 - y0)));
+  const bool drawn = y != 0;
+  const int x0 = static_cast<int>(x & 0xffff), x1 = static_cast<int>(x >> 16);
+  const int y0 = static_cast<int>(y & 0xffff), y1 = static_cast<int>(y >> 16);
+  EXPECT_EQ(drawn, x1 > x0 && y1 > y0);
   // Within the reference's tiles, and all of those in which it can be seen.
   for (int ty = want.y0; ty < want.y1; ++ty)
     for (int tx = want.x0; tx < want.x1; ++tx)
@@ -107,17 +128,54 @@ TEST_P(Project, TakesQuaternionsOfAnyLength) {
   for (std::size_t k = 0; k < g.count; ++k) check(ref::project(g, k, cam, {}), got, k, cam.fx);
 }
 
+// A chunk of a larger scene is projected as the whole of it is, wherever it begins and however many it has.
+TEST_P(Project, TakesTheSceneInChunks) {
+  const test::SceneCase c{"", 101, 2, 64, 64, ""};
+  const Gaussians g = test::make_scene(c, 25);
+  const Camera cam = test::make_camera(c, 25);
+  const Result whole = run(ctx(), g, cam);
+  const Tensor views = upload_views(ctx(), {cam}, 0.2f, {});
+  const Culled culled{ctx().tensor({101, 2}, Type::u32), ctx().tensor({101}, Type::u32), Tensor()};
+  std::vector<std::uint32_t> ids(101);
+  std::iota(ids.begin(), ids.end(), 0u);
+  const Tensor on_device = ctx().upload({101}, ids, Type::u32), records = ctx().tensor({101, 12});
+  const auto part = [](const std::vector<float>& all, long each, long first, long n) {
+    return std::vector<float>(all.begin() + each * first, all.begin() + each * (first + n));
+  };
+  long first = 0;
+  for (const long n : {0L, 1L, 3L, 15L, 16L, 17L, 49L}) {
+    const DeviceGaussians chunk{
+        ctx().upload({n, 3}, part(g.means, 3, first, n)), ctx().upload({n, 3}, part(g.scales, 3, first, n)),
+        ctx().upload({n, 4}, part(g.quats, 4, first, n)), ctx().upload({n}, part(g.opacities, 1, first, n)),
+        ctx().upload({n, 9, 3}, part(g.sh, 27, first, n))};
+    project_cull(ctx(), chunk, first, views, 0, cam.width, cam.height, culled);
+    project(ctx(), chunk, first, views, 0, on_device, first, n, records);
+    first += n;
+  }
+  ASSERT_EQ(first, 101);
+  EXPECT_EQ(ctx().read<std::uint32_t>(culled.rects), whole.rects);
+  const auto got = ctx().read<float>(records);
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    if (whole.rects[2 * (i / 12) + 1] == 0) continue;
+    EXPECT_EQ(got[i], whole.records[i]) << i;
+  }
+}
+
 TEST_P(Project, RejectsBadShape) {
   const test::SceneCase c{"", 4, 1, 32, 32, ""};
   DeviceGaussians g = upload(ctx(), test::make_scene(c, 24));
   const Tensor views = upload_views(ctx(), {test::make_camera(c, 24)}, 0.2f, {});
-  EXPECT_THROW(project(ctx(), g, views, 1, 32, 32), Error);
-  EXPECT_THROW(project(ctx(), g, views, 0, 2000000, 32), Error);
+  const Culled culled{ctx().tensor({4, 2}, Type::u32), ctx().tensor({4}, Type::u32), Tensor()};
+  EXPECT_THROW(project_cull(ctx(), g, 0, views, 1, 32, 32, culled), Error);
+  EXPECT_THROW(project_cull(ctx(), g, 1, views, 0, 32, 32, culled), Error);
+  EXPECT_THROW(project_cull(ctx(), g, 0, views, 0, 2000000, 32, culled), Error);
+  const Tensor ids = ctx().tensor({4}, Type::u32), records = ctx().tensor({4, 12});
+  EXPECT_THROW(project(ctx(), g, 0, views, 0, ids, 1, 4, records), Error);
   g.scales = ctx().tensor({5, 3});
-  EXPECT_THROW(project(ctx(), g, views, 0, 32, 32), Error);
+  EXPECT_THROW(project(ctx(), g, 0, views, 0, ids, 0, 4, records), Error);
   g.scales = ctx().tensor({4, 3});
   g.sh = ctx().tensor({4, 5, 3});
-  EXPECT_THROW(project(ctx(), g, views, 0, 32, 32), Error);
+  EXPECT_THROW(project_cull(ctx(), g, 0, views, 0, 32, 32, culled), Error);
 }
 
 VSPLAT_FLAVOURS(Project);

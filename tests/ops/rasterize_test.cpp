@@ -48,6 +48,16 @@ class Rasterize : public test::FlavourTest {
     return c;
   }
 
+  // Starts as NaN, so that what is not drawn shows.
+  DevicePicture draw(const Projected& p, const Binned& b, const Part& part, int width, int height,
+                     const std::array<float, 3>& background) {
+    const DevicePicture out = make_picture(ctx(), width, height);
+    for (const Tensor& t : {out.colour, out.alpha, out.depth})
+      ctx().write(t, std::vector<float>(static_cast<std::size_t>(t.count()), NAN).data());
+    rasterize(ctx(), p, b, part, background, out);
+    return out;
+  }
+
   void check(int width, int height, int per_tile, float opacity) {
     SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
     const Case c = make(width, height, per_tile, opacity, 3);
@@ -57,7 +67,8 @@ class Rasterize : public test::FlavourTest {
     Binned b;
     b.ids = ctx().upload({static_cast<long>(c.ids.size())}, c.ids, Type::u32);
     b.starts = ctx().upload({static_cast<long>(c.starts.size())}, c.starts, Type::u32);
-    const DevicePicture got = rasterize(ctx(), p, b, width, height, background);
+    const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
+    const DevicePicture got = draw(p, b, whole, width, height, background);
     const ref::Blended want = ref::blend(c.records, c.ids, c.starts, width, height, background);
     // Sums of up to a thousand weights in float32, weights from exponents good to 1e-6.
     EXPECT_TRUE(test::close(ctx().read<float>(got.colour), want.colour, 1e-5));
@@ -87,7 +98,7 @@ TEST_P(Rasterize, StopsBeforeTheThresholdIsPassed) {
   Binned b;
   b.ids = ctx().upload({3}, std::vector<std::uint32_t>{0, 1, 2}, Type::u32);
   b.starts = ctx().upload({2}, std::vector<std::uint32_t>{0, 3}, Type::u32);
-  const DevicePicture got = rasterize(ctx(), p, b, 16, 16, {0, 0, 0});
+  const DevicePicture got = draw(p, b, {0, 0, 1, 1}, 16, 16, {0, 0, 0});
   for (const float a : ctx().read<float>(got.alpha)) EXPECT_EQ(a, 0.99f);
 }
 
@@ -97,10 +108,12 @@ TEST_P(Rasterize, RejectsBadShape) {
   Binned b;
   b.ids = ctx().tensor({3}, Type::u32);
   b.starts = ctx().tensor({3}, Type::u32);
-  EXPECT_THROW(rasterize(ctx(), p, b, 16, 16, {0, 0, 0}), Error);
+  const DevicePicture picture = make_picture(ctx(), 16, 16);
+  EXPECT_THROW(rasterize(ctx(), p, b, {0, 0, 1, 1}, {0, 0, 0}, picture), Error);
   b.starts = ctx().tensor({2}, Type::u32);
+  EXPECT_THROW(rasterize(ctx(), p, b, {0, 1, 1, 2}, {0, 0, 0}, picture), Error);
   p.records = ctx().tensor({3, 11});
-  EXPECT_THROW(rasterize(ctx(), p, b, 16, 16, {0, 0, 0}), Error);
+  EXPECT_THROW(rasterize(ctx(), p, b, {0, 0, 1, 1}, {0, 0, 0}, picture), Error);
 }
 
 VSPLAT_FLAVOURS(Rasterize);
