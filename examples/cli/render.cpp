@@ -30,18 +30,17 @@ nlohmann::ordered_json skipped_json(const vsplat_scene_info& info) {
 
 void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
              const std::vector<vsplat_camera>& cameras) {
-  const vsplat_scene_info info = scene.info();
-  vsplat_plan largest = VSPLAT_PLAN_INIT;
-  int width = 0, height = 0;
-  for (const vsplat_camera& c : cameras) {
-    if (c.width == width && c.height == height) continue;
-    vsplat_plan plan = VSPLAT_PLAN_INIT;
-    vsplat::check(vsplat_plan_render(session.device().get(), info.count, info.sh_degree, c.width, c.height, &plan));
-    if (plan.peak >= largest.peak) largest = plan, width = c.width, height = c.height;
-  }
-  print_plans(o.common, {{std::to_string(info.count) + " Gaussians, " + std::to_string(width) + " x " +
-                              std::to_string(height) + " pixels (what overlaps in a picture is estimated)",
-                          largest}});
+  vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
+  options.near_plane = PictureJob(o.pictures).near;
+  options.progress = &Session::on_progress;
+  options.user = &session;
+  session.start("counting");
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  vsplat::check(
+      vsplat_plan_scene(session.device().get(), scene.get(), cameras.data(), cameras.size(), &options, &plan));
+  print_plans(o.common, {{std::to_string(scene.info().count) + " Gaussians, " + std::to_string(cameras.size()) +
+                              (cameras.size() == 1 ? " picture" : " pictures"),
+                          plan}});
 }
 
 void print_results(const Options& o, const PictureJob& job, const vsplat::Scene& scene, std::size_t count,

@@ -2,6 +2,8 @@
 #include "model/render.h"
 
 #include <algorithm>
+#include <string>
+#include <vector>
 
 #include "model/api/cameras.h"
 #include "model/api/device.h"
@@ -24,6 +26,17 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
   return *device->scene;
 }
 
+RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
+  if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
+  RenderOptions out;
+  std::copy_n(o.background, 3, out.background.begin());
+  for (const float v : out.background)
+    if (!std::isfinite(v)) fail(Status::usage, "options.background is not finite");
+  out.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene.near;
+  out.mirror = scene.mirror;
+  return out;
+}
+
 void copy(const Image& from, float* to) {
   if (to) std::copy(from.data.begin(), from.data.end(), to);
 }
@@ -43,13 +56,7 @@ vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vspl
     const uint64_t pixels = static_cast<uint64_t>(view.width) * static_cast<uint64_t>(view.height);
     if (p.capacity < pixels)
       fail(Status::usage, "picture.capacity is {} pixels: the camera's picture has {}", p.capacity, pixels);
-    if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
-    RenderOptions how;
-    std::copy_n(o.background, 3, how.background.begin());
-    for (const float v : how.background)
-      if (!std::isfinite(v)) fail(Status::usage, "options.background is not finite");
-    how.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene->scene->near;
-    how.mirror = scene->scene->mirror;
+    const RenderOptions how = options_of(o, *scene->scene);
     if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
     const Picture drawn =
         render_picture(device->context, on_device(device, scene->scene, static_cast<double>(pixels)), view, how);
@@ -57,6 +64,42 @@ vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vspl
     copy(drawn.colour, p.colour);
     copy(drawn.alpha, p.alpha);
     copy(drawn.depth, p.depth);
+  });
+}
+
+vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const vsplat_camera* cameras, size_t count,
+                                const vsplat_render_options* options, vsplat_plan* out_plan) {
+  return guarded([&] {
+    need(device, "device");
+    need(scene, "scene");
+    need_array(cameras, count, "cameras");
+    const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
+    const RenderOptions how = options_of(o, *scene->scene);
+    std::vector<Camera> views;
+    double pixels = 0;
+    for (size_t i = 0; i < count; ++i) {
+      const auto* at =
+          reinterpret_cast<const vsplat_camera*>(reinterpret_cast<const char*>(cameras) + i * cameras->size);
+      views.push_back(camera_of(*at, ("camera " + std::to_string(i)).c_str()));
+      pixels = std::max(pixels, static_cast<double>(views.back().width) * views.back().height);
+    }
+    const Gaussians& g = scene->scene->gaussians;
+    const std::unique_ptr<Context> planner = device->context.planner();
+    const bool fits = fits_within([&] {
+      const GaussianChunks planned = [&] {
+        const Stage stage(*planner, "scene");
+        return place_on_device(*planner, g, pixels);
+      }();
+      const GaussianChunks& there = on_device(device, scene->scene, pixels);
+      for (const Camera& view : views) {
+        if (o.progress &&
+            !o.progress(o.user, "splat", static_cast<double>(&view - views.data()) / static_cast<double>(count)))
+          fail(Status::cancelled, "stopped before all was counted");
+        plan_render(device->context, there, *planner, planned, view, how);
+      }
+    });
+    give(out_plan, plan_of(planner->stage_memory(), planner->memory().peak(), planner->memory().limits().total, fits),
+         "out_plan");
   });
 }
 

@@ -523,7 +523,15 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render(vsplat_device device, vs
                                                         const vsplat_render_options* options,
                                                         const vsplat_picture* picture);
 
-/* Memory of vsplat_render for `count` Gaussians of that degree into a picture of that size. */
+/* Memory of drawing the scene from these cameras, one after the other, on a device on which nothing was drawn yet:
+   projects and counts what overlaps, then stops. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene,
+                                                            const vsplat_camera* cameras, size_t count,
+                                                            const vsplat_render_options* options,
+                                                            vsplat_plan* out_plan);
+
+/* Memory of vsplat_render for `count` Gaussians of that degree into a picture of that size, guessed: each is taken to
+   be seen and to touch eight tiles of 16 x 16 pixels. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t sh_degree,
                                                              int32_t width, int32_t height, vsplat_plan* out_plan);
 
