@@ -196,6 +196,51 @@ class Scenes(support.Case):
         self.assertIn("warning", err)
         self.assertIn("bytes after the last element", err)
 
+    def test_cut_off(self):
+        good = "0 0 0 0 0 0 9 -1 -1 -1 1 0 0 0"
+        head = self.write_scene(good, good)
+        os.truncate(self.path("scene.ply"), head + len(good) + 3)
+        size = os.path.getsize(self.path("scene.ply"))
+        self.refuses(1, ["scene.ply", "element vertex", "promises 2 of", f"from byte {head} on", f"{size} bytes"], *self.render("--skip-bad"))
+        os.truncate(self.path("scene.ply"), 40)
+        self.refuses(1, ["scene.ply", "line 4 (byte 38)", "before end_header"], *self.render())
+
+    def test_pipe_that_nobody_writes_to(self):
+        os.mkfifo(self.path("pipe.ply"))
+        code, _, err = support.run("render", self.path("pipe.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
+        self.assertEqual(code, 1, err)
+        self.assertIn("pipe.ply: is no regular file", err)
+
+    def test_gaussians_as_far_and_large_as_floats_go(self):
+        good = "0 0 0 0 0 0 9 -1 -1 -1 1 0 0 0"
+        row = lambda position, sh, scale: f"{position} {sh} 0 0 9 {scale} 1 0 0 0"
+        self.write_scene(good, *[row(p, s, e) for p in ("0 0 0", "3e38 0 0", "3e38 -3e38 3e38") for s in ("0", "3e38", "-3e38")
+                                 for e in ("88 88 88", "-1000 88 -1", "-1000 -1000 -1000")])
+        camera = {"file": "a.png", "w": 33, "h": 17, "fx": 30, "fy": 30, "cx": 16, "cy": 8,
+                  "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}
+        json.dump([camera], open(self.path("cameras.json"), "w"))
+        pictures = []
+        for kernels in ("cpu", "gpu"):
+            self.succeeds("render", self.path("scene.ply"), "--cameras", self.path("cameras.json"), "--images", self.path(kernels), "--kernels", kernels)
+            pictures.append(support.read_png(self.path(kernels, "0000.png")))
+        self.assertGreater(support.psnr(pictures[0][2], pictures[1][2]), 40)
+
+    def test_cameras_that_are_none(self):
+        self.write_scene("0 0 0 0 0 0 9 -1 -1 -1 1 0 0 0")
+        pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]
+        frame = lambda **more: {"frames": [{"file_path": "a.png", "w": 8, "h": 8, "fl_x": 8, "transform_matrix": pose, **more}]}
+        path = self.path("transforms.json")
+        render = ("render", self.path("scene.ply"), "--cameras", path, "--images", self.path("x"))
+        for words, content in ((["frame 0 (a.png)", "coefficient k1 is 1e+300"], frame(k1=1e300)),
+                               (["frame 0 (a.png)", "transform_matrix[0][0] is NaN"], frame(transform_matrix=[[float("nan")] * 4] * 4)),
+                               (["frame 0 (a.png)", "singular"], frame(transform_matrix=[[1, 0, 0, 0]] * 3 + [[0, 0, 0, 1]])),
+                               (["frame 0 (a.png)", "w is 1000000000"], frame(w=1e9)),
+                               (["frame 0 (a.png)", "focal length fx is -8"], frame(fl_x=-8))):
+            json.dump(content, open(path, "w"))
+            self.refuses(1, ["transforms.json", *words], *render)
+        open(path, "w").write('{"frames": ' + "[" * 200000 + "]" * 200000 + "}")
+        self.refuses(1, ["transforms.json", "nested deeper"], *render)
+
     def test_damaged_selection(self):
         for text, line in (("3\n2\n", 2), ("2\n2\n", 2), ("# of another model\n999999999\n", 2), ("-1\n", 1), ("1\nx\n", 2), ("3 x\n", 1),
                            ("3.0\n", 1), ("9" * 30 + "\n", 1)):
