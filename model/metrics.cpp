@@ -20,10 +20,11 @@ using Window = std::array<double, ssim_window>;
 
 Window gaussian_window() {
   constexpr double sigma = 1.5;
+  constexpr int middle = ssim_window / 2;
   Window out{};
   double sum = 0;
   for (int i = 0; i < ssim_window; ++i) {
-    const double d = i - ssim_window / 2;
+    const double d = i - middle;
     sum += out[i] = std::exp(-d * d / (2 * sigma * sigma));
   }
   for (double& w : out) w /= sum;
