@@ -1,8 +1,8 @@
 // Projection (project.cl) differentiated: from the rows of rasterize_backward.cl to gradients of the Gaussians, one work-item
 // per visible Gaussian, and of the camera's pose.
-//   means [K,3], scales [K,3], quats [K,4], opacities [K], sh [K,S,3], views [V,32], view: as project.cl takes them;
-//   mirrored: whether colours are seen from the camera's mirror image.
-//   ids [N]: which Gaussian each of the N visible ones is; records [N,12]; rows [M,10], touched [M], of which those of visible
+//   means [K,3], scales [K,3], quats [K,4], opacities [K], sh [K,S,3], views [V,32], view: as project.cl takes them, a chunk of a
+//   larger scene whose Gaussian `base` comes first; mirrored: whether colours are seen from the camera's mirror image.
+//   ids [N]: which of the scene each of the N visible ones is, those that are not of the chunk are left to others; records [N,12]; rows [M,10], touched [M], of which those of visible
 //   Gaussian i are offsets[i] to offsets[i + 1] (offsets [N+1]).
 //   Adds to g_means, g_scales, g_quats (by the quaternion as given, of whatever length), g_opacities, g_sh, shaped as above.
 //   twists [N,6], where it is not null: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
@@ -67,9 +67,9 @@ kernel void project_backward(global const float* means, global const float* scal
                              int mirrored, global const uint* ids, global const float* records, global const float* rows,
                              global const uchar* touched, global const uint* offsets, global float* g_means,
                              global float* g_scales, global float* g_quats, global float* g_opacities, global float* g_sh,
-                             global float* twists, int N, int S) {
+                             global float* twists, int N, int K, int base, int S) {
   const int n = get_global_id(0);
-  if (n >= N) return;
+  if (n >= N || ids[n] < (uint)base || ids[n] - (uint)base >= (uint)K) return;
   float8 low = 0.0f;
   float2 high = 0.0f;
   bool seen = false;
@@ -91,7 +91,7 @@ kernel void project_backward(global const float* means, global const float* scal
   const float pyy = Y * Y * low.s5, pxy = X * Y * low.s4 - k * pyy, pxx = X * X * low.s3 - k * (X * Y * low.s4 + pxy);
   const float3 by_tint = (float3)(tint.x > 0.0f ? low.s6 : 0.0f, tint.y > 0.0f ? low.s7 : 0.0f, tint.z > 0.0f ? high.x : 0.0f);
 
-  const size_t i = ids[n];
+  const size_t i = ids[n] - base;
   g_opacities[i] += low.s0 / opacities[i];
 
   // The forward's quantities, by their names there.

@@ -1,6 +1,7 @@
 // What a picture's gradient says of each Gaussian in each tile: blending (rasterize.cl) differentiated.
 //   records [V,12] as project.cl writes them; ids [N] records tile by tile, near to far; starts [tiles + 1]; slots [N]: where an
-//   intersection's row goes. colour [H,W,3], alpha [H,W], depth [H,W]: what blending made of them; g_colour, g_alpha, g_depth:
+//   intersection's row goes. Tiles are those of a part of the picture, tiles_x in a row, which begins with tile (tile_x0,
+//   tile_y0). colour [H,W,3], alpha [H,W], depth [H,W]: what blending made of them; g_colour, g_alpha, g_depth:
 //   the loss's derivatives by those, of which any may be null (zeros).
 //   rows [N,10], each the sum over the tile's pixels of
 //     h, h dx, h t, h dx^2, h dx t, h t^2, w g_colour (3), w g_depth
@@ -54,10 +55,11 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
                                    global const uint* slots, global const float* colour, global const float* alpha,
                                    global const float* depth, global const float* g_colour, global const float* g_alpha,
                                    global const float* g_depth, global float* rows, global uchar* touched, int width, int height,
-                                   int tiles_x, int tile_count, float background_r, float background_g, float background_b) {
+                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
+                                   float background_b) {
   const int tile = get_global_id(0);
   if (tile >= tile_count) return;
-  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
+  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
   const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
 
@@ -179,13 +181,14 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
                                    global const uint* slots, global const float* colour, global const float* alpha,
                                    global const float* depth, global const float* g_colour, global const float* g_alpha,
                                    global const float* g_depth, global float* rows, global uchar* touched, int width, int height,
-                                   int tiles_x, int tile_count, float background_r, float background_g, float background_b) {
+                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
+                                   float background_b) {
   local float4 place[WG], form[WG], tint[WG];
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
-  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE, x = item % TILE, y = item / TILE;
+  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE, x = item % TILE, y = item / TILE;
   float T[PIXELS], base[PIXELS], rest[PIXELS];
   float4 grad[PIXELS];  // by red, green, blue, depth
   for (int p = 0; p < PIXELS; ++p) {

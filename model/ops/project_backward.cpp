@@ -7,6 +7,45 @@ namespace {
 
 constexpr long kSumBlock = 512;  // Gaussians whose twists one work-item sums
 
+}  // namespace
+
+GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree) {
+  const auto zeros = [&](const Shape& shape, const char* what) {
+    Tensor out = ctx.tensor(shape, Type::f32, what);
+    ctx.fill_zero(out);
+    return out;
+  };
+  return {zeros({count, 3}, "gradient.means"), zeros({count, 3}, "gradient.scales"),
+          zeros({count, 4}, "gradient.quats"), zeros({count}, "gradient.opacities"),
+          zeros({count, static_cast<long>(sh_degree + 1) * (sh_degree + 1), 3}, "gradient.sh")};
+}
+
+void project_backward(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, bool mirrored,
+                      const Projected& visible, const Tensor& offsets, const IntersectionGradients& intersections,
+                      const GaussianGradients& out, const Tensor& twists) {
+  Dims d;
+  d.bind("means", g.means, {"K", "3"}).bind("scales", g.scales, {"K", "3"}).bind("quats", g.quats, {"K", "4"});
+  d.bind("opacities", g.opacities, {"K"}).bind("sh", g.sh, {"K", "S", "3"}).bind("views", views, {"V", "32"});
+  d.bind("ids", visible.ids, {"N"}, Type::u32).bind("records", visible.records, {"N", "12"});
+  d.bind("rows", intersections.rows, {"M", "10"});
+  d.bind("touched", intersections.touched, {"M"}, Type::u8);
+  const long n = d["N"], s = d["S"];
+  d.set("N + 1", n + 1).bind("offsets", offsets, {"N + 1"}, Type::u32);
+  d.bind("gradient.means", out.means, {"K", "3"}).bind("gradient.scales", out.scales, {"K", "3"});
+  d.bind("gradient.quats", out.quats, {"K", "4"}).bind("gradient.opacities", out.opacities, {"K"});
+  d.bind("gradient.sh", out.sh, {"K", "S", "3"});
+  if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project_backward: {} spherical harmonics", s);
+  if (view < 0 || view >= d["V"]) fail(Status::internal, "project_backward: view {} of {}", view, d["V"]);
+  d.bind_optional("twists", twists, {"N", "6"});
+  const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
+  ctx.launch({"project_backward", "project_backward", ""}, items(n),
+             {count * (450.0 + 20.0 * sh) + rows * 10, count * (180.0 + 36.0 * sh) + rows * 41}, g.means, g.scales,
+             g.quats, g.opacities, g.sh, views, static_cast<int>(view), static_cast<int>(mirrored), visible.ids,
+             visible.records, intersections.rows, intersections.touched, offsets, out.means, out.scales, out.quats,
+             out.opacities, out.sh, twists, static_cast<int>(n), static_cast<int>(d["K"]), static_cast<int>(base),
+             static_cast<int>(s));
+}
+
 Tensor sum_twists(Context& ctx, Tensor twists) {
   while (twists.dim(0) != 1) {
     const long n = twists.dim(0), blocks = std::max(1L, (n + kSumBlock - 1) / kSumBlock);
@@ -17,43 +56,6 @@ Tensor sum_twists(Context& ctx, Tensor twists) {
     twists = sums;
   }
   return twists.reshaped({6});
-}
-
-}  // namespace
-
-GaussianGradients zero_gradients(Context& ctx, const DeviceGaussians& g) {
-  const auto zeros = [&](const Tensor& like, const char* what) {
-    Tensor out = ctx.tensor(like.shape(), Type::f32, what);
-    ctx.fill_zero(out);
-    return out;
-  };
-  return {zeros(g.means, "gradient.means"), zeros(g.scales, "gradient.scales"), zeros(g.quats, "gradient.quats"),
-          zeros(g.opacities, "gradient.opacities"), zeros(g.sh, "gradient.sh")};
-}
-
-Tensor project_backward(Context& ctx, const DeviceGaussians& g, const Tensor& views, long view, bool mirrored,
-                        const VisibleGaussians& visible, const GaussianGradients& out, bool pose) {
-  Dims d;
-  d.bind("means", g.means, {"K", "3"}).bind("scales", g.scales, {"K", "3"}).bind("quats", g.quats, {"K", "4"});
-  d.bind("opacities", g.opacities, {"K"}).bind("sh", g.sh, {"K", "S", "3"}).bind("views", views, {"V", "32"});
-  d.bind("ids", visible.ids, {"N"}, Type::u32).bind("records", visible.records, {"N", "12"});
-  d.bind("rows", visible.intersections.rows, {"M", "10"});
-  d.bind("touched", visible.intersections.touched, {"M"}, Type::u8);
-  const long n = d["N"], s = d["S"];
-  d.set("N + 1", n + 1).bind("offsets", visible.offsets, {"N + 1"}, Type::u32);
-  d.bind("gradient.means", out.means, {"K", "3"}).bind("gradient.scales", out.scales, {"K", "3"});
-  d.bind("gradient.quats", out.quats, {"K", "4"}).bind("gradient.opacities", out.opacities, {"K"});
-  d.bind("gradient.sh", out.sh, {"K", "S", "3"});
-  if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project_backward: {} spherical harmonics", s);
-  if (view < 0 || view >= d["V"]) fail(Status::internal, "project_backward: view {} of {}", view, d["V"]);
-  const Tensor twists = pose ? ctx.tensor({n, 6}, Type::f32, "project_backward.twists") : Tensor();
-  const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
-  ctx.launch({"project_backward", "project_backward", ""}, items(n),
-             {count * (450.0 + 20.0 * sh) + rows * 10, count * (180.0 + 36.0 * sh) + rows * 41}, g.means, g.scales,
-             g.quats, g.opacities, g.sh, views, static_cast<int>(view), static_cast<int>(mirrored), visible.ids,
-             visible.records, visible.intersections.rows, visible.intersections.touched, visible.offsets, out.means,
-             out.scales, out.quats, out.opacities, out.sh, twists, static_cast<int>(n), static_cast<int>(s));
-  return pose ? sum_twists(ctx, twists) : Tensor();
 }
 
 }  // namespace vsplat

@@ -13,20 +13,18 @@ struct GaussianGradients {
   Tensor opacities;  // f32 [K]
   Tensor sh;         // f32 [K,S,3]
 };
-GaussianGradients zero_gradients(Context& ctx, const DeviceGaussians& gaussians);
+// Of `count` Gaussians.
+GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree);
 
-// The N visible Gaussians of a view, and their intersections with tiles.
-struct VisibleGaussians {
-  Tensor ids;      // u32 [N]: which Gaussian each is
-  Tensor records;  // f32 [N,12]
-  Tensor offsets;  // u32 [N+1]: where each one's rows begin
-  IntersectionGradients intersections;
-};
+// Adds to `out` what the rows of `intersections` say of a chunk of the scene, whose first Gaussian is the scene's
+// `base`. `view` of upload_views' [V,32], `mirrored` where those were given a mirror point; offsets as Binned has them.
+// `twists`, where it is not none: f32 [N,6], a row for each of the N visible Gaussians, of which the chunk's are
+// written.
+void project_backward(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view,
+                      bool mirrored, const Projected& visible, const Tensor& offsets,
+                      const IntersectionGradients& intersections, const GaussianGradients& out, const Tensor& twists);
 
-// Adds to `out`. `view` of upload_views' [V,32], `mirrored` where those were given a mirror point. Returns, where
-// `pose` is asked for, f32 [6]: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera; else
-// none.
-Tensor project_backward(Context& ctx, const DeviceGaussians& gaussians, const Tensor& views, long view, bool mirrored,
-                        const VisibleGaussians& visible, const GaussianGradients& out, bool pose);
+// f32 [6]: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
+Tensor sum_twists(Context& ctx, Tensor twists);
 
 }  // namespace vsplat

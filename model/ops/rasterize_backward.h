@@ -13,15 +13,16 @@ struct PictureGradient {
   Tensor depth;   // f32 [H,W]
 };
 
-// A row per intersection of a tile and a Gaussian, where `slots` puts it. See cl/rasterize_backward.cl for the columns.
+// A row per intersection of a tile and a Gaussian, where Binned::slots puts it. See cl/rasterize_backward.cl for the
+// columns.
 struct IntersectionGradients {
   Tensor rows;     // f32 [N,10]
   Tensor touched;  // u8 [N]: 1 where a row was written; the others are zeros, and not written
 };
 
-// `picture` is what rasterize() made of the same Gaussians over the same background; slots u32 [N].
+// For a part of the picture, of which `picture` is what rasterize() made over the same background; `binned` has slots.
 IntersectionGradients rasterize_backward(Context& ctx, const Projected& projected, const Binned& binned,
-                                         const Tensor& slots, const DevicePicture& picture,
+                                         const Part& part, const DevicePicture& picture,
                                          const PictureGradient& gradient, const std::array<float, 3>& background);
 
 }  // namespace vsplat

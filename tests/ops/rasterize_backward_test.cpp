@@ -39,10 +39,13 @@ class RasterizeBackward : public test::FlavourTest {
     Binned b;
     b.ids = upload_u32(c.ids);
     b.starts = upload_u32(c.starts);
-    const DevicePicture picture = rasterize(ctx(), p, b, width, height, background);
     const std::vector<std::uint32_t> slots = test::slots_of(c);
+    b.slots = upload_u32(slots);
+    const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
+    const DevicePicture picture = make_picture(ctx(), width, height);
+    rasterize(ctx(), p, b, whole, background, picture);
     const IntersectionGradients got = rasterize_backward(
-        ctx(), p, b, upload_u32(slots), picture,
+        ctx(), p, b, whole, picture,
         {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}), upload(up.depth, {height, width})},
         background);
     const auto rows = ctx().read<float>(got.rows);
@@ -119,19 +122,22 @@ TEST_P(RasterizeBackward, HoldsAlphaAtItsLimit) {
 }
 
 TEST_P(RasterizeBackward, RejectsBadShape) {
-  const test::Records c = test::make_records(16, 16, 5, 0.5f, 1);
-  Upstream up = random_upstream(16, 16);
-  up.alpha.resize(15 * 16);
   Projected p;
   p.records = ctx().tensor({5, 12});
   Binned b;
   b.ids = ctx().tensor({5}, Type::u32);
   b.starts = ctx().tensor({2}, Type::u32);
   const DevicePicture picture{ctx().tensor({16, 16, 3}), ctx().tensor({16, 16}), ctx().tensor({16, 16})};
-  const Tensor slots = ctx().tensor({5}, Type::u32);
-  EXPECT_THROW(rasterize_backward(ctx(), p, b, ctx().tensor({4}, Type::u32), picture, {}, background), Error);
-  EXPECT_THROW(rasterize_backward(ctx(), p, b, slots, picture, {ctx().tensor({16, 15, 3}), {}, {}}, background), Error);
-  EXPECT_THROW(rasterize_backward(ctx(), p, b, slots, picture, {{}, {}, ctx().tensor({15, 16})}, background), Error);
+  const Part whole{0, 0, 1, 1};
+  const auto run_with = [&](const PictureGradient& gradient, const Part& part) {
+    rasterize_backward(ctx(), p, b, part, picture, gradient, background);
+  };
+  b.slots = ctx().tensor({4}, Type::u32);
+  EXPECT_THROW(run_with({}, whole), Error);
+  b.slots = ctx().tensor({5}, Type::u32);
+  EXPECT_THROW(run_with({ctx().tensor({16, 15, 3}), {}, {}}, whole), Error);
+  EXPECT_THROW(run_with({{}, {}, ctx().tensor({15, 16})}, whole), Error);
+  EXPECT_THROW(run_with({}, Part{1, 0, 2, 1}), Error);
 }
 
 VSPLAT_FLAVOURS(RasterizeBackward);

@@ -1,0 +1,23 @@
+// Gradients of a loss on a picture: by the Gaussians that render() drew, and by the camera's pose.
+#pragma once
+#include <array>
+#include <vector>
+
+#include "model/ops/project_backward.h"
+#include "model/render.h"
+
+namespace vsplat {
+
+// Chunk by chunk, as the scene is.
+using SceneGradient = std::vector<GaussianGradients>;
+SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene);
+Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree);
+
+// Draws the picture once more, and adds to `out` the derivatives of a loss whose derivatives by the picture are
+// `gradient`. They are the true ones, with tiles, order and what is left out held as they are; the same bits every
+// time. `pose`, where it is not null: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
+// Waits for the device.
+void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                     const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose);
+
+}  // namespace vsplat
