@@ -88,6 +88,137 @@ TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   }
 }
 
+class RenderBackward : public test::FlavourTest {};
+
+Picture random_cotangent(int width, int height) {
+  Picture p{Image(width, height, 3), Image(width, height, 1), Image(width, height, 1)};
+  p.colour.data = test::random_floats(p.colour.data.size(), 41);
+  p.alpha.data = test::random_floats(p.alpha.data.size(), 42);
+  p.depth.data = test::random_floats(p.depth.data.size(), 43);
+  return p;
+}
+
+// Against differences of the reference's picture in double. Every Gaussian is wide enough to be over 1/255 in every
+// pixel, faint enough never to be held at 0.99, and few enough for light to come through: no threshold is near.
+TEST_P(RenderBackward, MatchesDifferences) {
+  Gaussians g;
+  g.count = 5;
+  g.sh_degree = 2;
+  const std::vector<float> at = test::random_floats(1000, 44);
+  for (std::size_t k = 0; k < g.count; ++k) {
+    const float* r = &at[60 * k];
+    g.means.insert(g.means.end(), {0.3f * r[0], 0.3f * r[1], 0.5f * r[2]});
+    g.scales.insert(g.scales.end(), {0.6f + 0.2f * r[3], 0.6f + 0.2f * r[4], 0.6f + 0.2f * r[5]});
+    g.quats.insert(g.quats.end(), {r[6], r[7], r[8], 1.5f});
+    g.opacities.push_back(0.5f + 0.3f * r[9]);
+    for (std::size_t i = 0; i < 27; ++i) g.sh.push_back(0.2f * r[10 + i] + (i < 3 ? 0.8f : 0.0f));
+  }
+  const Camera cam = test::make_camera({"", 0, 0, 13, 11, ""}, 45);
+  RenderOptions options;
+  options.background = {0.2f, 0.4f, 0.9f};
+  options.mirror = {0.1f, -0.2f, 0.3f};
+  ref::Options reference;
+  for (std::size_t i = 0; i < 3; ++i) reference.background[i] = options.background[i];
+  reference.mirror = Eigen::Vector3f(0.1f, -0.2f, 0.3f).cast<double>();
+  const Picture cotangent = random_cotangent(cam.width, cam.height);
+  const auto loss = [&](const Gaussians& scene, const Camera& camera) {
+    const ref::Frame f = ref::render(scene, camera, reference);
+    double sum = 0;
+    const auto add = [&sum](const std::vector<double>& v, const Image& by) {
+      for (std::size_t i = 0; i < v.size(); ++i) sum += v[i] * by.data[i];
+    };
+    add(f.colour, cotangent.colour), add(f.alpha, cotangent.alpha), add(f.depth, cotangent.depth);
+    return sum;
+  };
+  const Gradient got = differentiate(ctx(), g, {cam}, options, {cotangent});
+
+  const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name) {
+    std::vector<double> want;
+    Gaussians moved = g;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      float& value = (moved.*field)[i];
+      const float base = value;
+      const auto slope = [&](float h) {
+        const float low = base - h, high = base + h;
+        value = high;
+        const double above = loss(moved, cam);
+        value = low;
+        const double below = loss(moved, cam);
+        value = base;
+        return (above - below) / (static_cast<double>(high) - low);
+      };
+      want.push_back((4 * slope(0x1p-9f) - slope(0x1p-8f)) / 3);
+    }
+    EXPECT_TRUE(test::close(values, want, 2e-5)) << name;
+  };
+  compare(got.gaussians.means, &Gaussians::means, "means");
+  compare(got.gaussians.scales, &Gaussians::scales, "scales");
+  compare(got.gaussians.quats, &Gaussians::quats, "quats");
+  compare(got.gaussians.opacities, &Gaussians::opacities, "opacities");
+  compare(got.gaussians.sh, &Gaussians::sh, "sh");
+
+  std::vector<double> pose;
+  for (long i = 0; i < 6; ++i) {
+    const auto slope = [&](double h) {
+      const auto at_step = [&](double step) {
+        Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
+        twist[i] = step;
+        Camera moved = cam;
+        moved.w2c = test::exp_twist(twist) * cam.w2c;
+        return loss(g, moved);
+      };
+      return (at_step(h) - at_step(-h)) / (2 * h);
+    };
+    pose.push_back((4 * slope(0x1p-10) - slope(0x1p-9)) / 3);
+  }
+  EXPECT_TRUE(test::close(std::vector<double>(got.poses[0].begin(), got.poses[0].end()), pose, 2e-5)) << "pose";
+}
+
+// However little memory there is: sums are taken in another order, which is all that may differ.
+TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
+  const test::SceneCase c{"", 150000, 0, 300, 200, ""};
+  const Gaussians g = test::make_scene(c, 12);
+  const Camera cam = test::make_camera(c, 12);
+  const Picture cotangent = random_cotangent(cam.width, cam.height);
+  const Gradient want = differentiate(ctx(), g, {cam}, {}, {cotangent});
+  ContextOptions few;
+  few.max_memory_gib = 0.045;
+  const auto small = test::open_context(GetParam(), few);
+  int parts = 0;
+  for_each_part(*small, upload(*small, g), cam, {}, true,
+                [&](Context& on, const Part&, const Projected&, const Binned& b) {
+                  (void)on.tensor({b.ids.dim(0), 10});
+                  parts += !on.planning();
+                });
+  EXPECT_GT(parts, 1);
+  const Gradient got = differentiate(*small, g, {cam}, {}, {cotangent});
+  EXPECT_TRUE(test::close(got.gaussians.means, want.gaussians.means, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.scales, want.gaussians.scales, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.quats, want.gaussians.quats, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.opacities, want.gaussians.opacities, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.sh, want.gaussians.sh, 1e-5));
+  const auto values = [](const std::array<double, 6>& pose) { return std::vector<double>(pose.begin(), pose.end()); };
+  EXPECT_TRUE(test::close(values(got.poses[0]), values(want.poses[0]), 1e-4));
+  EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
+}
+
+// No derivative by the picture, none by anything.
+TEST_P(RenderBackward, IsZeroWhereTheLossIs) {
+  const test::SceneCase c{"", 100, 1, 40, 40, ""};
+  const Gaussians g = test::make_scene(c, 46);
+  const Camera cam = test::make_camera(c, 46);
+  const GaussianChunks scene = upload(ctx(), g);
+  const SceneGradient out = zero_gradient(ctx(), scene);
+  std::array<double, 6> pose{1, 1, 1, 1, 1, 1};
+  render_backward(ctx(), scene, cam, {}, {}, out, &pose);
+  const Gaussians got = download(ctx(), out, 1);
+  for (const auto* v : {&got.means, &got.scales, &got.quats, &got.opacities, &got.sh})
+    EXPECT_TRUE(std::all_of(v->begin(), v->end(), [](float x) { return x == 0; }));
+  for (const double v : pose) EXPECT_EQ(v, 0);
+}
+
+VSPLAT_FLAVOURS(RenderBackward);
+
 std::string case_name(const ::testing::TestParamInfo<RenderBackwardGolden::ParamType>& info) {
   return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
 }
