@@ -6,36 +6,13 @@
 #include <vector>
 
 #include "model/api/cameras.h"
-#include "model/api/device.h"
+#include "model/api/drawing.h"
 #include "model/api/plan.h"
-#include "model/api/scene.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
 
 namespace {
-
-// Once per scene and device: many cameras are drawn from the same one.
-const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {
-  if (device->scene_key.lock() != scene) {
-    device->scene.reset();
-    device->scene_key.reset();
-    device->scene = place_on_device(device->context, scene->gaussians, pixels);
-    device->scene_key = scene;
-  }
-  return *device->scene;
-}
-
-RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
-  if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
-  RenderOptions out;
-  std::copy_n(o.background, 3, out.background.begin());
-  for (const float v : out.background)
-    if (!std::isfinite(v)) fail(Status::usage, "options.background is not finite");
-  out.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene.near;
-  out.mirror = scene.mirror;
-  return out;
-}
 
 void copy(const Image& from, float* to) {
   if (to) std::copy(from.data.begin(), from.data.end(), to);

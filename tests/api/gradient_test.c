@@ -25,7 +25,8 @@ static void hold_at(int line, int good, const char* what) {
 
 enum { count = 2, coefficients = 4 };
 
-/* What a caller has of two Gaussians before the camera, with room for a third. */
+/* What a caller has of two Gaussians before the camera, with room for a third. They fill the picture: no pixel lies at
+   an edge of theirs, where it would jump. */
 typedef struct values {
   float means[9], scales[9], rotations[12], opacities[3], sh[3 * coefficients * 3];
 } values;
@@ -37,7 +38,7 @@ static values make_values(void) {
   for (i = 0; i < count; ++i) {
     v.means[3 * i] = 0.2f * (float)i - 0.1f;
     v.means[3 * i + 2] = 2.0f + (float)i;
-    v.scales[3 * i] = 0.2f, v.scales[3 * i + 1] = 0.1f, v.scales[3 * i + 2] = 0.15f;
+    v.scales[3 * i] = 0.7f, v.scales[3 * i + 1] = 0.6f, v.scales[3 * i + 2] = 0.65f;
     v.rotations[4 * i] = 1.5f, v.rotations[4 * i + 2] = 0.5f;
     v.opacities[i] = 0.6f;
   }
@@ -150,9 +151,135 @@ static void update_replaces_what_is_given(void) {
   vsplat_scene_release(scene);
 }
 
+enum { side = 20, pixels = side * side };
+
+static vsplat_camera make_camera(void) {
+  vsplat_camera out = VSPLAT_CAMERA_INIT;
+  out.width = out.height = side;
+  out.fx = out.fy = 25;
+  out.cx = out.cy = side / 2.0;
+  return out;
+}
+
+/* A loss that weighs every value of the picture. */
+static vsplat_picture make_weights(float* weights) {
+  vsplat_picture out = VSPLAT_PICTURE_INIT;
+  int i;
+  for (i = 0; i < 5 * pixels; ++i) weights[i] = 0.5f + 0.01f * (float)(i * 7919 % 101);
+  out.capacity = pixels;
+  out.colour = weights;
+  out.alpha = weights + 3 * pixels;
+  out.depth = weights + 4 * pixels;
+  return out;
+}
+
+static double loss_of(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera, const float* weights) {
+  float drawn[5 * pixels];
+  vsplat_picture picture = VSPLAT_PICTURE_INIT;
+  double sum = 0;
+  int i;
+  picture.capacity = pixels;
+  picture.colour = drawn;
+  picture.alpha = drawn + 3 * pixels;
+  picture.depth = drawn + 4 * pixels;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, camera, NULL, &picture));
+  for (i = 0; i < 5 * pixels; ++i) sum += (double)weights[i] * (double)drawn[i];
+  return sum;
+}
+
+static void refuses_bad_gradients(vsplat_device device) {
+  values v = make_values(), by;
+  vsplat_scene scene = make_scene(&v);
+  vsplat_camera camera = make_camera();
+  float weights[5 * pixels];
+  vsplat_picture gradient = make_weights(weights);
+  vsplat_gaussians arrays = arrays_of(&by);
+  double pose[6];
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(NULL, scene, &camera, NULL, &gradient, &arrays, pose));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, NULL, &camera, NULL, &gradient, &arrays, pose));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, NULL, NULL, &gradient, &arrays, pose));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, &camera, NULL, NULL, &arrays, pose));
+  gradient.capacity = pixels - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &arrays, pose));
+  gradient.capacity = pixels;
+  arrays.capacity = count - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &arrays, pose));
+  arrays.capacity = count;
+  weights[3 * pixels + 5] = NAN;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &arrays, pose));
+  HOLD(strstr(vsplat_last_error(), "gradient.alpha") && strstr(vsplat_last_error(), "index 5"));
+  weights[3 * pixels + 5] = 0;
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, NULL, NULL));
+  vsplat_scene_release(scene);
+}
+
+/* One value moved a little either way. */
+static double difference(vsplat_device device, vsplat_scene scene, values* v, float* value, float step,
+                         const float* weights) {
+  const vsplat_camera camera = make_camera();
+  const vsplat_gaussians arrays = arrays_of(v);
+  const float base = *value;
+  double high, low;
+  *value = base + step;
+  EXPECT(VSPLAT_OK, vsplat_scene_update(scene, &arrays));
+  high = loss_of(device, scene, &camera, weights);
+  *value = base - step;
+  EXPECT(VSPLAT_OK, vsplat_scene_update(scene, &arrays));
+  low = loss_of(device, scene, &camera, weights);
+  *value = base;
+  EXPECT(VSPLAT_OK, vsplat_scene_update(scene, &arrays));
+  return (high - low) / (2 * (double)step);
+}
+
+/* To a thousandth, which is what differences of pictures in float allow. */
+static void near_at(int line, double got, double want) {
+  hold_at(line, fabs(want) > 1e-3 && fabs(got - want) <= 1e-3 * fabs(want), "a derivative");
+  if (!(fabs(got - want) <= 1e-3 * fabs(want))) printf("%g, %g expected\n", got, want);
+}
+#define NEAR(got, want) near_at(__LINE__, got, want)
+
+static void matches_differences(vsplat_device device) {
+  values v = make_values(), by, again;
+  vsplat_scene scene = make_scene(&v);
+  vsplat_camera camera = make_camera();
+  float weights[5 * pixels];
+  vsplat_picture gradient = make_weights(weights);
+  vsplat_gaussians arrays = arrays_of(&by);
+  double pose[6], pose_again[6], high, low;
+  memset(&by, 0x7f, sizeof by);
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &arrays, pose));
+  NEAR((double)by.means[1], difference(device, scene, &v, &v.means[1], 0.01f, weights));
+  NEAR((double)by.means[5], difference(device, scene, &v, &v.means[5], 0.01f, weights));
+  NEAR((double)by.scales[0], difference(device, scene, &v, &v.scales[0], 0.005f, weights));
+  NEAR((double)by.rotations[3], difference(device, scene, &v, &v.rotations[3], 0.02f, weights));
+  NEAR((double)by.opacities[1], difference(device, scene, &v, &v.opacities[1], 0.02f, weights));
+  NEAR((double)by.sh[7], difference(device, scene, &v, &v.sh[7], 0.02f, weights));
+  camera.w2c[11] = 0.01;
+  high = loss_of(device, scene, &camera, weights);
+  camera.w2c[11] = -0.01;
+  low = loss_of(device, scene, &camera, weights);
+  camera.w2c[11] = 0;
+  NEAR(pose[5], (high - low) / 0.02);
+  /* The third, for which there was only room, is left alone. */
+  memset(&again, 0x7f, sizeof again);
+  HOLD(memcmp(&by.means[6], &again.means[6], 3 * sizeof(float)) == 0);
+  again = by;
+  arrays = arrays_of(&again);
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &arrays, pose_again));
+  HOLD(memcmp(&by, &again, sizeof by) == 0 && memcmp(pose, pose_again, sizeof pose) == 0);
+  vsplat_scene_release(scene);
+}
+
 int main(void) {
+  vsplat_device device = NULL;
   refuses_bad_values();
   update_replaces_what_is_given();
+  EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
+  if (device) {
+    refuses_bad_gradients(device);
+    matches_differences(device);
+  }
+  vsplat_device_release(device);
   if (failures) printf("%d checks do not hold\n", failures);
   return failures != 0;
 }

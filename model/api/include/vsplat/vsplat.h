@@ -523,6 +523,21 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render(vsplat_device device, vs
                                                         const vsplat_render_options* options,
                                                         const vsplat_picture* picture);
 
+/* Derivatives of a loss on that picture. `gradient` holds those by the picture's values, shaped as vsplat_render gives
+   them; arrays that are NULL count as zeros. `arrays` takes those by the scene's Gaussians, shaped as
+   vsplat_scene_get_gaussians gives them: by the scales themselves, by rotations as they are, of whatever length, and by
+   opacities, not by a logarithm or a logit; NULL, or arrays of it that are NULL, where not wanted. `out_pose`, where it
+   is not NULL, takes six: by (omega, tau) at 0, where the camera's pose is exp([omega, tau]) times w2c: a turn about
+   the camera's axes, in radians, and a shift along them, in world units. They are the true derivatives, with the order
+   of the Gaussians and what is left out of the picture held as they are: alpha does not change where it is limited to
+   0.99, nor colour where it is limited to 0. The same bits every time. The picture is drawn once more to begin with.
+   What is written replaces what was there; sums over cameras are the caller's. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene,
+                                                                 const vsplat_camera* camera,
+                                                                 const vsplat_render_options* options,
+                                                                 const vsplat_picture* gradient,
+                                                                 const vsplat_gaussians* arrays, double* out_pose);
+
 /* Memory of drawing the scene from these cameras, one after the other, on a device on which nothing was drawn yet:
    projects and counts what overlaps, then stops. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene,

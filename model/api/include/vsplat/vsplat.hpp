@@ -386,6 +386,23 @@ inline Picture render(const Device& device, const Scene& scene, const vsplat_cam
   return out;
 }
 
+// Derivatives of a loss on a picture.
+struct Gradient {
+  Gaussians gaussians;
+  double pose[6] = {};  // see vsplat_render_backward
+};
+
+// `by_picture` holds the loss's derivatives by the picture's values.
+inline Gradient render_backward(const Device& device, const Scene& scene, const vsplat_camera& camera,
+                                Picture by_picture, const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
+  const vsplat_scene_info about = scene.info();
+  Gradient out{Gaussians(about.count, about.sh_degree)};
+  const vsplat_picture p = by_picture.arrays();
+  const vsplat_gaussians arrays = out.gaussians.arrays();
+  check(vsplat_render_backward(device.get(), scene.get(), &camera, &options, &p, &arrays, out.pose));
+  return out;
+}
+
 }  // namespace cxx
 }  // namespace vsplat
 

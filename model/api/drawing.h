@@ -1,0 +1,18 @@
+// What drawing and its derivative have in common.
+#pragma once
+#include <memory>
+
+#include "model/api/device.h"
+#include "model/api/handle.h"
+#include "model/api/scene.h"
+#include "model/render.h"
+
+namespace vsplat::api {
+
+// Once per scene and device: many cameras are drawn from the same one, pictures of about `pixels` pixels.
+const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels);
+
+// Checked.
+RenderOptions options_of(const vsplat_render_options& options, const Scene& scene);
+
+}  // namespace vsplat::api

@@ -1,0 +1,69 @@
+// Gradients of a loss on a picture of a scene.
+#include "model/render_backward.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/api/cameras.h"
+#include "model/api/drawing.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+// A caller's derivatives by one array of the picture, of `shape`; none where it is null.
+Tensor upload_gradient(Context& ctx, const float* values, const Shape& shape, const char* name) {
+  if (!values) return {};
+  long count = 1;
+  for (const long n : shape) count *= n;
+  const float* bad = std::find_if(values, values + count, [](float v) { return !std::isfinite(v); });
+  if (bad != values + count) fail(Status::input, "gradient.{}: {} at index {}", name, *bad, bad - values);
+  return ctx.upload(shape, values, Type::f32, "gradient of the picture");
+}
+
+void copy(const std::vector<float>& from, float* to) {
+  if (to) std::copy(from.begin(), from.end(), to);
+}
+
+}  // namespace
+
+vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
+                                     const vsplat_render_options* options, const vsplat_picture* gradient,
+                                     const vsplat_gaussians* arrays, double* out_pose) {
+  return guarded([&] {
+    need(device, "device");
+    need(scene, "scene");
+    need(camera, "camera");
+    need(gradient, "gradient");
+    const Camera view = camera_of(*camera, "camera");
+    const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
+    const vsplat_picture p = taken(gradient, VSPLAT_PICTURE_INIT, "gradient");
+    const vsplat_gaussians a = taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays");
+    const Gaussians& g = scene->scene->gaussians;
+    const uint64_t pixels = static_cast<uint64_t>(view.width) * static_cast<uint64_t>(view.height);
+    if (p.capacity < pixels)
+      fail(Status::usage, "gradient.capacity is {} pixels: the camera's picture has {}", p.capacity, pixels);
+    if (arrays && a.capacity < g.count)
+      fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, g.count);
+    const RenderOptions how = options_of(o, *scene->scene);
+    if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
+    Context& ctx = device->context;
+    const GaussianChunks& placed = on_device(device, scene->scene, static_cast<double>(pixels));
+    const long h = view.height, w = view.width;
+    const PictureGradient by_picture{upload_gradient(ctx, p.colour, {h, w, 3}, "colour"),
+                                     upload_gradient(ctx, p.alpha, {h, w}, "alpha"),
+                                     upload_gradient(ctx, p.depth, {h, w}, "depth")};
+    const SceneGradient out = zero_gradient(ctx, placed);
+    std::array<double, 6> pose{};
+    render_backward(ctx, placed, view, how, by_picture, out, out_pose ? &pose : nullptr);
+    const Gaussians got = download(ctx, out, g.sh_degree);
+    ctx.finish();
+    copy(got.means, a.means);
+    copy(got.scales, a.scales);
+    copy(got.quats, a.rotations);
+    copy(got.opacities, a.opacities);
+    copy(got.sh, a.sh);
+    if (out_pose) std::copy(pose.begin(), pose.end(), out_pose);
+  });
+}
