@@ -22,16 +22,37 @@
 #define BLOCKS 16
 #define LANES 16
 
-// The tile's share of a picture of `channels` values a pixel, of which `channel` is meant, block by block; 0 outside of it.
-static void load_tile(float16* out, global const float* picture, int channels, int channel, int x0, int y0, int width,
-                      int height) {
-  float values[BLOCKS * LANES];
-  for (int i = 0; i < BLOCKS * LANES; ++i) {
-    const int block = i / LANES, lane = i % LANES;
-    const int x = x0 + block % BLOCK * BLOCK + lane % BLOCK, y = y0 + block / BLOCK * BLOCK + lane / BLOCK;
-    values[i] = picture && x < width && y < height ? picture[((size_t)y * width + x) * channels + channel] : 0.0f;
+// A block's pixels of a picture with one value a pixel; 0 outside of it, or where there is none.
+static inline float16 load_block(global const float* picture, int x, int y, int width, int height) {
+  float values[LANES];
+  for (int row = 0; row < BLOCK; ++row) {
+    const bool there = picture && y + row < height;
+    global const float* from = picture + ((size_t)(y + row) * width + x);
+    if (there && x + BLOCK <= width) {
+      vstore4(vload4(0, from), row, values);
+    } else {
+      for (int i = 0; i < BLOCK; ++i) values[BLOCK * row + i] = there && x + i < width ? from[i] : 0.0f;
+    }
   }
-  for (int b = 0; b < BLOCKS; ++b) out[b] = vload16(b, values);
+  return vload16(0, values);
+}
+
+// The same with three values a pixel, channel by channel.
+static inline void load_colours(global const float* picture, int x, int y, int width, int height, float16* channels) {
+  float values[3][LANES];
+  for (int row = 0; row < BLOCK; ++row) {
+    const bool there = picture && y + row < height;
+    global const float* from = picture + 3 * ((size_t)(y + row) * width + x);
+    if (there && x + BLOCK <= width) {
+      const float4 a = vload4(0, from), b = vload4(1, from), c = vload4(2, from);
+      vstore4((float4)(a.x, a.w, b.z, c.y), row, values[0]);
+      vstore4((float4)(a.y, b.x, b.w, c.z), row, values[1]);
+      vstore4((float4)(a.z, b.y, c.x, c.w), row, values[2]);
+    } else {
+      for (int i = 0; i < 3 * BLOCK; ++i) values[i % 3][BLOCK * row + i / 3] = there && x + i / 3 < width ? from[i] : 0.0f;
+    }
+  }
+  for (int c = 0; c < 3; ++c) channels[c] = vload16(0, values[c]);
 }
 
 static inline float largest(float16 x) {
@@ -65,40 +86,33 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
 
   // Per block: transmittance (0: finished), gradients, what s is without the Gaussian, and the sum of w s still to come.
   float16 T[BLOCKS], gr[BLOCKS], gg[BLOCKS], gb[BLOCKS], gz[BLOCKS], base[BLOCKS], rest[BLOCKS];
-  load_tile(gr, g_colour, 3, 0, x0, y0, width, height);
-  load_tile(gg, g_colour, 3, 1, x0, y0, width, height);
-  load_tile(gb, g_colour, 3, 2, x0, y0, width, height);
-  load_tile(gz, g_depth, 1, 0, x0, y0, width, height);
-  load_tile(base, g_alpha, 1, 0, x0, y0, width, height);
-  load_tile(T, alpha, 1, 0, x0, y0, width, height);
-  for (int b = 0; b < BLOCKS; ++b) rest[b] = base[b] * T[b];
-  load_tile(T, depth, 1, 0, x0, y0, width, height);
-  for (int b = 0; b < BLOCKS; ++b) rest[b] = FMA(gz[b], T[b], rest[b]);
-  load_tile(T, colour, 3, 0, x0, y0, width, height);
-  for (int b = 0; b < BLOCKS; ++b) rest[b] = FMA(gr[b], T[b] - background_r, rest[b]);
-  load_tile(T, colour, 3, 1, x0, y0, width, height);
-  for (int b = 0; b < BLOCKS; ++b) rest[b] = FMA(gg[b], T[b] - background_g, rest[b]);
-  load_tile(T, colour, 3, 2, x0, y0, width, height);
   uint alive = 0;
   for (int b = 0; b < BLOCKS; ++b) {
-    rest[b] = FMA(gb[b], T[b] - background_b, rest[b]);
-    base[b] -= gr[b] * background_r + gg[b] * background_g + gb[b] * background_b;
-    const int left = b % BLOCK * BLOCK, top = b / BLOCK * BLOCK;
-    T[b] = select((float16)(0.0f), (float16)(1.0f),
-                  (column < (float)(width - x0 - left)) & (row < (float)(height - y0 - top)));
-    if (x0 + left < width && y0 + top < height) alive |= 1u << b;
+    const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
+    float16 g[3], c[3];
+    load_colours(g_colour, x, y, width, height, g);
+    load_colours(colour, x, y, width, height, c);
+    gr[b] = g[0], gg[b] = g[1], gb[b] = g[2];
+    gz[b] = load_block(g_depth, x, y, width, height);
+    const float16 ga = load_block(g_alpha, x, y, width, height);
+    base[b] = ga - (g[0] * background_r + g[1] * background_g + g[2] * background_b);
+    rest[b] = g[0] * (c[0] - background_r) + g[1] * (c[1] - background_g) + g[2] * (c[2] - background_b) +
+              gz[b] * load_block(depth, x, y, width, height) + ga * load_block(alpha, x, y, width, height);
+    T[b] = select((float16)(0.0f), (float16)(1.0f), (column < (float)(width - x)) & (row < (float)(height - y)));
+    if (x < width && y < height) alive |= 1u << b;
   }
 
+  float16 columns[BLOCK], lines[BLOCK];
+  for (int b = 0; b < BLOCK; ++b) columns[b] = column + (float)(b * BLOCK), lines[b] = row + (float)(b * BLOCK);
   uint visits[BLOCKS] = {0};
   const uint end = starts[tile + 1];
   for (uint first = starts[tile]; first < end && alive; first += BATCH) {
     const int n = min(end - first, (uint)BATCH);
-    float u[BATCH], v[BATCH], far[BATCH], reach[BATCH], lo[BATCH], k[BATCH], qx[BATCH], qy[BATCH], r[BATCH], g[BATCH], bl[BATCH];
+    float u[BATCH], v[BATCH], far[BATCH], lo[BATCH], k[BATCH], qx[BATCH], qy[BATCH], r[BATCH], g[BATCH], bl[BATCH];
     for (int i = 0; i < n; ++i) {
       global const float* record = records + (size_t)ids[first + i] * 12;
       u[i] = record[0] - ((float)x0 + 0.5f);
       v[i] = record[1] - ((float)y0 + 0.5f);
-      reach[i] = record[2];
       far[i] = record[3];
       lo[i] = record[4];
       k[i] = record[5];
@@ -108,21 +122,27 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
       g[i] = record[9];
       bl[i] = record[10];
     }
-    for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i) u[i] = v[i] = reach[i] = lo[i] = k[i] = qx[i] = qy[i] = 0.0f;
+    for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i) u[i] = v[i] = lo[i] = k[i] = qx[i] = qy[i] = 0.0f;
 
-    // Which blocks each one can reach: at most 1.5 pixels from a block's middle to its pixels' centres, and alpha is under
-    // 1/255 where qx dx^2 or qy t^2 alone brings it there. A little more, so that rounding cannot matter.
+    // Which blocks each one can reach: a block's pixel centres lie in a square 3 pixels wide, in which log2 alpha is largest
+    // on an edge that faces the Gaussian, or at its middle where that is within. The margins are rounding's.
     uint masks[BATCH];
     for (int i = 0; i < n; i += LANES) {
-      const float16 mid = (float)(BLOCK - 1) / 2, us = vload16(0, u + i) - mid, vs = vload16(0, v + i) - mid;
-      const float16 ks = vload16(0, k + i), most = (vload16(0, lo + i) + 7.9943534f) + 1e-3f;
-      const float16 rx = sqrt(most / -vload16(0, qx + i)) * 1.001f + 1.51f;
-      const float16 rt = sqrt(most / -vload16(0, qy + i)) * 1.001f + (1.0f + fabs(ks)) * 1.51f;
-      const float16 ry = vload16(0, reach + i) + 1.51f;
+      const float16 us = vload16(0, u + i), vs = vload16(0, v + i), ks = vload16(0, k + i);
+      const float16 x2 = vload16(0, qx + i), t2 = vload16(0, qy + i), least = -7.9943534f - 0.01f - vload16(0, lo + i);
+      const float16 margin = 0.01f + 1e-6f * (fabs(us) + fabs(vs) + fabs(ks * us)), edge = (float)(BLOCK - 1) + 2.0f * margin;
+      const float16 slant = ks * t2 / (x2 + ks * ks * t2 - 1e-30f);  // dx / dy of the middles of its rows
       int16 mask = 0;
-      for (int b = 0; b < BLOCKS; ++b) {
-        const float16 dx = us - (float)(b % BLOCK * BLOCK), dy = vs - (float)(b / BLOCK * BLOCK);
-        mask |= (fabs(dx) <= rx) & (fabs(dy) <= ry) & (fabs(FMA(-ks, dx, dy)) <= rt) & (int16)(1 << b);
+      for (int by = 0; by < BLOCK; ++by) {
+        const float16 high = vs - (float)(BLOCK * by) + margin, low = high - edge;
+        const float16 dy = min(max(low, 0.0f), high);
+        for (int bx = 0; bx < BLOCK; ++bx) {
+          const float16 right = us - (float)(BLOCK * bx) + margin, left = right - edge;
+          const float16 dx = min(max(left, 0.0f), right), tx = min(max(low, ks * dx), high) - ks * dx;
+          const float16 xy = min(max(left, slant * dy), right), ty = dy - ks * xy;
+          const float16 most = max(FMA(t2 * tx, tx, x2 * dx * dx), FMA(t2 * ty, ty, x2 * xy * xy));
+          mask |= (most >= least) & (int16)(1 << (BLOCK * by + bx));
+        }
       }
       vstore16(as_uint16(mask), 0, masks + i);
     }
@@ -136,7 +156,7 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
       do {
         const uint b = 31 - clz(todo);
         todo ^= 1u << b;
-        const float16 dx = u[i] - (column + (float)(b % BLOCK * BLOCK)), dy = v[i] - (row + (float)(b / BLOCK * BLOCK));
+        const float16 dx = u[i] - columns[b % BLOCK], dy = v[i] - lines[b / BLOCK];
         const float16 t = SHEARED(form, dx, dy);
         const float16 full = exp2_rows(LOG2_ALPHA(form, dx, t)), a = min(full, MAX_ALPHA), before = T[b];
         const float16 after = before * (1.0f - a);
