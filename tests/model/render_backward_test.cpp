@@ -32,16 +32,15 @@ struct Gradient {
 };
 
 // Of the sum over cameras.
-Gradient differentiate(Context& ctx, const Gaussians& g, const std::vector<Camera>& cameras,
+Gradient differentiate(Context& ctx, const GaussianChunks& scene, const std::vector<Camera>& cameras,
                        const RenderOptions& options, const std::vector<Picture>& cotangents) {
-  const GaussianChunks scene = upload(ctx, g);
   const SceneGradient out = zero_gradient(ctx, scene);
   Gradient result;
   for (std::size_t v = 0; v < cameras.size(); ++v) {
     result.poses.emplace_back();
     render_backward(ctx, scene, cameras[v], options, upload_cotangent(ctx, cotangents[v]), out, &result.poses.back());
   }
-  result.gaussians = download(ctx, out, g.sh_degree);
+  result.gaussians = download(ctx, out, scene.sh_degree);
   return result;
 }
 
@@ -56,7 +55,7 @@ TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
   VSPLAT_NEED_SPLAT(name());
   const SplatGolden golden = SplatGolden::load(name());
   const auto run = [&] {
-    return differentiate(ctx(), golden.gaussians, golden.cameras, golden.options, golden.cotangents);
+    return differentiate(ctx(), upload(ctx(), golden.gaussians), golden.cameras, golden.options, golden.cotangents);
   };
   const Gradient got = run();
   const Gaussians &g = got.gaussians, &want = golden.gradient;
@@ -130,7 +129,7 @@ TEST_P(RenderBackward, MatchesDifferences) {
     add(f.colour, cotangent.colour), add(f.alpha, cotangent.alpha), add(f.depth, cotangent.depth);
     return sum;
   };
-  const Gradient got = differentiate(ctx(), g, {cam}, options, {cotangent});
+  const Gradient got = differentiate(ctx(), upload(ctx(), g), {cam}, options, {cotangent});
 
   const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name) {
     std::vector<double> want;
@@ -180,7 +179,7 @@ TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
   const Gaussians g = test::make_scene(c, 12);
   const Camera cam = test::make_camera(c, 12);
   const Picture cotangent = random_cotangent(cam.width, cam.height);
-  const Gradient want = differentiate(ctx(), g, {cam}, {}, {cotangent});
+  const Gradient want = differentiate(ctx(), upload(ctx(), g), {cam}, {}, {cotangent});
   ContextOptions few;
   few.max_memory_gib = 0.045;
   const auto small = test::open_context(GetParam(), few);
@@ -191,7 +190,7 @@ TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
                   parts += !on.planning();
                 });
   EXPECT_GT(parts, 1);
-  const Gradient got = differentiate(*small, g, {cam}, {}, {cotangent});
+  const Gradient got = differentiate(*small, upload(*small, g), {cam}, {}, {cotangent});
   EXPECT_TRUE(test::close(got.gaussians.means, want.gaussians.means, 1e-5));
   EXPECT_TRUE(test::close(got.gaussians.scales, want.gaussians.scales, 1e-5));
   EXPECT_TRUE(test::close(got.gaussians.quats, want.gaussians.quats, 1e-5));
@@ -200,6 +199,37 @@ TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
   const auto values = [](const std::array<double, 6>& pose) { return std::vector<double>(pose.begin(), pose.end()); };
   EXPECT_TRUE(test::close(values(got.poses[0]), values(want.poses[0]), 1e-4));
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
+}
+
+// A scene that is not in one piece: the same bits.
+TEST_P(RenderBackward, TakesAScenesChunks) {
+  const test::SceneCase c{"", 70000, 1, 100, 80, ""};
+  const Gaussians g = test::make_scene(c, 47);
+  const Camera cam = test::make_camera(c, 47);
+  const Picture cotangent = random_cotangent(cam.width, cam.height);
+  const auto chunk_at = [&g](Context& on, long i) {
+    const auto first = static_cast<std::ptrdiff_t>(i * kChunkUnit);
+    const auto n = std::min(static_cast<std::ptrdiff_t>(g.count) - first, static_cast<std::ptrdiff_t>(kChunkUnit));
+    const auto part = [&](const std::vector<float>& v, std::ptrdiff_t each) {
+      return std::vector<float>(v.begin() + first * each, v.begin() + (first + n) * each);
+    };
+    Gaussians out;
+    out.count = static_cast<std::size_t>(n);
+    out.sh_degree = g.sh_degree;
+    out.means = part(g.means, 3), out.scales = part(g.scales, 3), out.quats = part(g.quats, 4);
+    out.opacities = part(g.opacities, 1), out.sh = part(g.sh, 12);
+    return upload(on, out);
+  };
+  const GaussianChunks chunks(static_cast<long>(g.count), g.sh_degree, kChunkUnit, chunk_at);
+  ASSERT_EQ(chunks.chunks(), 2);
+  const Gradient want = differentiate(ctx(), upload(ctx(), g), {cam}, {}, {cotangent});
+  const Gradient got = differentiate(ctx(), chunks, {cam}, {}, {cotangent});
+  EXPECT_EQ(got.gaussians.means, want.gaussians.means);
+  EXPECT_EQ(got.gaussians.scales, want.gaussians.scales);
+  EXPECT_EQ(got.gaussians.quats, want.gaussians.quats);
+  EXPECT_EQ(got.gaussians.opacities, want.gaussians.opacities);
+  EXPECT_EQ(got.gaussians.sh, want.gaussians.sh);
+  EXPECT_EQ(got.poses, want.poses);
 }
 
 // No derivative by the picture, none by anything.
