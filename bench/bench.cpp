@@ -212,10 +212,10 @@ Report run(Context& ctx, const Options& options) {
 std::string table(const Report& report) {
   std::string out = fmt::format("{} ({}), {} kernels: {:.1f} GFLOP/s, {:.1f} GB/s at the most (measured)\n",
                                 report.device, report.driver, report.kernels, report.peak_gflops, report.peak_gbs);
-  out += fmt::format("{:<28}{:>12}{:>9}{:>11}{:>9}{:>9}  {:<8}\n", "case", "median", "spread", "GFLOP/s", "GB/s",
+  out += fmt::format("{:<28}{:>12}{:>9}{:>11}{:>9}{:>9}  {:<9}\n", "case", "median", "spread", "GFLOP/s", "GB/s",
                      "share", "of");
   for (const Result& r : report.results) {
-    out += fmt::format("{:<28}{:>9.3f} ms{:>8.1f}%{:>11.1f}{:>9.1f}{:>8.1f}%  {:<8}", r.suite + "/" + r.name,
+    out += fmt::format("{:<28}{:>9.3f} ms{:>8.1f}%{:>11.1f}{:>9.1f}{:>8.1f}%  {:<9}", r.suite + "/" + r.name,
                        r.median_s * 1e3, r.spread * 100, r.gflops, r.gbs, r.share_of_peak * 100, name_of(r.kind));
     for (const auto& [stage, share] : r.stages) out += fmt::format("{} {:.1f}%  ", stage, share * 100);
     for (const auto& [library, seconds] : r.reference)

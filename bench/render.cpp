@@ -1,4 +1,4 @@
-// Drawing of whole scenes: one case a scene, frames by its cameras in turn.
+// Drawing of whole scenes and its derivative: two cases a scene, frames by its cameras in turn.
 #include "model/render.h"
 
 #include <cmath>
@@ -6,7 +6,10 @@
 #include <random>
 
 #include "bench/bench.h"
+#include "bench/sample.h"
 #include "bench/scenes.h"
+#include "model/render_backward.h"
+#include "tests/reference/rasterize_backward.h"
 #include "tests/reference/splat.h"
 
 namespace vsplat::bench {
@@ -28,20 +31,39 @@ std::vector<const ref::Splat*> in_tile(const std::vector<const ref::Splat*>& all
   return out;
 }
 
+ref::Options reference_options(const RenderOptions& options) {
+  ref::Options out;
+  out.near = static_cast<double>(options.near);
+  for (std::size_t c = 0; c < 3; ++c) out.background[c] = static_cast<double>(options.background[c]);
+  if (const auto& m = options.mirror) out.mirror = Eigen::Vector3f(m->data()).cast<double>();
+  return out;
+}
+
+// The mean error relative to the largest value, or what one in a thousand exceeds if that is more than 2e-3. (Single
+// pixels flip where alpha meets 1/255.)
+double typical(std::vector<double>& errors, double largest) {
+  double sum = 0;
+  for (const double e : errors) {
+    if (!std::isfinite(e)) return e;
+    sum += e;
+  }
+  if (errors.empty() || largest <= 0) return INFINITY;  // nothing was compared
+  const auto worst = errors.begin() + static_cast<long>(0.999 * static_cast<double>(errors.size() - 1));
+  std::nth_element(errors.begin(), worst, errors.end());
+  const double mean = sum / static_cast<double>(errors.size()) / largest, q = *worst / largest;
+  return q > 2e-3 ? q : mean;
+}
+
 // How far what the device draws lies from the reference, relative to the largest value (or 1), in some tiles of one
-// camera's picture: the mean, or what one value in a thousand exceeds if that is more than 2e-3. (Single pixels flip
-// where alpha meets 1/255.)
+// camera's picture.
 double picture_error(Context& ctx, const Data& data, const Camera& camera) {
   const Picture got = render_picture(ctx, data.gaussians, camera, data.options);
-  ref::Options options;
-  options.near = static_cast<double>(data.options.near);
-  for (std::size_t c = 0; c < 3; ++c) options.background[c] = static_cast<double>(data.options.background[c]);
-  if (const auto& m = data.options.mirror) options.mirror = Eigen::Vector3f(m->data()).cast<double>();
+  const ref::Options options = reference_options(data.options);
   const std::vector<ref::Splat> splats = ref::project_all(data.scene.scene.gaussians, camera, options);
   const std::vector<const ref::Splat*> order = ref::depth_order(splats);
   const int tiles_x = (camera.width + 15) / 16, tiles_y = (camera.height + 15) / 16;
   std::mt19937 engine(1);
-  double largest = 1, sum = 0;
+  double largest = 1;
   std::vector<double> errors;
   for (int sample = 0; sample < 32; ++sample) {
     const int tile = static_cast<int>(engine() % static_cast<unsigned>(tiles_x * tiles_y));
@@ -59,14 +81,7 @@ double picture_error(Context& ctx, const Data& data, const Camera& camera) {
       }
     }
   }
-  for (const double e : errors) {
-    if (!std::isfinite(e)) return e;
-    sum += e;
-  }
-  const auto worst = errors.begin() + static_cast<long>(0.999 * static_cast<double>(errors.size() - 1));
-  std::nth_element(errors.begin(), worst, errors.end());
-  const double mean = sum / static_cast<double>(errors.size()) / largest, q = *worst / largest;
-  return q > 2e-3 ? q : mean;
+  return typical(errors, largest);
 }
 
 std::shared_ptr<Data> make_data(Context& ctx, const std::string& name, const std::string& folder) {
@@ -92,6 +107,97 @@ Prepared prepare_forward(Context& ctx, const std::string& name, const std::strin
   return p;
 }
 
+// A loss that weighs every pixel of a picture.
+struct Loss {
+  std::vector<float> colour, alpha, depth;
+  PictureGradient there;  // on the device
+};
+
+Loss make_loss(Context& ctx, const Camera& camera) {
+  const long h = camera.height, w = camera.width;
+  Loss l{random_floats(3 * h * w, 1), random_floats(h * w, 2), random_floats(h * w, 3), {}};
+  l.there = {ctx.upload({h, w, 3}, l.colour), ctx.upload({h, w}, l.alpha), ctx.upload({h, w}, l.depth)};
+  return l;
+}
+
+// One tile as the reference's differentiation takes it: a picture of 16 x 16 pixels, those outside weighing nothing.
+std::vector<double> rows_of_tile(const std::vector<const ref::Splat*>& here, const Loss& loss, const Camera& camera,
+                                 int tx, int ty, const std::array<float, 3>& background) {
+  std::vector<float> records, colour(768, 0.0f), alpha(256, 0.0f), depth(256, 0.0f);
+  std::vector<std::uint32_t> ids;
+  const double log2e = 1 / std::log(2.0);
+  for (const ref::Splat* s : here) {
+    ids.push_back(static_cast<std::uint32_t>(ids.size()));
+    const double det = s->a * s->c - s->b * s->b;
+    for (const double v :
+         {s->u - 16 * tx, s->v - 16 * ty, 0.0, s->z, std::log2(s->opacity), s->b / s->a, -0.5 * log2e / s->a,
+          -0.5 * log2e * s->a / det, s->colour[0], s->colour[1], s->colour[2], 0.0})
+      records.push_back(static_cast<float>(v));
+  }
+  for (int i = 0; i < 256; ++i) {
+    const int x = 16 * tx + i % 16, y = 16 * ty + i / 16;
+    if (x >= camera.width || y >= camera.height) continue;
+    const auto to = static_cast<std::size_t>(i),
+               from =
+                   static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
+    std::copy_n(&loss.colour[3 * from], 3, &colour[3 * to]);
+    alpha[to] = loss.alpha[from], depth[to] = loss.depth[from];
+  }
+  return ref::blend_backward(records, ids, {0, static_cast<std::uint32_t>(ids.size())}, 16, 16, background, colour,
+                             alpha, depth);
+}
+
+// How far the device's gradients lie from the reference's, by opacities and by constant colours, for Gaussians that
+// only touch one of some tiles of one camera's picture.
+double gradient_error(Context& ctx, const Data& data, const Camera& camera) {
+  const Loss loss = make_loss(ctx, camera);
+  const SceneGradient gradient = zero_gradient(ctx, data.gaussians);
+  render_backward(ctx, data.gaussians, camera, data.options, loss.there, gradient, nullptr);
+  const Gaussians got = download(ctx, gradient, data.scene.scene.gaussians.sh_degree);
+  const std::vector<ref::Splat> splats =
+      ref::project_all(data.scene.scene.gaussians, camera, reference_options(data.options));
+  const std::vector<const ref::Splat*> order = ref::depth_order(splats);
+  const int tiles_x = (camera.width + 15) / 16, tiles = tiles_x * ((camera.height + 15) / 16);
+  double largest[2] = {};
+  std::vector<double> errors[2];
+  for (int tile = 0; tile < tiles; tile += std::max(1, tiles / 64)) {
+    const int tx = tile % tiles_x, ty = tile / tiles_x;
+    const std::vector<const ref::Splat*> here = in_tile(order, tx, ty);
+    const std::vector<double> rows = rows_of_tile(here, loss, camera, tx, ty, data.options.background);
+    const auto compare = [&](int kind, double value, double want) {
+      largest[kind] = std::max(largest[kind], std::abs(want));
+      errors[kind].push_back(std::abs(value - want));
+    };
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      const ref::Splat& s = *here[i];
+      if (s.x1 - s.x0 != 1 || s.y1 - s.y0 != 1 || s.opacity < 1.0f / 255) continue;
+      const auto k = static_cast<std::size_t>(&s - splats.data());
+      compare(0, got.opacities[k], rows[10 * i] / s.opacity);
+      for (std::size_t c = 0; c < 3; ++c)
+        compare(1, got.sh[3 * k * got.sh_count() + c],
+                s.colour[static_cast<long>(c)] > 0 ? 0.28209479177387814 * rows[10 * i + 6 + c] : 0);
+    }
+  }
+  return std::max(typical(errors[0], largest[0]), typical(errors[1], largest[1]));
+}
+
+// With drawing, to begin with, as a fit does it.
+Prepared prepare_backward(Context& ctx, const std::string& name, const std::string& folder) {
+  const auto d = make_data(ctx, name, folder);
+  const auto loss = std::make_shared<Loss>(make_loss(ctx, d->scene.cameras[0]));
+  const auto gradient = std::make_shared<SceneGradient>(zero_gradient(ctx, d->gaussians));
+  Prepared p;
+  p.kind = Kind::backward;
+  p.inputs = static_cast<int>(d->scene.cameras.size());
+  p.run = [&ctx, d, loss, gradient] {
+    const Camera& camera = d->scene.cameras[d->next++ % d->scene.cameras.size()];
+    render_backward(ctx, d->gaussians, camera, d->options, loss->there, *gradient, nullptr);
+  };
+  p.error = [&ctx, d] { return gradient_error(ctx, *d, d->scene.cameras[0]); };
+  p.tolerance = 1e-5;
+  return p;
+}
+
 }  // namespace
 
 std::vector<Case> render_cases(const Options& options) {
@@ -99,6 +205,8 @@ std::vector<Case> render_cases(const Options& options) {
   for (const std::string& name : scene_names()) {
     cases.push_back(
         {name, [name, folder = options.scenes](Context& ctx) { return prepare_forward(ctx, name, folder); }});
+    cases.push_back(
+        {name, [name, folder = options.scenes](Context& ctx) { return prepare_backward(ctx, name, folder); }});
   }
   return cases;
 }

@@ -42,22 +42,26 @@ TEST(Bench, DrawsScenesAndSaysWhereTheirTimeWent) {
   options.seconds = 0;
   for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
     const bench::Report report = bench::run(test::context(flavour), options);
-    ASSERT_EQ(report.results.size(), 1u);
-    const bench::Result& r = report.results[0];
-    EXPECT_EQ(r.name, "small-5k");
-    EXPECT_EQ(r.kind, bench::Kind::forward);
-    EXPECT_GT(r.median_s, 0);
-    EXPECT_GT(r.gflops, 0);
-    EXPECT_GT(r.error, 0);  // a picture in float32, and not only background
-    EXPECT_LE(r.error, 1e-5);
-    double sum = 0;
-    for (const auto& [stage, share] : r.stages) sum += share;
-    EXPECT_NEAR(sum, 1, 0.02);
-    for (const char* stage : {"project", "sort", "bin", "rasterize"}) EXPECT_GT(r.stages.at(stage), 0) << stage;
+    ASSERT_EQ(report.results.size(), 2u);
     const auto json = nlohmann::json::parse(bench::json(report));
-    EXPECT_EQ(json["results"][0]["kind"], "forward");
-    EXPECT_EQ(json["results"][0]["stages"].size(), r.stages.size());
-    EXPECT_TRUE(json["results"][0]["reference"].empty());
+    for (const std::size_t at : {0, 1}) {
+      const bench::Result& r = report.results[at];
+      EXPECT_EQ(r.name, "small-5k");
+      EXPECT_EQ(r.kind, at ? bench::Kind::backward : bench::Kind::forward);
+      EXPECT_GT(r.median_s, 0);
+      EXPECT_GT(r.gflops, 0);
+      EXPECT_GT(r.error, 0);  // a picture in float32, and not only background
+      EXPECT_LE(r.error, 1e-5);
+      double sum = 0;
+      for (const auto& [stage, share] : r.stages) sum += share;
+      EXPECT_NEAR(sum, 1, 0.02);
+      for (const char* stage : {"project", "sort", "bin", "rasterize"}) EXPECT_GT(r.stages.at(stage), 0) << stage;
+      EXPECT_EQ(r.stages.count("rasterize_backward"), at);
+      EXPECT_EQ(r.stages.count("project_backward"), at);
+      EXPECT_EQ(json["results"][at]["kind"], at ? "backward" : "forward");
+      EXPECT_EQ(json["results"][at]["stages"].size(), r.stages.size());
+      EXPECT_TRUE(json["results"][at]["reference"].empty());
+    }
   }
 }
 
