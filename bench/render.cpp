@@ -2,6 +2,7 @@
 #include "model/render.h"
 
 #include <cmath>
+#include <map>
 #include <memory>
 #include <random>
 
@@ -184,14 +185,20 @@ double gradient_error(Context& ctx, const Data& data, const Camera& camera) {
 // With drawing, to begin with, as a fit does it.
 Prepared prepare_backward(Context& ctx, const std::string& name, const std::string& folder) {
   const auto d = make_data(ctx, name, folder);
-  const auto loss = std::make_shared<Loss>(make_loss(ctx, d->scene.cameras[0]));
+  // One for all pictures of a size: a folder's cameras may differ.
+  const auto losses = std::make_shared<std::map<std::pair<int, int>, Loss>>();
+  for (const Camera& camera : d->scene.cameras) {
+    const std::pair size(camera.width, camera.height);
+    if (losses->count(size) == 0) losses->emplace(size, make_loss(ctx, camera));
+  }
   const auto gradient = std::make_shared<SceneGradient>(zero_gradient(ctx, d->gaussians));
   Prepared p;
   p.kind = Kind::backward;
   p.inputs = static_cast<int>(d->scene.cameras.size());
-  p.run = [&ctx, d, loss, gradient] {
+  p.run = [&ctx, d, losses, gradient] {
     const Camera& camera = d->scene.cameras[d->next++ % d->scene.cameras.size()];
-    render_backward(ctx, d->gaussians, camera, d->options, loss->there, *gradient, nullptr);
+    const PictureGradient& by = losses->at({camera.width, camera.height}).there;
+    render_backward(ctx, d->gaussians, camera, d->options, by, *gradient, nullptr);
   };
   p.error = [&ctx, d] { return gradient_error(ctx, *d, d->scene.cameras[0]); };
   p.tolerance = 1e-5;

@@ -88,9 +88,11 @@ void add_bench(CLI::App& app, Run& run) {
       "  vsplat bench gemm conv\n"
       "  vsplat bench conv --run 48 --json\n"
       "  vsplat bench render --run small\n"
-      "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720). A frame is timed from "
-      "the call\n"
-      "to the picture on the device, by 8 cameras in turn; the stages' shares of it include the host's.\n"
+      "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and "
+      "backward\n"
+      "(which draws once more). A frame is timed from the call until the device is done, by 8 cameras in turn; the "
+      "stages'\n"
+      "shares of it include the host's.\n"
       "Every case's result is checked before it is timed; the peaks are measured in the same run.");
   sub->callback([o, &run] { run = [o] { bench(*o); }; });
 }

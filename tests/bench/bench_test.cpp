@@ -77,6 +77,17 @@ TEST(Bench, DrawsTheScenesOfAFolder) {
   EXPECT_EQ(read.cameras[3].w2c, made.cameras[3].w2c);
   EXPECT_EQ(read.cameras[3].width, 128);
   EXPECT_THROW(bench::read_scene(folder.path(), "slab-1m"), Error);
+
+  // Cameras of different sizes, forward and backward.
+  std::vector<Camera> cameras = made.cameras;
+  cameras[1].width = 40, cameras[1].height = 30;
+  write_cameras(folder.path("small-5k.cameras.json"), cameras);
+  bench::Options options;
+  options.suites = {"render"};
+  options.filter = "small";
+  options.seconds = 0;
+  options.scenes = folder.path();
+  EXPECT_EQ(bench::run(test::context(Flavour::cpu), options).results.size(), 2u);
 }
 
 TEST(Bench, MakesScenesOfTheSizesTheyAreNamedFor) {
