@@ -5,41 +5,106 @@
 //   then gets, for each sorted intersection, its place in that order: offsets[v] + its number among v's tiles.
 // cpu: a counting sort by tile in one pass. Blocks of consecutive Gaussians, one per work-item, count and then place
 // their intersections by themselves. gpu: intersections are written out and sorted by radix_sort.
-static inline uint tiles_of(uint x, uint y) { return ((x >> 16) - (x & 0xffff)) * ((y >> 16) - (y & 0xffff)); }
-
+// The tiles that a Gaussian touches: a rectangle of them, less those whose bit in a mask is 0. A bit stands for a square of
+// 2^shift_x x 2^shift_y tiles, so that 8 x 8 bits are enough for any rectangle.
 typedef struct {
-  uint first, width, height;  // tile, and how many in a row, and rows
+  uint first, width, height;  // tile, how many in a row, and rows
+  uint shift_x, shift_y;
+  ulong mask;
 } Span;
 
-static inline Span span_of(uint2 rect, int tiles_x) {
-  const uint x = rect.x & 0xffff, y = rect.y & 0xffff;
-  const Span out = {y * tiles_x + x, (rect.x >> 16) - x, (rect.y >> 16) - y};
+#ifdef EXACT
+#define MASK(i) masks[i]
+#else  // no masks are given
+#define MASK(i) (~(ulong)0)
+#endif
+
+static inline uint shift_for(uint n) { return n <= 8 ? 0 : 29 - clz(n - 1); }
+
+static inline Span span_of(uint2 rect, ulong mask, int tiles_x) {
+  const uint x = rect.x & 0xffff, y = rect.y & 0xffff, width = (rect.x >> 16) - x, height = (rect.y >> 16) - y;
+  const Span out = {y * tiles_x + x, width, height, shift_for(width), shift_for(height), mask};
   return out;
 }
 
-// From one tile of a span to the next, x of `width` in its row: one loop over all of them is left, and mispredicted, once.
-static inline void next_tile(uint* tile, uint* x, uint width, int tiles_x) {
-  const int wrap = *x + 1 == width;
-  *tile += wrap ? tiles_x - width + 1 : 1;
-  *x = wrap ? 0 : *x + 1;
+static inline uint touches(Span s, uint x, uint y) {
+  return (uint)(s.mask >> ((y >> s.shift_y) * 8 + (x >> s.shift_x))) & 1;
 }
 
-// counts [V]: the tiles that each touches; in order of depth where `order` is given.
-kernel void tile_bin_counts(global const uint* rects, global const uint* order, global uint* counts, int V) {
+// From one tile of a span to the next: one loop over all of them is left, and mispredicted, once.
+typedef struct {
+  uint tile, x, y;
+} Place;
+
+static inline Place next_place(Place p, uint width, int tiles_x) {
+  const uint wrap = p.x + 1 == width;
+  const Place out = {p.tile + (wrap ? tiles_x - width + 1 : 1), wrap ? 0 : p.x + 1, p.y + wrap};
+  return out;
+}
+
+static inline uint count_of(Span s) {
+  if (s.mask == ~(ulong)0) return s.width * s.height;
+  uint count = 0;
+  for (uint y = 0; y < s.height; ++y)
+    for (uint x = 0; x < s.width; ++x) count += touches(s, x, y);
+  return count;
+}
+
+// The least of -(qx dx^2 + qy (dy - k dx)^2), a record's form, over dx from l to r and dy from t to b: at the nearest point
+// of a side that faces the Gaussian's middle, since the form is convex.
+static inline float least_of(float4 form, float l, float r, float t, float b) {
+  const float k = form.y, x = clamp(0.0f, l, r), y = clamp(0.0f, t, b);
+  const float beside = clamp(k * x, t, b) - k * x;
+  const float across = clamp(form.w * k * y / (form.z + form.w * k * k), l, r), up = y - k * across;
+  return min(-(form.z * x * x + form.w * beside * beside), -(form.z * across * across + form.w * up * up));
+}
+
+// masks [V]: where in its rectangle alpha reaches 1/255 at all (exact but for a margin for rounding). records [V,12];
+// rectangles count from tile (x0, y0).
+kernel void tile_bin_masks(global const float* records, global const uint* rects, global ulong* masks, int V, int x0,
+                           int y0) {
   const int i = get_global_id(0);
   if (i >= V) return;
-  const uint2 rect = vload2(order ? order[i] : i, rects);
-  counts[i] = tiles_of(rect.x, rect.y);
+  const float4 place = vload4(0, records + (size_t)i * 12), form = vload4(1, records + (size_t)i * 12);
+  const uint2 rect = vload2(i, rects);
+  const Span s = span_of(rect, ~(ulong)0, 0);
+  const float room = (form.x + 7.99435344f) * 1.0001f + 1e-3f;
+  const float wide = 16 << s.shift_x, high = 16 << s.shift_y;
+  // Pixel centres, a little more than all of them.
+  const float left = place.x - (16.0f * (float)(x0 + (int)(rect.x & 0xffff)) + 0.49f);
+  const float top = place.y - (16.0f * (float)(y0 + (int)(rect.y & 0xffff)) + 0.49f);
+  ulong mask = 0;
+  for (uint y = 0; y << s.shift_y < s.height; ++y) {
+    for (uint x = 0; x << s.shift_x < s.width; ++x) {
+      const float r = left - (float)x * wide, b = top - (float)y * high;
+      if (least_of(form, r - wide + 0.98f, r, b - high + 0.98f, b) <= room) mask |= (ulong)1 << (8 * y + x);
+    }
+  }
+  masks[i] = mask;
 }
 
-// ordered [V,2]: rects in order of depth, as counting and placing read them.
-kernel void tile_bin_order(global const uint* rects, global const uint* order, global uint* ordered, int V) {
+// counts [V]: the tiles that each touches; in order of depth where `order` is given. masks [V] where EXACT is defined.
+kernel void tile_bin_counts(global const uint* rects, global const ulong* masks, global const uint* order,
+                            global uint* counts, int V) {
   const int i = get_global_id(0);
-  if (i < V) vstore2(vload2(order[i], rects), i, ordered);
+  if (i >= V) return;
+  const uint id = order ? order[i] : i;
+  counts[i] = count_of(span_of(vload2(id, rects), MASK(id), 0));
+}
+
+// ordered [V,2], ordered_masks [V]: rects, and with EXACT masks, in order of depth, as counting and placing read them.
+kernel void tile_bin_order(global const uint* rects, global const ulong* masks, global const uint* order,
+                           global uint* ordered, global ulong* ordered_masks, int V) {
+  const int i = get_global_id(0);
+  if (i >= V) return;
+  vstore2(vload2(order[i], rects), i, ordered);
+#ifdef EXACT
+  ordered_masks[i] = masks[order[i]];
+#endif
 }
 
 // histogram [blocks, tiles]: each block's intersections with each tile.
-kernel void tile_bin_count(global const uint* ordered, global uint* histogram, int V, int block,
+kernel void tile_bin_count(global const uint* ordered, global const ulong* masks, global uint* histogram, int V, int block,
                            int blocks, int tiles_x, int tiles) {
   const int b = get_global_id(0);
   if (b >= blocks) return;
@@ -47,20 +112,21 @@ kernel void tile_bin_count(global const uint* ordered, global uint* histogram, i
   for (int t = 0; t < tiles; ++t) count[t] = 0;
   const int end = min(V, (b + 1) * block);
   for (int i = b * block; i < end; ++i) {
-    const Span s = span_of(vload2(i, ordered), tiles_x);
+    const Span s = span_of(vload2(i, ordered), MASK(i), tiles_x);
     if (s.width <= 2 && s.height <= 2) {  // most: without a branch for each tile
-      const uint right = s.width - 1, below = s.height - 1;
+      const uint right = s.width - 1, below = s.height - 1, mask = (uint)s.mask;
       global uint* at = count + s.first;
-      ++at[0];
-      at[right] += right;
+      at[0] += mask & 1;
+      at[right] += right & mask >> 1;
       at += below * tiles_x;
-      at[0] += below;
-      at[right] += right & below;
-    } else {
-      for (uint t = s.first, x = 0, left = s.width * s.height; left > 0; --left) {
-        ++count[t];
-        next_tile(&t, &x, s.width, tiles_x);
-      }
+      at[0] += below & mask >> 8;
+      at[right] += right & below & mask >> 9;
+      continue;
+    }
+    Place p = {s.first, 0, 0};
+    for (uint left = s.width * s.height; left > 0; --left) {
+      count[p.tile] += touches(s, p.x, p.y);
+      p = next_place(p, s.width, tiles_x);
     }
   }
 }
@@ -86,10 +152,13 @@ kernel void tile_bin_place(global uint* histogram, global const uint* starts, in
   }
 }
 
+// a where which is 1, b where it is 0; never a branch.
+static inline uint either(uint a, uint b, uint which) { return b ^ ((a ^ b) & -which); }
+
 // gaussians [N + blocks]: what comes after N is scratch.
-kernel void tile_bin_scatter(global const uint* ordered, global const uint* order, global uint* histogram,
-                             global const uint* offsets, global uint* gaussians, global uint* slots, int V, int block,
-                             int blocks, int tiles_x, int tiles, uint N) {
+kernel void tile_bin_scatter(global const uint* ordered, global const ulong* masks, global const uint* order,
+                             global uint* histogram, global const uint* offsets, global uint* gaussians,
+                             global uint* slots, int V, int block, int blocks, int tiles_x, int tiles, uint N) {
   const int b = get_global_id(0);
   if (b >= blocks) return;
   global uint* place = histogram + (size_t)b * tiles;
@@ -97,45 +166,53 @@ kernel void tile_bin_scatter(global const uint* ordered, global const uint* orde
   const int end = min(V, (b + 1) * block);
   for (int i = b * block; i < end; ++i) {
     const uint id = order[i];
-    const Span s = span_of(vload2(i, ordered), tiles_x);
+    const Span s = span_of(vload2(i, ordered), MASK(i), tiles_x);
     if (!offsets && s.width <= 2 && s.height <= 2) {
-      const uint right = s.width - 1, below = s.height - 1;
+      const uint right = s.width - 1, below = s.height - 1, mask = (uint)s.mask;
+      const uint one = mask & 1, two = right & mask >> 1, three = below & mask >> 8, four = right & below & mask >> 9;
       global uint* to = place + s.first;
-      gaussians[to[0]++] = id;
-      gaussians[right ? to[right] : nowhere] = id;
-      to[right] += right;
+      gaussians[either(to[0], nowhere, one)] = id;
+      to[0] += one;
+      gaussians[either(to[right], nowhere, two)] = id;
+      to[right] += two;
       to += below * tiles_x;
-      gaussians[below ? to[0] : nowhere] = id;
-      to[0] += below;
-      gaussians[right & below ? to[right] : nowhere] = id;
-      to[right] += right & below;
+      gaussians[either(to[0], nowhere, three)] = id;
+      to[0] += three;
+      gaussians[either(to[right], nowhere, four)] = id;
+      to[right] += four;
       continue;
     }
     uint slot = offsets ? offsets[id] : 0;
-    for (uint t = s.first, x = 0, left = s.width * s.height; left > 0; --left) {
-      const uint at = place[t]++;
-      gaussians[at] = id;
-      if (offsets) slots[at] = slot++;
-      next_tile(&t, &x, s.width, tiles_x);
+    Place p = {s.first, 0, 0};
+    for (uint left = s.width * s.height; left > 0; --left) {
+      if (touches(s, p.x, p.y)) {
+        const uint at = place[p.tile]++;
+        gaussians[at] = id;
+        if (offsets) slots[at] = slot++;
+      }
+      p = next_place(p, s.width, tiles_x);
     }
   }
 }
 
-// tiles [N], gaussians [N], slots [N]: in order of depth, so that a stable sort by tile leaves each tile near to far.
-// emitted [V+1]: exclusive scan of the tiles that each touches, in order of depth.
-kernel void tile_bin_emit(global const uint* rects, global const uint* order, global const uint* emitted,
-                          global const uint* offsets, global uint* tiles, global uint* gaussians, global uint* slots,
-                          int V, int tiles_x) {
+// tiles [N], gaussians [N], slots [N]: in order of depth, so that a stable sort by tile leaves each tile near to far. emitted
+// [V+1]: exclusive scan of the tiles in each one's rectangle, in order of depth. What a mask leaves out comes, too, as the
+// tile after the last.
+kernel void tile_bin_emit(global const uint* rects, global const ulong* masks, global const uint* order,
+                          global const uint* emitted, global const uint* offsets, global uint* tiles,
+                          global uint* gaussians, global uint* slots, int V, int tiles_x, int tile_count) {
   const int i = get_global_id(0);
   if (i >= V) return;
   uint at = emitted[i];
   const uint id = order[i];
-  const uint2 rect = vload2(id, rects);
+  const Span s = span_of(vload2(id, rects), MASK(id), tiles_x);
   uint slot = offsets ? offsets[id] : 0;
-  for (uint y = rect.y & 0xffff; y < rect.y >> 16; ++y) {
-    for (uint x = rect.x & 0xffff; x < rect.x >> 16; ++x) {
-      tiles[at] = y * tiles_x + x;
-      if (offsets) slots[at] = slot++;
+  for (uint y = 0; y < s.height; ++y) {
+    for (uint x = 0; x < s.width; ++x) {
+      const uint hit = touches(s, x, y);
+      tiles[at] = hit ? s.first + y * tiles_x + x : (uint)tile_count;
+      if (offsets) slots[at] = slot;
+      slot += hit;
       gaussians[at++] = id;
     }
   }

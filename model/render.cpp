@@ -113,7 +113,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
     const VisibleCount count = ctx.planning() ? assumed(scene, options, part) : count_visible(ctx, view.culled, part);
     const auto draw = [&](Context& c) {
       const Projected projected = project_part(c, scene, view, part, count);
-      work(c, part, projected, tile_bin(c, projected, count.intersections, part, slots));
+      work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, options.exact_tiles}));
     };
     if (make_room(ctx, draw)) {
       draw(ctx);

@@ -18,6 +18,7 @@ struct RenderOptions {
   std::array<float, 3> background{1, 1, 1};
   float near = 0.2f;                           // camera z up to which Gaussians are left out, world units
   std::optional<std::array<float, 3>> mirror;  // colours as seen from the camera's mirror image about this point
+  bool exact_tiles = false;                    // as BinOptions::exact: the same picture, sorted from fewer pairs
   // A plan cannot count what a part of the picture sees. Where this is given it is asked; otherwise every Gaussian is
   // taken to be seen and to touch `assumed_tiles`.
   std::function<VisibleCount(const Part&)> counts;

@@ -63,7 +63,7 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
   app.add_option("--up", o.up, "Which way is up in the world")->type_name("x,y,z")->group(group);
 }
 
-PictureJob::PictureJob(const PictureOptions& o) {
+PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
   wanted = !o.cameras.empty();
   if (wanted) choice = camera_choice("cameras", o.cameras);
   if (!o.size.empty()) size = picture_size("--size", o.size);
@@ -176,6 +176,7 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
                       std::optional<Comparison>& comparison, Outputs& outputs) const {
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = near;
+  options.exact_tiles = exact_tiles;
   // A linear, premultiplied EXR holds no background: what is drawn over black is just that.
   const bool over_black = format == VSPLAT_PICTURE_EXR && !images.empty();
   if (!over_black) std::copy(std::begin(background), std::end(background), options.background);

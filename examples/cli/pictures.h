@@ -19,7 +19,7 @@ struct PictureOptions {
   std::string images;   // the folder
   std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up;
   std::string sheet, turntable, fps, compare, differences;
-  bool exr_raw = false;
+  bool exr_raw = false, exact_tiles = false;
 };
 
 // `cameras_option`: "--render" or "--cameras".
@@ -35,6 +35,7 @@ struct PictureJob {
   std::optional<Size> size;
   float background[3] = {1, 1, 1};
   double near = 0;  // 0: the scene's
+  bool exact_tiles = false;
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;
   vsplat_orbit_options orbit_options = VSPLAT_ORBIT_OPTIONS_INIT;

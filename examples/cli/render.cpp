@@ -32,6 +32,7 @@ void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
              const std::vector<vsplat_camera>& cameras) {
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = PictureJob(o.pictures).near;
+  options.exact_tiles = o.pictures.exact_tiles;
   options.progress = &Session::on_progress;
   options.user = &session;
   session.start("counting");
@@ -101,6 +102,10 @@ void add_render(CLI::App& app, Run& run) {
   sub->add_flag(
       "--skip-bad", o->skip_bad,
       "Leave out single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0) and count them");
+  sub->add_flag(
+         "--exact-tiles", o->pictures.exact_tiles,
+         "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, sooner where many are thin")
+      ->group("Pictures");
   sub->add_flag("--dry-run", o->dry_run, "Only say how much memory it would take");
   add_common(*sub, o->common);
   sub->footer(

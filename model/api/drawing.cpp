@@ -23,6 +23,7 @@ RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
     if (!std::isfinite(v)) fail(Status::usage, "options.background is not finite");
   out.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene.near;
   out.mirror = scene.mirror;
+  out.exact_tiles = o.exact_tiles != 0;
   return out;
 }
 

@@ -18,6 +18,47 @@ void copy(const Image& from, float* to) {
   if (to) std::copy(from.data.begin(), from.data.end(), to);
 }
 
+// The i-th of a caller's structs, whose first one's size is the stride.
+template <class T>
+const T& element(const T* first, size_t i) {
+  return *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
+}
+
+vsplat_picture room_of(const vsplat_picture& picture, const std::string& what) {
+  return taken(&picture, VSPLAT_PICTURE_INIT, what.c_str());
+}
+
+struct Shot {
+  Camera camera;
+  vsplat_picture picture;
+};
+
+// Everything that can be wrong with the request is found before the first is drawn.
+void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& shots,
+          const vsplat_render_options* options) {
+  need(device, "device");
+  need(scene, "scene");
+  const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
+  const RenderOptions how = options_of(o, *scene->scene);
+  uint64_t most = 0;
+  for (const Shot& shot : shots) {
+    const uint64_t pixels = static_cast<uint64_t>(shot.camera.width) * static_cast<uint64_t>(shot.camera.height);
+    if (shot.picture.capacity < pixels)
+      fail(Status::usage, "picture.capacity is {} pixels: the camera's picture has {}", shot.picture.capacity, pixels);
+    most = std::max(most, pixels);
+  }
+  for (size_t i = 0; i < shots.size(); ++i) {
+    if (o.progress && !o.progress(o.user, "splat", static_cast<double>(i) / static_cast<double>(shots.size())))
+      fail(Status::cancelled, "stopped with {} of {} pictures drawn", i, shots.size());
+    const GaussianChunks& there = on_device(device, scene->scene, static_cast<double>(most));
+    const Picture drawn = render_picture(device->context, there, shots[i].camera, how);
+    device->context.finish();
+    copy(drawn.colour, shots[i].picture.colour);
+    copy(drawn.alpha, shots[i].picture.alpha);
+    copy(drawn.depth, shots[i].picture.depth);
+  }
+}
+
 }  // namespace
 
 vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
@@ -27,20 +68,20 @@ vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vspl
     need(scene, "scene");
     need(camera, "camera");
     need(picture, "picture");
-    const Camera view = camera_of(*camera, "camera");
-    const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
-    const vsplat_picture p = taken(picture, VSPLAT_PICTURE_INIT, "picture");
-    const uint64_t pixels = static_cast<uint64_t>(view.width) * static_cast<uint64_t>(view.height);
-    if (p.capacity < pixels)
-      fail(Status::usage, "picture.capacity is {} pixels: the camera's picture has {}", p.capacity, pixels);
-    const RenderOptions how = options_of(o, *scene->scene);
-    if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
-    const Picture drawn =
-        render_picture(device->context, on_device(device, scene->scene, static_cast<double>(pixels)), view, how);
-    device->context.finish();
-    copy(drawn.colour, p.colour);
-    copy(drawn.alpha, p.alpha);
-    copy(drawn.depth, p.depth);
+    draw(device, scene, {{camera_of(*camera, "camera"), room_of(*picture, "picture")}}, options);
+  });
+}
+
+vsplat_status vsplat_render_views(vsplat_device device, vsplat_scene scene, const vsplat_camera* cameras, size_t count,
+                                  const vsplat_render_options* options, const vsplat_picture* pictures) {
+  return guarded([&] {
+    need_array(cameras, count, "cameras");
+    need_array(pictures, count, "pictures");
+    std::vector<Shot> shots;
+    for (size_t i = 0; i < count; ++i)
+      shots.push_back({camera_of(element(cameras, i), fmt::format("camera {}", i).c_str()),
+                       room_of(element(pictures, i), fmt::format("picture {}", i))});
+    draw(device, scene, shots, options);
   });
 }
 
@@ -55,9 +96,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     std::vector<Camera> views;
     double pixels = 0;
     for (size_t i = 0; i < count; ++i) {
-      const auto* at =
-          reinterpret_cast<const vsplat_camera*>(reinterpret_cast<const char*>(cameras) + i * cameras->size);
-      views.push_back(camera_of(*at, ("camera " + std::to_string(i)).c_str()));
+      views.push_back(camera_of(element(cameras, i), fmt::format("camera {}", i).c_str()));
       pixels = std::max(pixels, static_cast<double>(views.back().width) * views.back().height);
     }
     const Gaussians& g = scene->scene->gaussians;

@@ -44,8 +44,8 @@ void rasterize(Context& ctx, const Projected& p, const Binned& b, const Part& pa
     fail(Status::internal, "rasterize: a part that ends at tile {}, {} of {} x {} pixels", part.x1, part.y1, d["W"],
          d["H"]);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
-  // At most: every intersection over its whole tile.
-  const Cost cost{n * kTile * kTile * 33.0, n * 52.0 + pixels * 20.0};
+  // How much of it is blended is known only when it is done: what must move at the least counts alone.
+  const Cost cost{0, n * 52.0 + pixels * 20.0};
   const auto run = [&](const KernelId& id, const Range& range) {
     ctx.launch(id, range, cost, p.records, b.ids, b.starts, picture.colour, picture.alpha, picture.depth,
                static_cast<int>(d["W"]), static_cast<int>(d["H"]), part.x0, part.y0, static_cast<int>(part.tiles_x()),

@@ -52,8 +52,8 @@ IntersectionGradients rasterize_backward(Context& ctx, const Projected& p, const
                                   ctx.tensor({d["N"]}, Type::u8, "rasterize_backward.touched")};
   ctx.fill_zero(out.touched);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
-  // At most: every intersection over its whole tile.
-  const Cost cost{n * kTile * kTile * 75.0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0};
+  // As in drawing, what must move at the least counts alone.
+  const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0};
   const auto run = [&](const KernelId& id, const Range& range) {
     ctx.launch(id, range, cost, p.records, b.ids, b.starts, b.slots, picture.colour, picture.alpha, picture.depth,
                gradient.colour, gradient.alpha, gradient.depth, out.rows, out.touched, static_cast<int>(d["W"]),

@@ -10,11 +10,13 @@
 namespace vsplat {
 namespace {
 
-Tensor counts_of(Context& ctx, const Tensor& rects, const Tensor& order) {
+const char* defines_for(const Tensor& masks) { return masks ? "-DEXACT" : ""; }
+
+Tensor counts_of(Context& ctx, const Tensor& rects, const Tensor& masks, const Tensor& order) {
   const long v = rects.dim(0);
   Tensor out = ctx.tensor({v}, Type::u32, "tile_bin.counts");
-  ctx.launch({"tile_bin", "tile_bin_counts", ""}, items(v), {0, 16.0 * static_cast<double>(v)}, rects, order, out,
-             static_cast<int>(v));
+  ctx.launch({"tile_bin", "tile_bin_counts", defines_for(masks)}, items(v), {0, 16.0 * static_cast<double>(v)}, rects,
+             masks, order, out, static_cast<int>(v));
   return out;
 }
 
@@ -22,6 +24,7 @@ Tensor counts_of(Context& ctx, const Tensor& rects, const Tensor& order) {
 struct Job {
   Context& ctx;
   const Tensor& rects;
+  const Tensor& masks;  // or none
   const Tensor& order;
   const Part& part;
   long v, n;
@@ -43,17 +46,20 @@ void count_and_place(const Job& j, Binned& out) {
   const int tiles_x = static_cast<int>(j.part.tiles_x()), T = static_cast<int>(tiles);
   const Tensor histogram = ctx.tensor({most, tiles}, Type::u32, "tile_bin.histogram").first(blocks);
   const Tensor ordered = ctx.tensor({j.v, 2}, Type::u32, "tile_bin.ordered");
-  ctx.launch({"tile_bin", "tile_bin_order", ""}, items(j.v, 256), {0, 20 * v}, j.rects, j.order, ordered, V);
+  const Tensor masks = j.masks ? ctx.tensor({j.v}, Type::u64, "tile_bin.ordered_masks") : Tensor();
+  ctx.launch({"tile_bin", "tile_bin_order", defines_for(j.masks)}, items(j.v, 256), {0, 20 * v}, j.rects, j.masks,
+             j.order, ordered, masks, V);
   {
     const Tensor totals = ctx.tensor({tiles}, Type::u32, "tile_bin.totals");
-    ctx.launch({"tile_bin", "tile_bin_count", ""}, items(blocks, 1), {0, 8 * v + table}, ordered, histogram, V, step, B,
-               tiles_x, T);
+    ctx.launch({"tile_bin", "tile_bin_count", defines_for(j.masks)}, items(blocks, 1), {0, 8 * v + table}, ordered,
+               masks, histogram, V, step, B, tiles_x, T);
     ctx.launch({"tile_bin", "tile_bin_totals", ""}, items(tiles), {0, table}, histogram, totals, B, T);
     exclusive_scan(ctx, totals, out.starts);
   }
   ctx.launch({"tile_bin", "tile_bin_place", ""}, items(tiles), {0, 2 * table}, histogram, out.starts, B, T);
-  ctx.launch({"tile_bin", "tile_bin_scatter", ""}, items(blocks, 1), {0, 12 * v + 4 * n + table}, ordered, j.order,
-             histogram, out.offsets, out.ids, out.slots, V, step, B, tiles_x, T, static_cast<unsigned>(j.n));
+  ctx.launch({"tile_bin", "tile_bin_scatter", defines_for(j.masks)}, items(blocks, 1), {0, 12 * v + 4 * n + table},
+             ordered, masks, j.order, histogram, out.offsets, out.ids, out.slots, V, step, B, tiles_x, T,
+             static_cast<unsigned>(j.n));
 }
 
 // Pairs are written out near to far and sorted, stably, by tile alone.
@@ -66,11 +72,12 @@ void emit_and_sort(const Job& j, Binned& out) {
   Tensor gaussians = pairs(j, "tile_bin.gaussians"), slots = out.slots ? pairs(j, "tile_bin.emitted_slots") : Tensor();
   {
     const Tensor emitted = ctx.tensor({j.v + 1}, Type::u32, "tile_bin.emitted");
-    exclusive_scan(ctx, counts_of(ctx, j.rects, j.order), emitted);
-    ctx.launch({"tile_bin", "tile_bin_emit", ""}, items(j.v), {0, 16 * v + 8 * n}, j.rects, j.order, emitted,
-               out.offsets, keys, gaussians, slots, static_cast<int>(j.v), static_cast<int>(j.part.tiles_x()));
+    exclusive_scan(ctx, counts_of(ctx, j.rects, Tensor(), j.order), emitted);
+    ctx.launch({"tile_bin", "tile_bin_emit", defines_for(j.masks)}, items(j.v), {0, 16 * v + 8 * n}, j.rects, j.masks,
+               j.order, emitted, out.offsets, keys, gaussians, slots, static_cast<int>(j.v),
+               static_cast<int>(j.part.tiles_x()), static_cast<int>(tiles));
   }
-  const int bits = std::bit_width(static_cast<std::uint64_t>(std::max(tiles - 1, 0L)));
+  const int bits = std::bit_width(static_cast<std::uint64_t>(std::max(tiles - (j.masks ? 0 : 1), 0L)));
   // With two things to sort along, what is sorted is where they stand.
   const Sorted sorted = radix_sort(ctx, std::move(keys), slots ? Tensor() : gaussians, bits);
   const auto pick = [&](const Tensor& values, const Tensor& to) {
@@ -88,7 +95,7 @@ void emit_and_sort(const Job& j, Binned& out) {
 
 }  // namespace
 
-Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, const Part& part, bool slots) {
+Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, const Part& part, const BinOptions& options) {
   Dims d;
   d.bind("rects", p.rects, {"V", "2"}, Type::u32).bind("keys", p.keys, {"V"}, Type::u32);
   const long v = d["V"], tiles = part.tiles();
@@ -97,12 +104,20 @@ Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, const Par
          "{} Gaussians touch the {} tiles of a picture's part {} times, at most 2147483647 can be sorted", v, tiles,
          count);
   const Tensor order = radix_sort(ctx, p.keys, Tensor(), p.key_bits).values;
-  const Job job{ctx, p.rects, order, part, v, static_cast<long>(count)};
+  Tensor masks;
+  if (options.exact) {
+    d.bind("records", p.records, {"V", "12"});
+    masks = ctx.tensor({v}, Type::u64, "tile_bin.masks");
+    ctx.launch({"tile_bin", "tile_bin_masks", ""}, items(v),
+               {30 * static_cast<double>(count), 64 * static_cast<double>(v)}, p.records, p.rects, masks,
+               static_cast<int>(v), part.x0, part.y0);
+  }
+  const Job job{ctx, p.rects, masks, order, part, v, static_cast<long>(count)};
   Binned out;
   out.starts = ctx.tensor({tiles + 1}, Type::u32, "tile_bin.starts");
-  if (slots) {
+  if (options.slots) {
     out.offsets = ctx.tensor({v + 1}, Type::u32, "tile_bin.offsets");
-    exclusive_scan(ctx, counts_of(ctx, p.rects, Tensor()), out.offsets);
+    exclusive_scan(ctx, counts_of(ctx, p.rects, masks, Tensor()), out.offsets);
     out.slots = pairs(job, "tile_bin.slots");
   }
   if (ctx.flavour() == Flavour::cpu) {
@@ -110,7 +125,7 @@ Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, const Par
     count_and_place(job, out);
     out.ids = out.ids.first(job.n);
   } else {
-    if (slots) out.ids = pairs(job, "tile_bin.ids");
+    if (options.slots) out.ids = pairs(job, "tile_bin.ids");
     emit_and_sort(job, out);
   }
   return out;

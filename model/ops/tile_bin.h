@@ -7,14 +7,23 @@
 namespace vsplat {
 
 struct Binned {
-  Tensor ids;      // u32 [N]: of the V projected Gaussians, tile by tile, near to far, equal depths in their own order
+  Tensor ids;      // u32 [N], the first starts[tiles] of them: of the V projected Gaussians, tile by tile, near to far,
+                   // equal depths in their own order
   Tensor starts;   // u32 [tiles + 1]: where each tile's (row-major) run begins
   Tensor offsets;  // u32 [V+1], if asked for: where each Gaussian's run of slots begins
   Tensor slots;    // u32 [N], if asked for: the place of each of `ids` when the pairs are ordered by Gaussian
 };
 
-// `count`: the pairs, as count_visible tells them. Uses projected.keys as scratch. `slots`: whether offsets and slots
-// are wanted, for a backward.
-Binned tile_bin(Context& ctx, const Projected& projected, std::uint64_t count, const Part& part, bool slots = false);
+struct BinOptions {
+  bool slots = false;  // whether offsets and slots are wanted, for a backward
+  // Whether the tiles of a Gaussian's rectangle in which its alpha stays below 1/255 are left out: of thin, slanted
+  // ones most. No picture is another one for it, since nothing below 1/255 is drawn.
+  bool exact = false;
+};
+
+// `count`: the pairs, as count_visible tells them; with `exact` there are as many at the most. Uses projected.keys as
+// scratch.
+Binned tile_bin(Context& ctx, const Projected& projected, std::uint64_t count, const Part& part,
+                const BinOptions& options = {});
 
 }  // namespace vsplat

@@ -233,6 +233,23 @@ static void use_scene(vsplat_device device, vsplat_scene scene, const int32_t* v
   EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, NULL, &picture));
   for (i = 0; i < side * side && alpha[i] >= 0 && alpha[i] <= 1; ++i) continue;
   HOLD(i == side * side);
+  {
+    const vsplat_camera cameras2[2] = {camera, camera};
+    vsplat_render_options exact = VSPLAT_RENDER_OPTIONS_INIT;
+    vsplat_picture pictures2[2] = {VSPLAT_PICTURE_INIT, VSPLAT_PICTURE_INIT};
+    float* again = malloc((size_t)side * side * sizeof(float));
+    exact.exact_tiles = 1;
+    pictures2[0].capacity = side * side;
+    EXPECT(VSPLAT_ERROR_USAGE,
+           vsplat_render_views(device, scene, cameras2, 2, NULL, pictures2)); /* no room in the 2nd */
+    pictures2[1].capacity = side * side;
+    pictures2[1].alpha = again;
+    EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras2, 2, &exact, pictures2));
+    HOLD(memcmp(again, alpha, (size_t)side * side * sizeof(float)) == 0);
+    EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, NULL, 0, NULL, NULL));
+    EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, NULL, 1, NULL, pictures2));
+    free(again);
+  }
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(&picture, side, side + 1, VSPLAT_PICTURE_PNG, "x.png"));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(&picture, side, side, VSPLAT_PICTURE_EXR, "x.exr")); /* no depth */
 

@@ -52,6 +52,21 @@ class Pictures(support.Case):
         out, _ = self.succeeds(*self.render("--compare", self.path("jpg"), "--json"))
         self.assertGreater(json.loads(out)["comparison"]["psnr"], 35)
 
+    def test_dry_run_says_what_it_takes(self):
+        for more in ([], ["--kernels", "gpu"], ["--exact-tiles"]):
+            out, _ = self.succeeds(*self.render("--dry-run", "--json", *more, cameras="orbit:5", size="300x200"))
+            plan = json.loads(out)[0]
+            self.assertTrue(plan["fits"])
+            self.succeeds(*self.render("--sheet", self.path("s.png"), "--profile", self.path("p.json"), "--overwrite", *more,
+                                       cameras="orbit:5", size="300x200"))
+            with open(self.path("p.json")) as file:
+                self.assertEqual(json.load(file)["peak_bytes"], plan["peak_bytes"])
+        self.succeeds(*self.render("--images", self.path("box")))
+        self.succeeds(*self.render("--images", self.path("exact"), "--exact-tiles"))
+        for name in os.listdir(self.path("box")):
+            with open(self.path("box", name), "rb") as a, open(self.path("exact", name), "rb") as b:
+                self.assertEqual(a.read(), b.read())
+
     def test_sheet(self):
         out, _ = self.succeeds(*self.render("--sheet", self.path("new", "sheet.png"), "--images", self.path("png"), "--json"))
         self.assertEqual(json.loads(out)["sheet"], self.path("new", "sheet.png"))

@@ -154,6 +154,21 @@ TEST_P(Render, RefusesCamerasThatCannotBe) {
   EXPECT_THROW(render(ctx(), g, good, options), Error);
 }
 
+// Tiles that a Gaussian does not reach do not matter: the same bits with them and without.
+TEST_P(Render, ExactTilesChangeNoBit) {
+  for (const SceneCase& c : test::scene_cases()) {
+    const DeviceGaussians g = upload(ctx(), test::make_scene(c, 31));
+    const Camera cam = test::make_camera(c, 31);
+    RenderOptions options;
+    const Picture want = render_picture(ctx(), g, cam, options);
+    options.exact_tiles = true;
+    const Picture got = render_picture(ctx(), g, cam, options);
+    EXPECT_EQ(got.colour.data, want.colour.data) << c.name;
+    EXPECT_EQ(got.alpha.data, want.alpha.data) << c.name;
+    EXPECT_EQ(got.depth.data, want.depth.data) << c.name;
+  }
+}
+
 // However little memory there is, the picture has the same bits: in parts of it, and with the scene uploaded in chunks.
 TEST_P(Render, DrawsInPartsWhatDoesNotFit) {
   const SceneCase c{"", 150000, 0, 300, 200, ""};

@@ -501,9 +501,11 @@ typedef struct vsplat_render_options {
   double near_plane;   /* world units; 0: the scene's */
   vsplat_progress_function progress;
   void* user;
+  int32_t exact_tiles; /* 1: tiles that a Gaussian's ellipse does not reach are not sorted for it. The same picture to
+                          the bit; less work where many Gaussians are long, thin and slanted, a little more elsewhere */
 } vsplat_render_options;
 #define VSPLAT_RENDER_OPTIONS_INIT \
-  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL }
+  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL, 0 }
 
 /* Arrays of the caller, any of them NULL where not wanted. */
 typedef struct vsplat_picture {
@@ -522,6 +524,13 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render(vsplat_device device, vs
                                                         const vsplat_camera* camera,
                                                         const vsplat_render_options* options,
                                                         const vsplat_picture* picture);
+
+/* The same for `count` cameras and as many pictures, which may differ in size. A request that is wrong in any of them
+   is refused before the first is drawn; progress is told before each. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_views(vsplat_device device, vsplat_scene scene,
+                                                              const vsplat_camera* cameras, size_t count,
+                                                              const vsplat_render_options* options,
+                                                              const vsplat_picture* pictures);
 
 /* Derivatives of a loss on that picture. `gradient` holds those by the picture's values, shaped as vsplat_render gives
    them; arrays that are NULL count as zeros. `arrays` takes those by the scene's Gaussians, shaped as
