@@ -1,0 +1,80 @@
+// The optimiser: AdamW, the norm of all gradients together with the factor that clips it, and a moving average of weights.   (f32)
+#include "common.clh"
+
+#ifndef GROUP
+#define GROUP 64  // work-items of a group, a power of two
+#endif
+#ifndef EACH
+#define EACH 32  // elements of a work-item in adamw_squares
+#endif
+
+// Sum over the group in a fixed order; every item must come here.
+static float group_sum(float mine, __local float* part) {
+  const int item = get_local_id(0);
+  part[item] = mine;
+  for (int step = GROUP / 2; step > 0; step /= 2) {
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (item < step) part[item] += part[item + step];
+  }
+  barrier(CLK_LOCAL_MEM_FENCE);
+  return part[0];
+}
+
+// Sums of squares of grad [n] in blocks of GROUP * EACH: those go to sums[first ...]. A work-group per block.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(__global const float* restrict grad,
+                                                                               __global float* restrict sums, int n,
+                                                                               int first) {
+  __local float part[GROUP];
+  const int block = get_group_id(0);
+  __global const float* from = grad + (size_t)block * GROUP * EACH;
+  const int left = min(n - block * (GROUP * EACH), GROUP * EACH);
+  float sum = 0.0f;
+  for (int i = get_local_id(0); i < left; i += GROUP) sum = FMA(from[i], from[i], sum);
+  sum = group_sum(sum, part);
+  if (get_local_id(0) == 0) sums[first + block] = sum;
+}
+
+// sums [count] of all tensors -> out [2]: norm = scale * sqrt(total), and the factor for the gradients as they are stored,
+// scale * min(1, max_norm / (norm + 1e-6)). One work-group; Kahan's summation, so that the error does not grow with count.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(__global const float* restrict sums,
+                                                                            __global float* restrict out, int count,
+                                                                            float scale, float max_norm) {
+  __local float part[GROUP];
+  float sum = 0.0f, lost = 0.0f;
+  for (int i = get_local_id(0); i < count; i += GROUP) {
+    const float add = sums[i] - lost;
+    const float next = sum + add;
+    lost = (next - sum) - add;
+    sum = next;
+  }
+  sum = group_sum(sum, part);
+  if (get_local_id(0) == 0) {
+    const float norm = scale * sqrt(sum);
+    const float clip = max_norm / (norm + 1e-6f);
+    out[0] = norm;
+    out[1] = scale * (clip > 1.0f ? 1.0f : clip);  // a norm that is no number stays one in the factor
+  }
+}
+
+// One step of AdamW on param, m, v [n] by grad [n] (null: zeros) times clip[1] (null: 1). A work-item per element.
+//   m += (1 - beta1) (g - m)   v += (1 - beta2) (g^2 - v)   param -= decay * param + rate * m / (root * sqrt(v) + eps)
+// new1 = 1 - beta1, new2 = 1 - beta2, decay = lr * weight decay, rate = lr / (1 - beta1^t), root = 1 / sqrt(1 - beta2^t). The
+// decay is subtracted with the update: param * (1 - decay) first would round the small decay to 24 bits of 1.
+__kernel void adamw_step(__global float* restrict param, __global const float* restrict grad, __global float* restrict m,
+                         __global float* restrict v, __global const float* restrict clip, int n, float new1, float new2,
+                         float eps, float decay, float rate, float root) {
+  const int i = get_global_id(0);
+  if (i >= n) return;
+  const float g = grad ? grad[i] * (clip ? clip[1] : 1.0f) : 0.0f;
+  const float first = FMA(new1, g - m[i], m[i]);
+  const float second = FMA(new2, g * g - v[i], v[i]);
+  m[i] = first;
+  v[i] = second;
+  param[i] -= FMA(decay, param[i], rate * first / FMA(root, sqrt(second), eps));
+}
+
+// average [n] += part * (param - average)
+__kernel void adamw_average(__global float* restrict average, __global const float* restrict param, int n, float part) {
+  const int i = get_global_id(0);
+  if (i < n) average[i] = FMA(part, param[i] - average[i], average[i]);
+}
