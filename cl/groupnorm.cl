@@ -8,6 +8,7 @@
 //   mean, m2 [chunks, C] of the chunks; channel_mean, channel_m2 [C]
 // groupnorm_chunks_cpu and _gpu compute the same; the first keeps one work-item at a chunk (it streams along rows), the second takes
 // a work-item per channel and chunk (neighbours read neighbours).
+#include "tile_cpu.clh"
 
 // Rows that are reduced in registers before they are merged into the running mean and m2.
 #define ROWS 8
@@ -119,9 +120,11 @@ __kernel void groupnorm_channels(__global const float* restrict mean, __global c
 }
 
 // Over a group's channels, once more for each of them: a work-item per channel. N = 0: mean and variance count as 0.
+// out_mean, out_rstd [C] or null: a channel's group's mean and 1 / sqrt(var + eps), for the backward.
 __kernel void groupnorm_scale(__global const float* restrict channel_mean, __global const float* restrict channel_m2,
                               __global const float* restrict gamma, __global const float* restrict beta, __global float* restrict scale,
-                              __global float* restrict shift, int N, int C, int G, float eps) {
+                              __global float* restrict shift, __global float* restrict out_mean, __global float* restrict out_rstd,
+                              int N, int C, int G, float eps) {
   const int c = get_global_id(0);
   if (c >= C) return;
   float mean = 0.0f, variance = 0.0f;
@@ -140,4 +143,150 @@ __kernel void groupnorm_scale(__global const float* restrict channel_mean, __glo
   const float s = gamma[c] / sqrt(variance + eps);
   scale[c] = s;
   shift[c] = beta[c] - mean * s;
+  if (out_mean) out_mean[c] = mean;
+  if (out_rstd) out_rstd[c] = 1.0f / sqrt(variance + eps);
+}
+
+// Backward of y = silu(z), z = x * scale + shift = gamma u + beta with u = (x - mean) rstd:
+//   dz = dy silu'(z);  dbeta = sum over rows of dz, dgamma = sum of dz u;
+//   dx = rstd (gamma dz - (sum over the group of gamma dbeta + u * sum of gamma dgamma) / (N C / G))
+// x [N,width] is one of the sources, its channels from `channel` on of the C of dy [N,C], scale, shift, mean, rstd, gamma [C].
+// The rows are cut in chunks; a chunk's sums are of ROWS rows each, then of these; then come the chunks, then a group's channels.
+//   sums, sums_u [chunks, C] of a chunk's dz and dz u; channel_sums, channel_sums_u [C]
+
+static inline float silu_slope(float z) {
+  const float s = sigmoid(z);
+  return s * (1.0f + z * (1.0f - s));
+}
+static inline float16 silu_slope_16(float16 z) {
+  const float16 s = 1.0f / (1.0f + exp_16(-z));
+  return s * (1.0f + z * (1.0f - s));
+}
+
+// A work-item per chunk of `rows` rows.
+__kernel void groupnorm_backward_chunks_cpu(__global const float* restrict x, __global const float* restrict dy,
+                                            __global const float* restrict scale, __global const float* restrict shift,
+                                            __global const float* restrict mean, __global const float* restrict rstd,
+                                            __global float* restrict sums, __global float* restrict sums_u, int N, int width,
+                                            int channel, int C, int rows) {
+  const int chunk = get_global_id(0);
+  const long first = (long)chunk * rows;
+  if (first >= N) return;
+  const int count = (int)min((long)rows, N - first);
+  __global float* restrict out = sums + (long)chunk * C + channel;
+  __global float* restrict out_u = sums_u + (long)chunk * C + channel;
+  for (int row = 0; row < count; row += ROWS) {
+    const int until = min(row + ROWS, count);
+    for (int c = 0; c < width; c += 16) {
+      const int part = min(16, width - c), at = channel + c;
+      const float16 a = load_part(scale + at, part), b = load_part(shift + at, part);
+      const float16 m = load_part(mean + at, part), r = load_part(rstd + at, part);
+      float16 sum = (float16)(0.0f), sum_u = (float16)(0.0f);
+      for (int i = row; i < until; ++i) {
+        const float16 v = load_part(x + (first + i) * width + c, part);
+        const float16 dz = load_part(dy + (first + i) * C + at, part) * silu_slope_16(FMA(v, a, b));
+        sum += dz;
+        sum_u += dz * ((v - m) * r);
+      }
+      if (row > 0) sum += load_part(out + c, part), sum_u += load_part(out_u + c, part);
+      store_part(sum, part, out + c);
+      store_part(sum_u, part, out_u + c);
+    }
+  }
+}
+
+// A work-item per channel of the source (direction 0) and chunk (direction 1).
+__kernel void groupnorm_backward_chunks_gpu(__global const float* restrict x, __global const float* restrict dy,
+                                            __global const float* restrict scale, __global const float* restrict shift,
+                                            __global const float* restrict mean, __global const float* restrict rstd,
+                                            __global float* restrict sums, __global float* restrict sums_u, int N, int width,
+                                            int channel, int C, int rows) {
+  const int c = get_global_id(0), chunk = get_global_id(1), at = channel + c;
+  const long first = (long)chunk * rows;
+  if (c >= width || first >= N) return;
+  const int count = (int)min((long)rows, N - first);
+  const float a = scale[at], b = shift[at], m = mean[at], r = rstd[at];
+  float total = 0.0f, total_u = 0.0f;
+  for (int row = 0; row < count; row += ROWS) {
+    const int until = min(row + ROWS, count);
+    float sum = 0.0f, sum_u = 0.0f;
+    for (int i = row; i < until; ++i) {
+      const float v = x[(first + i) * width + c];
+      const float dz = dy[(first + i) * C + at] * silu_slope(FMA(v, a, b));
+      sum += dz;
+      sum_u += dz * ((v - m) * r);
+    }
+    total += sum;
+    total_u += sum_u;
+  }
+  sums[(long)chunk * C + at] = total;
+  sums_u[(long)chunk * C + at] = total_u;
+}
+
+// Over the chunks: a work-item per channel. Adds to dgamma and dbeta [C].
+__kernel void groupnorm_backward_channels(__global const float* restrict sums, __global const float* restrict sums_u,
+                                          __global float* restrict channel_sums, __global float* restrict channel_sums_u,
+                                          __global float* restrict dgamma, __global float* restrict dbeta, int C, int chunks) {
+  const int c = get_global_id(0);
+  if (c >= C) return;
+  float sum = 0.0f, sum_u = 0.0f;
+  for (int i = 0; i < chunks; ++i) sum += sums[(long)i * C + c], sum_u += sums_u[(long)i * C + c];
+  channel_sums[c] = sum;
+  channel_sums_u[c] = sum_u;
+  dbeta[c] += sum;
+  dgamma[c] += sum_u;
+}
+
+// Over a group's channels, once more for each of them: means of gamma dz and of gamma dz u. A work-item per channel.
+__kernel void groupnorm_backward_groups(__global const float* restrict channel_sums, __global const float* restrict channel_sums_u,
+                                        __global const float* restrict gamma, __global float* restrict group_mean,
+                                        __global float* restrict group_mean_u, int N, int C, int G) {
+  const int c = get_global_id(0);
+  if (c >= C) return;
+  const int size = C / G, begin = c / size * size;
+  float sum = 0.0f, sum_u = 0.0f;
+  for (int i = begin; i < begin + size; ++i) {
+    sum += gamma[i] * channel_sums[i];
+    sum_u += gamma[i] * channel_sums_u[i];
+  }
+  group_mean[c] = sum / ((float)N * (float)size);
+  group_mean_u[c] = sum_u / ((float)N * (float)size);
+}
+
+// dx [N,width], which is added to where `add` says so, and may be dy where width is C. A work-item per row.
+__kernel void groupnorm_backward_cpu(__global const float* x, __global const float* dy, __global const float* scale,
+                                     __global const float* shift, __global const float* mean, __global const float* rstd,
+                                     __global const float* gamma, __global const float* group_mean,
+                                     __global const float* group_mean_u, __global float* dx, int add, int N, int width, int channel,
+                                     int C) {
+  const int row = get_global_id(0);
+  if (row >= N) return;
+  for (int c = 0; c < width; c += 16) {
+    const int part = min(16, width - c), at = channel + c;
+    const float16 v = load_part(x + (long)row * width + c, part), r = load_part(rstd + at, part);
+    const float16 z = FMA(v, load_part(scale + at, part), load_part(shift + at, part));
+    const float16 dz = load_part(dy + (long)row * C + at, part) * silu_slope_16(z);
+    const float16 u = (v - load_part(mean + at, part)) * r;
+    float16 d = r * (load_part(gamma + at, part) * dz - load_part(group_mean + at, part) - u * load_part(group_mean_u + at, part));
+    __global float* to = dx + (long)row * width + c;
+    if (add) d += load_part(to, part);
+    store_part(d, part, to);
+  }
+}
+
+// As above. A work-item per element.
+__kernel void groupnorm_backward_gpu(__global const float* x, __global const float* dy, __global const float* scale,
+                                     __global const float* shift, __global const float* mean, __global const float* rstd,
+                                     __global const float* gamma, __global const float* group_mean,
+                                     __global const float* group_mean_u, __global float* dx, int add, int N, int width, int channel,
+                                     int C) {
+  const size_t i = get_global_id(0);
+  if (i >= (size_t)N * width) return;
+  const size_t row = i / width;
+  const int at = channel + (int)(i % width);
+  const float v = x[i];
+  const float dz = dy[row * C + at] * silu_slope(FMA(v, scale[at], shift[at]));
+  const float u = (v - mean[at]) * rstd[at];
+  const float d = rstd[at] * (gamma[at] * dz - group_mean[at] - u * group_mean_u[at]);
+  dx[i] = add ? dx[i] + d : d;
 }

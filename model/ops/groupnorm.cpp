@@ -13,6 +13,11 @@ long chunk_rows(Flavour flavour, long n) {
   return std::max(64L, (n + 255) / 256);
 }
 
+void check_groups(long channels, int groups) {
+  if (groups < 1 || channels % groups != 0)
+    fail(Status::internal, "groupnorm: {} channels cannot be cut in {} groups", channels, groups);
+}
+
 }  // namespace
 
 void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
@@ -23,9 +28,10 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
       .bind("gamma", a.gamma, {"C"})
       .bind("beta", a.beta, {"C"})
       .bind("scale", a.scale, {"C"})
-      .bind("shift", a.shift, {"C"});
-  if (a.groups < 1 || c % a.groups != 0)
-    fail(Status::internal, "groupnorm: {} channels cannot be cut in {} groups", c, a.groups);
+      .bind("shift", a.shift, {"C"})
+      .bind_optional("mean", a.mean, {"C"})
+      .bind_optional("rstd", a.rstd, {"C"});
+  check_groups(c, a.groups);
   const int ni = static_cast<int>(n), ci = static_cast<int>(c);
   Tensor channel_mean, channel_m2;
   if (n > 0) {
@@ -49,7 +55,58 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
                channel_mean, channel_m2, ni, ci, static_cast<int>(rows), static_cast<int>(chunks));
   }
   ctx.launch({"groupnorm", "groupnorm_scale", ""}, items(c, 16), {}, channel_mean, channel_m2, a.gamma, a.beta, a.scale,
-             a.shift, ni, ci, a.groups, a.eps);
+             a.shift, a.mean, a.rstd, ni, ci, a.groups, a.eps);
+}
+
+void groupnorm_silu_backward(Context& ctx, const GroupNormSiluBackward& a) {
+  Dims d;
+  d.bind("x0", a.x0, {"N", "C0"}).bind_optional("x1", a.x1, {"N", "C1"}).bind("dx0", a.dx0, {"N", "C0"});
+  if (a.x1) d.bind("dx1", a.dx1, {"N", "C1"});
+  const long n = d["N"], c0 = d["C0"], c1 = a.x1 ? d["C1"] : 0, c = c0 + c1;
+  d.set("C", c)
+      .bind("gamma", a.gamma, {"C"})
+      .bind("scale", a.scale, {"C"})
+      .bind("shift", a.shift, {"C"})
+      .bind("mean", a.mean, {"C"})
+      .bind("rstd", a.rstd, {"C"})
+      .bind("dy", a.dy, {"N", "C"})
+      .bind("dgamma", a.dgamma, {"C"})
+      .bind("dbeta", a.dbeta, {"C"});
+  check_groups(c, a.groups);
+  if (n == 0) return;
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  const int ni = static_cast<int>(n), ci = static_cast<int>(c);
+  const long rows = chunk_rows(ctx.flavour(), n), chunks = (n + rows - 1) / rows;
+  const Tensor sums = ctx.tensor({chunks, c}, Type::f32, "groupnorm.sums");
+  const Tensor sums_u = ctx.tensor({chunks, c}, Type::f32, "groupnorm.sums_u");
+  const auto reduce = [&](const Tensor& x, long width, long channel) {
+    const double count = static_cast<double>(n) * static_cast<double>(width);
+    const Range range = cpu ? groups(chunks, 1) : groups((width + 31) / 32, 32, chunks);
+    ctx.launch({"groupnorm", cpu ? "groupnorm_backward_chunks_cpu" : "groupnorm_backward_chunks_gpu", ""}, range,
+               {30 * count, 8 * count}, x, a.dy, a.scale, a.shift, a.mean, a.rstd, sums, sums_u, ni,
+               static_cast<int>(width), static_cast<int>(channel), ci, static_cast<int>(rows));
+  };
+  reduce(a.x0, c0, 0);
+  if (a.x1) reduce(a.x1, c1, c0);
+
+  const Tensor channel_sums = ctx.tensor({c}, Type::f32, "groupnorm.channel_sums");
+  const Tensor channel_sums_u = ctx.tensor({c}, Type::f32, "groupnorm.channel_sums_u");
+  const Tensor group_mean = ctx.tensor({c}, Type::f32, "groupnorm.group_mean");
+  const Tensor group_mean_u = ctx.tensor({c}, Type::f32, "groupnorm.group_mean_u");
+  const double partials = static_cast<double>(chunks) * static_cast<double>(c);
+  ctx.launch({"groupnorm", "groupnorm_backward_channels", ""}, items(c, 16), {2 * partials, 8 * partials}, sums, sums_u,
+             channel_sums, channel_sums_u, a.dgamma, a.dbeta, ci, static_cast<int>(chunks));
+  ctx.launch({"groupnorm", "groupnorm_backward_groups", ""}, items(c, 16), {}, channel_sums, channel_sums_u, a.gamma,
+             group_mean, group_mean_u, ni, ci, a.groups);
+
+  const auto finish = [&](const Tensor& x, const Tensor& dx, long width, long channel) {
+    const double count = static_cast<double>(n) * static_cast<double>(width);
+    ctx.launch({"groupnorm", cpu ? "groupnorm_backward_cpu" : "groupnorm_backward_gpu", ""}, items(cpu ? n : n * width),
+               {30 * count, 12 * count}, x, a.dy, a.scale, a.shift, a.mean, a.rstd, a.gamma, group_mean, group_mean_u,
+               dx, a.add ? 1 : 0, ni, static_cast<int>(width), static_cast<int>(channel), ci);
+  };
+  finish(a.x0, a.dx0, c0, 0);
+  if (a.x1) finish(a.x1, a.dx1, c1, c0);
 }
 
 }  // namespace vsplat
