@@ -6,13 +6,30 @@
 // The plain call is skip = 0 with P = R and V = 1; film is null then. Row r of out is row (r / P) * (P + skip) + r % P
 // + skip of x. layernorm_cpu: one work-item per row, float16 over the channels. layernorm_gpu: one work-group of 64 per
 // row, sums through local memory.
+// Backward: dy [R, C], and x and gamma as they came, give dx (where skip = 1, zeros in the dropped rows; or added to what is there)
+// and, with film, dfilm [V P, 2 C]. With n = (x - mean) / sqrt(var + eps), u = dy (1 + scale) and g = u gamma:
+//   dx = (g - mean(g) - n mean(g n)) / sqrt(var + eps)   dshift = dy   dscale = dy (n gamma + beta)
+//   dgamma = sum over rows of u n   dbeta = sum over rows of u
+// The last two begin in layernorm_columns: a partial sum for every ROWS rows, in order.
 #include "common.clh"
+#include "vector16.clh"
 
-static inline float sum_of(float16 v) {
-  const float8 a = v.lo + v.hi;
-  const float4 b = a.lo + a.hi;
-  const float2 c = b.lo + b.hi;
-  return c.x + c.y;
+// (mean, 1 / sqrt(var + eps)) of a row, by one work-item.
+static inline float2 statistics(__global const float* x, int C, float eps) {
+  const int whole = C & ~15;
+  float16 sums = (float16)(0.0f);
+  for (int c = 0; c < whole; c += 16) sums += vload16(0, x + c);
+  float sum = sum_of(sums);
+  for (int c = whole; c < C; ++c) sum += x[c];
+  const float mean = sum / C;
+  sums = (float16)(0.0f);
+  for (int c = 0; c < whole; c += 16) {
+    const float16 d = vload16(0, x + c) - mean;
+    sums += d * d;
+  }
+  float square = sum_of(sums);
+  for (int c = whole; c < C; ++c) square += (x[c] - mean) * (x[c] - mean);
+  return (float2)(mean, 1.0f / sqrt(square / C + eps));
 }
 
 __kernel void layernorm_cpu(__global const float* x, __global const float* gamma, __global const float* beta,
@@ -22,19 +39,8 @@ __kernel void layernorm_cpu(__global const float* x, __global const float* gamma
   __global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
   __global float* to = out + (size_t)r * C;
   const int whole = C & ~15;
-  float16 sums = (float16)(0.0f);
-  for (int c = 0; c < whole; c += 16) sums += vload16(0, from + c);
-  float sum = sum_of(sums);
-  for (int c = whole; c < C; ++c) sum += from[c];
-  const float mean = sum / C;
-  sums = (float16)(0.0f);
-  for (int c = 0; c < whole; c += 16) {
-    const float16 d = vload16(0, from + c) - mean;
-    sums += d * d;
-  }
-  float square = sum_of(sums);
-  for (int c = whole; c < C; ++c) square += (from[c] - mean) * (from[c] - mean);
-  const float by = 1.0f / sqrt(square / C + eps);
+  const float2 s = statistics(from, C, eps);
+  const float mean = s.x, by = s.y;
   if (film) {
     __global const float* shift = film + (size_t)r * 2 * C;
     __global const float* scale = shift + C;
@@ -48,6 +54,50 @@ __kernel void layernorm_cpu(__global const float* x, __global const float* gamma
       vstore16((vload16(0, from + c) - mean) * by * vload16(0, gamma + c) + vload16(0, beta + c), 0, to + c);
     for (int c = whole; c < C; ++c) to[c] = (from[c] - mean) * by * gamma[c] + beta[c];
   }
+}
+
+// dy of sixteen channels from c on, times 1 + scale where there is one (null otherwise).
+static inline float16 upstream(__global const float* dy, __global const float* scale, int c, int width) {
+  const float16 u = load_part(dy + c, width);
+  return scale ? u * (1.0f + load_part(scale + c, width)) : u;
+}
+
+// stats [R, 2]: each row's mean and 1 / sqrt(var + eps), for layernorm_columns. add: dx is added to. One work-item per row.
+__kernel void layernorm_backward_cpu(__global const float* x, __global const float* gamma, __global const float* beta,
+                                     __global const float* film, __global const float* dy, __global float* dx,
+                                     __global float* dfilm, __global float* stats, int R, int C, int P, int skip,
+                                     float eps, int add) {
+  const int r = get_global_id(0);
+  if (r >= R) return;
+  const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
+  const float2 s = statistics(x + at, C, eps);
+  vstore2(s, r, stats);
+  __global const float* up = dy + (size_t)r * C;
+  __global const float* scale = film ? film + (size_t)r * 2 * C + C : film;
+  float16 sums = (float16)(0.0f), dots = (float16)(0.0f);
+  for (int c = 0; c < C; c += 16) {
+    const int width = C - c;
+    const float16 n = (load_part(x + at + c, width) - s.x) * s.y, by = load_part(gamma + c, width);
+    const float16 g = upstream(up, scale, c, width) * by;
+    sums += g;
+    dots += g * n;
+    if (film) {
+      const float16 u = load_part(up + c, width);
+      __global float* to = dfilm + (size_t)r * 2 * C + c;
+      store_part(u, width, to);
+      store_part(u * (n * by + load_part(beta + c, width)), width, to + C);
+    }
+  }
+  const float sum = sum_of(sums) / C, dot_ = sum_of(dots) / C;
+  for (int c = 0; c < C; c += 16) {
+    const int width = C - c;
+    const float16 n = (load_part(x + at + c, width) - s.x) * s.y;
+    float16 d = (upstream(up, scale, c, width) * load_part(gamma + c, width) - sum - n * dot_) * s.y;
+    if (add) d += load_part(dx + at + c, width);
+    store_part(d, width, dx + at + c);
+  }
+  if (r % P == 0 && !add)
+    for (int c = 0; c < skip * C; ++c) dx[at - (size_t)skip * C + c] = 0.0f;
 }
 
 #define GROUP 64
@@ -65,6 +115,17 @@ static float group_sum(float mine, __local float* part) {
   return sum;
 }
 
+// statistics() by a work-group.
+static float2 group_statistics(__global const float* x, int C, float eps, __local float* part) {
+  const int item = get_local_id(0);
+  float sum = 0.0f;
+  for (int c = item; c < C; c += GROUP) sum += x[c];
+  const float mean = group_sum(sum, part) / C;
+  float square = 0.0f;
+  for (int c = item; c < C; c += GROUP) square += (x[c] - mean) * (x[c] - mean);
+  return (float2)(mean, 1.0f / sqrt(group_sum(square, part) / C + eps));
+}
+
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_gpu(
     __global const float* x, __global const float* gamma, __global const float* beta, __global const float* film,
     __global float* out, int R, int C, int P, int skip, float eps) {
@@ -72,14 +133,66 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_gpu(
   const int r = get_group_id(0), item = get_local_id(0);
   __global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
   __global float* to = out + (size_t)r * C;
-  float sum = 0.0f;
-  for (int c = item; c < C; c += GROUP) sum += from[c];
-  const float mean = group_sum(sum, part) / C;
-  float square = 0.0f;
-  for (int c = item; c < C; c += GROUP) square += (from[c] - mean) * (from[c] - mean);
-  const float by = 1.0f / sqrt(group_sum(square, part) / C + eps);
+  const float2 s = group_statistics(from, C, eps, part);
+  const float mean = s.x, by = s.y;
   for (int c = item; c < C; c += GROUP) {
     const float n = (from[c] - mean) * by * gamma[c] + beta[c];
     to[c] = film ? n * (1.0f + film[(size_t)r * 2 * C + C + c]) + film[(size_t)r * 2 * C + c] : n;
   }
+}
+
+// As layernorm_backward_cpu, one work-group per row.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backward_gpu(
+    __global const float* x, __global const float* gamma, __global const float* beta, __global const float* film,
+    __global const float* dy, __global float* dx, __global float* dfilm, __global float* stats, int R, int C, int P,
+    int skip, float eps, int add) {
+  __local float part[GROUP];
+  const int r = get_group_id(0), item = get_local_id(0);
+  const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
+  const float2 s = group_statistics(x + at, C, eps, part);
+  if (item == 0) vstore2(s, r, stats);
+  __global const float* up = dy + (size_t)r * C;
+  __global const float* scale = film ? film + (size_t)r * 2 * C + C : film;
+  float sum = 0.0f, dot_ = 0.0f;
+  for (int c = item; c < C; c += GROUP) {
+    const float n = (x[at + c] - s.x) * s.y;
+    const float g = up[c] * (scale ? 1.0f + scale[c] : 1.0f) * gamma[c];
+    sum += g;
+    dot_ += g * n;
+    if (film) {
+      dfilm[(size_t)r * 2 * C + c] = up[c];
+      dfilm[(size_t)r * 2 * C + C + c] = up[c] * (n * gamma[c] + beta[c]);
+    }
+  }
+  sum = group_sum(sum, part) / C;
+  dot_ = group_sum(dot_, part) / C;
+  for (int c = item; c < C; c += GROUP) {
+    const float n = (x[at + c] - s.x) * s.y;
+    const float d = (up[c] * (scale ? 1.0f + scale[c] : 1.0f) * gamma[c] - sum - n * dot_) * s.y;
+    dx[at + c] = add ? dx[at + c] + d : d;
+  }
+  if (r % P == 0 && !add)
+    for (int c = item; c < skip * C; c += GROUP) dx[at - (size_t)skip * C + c] = 0.0f;
+}
+
+#ifndef ROWS
+#define ROWS 64
+#endif
+
+// dgamma, dbeta [ceil(R / ROWS), C]: the sums of ROWS rows each. A work-item per (channel, ROWS rows).
+__kernel void layernorm_columns(__global const float* x, __global const float* film, __global const float* dy,
+                                __global const float* stats, __global float* dgamma, __global float* dbeta, int R, int C,
+                                int P, int skip) {
+  const int c = get_global_id(0), chunk = get_global_id(1);
+  if (c >= C) return;
+  float by_gamma = 0.0f, by_beta = 0.0f;
+  for (int r = chunk * ROWS; r < min(R, (chunk + 1) * ROWS); ++r) {
+    const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
+    const float n = (x[at + c] - stats[2 * r]) * stats[2 * r + 1];
+    const float u = dy[(size_t)r * C + c] * (film ? 1.0f + film[(size_t)r * 2 * C + C + c] : 1.0f);
+    by_gamma += u * n;
+    by_beta += u;
+  }
+  dgamma[(size_t)chunk * C + c] = by_gamma;
+  dbeta[(size_t)chunk * C + c] = by_beta;
 }

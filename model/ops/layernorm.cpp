@@ -1,5 +1,8 @@
 #include "model/ops/layernorm.h"
 
+#include <algorithm>
+
+#include "runtime/column_sum.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
@@ -16,12 +19,47 @@ void launch(Context& ctx, const Tensor& x, const Tensor& gamma, const Tensor& be
              static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, eps);
 }
 
+constexpr long kRows = 64;  // ROWS of cl/layernorm.cl
+
+// dy is [rows, c]; x, dx and dfilm as in launch().
+void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c, long run, int skip) {
+  if (c == 0) return;
+  if (rows == 0) {
+    if (!a.add_to_dx) ctx.fill_zero(a.dx);
+    return;
+  }
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  const double values = static_cast<double>(rows) * static_cast<double>(c);
+  const Tensor stats = ctx.tensor({rows, 2}, Type::f32, "means and deviations");
+  ctx.launch({"layernorm", cpu ? "layernorm_backward_cpu" : "layernorm_backward_gpu", ""},
+             cpu ? groups(rows, 1) : groups(rows, 64),
+             {(a.film ? 20.0 : 16.0) * values, (a.film ? 28.0 : 12.0) * values}, a.x, a.gamma, a.beta, a.film, a.dy,
+             a.dx, a.dfilm, stats, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, a.eps,
+             a.add_to_dx ? 1 : 0);
+  const long sums = (rows + kRows - 1) / kRows;
+  const Tensor by_gamma = ctx.tensor({sums, c}, Type::f32, "partial sums");
+  const Tensor by_beta = ctx.tensor({sums, c}, Type::f32, "partial sums");
+  ctx.launch({"layernorm", "layernorm_columns", ""}, groups((c + 63) / 64, 64, sums),
+             {(a.film ? 7.0 : 5.0) * values, (a.film ? 12.0 : 8.0) * values}, a.x, a.film, a.dy, stats, by_gamma,
+             by_beta, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip);
+  column_sum(ctx, {by_gamma, a.dgamma, true});
+  column_sum(ctx, {by_beta, a.dbeta, true});
+}
+
 }  // namespace
 
 void layernorm_forward(Context& ctx, const LayerNormForward& a) {
   Dims d;
   d.bind("x", a.x, {"R", "C"}).bind("gamma", a.gamma, {"C"}).bind("beta", a.beta, {"C"}).bind("out", a.out, {"R", "C"});
   launch(ctx, a.x, a.gamma, a.beta, {}, a.out, d["R"], d["C"], d["R"], 0, a.eps);
+}
+
+void layernorm_backward(Context& ctx, const LayerNormBackward& a) {
+  Dims d;
+  d.bind("x", a.x, {"R", "C"}).bind("gamma", a.gamma, {"C"}).bind("dy", a.dy, {"R", "C"}).bind("dx", a.dx, {"R", "C"});
+  d.bind("dgamma", a.dgamma, {"C"}).bind("dbeta", a.dbeta, {"C"});
+  launch_backward(ctx, {a.x, a.gamma, {}, {}, a.eps, a.dy, a.dx, {}, a.dgamma, a.dbeta, a.add_to_dx}, d["R"], d["C"],
+                  std::max(1L, d["R"]), 0);
 }
 
 void modulate_forward(Context& ctx, const ModulateForward& a) {
@@ -32,6 +70,17 @@ void modulate_forward(Context& ctx, const ModulateForward& a) {
     fail(Status::internal, "modulate: x {}, film {} found for out {}", a.x.describe(), a.film.describe(),
          a.out.describe());
   launch(ctx, a.x, a.gamma, a.beta, a.film, a.out, d["V"] * d["P"], d["C"], d["P"], 1, a.eps);
+}
+
+void modulate_backward(Context& ctx, const ModulateBackward& a) {
+  Dims d;
+  d.bind("dy", a.dy, {"V", "P", "C"}).bind("gamma", a.gamma, {"C"}).bind("beta", a.beta, {"C"});
+  d.bind("dgamma", a.dgamma, {"C"}).bind("dbeta", a.dbeta, {"C"});
+  const Shape tokens{d["V"], 1 + d["P"], d["C"]}, film{d["V"], d["P"], 2 * d["C"]};
+  if (a.x.shape() != tokens || a.dx.shape() != tokens || a.film.shape() != film || a.dfilm.shape() != film)
+    fail(Status::internal, "modulate_backward: x {}, dx {}, film {}, dfilm {} found for dy {}", a.x.describe(),
+         a.dx.describe(), a.film.describe(), a.dfilm.describe(), a.dy.describe());
+  launch_backward(ctx, a, d["V"] * d["P"], d["C"], d["P"], 1);
 }
 
 }  // namespace vsplat

@@ -13,6 +13,19 @@ struct LayerNormForward {
 
 void layernorm_forward(Context& ctx, const LayerNormForward& a);
 
+// From what forward had, nothing of which it has to save: means and deviations are made again.
+struct LayerNormBackward {
+  Tensor x;      // [R, C], as forward had it
+  Tensor gamma;  // [C]
+  float eps = 1e-6f;
+  Tensor dy;             // [R, C]: the loss by forward's out
+  Tensor dx;             // [R, C], neither x nor dy; written, or with add_to_dx added to
+  Tensor dgamma, dbeta;  // [C], added to
+  bool add_to_dx = false;
+};
+
+void layernorm_backward(Context& ctx, const LayerNormBackward& a);
+
 // out = LayerNorm(x) * (1 + scale) + shift, the first (class) token of every view left out.
 struct ModulateForward {
   Tensor x;            // [V, 1 + P, C]
@@ -23,5 +36,19 @@ struct ModulateForward {
 };
 
 void modulate_forward(Context& ctx, const ModulateForward& a);
+
+struct ModulateBackward {
+  Tensor x;            // [V, 1 + P, C], as forward had it
+  Tensor gamma, beta;  // [C]
+  Tensor film;         // [V, P, 2 C]
+  float eps = 1e-6f;
+  Tensor dy;             // [V, P, C]
+  Tensor dx;             // [V, 1 + P, C], not x; written (class tokens: 0), or with add_to_dx added to
+  Tensor dfilm;          // [V, P, 2 C], not film; written
+  Tensor dgamma, dbeta;  // [C], added to
+  bool add_to_dx = false;
+};
+
+void modulate_backward(Context& ctx, const ModulateBackward& a);
 
 }  // namespace vsplat
