@@ -51,3 +51,55 @@ __kernel void resample3d_up_gpu(__global const float* restrict x, __global float
     for (int rest = c; rest < C; ++rest) out[rest] = BLEND(LOAD1, rest);
   }
 }
+
+// Backward: dy [2D,2H,2W,C] -> dx [D,H,W,C], which is added to where `add` says so. Along an axis input i is in outputs 2i and 2i + 1
+// with 3/4, in 2i - 1 and 2i + 2 with 1/4; at the border these are outputs 0 and 2 size - 1, which have both parts of it.
+#define TAPS(i, size) {max(2 * (i)-1, 0), 2 * (i), 2 * (i) + 1, min(2 * (i) + 2, 2 * (size)-1)}
+
+// Of channels from c on: the sum over the 4 x 4 x 4 outputs around input (i,j,k).
+#define GATHER(T, LOAD, c, sum)                                                                     \
+  T sum = (T)(0.0f);                                                                                \
+  for (int a = 0; a < 4; ++a) {                                                                     \
+    T plane = (T)(0.0f);                                                                            \
+    for (int b = 0; b < 4; ++b) {                                                                   \
+      __global const float* p = dy + ((long)at_x[a] * 2 * H + at_y[b]) * 2 * W * C;                 \
+      const T far = LOAD(p + (long)at_z[0] * C, c) + LOAD(p + (long)at_z[3] * C, c);                \
+      const T near = LOAD(p + (long)at_z[1] * C, c) + LOAD(p + (long)at_z[2] * C, c);               \
+      plane += MIX(near, far) * (b == 0 || b == 3 ? 0.25f : 0.75f);                                 \
+    }                                                                                               \
+    sum += plane * (a == 0 || a == 3 ? 0.25f : 0.75f);                                              \
+  }
+
+// A work-item per line of the input along z.
+__kernel void resample3d_up_backward_cpu(__global const float* restrict dy, __global float* restrict dx, int add, int D, int H, int W,
+                                         int C) {
+  const int line = get_global_id(0);
+  if (line >= D * H) return;
+  const int i = line / H, j = line % H;
+  const int at_x[4] = TAPS(i, D), at_y[4] = TAPS(j, H);
+  for (int k = 0; k < W; ++k) {
+    const int at_z[4] = TAPS(k, W);
+    __global float* out = dx + ((long)line * W + k) * C;
+    int c = 0;
+    for (; c + 16 <= C; c += 16) {
+      GATHER(float16, LOAD16, c, sum)
+      vstore16(add ? sum + vload16(0, out + c) : sum, 0, out + c);
+    }
+    for (; c < C; ++c) {
+      GATHER(float, LOAD1, c, sum)
+      out[c] = add ? out[c] + sum : sum;
+    }
+  }
+}
+
+// A work-item per channel (direction 0) of an input voxel (direction 1).
+__kernel void resample3d_up_backward_gpu(__global const float* restrict dy, __global float* restrict dx, int add, int D, int H, int W,
+                                         int C) {
+  const int c = get_global_id(0), voxel = get_global_id(1);
+  if (c >= C || voxel >= D * H * W) return;
+  const int i = voxel / (H * W), j = voxel / W % H, k = voxel % W;
+  const int at_x[4] = TAPS(i, D), at_y[4] = TAPS(j, H), at_z[4] = TAPS(k, W);
+  GATHER(float, LOAD1, c, sum)
+  __global float* out = dx + (long)voxel * C + c;
+  *out = add ? *out + sum : sum;
+}

@@ -16,6 +16,20 @@ void gather_forward(Context& ctx, const GatherForward& a) {
              a.index, a.out, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w), static_cast<int>(a.column));
 }
 
+void gather_backward(Context& ctx, const GatherBackward& a) {
+  Dims d;
+  d.bind("dx", a.dx, {"N", "C"}).bind("index", a.index, {"P"}, Type::i32).bind("dout", a.dout, {"P", "W"});
+  const long c = d["C"], p = d["P"], w = d["W"];
+  if (a.column < 0 || a.column + c > w) {
+    fail(Status::internal, "gather_backward: columns {} to {} of {}", a.column, a.column + c, a.dout.describe());
+  }
+  const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
+  ctx.launch({"gather", "gather_rows_backward", ""}, range,
+             {static_cast<double>(p) * static_cast<double>(c), 12.0 * static_cast<double>(p) * static_cast<double>(c)},
+             a.dout, a.index, a.dx, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w),
+             static_cast<int>(a.column));
+}
+
 DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
   const long k = g.count(), p = index.dim(0);
   const auto rows = [&](const Tensor& x, const Shape& shape, const char* what) {

@@ -13,6 +13,14 @@ struct GatherForward {
 };
 void gather_forward(Context& ctx, const GatherForward& a);
 
+struct GatherBackward {
+  Tensor dout;   // [P, W]
+  Tensor index;  // i32 [P], each in 0..N-1 and no two equal; negative ones are passed over
+  Tensor dx;     // [N, C]: row index[p] is added columns column .. column + C - 1 of dout's row p, other rows stay
+  long column = 0;
+};
+void gather_backward(Context& ctx, const GatherBackward& a);
+
 // The Gaussians of the given indices.
 DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index);
 

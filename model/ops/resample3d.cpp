@@ -21,4 +21,21 @@ void upsample3d_forward(Context& ctx, const Upsample3dForward& a) {
              static_cast<int>(a.width), static_cast<int>(c));
 }
 
+void upsample3d_backward(Context& ctx, const Upsample3dBackward& a) {
+  const long voxels = a.depth * a.height * a.width;
+  Dims d;
+  d.set("D*H*W", voxels)
+      .set("output voxels", 8 * voxels)
+      .bind("dx", a.dx, {"D*H*W", "C"})
+      .bind("dy", a.dy, {"output voxels", "C"});
+  const long c = d["C"];
+  if (voxels == 0 || c == 0) return;
+  const double count = static_cast<double>(voxels) * static_cast<double>(c);
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  const Range range = cpu ? items(a.depth * a.height, 1) : groups((c + 31) / 32, 32, voxels);
+  ctx.launch({"resample3d", cpu ? "resample3d_up_backward_cpu" : "resample3d_up_backward_gpu", ""}, range,
+             {120 * count, 4 * 9 * count}, a.dy, a.dx, a.add ? 1 : 0, static_cast<int>(a.depth),
+             static_cast<int>(a.height), static_cast<int>(a.width), static_cast<int>(c));
+}
+
 }  // namespace vsplat

@@ -12,4 +12,13 @@ struct Upsample3dForward {
 
 void upsample3d_forward(Context& ctx, const Upsample3dForward& a);
 
+struct Upsample3dBackward {
+  Tensor dy;                              // [2D*2H*2W, C]
+  long depth = 0, height = 0, width = 0;  // D, H, W of the forward's input
+  Tensor dx;                              // [D*H*W, C]
+  bool add = false;                       // dx is added to, not overwritten
+};
+
+void upsample3d_backward(Context& ctx, const Upsample3dBackward& a);
+
 }  // namespace vsplat

@@ -28,6 +28,28 @@ TEST_P(Gather, RowsGoToTheirColumnsAndNowhereElse) {
   }
 }
 
+// The transpose of gathering, added to what is there; each row has one source at most, so the sum is one rounded once.
+TEST_P(Gather, BackwardAddsToTheRowsThatWereRead) {
+  const std::vector<int> index = {4, 0, -1, 6, 1};
+  for (const long c : {1L, 3L, 16L, 33L, 65L}) {
+    const long w = c + 3;
+    const std::vector<float> dout = test::random_floats(static_cast<std::size_t>(5 * w), 63);
+    std::vector<float> want = test::random_floats(static_cast<std::size_t>(7 * c), 64);
+    const Tensor dx = ctx().upload({7, c}, want);
+    for (std::size_t p = 0; p < index.size(); ++p) {
+      for (long i = 0; i < c && index[p] >= 0; ++i) {
+        want[static_cast<std::size_t>(index[p] * c + i)] +=
+            dout[static_cast<std::size_t>(static_cast<long>(p) * w + 2 + i)];
+      }
+    }
+    gather_backward(ctx(), {ctx().upload({5, w}, dout), ctx().upload({5}, index, Type::i32), dx, 2});
+    EXPECT_EQ(ctx().read<float>(dx), want) << c;
+  }
+  const Tensor none = ctx().upload({2, 3}, std::vector<float>(6, 1.0f));
+  gather_backward(ctx(), {ctx().tensor({0, 3}), ctx().tensor({0}, Type::i32), none});
+  EXPECT_EQ(ctx().read<float>(none), std::vector<float>(6, 1.0f));
+}
+
 TEST_P(Gather, Gaussians) {
   Gaussians g;
   g.count = 9;
@@ -77,6 +99,8 @@ TEST_P(Gather, RejectsBadShape) {
   const Tensor index = ctx().tensor({2}, Type::i32);
   EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({2, 4}), 2}), Error);
   EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({3, 3})}), Error);
+  EXPECT_THROW(gather_backward(ctx(), {ctx().tensor({2, 4}), index, ctx().tensor({4, 3}), 2}), Error);
+  EXPECT_THROW(gather_backward(ctx(), {ctx().tensor({3, 3}), index, ctx().tensor({4, 3})}), Error);
   EXPECT_THROW(position_encoding_forward(ctx(), {ctx().tensor({2, 3}), ctx().tensor({2, 63}), 1}), Error);
 }
 

@@ -39,4 +39,20 @@ inline std::vector<double> upsample3d(const std::vector<float>& x, long depth, l
   return y;
 }
 
+// Its transpose, column by column: dx[i] is the inner product of dy with the upsampled volume that is 1 at i.
+inline std::vector<double> upsample3d_backward(const std::vector<float>& dy, long depth, long height, long width,
+                                               long c) {
+  std::vector<double> dx;
+  std::vector<float> one(dy.size() / 8, 0.0f);
+  for (float& v : one) {
+    v = 1.0f;
+    const std::vector<double> y = upsample3d(one, depth, height, width, c);
+    v = 0.0f;
+    double sum = 0;
+    for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
+    dx.push_back(sum);
+  }
+  return dx;
+}
+
 }  // namespace vsplat::ref
