@@ -1,0 +1,134 @@
+#include "model/ops/loss.h"
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+namespace {
+
+constexpr long kLost = 10, kGroup = 64, kBlock = 64 * 32;  // as cl/loss.cl: WINDOW - 1, GROUP, GROUP * EACH
+
+struct Scale {
+  long height = 0, width = 0;  // of the pictures here
+  Tensor m, d, slopes;
+  long valid_height() const { return height - kLost; }
+  long valid_width() const { return width - kLost; }
+};
+
+class Loss {
+ public:
+  Loss(Context& ctx, const PictureLoss& a, long n, long h, long w) : ctx_(ctx), a_(a), n_(n) {
+    scales_.resize(std::min(h, w) > 160 ? 5 : 1);
+    for (Scale& s : scales_) {
+      s.height = h, s.width = w;
+      h = (h + 1) / 2, w = (w + 1) / 2;
+    }
+    means_ = field({static_cast<long>(1 + scales_.size()), 3 * n_}, "loss.means");
+    by_ = field({static_cast<long>(scales_.size()), 3 * n_}, "loss.by");
+  }
+
+  void run() {
+    for (std::size_t i = 0; i < scales_.size(); ++i) {
+      differences(i);
+      if (i == 0) mean(scales_[0].d, scales_[0].height * scales_[0].width, 0, true);
+      similarity(i);
+    }
+    ctx_.launch({"loss", "loss_value", ""}, items(1, 1), {}, means_, a_.out, by_, static_cast<int>(scales_[0].height),
+                static_cast<int>(scales_[0].width), static_cast<int>(3 * n_), static_cast<int>(scales_.size()),
+                a_.ssim_weight);
+    if (!a_.gradient) return;
+    Tensor coarser;
+    for (std::size_t i = scales_.size(); i-- > 0;) coarser = gradient(i, coarser);
+  }
+
+ private:
+  Tensor field(const Shape& shape, const char* what) { return ctx_.tensor(shape, Type::f32, what); }
+
+  // For `fields` numbers read and written by each of width x rows x pictures work-items, and as many flops as said.
+  void launch(const char* kernel, long width, long rows, long pictures, double flops, double fields,
+              const std::vector<KernelArg>& args) {
+    const double count = static_cast<double>(width) * static_cast<double>(rows) * static_cast<double>(pictures);
+    ctx_.launch({"loss", kernel, ""}, groups((width + kGroup - 1) / kGroup, kGroup, rows, pictures),
+                {flops * count, 4 * fields * count}, args);
+  }
+
+  // m and d of scale i, from the pictures or from the scale before.
+  void differences(std::size_t i) {
+    Scale& s = scales_[i];
+    s.m = field({n_, s.height, s.width, 3}, "loss.m");
+    s.d = field({n_, s.height, s.width, 3}, "loss.d");
+    if (i == 0) {
+      const long count = s.m.count();
+      launch("loss_differences", count, 1, 1, 4, 4, {a_.pictures, a_.target, s.m, s.d, static_cast<int>(count)});
+      return;
+    }
+    const Scale& finer = scales_[i - 1];
+    launch("loss_halve", 3 * s.width, s.height, n_, 10, 10,
+           {finer.m, finer.d, s.m, s.d, static_cast<int>(finer.height), static_cast<int>(finer.width)});
+  }
+
+  // The means of what scale i lacks in similarity, and its slopes.
+  void similarity(std::size_t i) {
+    Scale& s = scales_[i];
+    const long v3 = 3 * s.valid_width(), rows = n_ * s.height;
+    const Tensor blurred = field({4, rows, v3}, "loss.rows");
+    launch("loss_rows", v3, rows, 1, 110, 6, {s.m, s.d, blurred, static_cast<int>(v3), static_cast<int>(rows)});
+    const Tensor off = field({n_, s.valid_height(), v3}, "loss.off");
+    if (a_.gradient) s.slopes = field({3, n_, s.valid_height(), v3}, "loss.slopes");
+    const bool structure = i + 1 < scales_.size();
+    launch("loss_maps", v3, s.valid_height(), n_, 130, 8,
+           {blurred, off, s.slopes, static_cast<int>(v3), static_cast<int>(s.height), static_cast<int>(n_),
+            structure ? 1 : 0});
+    mean(off, s.valid_height() * s.valid_width(), static_cast<long>(i) + 1, false);
+  }
+
+  // Row `row` of means_: of x [N, pixels, 3] or of its squares.
+  void mean(const Tensor& x, long pixels, long row, bool squares) {
+    const long blocks = (pixels + kBlock - 1) / kBlock;
+    const Tensor sums = field({n_, blocks, 3}, "loss.sums");
+    const auto count = static_cast<double>(x.count());
+    ctx_.launch({"loss", "loss_sums", ""}, groups(blocks, kGroup, n_), {2 * count, 4 * count}, x, sums,
+                static_cast<int>(pixels), squares ? 1 : 0);
+    ctx_.launch({"loss", "loss_means", ""}, items(3 * n_), {}, sums, means_, static_cast<int>(3 * n_),
+                static_cast<int>(blocks), static_cast<int>(pixels), static_cast<int>(3 * n_ * row));
+  }
+
+  Tensor gradient(std::size_t i, const Tensor& coarser) {
+    Scale& s = scales_[i];
+    const long v3 = 3 * s.valid_width(), padded = v3 + 6 * kLost;
+    const Tensor spread = field({3, n_, s.height, padded}, "loss.spread");
+    launch("loss_spread", padded, s.height, 3 * n_, 22, 2,
+           {s.slopes, spread, static_cast<int>(v3), static_cast<int>(s.height)});
+    const Tensor out = i == 0 ? a_.gradient : field({n_, s.height, s.width, 3}, "loss.gradient");
+    launch("loss_gradient", 3 * s.width, s.height, n_, 75, 8,
+           {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), out, static_cast<int>(s.height),
+            static_cast<int>(s.width), static_cast<int>(n_), static_cast<int>(3 * n_ * static_cast<long>(i)),
+            2.0f / static_cast<float>(a_.pictures.count())});
+    return out;
+  }
+
+  Context& ctx_;
+  const PictureLoss& a_;
+  long n_;
+  std::vector<Scale> scales_;  // finest first
+  Tensor means_, by_;
+};
+
+}  // namespace
+
+void picture_loss(Context& ctx, const PictureLoss& a) {
+  Dims d;
+  d.bind("pictures", a.pictures, {"N", "H", "W", "3"}).bind("target", a.target, {"N", "H", "W", "3"});
+  d.bind("out", a.out, {"3"}).bind_optional("gradient", a.gradient, {"N", "H", "W", "3"});
+  if (d["N"] < 1 || std::min(d["H"], d["W"]) <= kLost)
+    fail(Status::internal, "loss: {} found, at least one picture of {} x {} pixels expected", a.pictures.describe(),
+         kLost + 1, kLost + 1);
+  if (a.pictures.count() > std::numeric_limits<int>::max() - kGroup)
+    fail(Status::internal, "loss: {} found, fewer than 2^31 numbers expected", a.pictures.describe());
+  Loss(ctx, a, d["N"], d["H"], d["W"]).run();
+}
+
+}  // namespace vsplat

@@ -1,0 +1,208 @@
+#include "model/ops/loss.h"
+
+#include "tests/reference/loss.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+// Pictures that are their target but for so much noise, some beyond 0 and 1, none within 1e-4 of them, where the
+// differences that the gradient is compared with would see the clamp.
+std::vector<float> noisy(const std::vector<float>& target, float noise, std::uint32_t seed) {
+  auto out = test::random_floats(target.size(), seed, -noise, noise);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] += target[i];
+    if (std::abs(out[i]) < 1e-4f || std::abs(out[i] - 1) < 1e-4f) out[i] += 3e-4f;
+  }
+  return out;
+}
+
+// Smooth, as pictures are, with flat white parts.
+std::vector<float> smooth(long n, long h, long w) {
+  std::vector<float> out;
+  for (long i = 0; i < n * h * w * 3; ++i) {
+    const auto y = static_cast<float>(i / 3 / w % h), x = static_cast<float>(i / 3 % w);
+    out.push_back(std::min(1.0f, 0.8f + 0.5f * std::sin(0.21f * x + static_cast<float>(i % 3)) * std::cos(0.13f * y)));
+  }
+  return out;
+}
+
+class Loss : public test::FlavourTest {
+ protected:
+  struct Result {
+    std::vector<float> out, gradient;
+  };
+
+  Result run(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w,
+             float weight = 0.5f) {
+    const Shape shape = {static_cast<long>(pictures.size()) / (h * w * 3), h, w, 3};
+    PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), weight, ctx().upload({3}, test::nans(3)),
+                  ctx().upload(shape, test::nans(pictures.size()))};
+    picture_loss(ctx(), a);
+    Result result{ctx().read<float>(a.out), ctx().read<float>(a.gradient)};
+    a.gradient = {};
+    a.out = ctx().upload({3}, test::nans(3));
+    picture_loss(ctx(), a);
+    EXPECT_EQ(ctx().read<float>(a.out), result.out) << "without the gradient";
+    return result;
+  }
+
+  // The value, and the gradient of every `stride`-th number, the first and the last.
+  void check(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w, std::size_t stride,
+             float weight = 0.5f) {
+    const Result got = run(pictures, target, h, w, weight);
+    const std::vector<double> wide(pictures.begin(), pictures.end());
+    const auto want = ref::loss(wide, target, h, w, weight);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(got.out[i], want[i], 1e-6) << h << " x " << w << ", out " << i;
+    std::vector<float> slopes;
+    std::vector<double> expected;
+    for (std::size_t at = 0; at < pictures.size();
+         at = at + 1 < pictures.size() ? std::min(at + stride, pictures.size() - 1) : at + 1) {
+      slopes.push_back(got.gradient[at]);
+      expected.push_back(ref::loss_slope(wide, target, h, w, weight, at));
+    }
+    EXPECT_TRUE(test::close(slopes, expected, 2e-5)) << h << " x " << w;
+  }
+};
+VSPLAT_FLAVOURS(Loss);
+
+TEST_P(Loss, MatchesReferenceAtEverySizeThatBreaksThings) {
+  for (const auto& [n, h, w] :
+       {std::array<long, 3>{1, 11, 11}, {1, 11, 12}, {2, 12, 11}, {1, 13, 31}, {3, 21, 22}, {1, 33, 32}, {1, 11, 75}}) {
+    const auto target = test::random_floats(static_cast<std::size_t>(n * h * w * 3), 1, 0, 1);
+    check(noisy(target, 0.3f, 2), target, h, w, static_cast<std::size_t>(n * h * w / 60));
+  }
+}
+
+TEST_P(Loss, MatchesReferenceOnSmoothPictures) {
+  const auto target = smooth(2, 40, 36);
+  check(noisy(target, 0.02f, 3), target, 40, 36, 97);
+  check(noisy(target, 1e-3f, 4), test::random_floats(target.size(), 5, 0, 1), 40, 36, 97);
+}
+
+// Five scales, of even and odd sides, from the smallest that have them.
+TEST_P(Loss, MatchesReferenceAtManyScales) {
+  for (const auto& [h, w] : {std::array<long, 2>{161, 162}, {167, 180}}) {
+    const auto target = smooth(1, h, w);
+    check(noisy(target, 0.4f, 5), target, h, w, 6007);
+  }
+  const auto target = test::random_floats(160 * 170 * 3, 6, 0, 1);  // one side too few
+  check(noisy(target, 0.3f, 7), target, 160, 170, 9001);
+}
+
+TEST_P(Loss, WeightOfZeroIsMeanSquaredError) {
+  const auto target = test::random_floats(12 * 14 * 3, 8, 0, 1);
+  check(noisy(target, 0.3f, 9), target, 12, 14, 7, 0.0f);
+}
+
+// loss() of the PyTorch specification and autograd, in float64.
+TEST_P(Loss, MatchesPyTorch) {
+  struct Case {
+    long n, h, w;
+    double loss, similarity, norm;
+    std::vector<std::size_t> at;
+    std::vector<double> slopes;
+  };
+  const Case cases[] = {{2,
+                         13,
+                         24,
+                         0.0273964149,
+                         0.959030217,
+                         0.0220792904,
+                         {0, 1, 267, 624, 937, 1253, 1871},
+                         {0, -0.000146115, 0.0003496026, 0.0001799104, -4.741943e-05, 0, 2.298644e-05}},
+                        {2,
+                         161,
+                         174,
+                         0.0954331726,
+                         0.823007416,
+                         0.00918075313,
+                         {0, 1, 24012, 56028, 84043, 112061, 168083},
+                         {0, -1.627129e-06, 8.58379e-07, 2.723843e-05, 0, -4.033372e-06, 1.448386e-06}}};
+  for (const Case& c : cases) {
+    std::vector<float> target, pictures;
+    for (long i = 0; i < c.n * c.h * c.w * 3; ++i) {
+      target.push_back(static_cast<float>(i * 7919 % 1009) / 1009.0f);
+      pictures.push_back(target.back() + 0.3f * (static_cast<float>(i * 104729 % 997) / 997.0f - 0.5f));
+    }
+    const Result got = run(pictures, target, c.h, c.w);
+    EXPECT_NEAR(got.out[0], c.loss, 1e-6);
+    EXPECT_NEAR(got.out[2], c.similarity, 1e-6);
+    std::vector<float> slopes;
+    double squares = 0;
+    for (const std::size_t at : c.at) slopes.push_back(got.gradient[at]);
+    for (const float g : got.gradient) squares += static_cast<double>(g) * static_cast<double>(g);
+    EXPECT_TRUE(test::close(slopes, c.slopes, 1e-5)) << c.h << " x " << c.w;
+    EXPECT_NEAR(std::sqrt(squares), c.norm, 1e-5 * c.norm);
+  }
+}
+
+TEST_P(Loss, EqualPicturesHaveNone) {
+  for (const long h : {20L, 165L}) {
+    const auto target = smooth(1, h, h);
+    const Result got = run(target, target, h, h);
+    EXPECT_EQ(got.out, (std::vector<float>{0, 0, 1}));
+    EXPECT_EQ(got.gradient, std::vector<float>(target.size(), 0.0f));
+  }
+}
+
+// Beyond white is white: no loss, and nothing that pulls it back.
+TEST_P(Loss, ClampsFirst) {
+  const std::vector<float> white(16 * 16 * 3, 1.0f), beyond(16 * 16 * 3, 1.5f), below(16 * 16 * 3, -0.5f);
+  Result got = run(beyond, white, 16, 16);
+  EXPECT_EQ(got.out, (std::vector<float>{0, 0, 1}));
+  got = run(below, white, 16, 16);
+  EXPECT_NEAR(got.out[1], 1, 1e-7);
+  EXPECT_EQ(got.gradient, std::vector<float>(white.size(), 0.0f));
+  got = run(std::vector<float>(white.size(), 0.0f), white, 16, 16);  // the ends of the interval count
+  for (const float g : got.gradient) EXPECT_LT(g, 0);
+}
+
+// Contrast turned round at every scale: similarity 0, and the gradient is that of the squares.
+TEST_P(Loss, NegativeSimilarityOfScalesCountsAsZero) {
+  const auto target = test::random_floats(161 * 161 * 3, 10, 0, 1);
+  auto pictures = target;
+  for (float& x : pictures) x = 1 - x;
+  const Result got = run(pictures, target, 161, 161);
+  EXPECT_EQ(got.out[2], 0.0f);
+  std::vector<double> want;
+  for (std::size_t i = 0; i < target.size(); ++i)
+    want.push_back(2.0 * (static_cast<double>(pictures[i]) - static_cast<double>(target[i])) /
+                   static_cast<double>(target.size()));
+  EXPECT_TRUE(test::close(got.gradient, want, 1e-6));
+}
+
+TEST_P(Loss, SameBitsAgain) {
+  const auto target = smooth(2, 162, 171);
+  const auto pictures = noisy(target, 0.2f, 11);
+  const Result first = run(pictures, target, 162, 171), second = run(pictures, target, 162, 171);
+  EXPECT_EQ(first.out, second.out);
+  EXPECT_EQ(first.gradient, second.gradient);
+}
+
+TEST_P(Loss, NanStaysNan) {
+  const Shape shape = {1, 15, 15, 3};
+  const auto target = smooth(1, 15, 15);
+  auto pictures = target;
+  pictures[300] = test::nans(1)[0];
+  PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), 0.5f, ctx().tensor({3}),
+                ctx().tensor(shape)};
+  picture_loss(ctx(), a);
+  EXPECT_TRUE(std::isnan(ctx().read<float>(a.out)[0]));
+  EXPECT_TRUE(std::isnan(ctx().read<float>(a.gradient)[300]));
+}
+
+TEST_P(Loss, RejectsWhatDoesNotFit) {
+  const Tensor good = ctx().tensor({1, 11, 12, 3}), low = ctx().tensor({1, 10, 12, 3}), three = ctx().tensor({3});
+  const Tensor none = ctx().tensor({0, 11, 12, 3}), grey = ctx().tensor({1, 11, 12, 1});
+  EXPECT_THROW(picture_loss(ctx(), {good, low, 0.5f, three, {}}), Error);
+  EXPECT_THROW(picture_loss(ctx(), {good, good, 0.5f, good, {}}), Error);
+  EXPECT_THROW(picture_loss(ctx(), {good, good, 0.5f, three, low}), Error);
+  EXPECT_THROW(picture_loss(ctx(), {low, low, 0.5f, three, {}}), Error);
+  EXPECT_THROW(picture_loss(ctx(), {none, none, 0.5f, three, {}}), Error);
+  EXPECT_THROW(picture_loss(ctx(), {grey, grey, 0.5f, three, {}}), Error);
+}
+
+}  // namespace
+}  // namespace vsplat
