@@ -199,7 +199,8 @@ std::vector<Camera> orbit_about_scene(const Gaussians& scene, int count, int wid
     std::transform(means.begin(), means.end(), values.begin(),
                    [&](const Vector3d& m) { return (m - circle.centre).norm(); });
     const double reach = quantile(values, 0.95);
-    circle.radius = reach > 0 ? reach / std::sin(0.5 * circle.fov) : 1.0;
+    constexpr double room = 1.1;  // for the Gaussians' own extent
+    circle.radius = reach > 0 ? room * reach / std::sin(0.5 * circle.fov) : 1.0;
   }
   apply(options, circle);
   const Vector3d front = Vector3d(0, 0, -1) + circle.up.z() * circle.up;  // -z without its part along up

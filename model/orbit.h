@@ -41,7 +41,7 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Eigen::Vec
                                 int height, const OrbitOptions& options = {});
 
 // For a bare scene: about the median position of the Gaussians, up = -y, level, 50 degrees, from where a sphere that
-// holds the centres of 95 % of them just fits into the picture.
+// holds the centres of 95 % of them fits into the picture with a tenth to spare.
 std::vector<Camera> orbit_about_scene(const Gaussians& scene, int count, int width, int height,
                                       const OrbitOptions& options = {});
 
