@@ -209,7 +209,7 @@ Prepared prepare_backward(Context& ctx, const std::string& name, const std::stri
 
 std::vector<Case> render_cases(const Options& options) {
   std::vector<Case> cases;
-  for (const std::string& name : scene_names()) {
+  for (const std::string& name : options.scenes.empty() ? scene_names() : scene_names(options.scenes)) {
     cases.push_back(
         {name, [name, folder = options.scenes](Context& ctx) { return prepare_forward(ctx, name, folder); }});
     cases.push_back(

@@ -166,6 +166,21 @@ std::vector<Camera> over_ground() {
 
 std::vector<std::string> scene_names() { return {"small-5k", "object-190k", "slab-1m"}; }
 
+std::vector<std::string> scene_names(const std::string& folder) {
+  std::vector<std::string> out;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::filesystem::path& file = entry.path();
+    if (file.extension() == ".ply" &&
+        std::filesystem::exists(file.parent_path() / (file.stem().string() + ".cameras.json")))
+      out.push_back(file.stem().string());
+  }
+  if (error) fail(Status::file, "{}: cannot be listed: {}", folder, error.message());
+  if (out.empty()) fail(Status::input, "{}: no NAME.ply with a NAME.cameras.json beside it", folder);
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
 BenchScene make_scene(const std::string& name) {
   BenchScene out;
   if (name == "small-5k") {

@@ -18,6 +18,8 @@ struct BenchScene {
 };
 
 std::vector<std::string> scene_names();
+// Every NAME with NAME.ply and NAME.cameras.json in a folder, in order.
+std::vector<std::string> scene_names(const std::string& folder);
 BenchScene make_scene(const std::string& name);
 // NAME.ply and NAME.cameras.json of a folder.
 BenchScene read_scene(const std::string& folder, const std::string& name);

@@ -79,7 +79,7 @@ void add_bench(CLI::App& app, Run& run) {
   sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
   sub->add_flag("--references", o->references, "Other libraries' kernels, too (CLBlast compiles for long on a CPU)");
   sub->add_option("--scenes", o->scenes,
-                  "Draw NAME.ply by NAME.cameras.json of this folder (default: scenes made here)")
+                  "Draw every NAME.ply by its NAME.cameras.json of this folder (default: scenes made here)")
       ->check(CLI::ExistingDirectory)
       ->type_name("DIR");
   add_common(*sub, o->common);

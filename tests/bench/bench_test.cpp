@@ -77,6 +77,9 @@ TEST(Bench, DrawsTheScenesOfAFolder) {
   EXPECT_EQ(read.cameras[3].w2c, made.cameras[3].w2c);
   EXPECT_EQ(read.cameras[3].width, 128);
   EXPECT_THROW(bench::read_scene(folder.path(), "slab-1m"), Error);
+  write_ply(folder.path("alone.ply"), made.scene);  // without cameras
+  EXPECT_EQ(bench::scene_names(folder.path()), std::vector<std::string>{"small-5k"});
+  EXPECT_THROW(bench::scene_names(folder.path("nowhere")), Error);
 
   // Cameras of different sizes, forward and backward.
   std::vector<Camera> cameras = made.cameras;
