@@ -46,6 +46,29 @@ __kernel void gemm_pack_a(__global const float* x0, int c0, __global const float
   pack_sources(x0, c0, x1, c1, row, scale, shift, silu, panels + ((size_t)panel * T + t) * (c0 + c1) * PACK_ROWS);
 }
 
+#ifndef ROWS
+#define ROWS 64
+#endif
+
+// Panels of `width` columns of any matrix [K, N] on the device: element (k, n) is w[(first + k) * k_stride + n * n_stride].
+//   out [ceil(N / width), K, width], zeros beyond N
+// Work-groups of one work-item: (panel, ROWS rows).
+__kernel void gemm_pack_panels(__global const float* w, int first, int K, int N, int k_stride, int n_stride, int width,
+                               __global float* out) {
+  const int n0 = get_group_id(0) * width, k0 = get_group_id(1) * ROWS;
+  const int count = min(width, N - n0);
+  for (int k = k0; k < min(K, k0 + ROWS); ++k) {
+    __global const float* from = w + (size_t)(first + k) * k_stride + (size_t)n0 * n_stride;
+    __global float* to = out + ((size_t)get_group_id(0) * K + k) * width;
+    if (n_stride == 1) {
+      for (int j = 0; j < count; ++j) to[j] = from[j];
+    } else {
+      for (int j = 0; j < count; ++j) to[j] = from[(size_t)j * n_stride];
+    }
+    for (int j = count; j < width; ++j) to[j] = 0.0f;
+  }
+}
+
 // Work-groups of one work-item: (panel of B, block of `block` panels of A), so that a block of A stays in cache while B's panels stream by.
 __kernel void gemm_tile(__global const float* panels, __global const float* b, int block, int M, int N, int K,
                         __global const float* bias, int act, __global const float* residual, __global float* out,

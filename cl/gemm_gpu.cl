@@ -23,6 +23,39 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile
            out_row0);
 }
 
+// parts[s] = the sum over rows [s chunk, (s + 1) chunk) of A^T B, + residual. Of B [.., N] the rows from `first` on are meant, `rows` in all.
+//   at: for every s in turn A's rows as columns, [M, min(chunk, rows - s chunk)]; parts [.., M, N]; residual: null, or parts with one s.
+// Work-groups: (column of tiles, row of tiles, s).
+__kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
+    __global const float* at, __global const float* b, int first, int rows, int chunk, int M, int N,
+    __global const float* residual, __global float* parts) {
+  __local float as[BK * AS], bs[BK * BN];
+  const int s = get_group_id(2);
+  const struct Rows plain = {0, 0, 1};
+  tile_gpu(as, bs, at + (size_t)s * chunk * M, min(chunk, rows - s * chunk), 0, 0, 0, 0, 0, &plain, 1, M,
+           b + ((size_t)first + (size_t)s * chunk) * N, M, N, 0, 0, residual, parts, s * M);
+}
+
+#define PACK_SIDE 16
+
+// Any matrix [K, N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower). Element (k, n) is
+// w[k * k_stride + (first + n) * n_stride]. Through local memory, so that neighbours read and write neighbours where a stride is 1.
+// Work-groups of PACK_SIDE x PACK_SIDE: (columns, rows, piece).
+__kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
+    __global const float* w, int first, int K, int N, int k_stride, int n_stride, int piece, __global float* out) {
+  __local float tile[PACK_SIDE * (PACK_SIDE + 1)];
+  const int x = get_local_id(0) % PACK_SIDE, y = get_local_id(0) / PACK_SIDE;
+  const int begin = get_group_id(2) * piece, width = min(piece, N - begin);
+  const int k0 = get_group_id(1) * PACK_SIDE, n0 = get_group_id(0) * PACK_SIDE;
+  const int dk = k_stride == 1 ? x : y, dn = k_stride == 1 ? y : x;
+  if (k0 + dk < K && n0 + dn < width)
+    tile[dk * (PACK_SIDE + 1) + dn] =
+        w[(size_t)(k0 + dk) * k_stride + ((size_t)first + begin + n0 + dn) * n_stride];
+  barrier(CLK_LOCAL_MEM_FENCE);
+  if (k0 + y < K && n0 + x < width)
+    out[(size_t)begin * K + (size_t)(k0 + y) * width + n0 + x] = tile[y * (PACK_SIDE + 1) + x];
+}
+
 // Both sources composed, once, for a map that reads every row many times: y [rows, c0 + c1]. One work-item per element.
 __kernel void gemm_compose(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
                            __global const float* shift, int silu_a, int rows, __global float* y) {

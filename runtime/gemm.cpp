@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "runtime/column_sum.h"
 #include "runtime/log.h"
 
 namespace vsplat {
@@ -183,6 +184,74 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   return true;
 }
 
+// A strided matrix [k, n], whose first row is w's row `first`, as panels of `width` columns: [ceil(n / width), k,
+// width].
+void pack_panels(Context& ctx, const Tensor& w, long first, long k, long n, long k_stride, long n_stride, long width,
+                 const Tensor& out) {
+  constexpr long rows = 64;  // ROWS of cl/gemm_cpu.cl
+  ctx.launch({"gemm_cpu", "gemm_pack_panels", tile_defines(ctx.device())}, groups(div_up(n, width), 1, div_up(k, rows)),
+             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(first), as_int(k), as_int(n), as_int(k_stride),
+             as_int(n_stride), as_int(width), out);
+}
+
+// The same as [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin with w's `first`.
+void pack_plain(Context& ctx, const Tensor& w, long first, long k, long n, long k_stride, long n_stride, long piece,
+                const Tensor& out) {
+  constexpr long side = 16;  // PACK_SIDE of cl/gemm_gpu.cl
+  ctx.launch({"gemm_gpu", "gemm_pack_plain", ""},
+             groups(div_up(std::min(piece, n), side), side * side, div_up(k, side), div_up(n, piece)),
+             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(first), as_int(k), as_int(n), as_int(k_stride),
+             as_int(n_stride), as_int(piece), out);
+}
+
+constexpr long kSumRows = 1024;  // terms of a sum that is not made of shorter ones (the cpu flavour's are, of 256)
+
+struct TransposedSizes {
+  long rows, m, n;
+};
+
+Cost cost_of(const TransposedSizes& s, long rows, long sums) {
+  const double m = static_cast<double>(s.m), n = static_cast<double>(s.n), k = static_cast<double>(rows);
+  return {2 * m * n * k, 4 * (m * k + n * k + m * n * static_cast<double>(sums))};
+}
+
+// As many rows at a time as one sum has: both operands' panels stay in a cache, and out is added to.
+void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
+  const long most = std::min(s.rows, kSumRows);
+  check_tile_terms(ctx.device(), g.name, most);
+  const long panels = div_up(s.m, kTileRows);
+  const Tensor a = ctx.tensor({panels, most, kTileRows}, Type::f32, "packed rows");
+  const Tensor b = ctx.tensor({div_up(s.n, kTileCols), most, kTileCols}, Type::f32, "packed rows");
+  for (long row = 0; row < s.rows; row += most) {
+    const long terms = std::min(most, s.rows - row);
+    pack_panels(ctx, g.a, row, terms, s.m, s.m, 1, kTileRows, a);
+    pack_panels(ctx, g.b, row, terms, s.n, s.n, 1, kTileCols, b);
+    ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name}, groups(div_up(s.n, kTileCols), 1, panels),
+               cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, 1, as_int(s.m), as_int(s.n), as_int(terms), Tensor(),
+               static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), g.out, 0);
+  }
+}
+
+// As many sums at a time as scratch memory has room for, side by side: few tiles of out would leave a GPU idle.
+void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
+  const GpuTile shape = gpu_tile(ctx, s.m, s.n);
+  const long all = div_up(s.rows, kSumRows), room = 4 * kScratchFloats / std::max(s.m * s.n, s.m * kSumRows);
+  const long most = std::clamp(room, 1L, all);
+  const Tensor a = ctx.tensor({std::min(s.rows, most * kSumRows), s.m}, Type::f32, "packed rows");
+  const Tensor parts = most > 1 ? ctx.tensor({most, s.m * s.n}, Type::f32, "partial sums") : Tensor();
+  for (long done = 0; done < all; done += most) {
+    const long sums = std::min(most, all - done), row = done * kSumRows;
+    const long rows = std::min(s.rows - row, sums * kSumRows);
+    const bool add = g.add || done > 0;
+    pack_plain(ctx, g.a, row, s.m, rows, 1, s.m, kSumRows, a);
+    ctx.launch({"gemm_gpu", "gemm_transposed_gpu", shape.defines, g.name},
+               groups(div_up(s.n, shape.side), 256, div_up(s.m, shape.side), sums),
+               cost_of(s, rows, sums + (add && !parts ? 1 : 0)), a, g.b, as_int(row), as_int(rows), as_int(kSumRows),
+               as_int(s.m), as_int(s.n), add && !parts ? g.out : Tensor(), parts ? parts : g.out);
+    if (parts) column_sum(ctx, {parts.first(sums), g.out, add});
+  }
+}
+
 }  // namespace
 
 GpuTile gpu_tile(const Context& ctx, long m, long n) {
@@ -239,6 +308,28 @@ PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_st
   return out;
 }
 
+PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_stride, long n_stride,
+                         const std::string& what) {
+  if (!w || w.type() != Type::f32 || k < 0 || n < 0 || k_stride < 0 || n_stride < 0 ||
+      (k * n > 0 && (k - 1) * k_stride + (n - 1) * n_stride >= w.count()))
+    fail(Status::internal, "{}: {} has no {} x {} elements with strides {} and {}", what, w.describe(), k, n, k_stride,
+         n_stride);
+  PackedMatrix out;
+  out.k = k;
+  out.n = n;
+  const bool panels = ctx.flavour() == Flavour::cpu;
+  if (panels) {
+    out.data = ctx.tensor({div_up(n, kTileCols), k, kTileCols}, Type::f32, what);
+    if (k * n > 0) pack_panels(ctx, w, 0, k, n, k_stride, n_stride, kTileCols, out.data);
+  }
+  if (!panels || ctx.gemm_choice() == GemmChoice::clblast) {
+    Tensor& plain = panels ? out.plain : out.data;
+    plain = ctx.tensor({k, n}, Type::f32, what);
+    if (k * n > 0) pack_plain(ctx, w, 0, k, n, k_stride, n_stride, n, plain);
+  }
+  return out;
+}
+
 void gemm(Context& ctx, const Gemm& g) {
   const Sizes s = check(g);
   if (s.m == 0 || s.n == 0) return;
@@ -254,6 +345,24 @@ void gemm(Context& ctx, const Gemm& g) {
     gemm_cpu(ctx, g, s);
   else
     gemm_gpu(ctx, g, s);
+}
+
+void transposed_gemm(Context& ctx, const TransposedGemm& g) {
+  for (const Tensor& t : {g.a, g.b, g.out})
+    if (!t || t.rank() < 2 || t.type() != Type::f32)
+      fail(Status::internal, "{}: {} found, an f32 matrix expected", g.name, t.describe());
+  const TransposedSizes s{rows_of(g.a), g.a.shape().back(), g.b.shape().back()};
+  if (rows_of(g.b) != s.rows || g.out.shape() != Shape{s.m, s.n})
+    fail(Status::internal, "{}: {} and {} give [{}, {}] where their rows are as many; out is {}", g.name,
+         g.a.describe(), g.b.describe(), s.m, s.n, g.out.describe());
+  if (s.m == 0 || s.n == 0) return;
+  if (s.rows == 0) {
+    if (!g.add) ctx.fill_zero(g.out);
+  } else if (ctx.flavour() == Flavour::cpu) {
+    transposed_cpu(ctx, g, s);
+  } else {
+    transposed_gpu(ctx, g, s);
+  }
 }
 
 }  // namespace vsplat

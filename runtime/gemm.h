@@ -19,6 +19,11 @@ struct PackedMatrix {
 // K.
 PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
                          const std::string& what);
+// From the device's memory, which may change afterwards (weights in training): element (k, n) is w's element k *
+// k_stride
+// + n * n_stride. The gradient by a Linear's input, dY W: B is W itself, k_stride K, n_stride 1.
+PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_stride, long n_stride,
+                         const std::string& what);
 // Bytes that pack_matrix takes (without PackedMatrix::plain), for planning.
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
@@ -63,5 +68,18 @@ struct Gemm {
 };
 
 void gemm(Context& ctx, const Gemm& g);
+
+// out = A^T B, or out + that: a sum over all rows, in which a weight's gradient is made of the layer's input and of
+// what comes back (a Linear's [N, K]: A = dY, B = X; its bias: column_sum of dY). Sums of 1024 rows are added up in
+// order.
+struct TransposedGemm {
+  Tensor a;    // f32 [.., M]: leading dimensions count as rows
+  Tensor b;    // f32 [.., N], as many rows
+  Tensor out;  // f32 [M, N], neither a nor b
+  bool add = false;
+  const char* name = "gemm_transposed";  // its row in the profile (packing: "gemm_pack_panels", "gemm_pack_plain")
+};
+
+void transposed_gemm(Context& ctx, const TransposedGemm& g);
 
 }  // namespace vsplat

@@ -56,4 +56,14 @@ struct GemmCase {
   }
 };
 
+// A^T B of a [rows, m] and b [rows, n].
+inline std::vector<double> transposed_product(const std::vector<float>& a, const std::vector<float>& b,
+                                              std::size_t rows, std::size_t m, std::size_t n) {
+  std::vector<double> out(m * n);
+  for (std::size_t r = 0; r < rows; ++r)
+    for (std::size_t i = 0; i < m; ++i)
+      for (std::size_t j = 0; j < n; ++j) out[i * n + j] += static_cast<double>(a[r * m + i]) * b[r * n + j];
+  return out;
+}
+
 }  // namespace vsplat::ref
