@@ -126,6 +126,20 @@ TEST_P(Adamw, NormOfMillionsIsAsExactAsThatOfFew) {
   EXPECT_EQ(got, clip(grads));
 }
 
+// 2^24, to which 1 cannot be added in float, and many ones, each in a block of its own: it takes the compensation to
+// count them.
+TEST_P(Adamw, NormCountsWhatIsSmallBesideTheLargest) {
+  std::vector<float> grad(2048 * 3200);
+  for (std::size_t i = 0; i < grad.size(); i += 2048) grad[i] = 1;
+  grad[0] = 4096;
+  const double norm = ref::norm({grad});
+  EXPECT_NEAR(clip({grad})[0], norm, 2e-7 * norm);
+}
+
+TEST_P(Adamw, ClipsTinyNormsAsPyTorchDoes) {
+  EXPECT_NEAR(clip({{6e-6f}, {8e-6f}}, 1, 5e-6f)[1], ref::clip_factor(1e-5, 5e-6), 1e-6);  // 5 / 11, not 5 / 10
+}
+
 TEST_P(Adamw, ShortGradientsAreNotClippedAndScaleCounts) {
   const std::vector<std::vector<float>> grads = {{0.3f, 0.0f}, {-0.4f}};  // norm 0.5
   auto got = clip(grads, 0.5f);
