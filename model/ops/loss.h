@@ -7,7 +7,7 @@ namespace vsplat {
 // Pictures are clamped to [0, 1] first. SSIM has Gaussian windows of 11 x 11, sigma 1.5, that lie inside, K1 = 0.01, K2
 // = 0.03, the mean over windows, channels and pictures. Where both sides exceed 160 pixels it is MS-SSIM: five scales,
 // each half the last, means over windows by picture and channel, negative ones as 0 (whose gradient is 0, too). Takes
-// memory for ten times the pictures while it runs. Never waits; the same bits each run.
+// memory for about ten times the pictures while it runs. Never waits; the same bits each run.
 struct PictureLoss {
   Tensor pictures;  // [N, H, W, 3], H and W from 11
   Tensor target;    // [N, H, W, 3], in [0, 1]
