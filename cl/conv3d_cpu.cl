@@ -5,7 +5,17 @@
 //   b    [ceil(N/32), 9, C, 3, 32]  weights: (dx, dy), channel, dz, 32 output channels; zero beyond N
 //   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
 #define PACK_ROWS 14
+#include "conv3d.clh"
 #include "pack_cpu.clh"
+
+// b of w (see conv3d.clh). A work-item per element.
+__kernel void conv3d_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* b) {
+  const size_t i = get_global_id(0);
+  const int column = i % TILE_COLS, dz = i / TILE_COLS % 3, c = i / (3 * TILE_COLS) % C;
+  const int plane = i / ((size_t)3 * TILE_COLS * C) % 9, panel = i / ((size_t)27 * TILE_COLS * C);
+  if (panel >= DIV_UP(N, TILE_COLS)) return;
+  b[i] = weight_of(w, mirrored, N, C, panel * TILE_COLS + column, c, plane * 3 + dz);
+}
 
 // Planes [plane0, plane0 + planes) composed and packed: x0's c0 channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu
 // v / (1 + exp(-v)); the padding is zero after all that.

@@ -10,7 +10,15 @@ static inline int source_row(const struct Rows* r, int m, int t) {
   const int inside = x >= 0 && x < r->X && y >= 0 && y < r->Y && z >= 0 && z < r->Z;
   return inside ? (x * r->Y + y) * r->Z + z : -1;
 }
+#include "conv3d.clh"
 #include "tile_gpu.clh"
+
+// b of w (see conv3d.clh). A work-item per element.
+__kernel void conv3d_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* b) {
+  const size_t i = get_global_id(0);
+  if (i >= (size_t)27 * C * N) return;
+  b[i] = weight_of(w, mirrored, N, C, i % N, i / N % C, i / ((size_t)C * N));
+}
 
 __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_tile_gpu(
     __global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,

@@ -1,18 +1,49 @@
 // 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour, by Winograd's F(4x4, 3x3) over x and y
 // and directly along z: 36 products where the direct sum needs 144.
-// A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made at load.
+// A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before.
 // The points are 0, +-3/4, +-3/2 and infinity, whose squares are exact in binary and which keep the error within thrice the direct sum's.
 //   v [tiles, ZT, 36, C, 14]         B^T d B; ZT = ceil(Z/12); entry j of zt is z = 12 zt - 1 + j; zero outside the volume (winograd_pack)
 //   u [ceil(N/32), 36, C, 3, 32]     G g G^T: coefficient, channel, dz, 32 output channels; zero beyond N
 //   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
 // Tile t of the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4).
 #define PACK_ROWS 14
+#include "conv3d.clh"
 #include "pack_cpu.clh"
 
 #define P 0.75f  // the points +-P and +-Q
 #define Q 1.5f
 #define PP (P * P)
 #define QQ (Q * Q)
+
+// y = G g, 3 -> 6.
+static inline void transform_weights(float g0, float g1, float g2, float* y) {
+  const float p_even = (g0 + PP * g2) * (0.5f / (PP * (PP - QQ))), p_odd = P * g1 * (0.5f / (PP * (PP - QQ)));
+  const float q_even = (g0 + QQ * g2) * (0.5f / (QQ * (QQ - PP))), q_odd = Q * g1 * (0.5f / (QQ * (QQ - PP)));
+  y[0] = g0 * (1.0f / (PP * QQ));
+  y[1] = p_even + p_odd;
+  y[2] = p_even - p_odd;
+  y[3] = q_even + q_odd;
+  y[4] = q_even - q_odd;
+  y[5] = g2;
+}
+
+// u of w (see conv3d.clh). A work-item per output channel of all panels (direction 0) and input channel (direction 1).
+__kernel void winograd_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* u) {
+  const int n = get_global_id(0), c = get_global_id(1);
+  if (n >= DIV_UP(N, TILE_COLS) * TILE_COLS) return;
+  __global float* to = u + ((size_t)(n / TILE_COLS) * 36 * C + c) * 3 * TILE_COLS + n % TILE_COLS;
+  for (int dz = 0; dz < 3; ++dz) {
+    float half_way[3][6];  // dy, coefficient along x
+    for (int dy = 0; dy < 3; ++dy)
+      transform_weights(weight_of(w, mirrored, N, C, n, c, dy * 3 + dz), weight_of(w, mirrored, N, C, n, c, 9 + dy * 3 + dz),
+                        weight_of(w, mirrored, N, C, n, c, 18 + dy * 3 + dz), half_way[dy]);
+    for (int i = 0; i < 6; ++i) {
+      float row[6];
+      transform_weights(half_way[0][i], half_way[1][i], half_way[2][i], row);
+      for (int j = 0; j < 6; ++j) to[((size_t)(6 * i + j) * C * 3 + dz) * TILE_COLS] = row[j];
+    }
+  }
+}
 
 // y = B^T x, 6 -> 6, elements `stride` apart.
 static inline void transform_in(const float16* x, float16* y, int stride) {

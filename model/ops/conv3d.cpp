@@ -76,6 +76,34 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
   return out;
 }
 
+ConvMethod choose(const Context& ctx, ConvMethod method, long cout, long cin) {
+  if (method != ConvMethod::auto_) return method;
+  return cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4
+             ? ConvMethod::winograd
+             : ConvMethod::direct;
+}
+
+// On the device. mirrored: see weight_of() in cl/conv3d.clh.
+ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const std::string& what, ConvMethod method) {
+  if (w.rank() != 5 || w.count() != w.dim(0) * w.dim(1) * 27 || w.type() != Type::f32)
+    fail(Status::internal, "{}: weights are {}, [Cout, Cin, 3, 3, 3] expected", what, w.describe());
+  const long n = w.dim(mirrored ? 1 : 0), c = w.dim(mirrored ? 0 : 1), panels = div_up(n, kTileCols);
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  ConvWeights out;
+  out.cin = c, out.cout = n, out.winograd = choose(ctx, method, n, c) == ConvMethod::winograd;
+  if (out.winograd && !cpu) fail(Status::usage, "{}: Winograd's method is for the cpu kernels", what);
+  out.w.k = (out.winograd ? 3 * kCoefficients : 27) * c, out.w.n = n;
+  out.w.data = ctx.tensor(cpu ? Shape{panels, out.w.k, kTileCols} : Shape{out.w.k, n}, Type::f32, what);
+  const Cost cost{0, static_cast<double>(w.bytes()) + static_cast<double>(out.w.data.bytes())};
+  if (out.winograd)
+    ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, kTileCols, c), cost, w,
+               mirrored ? 1 : 0, as_int(c), as_int(n), out.w.data);
+  else
+    ctx.launch({cpu ? "conv3d_cpu" : "conv3d_gpu", "conv3d_pack_weights", cpu ? tile_defines(ctx.device()) : ""},
+               items(out.w.data.count()), cost, w, mirrored ? 1 : 0, as_int(c), as_int(n), out.w.data);
+  return out;
+}
+
 struct Shape3d {
   long x, y, z, c0, c1, n;
   long c() const { return c0 + c1; }
@@ -169,17 +197,23 @@ void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
 
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method) {
-  if (method == ConvMethod::auto_)
-    method = cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4
-                 ? ConvMethod::winograd
-                 : ConvMethod::direct;
-  if (method == ConvMethod::winograd) return pack_winograd(ctx, w, bias, cout, cin, what);
+  if (choose(ctx, method, cout, cin) == ConvMethod::winograd) return pack_winograd(ctx, w, bias, cout, cin, what);
   // cpu: (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache; gpu: tap, channel.
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto order = [&](long k) {
     return cpu ? TapChannel{k / (3 * cin) * 3 + k % 3, k / 3 % cin} : TapChannel{k / cin, k % cin};
   };
   return pack(ctx, w, bias, cout, cin, 27, order, what);
+}
+
+ConvWeights pack_conv3d(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what, ConvMethod method) {
+  ConvWeights out = pack_on_device(ctx, w, false, what, method);
+  out.bias = bias;
+  return out;
+}
+
+ConvWeights pack_conv3d_backward(Context& ctx, const Tensor& w, const std::string& what, ConvMethod method) {
+  return pack_on_device(ctx, w, true, what, method);
 }
 
 ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, long cout, long cin,

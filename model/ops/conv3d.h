@@ -20,6 +20,13 @@ enum class ConvMethod : int { auto_ = 0, direct = 1, winograd = 2 };
 // auto_: winograd in the cpu flavour, unless the convolution is too small for it to pay.
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method = ConvMethod::auto_);
+// The same from device memory, for weights that training changes. w [Cout, Cin, 3, 3, 3]; bias [Cout] or none.
+ConvWeights pack_conv3d(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what,
+                        ConvMethod method = ConvMethod::auto_);
+// Of those weights, mirrored and with their channels exchanged: conv3d() with these takes the gradients of a loss by
+// conv3d()'s outputs [X Y Z, Cout] to those by its composed inputs [X Y Z, Cin].
+ConvWeights pack_conv3d_backward(Context& ctx, const Tensor& w, const std::string& what,
+                                 ConvMethod method = ConvMethod::auto_);
 // 2x2x2 weights, w [Cout][Cin][2][2][2], for conv3d_down(). bias [Cout] or null.
 ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, long cout, long cin,
                              const std::string& what);

@@ -135,6 +135,51 @@ TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
   EXPECT_TRUE(test::close(some, want, tolerance()));
 }
 
+// Weights packed on the device are those packed on the host; only Winograd's are computed, in float rather than double.
+TEST_P(Conv3dTest, PacksTheSameOnTheDevice) {
+  for (const auto& [cin, cout] : {std::pair{1L, 1L}, {7L, 5L}, {17L, 32L}, {5L, 33L}}) {
+    const ref::ConvCase c = make_case({{1, 1, 1}, cin, cout});
+    const ConvMethod method = GetParam().method;
+    const ConvWeights host = pack_conv3d(ctx(), c.w.data(), c.bias.data(), cout, cin, "weight", method);
+    const ConvWeights device = pack_conv3d(ctx(), ctx().upload({cout, cin, 3, 3, 3}, c.w), host.bias, "weight", method);
+    const auto got = ctx().read<float>(device.w.data), want = ctx().read<float>(host.w.data);
+    if (method == ConvMethod::winograd)
+      EXPECT_TRUE(test::close(got, want, 1e-6)) << cin << " " << cout;
+    else
+      EXPECT_EQ(got, want) << cin << " " << cout;
+    EXPECT_EQ(device.w.k, host.w.k);
+    EXPECT_EQ(device.w.n, host.w.n);
+    EXPECT_EQ(device.cin, cin);
+    EXPECT_EQ(device.cout, cout);
+    EXPECT_EQ(ctx().read<float>(device.bias), c.bias);
+  }
+}
+
+TEST_P(Conv3dTest, DataGradientMatchesReference) {
+  for (const std::array<long, 3>& size : {std::array<long, 3>{1, 1, 1}, {2, 3, 1}, {3, 5, 13}, {4, 1, 12}, {7, 4, 2}})
+    for (const auto& [cin, cout] : {std::pair{1L, 1L}, {7L, 5L}, {33L, 17L}, {16L, 32L}, {5L, 65L}}) {
+      const ref::ConvCase c = make_case({size, cin, cout});
+      const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * cout), 71);
+      const ConvWeights mirrored =
+          pack_conv3d_backward(ctx(), ctx().upload({cout, cin, 3, 3, 3}, c.w), "weight", GetParam().method);
+      Conv3d g;
+      g.in.x0 = ctx().upload({c.in.rows, cout}, dy);
+      g.x = size[0], g.y = size[1], g.z = size[2];
+      g.weights = &mirrored;
+      g.out = ctx().upload({c.in.rows, cin}, test::nans(static_cast<std::size_t>(c.in.rows * cin)));
+      conv3d(ctx(), g);
+      EXPECT_TRUE(test::close(ctx().read<float>(g.out), ref::conv_backward(c, dy).dx, tolerance()))
+          << size[0] << "x" << size[1] << "x" << size[2] << " " << cin << " -> " << cout;
+    }
+}
+
+TEST_P(Conv3dTest, RejectsWeightsOfAnotherShape) {
+  for (const Shape& shape : {Shape{4, 5, 27}, Shape{4, 5, 3, 3, 2}, Shape{4, 5, 2, 2, 2}}) {
+    EXPECT_THROW(pack_conv3d(ctx(), ctx().tensor(shape), Tensor(), "weight", GetParam().method), Error);
+    EXPECT_THROW(pack_conv3d_backward(ctx(), ctx().tensor(shape), "weight", GetParam().method), Error);
+  }
+}
+
 TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
   Try t{{3, 4, 13}, 5, 33};
   t.residual = true;
@@ -245,6 +290,37 @@ INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dTest,
                            return std::string(name_of(way.param.flavour)) +
                                   (way.param.method == ConvMethod::winograd ? "_winograd" : "_direct");
                          });
+
+// A convolution is linear in its weights, in its biases and in its inputs: differences are derivatives, but for
+// rounding in double.
+TEST(Conv3dReference, GradientsAreDifferences) {
+  for (const long side : {3L, 2L}) {
+    ref::ConvCase c = make_case({{2, 3, 4}, 2, 3}, side);
+    const std::vector<float> dy = random_floats(c.all().size(), 72);
+    const auto loss = [&] {
+      const std::vector<double> y = c.all();
+      double sum = 0;
+      for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
+      return sum;
+    };
+    const auto differences = [&](std::vector<float>& by) {
+      std::vector<double> out;
+      for (float& v : by) {
+        const float at = v;
+        v = 1.0f;
+        const double more = loss();
+        v = -1.0f;
+        out.push_back((more - loss()) / 2);
+        v = at;
+      }
+      return out;
+    };
+    const ref::ConvGradient g = ref::conv_backward(c, dy);
+    EXPECT_TRUE(test::close(g.dx, differences(c.in.x0), 1e-12)) << side;
+    EXPECT_TRUE(test::close(g.dw, differences(c.w), 1e-12)) << side;
+    EXPECT_TRUE(test::close(g.dbias, differences(c.bias), 1e-12)) << side;
+  }
+}
 
 // Left to itself, the cpu flavour takes Winograd's method where there is enough to do, and the gpu flavour never.
 TEST(Conv3dMethod, IsChosenBySize) {

@@ -56,4 +56,42 @@ struct ConvCase {
   }
 };
 
+// By the composed inputs [voxels, Cin], the weights and the biases, for a loss whose derivative by the outputs is dy
+// [out voxels, Cout].
+struct ConvGradient {
+  std::vector<double> dx, dw, dbias;
+};
+
+inline ConvGradient conv_backward(const ConvCase& c, const std::vector<float>& dy) {
+  const long cin = c.in.c0 + c.in.c1, taps = c.side * c.side * c.side;
+  const auto size = [](long n) { return static_cast<std::size_t>(n); };
+  ConvGradient g{std::vector<double>(size(c.in.rows * cin)), std::vector<double>(c.w.size()),
+                 std::vector<double>(size(c.cout))};
+  const auto out = c.out_size();
+  for (long p = 0; p < out[0] * out[1] * out[2]; ++p) {
+    const long at[3] = {p / (out[1] * out[2]), p / out[2] % out[1], p % out[2]};
+    for (long n = 0; n < c.cout; ++n) g.dbias[size(n)] += dy[size(p * c.cout + n)];
+    for (long tap = 0; tap < taps; ++tap) {
+      const long offset[3] = {tap / (c.side * c.side), tap / c.side % c.side, tap % c.side};
+      long row = 0;
+      bool inside = true;
+      for (int d = 0; d < 3; ++d) {
+        const long q = at[d] * c.stride + offset[d] - c.padding;
+        inside = inside && q >= 0 && q < c.size[size(d)];
+        row = row * c.size[size(d)] + q;
+      }
+      if (!inside) continue;
+      for (long ch = 0; ch < cin; ++ch) {
+        const double x = c.in.at(row, ch);
+        for (long n = 0; n < c.cout; ++n) {
+          const std::size_t w = size((n * cin + ch) * taps + tap);
+          g.dw[w] += x * dy[size(p * c.cout + n)];
+          g.dx[size(row * cin + ch)] += static_cast<double>(c.w[w]) * dy[size(p * c.cout + n)];
+        }
+      }
+    }
+  }
+  return g;
+}
+
 }  // namespace vsplat::ref
