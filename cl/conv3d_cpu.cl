@@ -62,3 +62,53 @@ __kernel void conv3d_tile(__global const float* ring, __global const float* b, i
   const size_t at = ((size_t)(x * Y + y) * Z + z0) * N + n0;
   TILE_FINISH(min(TILE_ROWS, Z - z0), n0, N, bias, 0, residual ? residual + at : residual, out + at);
 }
+
+// Columns of rows side by side, for the weight gradient: to [ceil(C/width), voxels, width], composed as by conv3d_pack; zero beyond
+// C = c0 + c1. A work-item per voxel.
+__kernel void conv3d_weight_panels(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
+                                   __global const float* shift, int silu, int voxels, int width, __global float* to) {
+  const int v = get_global_id(0), C = c0 + c1;
+  if (v >= voxels) return;
+  int at = 0;  // of C
+  for (int part = 0; part < 2; ++part) {
+    const int count = part ? c1 : c0, first = part ? c0 : 0;
+    for (int c = 0; c < count; c += 16) {
+      const int some = min(16, count - c);
+      float16 value = load_part((part ? x1 : x0) + (size_t)v * count + c, some);
+      if (scale) value = FMA(value, load_part(scale + first + c, some), load_part(shift + first + c, some));
+      if (silu) value = silu_16(value);
+      float values[16];
+      vstore16(value, 0, values);
+      for (int j = 0; j < some; ++j, ++at) to[((size_t)(at / width) * voxels + v) * width + at % width] = values[j];
+    }
+  }
+  for (; at < DIV_UP(C, width) * width; ++at) to[((size_t)(at / width) * voxels + v) * width + at % width] = 0.0f;
+}
+
+// The weight gradient's sum over one chunk of `lines` lines along z (x slowest), as a product of columns: partial
+// [chunks, 27, C, N] = the sum over voxels p of in[p + tap - 1, c] dy[p, n].
+//   in [ceil(C/12), XYZ, 12], dy [ceil(N/32), XYZ, 32]: of conv3d_weight_panels
+// Work-groups of one work-item: (tap + 27 panel of in, panel of dy, chunk).
+__kernel void conv3d_weight_tile(__global const float* in, __global const float* dy, int C, int N, int X, int Y, int Z, int lines,
+                                 __global float* partial) {
+  const int tap = get_group_id(0) % 27, c_first = get_group_id(0) / 27 * TILE_ROWS;
+  const int n0 = get_group_id(1) * TILE_COLS, chunk = get_group_id(2);
+  const int dx = tap / 9 - 1, dy_tap = tap / 3 % 3 - 1, dz = tap % 3 - 1;
+  const int from_z = max(0, -dz), until_z = min(Z, Z - dz);
+  const size_t voxels = (size_t)X * Y * Z;
+  TILE_DECLARE
+  for (int line = chunk * lines; line < min((chunk + 1) * lines, X * Y); ++line) {
+    const int x = line / Y + dx, y = line % Y + dy_tap;
+    if (x < 0 || x >= X || y < 0 || y >= Y) continue;
+    __global const float* pa = in + (c_first * voxels) + ((size_t)(x * Y + y) * Z + from_z + dz) * TILE_ROWS;
+    __global const float* pb = dy + (n0 * voxels) + ((size_t)line * Z + from_z) * TILE_COLS;
+    for (int z = from_z; z < until_z; ++z) {
+      TILE_STEP(pa, pb)
+      pa += TILE_ROWS;
+      pb += TILE_COLS;
+    }
+  }
+  __global const float* none = 0;
+  const size_t at = (((size_t)chunk * 27 + tap) * C + c_first) * N + n0;
+  TILE_FINISH(min(TILE_ROWS, C - c_first), n0, N, none, 0, none, partial + at);
+}

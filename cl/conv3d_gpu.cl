@@ -29,3 +29,53 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_ti
   tile_gpu(as, bs, x0, c0, x1, c1, scale, shift, silu_a, &rows, 27, X * Y * Z, b, X * Y * Z, N, bias, 0, residual, out,
            0);
 }
+
+// The weight gradient's sum over one chunk of `rows` voxels: partial [chunks, 27, C, N] = the sum over voxels p of
+// in[p + tap - 1, c] dy[p, n], as a product of BM rows (tap, c) and BN columns. Work-groups: (columns, rows, chunk).
+//   in: x0, x1, scale, shift as above; dy [X, Y, Z, N]
+__kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_weight_tile_gpu(
+    __global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
+    __global const float* shift, int silu_a, int X, int Y, int Z, __global const float* dy, int N, int rows,
+    __global float* partial) {
+  __local float as[BK * BM], bs[BK * BN];
+  const struct Rows volume = {X, Y, Z};
+  const int item = get_local_id(0), tx = item % SIDE, ty = item / SIDE, C = c0 + c1, K = 27 * C;
+  const int n0 = get_group_id(0) * BN, k0 = get_group_id(1) * BM, chunk = get_group_id(2);
+  const int until = min((chunk + 1) * rows, X * Y * Z);
+  float acc[RM][RN];
+  for (int i = 0; i < RM; ++i)
+    for (int j = 0; j < RN; ++j) acc[i][j] = 0.0f;
+  for (int first = chunk * rows; first < until; first += BK) {
+    for (int at = item; at < BK * BM; at += SIDE * SIDE) {
+      const int p = first + at / BM, k = k0 + at % BM;
+      float v = 0.0f;
+      if (p < until && k < K) {
+        const int t = k / C, c = k - t * C, row = source_row(&volume, p, t);
+        if (row >= 0) {
+          v = c < c0 ? x0[(size_t)row * c0 + c] : x1[(size_t)row * c1 + (c - c0)];
+          if (scale) v = FMA(v, scale[c], shift[c]);
+          if (silu_a) v = silu(v);
+        }
+      }
+      as[at] = v;
+    }
+    for (int at = item; at < BK * BN; at += SIDE * SIDE) {
+      const int p = first + at / BN, n = n0 + at % BN;
+      bs[at] = p < until && n < N ? dy[(size_t)p * N + n] : 0.0f;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int s = 0; s < BK; ++s) {
+      float av[RM], bv[RN];
+      for (int i = 0; i < RM; ++i) av[i] = as[s * BM + ty * RM + i];
+      for (int j = 0; j < RN; ++j) bv[j] = bs[s * BN + tx + SIDE * j];
+      for (int i = 0; i < RM; ++i)
+        for (int j = 0; j < RN; ++j) acc[i][j] = FMA(av[i], bv[j], acc[i][j]);
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+  }
+  for (int i = 0; i < RM; ++i)
+    for (int j = 0; j < RN; ++j) {
+      const int k = k0 + ty * RM + i, n = n0 + tx + SIDE * j;
+      if (k < K && n < N) partial[((size_t)chunk * K + k) * N + n] = acc[i][j];
+    }
+}

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "runtime/column_sum.h"
+
 namespace vsplat {
 
 namespace {
@@ -251,6 +253,56 @@ void conv3d(Context& ctx, const Conv3d& c) {
     conv3d_cpu(ctx, c, s);
   else
     conv3d_gpu(ctx, c, s);
+}
+
+void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g) {
+  if (!g.dy || g.dy.rank() != 2 || !g.dw || g.dw.rank() != 5)
+    fail(Status::internal, "{}: dy [voxels, Cout] and dw [Cout, Cin, 3, 3, 3] are needed", g.name);
+  // The shapes are those of a convolution from `in` to dy.
+  ConvWeights weights;
+  weights.w.data = g.dw;
+  weights.cin = g.dw.dim(1), weights.cout = g.dw.dim(0);
+  weights.w.k = weights.cout == 0 ? 0 : g.dw.count() / weights.cout;
+  weights.bias = g.dbias;
+  Conv3d c;
+  c.in = g.in, c.x = g.x, c.y = g.y, c.z = g.z, c.weights = &weights, c.out = g.dy, c.name = g.name;
+  const Shape3d s = check(c);
+  const long voxels = s.x * s.y * s.z, k = 27 * s.c();
+  if (voxels * k * s.n == 0) return;
+  if (g.dbias) column_sum(ctx, {g.dy, g.dbias, true});
+
+  // Chunks of whole lines along z: short sums, unless their partial results would take too much memory.
+  const long most = std::max(1L, kScratchFloats / (k * s.n));
+  const long lines = std::max(div_up(1024, s.z), div_up(s.x * s.y, most)), chunks = div_up(s.x * s.y, lines);
+  const Tensor partial = ctx.tensor({chunks, k, s.n}, Type::f32, "partial weight gradients");
+  const Cost cost{54 * static_cast<double>(voxels) * static_cast<double>(s.c()) * static_cast<double>(s.n),
+                  4 * static_cast<double>(voxels * (s.c() + s.n)) + static_cast<double>(partial.bytes())};
+  if (ctx.flavour() == Flavour::cpu) {
+    check_tile_terms(ctx.device(), g.name, lines * (s.z + 1));
+    const std::string defines = tile_defines(ctx.device());
+    const auto panels = [&](const RowSource& of, long c0, long c1, long width) {
+      const Tensor to = ctx.tensor({div_up(c0 + c1, width), voxels, width}, Type::f32, "columns");
+      ctx.launch({"conv3d_cpu", "conv3d_weight_panels", defines}, items(voxels, 1),
+                 {0, 8 * static_cast<double>(voxels * (c0 + c1))}, of.x0, as_int(c0), of.x1, as_int(c1), of.scale,
+                 of.shift, of.silu ? 1 : 0, as_int(voxels), as_int(width), to);
+      return to;
+    };
+    RowSource dy;
+    dy.x0 = g.dy;
+    const Tensor in = panels(g.in, s.c0, s.c1, kTileRows), out = panels(dy, s.n, 0, kTileCols);
+    ctx.launch({"conv3d_cpu", "conv3d_weight_tile", defines, g.name},
+               groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, as_int(s.c()),
+               as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(lines), partial);
+  } else {
+    constexpr long side = 64;  // of cl/tile_gpu.clh, as it is without defines
+    ctx.launch({"conv3d_gpu", "conv3d_weight_tile_gpu", "", g.name},
+               groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, as_int(s.c0), g.in.x1,
+               as_int(s.c1), g.in.scale, g.in.shift, g.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), g.dy,
+               as_int(s.n), as_int(lines * s.z), partial);
+  }
+  ctx.launch({"conv3d_gradient", "conv3d_weight_sum", ""}, items(k * s.n),
+             {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, g.dw,
+             as_int(chunks), as_int(s.c()), as_int(s.n));
 }
 
 Tensor conv3d_down_map(Context& ctx, long x, long y, long z) {

@@ -44,7 +44,20 @@ struct Conv3d {
   const char* name = "conv3d";
 };
 void conv3d(Context& ctx, const Conv3d& c);
-// Floating-point operations of its products: of the direct sum, or the fewer of Winograd's method.
+
+// Gradients of a loss by conv3d()'s weights and biases, of its inputs and of dy, the gradient by its outputs. Summed in
+// a fixed order: the same bits each time.
+struct Conv3dWeightGradient {
+  RowSource in;  // as for conv3d()
+  long x = 0, y = 0, z = 0;
+  Tensor dy;     // [X Y Z, Cout]
+  Tensor dw;     // [Cout, Cin, 3, 3, 3], added to
+  Tensor dbias;  // [Cout] or none, added to
+  const char* name = "conv3d.dw";
+};
+void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g);
+
+// Floating-point operations of conv3d()'s products: of the direct sum, or the fewer of Winograd's method.
 double conv3d_flops(const ConvWeights& weights, long x, long y, long z);
 
 // The 2x2x2 neighbourhoods of a stride of 2: i32 [X/2 Y/2 Z/2, 8], for gemm(). An odd last plane is not looked at.

@@ -282,6 +282,110 @@ TEST_P(Conv3dTest, RejectsBadShapes) {
   rejects([](Conv3d& b) { b.out = Tensor(); });
 }
 
+class Conv3dWeights : public test::FlavourTest {
+ protected:
+  static std::vector<float> zeros(std::size_t count) { return std::vector<float>(count, 0.0f); }
+
+  Conv3dWeightGradient upload(Context& on, const ref::ConvCase& c, const std::vector<float>& dy) {
+    Conv3dWeightGradient g;
+    g.in = upload_rows(on, c.in);
+    g.x = c.size[0], g.y = c.size[1], g.z = c.size[2];
+    g.dy = on.upload({c.in.rows, c.cout}, dy);
+    g.dw = on.upload({c.cout, c.in.c0 + c.in.c1, 3, 3, 3}, zeros(c.w.size()));
+    g.dbias = on.upload({c.cout}, zeros(static_cast<std::size_t>(c.cout)));
+    return g;
+  }
+
+  void expect_matches(const Try& t) {
+    SCOPED_TRACE(fmt::format("{}x{}x{} {}+{} -> {} affine {} silu {}", t.size[0], t.size[1], t.size[2], t.cin, t.c1,
+                             t.cout, t.affine, t.silu));
+    const ref::ConvCase c = make_case(t);
+    const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * t.cout), 73);
+    const Conv3dWeightGradient g = upload(ctx(), c, dy);
+    conv3d_weight_gradient(ctx(), g);
+    const ref::ConvGradient want = ref::conv_backward(c, dy);
+    EXPECT_TRUE(test::close(ctx().read<float>(g.dw), want.dw, 1e-5));
+    EXPECT_TRUE(test::close(ctx().read<float>(g.dbias), want.dbias, 1e-5));
+  }
+};
+VSPLAT_FLAVOURS(Conv3dWeights);
+
+TEST_P(Conv3dWeights, EverySizeMatchesReference) {
+  for (const std::array<long, 3>& size : {std::array<long, 3>{1, 1, 1}, {1, 2, 3}, {3, 5, 13}, {4, 1, 12}, {7, 4, 2}})
+    for (const auto& [cin, cout] : {std::pair{1L, 1L}, {7L, 5L}, {11L, 31L}, {12L, 32L}, {13L, 33L}, {65L, 67L}})
+      expect_matches({size, cin, cout});
+}
+
+TEST_P(Conv3dWeights, EveryCompositionMatchesReference) {
+  for (const long c1 : {0L, 5L, 16L})
+    for (const bool affine : {false, true})
+      for (const bool silu : {false, true}) {
+        Try t{{4, 3, 7}, 17, 20, c1};
+        t.affine = affine, t.silu = silu;
+        expect_matches(t);
+      }
+}
+
+// Several chunks, the last of them shorter than the others.
+TEST_P(Conv3dWeights, ManyVoxelsMatchReference) {
+  expect_matches({{13, 19, 17}, 3, 5});
+  expect_matches({{2, 3, 1100}, 2, 1});
+}
+
+// What is there stays; a bias is not needed; the same bits each time.
+TEST_P(Conv3dWeights, AddsAndRepeats) {
+  const ref::ConvCase c = make_case({{12, 12, 16}, 9, 10});
+  const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * 10), 74);
+  Conv3dWeightGradient g = upload(ctx(), c, dy);
+  conv3d_weight_gradient(ctx(), g);
+  const std::vector<float> once = ctx().read<float>(g.dw), bias = ctx().read<float>(g.dbias);
+  conv3d_weight_gradient(ctx(), g);
+  std::vector<float> twice = once;
+  for (float& v : twice) v += v;
+  EXPECT_EQ(ctx().read<float>(g.dw), twice);
+  g = upload(ctx(), c, dy);
+  const Tensor untouched = g.dbias;
+  g.dbias = Tensor();
+  conv3d_weight_gradient(ctx(), g);
+  EXPECT_EQ(ctx().read<float>(g.dw), once);
+  EXPECT_EQ(ctx().read<float>(untouched), zeros(10));
+  EXPECT_NE(bias, zeros(10));
+}
+
+TEST_P(Conv3dWeights, EmptyAddsNothing) {
+  const ref::ConvCase c = make_case({{0, 3, 4}, 5, 6});
+  const Conv3dWeightGradient g = upload(ctx(), c, {});
+  conv3d_weight_gradient(ctx(), g);
+  EXPECT_EQ(ctx().read<float>(g.dw), zeros(c.w.size()));
+  EXPECT_EQ(ctx().read<float>(g.dbias), zeros(6));
+}
+
+TEST_P(Conv3dWeights, PlanTakesTheSameMemory) {
+  const ref::ConvCase c = make_case({{12, 12, 16}, 13, 6});
+  const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * 6), 75);
+  const auto own = test::open_context(GetParam());
+  const auto plan = own->planner();
+  for (Context* at : {plan.get(), own.get()}) conv3d_weight_gradient(*at, upload(*at, c, dy));
+  EXPECT_EQ(own->memory().peak_live(), plan->memory().peak_live());
+}
+
+TEST_P(Conv3dWeights, RejectsBadShapes) {
+  const ref::ConvCase c = make_case({{3, 4, 5}, 6, 7});
+  const Conv3dWeightGradient good = upload(ctx(), c, random_floats(420, 76));
+  const auto rejects = [&](auto change) {
+    Conv3dWeightGradient bad = good;
+    change(bad);
+    EXPECT_THROW(conv3d_weight_gradient(ctx(), bad), Error);
+  };
+  rejects([](Conv3dWeightGradient& b) { b.dw = Tensor(); });
+  rejects([](Conv3dWeightGradient& b) { b.dy = Tensor(); });
+  rejects([](Conv3dWeightGradient& b) { b.z = 6; });
+  rejects([&](Conv3dWeightGradient& b) { b.dw = ctx().tensor({7, 5, 3, 3, 3}); });
+  rejects([&](Conv3dWeightGradient& b) { b.dw = ctx().tensor({7, 6, 3, 3, 2}); });
+  rejects([&](Conv3dWeightGradient& b) { b.dy = ctx().tensor({60, 6}); });
+  rejects([&](Conv3dWeightGradient& b) { b.dbias = ctx().tensor({6}); });
+}
+
 INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dTest,
                          ::testing::Values(Way{Flavour::cpu, ConvMethod::direct},
                                            Way{Flavour::cpu, ConvMethod::winograd},
