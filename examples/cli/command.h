@@ -60,5 +60,6 @@ void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
 void add_bench(CLI::App& app, Run& run);
+void add_dataset(CLI::App& app, Run& run);
 
 }  // namespace command

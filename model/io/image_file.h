@@ -27,7 +27,8 @@ Image read_image(const std::string& path);
 // A mask: one channel, the picture's luma, times its alpha where it has one.
 Image read_mask(const std::string& path);
 
-// 8 bits, colour (3 channels) or grey (1): round(255 * value clamped to [0,1]); NaN is written as 0.
+// 8 bits, colour (3 channels), with straight alpha (4) or grey (1): round(255 * value clamped to [0,1]); NaN is written
+// as 0.
 void write_png(const std::string& path, const Image& image);
 
 // Colour (3 channels), rounded as write_png() does, `quality` 1 to 100 on libjpeg's scale, without loss of resolution

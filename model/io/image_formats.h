@@ -30,7 +30,7 @@ Image decode_exr(const FileBytes& file);
 
 // round(255 * value clamped to [0,1]), NaN as 0: what every 8-bit format takes.
 std::vector<unsigned char> rounded(const Image& image);
-// 1 or 3 channels.
+// 1, 3 or 4 channels.
 std::vector<unsigned char> encode_png(const Image& image);
 // 3 channels, baseline, colours at full resolution. `path` is for messages.
 std::vector<unsigned char> encode_jpeg(const std::string& path, const Image& image, int quality);

@@ -132,14 +132,19 @@ void png_append(png_structp png, png_bytep data, std::size_t size) {
 
 void png_no_flush(png_structp) {}
 
+int colour_type_of(int channels) {
+  if (channels == 4) return PNG_COLOR_TYPE_RGB_ALPHA;
+  return channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY;
+}
+
 // `rows` and `out` belong to the caller: nothing here has a destructor.
 bool write_all(png_structp png, png_infop info, int width, int height, int channels, const unsigned char* rows,
                std::vector<unsigned char>& out) {
   if (setjmp(png_jmpbuf(png))) return false;
   png_set_write_fn(png, &out, png_append, png_no_flush);
   png_set_user_limits(png, 0x7fffffff, 0x7fffffff);
-  png_set_IHDR(png, info, width, height, 8, channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY,
-               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(png, info, width, height, 8, colour_type_of(channels), PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+               PNG_FILTER_TYPE_DEFAULT);
   png_write_info(png, info);
   for (int y = 0; y < height; ++y) png_write_row(png, rows + static_cast<std::size_t>(y) * width * channels);
   png_write_end(png, nullptr);
@@ -189,8 +194,8 @@ Image decode_png(const FileBytes& file) {
 }
 
 std::vector<unsigned char> encode_png(const Image& image) {
-  if ((image.channels != 1 && image.channels != 3) || image.empty())
-    fail(Status::internal, "write_png takes 1 or 3 channels, not {} x {} x {}", image.width, image.height,
+  if ((image.channels != 1 && image.channels != 3 && image.channels != 4) || image.empty())
+    fail(Status::internal, "write_png takes 1, 3 or 4 channels, not {} x {} x {}", image.width, image.height,
          image.channels);
   const std::vector<unsigned char> rows = rounded(image);
   Source source{};

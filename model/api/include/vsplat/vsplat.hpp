@@ -72,6 +72,7 @@ using ViewsHandle = Handle<vsplat_views, vsplat_views_retain, vsplat_views_relea
 using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_release>;
 using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
 using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
+using MeshHandle = Handle<vsplat_mesh, vsplat_mesh_retain, vsplat_mesh_release>;
 using SheetHandle = Handle<vsplat_sheet, vsplat_sheet_retain, vsplat_sheet_release>;
 using AnimationHandle = Handle<vsplat_animation, vsplat_animation_retain, vsplat_animation_release>;
 
@@ -329,6 +330,30 @@ struct Picture {
   void save_jpeg(const std::string& path, int quality) {
     const vsplat_picture p = arrays();
     check(vsplat_picture_save_jpeg(&p, width, height, quality, path.c_str()));
+  }
+};
+
+class Mesh : public MeshHandle {
+ public:
+  using MeshHandle::MeshHandle;
+  // `texture` "": the file's own.
+  static Mesh load(const std::string& path, const std::string& texture = "") {
+    vsplat_mesh out = nullptr;
+    check(vsplat_mesh_load(path.c_str(), texture.empty() ? nullptr : texture.c_str(), &out));
+    return Mesh(out);
+  }
+  static Mesh procedural(uint64_t seed, uint32_t index) {
+    vsplat_mesh out = nullptr;
+    check(vsplat_mesh_procedural(seed, index, &out));
+    return Mesh(out);
+  }
+  vsplat_mesh_info info() const {
+    vsplat_mesh_info out = VSPLAT_MESH_INFO_INIT;
+    check(vsplat_mesh_get_info(get(), &out));
+    return out;
+  }
+  void write_views(const std::string& folder, const vsplat_mesh_views_options& options) const {
+    check(vsplat_mesh_write_views(get(), &options, folder.c_str()));
   }
 };
 

@@ -1,0 +1,169 @@
+// vsplat dataset: data sets made from meshes.
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
+
+#include "arguments.h"
+#include "command.h"
+#include "outputs.h"
+
+namespace command {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+struct Options {
+  Common common;
+  std::vector<std::string> meshes;
+  std::string output, texture, seed = "0";
+  int count = 0, views = 40, pixels = 512;
+};
+
+std::vector<std::string> names_of(const Options& o) {
+  std::vector<std::string> out;
+  if (o.meshes.empty()) {
+    char name[32];
+    for (int i = 0; i < o.count; ++i) {
+      std::snprintf(name, sizeof name, "solid_%04d", i);
+      out.emplace_back(name);
+    }
+    return out;
+  }
+  std::vector<const char*> paths;
+  for (const std::string& mesh : o.meshes) paths.push_back(mesh.c_str());
+  char* text = nullptr;
+  vsplat::check(vsplat_object_names(paths.data(), paths.size(), &text));
+  return ordered_json::parse(vsplat::text(text)).get<std::vector<std::string>>();
+}
+
+std::vector<std::string> files_of(const std::string& folder, int views) {
+  std::vector<std::string> out;
+  char name[32];
+  for (int i = 0; i < views; ++i) {
+    std::snprintf(name, sizeof name, "images/%04d.png", i);
+    out.push_back((fs::path(folder) / name).string());
+  }
+  out.push_back((fs::path(folder) / "transforms.json").string());
+  return out;
+}
+
+void expect_all(const Options& o, Outputs& outputs, const std::string& folder) {
+  for (const std::string& mesh : o.meshes) outputs.input(mesh);
+  outputs.input(o.texture);
+  for (const std::string& file : files_of(folder, o.views)) outputs.expect(file);
+}
+
+struct Progress {
+  const Common& common;
+  std::string what;
+  static int32_t tell(void* user, const char*, double done) {
+    const auto* self = static_cast<const Progress*>(user);
+    show_progress(self->common, self->what + ": " + std::to_string(static_cast<int>(100 * done)) + " %");
+    return interrupted() ? 0 : 1;
+  }
+};
+
+ordered_json write(const Options& o, std::size_t index, const std::string& name, std::uint64_t seed) {
+  const std::string folder = (fs::path(o.output) / name).string();
+  Outputs outputs(o.common.overwrite);
+  expect_all(o, outputs, folder);
+  const auto number = static_cast<std::uint32_t>(index);
+  const vsplat::Mesh mesh =
+      o.meshes.empty() ? vsplat::Mesh::procedural(seed, number) : vsplat::Mesh::load(o.meshes[index], o.texture);
+  const vsplat_mesh_info info = mesh.info();
+  Progress progress{o.common, name};
+  vsplat_mesh_views_options options = VSPLAT_MESH_VIEWS_OPTIONS_INIT;
+  options.views = o.views;
+  options.pixels = o.pixels;
+  options.seed = seed;
+  options.index = number;
+  options.progress = Progress::tell;
+  options.user = &progress;
+  for (const std::string& file : files_of(folder, o.views)) outputs.begin(file);
+  mesh.write_views(folder, options);
+  outputs.commit();
+  clear_progress();
+  say(o.common, folder + ": " + std::to_string(o.views) + " pictures of " + std::to_string(info.triangles) +
+                    " triangles, " + std::to_string(info.textures) + " textures");
+  ordered_json out = {{"name", name}, {"folder", folder}, {"triangles", info.triangles}, {"textures", info.textures}};
+  if (!o.meshes.empty()) out["mesh"] = o.meshes[index];
+  return out;
+}
+
+void make(const Options& o) {
+  start_log(o.common);
+  const std::uint64_t seed = seed_value("--seed", o.seed);
+  const std::vector<std::string> names = names_of(o);
+  // All of the files are looked at before the first mesh is read.
+  for (const std::string& name : names) {
+    Outputs outputs(o.common.overwrite);
+    expect_all(o, outputs, (fs::path(o.output) / name).string());
+  }
+  ordered_json objects = ordered_json::array();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    try {
+      objects.push_back(write(o, i, names[i], seed));
+    } catch (const vsplat::Error& e) {
+      const std::string done = std::to_string(i) + " of " + std::to_string(names.size()) + " objects were written";
+      if (i > 0 && e.status() == VSPLAT_ERROR_CANCELLED) throw std::runtime_error("stopped; " + done);
+      if (i > 0) say(o.common, done);
+      throw;
+    }
+  }
+  if (o.common.json)
+    std::printf("%s\n", ordered_json{{"output", o.output}, {"views", o.views}, {"size", o.pixels}, {"objects", objects}}
+                            .dump(1)
+                            .c_str());
+}
+
+void add_shared(CLI::App& sub, Options& o) {
+  sub.add_option("-o,--output", o.output, "Where each object gets a folder")->required()->type_name("DIR");
+  sub.add_option("--views", o.views, "Pictures of each object (40)")->check(CLI::Range(1, 9999))->type_name("N");
+  sub.add_option("--size", o.pixels, "Sides of the pictures in pixels (512)")
+      ->check(CLI::Range(8, 8192))
+      ->type_name("N");
+  sub.add_option("--seed", o.seed, "Of all that is random (0)")->type_name("S");
+  add_common(sub, o.common);
+}
+
+void add_render_action(CLI::App& parent, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = parent.add_subcommand("render", "Draw meshes from all around, a folder each");
+  sub->add_option("meshes", o->meshes, "OBJ, PLY, GLB or glTF files")->required()->type_name("MESH...");
+  sub->add_option("--texture", o->texture, "A picture that covers every mesh instead of its own textures and colours")
+      ->type_name("PICTURE");
+  add_shared(*sub, *o);
+  sub->footer(
+      "An object's folder is called like its file, or like the file's folder where names repeat or are \"model\".\n"
+      "Each is scaled into the cube about the origin with edge 1. Objects that were finished stay if a later one "
+      "fails.\n"
+      "Examples:\n"
+      "  vsplat dataset render meshes/*.glb --output set\n"
+      "  vsplat dataset render cup/model.obj bowl/model.obj --texture wood.jpg --output set --views 20 --size 256");
+  sub->callback([o, &run] { run = [o] { make(*o); }; });
+}
+
+void add_procedural_action(CLI::App& parent, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = parent.add_subcommand("procedural", "Draw textured random solids, a folder each");
+  sub->add_option("--count", o->count, "How many")->required()->check(CLI::Range(1, 9999))->type_name("N");
+  add_shared(*sub, *o);
+  sub->footer("Example:\n  vsplat dataset procedural --count 16 --output solids --size 128 --seed 7");
+  sub->callback([o, &run] { run = [o] { make(*o); }; });
+}
+
+}  // namespace
+
+void add_dataset(CLI::App& app, Run& run) {
+  CLI::App* sub = app.add_subcommand("dataset", "Make data sets of posed pictures from meshes");
+  sub->require_subcommand(1);
+  add_render_action(*sub, run);
+  add_procedural_action(*sub, run);
+  sub->footer(
+      "Examples:\n  vsplat dataset render meshes/*.glb --output set\n"
+      "  vsplat dataset procedural --count 16 --output solids");
+}
+
+}  // namespace command

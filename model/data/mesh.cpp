@@ -1,0 +1,149 @@
+#include "model/data/mesh.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <span>
+
+#include "model/image.h"
+#include "model/io/image_file.h"
+#include "model/io/image_formats.h"
+#include "runtime/error.h"
+
+namespace vsplat {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr float crease_cosine = 0.70710678f;  // 45 degrees
+// Where more corners meet in one point, all of them are averaged: comparing each with each would take too long.
+constexpr std::size_t max_compared = 1024;
+
+const std::array<float, 256>& linear_of_byte() {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> out{};
+    for (int i = 0; i < 256; ++i) out[i] = srgb_decode(static_cast<float>(i) / 255.0f);
+    return out;
+  }();
+  return table;
+}
+
+bool before(const Vector3f& a, const Vector3f& b) {
+  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+// A coordinate in texels -> the two beside it, wrapped, and the share of the second.
+struct Neighbours {
+  int first, second;
+  float share;
+};
+Neighbours neighbours(float coordinate, int size) {
+  const float inside = coordinate - std::floor(coordinate);  // may round up to 1
+  const float at = inside * static_cast<float>(size) - 0.5f;
+  const float low = std::floor(at);
+  const int first = (static_cast<int>(low) + size) % size;
+  return {first, (first + 1) % size, at - low};
+}
+
+// Twice the area times the unit normal, in double: small triangles of large coordinates keep their direction.
+Vector3d area_normal(const Mesh& mesh, std::size_t triangle) {
+  const Corner* c = &mesh.corners[3 * triangle];
+  const Vector3d a = c[0].position.cast<double>();
+  return (c[1].position.cast<double>() - a).cross(c[2].position.cast<double>() - a);
+}
+
+Vector3f unit(const Vector3d& v) {
+  const double length = v.norm();
+  return length > 0 && std::isfinite(length) ? Vector3f((v / length).cast<float>()) : Vector3f(Vector3f::Zero());
+}
+
+}  // namespace
+
+std::shared_ptr<const Texture> texture_of(const Image& picture) {
+  const std::vector<unsigned char> bytes = rounded(picture);
+  auto out = std::make_shared<Texture>();
+  out->width = picture.width;
+  out->height = picture.height;
+  const std::size_t pixels = static_cast<std::size_t>(picture.width) * picture.height;
+  out->rgb.resize(3 * pixels);
+  for (std::size_t i = 0; i < pixels; ++i) std::copy_n(&bytes[i * picture.channels], 3, &out->rgb[3 * i]);
+  return out;
+}
+
+Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv) {
+  const Neighbours x = neighbours(uv.x(), texture.width), y = neighbours(1.0f - uv.y(), texture.height);
+  const std::array<float, 256>& linear = linear_of_byte();
+  const auto texel = [&](int column, int row) {
+    const unsigned char* p = &texture.rgb[3 * (static_cast<std::size_t>(row) * texture.width + column)];
+    return Vector3f(linear[p[0]], linear[p[1]], linear[p[2]]);
+  };
+  const Vector3f upper = (1 - x.share) * texel(x.first, y.first) + x.share * texel(x.second, y.first);
+  const Vector3f lower = (1 - x.share) * texel(x.first, y.second) + x.share * texel(x.second, y.second);
+  return (1 - y.share) * upper + y.share * lower;
+}
+
+void compute_normals(Mesh& mesh) {
+  const std::vector<Corner>& corners = mesh.corners;
+  if (std::none_of(corners.begin(), corners.end(), [](const Corner& c) { return c.normal.isZero(0); })) return;
+  std::vector<Vector3d> faces(mesh.triangles());
+  std::vector<Vector3f> directions(mesh.triangles());
+  for (std::size_t t = 0; t < faces.size(); ++t) {
+    faces[t] = area_normal(mesh, t);
+    directions[t] = unit(faces[t]);
+  }
+  std::vector<std::size_t> order(corners.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    if (corners[a].position != corners[b].position) return before(corners[a].position, corners[b].position);
+    return a < b;  // so that sums are in a fixed order
+  });
+  for (std::size_t begin = 0, end = 0; begin < order.size(); begin = end) {
+    while (end < order.size() && corners[order[end]].position == corners[order[begin]].position) ++end;
+    const std::span<const std::size_t> group(&order[begin], end - begin);
+    Vector3d whole = Vector3d::Zero();
+    for (const std::size_t corner : group) whole += faces[corner / 3];
+    for (const std::size_t corner : group) {
+      if (!corners[corner].normal.isZero(0)) continue;
+      Vector3d sum = Vector3d::Zero();
+      if (group.size() > max_compared)
+        sum = whole;
+      else
+        for (const std::size_t other : group)
+          if (directions[corner / 3].dot(directions[other / 3]) > crease_cosine) sum += faces[other / 3];
+      mesh.corners[corner].normal = unit(sum);
+    }
+  }
+}
+
+void fit_into_cube(Mesh& mesh) {
+  if (mesh.triangles() == 0) fail(Status::input, "{}: has no faces; a mesh of triangles is expected", mesh.name);
+  const float most = std::numeric_limits<float>::max();
+  Vector3d low = Vector3d::Constant(most), high = Vector3d::Constant(-most);
+  for (std::size_t i = 0; i < mesh.corners.size(); ++i) {
+    const Vector3d p = mesh.corners[i].position.cast<double>();
+    if (!p.allFinite())
+      fail(Status::input, "{}: face {} has a corner at {}, {}, {}; finite coordinates are expected", mesh.name, i / 3,
+           p.x(), p.y(), p.z());
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const double extent = (high - low).maxCoeff();
+  if (!(extent > 1e-30))
+    fail(Status::input, "{}: all its corners are in one point; a mesh with an extent is expected", mesh.name);
+  const Vector3d centre = 0.5 * (low + high);
+  for (Corner& c : mesh.corners) {
+    const Vector3f moved = ((c.position.cast<double>() - centre) / extent).cast<float>();
+    c.position = moved.cwiseMax(-0.5f).cwiseMin(0.5f);
+  }
+}
+
+double radius_of(const Mesh& mesh) {
+  double most = 0;
+  for (const Corner& c : mesh.corners) most = std::max(most, c.position.cast<double>().squaredNorm());
+  return std::sqrt(most);
+}
+
+}  // namespace vsplat

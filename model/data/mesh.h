@@ -1,0 +1,57 @@
+// A textured triangle mesh in host memory, as data sets are drawn from.
+#pragma once
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vsplat {
+
+// 8-bit sRGB, [height][width][3], the upper row first. It repeats beyond its edges.
+struct Texture {
+  int width = 0, height = 0;
+  std::vector<unsigned char> rgb;
+};
+
+// The colour of a surface is colour x corners' colour x texture, in linear light.
+struct Material {
+  Eigen::Vector3f colour = Eigen::Vector3f::Ones();
+  std::shared_ptr<const Texture> texture;  // may be null
+};
+
+struct Corner {
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();  // unit length, or zero where not known yet
+  Eigen::Vector3f colour = Eigen::Vector3f::Ones();  // linear
+  Eigen::Vector2f uv = Eigen::Vector2f::Zero();      // (0,0) is the texture's lower left
+};
+
+struct Mesh {
+  std::string name;                      // for messages: the file
+  std::vector<Corner> corners;           // three a triangle
+  std::vector<std::uint32_t> materials;  // one a triangle, into `palette`
+  std::vector<Material> palette;
+
+  std::size_t triangles() const { return materials.size(); }
+};
+
+// A picture (three or four channels; alpha is dropped) as texture.
+struct Image;
+std::shared_ptr<const Texture> texture_of(const Image& picture);
+
+// The colour at `uv`, bilinear between texels' centres, in linear light.
+Eigen::Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv);
+
+// Gives corners without a normal the mean of the faces' normals about their position, by area, of those faces that
+// differ from their own by less than 45 degrees: edges stay edges. Positions are finite.
+void compute_normals(Mesh& mesh);
+
+// Moves and scales the mesh so that its bounding box is centred at the origin and its longest edge is 1, within
+// [-0.5,0.5]^3. Error(input) where there is no triangle, a coordinate is not finite, or the mesh has no extent.
+void fit_into_cube(Mesh& mesh);
+
+// The distance of the farthest corner from the origin.
+double radius_of(const Mesh& mesh);
+
+}  // namespace vsplat

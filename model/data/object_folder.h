@@ -1,0 +1,31 @@
+// An object of a data set as a folder: pictures from all around, and transforms.json, as any reader of views takes it.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "model/data/mesh.h"
+
+namespace vsplat {
+
+struct ObjectOptions {
+  int views = 40, size = 512;      // pictures, and their sides in pixels
+  std::uint64_t seed = 0;          // of the cameras,
+  std::uint32_t object = 0;        // which differ from object to object of a set
+  std::function<bool(double)> go;  // told the share that is done; false: Error(cancelled)
+};
+
+// images/0000.png, ... and transforms.json, in `folder`.
+std::vector<std::string> object_files(const std::string& folder, int views);
+
+// Fits the mesh into the cube, draws it from sphere_cameras() and writes RGBA pictures of 8 bits and, last,
+// transforms.json with the cube. An earlier transforms.json goes first, so that a folder that has one is whole; a
+// failure takes away the files it has written and the folders it has made.
+void write_object(const std::string& folder, Mesh mesh, const ObjectOptions& options);
+
+// Names of objects for the files of their meshes: a file's stem, or its folder's name where stems repeat or are
+// `model`; of those that are equal then, the second is NAME_2, the third NAME_3.
+std::vector<std::string> object_names(const std::vector<std::string>& files);
+
+}  // namespace vsplat

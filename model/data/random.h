@@ -1,0 +1,34 @@
+// A row of random numbers for making data: the same for a seed, an element and a stream on every machine.
+#pragma once
+#include <cstdint>
+
+#include "model/rng.h"
+
+namespace vsplat {
+
+class Random {
+ public:
+  Random(std::uint64_t seed, std::uint32_t element, std::uint32_t stream)
+      : key_(rng_key(seed)), element_(element), stream_(stream) {}
+
+  double uniform() {  // [0,1)
+    if (at_ == 4) {
+      block_ = philox4x32_10({element_, step_++, stream_, 0}, key_);
+      at_ = 0;
+    }
+    return uniform01(block_[at_++]);
+  }
+  double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  int below(int count) { return static_cast<int>(uniform() * count); }  // 0 .. count - 1
+
+ private:
+  std::array<std::uint32_t, 2> key_;
+  std::array<std::uint32_t, 4> block_{};
+  std::uint32_t element_, stream_, step_ = 0;
+  int at_ = 4;
+};
+
+// Streams, so that no two uses share numbers.
+inline constexpr std::uint32_t camera_stream = 0x63616d73u, solid_stream = 0x736f6c69u;
+
+}  // namespace vsplat

@@ -1,0 +1,31 @@
+// Pictures of a mesh by tracing rays (Embree).
+#pragma once
+#include <memory>
+
+#include "model/camera.h"
+#include "model/data/mesh.h"
+#include "model/image.h"
+
+namespace vsplat {
+
+// Keeps a reference to the mesh, whose corners all have finite positions and normals or zero in their place.
+class RayTracer {
+ public:
+  explicit RayTracer(const Mesh& mesh);
+  ~RayTracer();
+  RayTracer(const RayTracer&) = delete;
+  RayTracer& operator=(const RayTracer&) = delete;
+
+  // [height][width][4]: sRGB-encoded colour and straight alpha, the mean of samples x samples rays a pixel; black
+  // where nothing is hit. Light comes from everywhere, more from above (+y), and some from one side, fixed to the
+  // object, so that every view shows the same colours. No shadows, no gloss. Distortion is ignored.
+  // The same bits whatever the number of threads.
+  Image picture(const Camera& camera, int samples = 2) const;
+
+ private:
+  struct Scene;
+  std::unique_ptr<Scene> scene_;
+  const Mesh& mesh_;
+};
+
+}  // namespace vsplat
