@@ -122,7 +122,10 @@ TEST_P(Project, MirrorsTheCameraForColours) {
 TEST_P(Project, TakesQuaternionsOfAnyLength) {
   const test::SceneCase c{"", 60, 0, 64, 64, ""};
   Gaussians g = test::make_scene(c, 23);
-  for (std::size_t i = 0; i < g.quats.size(); ++i) g.quats[i] *= static_cast<float>(1 + i / 4);
+  for (std::size_t i = 0; i < g.quats.size(); ++i) {
+    const std::size_t gaussian = i / 4;
+    g.quats[i] *= static_cast<float>(1 + gaussian);
+  }
   const Camera cam = test::make_camera(c, 23);
   const Result got = run(ctx(), g, cam);
   for (std::size_t k = 0; k < g.count; ++k) check(ref::project(g, k, cam, {}), got, k, cam.fx);

@@ -129,7 +129,8 @@ TEST_P(TileBin, LeavesOutTilesThatAreNotReached) {
   // The largest alpha on the square of a tile's pixel centres, on a grid of them finer than pixels.
   const auto reached = [&](std::uint32_t id, int tile) {
     const float* r = &records[12 * std::size_t{id}];
-    const double x0 = 16 * (part.x0 + tile % tiles_x) + 0.5, y0 = 16 * (part.y0 + tile / tiles_x) + 0.5;
+    const int column = part.x0 + tile % tiles_x, row = part.y0 + tile / tiles_x;
+    const double x0 = 16 * column + 0.5, y0 = 16 * row + 0.5;
     double most = -1e30;
     for (int y = 0; y <= 60; ++y)
       for (int x = 0; x <= 60; ++x) {
