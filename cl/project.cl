@@ -8,17 +8,15 @@
 //   rects [.,2]: x0 | x1 << 16 and y0 | y1 << 16, tiles of 16 x 16 pixels, end exclusive; 0, 0 where culled (z <= near,
 //     opacity < 1/255, outside, not finite). The square of tiles that the 3-sigma radius touches, less those in which
 //     alpha stays below 1/255 everywhere.
-//   keys [.]: z's bits, which order as z does; not written where culled.
+//   keys [.]: z's bits, which order as z does (of those that are not culled).
 // project, for those that are seen, ids [n] (indices into the scene), writes
 //   records [n,12]: u, v (pixels), reach (pixels: alpha < 1/255 where |dy| is more), z (camera);
 //     log2(opacity), k, qx, qy with log2 alpha = log2(opacity) + qx dx^2 + qy (dy - k dx)^2: a sum of squares, in which
 //     nothing cancels however thin the Gaussian;  r, g, b, 0.
 // Here det = |s1 x s2|^2 + 0.3 (a + c) + 0.09 by the cross product of the Jacobian's rows, which is exact for needles
 // and discs where a c - b^2 is not.
-#include "common.clh"
+#include "rasterize.clh"
 
-#define TILE 16
-#define MIN_ALPHA (1.0f / 255.0f)
 #define DILATION 0.3f
 #define LOG2E 1.44269504088896341f
 
@@ -159,7 +157,7 @@ static inline real log2_of(real x) {
 
 // alpha >= 1/255 within sqrt(2 ln(255 o)) standard deviations; a little more, so that rounding cannot matter.
 static inline real sigmas_of(real log2_opacity) {
-  return sqrt(max((2.0f / LOG2E) * (log2_opacity + 7.99435344f), 0.0f) + 1e-5f) * 1.001f;
+  return sqrt(max((2.0f / LOG2E) * (log2_opacity + LOG2_255), 0.0f) + 1e-5f) * 1.001f;
 }
 
 // Tiles from x0 to x1 along one axis, of `tiles`, as x0 | x1 << 16: those of the reference's square (about u - 0.5, cut

@@ -12,18 +12,11 @@
 // A tile's Gaussians come in batches. First, 16 Gaussians at a time, each is held against the tile's 16 blocks; then it is
 // blended into those that it can reach and that have pixels left to finish.
 #define BLOCKS 16
-#define LOG2_255 7.99435344f
-
-static inline float largest(float16 x) {
-  const float8 a = max(x.lo, x.hi);
-  const float4 b = max(a.lo, a.hi);
-  const float2 c = max(b.lo, b.hi);
-  return max(c.x, c.y);
-}
 
 // masks [BATCH]: of each Gaussian's blocks (bit 4 row + column). A block's pixel centres lie within 1.5 of its middle, dx and
 // t within 1.5 and 1.5 (1 + |k|) of theirs: where even the nearest of these leave log2 alpha < log2(1/255), the block is
-// left out, and nothing is lost. The margin is rounding's.
+// left out, and nothing is lost. The margin is rounding's. (rasterize.clh's least_fall leaves out a few more, but costs more
+// than it saves here.)
 static inline void reach_blocks(const float* records, uint n, float corner_x, float corner_y, uint* masks) {
   for (uint first = 0; first < n; first += 16) {
     float part[7][16];

@@ -55,13 +55,6 @@ static inline void load_colours(global const float* picture, int x, int y, int w
   for (int c = 0; c < 3; ++c) channels[c] = vload16(0, values[c]);
 }
 
-static inline float largest(float16 x) {
-  const float8 a = max(x.lo, x.hi);
-  const float4 b = max(a.lo, a.hi);
-  const float2 c = max(b.lo, b.hi);
-  return max(c.x, c.y);
-}
-
 // Sums of pairs of lanes, of a in the lower half and of b in the upper.
 static inline float16 fold8(float16 a, float16 b) { return (float16)(a.lo, b.lo) + (float16)(a.hi, b.hi); }
 static inline float16 fold4(float16 a, float16 b) {
@@ -124,24 +117,19 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
     }
     for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i) u[i] = v[i] = lo[i] = k[i] = qx[i] = qy[i] = 0.0f;
 
-    // Which blocks each one can reach: a block's pixel centres lie in a square 3 pixels wide, in which log2 alpha is largest
-    // on an edge that faces the Gaussian, or at its middle where that is within. The margins are rounding's.
+    // Which blocks each one can reach: a block's pixel centres lie in a square 3 pixels wide. The margins are rounding's.
     uint masks[BATCH];
     for (int i = 0; i < n; i += LANES) {
       const float16 us = vload16(0, u + i), vs = vload16(0, v + i), ks = vload16(0, k + i);
-      const float16 x2 = vload16(0, qx + i), t2 = vload16(0, qy + i), least = -7.9943534f - 0.01f - vload16(0, lo + i);
+      const float16 x2 = vload16(0, qx + i), t2 = vload16(0, qy + i), room = vload16(0, lo + i) + (LOG2_255 + 0.01f);
       const float16 margin = 0.01f + 1e-6f * (fabs(us) + fabs(vs) + fabs(ks * us)), edge = (float)(BLOCK - 1) + 2.0f * margin;
-      const float16 slant = ks * t2 / (x2 + ks * ks * t2 - 1e-30f);  // dx / dy of the middles of its rows
       int16 mask = 0;
       for (int by = 0; by < BLOCK; ++by) {
-        const float16 high = vs - (float)(BLOCK * by) + margin, low = high - edge;
-        const float16 dy = min(max(low, 0.0f), high);
+        const float16 high = vs - (float)(BLOCK * by) + margin;
         for (int bx = 0; bx < BLOCK; ++bx) {
-          const float16 right = us - (float)(BLOCK * bx) + margin, left = right - edge;
-          const float16 dx = min(max(left, 0.0f), right), tx = min(max(low, ks * dx), high) - ks * dx;
-          const float16 xy = min(max(left, slant * dy), right), ty = dy - ks * xy;
-          const float16 most = max(FMA(t2 * tx, tx, x2 * dx * dx), FMA(t2 * ty, ty, x2 * xy * xy));
-          mask |= (most >= least) & (int16)(1 << (BLOCK * by + bx));
+          const float16 right = us - (float)(BLOCK * bx) + margin;
+          const float16 fall = least_fall_16(ks, x2, t2, right - edge, right, high - edge, high);
+          mask |= (fall <= room) & (int16)(1 << (BLOCK * by + bx));
         }
       }
       vstore16(as_uint16(mask), 0, masks + i);

@@ -5,6 +5,8 @@
 //   then gets, for each sorted intersection, its place in that order: offsets[v] + its number among v's tiles.
 // cpu: a counting sort by tile in one pass. Blocks of consecutive Gaussians, one per work-item, count and then place
 // their intersections by themselves. gpu: intersections are written out and sorted by radix_sort.
+#include "rasterize.clh"
+
 // The tiles that a Gaussian touches: a rectangle of them, less those whose bit in a mask is 0. A bit stands for a square of
 // 2^shift_x x 2^shift_y tiles, so that 8 x 8 bits are enough for any rectangle.
 typedef struct {
@@ -50,15 +52,6 @@ static inline uint count_of(Span s) {
   return count;
 }
 
-// The least of -(qx dx^2 + qy (dy - k dx)^2), a record's form, over dx from l to r and dy from t to b: at the nearest point
-// of a side that faces the Gaussian's middle, since the form is convex.
-static inline float least_of(float4 form, float l, float r, float t, float b) {
-  const float k = form.y, x = clamp(0.0f, l, r), y = clamp(0.0f, t, b);
-  const float beside = clamp(k * x, t, b) - k * x;
-  const float across = clamp(form.w * k * y / (form.z + form.w * k * k), l, r), up = y - k * across;
-  return min(-(form.z * x * x + form.w * beside * beside), -(form.z * across * across + form.w * up * up));
-}
-
 // masks [V]: where in its rectangle alpha reaches 1/255 at all (exact but for a margin for rounding). records [V,12];
 // rectangles count from tile (x0, y0).
 kernel void tile_bin_masks(global const float* records, global const uint* rects, global ulong* masks, int V, int x0,
@@ -68,7 +61,7 @@ kernel void tile_bin_masks(global const float* records, global const uint* rects
   const float4 place = vload4(0, records + (size_t)i * 12), form = vload4(1, records + (size_t)i * 12);
   const uint2 rect = vload2(i, rects);
   const Span s = span_of(rect, ~(ulong)0, 0);
-  const float room = (form.x + 7.99435344f) * 1.0001f + 1e-3f;
+  const float room = (form.x + LOG2_255) * 1.0001f + 1e-3f;
   const float wide = 16 << s.shift_x, high = 16 << s.shift_y;
   // Pixel centres, a little more than all of them.
   const float left = place.x - (16.0f * (float)(x0 + (int)(rect.x & 0xffff)) + 0.49f);
@@ -77,7 +70,8 @@ kernel void tile_bin_masks(global const float* records, global const uint* rects
   for (uint y = 0; y << s.shift_y < s.height; ++y) {
     for (uint x = 0; x << s.shift_x < s.width; ++x) {
       const float r = left - (float)x * wide, b = top - (float)y * high;
-      if (least_of(form, r - wide + 0.98f, r, b - high + 0.98f, b) <= room) mask |= (ulong)1 << (8 * y + x);
+      const float fall = least_fall(form.y, form.z, form.w, r - wide + 0.98f, r, b - high + 0.98f, b);
+      if (fall <= room) mask |= (ulong)1 << (8 * y + x);
     }
   }
   masks[i] = mask;
