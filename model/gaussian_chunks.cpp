@@ -1,7 +1,6 @@
 #include "model/gaussian_chunks.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "model/render.h"
 #include "runtime/context.h"
@@ -11,17 +10,6 @@ namespace {
 
 double bytes_of(const Gaussians& g) { return 4.0 * (11.0 + 3.0 * static_cast<double>(g.sh_count())); }
 
-// Some of a host's scene.
-DeviceGaussians upload_chunk(Context& ctx, const Gaussians& g, long first, long n) {
-  const long s = static_cast<long>(g.sh_count());
-  const auto from = [first](const std::vector<float>& v, long each) { return v.data() + first * each; };
-  return {ctx.upload({n, 3}, from(g.means, 3), Type::f32, "scene.means"),
-          ctx.upload({n, 3}, from(g.scales, 3), Type::f32, "scene.scales"),
-          ctx.upload({n, 4}, from(g.quats, 4), Type::f32, "scene.quats"),
-          ctx.upload({n}, from(g.opacities, 1), Type::f32, "scene.opacities"),
-          ctx.upload({n, s, 3}, from(g.sh, 3 * s), Type::f32, "scene.sh")};
-}
-
 long whole_units(double gaussians) {
   return std::max(static_cast<long>(gaussians / static_cast<double>(kChunkUnit)), 1L) * kChunkUnit;
 }
@@ -30,7 +18,7 @@ long whole_units(double gaussians) {
 
 GaussianChunks::GaussianChunks(const DeviceGaussians& g)
     : count(g.count()),
-      sh_degree(g.sh ? static_cast<int>(std::lround(std::sqrt(static_cast<double>(g.sh.dim(1))))) - 1 : 0),
+      sh_degree(g.sh_degree()),
       chunk((g.count() / kChunkUnit + 1) * kChunkUnit),
       get([g](Context&, long) { return g; }) {}
 
@@ -52,7 +40,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
     GaussianChunks out(k, g.sh_degree, chunk, nullptr);
     const auto place = [&](Context& c) {
       parts.clear();
-      for (long i = 0; i < out.chunks(); ++i) parts.push_back(upload_chunk(c, g, i * chunk, out.size_of(i)));
+      for (long i = 0; i < out.chunks(); ++i) parts.push_back(upload(c, g, i * chunk, out.size_of(i)));
     };
     if (make_room(ctx, place)) {
       place(ctx);
@@ -62,7 +50,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
   }
   const double room = std::min(limit / 8 / bytes_of(g), static_cast<double>(limits.max_alloc) / largest);
   GaussianChunks out(k, g.sh_degree, whole_units(room), nullptr);
-  out.get = [&g, size = out](Context& c, long i) { return upload_chunk(c, g, i * size.chunk, size.size_of(i)); };
+  out.get = [&g, size = out](Context& c, long i) { return upload(c, g, i * size.chunk, size.size_of(i)); };
   return out;
 }
 

@@ -6,10 +6,14 @@
 
 namespace vsplat {
 
+int DeviceGaussians::sh_degree() const {
+  return sh ? static_cast<int>(std::lround(std::sqrt(static_cast<double>(sh.dim(1))))) - 1 : 0;
+}
+
 Gaussians download(Context& ctx, const DeviceGaussians& g) {
   Gaussians out;
   out.count = static_cast<std::size_t>(g.count());
-  out.sh_degree = static_cast<int>(std::lround(std::sqrt(static_cast<double>(g.sh.dim(1))))) - 1;
+  out.sh_degree = g.sh_degree();
   out.means = ctx.read<float>(g.means);
   out.scales = ctx.read<float>(g.scales);
   out.quats = ctx.read<float>(g.quats);
@@ -18,11 +22,16 @@ Gaussians download(Context& ctx, const DeviceGaussians& g) {
   return out;
 }
 
-DeviceGaussians upload(Context& ctx, const Gaussians& g) {
-  const long k = static_cast<long>(g.count);
-  return {ctx.upload({k, 3}, g.means, Type::f32, "means"), ctx.upload({k, 3}, g.scales, Type::f32, "scales"),
-          ctx.upload({k, 4}, g.quats, Type::f32, "quats"), ctx.upload({k}, g.opacities, Type::f32, "opacities"),
-          ctx.upload({k, static_cast<long>(g.sh_count()), 3}, g.sh, Type::f32, "sh")};
+DeviceGaussians upload(Context& ctx, const Gaussians& g) { return upload(ctx, g, 0, static_cast<long>(g.count)); }
+
+DeviceGaussians upload(Context& ctx, const Gaussians& g, long first, long n) {
+  const long s = static_cast<long>(g.sh_count());
+  const auto from = [first](const std::vector<float>& v, long each) { return v.data() + first * each; };
+  return {ctx.upload({n, 3}, from(g.means, 3), Type::f32, "means"),
+          ctx.upload({n, 3}, from(g.scales, 3), Type::f32, "scales"),
+          ctx.upload({n, 4}, from(g.quats, 4), Type::f32, "quats"),
+          ctx.upload({n}, from(g.opacities, 1), Type::f32, "opacities"),
+          ctx.upload({n, s, 3}, from(g.sh, 3 * s), Type::f32, "sh")};
 }
 
 }  // namespace vsplat

@@ -29,10 +29,13 @@ struct DeviceGaussians {
   Tensor sh;         // f32 [K,S,3]
 
   long count() const { return means ? means.dim(0) : 0; }
+  int sh_degree() const;
 };
 
 class Context;
 Gaussians download(Context& ctx, const DeviceGaussians& g);
 DeviceGaussians upload(Context& ctx, const Gaussians& g);
+// `n` of them from `first` on.
+DeviceGaussians upload(Context& ctx, const Gaussians& g, long first, long n);
 
 }  // namespace vsplat
