@@ -7,22 +7,7 @@
 #include <unistd.h>
 #include <vsplat/pictures.h>
 
-static int failures = 0;
-
-static void expect_at(int line, vsplat_status got, vsplat_status wanted, const char* call) {
-  if (got == wanted && (got == VSPLAT_OK || strlen(vsplat_last_error()) > 0)) return;
-  ++failures;
-  printf("line %d: %s: %s, %s expected (%s)\n", line, call, vsplat_status_name(got), vsplat_status_name(wanted),
-         vsplat_last_error());
-}
-#define EXPECT(status, call) expect_at(__LINE__, call, status, #call)
-
-static void hold_at(int line, int good, const char* what) {
-  if (good) return;
-  ++failures;
-  printf("line %d: %s does not hold\n", line, what);
-}
-#define HOLD(what) hold_at(__LINE__, (what) != 0, #what)
+#include "checks.h"
 
 enum { width = 24, height = 16, floats = width * height * 3 };
 
