@@ -24,6 +24,7 @@ import numpy as np
 import torch
 
 import vsplat_reference as ref
+from bench_scenes import look_at
 
 # Gaussians, SH degree, width, height, cameras, what is special
 SMALL = {
@@ -84,16 +85,6 @@ def draw(rng, count, degree, kind):
         quats *= rng.uniform(0.3, 3, (count, 1))
     sh = rng.normal(0, 0.5, (count, (degree + 1) ** 2, 3))
     return [single(x) for x in (means, scales, quats, opacities, sh)]
-
-
-def look_at(eye, target, up):
-    f = (target - eye) / np.linalg.norm(target - eye)
-    r = np.cross(f, up)
-    r /= np.linalg.norm(r)
-    w2c = np.eye(4)
-    w2c[:3, :3] = np.stack([r, np.cross(f, r), f])
-    w2c[:3, 3] = -w2c[:3, :3] @ eye
-    return w2c
 
 
 def cameras(rng, views, width, height, kind):
