@@ -5,26 +5,6 @@
 #define PACK_ROWS 12
 #include "pack_cpu.clh"
 
-// Both sources composed, once, for a map that reads every row many times: y [rows, c0 + c1]. Shapes as for gemm_pack_a.
-// One work-item per row.
-__kernel void gemm_compose(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                           __global const float* shift, int silu, int rows, __global float* y) {
-  const int row = get_global_id(0), C = c0 + c1;
-  if (row >= rows) return;
-  for (int part = 0; part < 2; ++part) {
-    const int count = part ? c1 : c0, first = part ? c0 : 0;
-    __global const float* x = (part ? x1 : x0) + (size_t)row * count;
-    __global float* to = y + (size_t)row * C + first;
-    for (int c = 0; c < count; c += 16) {
-      const int width = min(16, count - c);
-      float16 v = load_part(x + c, width);
-      if (scale) v = FMA(v, load_part(scale + first + c, width), load_part(shift + first + c, width));
-      if (silu) v = silu_16(v);
-      store_part(v, width, to + c);
-    }
-  }
-}
-
 // A composed and packed. Row m in [0, M) is, for each of T taps, the source row map[row0 + m, t] (row0 + m where map is null): x0's c0
 // channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu v / (1 + exp(-v)). A source row outside [0, src_rows) is zero
 // after all that.
@@ -50,15 +30,15 @@ __kernel void gemm_pack_a(__global const float* x0, int c0, __global const float
 #define ROWS 64
 #endif
 
-// Panels of `width` columns of any matrix [K, N] on the device: element (k, n) is w[(first + k) * k_stride + n * n_stride].
+// Panels of `width` columns of any matrix [K, N] on the device: element (k, n) is w[offset + (first + k) * k_stride + n * n_stride].
 //   out [ceil(N / width), K, width], zeros beyond N
 // Work-groups of one work-item: (panel, ROWS rows).
-__kernel void gemm_pack_panels(__global const float* w, int first, int K, int N, int k_stride, int n_stride, int width,
-                               __global float* out) {
+__kernel void gemm_pack_panels(__global const float* w, int offset, int first, int K, int N, int k_stride,
+                               int n_stride, int width, __global float* out) {
   const int n0 = get_group_id(0) * width, k0 = get_group_id(1) * ROWS;
   const int count = min(width, N - n0);
   for (int k = k0; k < min(K, k0 + ROWS); ++k) {
-    __global const float* from = w + (size_t)(first + k) * k_stride + (size_t)n0 * n_stride;
+    __global const float* from = w + offset + (size_t)(first + k) * k_stride + (size_t)n0 * n_stride;
     __global float* to = out + ((size_t)get_group_id(0) * K + k) * width;
     if (n_stride == 1) {
       for (int j = 0; j < count; ++j) to[j] = from[j];

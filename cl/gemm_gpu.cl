@@ -39,10 +39,11 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tran
 #define PACK_SIDE 16
 
 // Any matrix [K, N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower). Element (k, n) is
-// w[k * k_stride + (first + n) * n_stride]. Through local memory, so that neighbours read and write neighbours where a stride is 1.
+// w[offset + k * k_stride + (first + n) * n_stride]. Through local memory, so that neighbours read and write neighbours where a stride is 1.
 // Work-groups of PACK_SIDE x PACK_SIDE: (columns, rows, piece).
 __kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
-    __global const float* w, int first, int K, int N, int k_stride, int n_stride, int piece, __global float* out) {
+    __global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride, int piece,
+    __global float* out) {
   __local float tile[PACK_SIDE * (PACK_SIDE + 1)];
   const int x = get_local_id(0) % PACK_SIDE, y = get_local_id(0) / PACK_SIDE;
   const int begin = get_group_id(2) * piece, width = min(piece, N - begin);
@@ -50,22 +51,10 @@ __kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void
   const int dk = k_stride == 1 ? x : y, dn = k_stride == 1 ? y : x;
   if (k0 + dk < K && n0 + dn < width)
     tile[dk * (PACK_SIDE + 1) + dn] =
-        w[(size_t)(k0 + dk) * k_stride + ((size_t)first + begin + n0 + dn) * n_stride];
+        w[offset + (size_t)(k0 + dk) * k_stride + ((size_t)first + begin + n0 + dn) * n_stride];
   barrier(CLK_LOCAL_MEM_FENCE);
   if (k0 + y < K && n0 + x < width)
     out[(size_t)begin * K + (size_t)(k0 + y) * width + n0 + x] = tile[y * (PACK_SIDE + 1) + x];
-}
-
-// Both sources composed, once, for a map that reads every row many times: y [rows, c0 + c1]. One work-item per element.
-__kernel void gemm_compose(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                           __global const float* shift, int silu_a, int rows, __global float* y) {
-  const size_t i = get_global_id(0);
-  const int C = c0 + c1;
-  if (i >= (size_t)rows * C) return;
-  const int row = i / C, c = i % C;
-  float v = c < c0 ? x0[(size_t)row * c0 + c] : x1[(size_t)row * c1 + (c - c0)];
-  if (scale) v = FMA(v, scale[c], shift[c]);
-  y[i] = silu_a ? silu(v) : v;
 }
 
 // The epilogue alone, after a library's GEMM: out = act(x + bias) + residual. x [M, N]; residual, out [.., N] from row row0 on; x may be

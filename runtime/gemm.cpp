@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "runtime/column_sum.h"
+#include "runtime/compose_rows.h"
 #include "runtime/log.h"
 
 namespace vsplat {
@@ -123,10 +124,9 @@ bool wants_composed(const Gemm& g, const Sizes& s) {
 
 Tensor composed(Context& ctx, const Gemm& g, const Sizes& s) {
   const Tensor y = ctx.tensor({s.src_rows, s.c0 + s.c1}, Type::f32, "composed rows");
-  const bool cpu = ctx.flavour() == Flavour::cpu;
-  ctx.launch({cpu ? "gemm_cpu" : "gemm_gpu", "gemm_compose", ""}, cpu ? items(s.src_rows, 1) : items(y.count()),
-             {0, 2.0 * static_cast<double>(y.bytes())}, g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale,
-             g.a.shift, g.a.silu ? 1 : 0, as_int(s.src_rows), y);
+  RowSource rows = g.a;
+  rows.map = {};
+  compose_rows(ctx, rows, y);
   return y;
 }
 
@@ -186,22 +186,22 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
 
 // A strided matrix [k, n], whose first row is w's row `first`, as panels of `width` columns: [ceil(n / width), k,
 // width].
-void pack_panels(Context& ctx, const Tensor& w, long first, long k, long n, long k_stride, long n_stride, long width,
-                 const Tensor& out) {
+void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
+                 long width, const Tensor& out) {
   constexpr long rows = 64;  // ROWS of cl/gemm_cpu.cl
   ctx.launch({"gemm_cpu", "gemm_pack_panels", tile_defines(ctx.device())}, groups(div_up(n, width), 1, div_up(k, rows)),
-             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(first), as_int(k), as_int(n), as_int(k_stride),
-             as_int(n_stride), as_int(width), out);
+             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(offset), as_int(first), as_int(k), as_int(n),
+             as_int(k_stride), as_int(n_stride), as_int(width), out);
 }
 
 // The same as [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin with w's `first`.
-void pack_plain(Context& ctx, const Tensor& w, long first, long k, long n, long k_stride, long n_stride, long piece,
-                const Tensor& out) {
+void pack_plain(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
+                long piece, const Tensor& out) {
   constexpr long side = 16;  // PACK_SIDE of cl/gemm_gpu.cl
   ctx.launch({"gemm_gpu", "gemm_pack_plain", ""},
              groups(div_up(std::min(piece, n), side), side * side, div_up(k, side), div_up(n, piece)),
-             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(first), as_int(k), as_int(n), as_int(k_stride),
-             as_int(n_stride), as_int(piece), out);
+             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(offset), as_int(first), as_int(k), as_int(n),
+             as_int(k_stride), as_int(n_stride), as_int(piece), out);
 }
 
 constexpr long kSumRows = 1024;  // terms of a sum that is not made of shorter ones (the cpu flavour's are, of 256)
@@ -224,8 +224,8 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
   const Tensor b = ctx.tensor({div_up(s.n, kTileCols), most, kTileCols}, Type::f32, "packed rows");
   for (long row = 0; row < s.rows; row += most) {
     const long terms = std::min(most, s.rows - row);
-    pack_panels(ctx, g.a, row, terms, s.m, s.m, 1, kTileRows, a);
-    pack_panels(ctx, g.b, row, terms, s.n, s.n, 1, kTileCols, b);
+    pack_panels(ctx, g.a, 0, row, terms, s.m, s.m, 1, kTileRows, a);
+    pack_panels(ctx, g.b, 0, row, terms, s.n, s.n, 1, kTileCols, b);
     ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name}, groups(div_up(s.n, kTileCols), 1, panels),
                cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, 1, as_int(s.m), as_int(s.n), as_int(terms), Tensor(),
                static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), g.out, 0);
@@ -243,7 +243,7 @@ void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     const long sums = std::min(most, all - done), row = done * kSumRows;
     const long rows = std::min(s.rows - row, sums * kSumRows);
     const bool add = g.add || done > 0;
-    pack_plain(ctx, g.a, row, s.m, rows, 1, s.m, kSumRows, a);
+    pack_plain(ctx, g.a, 0, row, s.m, rows, 1, s.m, kSumRows, a);
     ctx.launch({"gemm_gpu", "gemm_transposed_gpu", shape.defines, g.name},
                groups(div_up(s.n, shape.side), 256, div_up(s.m, shape.side), sums),
                cost_of(s, rows, sums + (add && !parts ? 1 : 0)), a, g.b, as_int(row), as_int(rows), as_int(kSumRows),
@@ -309,23 +309,23 @@ PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_st
 }
 
 PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_stride, long n_stride,
-                         const std::string& what) {
-  if (!w || w.type() != Type::f32 || k < 0 || n < 0 || k_stride < 0 || n_stride < 0 ||
-      (k * n > 0 && (k - 1) * k_stride + (n - 1) * n_stride >= w.count()))
-    fail(Status::internal, "{}: {} has no {} x {} elements with strides {} and {}", what, w.describe(), k, n, k_stride,
-         n_stride);
+                         const std::string& what, long first) {
+  if (!w || w.type() != Type::f32 || k < 0 || n < 0 || k_stride < 0 || n_stride < 0 || first < 0 ||
+      (k * n > 0 && first + (k - 1) * k_stride + (n - 1) * n_stride >= w.count()))
+    fail(Status::internal, "{}: {} has no {} x {} elements from {} on with strides {} and {}", what, w.describe(), k, n,
+         first, k_stride, n_stride);
   PackedMatrix out;
   out.k = k;
   out.n = n;
   const bool panels = ctx.flavour() == Flavour::cpu;
   if (panels) {
     out.data = ctx.tensor({div_up(n, kTileCols), k, kTileCols}, Type::f32, what);
-    if (k * n > 0) pack_panels(ctx, w, 0, k, n, k_stride, n_stride, kTileCols, out.data);
+    if (k * n > 0) pack_panels(ctx, w, first, 0, k, n, k_stride, n_stride, kTileCols, out.data);
   }
   if (!panels || ctx.gemm_choice() == GemmChoice::clblast) {
     Tensor& plain = panels ? out.plain : out.data;
     plain = ctx.tensor({k, n}, Type::f32, what);
-    if (k * n > 0) pack_plain(ctx, w, 0, k, n, k_stride, n_stride, n, plain);
+    if (k * n > 0) pack_plain(ctx, w, first, 0, k, n, k_stride, n_stride, n, plain);
   }
   return out;
 }

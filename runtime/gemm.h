@@ -19,11 +19,10 @@ struct PackedMatrix {
 // K.
 PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
                          const std::string& what);
-// From the device's memory, which may change afterwards (weights in training): element (k, n) is w's element k *
-// k_stride
-// + n * n_stride. The gradient by a Linear's input, dY W: B is W itself, k_stride K, n_stride 1.
+// From the device's memory, which may change afterwards (weights in training): element (k, n) is w's element first +
+// k * k_stride + n * n_stride. The gradient by a Linear's input, dY W: B is W itself, k_stride K, n_stride 1.
 PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_stride, long n_stride,
-                         const std::string& what);
+                         const std::string& what, long first = 0);
 // Bytes that pack_matrix takes (without PackedMatrix::plain), for planning.
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 

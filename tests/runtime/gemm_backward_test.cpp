@@ -56,6 +56,21 @@ TEST_P(GemmBackward, TheDevicePacksAsTheHostDoes) {
     }
 }
 
+// A part of a matrix, as a Linear's weight by one of two inputs side by side.
+TEST_P(GemmBackward, APartIsPackedFromItsFirstElementOn) {
+  constexpr long rows = 19, all = 37, from = 5, part = 21;
+  const auto w = random_floats(count(rows, all), 1);
+  const Tensor on_device = ctx().upload({rows, all}, w);
+  const auto expect_same = [&](const PackedMatrix& got, const PackedMatrix& want) {
+    EXPECT_EQ(ctx().read<float>(got.data), ctx().read<float>(want.data));
+  };
+  expect_same(pack_matrix(ctx(), on_device, part, rows, 1, all, "w", from),
+              pack_matrix(ctx(), w.data() + from, part, rows, 1, all, "w"));
+  expect_same(pack_matrix(ctx(), on_device, rows, part, all, 1, "w", from),
+              pack_matrix(ctx(), w.data() + from, rows, part, all, 1, "w"));
+  EXPECT_THROW(pack_matrix(ctx(), on_device, rows, part, all, 1, "w", all - part + 1), Error);
+}
+
 // Where CLBlast is forced upon the cpu flavour, it has a copy of its own.
 TEST_P(GemmBackward, ThePlainCopyIsPackedToo) {
   ContextOptions options;
