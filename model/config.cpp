@@ -2,17 +2,17 @@
 
 #include <algorithm>
 #include <charconv>
-#include <limits>
-#include <nlohmann/json.hpp>
-#include <type_traits>
 #include <utility>
 
+#include "model/json_fields.h"
 #include "model/params.h"
 
 namespace vsplat {
 namespace {
 
-using nlohmann::json;
+using json_fields::expected_for;
+using json_fields::json;
+using json_fields::shown;
 using nlohmann::ordered_json;
 
 // The one list of fields: visit(name, field) for each, in the header's order.
@@ -52,13 +52,6 @@ std::vector<std::string> field_names() {
   return names;
 }
 
-// What each type of field is called in messages.
-const char* expected_for(int) { return "a whole number"; }
-const char* expected_for(double) { return "a number"; }
-const char* expected_for(bool) { return "true or false"; }
-const char* expected_for(const std::string&) { return "a string"; }
-const char* expected_for(const std::vector<int>&) { return "whole numbers"; }
-
 template <class Number>
 bool parse_number(const char* begin, const char* end, Number& out) {
   Number value{};
@@ -92,41 +85,6 @@ bool parse_field(const std::string& text, std::vector<int>& out) {
     at = comma + 1;
   }
   return true;
-}
-
-bool read_field(const json& value, int& out) {
-  if (!value.is_number_integer()) return false;
-  // Beyond int is refused here, not wrapped: check() then never sees a changed value.
-  if (value.is_number_unsigned() && value.get<std::uint64_t>() > std::numeric_limits<int>::max()) return false;
-  if (value.get<std::int64_t>() < std::numeric_limits<int>::min()) return false;
-  out = value.get<int>();
-  return true;
-}
-bool read_field(const json& value, double& out) {
-  if (value.is_number()) out = value.get<double>();
-  return value.is_number();
-}
-bool read_field(const json& value, bool& out) {
-  if (value.is_boolean()) out = value.get<bool>();
-  return value.is_boolean();
-}
-bool read_field(const json& value, std::string& out) {
-  if (value.is_string()) out = value.get<std::string>();
-  return value.is_string();
-}
-bool read_field(const json& value, std::vector<int>& out) {
-  if (!value.is_array()) return false;
-  out.clear();
-  for (const json& element : value)
-    if (!read_field(element, out.emplace_back())) return false;
-  return true;
-}
-
-// Text of a file in a message: ASCII, and not of any length.
-std::string shown(const json& value) {
-  std::string text = value.dump(-1, ' ', true, json::error_handler_t::replace);
-  if (text.size() > 100) text = text.substr(0, 100) + "...";
-  return text;
 }
 
 class Checker {
@@ -282,21 +240,13 @@ std::string to_json(const Config& config) {
   return out.dump(-1, ' ', true, ordered_json::error_handler_t::replace);
 }
 
-Config config_from_json(const std::string& text) {
+Config config_from_json(const std::string& text, const Config& base) {
   const json object = json::parse(text, nullptr, false);
   if (!object.is_object()) fail(Status::format, "the configuration is not a JSON object: {}", shown(text));
-  const std::vector<std::string> names = field_names();
-  std::vector<std::string> unknown;
-  for (const auto& item : object.items())
-    if (std::find(names.begin(), names.end(), item.key()) == names.end()) unknown.push_back(shown(item.key()));
-  if (!unknown.empty())
-    fail(Status::format, "the configuration has unknown fields: {}; known are {}", fmt::join(unknown, ", "),
-         fmt::join(names, ", "));
-  Config config;
+  json_fields::refuse_unknown(object, field_names(), "the configuration");
+  Config config = base;
   each_field(config, [&](const char* name, auto& value) {
-    const auto found = object.find(name);
-    if (found != object.end() && !read_field(*found, value))
-      fail(Status::format, "the configuration's {} must be {} (found {})", name, expected_for(value), shown(*found));
+    json_fields::read_present(object, name, value, "the configuration");
   });
   check(config, Status::format);
   return config;

@@ -59,7 +59,7 @@ Config with_fields(Config config, const std::vector<std::string>& assignments);
 
 // Every field, in the order above.
 std::string to_json(const Config& config);
-// Absent fields take their defaults; unknown ones and wrong types are an Error(format) that names them. Checked.
-Config config_from_json(const std::string& text);
+// Absent fields are those of `base`; unknown ones and wrong types are an Error(format) that names them. Checked.
+Config config_from_json(const std::string& text, const Config& base = {});
 
 }  // namespace vsplat

@@ -10,6 +10,8 @@ struct Schedule {
   double tau_first = 1.0;  // temperature of the Gumbel-Sigmoid at step 1,
   double tau_last = 0.1;   // and from step 1 + tau_steps on; linear between
   long tau_steps = 50000;  // 0: tau_last from the start
+
+  bool operator==(const Schedule&) const = default;
 };
 
 // lr * step / warmup up to step `warmup`, then half a cosine down to 0 at step `steps`; 0 from there on.
