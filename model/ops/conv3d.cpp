@@ -2,7 +2,10 @@
 
 #include <algorithm>
 
+#include "model/ops/gather.h"
 #include "runtime/column_sum.h"
+#include "runtime/compose_rows.h"
+#include "runtime/shape_check.h"
 
 namespace vsplat {
 
@@ -103,6 +106,16 @@ ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const s
   else
     ctx.launch({cpu ? "conv3d_cpu" : "conv3d_gpu", "conv3d_pack_weights", cpu ? tile_defines(ctx.device()) : ""},
                items(out.w.data.count()), cost, w, mirrored ? 1 : 0, as_int(c), as_int(n), out.w.data);
+  return out;
+}
+
+// w [Cout, Cin, 2, 2, 2] as rows of the patches that conv3d_down() multiplies: [Cout, 8 Cin].
+Tensor patch_order(Context& ctx, const Tensor& w, const std::string& what) {
+  if (w.rank() != 5 || w.count() != w.dim(0) * w.dim(1) * 8 || w.type() != Type::f32)
+    fail(Status::internal, "{}: weights are {}, [Cout, Cin, 2, 2, 2] expected", what, w.describe());
+  const Tensor out = ctx.tensor({w.dim(0), 8 * w.dim(1)}, Type::f32, what);
+  ctx.launch({"conv3d_gradient", "conv3d_down_order", ""}, items(w.count()), {0, 8.0 * static_cast<double>(w.count())},
+             w, out, as_int(w.dim(1)), as_int(w.dim(0)));
   return out;
 }
 
@@ -228,6 +241,14 @@ ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, lo
       what);
 }
 
+ConvWeights pack_conv3d_down(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what) {
+  const Tensor ordered = patch_order(ctx, w, what);
+  ConvWeights out;
+  out.cin = w.dim(1), out.cout = w.dim(0), out.bias = bias;
+  out.w = pack_matrix(ctx, ordered, 8 * out.cin, out.cout, 1, 8 * out.cin, what);
+  return out;
+}
+
 ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, long cout, long taps, long cin,
                              const std::string& what) {
   ConvWeights out;
@@ -327,6 +348,37 @@ void conv3d_down(Context& ctx, const Conv3dDown& c) {
   g.out = c.out;
   g.name = c.name;
   gemm(ctx, g);
+}
+
+void conv3d_down_backward(Context& ctx, const Conv3dDownBackward& g) {
+  const char* name = "conv3d_down_backward";
+  Dims d;
+  d.bind("w", g.w, {"Cout", "Cin", "2", "2", "2"}).bind("dw", g.dw, {"Cout", "Cin", "2", "2", "2"});
+  d.bind("map", g.in.map, {"P", "8"}, Type::i32)
+      .bind("dy", g.dy, {"P", "Cout"})
+      .bind_optional("dbias", g.dbias, {"Cout"});
+  d.bind("x0", g.in.x0, {"N", "C0"}).bind_optional("dx", g.dx, {"N", "Cin"});
+  const long cin = d["Cin"], cout = d["Cout"], p = d["P"];
+  if (g.dbias) column_sum(ctx, {g.dy, g.dbias, true});
+  {
+    const Tensor patches = ctx.tensor({p, 8 * cin}, Type::f32, "conv3d_down.patches");
+    const Tensor dordered = ctx.tensor({cout, 8 * cin}, Type::f32, "conv3d_down.dw");
+    compose_rows(ctx, g.in, patches);
+    transposed_gemm(ctx, {g.dy, patches, dordered, false, "conv3d_down.dw"});
+    ctx.launch({"conv3d_gradient", "conv3d_down_add", ""}, items(g.dw.count()),
+               {static_cast<double>(g.dw.count()), 12.0 * static_cast<double>(g.dw.count())}, dordered, g.dw,
+               as_int(cin), as_int(cout));
+  }
+  if (!g.dx) return;
+  const PackedMatrix transposed = pack_matrix(ctx, patch_order(ctx, g.w, name), cout, 8 * cin, 8 * cin, 1, name);
+  Gemm back;
+  back.a.x0 = g.dy;
+  back.b = &transposed;
+  back.out = ctx.tensor({p, 8 * cin}, Type::f32, "conv3d_down.dpatches");
+  back.name = "conv3d_down.dx";
+  gemm(ctx, back);
+  // No voxel is in two patches.
+  gather_backward(ctx, {back.out.reshaped({8 * p, cin}), g.in.map.reshaped({8 * p}), g.dx});
 }
 
 }  // namespace vsplat

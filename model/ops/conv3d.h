@@ -30,6 +30,8 @@ ConvWeights pack_conv3d_backward(Context& ctx, const Tensor& w, const std::strin
 // 2x2x2 weights, w [Cout][Cin][2][2][2], for conv3d_down(). bias [Cout] or null.
 ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, long cout, long cin,
                              const std::string& what);
+// The same from device memory. w [Cout, Cin, 2, 2, 2]; bias [Cout] or none.
+ConvWeights pack_conv3d_down(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what);
 // Submanifold weights w [Cout][kx][ky][kz][Cin] with `taps` = kx ky kz, for gemm() with a map [P, taps] (or none where
 // taps is 1). bias [Cout] or null.
 ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, long cout, long taps, long cin,
@@ -71,5 +73,17 @@ struct Conv3dDown {
   const char* name = "conv3d_down";
 };
 void conv3d_down(Context& ctx, const Conv3dDown& c);
+
+// Gradients of a loss by conv3d_down()'s inputs, weights and biases, of dy, the gradient by its outputs. The same bits
+// each time.
+struct Conv3dDownBackward {
+  RowSource in;  // as for conv3d_down()
+  Tensor w;      // [Cout, Cin, 2, 2, 2]
+  Tensor dy;     // [X/2 Y/2 Z/2, Cout]
+  Tensor dx;     // [X Y Z, Cin] or none, added to: by the composed inputs
+  Tensor dw;     // [Cout, Cin, 2, 2, 2], added to
+  Tensor dbias;  // [Cout] or none, added to
+};
+void conv3d_down_backward(Context& ctx, const Conv3dDownBackward& g);
 
 }  // namespace vsplat

@@ -213,6 +213,11 @@ TEST_P(Conv3dTest, DownMatchesReference) {
       d.out = ctx().upload({rows, c.cout}, test::nans(static_cast<std::size_t>(rows * c.cout)));
       conv3d_down(ctx(), d);
       EXPECT_TRUE(test::close(ctx().read<float>(d.out), c.all(), tolerance()));
+      const ConvWeights on_device =
+          pack_conv3d_down(ctx(), ctx().upload({c.cout, cin, 2, 2, 2}, c.w), weights.bias, "weight");
+      EXPECT_EQ(ctx().read<float>(on_device.w.data), ctx().read<float>(weights.w.data));
+      EXPECT_EQ(on_device.cin, cin);
+      EXPECT_EQ(on_device.cout, c.cout);
     }
 }
 
@@ -280,6 +285,60 @@ TEST_P(Conv3dTest, RejectsBadShapes) {
   rejects([&](Conv3d& b) { b.residual = ctx().tensor({60, 6}); });
   rejects([&](Conv3d& b) { b.out = ctx().tensor({59, 7}); });
   rejects([](Conv3d& b) { b.out = Tensor(); });
+}
+
+class Conv3dDownBackwardTest : public test::FlavourTest {};
+VSPLAT_FLAVOURS(Conv3dDownBackwardTest);
+
+// All three are added to: the gradients start from something else, and dx keeps it where no patch is.
+TEST_P(Conv3dDownBackwardTest, MatchesReference) {
+  for (const std::array<long, 3>& size : {std::array<long, 3>{2, 2, 2}, {1, 4, 4}, {5, 3, 7}, {16, 12, 26}})
+    for (const auto& [cin, cout] : {std::pair{1L, 1L}, {3L, 7L}, {17L, 33L}}) {
+      Try t{size, cin, cout};
+      t.affine = t.silu = cin > 1;
+      const ref::ConvCase c = make_case(t, 2);
+      const auto out = c.out_size();
+      const long rows = out[0] * out[1] * out[2];
+      const std::vector<float> dy = random_floats(static_cast<std::size_t>(rows * cout), 71);
+      ref::ConvGradient want = ref::conv_backward(c, dy);
+      const auto from = [&](std::vector<double>& values, const Shape& shape, std::uint32_t seed) {
+        const std::vector<float> before = random_floats(values.size(), seed, 1, 2);
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] += before[i];
+        return ctx().upload(shape, before);
+      };
+      Conv3dDownBackward g;
+      g.in = upload_rows(ctx(), c.in);
+      g.in.map = conv3d_down_map(ctx(), size[0], size[1], size[2]);
+      g.w = ctx().upload({cout, cin, 2, 2, 2}, c.w);
+      g.dy = ctx().upload({rows, cout}, dy);
+      g.dx = from(want.dx, {c.in.rows, cin}, 72);
+      g.dw = from(want.dw, {cout, cin, 2, 2, 2}, 73);
+      g.dbias = from(want.dbias, {cout}, 74);
+      conv3d_down_backward(ctx(), g);
+      SCOPED_TRACE(fmt::format("{}x{}x{} {} -> {}", size[0], size[1], size[2], cin, cout));
+      EXPECT_TRUE(test::close(ctx().read<float>(g.dx), want.dx, 1e-5));
+      EXPECT_TRUE(test::close(ctx().read<float>(g.dw), want.dw, 1e-5));
+      EXPECT_TRUE(test::close(ctx().read<float>(g.dbias), want.dbias, 1e-5));
+    }
+}
+
+TEST_P(Conv3dDownBackwardTest, RejectsBadShapes) {
+  Conv3dDownBackward g;
+  g.in.x0 = ctx().tensor({64, 3});
+  g.in.map = conv3d_down_map(ctx(), 4, 4, 4);
+  g.w = g.dw = ctx().tensor({5, 3, 2, 2, 2});
+  g.dy = ctx().tensor({8, 5});
+  const auto rejects = [&](auto change) {
+    Conv3dDownBackward bad = g;
+    change(bad);
+    EXPECT_THROW(conv3d_down_backward(ctx(), bad), Error);
+  };
+  rejects([](Conv3dDownBackward& b) { b.in.map = Tensor(); });
+  rejects([&](Conv3dDownBackward& b) { b.dy = ctx().tensor({7, 5}); });
+  rejects([&](Conv3dDownBackward& b) { b.dw = ctx().tensor({5, 3, 2, 4}); });
+  rejects([&](Conv3dDownBackward& b) { b.dx = ctx().tensor({63, 3}); });
+  rejects([&](Conv3dDownBackward& b) { b.in.x0 = ctx().tensor({64, 2}); });
+  EXPECT_THROW(pack_conv3d_down(ctx(), ctx().tensor({5, 3, 3, 3, 3}), Tensor(), "weight"), Error);
 }
 
 class Conv3dWeights : public test::FlavourTest {
