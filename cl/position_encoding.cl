@@ -15,3 +15,19 @@ __kernel void position_encoding_fwd(__global const float* restrict points, __glo
     vstore3(cos(y), 2 * i + 2, to);
   }
 }
+
+// Backward: dpoints [P,3], to row p of which is added what dout [P,W]'s columns from `column` on make of it. A work-item per point.
+__kernel void position_encoding_bwd(__global const float* restrict points, __global const float* restrict dout,
+                                    __global float* restrict dpoints, int P, int W, int column) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const float3 x = vload3(p, points);
+  __global const float* from = dout + (long)p * W + column;
+  float3 sum = vload3(0, from);
+  for (int i = 0; i < BANDS; ++i) {
+    const float f = (float)(1 << i);
+    const float3 y = x * f;
+    sum += f * (cos(y) * vload3(2 * i + 1, from) - sin(y) * vload3(2 * i + 2, from));
+  }
+  vstore3(vload3(p, dpoints) + sum, p, dpoints);
+}

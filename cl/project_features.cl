@@ -4,6 +4,7 @@
 //   out[p] = sum_v a_v sample_v(p) / sum_v a_v with a_v = 1 / (d + 1e-6), d the camera's depth, or with by_distance the distance.
 // _cpu: a work-item per point. _gpu: work-items (lane, p), the lanes of a point share its channels. Both add up in `out`, view by view.
 #include "sample.clh"
+#include "vector16.clh"
 
 static inline float view_weight(float3 point, __global const float* c2w, float depth, int by_distance) {
   const float d = by_distance ? length(point - (float3)(c2w[3], c2w[7], c2w[11])) : depth;
@@ -64,4 +65,118 @@ __kernel void project_features_gpu(__global const float* restrict features, __gl
       to[c] = (v == 0 ? 0.0f : to[c]) + (a.x * p0[c] + a.y * p1[c] + a.z * p2[c] + a.w * p3[c]);
     }
   }
+}
+
+// Backward, for a loss whose derivatives by out are dout [P,C]. With n_v = a_v / sum a:
+//   by texel k of view v                 n_v weight_k dout[p], which whoever scatters adds to the features' gradient:
+//   index i32 [P,V,4], weight [P,V,4]    the texel's row of features as [V t t, C], and n_v weight_k
+//   by the point                         through the bilinear weights, which are linear between texels, and through n_v; both need only
+//   dots [P,V,4]                         sum_c dout[p, c] texel_k[c], 0 for a texel outside the map
+//   dpoints [P,3]                        added to
+
+// A work-item per point.
+__kernel void project_features_texels(__global const float* restrict points, __global const float* restrict w2c,
+                                      __global const float* restrict c2w, __global const float* restrict intrinsics,
+                                      __global int4* restrict index, __global float4* restrict weight, int P, int V, int t, float image,
+                                      float half_pixel, int by_distance) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const float3 point = vload3(p, points);
+  const float total = weight_of_views(point, w2c, c2w, V, by_distance);
+  for (int v = 0; v < V; ++v) {
+    const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
+    index[(long)p * V + v] = f.texel + v * t * t;
+    weight[(long)p * V + v] = f.weight * (view_weight(point, c2w + 16 * v, f.depth, by_distance) / total);
+  }
+}
+
+// A work-item per point and view.
+__kernel void project_features_dots_cpu(__global const float* restrict features, __global const float* restrict points,
+                                        __global const float* restrict w2c, __global const float* restrict intrinsics,
+                                        __global const float* restrict dout, __global float4* restrict dots, int P, int V, int t, int C,
+                                        float image, float half_pixel) {
+  const int p = get_global_id(0) / V, v = get_global_id(0) % V;
+  if (p >= P) return;
+  const Footprint f = footprint(vload3(p, points), w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
+  __global const float* map = features + (long)v * t * t * C;
+  __global const float* dy = dout + (long)p * C;
+  const int texel[4] = {f.texel.x, f.texel.y, f.texel.z, f.texel.w}, inside[4] = {f.inside.x, f.inside.y, f.inside.z, f.inside.w};
+  float dot_of[4];
+  for (int k = 0; k < 4; ++k) {
+    dot_of[k] = 0.0f;
+    if (!inside[k]) continue;
+    __global const float* x = map + (long)texel[k] * C;
+    float16 sums = (float16)(0.0f);
+    for (int c = 0; c < C; c += 16) sums += load_part(x + c, C - c) * load_part(dy + c, C - c);
+    dot_of[k] = sum_of(sums);
+  }
+  dots[(long)p * V + v] = (float4)(dot_of[0], dot_of[1], dot_of[2], dot_of[3]);
+}
+
+// A work-group of DOT_LANES work-items per point and view.
+#define DOT_LANES 64
+__kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_features_dots_gpu(
+    __global const float* restrict features, __global const float* restrict points, __global const float* restrict w2c,
+    __global const float* restrict intrinsics, __global const float* restrict dout, __global float4* restrict dots, int P, int V, int t,
+    int C, float image, float half_pixel) {
+  __local float4 part[DOT_LANES];
+  const int pair = get_group_id(0), p = pair / V, v = pair % V, lane = get_local_id(0);
+  const Footprint f = footprint(vload3(p, points), w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
+  __global const float* map = features + (long)v * t * t * C;
+  __global const float* dy = dout + (long)p * C;
+  float4 sum = (float4)(0.0f);
+  for (int c = lane; c < C; c += DOT_LANES) {
+    if (f.inside.x) sum.x += map[(long)f.texel.x * C + c] * dy[c];
+    if (f.inside.y) sum.y += map[(long)f.texel.y * C + c] * dy[c];
+    if (f.inside.z) sum.z += map[(long)f.texel.z * C + c] * dy[c];
+    if (f.inside.w) sum.w += map[(long)f.texel.w * C + c] * dy[c];
+  }
+  part[lane] = sum;
+  for (int half_of = DOT_LANES / 2; half_of > 0; half_of /= 2) {
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (lane < half_of) part[lane] += part[lane + half_of];
+  }
+  if (lane == 0) dots[pair] = part[0];
+}
+
+// A work-item per point.
+__kernel void project_features_points(__global const float* restrict points, __global const float* restrict w2c,
+                                      __global const float* restrict c2w, __global const float* restrict intrinsics,
+                                      __global const float4* restrict dots, __global float* restrict dpoints, int P, int V, int t,
+                                      float image, float half_pixel, int by_distance) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const float3 point = vload3(p, points);
+  const float total = weight_of_views(point, w2c, c2w, V, by_distance);
+  // The loss is sum_v n_v g_v, g_v = sum_c dout[p, c] sample_v[c], plus what the point has no part in.
+  float mean = 0.0f;
+  for (int v = 0; v < V; ++v) {
+    const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
+    mean += view_weight(point, c2w + 16 * v, f.depth, by_distance) / total * dot(f.weight, dots[(long)p * V + v]);
+  }
+  float3 sum = (float3)(0.0f);
+  for (int v = 0; v < V; ++v) {
+    __global const float* m = w2c + 16 * v;
+    const float4 k = vload4(v, intrinsics), h = dots[(long)p * V + v];
+    const Footprint f = footprint(point, m, k, image, half_pixel, t);
+    const float a = view_weight(point, c2w + 16 * v, f.depth, by_distance), n = a / total;
+
+    // da_v = -a_v^2 dd_v, and sum_v g_v dn_v = sum_v (g_v - mean) da_v / total. At the camera itself the distance has no derivative: 0.
+    float3 slope = (float3)(m[8], m[9], m[10]);
+    if (by_distance) {
+      const float3 from = point - (float3)(c2w[16 * v + 3], c2w[16 * v + 7], c2w[16 * v + 11]);
+      const float d = length(from);
+      slope = d > 0.0f ? from / d : (float3)(0.0f);
+    }
+    sum -= n * a * (dot(f.weight, h) - mean) * slope;
+
+    if (!(f.inside.x || f.inside.y || f.inside.z || f.inside.w)) continue;
+    const float by_x = mix(h.y - h.x, h.w - h.z, f.fraction.y), by_y = mix(h.z - h.x, h.w - h.y, f.fraction.x);
+    // The map's column is fx t / image * X / Z plus a constant, the row fy t / image * Y / Z, of camera coordinates X, Y, Z.
+    const float4 at = (float4)(point, 1.0f);
+    const float x = dot(vload4(0, m), at) / f.depth, y = dot(vload4(1, m), at) / f.depth;
+    const float by_cx = n * by_x * k.x * (float)t / image / f.depth, by_cy = n * by_y * k.y * (float)t / image / f.depth;
+    sum += by_cx * (float3)(m[0], m[1], m[2]) + by_cy * (float3)(m[4], m[5], m[6]) - (by_cx * x + by_cy * y) * (float3)(m[8], m[9], m[10]);
+  }
+  vstore3(vload3(p, dpoints) + sum, p, dpoints);
 }

@@ -3,18 +3,32 @@
 #include "runtime/shape_check.h"
 
 namespace vsplat {
+namespace {
+
+void check_columns(const char* op, long column, const Tensor& encoded) {
+  if (column < 0 || column + kPositionEncoding > encoded.dim(1))
+    fail(Status::internal, "{}: columns {} to {} of {}", op, column, column + kPositionEncoding, encoded.describe());
+}
+
+}  // namespace
 
 void position_encoding_forward(Context& ctx, const PositionEncodingForward& a) {
   Dims d;
   d.bind("points", a.points, {"P", "3"}).bind("out", a.out, {"P", "W"});
-  const long p = d["P"], w = d["W"];
-  if (a.column < 0 || a.column + kPositionEncoding > w) {
-    fail(Status::internal, "position encoding: columns {} to {} of {}", a.column, a.column + kPositionEncoding,
-         a.out.describe());
-  }
-  const auto count = static_cast<double>(p);
-  ctx.launch({"position_encoding", "position_encoding_fwd", ""}, items(p, 16), {60 * 20 * count, 4 * 66 * count},
-             a.points, a.out, static_cast<int>(p), static_cast<int>(w), static_cast<int>(a.column));
+  check_columns("position encoding", a.column, a.out);
+  const auto count = static_cast<double>(d["P"]);
+  ctx.launch({"position_encoding", "position_encoding_fwd", ""}, items(d["P"], 16), {60 * 20 * count, 4 * 66 * count},
+             a.points, a.out, static_cast<int>(d["P"]), static_cast<int>(d["W"]), static_cast<int>(a.column));
+}
+
+void position_encoding_backward(Context& ctx, const PositionEncodingBackward& a) {
+  Dims d;
+  d.bind("points", a.points, {"P", "3"}).bind("dout", a.dout, {"P", "W"}).bind("dpoints", a.dpoints, {"P", "3"});
+  check_columns("position encoding, backward", a.column, a.dout);
+  const auto count = static_cast<double>(d["P"]);
+  ctx.launch({"position_encoding", "position_encoding_bwd", ""}, items(d["P"], 16), {60 * 22 * count, 4 * 72 * count},
+             a.points, a.dout, a.dpoints, static_cast<int>(d["P"]), static_cast<int>(d["W"]),
+             static_cast<int>(a.column));
 }
 
 }  // namespace vsplat

@@ -14,4 +14,12 @@ struct PositionEncodingForward {
 };
 void position_encoding_forward(Context& ctx, const PositionEncodingForward& a);
 
+struct PositionEncodingBackward {
+  Tensor points;   // [P, 3]
+  Tensor dout;     // [P, W], of which columns column .. column + 62 are read
+  Tensor dpoints;  // [P, 3], added to
+  long column = 0;
+};
+void position_encoding_backward(Context& ctx, const PositionEncodingBackward& a);
+
 }  // namespace vsplat

@@ -17,4 +17,14 @@ struct ProjectFeaturesForward {
 
 void project_features_forward(Context& ctx, const ProjectFeaturesForward& a);
 
+// The derivatives of what the forward computes, between texels; the cameras have none. A point on a texel's border or
+// at a camera's centre, where there is no derivative, gets that of one side, and 0 for the distance.
+struct ProjectFeaturesBackward {
+  ProjectFeaturesForward forward;  // as it was given; its `out` is not looked at
+  Tensor dout;                     // [P, C]
+  Tensor dpoints;                  // [P, 3], added to
+};
+
+void project_features_backward(Context& ctx, const ProjectFeaturesBackward& a);
+
 }  // namespace vsplat

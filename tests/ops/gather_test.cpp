@@ -1,6 +1,5 @@
 #include "model/ops/gather.h"
 
-#include "model/ops/position_encoding.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 
@@ -76,32 +75,12 @@ TEST_P(Gather, Gaussians) {
   EXPECT_EQ(gather(ctx(), all, ctx().tensor({0}, Type::i32)).count(), 0);
 }
 
-TEST_P(Gather, PositionEncodingMatchesReference) {
-  for (const long p : {0L, 1L, 15L, 16L, 17L, 101L}) {
-    const std::vector<float> points = test::random_floats(static_cast<std::size_t>(3 * p), 62, -0.6f, 0.6f);
-    std::vector<double> want;
-    for (long i = 0; i < p; ++i) {
-      const float* x = &points[static_cast<std::size_t>(3 * i)];
-      want.insert(want.end(), {5.0, x[0], x[1], x[2]});
-      for (int band = 0; band < 10; ++band) {
-        const double f = 1 << band;
-        want.insert(want.end(), {std::sin(x[0] * f), std::sin(x[1] * f), std::sin(x[2] * f)});
-        want.insert(want.end(), {std::cos(x[0] * f), std::cos(x[1] * f), std::cos(x[2] * f)});
-      }
-    }
-    const Tensor out = ctx().upload({p, 64}, std::vector<float>(want.size(), 5.0f));
-    position_encoding_forward(ctx(), {ctx().upload({p, 3}, points), out, 1});
-    EXPECT_TRUE(test::close(ctx().read<float>(out), want, 1e-7)) << p;  // of the largest, 5
-  }
-}
-
 TEST_P(Gather, RejectsBadShape) {
   const Tensor index = ctx().tensor({2}, Type::i32);
   EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({2, 4}), 2}), Error);
   EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({3, 3})}), Error);
   EXPECT_THROW(gather_backward(ctx(), {ctx().tensor({2, 4}), index, ctx().tensor({4, 3}), 2}), Error);
   EXPECT_THROW(gather_backward(ctx(), {ctx().tensor({3, 3}), index, ctx().tensor({4, 3})}), Error);
-  EXPECT_THROW(position_encoding_forward(ctx(), {ctx().tensor({2, 3}), ctx().tensor({2, 63}), 1}), Error);
 }
 
 }  // namespace
