@@ -42,11 +42,11 @@ void each_field(C& c, Visit visit) {
   visit("inputs_min", c.inputs_min);
   visit("inputs_max", c.inputs_max);
   visit("novel", c.novel);
-  visit("backgrounds", c.backgrounds);
+  visit("random_background", c.random_background);
   visit("fit", c.fit);
-  visit("turn", c.turn);
-  visit("scale_min", c.scale_min);
-  visit("scale_max", c.scale_max);
+  visit("turn_degrees", c.turn_degrees);
+  visit("cube_min", c.cube_min);
+  visit("cube_max", c.cube_max);
   visit("log_every", c.log_every);
   visit("sheet_every", c.sheet_every);
   visit("checkpoint_every", c.checkpoint_every);
@@ -121,11 +121,10 @@ void check_views(const TrainConfig& c, const Checker& is) {
   is.within("inputs_max", c.inputs_max, 1, 16);
   is.within("inputs_min", c.inputs_min, 1, c.inputs_max);
   is.within("novel", c.novel, 0, 64);
-  is.need(!c.backgrounds.empty(), "backgrounds must name at least one of white, grey, black", "[]");
-  for (const std::string& name : c.backgrounds) is.one_of("each of backgrounds", name, {"white", "grey", "black"});
   is.one_of("fit", c.fit, {"auto", "object", "crop", "pad"});
-  is.in("scale_max", c.scale_max, c.scale_max >= 0.1 && c.scale_max <= 10, "0.1 to 10");
-  is.in("scale_min", c.scale_min, c.scale_min >= 0.1 && c.scale_min <= c.scale_max, "0.1 to scale_max");
+  is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
+  is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
+  is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
 }
 
 Config read_model(const json& value) {

@@ -27,11 +27,13 @@ struct TrainConfig {
 
   // What an object shows: the number of input views is drawn anew for each, from inputs_min to inputs_max.
   long inputs_min = 4, inputs_max = 4;
-  long novel = 4;                                                     // views beside them in the loss
-  std::vector<std::string> backgrounds = {"white", "grey", "black"};  // of novel views, one drawn for each object
-  std::string fit = "auto";             // how pictures are cropped: auto, object, crop, pad
-  bool turn = false;                    // pictures and cameras are rolled by a quarter turn drawn for each object
-  double scale_min = 1, scale_max = 1;  // the object's size in its cube is multiplied by a factor drawn between
+  long novel = 4;                 // views beside them in the loss
+  bool random_background = true;  // novel views lie on white, grey or black, drawn for each object; else on white
+  std::string fit = "auto";       // how pictures are cropped: auto, object, crop, pad
+  // The object's frame is turned by an angle of at most so much about any axis, and its cube larger by a factor, both
+  // drawn for each object.
+  double turn_degrees = 0;
+  double cube_min = 1, cube_max = 1;
 
   // In steps; 0: never.
   long log_every = 10;

@@ -53,16 +53,16 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"inputs_max", 4},
                          {"novel", 4},
                          {"fit", "auto"},
-                         {"turn", false},
-                         {"scale_min", 1.0},
-                         {"scale_max", 1.0},
+                         {"turn_degrees", 0.0},
+                         {"cube_min", 1.0},
+                         {"cube_max", 1.0},
                          {"log_every", 10},
                          {"sheet_every", 500},
                          {"keep_checkpoints", 3},
                          {"checkpoint_every", 500},
                          {"cache_gib", 1.0},
                          {"frozen", json::array()},
-                         {"backgrounds", {"white", "grey", "black"}},
+                         {"random_background", true},
                          {"model", json::parse(to_json(named_config("small")))}};
   EXPECT_EQ(j, expected);
   EXPECT_EQ(train_config_from_json("{}"), c);
@@ -78,8 +78,8 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.ema = 0.999;
   c.frozen = {"encoder.model.blocks.0", "dir_norm"};
   c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
-  c.backgrounds = {"grey"};
-  c.fit = "pad", c.turn = true, c.scale_min = 0.7, c.scale_max = 1.1;
+  c.random_background = false;
+  c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1;
   c.log_every = 0, c.sheet_every = 5, c.checkpoint_every = 11, c.keep_checkpoints = 1, c.cache_gib = 0.25;
   const std::string text = to_json(c);
   EXPECT_EQ(train_config_from_json(text), c);
@@ -133,11 +133,11 @@ TEST(TrainConfig, RefusesUnknownAndMistypedFieldsByName) {
                             {"steps", "9223372036854775808"},
                             {"steps", "null"},
                             {"lr", "\"4e-4\""},
-                            {"turn", "1"},
+                            {"random_background", "1"},
                             {"fit", "[]"},
                             {"frozen", "\"encoder\""},
                             {"frozen", "[1]"},
-                            {"backgrounds", "\"white\""},
+                            {"turn_degrees", "[]"},
                             {"model", "3"},
                             {"cache_gib", "true"}};
   for (const auto& [field, value] : wrong) {
@@ -176,11 +176,10 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"inputs_min": 5})", "inputs_min must be 1 to 4 (found 5)"},
       {R"({"inputs_min": 0})", "inputs_min must be 1 to 4 (found 0)"},
       {R"({"novel": -1})", "novel must be 0 to 64 (found -1)"},
-      {R"({"backgrounds": []})", "backgrounds must name at least one"},
-      {R"({"backgrounds": ["red"]})", "each of backgrounds must be one of white, grey, black (found \"red\")"},
       {R"({"fit": "wide"})", "fit must be one of auto, object, crop, pad (found \"wide\")"},
-      {R"({"scale_max": 11})", "scale_max must be 0.1 to 10 (found 11)"},
-      {R"({"scale_min": 1.5})", "scale_min must be 0.1 to scale_max (found 1.5)"},
+      {R"({"turn_degrees": 181})", "turn_degrees must be 0 to 180 (found 181)"},
+      {R"({"cube_max": 11})", "cube_max must be 0.1 to 10 (found 11)"},
+      {R"({"cube_min": 1.5})", "cube_min must be 0.1 to cube_max (found 1.5)"},
       {R"({"log_every": -1})", "log_every must be 0 to"},
       {R"({"sheet_every": -1})", "sheet_every must be 0 to"},
       {R"({"checkpoint_every": -1})", "checkpoint_every must be 0 to"},
