@@ -111,3 +111,37 @@ __kernel void lift_mean(__global const float* maps, __global const int4* index, 
     }
   }
 }
+
+// Backward of lift_variance by the samples: dsamples [n, V, C] = 2/V (sample - mean over the views) dout [n, C].
+__kernel void lift_variance_backward(__global const float* maps, __global const int4* index,
+                                     __global const float4* weight, __global const float* dout,
+                                     __global float* dsamples, int n, int V, int C) {
+  const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
+  const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
+  for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
+    __global const int4* at = index + (size_t)i * V;
+    __global const float4* w = weight + (size_t)i * V;
+    __global const float* from = dout + (size_t)i * C;
+    __global float* to = dsamples + (size_t)i * V * C;
+    for (int c = lane * LANES; c < whole; c += lanes * LANES) {
+      FLOATS mean = (FLOATS)(0.0f);
+      for (int v = 0; v < V; ++v) {
+        const FLOATS s = sample(maps + c, C, at[v], w[v]);
+        mean += (s - mean) * (1.0f / (v + 1));
+        STORE(s, to + (size_t)v * C + c);
+      }
+      const FLOATS d = LOAD(from + c) * (2.0f / V);
+      for (int v = 0; v < V; ++v) STORE((LOAD(to + (size_t)v * C + c) - mean) * d, to + (size_t)v * C + c);
+    }
+    for (int c = whole + lane; c < C; c += lanes) {
+      float mean = 0.0f;
+      for (int v = 0; v < V; ++v) {
+        const float s = sample_one(maps + c, C, at[v], w[v]);
+        mean += (s - mean) * (1.0f / (v + 1));
+        to[(size_t)v * C + c] = s;
+      }
+      const float d = from[c] * (2.0f / V);
+      for (int v = 0; v < V; ++v) to[(size_t)v * C + c] = (to[(size_t)v * C + c] - mean) * d;
+    }
+  }
+}

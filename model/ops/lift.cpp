@@ -60,4 +60,22 @@ void lift_mean_forward(Context& ctx, const LiftMeanForward& a) {
              static_cast<int>(d["V"]), static_cast<int>(d["C"]));
 }
 
+void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a) {
+  Dims d;
+  d.bind("maps", a.maps, {"texels", "C"}).bind("index", a.index, {"n", "V", "4"}, Type::i32);
+  d.bind("weight", a.weight, {"n", "V", "4"}).bind("dout", a.dout, {"n", "C"}).bind("dmaps", a.dmaps, {"texels", "C"});
+  const long n = d["n"], v = d["V"], c = d["C"];
+  const Tensor dsamples = ctx.tensor({n * v, c}, Type::f32, "lift_variance.dsamples");
+  const Launch shape = shape_of(ctx.flavour(), n);
+  Cost cost = cost_of(a.maps, n, v, c, 12);
+  cost.bytes += 2.0 * static_cast<double>(dsamples.bytes());
+  ctx.launch({"lift", "lift_variance_backward", shape.defines}, shape.range, cost, a.maps, a.index, a.weight, a.dout,
+             dsamples, static_cast<int>(n), static_cast<int>(v), static_cast<int>(c));
+  scatter_rows(ctx, {a.plan, dsamples, 0, 4, 1, a.dmaps});
+}
+
+void lift_mean_backward(Context& ctx, const LiftMeanBackward& a) {
+  scatter_rows(ctx, {a.plan, a.dout, a.first, 4 * a.views, 1.0f / static_cast<float>(a.views), a.dmaps});
+}
+
 }  // namespace vsplat

@@ -1,6 +1,7 @@
 // Feature maps sampled at voxel centres, for a run of voxels at a time: the volume of all views' samples never exists.
 #pragma once
 #include "model/device_cameras.h"
+#include "model/ops/scatter_rows.h"
 
 namespace vsplat {
 
@@ -34,5 +35,26 @@ struct LiftMeanForward {
   Tensor out;  // [.., C]
 };
 void lift_mean_forward(Context& ctx, const LiftMeanForward& a);
+
+// Gradients by the maps, of the same run of voxels: with `plan`, make_scatter_plan() of its index and weight for as
+// many rows as the maps have.
+struct LiftVarianceBackward {
+  Tensor maps;           // [V t t, C]
+  Tensor index, weight;  // [n, V, 4]
+  const ScatterPlan* plan = nullptr;
+  Tensor dout;   // [n, C]
+  Tensor dmaps;  // [V t t, C], added to
+};
+// Takes n V C numbers of scratch memory.
+void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a);
+
+struct LiftMeanBackward {
+  long views = 0;  // V
+  const ScatterPlan* plan = nullptr;
+  Tensor dout;  // [.., C], of which rows first .. first + n are read
+  long first = 0;
+  Tensor dmaps;  // [V t t, C], added to
+};
+void lift_mean_backward(Context& ctx, const LiftMeanBackward& a);
 
 }  // namespace vsplat

@@ -39,6 +39,44 @@ class Lift : public test::FlavourTest {
     return {ctx().read<float>(mean), variance};
   }
 
+  // Both backwards, added to `before`.
+  std::vector<float> run_backward(const std::vector<float>& features, const std::vector<float>& dmean,
+                                  const std::vector<float>& dvariance, const std::vector<float>& before,
+                                  const std::vector<Camera>& cameras, const Case& k, long block) {
+    const long voxels = static_cast<long>(k.volume) * k.volume * k.volume, c = k.channels, v = k.views;
+    const long texels = v * k.tokens * k.tokens;
+    const DeviceCameras on_device = upload_cameras(ctx(), cameras);
+    const Tensor maps = ctx().upload({texels, c}, features), dmaps = ctx().upload({texels, c}, before);
+    const Tensor by_mean = ctx().upload({voxels, c}, dmean);
+    for (long first = 0; first < voxels; first += block) {
+      const long n = std::min(block, voxels - first);
+      const Tensor index = ctx().tensor({n, v, 4}, Type::i32), weight = ctx().tensor({n, v, 4});
+      lift_corners(ctx(), {on_device, k.volume, k.tokens, k.tokens * k.patch, k.half_pixel, first, index, weight});
+      const ScatterPlan plan = make_scatter_plan(ctx(), index, weight, texels);
+      lift_mean_backward(ctx(), {v, &plan, by_mean, first, dmaps});
+      const Tensor by_variance = ctx().upload({n, c}, dvariance.data() + first * c);
+      lift_variance_backward(ctx(), {maps, index, weight, &plan, by_variance, dmaps});
+    }
+    return ctx().read<float>(dmaps);
+  }
+
+  void check_backward(const Case& k) {
+    const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
+    const auto c = static_cast<std::size_t>(k.channels), cells = static_cast<std::size_t>(k.volume);
+    const auto texels = static_cast<std::size_t>(k.views * k.tokens * k.tokens);
+    const auto features = test::random_floats(texels * c, 1, -1.0f, 2.0f);
+    const auto dmean = test::random_floats(cells * cells * cells * c, 2), before = test::random_floats(texels * c, 4);
+    const auto dvariance = test::random_floats(cells * cells * cells * c, 3);
+    std::vector<double> want = ref::lift_gradient(features, k.tokens, k.channels, cameras, k.tokens * k.patch,
+                                                  k.half_pixel, k.volume, dmean, dvariance);
+    for (std::size_t i = 0; i < want.size(); ++i) want[i] += before[i];
+    for (const long block : {50L, 1000L}) {
+      const auto got = run_backward(features, dmean, dvariance, before, cameras, k, block);
+      EXPECT_TRUE(test::close(got, want, 2e-5)) << k.views << " views, " << k.channels << " channels";
+      EXPECT_EQ(run_backward(features, dmean, dvariance, before, cameras, k, block), got) << "the same bits";
+    }
+  }
+
   void check(const Case& k) {
     const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
     const auto c = static_cast<std::size_t>(k.channels);
@@ -84,12 +122,26 @@ TEST_P(Lift, DepthZeroIsOutside) {
   EXPECT_EQ(got[1], (std::vector<float>{0, 0, 0}));
 }
 
+TEST_P(Lift, BackwardMatchesReference) {
+  for (const int channels : {1, 3, 7, 15, 16, 17, 33}) check_backward({3, 4, 8, channels, 5, 1.6, true});
+  check_backward({1, 1, 4, 5, 1, 1.6, true});
+  check_backward({16, 3, 3, 20, 4, 2.0, false});
+  check_backward({3, 6, 8, 9, 6, 0.8, true});
+  check_backward({4, 7, 4, 18, 6, 0.3, true});
+}
+
 TEST_P(Lift, RejectsBadShape) {
   const Tensor maps = ctx().tensor({8, 4}), index = ctx().tensor({5, 2, 4}, Type::i32);
   const Tensor weight = ctx().tensor({5, 2, 4}), bias = ctx().tensor({4}), out = ctx().tensor({5, 4});
   EXPECT_THROW(lift_variance_forward(ctx(), {maps, index, ctx().tensor({5, 3, 4}), out}), Error);
   EXPECT_THROW(lift_variance_forward(ctx(), {maps, weight, weight, out}), Error);
   EXPECT_THROW(lift_mean_forward(ctx(), {maps, index, weight, bias, 1, out}), Error);
+  const ScatterPlan plan = make_scatter_plan(ctx(), ctx().upload({5, 2, 4}, std::vector<int>(40, 1), Type::i32),
+                                             ctx().upload({5, 2, 4}, std::vector<float>(40, 1.0f)), 8);
+  EXPECT_THROW(lift_variance_backward(ctx(), {maps, index, weight, &plan, ctx().tensor({4, 4}), maps}), Error);
+  EXPECT_THROW(lift_variance_backward(ctx(), {maps, index, weight, &plan, out, out}), Error);
+  EXPECT_THROW(lift_mean_backward(ctx(), {2, &plan, out, 1, maps}), Error);
+  EXPECT_THROW(lift_mean_backward(ctx(), {0, &plan, out, 0, maps}), Error);
 }
 
 }  // namespace

@@ -33,4 +33,34 @@ inline Lifted lift(const std::vector<float>& features, long t, long channels, co
   return out;
 }
 
+// The gradient by `features` of sum(dmean mean + dvariance variance), both [R^3, C]. By central differences of the
+// above, which are exact here: each channel's loss is a polynomial of degree two in each of its texels.
+inline std::vector<double> lift_gradient(std::vector<float> features, long t, long channels,
+                                         const std::vector<Camera>& cameras, int image, bool half_pixel, int volume,
+                                         const std::vector<float>& dmean, const std::vector<float>& dvariance) {
+  const auto c = static_cast<std::size_t>(channels);
+  const auto losses = [&] {  // of each channel by itself
+    const Lifted l = lift(features, t, channels, cameras, image, half_pixel, volume);
+    std::vector<double> sums(c, 0);
+    for (std::size_t i = 0; i < dmean.size(); ++i)
+      sums[i % c] += static_cast<double>(dmean[i]) * l.mean[i] + static_cast<double>(dvariance[i]) * l.variance[i];
+    return sums;
+  };
+  std::vector<double> gradient;
+  for (std::size_t texel = 0; texel < features.size(); texel += c) {
+    const std::vector<float> at(features.begin() + static_cast<long>(texel),
+                                features.begin() + static_cast<long>(texel + c));
+    std::vector<double> side[2];
+    for (const int s : {0, 1}) {
+      for (std::size_t i = 0; i < c; ++i) features[texel + i] = at[i] + (s ? 1.0f : -1.0f);
+      side[s] = losses();
+    }
+    for (std::size_t i = 0; i < c; ++i) {
+      features[texel + i] = at[i];
+      gradient.push_back((side[1][i] - side[0][i]) / 2);
+    }
+  }
+  return gradient;
+}
+
 }  // namespace vsplat::ref
