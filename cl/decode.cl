@@ -65,3 +65,74 @@ __kernel void decode_adjusted(__global const float* restrict raw, __global const
   for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[i];
   opacities[k] = sigmoid(raw[sh_size]) * in_opacities[p];
 }
+
+// Backward. d*: the loss by the Gaussians, in the forward's rows; draw: by the raw numbers, which is written; neither is raw.
+static inline float sigmoid_slope(float x) { return sigmoid(x) * sigmoid(-x); }
+
+static inline void decode_backward(__global const float* raw, float reach, float scale_shift, int sh_size, long k,
+                                   __global const float* dmeans, __global const float* dscales, __global const float* dquats,
+                                   __global const float* dopacities, __global const float* dsh, __global float* draw) {
+  for (int i = 0; i < 3; ++i) draw[i] = dmeans[3 * k + i] * 2.0f * reach * sigmoid_slope(raw[i]);
+  for (int i = 0; i < sh_size; ++i) draw[3 + i] = dsh[k * sh_size + i];
+  raw += 3 + sh_size;
+  draw += 3 + sh_size;
+  draw[0] = dopacities[k] * sigmoid_slope(raw[0] + OPACITY_SHIFT);
+  for (int i = 0; i < 3; ++i) draw[1 + i] = dscales[3 * k + i] * sigmoid(raw[1 + i] + scale_shift);
+  const float4 q = vload4(0, raw + 4), d = vload4(k, dquats);
+  const float largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));
+  const float4 scaled = q / fmax(largest, 1e-30f);
+  const float length = sqrt(dot(scaled, scaled)), norm = largest * length;
+  if (norm >= 1e-12f) {
+    const float4 unit = scaled / length;
+    vstore4((d - unit * dot(unit, d)) / norm, 0, draw + 4);
+  } else {
+    vstore4(d / 1e-12f, 0, draw + 4);  // divided by a constant, as F.normalize does
+  }
+}
+
+__kernel void decode_coarse_backward(__global const float* restrict raw, __global const float* restrict dmeans,
+                                     __global const float* restrict dscales, __global const float* restrict dquats,
+                                     __global const float* restrict dopacities, __global const float* restrict dsh,
+                                     __global float* restrict draw, int R, int sh_size, float reach, float scale_shift) {
+  const int k = get_global_id(0);
+  if (k >= R * R * R) return;
+  const long row = (long)k * (11 + sh_size);
+  decode_backward(raw + row, reach, scale_shift, sh_size, k, dmeans, dscales, dquats, dopacities, dsh, draw + row);
+}
+
+// dcentres [P,3], to which the means' gradients are added: by a voxel's first work-item, in order.
+__kernel void decode_fine_backward(__global const float* restrict raw, __global const float* restrict dmeans,
+                                   __global const float* restrict dscales, __global const float* restrict dquats,
+                                   __global const float* restrict dopacities, __global const float* restrict dsh,
+                                   __global float* restrict draw, __global float* restrict dcentres, int P, int M, int sh_size,
+                                   float reach, float scale_shift) {
+  const int k = get_global_id(0);
+  if (k >= P * M) return;
+  const long row = (long)k * (11 + sh_size);
+  decode_backward(raw + row, reach, scale_shift, sh_size, k, dmeans, dscales, dquats, dopacities, dsh, draw + row);
+  if (k % M) return;
+  float3 sum = vload3(k, dmeans);
+  for (int m = 1; m < M; ++m) sum += vload3(k + m, dmeans);
+  vstore3(vload3(k / M, dcentres) + sum, k / M, dcentres);
+}
+
+// to_*: the loss by the skeleton's Gaussians, added to.
+__kernel void decode_adjusted_backward(__global const float* restrict raw, __global const float* restrict in_opacities,
+                                       __global const float* restrict dmeans, __global const float* restrict dscales,
+                                       __global const float* restrict dquats, __global const float* restrict dopacities,
+                                       __global const float* restrict dsh, __global float* restrict draw,
+                                       __global float* restrict to_means, __global float* restrict to_scales,
+                                       __global float* restrict to_quats, __global float* restrict to_opacities, int P, int sh_size,
+                                       int row0) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const long k = (long)row0 + p;
+  raw += (long)p * (sh_size + 1);
+  draw += (long)p * (sh_size + 1);
+  vstore3(vload3(p, to_means) + vload3(k, dmeans), p, to_means);
+  vstore3(vload3(p, to_scales) + vload3(k, dscales), p, to_scales);
+  vstore4(vload4(p, to_quats) + vload4(k, dquats), p, to_quats);
+  for (int i = 0; i < sh_size; ++i) draw[i] = dsh[k * sh_size + i];
+  draw[sh_size] = dopacities[k] * in_opacities[p] * sigmoid_slope(raw[sh_size]);
+  to_opacities[p] += dopacities[k] * sigmoid(raw[sh_size]);
+}

@@ -27,6 +27,27 @@ __kernel void select_fwd(__global const float* restrict logits, __global const f
   flags[i] = chosen ? 1u : 0u;
 }
 
+// Backward: drefined is the loss by refined; dlogits [n] (may be null) and dopacities are written; dopacities may be drefined.
+// Variant 3's factor has its own derivative taken for that of sigmoid(logit); variant 4 has none by the logit.
+__kernel void select_backward(__global const float* restrict logits, __global const float* restrict noise,
+                              __global const float* restrict opacities, __global const float* drefined,
+                              __global float* restrict dlogits, __global float* dopacities, int n, int variant, float temperature) {
+  const int i = get_global_id(0);
+  if (i >= n) return;
+  const float d = drefined[i];
+  float factor = 1.0f, slope = 0.0f;
+  if (variant != 4) {
+    float x = logits[i];
+    if (variant == 1) x = (noise ? x + noise[i] : x) / temperature;
+    factor = sigmoid(x);
+    slope = factor * sigmoid(-x);
+    if (variant == 1) slope /= temperature;
+    if (variant == 3) factor = factor > 0.5f ? 1.0f : 0.0f;
+  }
+  if (dlogits) dlogits[i] = d * opacities[i] * slope;
+  dopacities[i] = d * factor;
+}
+
 // The difference of two Gumbel variables, which is logistic: log(u) - log(1 - u) with u of counter {voxel, step, stream, 0}.
 __kernel void select_noise(__global float* restrict noise, int n, uint step, uint stream, uint key_low, uint key_high) {
   const int i = get_global_id(0);

@@ -10,6 +10,17 @@ int DeviceGaussians::sh_degree() const {
   return sh ? static_cast<int>(std::lround(std::sqrt(static_cast<double>(sh.dim(1))))) - 1 : 0;
 }
 
+GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree) {
+  const auto zeros = [&](const Shape& shape, const char* what) {
+    Tensor out = ctx.tensor(shape, Type::f32, what);
+    ctx.fill_zero(out);
+    return out;
+  };
+  return {zeros({count, 3}, "gradient.means"), zeros({count, 3}, "gradient.scales"),
+          zeros({count, 4}, "gradient.quats"), zeros({count}, "gradient.opacities"),
+          zeros({count, static_cast<long>(sh_degree + 1) * (sh_degree + 1), 3}, "gradient.sh")};
+}
+
 Gaussians download(Context& ctx, const DeviceGaussians& g) {
   Gaussians out;
   out.count = static_cast<std::size_t>(g.count());

@@ -32,7 +32,18 @@ struct DeviceGaussians {
   int sh_degree() const;
 };
 
+// A loss's derivatives by Gaussians, shaped as they are.
+struct GaussianGradients {
+  Tensor means;      // f32 [K,3]
+  Tensor scales;     // f32 [K,3]
+  Tensor quats;      // f32 [K,4], by the quaternions as given, of whatever length
+  Tensor opacities;  // f32 [K]
+  Tensor sh;         // f32 [K,S,3]
+};
+
 class Context;
+// Of `count` Gaussians.
+GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree);
 Gaussians download(Context& ctx, const DeviceGaussians& g);
 DeviceGaussians upload(Context& ctx, const Gaussians& g);
 // `n` of them from `first` on.

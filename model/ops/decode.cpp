@@ -14,7 +14,8 @@ float scale_shift(long volume) {
   return static_cast<float>(std::log(std::expm1(1.0 / (6.0 * static_cast<double>(volume)))));
 }
 
-Dims& bind(Dims& d, const DeviceGaussians& g, const std::string& name, const std::string& k) {
+template <class Tensors>  // DeviceGaussians or GaussianGradients
+Dims& bind(Dims& d, const Tensors& g, const std::string& name, const std::string& k) {
   d.bind(name + ".means", g.means, {k, "3"})
       .bind(name + ".scales", g.scales, {k, "3"})
       .bind(name + ".quats", g.quats, {k, "4"});
@@ -22,6 +23,7 @@ Dims& bind(Dims& d, const DeviceGaussians& g, const std::string& name, const std
 }
 
 Cost cost_of(double gaussians, double numbers) { return {gaussians * 60, gaussians * numbers * 8}; }
+Cost backward_cost(double gaussians, double numbers) { return {gaussians * 100, gaussians * numbers * 12}; }
 
 }  // namespace
 
@@ -48,6 +50,19 @@ void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a) {
              0.25f / static_cast<float>(r), scale_shift(r));
 }
 
+void decode_coarse_backward(Context& ctx, const DecodeCoarseBackward& a) {
+  const long r = a.volume, n = r * r * r;
+  Dims d;
+  d.set("R^3", n);
+  bind(d, a.dout, "dout", "R^3");
+  const long sh = 3 * d["S"];
+  d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"}).bind("draw", a.draw, {"R^3", "A"});
+  ctx.launch({"decode", "decode_coarse_backward", ""}, items(n, kLocal),
+             backward_cost(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.dout.means, a.dout.scales,
+             a.dout.quats, a.dout.opacities, a.dout.sh, a.draw, static_cast<int>(r), static_cast<int>(sh),
+             0.25f / static_cast<float>(r), scale_shift(r));
+}
+
 void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {
   Dims d;
   bind(d, a.out, "out", "K");
@@ -58,6 +73,19 @@ void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {
   ctx.launch({"decode", "decode_fine", ""}, items(n, kLocal),
              cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.centres, a.div_offset, a.out.means,
              a.out.scales, a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(p), static_cast<int>(m),
+             static_cast<int>(sh), 0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
+}
+
+void decode_fine_backward(Context& ctx, const DecodeFineBackward& a) {
+  Dims d;
+  bind(d, a.dout, "dout", "K");
+  d.bind("dcentres", a.dcentres, {"P", "3"}).bind("raw", a.raw, {"P", "M A"}).bind("draw", a.draw, {"P", "M A"});
+  const long sh = 3 * d["S"], p = d["P"], m = d["M A"] / (11 + sh), n = p * m;
+  d.set("M A", m * (11 + sh));
+  if (d["K"] < n) fail(Status::internal, "decode: gradients of {} Gaussians expected, {} found", n, d["K"]);
+  ctx.launch({"decode", "decode_fine_backward", ""}, items(n, kLocal),
+             backward_cost(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.dout.means, a.dout.scales,
+             a.dout.quats, a.dout.opacities, a.dout.sh, a.draw, a.dcentres, static_cast<int>(p), static_cast<int>(m),
              static_cast<int>(sh), 0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
 }
 
@@ -74,6 +102,24 @@ void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a) {
              cost_of(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.skeleton.means, a.skeleton.scales,
              a.skeleton.quats, a.skeleton.opacities, a.out.means, a.out.scales, a.out.quats, a.out.opacities, a.out.sh,
              static_cast<int>(p), static_cast<int>(sh), static_cast<int>(a.row0));
+}
+
+void decode_adjusted_backward(Context& ctx, const DecodeAdjustedBackward& a) {
+  Dims d;
+  bind(d, a.dout, "dout", "K");
+  d.bind("opacities", a.opacities, {"P"}).bind("dskeleton.means", a.dskeleton.means, {"P", "3"});
+  d.bind("dskeleton.scales", a.dskeleton.scales, {"P", "3"}).bind("dskeleton.quats", a.dskeleton.quats, {"P", "4"});
+  d.bind("dskeleton.opacities", a.dskeleton.opacities, {"P"});
+  const long sh = 3 * d["S"], p = d["P"];
+  d.set("update", sh + 1).bind("raw", a.raw, {"P", "update"}).bind("draw", a.draw, {"P", "update"});
+  if (a.row0 < 0 || d["K"] < a.row0 + p) {
+    fail(Status::internal, "decode: rows {} to {} of {}", a.row0, a.row0 + p, a.dout.means.describe());
+  }
+  ctx.launch({"decode", "decode_adjusted_backward", ""}, items(p, kLocal),
+             backward_cost(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.opacities, a.dout.means,
+             a.dout.scales, a.dout.quats, a.dout.opacities, a.dout.sh, a.draw, a.dskeleton.means, a.dskeleton.scales,
+             a.dskeleton.quats, a.dskeleton.opacities, static_cast<int>(p), static_cast<int>(sh),
+             static_cast<int>(a.row0));
 }
 
 }  // namespace vsplat

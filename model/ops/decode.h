@@ -16,6 +16,14 @@ struct DecodeCoarseForward {
 };
 void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a);
 
+struct DecodeCoarseBackward {
+  Tensor raw;              // [R^3, A], as forward had it
+  long volume = 0;         // R
+  GaussianGradients dout;  // R^3
+  Tensor draw;             // [R^3, A], not raw; written
+};
+void decode_coarse_backward(Context& ctx, const DecodeCoarseBackward& a);
+
 // M per selected voxel, within an eighth of a voxel of coarse centre + div_offset: Gaussian p M + m of `out`.
 struct DecodeFineForward {
   Tensor raw;           // [P, M A]
@@ -26,6 +34,15 @@ struct DecodeFineForward {
 };
 void decode_fine_forward(Context& ctx, const DecodeFineForward& a);
 
+struct DecodeFineBackward {
+  Tensor raw;              // [P, M A], as forward had it
+  long volume = 0;         // R
+  GaussianGradients dout;  // at least P M; the first are read
+  Tensor draw;             // [P, M A], not raw; written
+  Tensor dcentres;         // [P, 3], added to
+};
+void decode_fine_backward(Context& ctx, const DecodeFineBackward& a);
+
 // The skeleton with new SH and opacity = sigmoid(factor) * its opacity; the rest is copied.
 struct DecodeAdjustedForward {
   Tensor raw;                // [P, 3S + 1]: SH, factor
@@ -34,5 +51,15 @@ struct DecodeAdjustedForward {
   DeviceGaussians out;  // Gaussians row0 .. row0 + P - 1 are written
 };
 void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a);
+
+struct DecodeAdjustedBackward {
+  Tensor raw;        // [P, 3S + 1], as forward had it
+  Tensor opacities;  // [P]: the skeleton's
+  long row0 = 0;
+  GaussianGradients dout;       // Gaussians row0 .. row0 + P - 1 are read
+  Tensor draw;                  // [P, 3S + 1], not raw; written
+  GaussianGradients dskeleton;  // P, added to; nothing depends on its SH, which may be none
+};
+void decode_adjusted_backward(Context& ctx, const DecodeAdjustedBackward& a);
 
 }  // namespace vsplat

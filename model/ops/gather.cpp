@@ -3,6 +3,17 @@
 #include "runtime/shape_check.h"
 
 namespace vsplat {
+namespace {
+
+// [K, ..] as [K, C]; none as it is.
+Tensor rows_of(const Tensor& x) {
+  if (!x) return x;
+  long c = 1;
+  for (std::size_t i = 1; i < x.rank(); ++i) c *= x.dim(i);
+  return x.reshaped({x.dim(0), c});
+}
+
+}  // namespace
 
 void gather_forward(Context& ctx, const GatherForward& a) {
   Dims d;
@@ -31,12 +42,11 @@ void gather_backward(Context& ctx, const GatherBackward& a) {
 }
 
 DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
-  const long k = g.count(), p = index.dim(0);
+  const long p = index.dim(0);
   const auto rows = [&](const Tensor& x, const Shape& shape, const char* what) {
-    const long c = x.rank() == 1 ? 1 : x.rank() == 2 ? x.dim(1) : x.dim(1) * x.dim(2);
-    const Tensor out = ctx.tensor({p, c}, Type::f32, what);
-    gather_forward(ctx, {x.reshaped({k, c}), index, out});
-    return out.reshaped(shape);
+    const Tensor out = ctx.tensor(shape, Type::f32, what);
+    gather_forward(ctx, {rows_of(x), index, rows_of(out)});
+    return out;
   };
   DeviceGaussians out;
   out.means = rows(g.means, {p, 3}, "gather.means");
@@ -45,6 +55,20 @@ DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& ind
   out.opacities = rows(g.opacities, {p}, "gather.opacities");
   out.sh = rows(g.sh, {p, g.sh.dim(1), 3}, "gather.sh");
   return out;
+}
+
+void gather_backward(Context& ctx, const GaussianGradients& dout, const Tensor& index, const GaussianGradients& dx) {
+  const auto rows = [&](const Tensor& from, const Tensor& to) {
+    if (!from) return;
+    const Tensor source = rows_of(from), target = rows_of(to);
+    Dims().bind("dout", source, {"P", "C"}).bind("dx", target, {"N", "C"});  // whole rows
+    gather_backward(ctx, {source, index, target});
+  };
+  rows(dout.means, dx.means);
+  rows(dout.scales, dx.scales);
+  rows(dout.quats, dx.quats);
+  rows(dout.opacities, dx.opacities);
+  rows(dout.sh, dx.sh);
 }
 
 }  // namespace vsplat

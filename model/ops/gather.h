@@ -23,5 +23,8 @@ void gather_backward(Context& ctx, const GatherBackward& a);
 
 // The Gaussians of the given indices.
 DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index);
+// What is not none of `dout` [P, ..] is added to the rows of `dx` [N, ..] that `index` names, no two of which are
+// equal.
+void gather_backward(Context& ctx, const GaussianGradients& dout, const Tensor& index, const GaussianGradients& dx);
 
 }  // namespace vsplat

@@ -9,17 +9,6 @@ constexpr long kSumBlock = 512;  // Gaussians whose twists one work-item sums
 
 }  // namespace
 
-GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree) {
-  const auto zeros = [&](const Shape& shape, const char* what) {
-    Tensor out = ctx.tensor(shape, Type::f32, what);
-    ctx.fill_zero(out);
-    return out;
-  };
-  return {zeros({count, 3}, "gradient.means"), zeros({count, 3}, "gradient.scales"),
-          zeros({count, 4}, "gradient.quats"), zeros({count}, "gradient.opacities"),
-          zeros({count, static_cast<long>(sh_degree + 1) * (sh_degree + 1), 3}, "gradient.sh")};
-}
-
 void project_backward(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, bool mirrored,
                       const Projected& visible, const Tensor& offsets, const IntersectionGradients& intersections,
                       const GaussianGradients& out, const Tensor& twists) {

@@ -5,17 +5,6 @@
 
 namespace vsplat {
 
-// A loss's derivatives by Gaussians, shaped as they are.
-struct GaussianGradients {
-  Tensor means;      // f32 [K,3]
-  Tensor scales;     // f32 [K,3]
-  Tensor quats;      // f32 [K,4], by the quaternions as given, of whatever length
-  Tensor opacities;  // f32 [K]
-  Tensor sh;         // f32 [K,S,3]
-};
-// Of `count` Gaussians.
-GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree);
-
 // Adds to `out` what the rows of `intersections` say of a chunk of the scene, whose first Gaussian is the scene's
 // `base`. `view` of upload_views' [V,32], `mirrored` where those were given a mirror point; offsets as Binned has them.
 // `twists`, where it is not none: f32 [N,6], a row for each of the N visible Gaussians, of which the chunk's are

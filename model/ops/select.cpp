@@ -4,6 +4,15 @@
 #include "runtime/shape_check.h"
 
 namespace vsplat {
+namespace {
+
+void check_temperature(Selection selection, float temperature) {
+  if (selection == Selection::gumbel && !(temperature > 0)) {
+    fail(Status::usage, "the selection's temperature is {}; it must be above 0", temperature);
+  }
+}
+
+}  // namespace
 
 Selection selection_of(const std::string& name) {
   if (name == "gumbel") return Selection::gumbel;
@@ -17,14 +26,24 @@ void select_forward(Context& ctx, const SelectForward& a) {
   Dims d;
   d.bind("logits", a.logits, {"n"}).bind_optional("noise", a.noise, {"n"}).bind("opacities", a.opacities, {"n"});
   d.bind("factor", a.factor, {"n"}).bind("refined", a.refined, {"n"}).bind("flags", a.flags, {"n"}, Type::u32);
-  if (a.selection == Selection::gumbel && !(a.temperature > 0)) {
-    fail(Status::usage, "the selection's temperature is {}; it must be above 0", a.temperature);
-  }
+  check_temperature(a.selection, a.temperature);
   const long n = d["n"];
   const auto count = static_cast<double>(n);
   ctx.launch({"select", "select_fwd", ""}, items(n, 64), {10 * count, 24 * count}, a.logits, a.noise, a.opacities,
              a.factor, a.refined, a.flags, static_cast<int>(n), static_cast<int>(a.selection), a.temperature,
              a.opacity_threshold);
+}
+
+void select_backward(Context& ctx, const SelectBackward& a) {
+  Dims d;
+  d.bind("logits", a.logits, {"n"}).bind_optional("noise", a.noise, {"n"}).bind("opacities", a.opacities, {"n"});
+  d.bind("drefined", a.drefined, {"n"}).bind_optional("dlogits", a.dlogits, {"n"});
+  d.bind("dopacities", a.dopacities, {"n"});
+  check_temperature(a.selection, a.temperature);
+  const long n = d["n"];
+  const auto count = static_cast<double>(n);
+  ctx.launch({"select", "select_backward", ""}, items(n, 64), {12 * count, 24 * count}, a.logits, a.noise, a.opacities,
+             a.drefined, a.dlogits, a.dopacities, static_cast<int>(n), static_cast<int>(a.selection), a.temperature);
 }
 
 void logistic_noise(Context& ctx, const Tensor& noise, std::uint64_t seed, std::uint32_t step, std::uint32_t stream) {

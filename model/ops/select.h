@@ -23,6 +23,18 @@ struct SelectForward {
 };
 void select_forward(Context& ctx, const SelectForward& a);
 
+// Which voxels are selected has no derivative. "ste", whose factor is 0 or 1, takes that of sigmoid(logit) for the
+// factor's.
+struct SelectBackward {
+  Tensor logits, noise, opacities;  // [n], as forward had them
+  Selection selection = Selection::gumbel;
+  float temperature = 0.1f;
+  Tensor drefined;    // [n]: the loss by forward's refined
+  Tensor dlogits;     // [n], written; or none. "opacity": 0
+  Tensor dopacities;  // [n], written; may be drefined
+};
+void select_backward(Context& ctx, const SelectBackward& a);
+
 // Logistic noise (the difference of two Gumbel variables). The same for equal seed, step and stream on every device, up
 // to the rounding of its logarithms.
 void logistic_noise(Context& ctx, const Tensor& noise /* [n] */, std::uint64_t seed, std::uint32_t step,

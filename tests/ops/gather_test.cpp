@@ -75,6 +75,49 @@ TEST_P(Gather, Gaussians) {
   EXPECT_EQ(gather(ctx(), all, ctx().tensor({0}, Type::i32)).count(), 0);
 }
 
+TEST_P(Gather, BackwardOfGaussians) {
+  const std::vector<int> index = {8, 2, 3};
+  const Tensor rows = ctx().upload({3}, index, Type::i32);
+  const auto field = [&](const Shape& shape, std::size_t k, std::uint32_t seed) {
+    Shape whole = shape;
+    whole.insert(whole.begin(), static_cast<long>(k));
+    std::size_t n = k;
+    for (const long size : shape) n *= static_cast<std::size_t>(size);
+    return ctx().upload(whole, test::random_floats(n, seed));
+  };
+  const auto make = [&](std::size_t k, std::uint32_t seed) {
+    return GaussianGradients{field({3}, k, seed), field({3}, k, seed + 1), field({4}, k, seed + 2),
+                             field({}, k, seed + 3), field({4, 3}, k, seed + 4)};
+  };
+  const auto parts = [](const GaussianGradients& g) {
+    return std::vector<Tensor>{g.means, g.scales, g.quats, g.opacities, g.sh};
+  };
+  const auto check = [&](const GaussianGradients& from, const GaussianGradients& to) {
+    std::vector<std::vector<float>> want;
+    for (std::size_t part = 0; part < 5; ++part) {
+      want.push_back(ctx().read<float>(parts(to)[part]));
+      if (!parts(from)[part]) continue;
+      const std::vector<float> added = ctx().read<float>(parts(from)[part]);
+      const std::size_t c = added.size() / index.size();
+      for (std::size_t i = 0; i < added.size(); ++i)
+        want.back()[static_cast<std::size_t>(index[i / c]) * c + i % c] += added[i];
+    }
+    gather_backward(ctx(), from, rows, to);
+    for (std::size_t part = 0; part < 5; ++part) EXPECT_EQ(ctx().read<float>(parts(to)[part]), want[part]) << part;
+  };
+  GaussianGradients from = make(3, 71);
+  const GaussianGradients to = make(9, 81);
+  check(from, to);
+  from.sh = {};
+  check(from, to);
+  from = zero_gradients(ctx(), 0, 1);
+  const std::vector<float> before = ctx().read<float>(to.means);
+  gather_backward(ctx(), from, ctx().tensor({0}, Type::i32), to);
+  EXPECT_EQ(ctx().read<float>(to.means), before);
+  EXPECT_THROW(gather_backward(ctx(), make(3, 71), rows, zero_gradients(ctx(), 9, 0)), Error);  // another S
+  EXPECT_THROW(gather_backward(ctx(), make(3, 71), rows, {}), Error);
+}
+
 TEST_P(Gather, RejectsBadShape) {
   const Tensor index = ctx().tensor({2}, Type::i32);
   EXPECT_THROW(gather_forward(ctx(), {ctx().tensor({4, 3}), index, ctx().tensor({2, 4}), 2}), Error);

@@ -13,8 +13,8 @@ struct GaussianLists {
 inline double logistic(double x) { return 1 / (1 + std::exp(-x)); }
 
 // Appends the Gaussian that `raw` (11 + sh_size numbers) means.
-inline void decode(const float* raw, const double anchor[3], double reach, double voxel, long sh_size,
-                   GaussianLists& out) {
+template <class Number>
+void decode(const Number* raw, const double anchor[3], double reach, double voxel, long sh_size, GaussianLists& out) {
   for (int i = 0; i < 3; ++i) out.means.push_back(anchor[i] + (2 * logistic(raw[i]) - 1) * reach);
   for (long i = 0; i < sh_size; ++i) out.sh.push_back(raw[3 + i]);
   raw += 3 + sh_size;
@@ -24,6 +24,29 @@ inline void decode(const float* raw, const double anchor[3], double reach, doubl
   for (int i = 0; i < 4; ++i) norm += static_cast<double>(raw[4 + i]) * raw[4 + i];
   norm = std::max(std::sqrt(norm), 1e-12);
   for (int i = 0; i < 4; ++i) out.quats.push_back(raw[4 + i] / norm);
+}
+
+// Appends the loss by the 11 + sh_size raw numbers, where `d` has that by each Gaussian, of which this is number k.
+template <class Number>
+void decode_backward(const Number* raw, double reach, double voxel, long sh_size, const GaussianLists& d, std::size_t k,
+                     std::vector<double>& out) {
+  const auto slope = [](double x) { return std::exp(-std::abs(x)) / std::pow(1 + std::exp(-std::abs(x)), 2); };
+  const auto sh = static_cast<std::size_t>(sh_size);
+  for (std::size_t i = 0; i < 3; ++i) out.push_back(d.means[3 * k + i] * 2 * reach * slope(raw[i]));
+  for (std::size_t i = 0; i < sh; ++i) out.push_back(d.sh[sh * k + i]);
+  raw += 3 + sh_size;
+  out.push_back(d.opacities[k] * slope(raw[0] - 2.1792));
+  for (std::size_t i = 0; i < 3; ++i)
+    out.push_back(d.scales[3 * k + i] * logistic(raw[1 + i] + std::log(std::expm1(voxel / 6))));
+  double square = 0, along = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    square += static_cast<double>(raw[4 + i]) * raw[4 + i];
+    along += d.quats[4 * k + i] * raw[4 + i];
+  }
+  const bool unit = std::sqrt(square) >= 1e-12;  // else divided by this
+  for (std::size_t i = 0; i < 4; ++i)
+    out.push_back(unit ? (d.quats[4 * k + i] - raw[4 + i] * along / square) / std::sqrt(square)
+                       : d.quats[4 * k + i] / 1e-12);
 }
 
 }  // namespace vsplat::ref
