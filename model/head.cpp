@@ -5,7 +5,7 @@
 
 namespace vsplat {
 
-CoarseHeads::CoarseHeads(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+CoarseHeads::CoarseHeads(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "predictor.");
   act_predictor_ = load_mlp3(load, "act_predictor", config.volume_ch, 1);
   coarse_predictor_ = load_mlp3(load, "coarse_predictor", config.volume_ch, config.primitive_size());
@@ -27,7 +27,7 @@ CoarseHeads::Output CoarseHeads::forward(Context& ctx, const Tensor& volume) con
   return out;
 }
 
-FineHeads::FineHeads(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+FineHeads::FineHeads(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "predictor.");
   fine_predictor_ = load_mlp3(load, "fine_predictor", config.fine_dim, config.fine_count * config.primitive_size());
   update_predictor_ = load_mlp3(load, "update_predictor", config.fine_dim, 1 + 3 * config.sh_count());

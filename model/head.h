@@ -10,7 +10,7 @@ namespace vsplat {
 class CoarseHeads {
  public:
   // Takes "predictor.act_predictor.*" and "predictor.coarse_predictor.*".
-  CoarseHeads(Context& ctx, const Config& config, const Weights& weights);
+  CoarseHeads(Context& ctx, const Config& config, const WeightSource& weights);
 
   struct Output {
     Tensor logits;              // [R^3]
@@ -27,7 +27,7 @@ class CoarseHeads {
 class FineHeads {
  public:
   // Takes "predictor.fine_predictor.*", "predictor.update_predictor.*" and "div_offset".
-  FineHeads(Context& ctx, const Config& config, const Weights& weights);
+  FineHeads(Context& ctx, const Config& config, const WeightSource& weights);
 
   // refined [P, fine_dim], the skeleton's P Gaussians with refined opacity -> M P fine ones, voxel by voxel, then the P
   // adjusted ones.

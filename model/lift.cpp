@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "model/ops/lift.h"
-#include "model/upload_weights.h"
 
 namespace vsplat {
 namespace {
@@ -13,7 +12,7 @@ constexpr long kBlock = 8192;
 
 }  // namespace
 
-Lifting::Lifting(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+Lifting::Lifting(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "volume_network.conv_in.0.");
   const long c = config.vit_dim, wide = 4L * config.volume_ch;
   mean_ = load.linear_part("weight", {wide, 2 * c, 1, 1, 1}, 0, c);

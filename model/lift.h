@@ -4,7 +4,7 @@
 #pragma once
 #include "model/config.h"
 #include "model/device_cameras.h"
-#include "model/weights.h"
+#include "model/upload_weights.h"
 #include "runtime/gemm.h"
 
 namespace vsplat {
@@ -12,7 +12,7 @@ namespace vsplat {
 class Lifting {
  public:
   // Takes "volume_network.conv_in.0.*".
-  Lifting(Context& ctx, const Config& config, const Weights& weights);
+  Lifting(Context& ctx, const Config& config, const WeightSource& weights);
 
   // features [V, t, t, C] -> [R^3, 4 C~], x slowest: the convolution of (mean, biased variance) over the views.
   Tensor forward(Context& ctx, const Tensor& features, const DeviceCameras& cameras) const;

@@ -2,11 +2,10 @@
 
 #include "model/ops/layernorm.h"
 #include "model/ops/plucker.h"
-#include "model/upload_weights.h"
 
 namespace vsplat {
 
-PoseModulation::PoseModulation(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+PoseModulation::PoseModulation(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "dir_norm.");
   const long c = config.vit_dim;
   gamma_ = load.tensor("norm.weight", {c});

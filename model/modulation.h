@@ -2,7 +2,7 @@
 #pragma once
 #include "model/config.h"
 #include "model/device_cameras.h"
-#include "model/weights.h"
+#include "model/upload_weights.h"
 #include "runtime/gemm.h"
 
 namespace vsplat {
@@ -10,7 +10,7 @@ namespace vsplat {
 class PoseModulation {
  public:
   // Takes "dir_norm.*".
-  PoseModulation(Context& ctx, const Config& config, const Weights& weights);
+  PoseModulation(Context& ctx, const Config& config, const WeightSource& weights);
 
   // tokens [V, 1 + t t, C] with the class token, which is dropped -> features [V, t, t, C]:
   // LayerNorm(x) (1 + scale) + shift, (shift, scale) = MLP(spherical harmonics of the ray's direction and moment).

@@ -158,6 +158,14 @@ std::vector<Parameter> parameters(const Config& config) {
   return list.take();
 }
 
+bool is_used(const Config& config, const std::string& name) {
+  const auto begins = [&](const char* with) { return name.rfind(with, 0) == 0; };
+  if (begins("predictor.act_predictor.")) return config.levels != "coarse" && config.selection != "opacity";
+  if (begins("voxel_network.") || begins("predictor.fine_predictor.") || begins("predictor.update_predictor."))
+    return config.levels == "fine";
+  return true;
+}
+
 long parameter_count(const Config& config) {
   long n = 0;
   for (const Parameter& parameter : parameters(config))

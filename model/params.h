@@ -33,6 +33,10 @@ struct Parameter {
 // value of `selection` and `levels`.
 std::vector<Parameter> parameters(const Config& config);
 
+// Whether the result of `levels` and `selection` can depend on a parameter at all. One that it cannot is not touched by
+// training: no decay either.
+bool is_used(const Config& config, const std::string& name);
+
 // Of what is trained.
 long parameter_count(const Config& config);
 

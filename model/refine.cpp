@@ -11,15 +11,15 @@ namespace {
 
 // A submanifold convolution of `in`, whose rows are the active voxels; `map` none for a 1x1x1. residual and out may be
 // the same.
-Tensor conv(Context& ctx, const ConvWeights& weights, RowSource in, const Tensor& map, const char* name,
-            const Tensor& residual = {}) {
+Tensor convolve(Context& ctx, const Conv& conv, RowSource in, const Tensor& map, const char* name,
+                const Tensor& residual = {}) {
   Gemm g;
   g.a = std::move(in);
   g.a.map = map;
-  g.b = &weights.w;
-  g.bias = weights.bias;
+  g.b = &conv.w.w;
+  g.bias = conv.w.bias;
   g.residual = residual;
-  g.out = residual ? residual : ctx.tensor({g.a.x0.dim(0), weights.cout}, Type::f32, name);
+  g.out = residual ? residual : ctx.tensor({g.a.x0.dim(0), conv.w.cout}, Type::f32, name);
   g.name = name;
   gemm(ctx, g);
   return g.out;
@@ -27,7 +27,7 @@ Tensor conv(Context& ctx, const ConvWeights& weights, RowSource in, const Tensor
 
 }  // namespace
 
-Refinement::Refinement(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+Refinement::Refinement(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "voxel_network.");
   const long ch = config.voxel_ch, extra = config.projected_ch(), k = config.refine_out_kernel;
   comp_linear_ = load_linear(load, "comp_linear", extra + config.volume_ch + kPositionEncoding, ch);
@@ -81,14 +81,14 @@ Refinement::Output Refinement::forward(Context& ctx, const Input& in) const {
   {
     RowSource x;
     x.x0 = std::move(h);
-    h = conv(ctx, conv_in_, x, map, "conv_in");
+    h = convolve(ctx, conv_in_, x, map, "conv_in");
   }
   for (const ResBlock& block : blocks_) {
-    const Tensor inner = conv(ctx, block.conv1, norm_silu(ctx, block.norm1, h), map, "res.conv1");
-    conv(ctx, block.conv2, norm_silu(ctx, block.norm2, inner), map, "res.conv2", h);
+    const Tensor inner = convolve(ctx, block.conv1, norm_silu(ctx, block.norm1, h), map, "res.conv1");
+    convolve(ctx, block.conv2, norm_silu(ctx, block.norm2, inner), map, "res.conv2", h);
   }
-  out.refined = conv(ctx, conv_out_, norm_silu(ctx, norm_out_, h, out.projected),
-                     config_.refine_out_kernel == 1 ? Tensor() : map, "conv_out");
+  out.refined = convolve(ctx, conv_out_, norm_silu(ctx, norm_out_, h, out.projected),
+                         config_.refine_out_kernel == 1 ? Tensor() : map, "conv_out");
   return out;
 }
 

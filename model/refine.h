@@ -12,7 +12,7 @@ namespace vsplat {
 class Refinement {
  public:
   // Takes "voxel_network.*".
-  Refinement(Context& ctx, const Config& config, const Weights& weights);
+  Refinement(Context& ctx, const Config& config, const WeightSource& weights);
 
   struct Input {
     Tensor volume;    // [R^3, C~], the volume network's
@@ -31,12 +31,12 @@ class Refinement {
   // norm-SiLU-conv, norm-SiLU-conv, plus x.
   struct ResBlock {
     GroupNorm norm1, norm2;
-    ConvWeights conv1, conv2;
+    Conv conv1, conv2;
   };
 
   Config config_;
   Linear comp_linear_;
-  ConvWeights conv_in_, conv_out_;
+  Conv conv_in_, conv_out_;
   std::vector<ResBlock> blocks_;
   GroupNorm norm_out_;
 };

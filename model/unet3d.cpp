@@ -8,25 +8,25 @@
 namespace vsplat {
 namespace {
 
-Tensor conv(Context& ctx, const ConvWeights& weights, const RowSource& in, long edge, const char* name,
-            const Tensor& residual = {}, const Tensor& out = {}) {
+Tensor convolve(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
+                const Tensor& residual = {}, const Tensor& out = {}) {
   Conv3d c;
   c.in = in;
   c.x = c.y = c.z = edge;
-  c.weights = &weights;
+  c.weights = &conv.w;
   c.residual = residual;
-  c.out = out ? out : ctx.tensor({edge * edge * edge, weights.cout}, Type::f32, name);
+  c.out = out ? out : ctx.tensor({edge * edge * edge, conv.w.cout}, Type::f32, name);
   c.name = name;
   conv3d(ctx, c);
   return c.out;
 }
 
-Tensor downsample(Context& ctx, const ConvWeights& weights, const Tensor& x, long edge) {
+Tensor downsample(Context& ctx, const Conv& conv, const Tensor& x, long edge) {
   Conv3dDown c;
   c.in.x0 = x;
   c.in.map = conv3d_down_map(ctx, edge, edge, edge);
-  c.weights = &weights;
-  c.out = ctx.tensor({edge / 2 * (edge / 2) * (edge / 2), weights.cout}, Type::f32, "downsample.conv");
+  c.weights = &conv.w;
+  c.out = ctx.tensor({edge / 2 * (edge / 2) * (edge / 2), conv.w.cout}, Type::f32, "downsample.conv");
   c.name = "downsample.conv";
   conv3d_down(ctx, c);
   return c.out;
@@ -40,7 +40,7 @@ Tensor upsample(Context& ctx, const Tensor& x, long edge) {
 
 }  // namespace
 
-VolumeNetwork::VolumeNetwork(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+VolumeNetwork::VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "volume_network.");
   const long ch = config.volume_ch;
   const auto levels = config.volume_mult.size();
@@ -87,7 +87,7 @@ VolumeNetwork::ResBlock VolumeNetwork::load_res(const WeightLoader& weights, con
 }
 
 Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge) const {
-  const Tensor h = conv(ctx, block.conv1, norm_silu(ctx, block.norm1, x0, x1), edge, "res.conv1");
+  const Tensor h = convolve(ctx, block.conv1, norm_silu(ctx, block.norm1, x0, x1), edge, "res.conv1");
   Tensor residual = x0, out;
   if (block.shortcut.bias) {
     RowSource x;
@@ -95,7 +95,7 @@ Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor
     x.x1 = std::move(x1);
     residual = out = linear(ctx, block.shortcut, x, "res.nin_shortcut");
   }
-  return conv(ctx, block.conv2, norm_silu(ctx, block.norm2, h), edge, "res.conv2", residual, out);
+  return convolve(ctx, block.conv2, norm_silu(ctx, block.norm2, h), edge, "res.conv2", residual, out);
 }
 
 Tensor VolumeNetwork::forward(Context& ctx, Tensor volume) const {
@@ -103,12 +103,12 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume) const {
   const long ch = config_.volume_ch;
   Dims().set("R^3", config_.voxels()).set("C", 4 * ch).bind("volume", volume, {"R^3", "C"});
   long edge = config_.volume;
-  Tensor h = conv(ctx, conv_in_, norm_silu(ctx, norm_in_, std::exchange(volume, {})), edge, "conv_in.3");
+  Tensor h = convolve(ctx, conv_in_, norm_silu(ctx, norm_in_, std::exchange(volume, {})), edge, "conv_in.3");
   std::vector<Tensor> skips = {h};
   for (const Down& level : down_) {
     h = res(ctx, level.res, std::move(h), {}, edge);
     skips.push_back(h);
-    if (level.downsample.bias) {
+    if (level.downsample.w.bias) {
       h = downsample(ctx, level.downsample, h, edge);
       edge /= 2;
       skips.push_back(h);
@@ -126,7 +126,7 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume) const {
       edge *= 2;
     }
   }
-  return conv(ctx, conv_out_, norm_silu(ctx, norm_out_, std::exchange(h, {})), edge, "conv_out");
+  return convolve(ctx, conv_out_, norm_silu(ctx, norm_out_, std::exchange(h, {})), edge, "conv_out");
 }
 
 }  // namespace vsplat

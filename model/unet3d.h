@@ -10,7 +10,7 @@ namespace vsplat {
 class VolumeNetwork {
  public:
   // Takes "volume_network.*" but its first convolution, which lifting has (see model/lift.h).
-  VolumeNetwork(Context& ctx, const Config& config, const Weights& weights);
+  VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights);
 
   // volume [R^3, 4 C~], x slowest: what the first 1x1x1 convolution made; its memory goes back as soon as it has been
   // read, if the caller keeps no other handle. -> [R^3, C~]
@@ -20,12 +20,12 @@ class VolumeNetwork {
   // norm-SiLU-conv, norm-SiLU-conv, plus x or a 1x1x1 of x.
   struct ResBlock {
     GroupNorm norm1, norm2;
-    ConvWeights conv1, conv2;
+    Conv conv1, conv2;
     Linear shortcut;  // nin_shortcut; none where the width stays
   };
   struct Down {
     ResBlock res;
-    ConvWeights downsample;  // none at the last level
+    Conv downsample;  // none at the last level
   };
   struct Up {
     ResBlock res[2];
@@ -37,7 +37,7 @@ class VolumeNetwork {
 
   Config config_;
   GroupNorm norm_in_, norm_out_;
-  ConvWeights conv_in_, conv_out_;
+  Conv conv_in_, conv_out_;
   std::vector<Down> down_;
   ResBlock mid_;
   std::vector<Up> up_;

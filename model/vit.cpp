@@ -4,11 +4,10 @@
 #include "model/ops/layernorm.h"
 #include "model/ops/patch_embed.h"
 #include "model/ops/position_resample.h"
-#include "model/upload_weights.h"
 
 namespace vsplat {
 
-Vit::Vit(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+Vit::Vit(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "encoder.model.");
   const long c = config.vit_dim, g = config.vit_pos_grid, t = config.tokens(), p = config.patch;
   const auto norm = [&](const std::string& name) {

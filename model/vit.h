@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "model/config.h"
-#include "model/weights.h"
+#include "model/upload_weights.h"
 #include "runtime/gemm.h"
 
 namespace vsplat {
@@ -11,7 +11,7 @@ namespace vsplat {
 class Vit {
  public:
   // Takes "encoder.model.*". Resamples the positions once, here.
-  Vit(Context& ctx, const Config& config, const Weights& weights);
+  Vit(Context& ctx, const Config& config, const WeightSource& weights);
 
   // images [V, S, S, 3] in [0,1] -> tokens [V, 1 + t t, C] after the final norm, the class token first.
   Tensor forward(Context& ctx, const Tensor& images) const;

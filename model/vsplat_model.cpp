@@ -24,7 +24,7 @@ struct VsplatModel::Modules {
   Refinement refinement;
   FineHeads fine_heads;
 
-  Modules(Context& ctx, const Config& config, const Weights& weights)
+  Modules(Context& ctx, const Config& config, const WeightSource& weights)
       : encoder(ctx, config, weights),
         modulation(ctx, config, weights),
         lifting(ctx, config, weights),
@@ -112,7 +112,7 @@ void refuse_unless_fits(const Context& plan, const std::string& what) {
 
 }  // namespace
 
-VsplatModel::VsplatModel(Context& ctx, const Config& config, const Weights& weights) : config_(config) {
+VsplatModel::VsplatModel(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   if (!ctx.planning()) {  // the weights' slabs, made at once and to measure
     const auto planner = ctx.planner();
     const Modules counted(*planner, config, weights);

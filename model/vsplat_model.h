@@ -12,7 +12,7 @@
 #include "model/config.h"
 #include "model/device_cameras.h"
 #include "model/gaussians.h"
-#include "model/weights.h"
+#include "model/upload_weights.h"
 #include "runtime/context.h"
 
 namespace vsplat {
@@ -48,7 +48,7 @@ struct MemoryPlan {
 class VsplatModel {
  public:
   // Uploads and repacks the weights for the context's device and flavour.
-  VsplatModel(Context& ctx, const Config& config, const Weights& weights);
+  VsplatModel(Context& ctx, const Config& config, const WeightSource& weights);
   ~VsplatModel();
 
   const Config& config() const { return config_; }
