@@ -77,11 +77,8 @@ Conv WeightLoader::conv3d_down(const std::string& name, long out, long in) const
   const Shape shape{out, in, 2, 2, 2};
   Conv conv = learnt_conv(name);
   if (weights_.learnt_) {
-    const Tensor& value = find_learnt(name + ".weight", shape).value;
-    std::vector<float> w(static_cast<std::size_t>(value.count()));
-    if (!ctx_.planning()) ctx_.read(value, w.data());
-    conv.w = pack_conv3d_down(ctx_, w.data(), nullptr, out, in, prefix_ + name);
-    conv.w.bias = tensor(name + ".bias", {out});
+    conv.w = pack_conv3d_down(ctx_, find_learnt(name + ".weight", shape).value, tensor(name + ".bias", {out}),
+                              prefix_ + name);
   } else {
     conv.w = pack_conv3d_down(ctx_, find(name + ".weight", shape).data.data(), find(name + ".bias", {out}).data.data(),
                               out, in, prefix_ + name);
