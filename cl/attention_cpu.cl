@@ -4,43 +4,12 @@
 //   kt  [V H, N, D, 32]        keys of panel n, transposed; N = ceil(T/32); keys beyond T are zero
 //   vp  [V H, 32 N, HEAD_PAD]  values; keys beyond T and channels beyond D are zero
 //   out [V, T, H D]
+//   stats [V, H, T, 2] or null: for the backward, each query's largest score, in units of ln 2, and one over the sum of
+//                      2^(score - largest)
 // HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1.
 // attention_pack writes kt and vp; then one work-item of attention_cpu owns ROWS queries of a head. Work-groups of one
 // work-item: the register tiles are explicit float16, and neighbouring groups share a head's panels in cache.
-#include "common.clh"
-
-#ifndef HEAD_PAD
-#define HEAD_PAD 64
-#endif
-#ifndef ROWS
-#define ROWS 12  // queries of a tile: 12, or 2 where a compiler takes vectors apart and would be at it for minutes
-#endif
-#define KEYS 32  // keys of a panel
-#ifndef PANELS
-#define PANELS 4  // panels per step of the online softmax
-#endif
-#define STEP (PANELS * KEYS)
-#define LOG2E 1.44269504088896341f
-
-#if ROWS == 12
-#define EACH_ROW(F) F(0) F(1) F(2) F(3) F(4) F(5) F(6) F(7) F(8) F(9) F(10) F(11)
-#else
-#define EACH_ROW(F) F(0) F(1)
-#endif
-
-// 2^x for x <= 0 to 2e-7; below 2^-126 it stays there, which is nothing beside the largest term, 1. NaN stays NaN.
-static inline float16 exp2_16(float16 x) {
-  x = max(x, -126.0f);
-  const float16 shifted = x + 12582912.0f;  // 1.5 * 2^23: the sum's low bits are x rounded to an integer
-  const float16 f = x - (shifted - 12582912.0f);
-  float16 p = FMA(f, (float16)(1.5403530393381609e-4f), (float16)(1.3333558146428443e-3f));
-  p = FMA(p, f, (float16)(9.6181291076284772e-3f));
-  p = FMA(p, f, (float16)(5.5504108664821580e-2f));
-  p = FMA(p, f, (float16)(2.4022650695910071e-1f));
-  p = FMA(p, f, (float16)(6.9314718055994531e-1f));
-  p = FMA(p, f, (float16)(1.0f));
-  return p * as_float16((as_int16(shifted) << 23) + 0x3f800000);
-}
+#include "attention_tile.clh"
 
 static inline float max_of(float16 v) {
   const float8 a = max(v.lo, v.hi);
@@ -75,11 +44,6 @@ __kernel void attention_pack(__global const float* qkv, __global float* kt, __gl
       vpo[j * HEAD_PAD + d] = j < count && d < D ? values[(size_t)(n * KEYS + j) * row + d] : 0.0f;
 }
 
-// The register tile: 12 rows by 32 columns in lo0 hi0 .. lo11 hi11.
-#define TILE_ZERO(i) float16 lo##i = (float16)(0.0f), hi##i = (float16)(0.0f);
-#define TILE_FMA(i)                                    \
-  lo##i = FMA((float16)(a_[(i)*a_step_]), b0_, lo##i); \
-  hi##i = FMA((float16)(a_[(i)*a_step_]), b1_, hi##i);
 #define TILE_SCORE(i)                             \
   vstore16(lo##i, 0, p + (i)*STEP + column);      \
   vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
@@ -87,12 +51,9 @@ __kernel void attention_pack(__global const float* qkv, __global float* kt, __gl
 #define TILE_OUT_LOAD(i)                                            \
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column) * decay[i]; \
   float16 hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16) * decay[i];
-#define TILE_OUT_STORE(i)                        \
-  vstore16(lo##i, 0, o + (i)*HEAD_PAD + column); \
-  vstore16(hi##i, 0, o + (i)*HEAD_PAD + column + 16);
 
 __kernel void attention_cpu(__global const float* qkv, __global const float* kt, __global const float* vp,
-                            __global float* out, int V, int T, int H, int D, float scale) {
+                            __global float* out, __global float* stats, int V, int T, int H, int D, float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
@@ -154,12 +115,13 @@ __kernel void attention_cpu(__global const float* qkv, __global const float* kt,
         const int a_step_ = STEP;
         EACH_ROW(TILE_FMA)
       }
-      EACH_ROW(TILE_OUT_STORE)
+      EACH_ROW(TILE_KEEP)
     }
   }
   for (int i = 0; i < rows; ++i) {
     __global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
     const float inverse = 1.0f / sum_of(total[i]);
     for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * inverse;
+    if (stats) vstore2((float2)(largest[i], inverse), (size_t)vh * T + t0 + i, stats);
   }
 }

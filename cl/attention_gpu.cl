@@ -1,6 +1,8 @@
 // Multi-head self-attention without a T x T matrix, gpu flavour: out = softmax(Q K^T / sqrt(D)) V by blocks of keys,
 // the softmax carried along (online).
 //   qkv [V, T, 3, H, D], out [V, T, H D]; any V, T, H, D >= 1
+//   stats [V, H, T, 2] or null: for the backward, each query's largest score, in units of ln 2, and one over the sum of
+//                      2^(score - largest)
 // HEAD_PAD (a -D) is D rounded up to a multiple of 64.
 // A work-group of 256 owns 64 queries of a head (groups: (query tile, V H)) and walks over blocks of 32 keys. Scores: a
 // work-item has rows 4y .. 4y+3 and keys x, x + 16. Weights go through local memory; the softmax of a row is shared by
@@ -19,8 +21,9 @@
 #define LOG2E 1.44269504088896341f
 
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(__global const float* qkv,
-                                                                               __global float* out, int V, int T, int H,
-                                                                               int D, float scale) {
+                                                                               __global float* out,
+                                                                               __global float* stats, int V, int T,
+                                                                               int H, int D, float scale) {
   __local float qs[DEPTH][ROWS + 1], ks[DEPTH][KEYS + 1], ws[ROWS][KEYS + 1], vs[KEYS][64], part[4][ROWS];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
@@ -101,6 +104,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(_
     }
   }
   if (quarter == 0) part[0][mine] = total;
+  if (stats && quarter == 0 && t0 + mine < T)
+    vstore2((float2)(largest, 1.0f / total), (size_t)vh * T + t0 + mine, stats);
   barrier(CLK_LOCAL_MEM_FENCE);
   for (int i = 0; i < 4; ++i) {
     const int t = t0 + 4 * y + i;

@@ -59,7 +59,7 @@ void Vit::layer(Context& ctx, const Layer& l, const Tensor& x) const {
     const Tensor qkv = ctx.tensor({v, t, 3, h, c / h}, Type::f32, "encoder.qkv");
     apply(l.qkv, normed(l.norm1), qkv.reshaped({rows, 3 * c}), Activation::none, {}, "attn.qkv");
     const Tensor attended = ctx.tensor({v, t, c}, Type::f32, "encoder.attended");
-    attention_forward(ctx, {qkv, attended});
+    attention_forward(ctx, {qkv, attended, {}});
     apply(l.proj, attended.reshaped({rows, c}), flat, Activation::none, flat, "attn.proj");
   }
   const Tensor hidden = ctx.tensor({rows, 4 * c}, Type::f32, "encoder.hidden");

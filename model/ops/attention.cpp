@@ -9,34 +9,93 @@ namespace {
 
 long round_up(long value, long step) { return (value + step - 1) / step * step; }
 
+// What both directions are told about a call.
+struct Sizes {
+  long v, t, h, c;
+  double product;  // FLOPs of one product of all queries with all keys
+
+  Sizes(const Dims& d)
+      : v(d["V"]), t(d["T"]), h(d["H"]), c(d["D"]), product(2.0 * static_cast<double>(v * h * c) * square(t)) {}
+  static double square(long n) { return static_cast<double>(n) * static_cast<double>(n); }
+  float scale() const { return static_cast<float>(1.0 / std::sqrt(static_cast<double>(c))); }
+  // Queries or keys that a work-item of the cpu flavour owns. A tile of 12 rows is 24 vectors of 16: registers on a CPU
+  // with vectors, minutes in a compiler that has none.
+  static long rows(const Context& ctx) { return ctx.device().native_float_width >= 4 ? 12 : 2; }
+};
+
+int as_int(long n) { return static_cast<int>(n); }
+
+void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
+  const long pad = round_up(s.c, 32), panels = (s.t + 31) / 32, heads = s.v * s.h, rows = s.rows(ctx);
+  const int v = as_int(s.v), t = as_int(s.t), h = as_int(s.h), c = as_int(s.c);
+  const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
+  const Tensor across = ctx.tensor({4, heads, panels, s.c, 32}, Type::f32, "attention.across");
+  const Tensor along = ctx.tensor({3, heads, panels * 32, pad}, Type::f32, "attention.along");
+  const Tensor terms = ctx.tensor({heads, panels, 3, 32}, Type::f32, "attention.terms");
+  const double io = static_cast<double>(a.qkv.bytes()), tiles = static_cast<double>(across.bytes() + along.bytes());
+  ctx.launch({"attention_backward_cpu", "attention_backward_pack", defines}, groups(panels, 1, heads, 4),
+             {2.0 * static_cast<double>(a.out.count()), 5.0 / 3.0 * io + tiles}, a.qkv, a.out, a.stats, a.dout, across,
+             along, terms, v, t, h, c, s.scale());
+  const Range range = groups((s.t + rows - 1) / rows, 1, heads);
+  ctx.launch({"attention_backward_cpu", "attention_by_query", defines}, range, {3 * s.product, tiles}, across, along,
+             terms, a.dqkv, v, t, h, c, s.scale());
+  ctx.launch({"attention_backward_cpu", "attention_by_key", defines}, range, {4 * s.product, tiles}, across, along,
+             terms, a.dqkv, v, t, h, c);
+}
+
+void backward_gpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
+  const int v = as_int(s.v), t = as_int(s.t), h = as_int(s.h), c = as_int(s.c);
+  const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64));
+  const Tensor delta = ctx.tensor({s.v, s.h, s.t}, Type::f32, "attention.delta");
+  const double io = static_cast<double>(a.qkv.bytes() + a.dout.bytes());
+  ctx.launch({"attention_backward_gpu", "attention_delta", defines}, groups((s.t + 63) / 64, 64, s.v * s.h),
+             {2.0 * static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.out, a.dout, delta,
+             v, t, h, c);
+  const Range range = groups((s.t + 63) / 64, 256, s.v * s.h);
+  for (const bool by_key : {false, true})
+    ctx.launch({"attention_backward_gpu", by_key ? "attention_by_key" : "attention_by_query", defines}, range,
+               {(by_key ? 4 : 3) * s.product, io + (by_key ? 2.0 : 1.0) * static_cast<double>(a.out.bytes())}, a.qkv,
+               a.stats, delta, a.dout, a.dqkv, v, t, h, c, s.scale());
+}
+
 }  // namespace
 
 void attention_forward(Context& ctx, const AttentionForward& a) {
   Dims d;
   d.bind("qkv", a.qkv, {"V", "T", "3", "H", "D"});
-  const long v = d["V"], t = d["T"], h = d["H"], c = d["D"];
-  d.set("HD", h * c).bind("out", a.out, {"V", "T", "HD"});
+  d.set("HD", d["H"] * d["D"]).bind("out", a.out, {"V", "T", "HD"});
+  d.bind_optional("stats", a.stats, {"V", "H", "T", "2"});
   if (a.out.count() == 0) return;
-  const int vi = static_cast<int>(v), ti = static_cast<int>(t), hi = static_cast<int>(h), ci = static_cast<int>(c);
-  const float scale = static_cast<float>(1.0 / std::sqrt(static_cast<double>(c)));
+  const Sizes s(d);
+  const int v = as_int(s.v), t = as_int(s.t), h = as_int(s.h), c = as_int(s.c);
   const double io = static_cast<double>(a.qkv.bytes());
-  const double pairs = static_cast<double>(v * h) * static_cast<double>(t) * static_cast<double>(t);
-  const Cost cost{4.0 * pairs * static_cast<double>(c), io + static_cast<double>(a.out.bytes())};
+  const Cost cost{2 * s.product, io + static_cast<double>(a.out.bytes())};
   if (ctx.flavour() == Flavour::gpu) {
-    const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(c, 64));
-    ctx.launch({"attention_gpu", "attention_gpu", defines}, groups((t + 63) / 64, 256, v * h), cost, a.qkv, a.out, vi,
-               ti, hi, ci, scale);
+    const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64));
+    ctx.launch({"attention_gpu", "attention_gpu", defines}, groups((s.t + 63) / 64, 256, s.v * s.h), cost, a.qkv, a.out,
+               a.stats, v, t, h, c, s.scale());
     return;
   }
-  // A tile of 12 rows is 24 vectors of 16: registers on a CPU with vectors, minutes in a compiler that has none.
-  const long pad = round_up(c, 32), panels = (t + 31) / 32, rows = ctx.device().native_float_width >= 4 ? 12 : 2;
+  const long pad = round_up(s.c, 32), panels = (s.t + 31) / 32, rows = Sizes::rows(ctx);
   const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
-  const Tensor kt = ctx.tensor({v * h, panels, c, 32}, Type::f32, "attention.keys");
-  const Tensor vp = ctx.tensor({v * h, panels * 32, pad}, Type::f32, "attention.values");
-  ctx.launch({"attention_cpu", "attention_pack", defines}, groups(panels, 1, v * h), {0, 4.0 / 3.0 * io}, a.qkv, kt, vp,
-             vi, ti, hi, ci);
-  ctx.launch({"attention_cpu", "attention_cpu", defines}, groups((t + rows - 1) / rows, 1, v * h), cost, a.qkv, kt, vp,
-             a.out, vi, ti, hi, ci, scale);
+  const Tensor kt = ctx.tensor({s.v * s.h, panels, s.c, 32}, Type::f32, "attention.keys");
+  const Tensor vp = ctx.tensor({s.v * s.h, panels * 32, pad}, Type::f32, "attention.values");
+  ctx.launch({"attention_cpu", "attention_pack", defines}, groups(panels, 1, s.v * s.h), {0, 4.0 / 3.0 * io}, a.qkv, kt,
+             vp, v, t, h, c);
+  ctx.launch({"attention_cpu", "attention_cpu", defines}, groups((s.t + rows - 1) / rows, 1, s.v * s.h), cost, a.qkv,
+             kt, vp, a.out, a.stats, v, t, h, c, s.scale());
+}
+
+void attention_backward(Context& ctx, const AttentionBackward& a) {
+  Dims d;
+  d.bind("qkv", a.qkv, {"V", "T", "3", "H", "D"}).bind("dqkv", a.dqkv, {"V", "T", "3", "H", "D"});
+  d.set("HD", d["H"] * d["D"]).bind("out", a.out, {"V", "T", "HD"}).bind("dout", a.dout, {"V", "T", "HD"});
+  d.bind("stats", a.stats, {"V", "H", "T", "2"});
+  if (a.dqkv.count() == 0) return;
+  if (ctx.flavour() == Flavour::cpu)
+    backward_cpu(ctx, a, Sizes(d));
+  else
+    backward_gpu(ctx, a, Sizes(d));
 }
 
 }  // namespace vsplat

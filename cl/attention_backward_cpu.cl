@@ -1,0 +1,176 @@
+// Gradients of multi-head self-attention without a T x T matrix, cpu flavour. With s = q . k / sqrt(D) and the weights p of a query's
+// softmax, from the gradient g of the output:
+//   dv = sum over queries of p g    ds = p (g . v - delta), delta = g . out    dq = sum over keys of ds k / sqrt(D)
+//   dk = sum over queries of ds q / sqrt(D)
+// Twice the scores are made again, and p from them and the statistics that the forward kept: once by query, for dq, and once by key, for
+// dk and dv. So every sum has an owner and an order.
+//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_cpu.cl writes them
+//   across [4, V H, N, D, 32]          q (scaled by log2(e) / sqrt(D)), k, v and dout, by panels of 32 tokens, transposed; N = ceil(T/32)
+//   along  [3, V H, 32 N, HEAD_PAD]    q (as scaled), k and dout, token by token; tokens beyond T and channels beyond D are zero
+//   terms  [V H, N, 3, 32]             largest score, inverse sum and delta of each query; zeros beyond T
+// HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1. Work-groups of one work-item.
+#include "attention_tile.clh"
+
+#define LN2 0.69314718055994531f
+
+// A work-item per (panel, head of a view, one of q, k, v, dout).
+__kernel void attention_backward_pack(__global const float* qkv, __global const float* out, __global const float* stats,
+                                      __global const float* dout, __global float* across, __global float* along,
+                                      __global float* terms, int V, int T, int H, int D, float scale) {
+  const int n = get_global_id(0), vh = get_global_id(1), which = get_global_id(2);
+  const int panels = DIV_UP(T, KEYS), v = vh / H, h = vh % H, count = min(KEYS, T - n * KEYS);
+  const size_t heads = (size_t)V * H, step = (which == 3 ? 1 : 3) * (size_t)H * D;
+  __global const float* from = which == 3 ? dout + (size_t)h * D : qkv + (size_t)(which * H + h) * D;
+  from += ((size_t)v * T + (size_t)n * KEYS) * step;
+  const float by = which == 0 ? scale * LOG2E : 1.0f;
+  __global float* to = across + (((size_t)which * heads + vh) * panels + n) * D * KEYS;
+  for (int d = 0; d < D; ++d)
+    for (int j = 0; j < KEYS; ++j) to[d * KEYS + j] = j < count ? from[j * step + d] * by : 0.0f;
+  if (which == 2) return;
+  to = along + (((size_t)(which == 3 ? 2 : which) * heads + vh) * panels + n) * KEYS * HEAD_PAD;
+  for (int j = 0; j < KEYS; ++j)
+    for (int d = 0; d < HEAD_PAD; ++d) to[j * HEAD_PAD + d] = j < count && d < D ? from[j * step + d] * by : 0.0f;
+  if (which != 3) return;
+  to = terms + ((size_t)vh * panels + n) * 3 * KEYS;
+  for (int j = 0; j < KEYS; ++j) {
+    float2 row = (float2)(0.0f, 0.0f);
+    float delta = 0.0f;
+    if (j < count) {
+      row = vload2((size_t)vh * T + n * KEYS + j, stats);
+      __global const float* o = out + (((size_t)v * T + n * KEYS + j) * H + h) * D;
+      for (int d = 0; d < D; ++d) delta += from[j * step + d] * o[d];
+    }
+    to[j] = row.x;
+    to[KEYS + j] = row.y;
+    to[2 * KEYS + j] = delta;
+  }
+}
+
+// [D, ROWS] of the tile's tokens, from `along` of their head. Tokens beyond T repeat the last; nobody stores theirs.
+static inline void load_rows(__global const float* along, int t0, int T, int D, float* a) {
+  for (int i = 0; i < ROWS; ++i) {
+    __global const float* from = along + (size_t)min(t0 + i, T - 1) * HEAD_PAD;
+    for (int d = 0; d < D; ++d) a[d * ROWS + i] = from[d];
+  }
+}
+
+// to [ROWS, STEP], from `column` on = a^T b, for a [D, ROWS] and a panel b [D, KEYS].
+static inline void tile_product(const float* a, __global const float* b, int D, float* to, int column) {
+  EACH_ROW(TILE_ZERO)
+  for (int d = 0; d < D; ++d) {
+    const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
+    const float* a_ = a + d * ROWS;
+    const int a_step_ = 1;
+    EACH_ROW(TILE_FMA)
+  }
+#define TILE_PUT(i)                                 \
+  vstore16(lo##i, 0, to + (i)*STEP + column);       \
+  vstore16(hi##i, 0, to + (i)*STEP + column + 16);
+  EACH_ROW(TILE_PUT)
+}
+
+// o [ROWS, HEAD_PAD] += w b, for w [ROWS, STEP], of which `count` columns, and b [count, HEAD_PAD].
+static inline void tile_add(const float* w, __global const float* b, int count, float* o) {
+  for (int column = 0; column < HEAD_PAD; column += 32) {
+#define TILE_TAKE(i)                                       \
+  float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column),   \
+          hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16);
+    EACH_ROW(TILE_TAKE)
+    for (int j = 0; j < count; ++j) {
+      const float16 b0_ = vload16(0, b + j * HEAD_PAD + column), b1_ = vload16(0, b + j * HEAD_PAD + column + 16);
+      const float* a_ = w + j;
+      const int a_step_ = STEP;
+      EACH_ROW(TILE_FMA)
+    }
+    EACH_ROW(TILE_KEEP)
+  }
+}
+
+// dq. A work-item per (ROWS queries, head of a view).
+__kernel void attention_by_query(__global const float* across, __global const float* along, __global const float* terms,
+                                 __global float* dqkv, int V, int T, int H, int D, float scale) {
+  const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
+  if (t0 >= T || vh >= V * H) return;
+  const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
+  const size_t wide = (size_t)V * H * panels * D * KEYS, high = (size_t)V * H * panels * KEYS * HEAD_PAD;
+  const size_t head = (size_t)vh * panels * KEYS;
+  float q[HEAD_PAD * ROWS], g[HEAD_PAD * ROWS], o[ROWS * HEAD_PAD], s[ROWS * STEP], dp[ROWS * STEP];
+  load_rows(along + head * HEAD_PAD, t0, T, D, q);
+  load_rows(along + 2 * high + head * HEAD_PAD, t0, T, D, g);
+  for (int i = 0; i < ROWS * HEAD_PAD; ++i) o[i] = 0.0f;
+  const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  for (int n0 = 0; n0 < panels; n0 += PANELS) {
+    const int here = min(PANELS, panels - n0);
+    for (int n = 0; n < here; ++n) {
+      const size_t panel = (head + (size_t)(n0 + n) * KEYS) * D;
+      tile_product(q, across + wide + panel, D, s, n * KEYS);
+      tile_product(g, across + 2 * wide + panel, D, dp, n * KEYS);
+    }
+    for (int i = 0; i < ROWS; ++i) {
+      const int t = min(t0 + i, T - 1);
+      __global const float* of = terms + ((size_t)vh * panels + t / KEYS) * 3 * KEYS + t % KEYS;
+      const float top = of[0], inverse = of[KEYS], delta = of[2 * KEYS];
+      for (int j = 0; j < here * KEYS; j += 16) {
+        const float16 p = exp2_16(vload16(0, s + i * STEP + j) - top) * inverse;
+        const float16 ds = p * (vload16(0, dp + i * STEP + j) - delta);
+        // A key that is not there has score 0, which may be far above the others.
+        const int16 gone = lane >= (float)(T - n0 * KEYS - j);
+        vstore16(select(ds, (float16)(0.0f), gone), 0, s + i * STEP + j);
+      }
+    }
+    tile_add(s, along + high + (head + (size_t)n0 * KEYS) * HEAD_PAD, here * KEYS, o);
+  }
+  for (int i = 0; i < min(ROWS, T - t0); ++i) {
+    __global float* to = dqkv + ((size_t)(v * T + t0 + i) * 3 * H + h) * D;
+    for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * scale;
+  }
+}
+
+// dk and dv. A work-item per (ROWS keys, head of a view).
+__kernel void attention_by_key(__global const float* across, __global const float* along, __global const float* terms,
+                               __global float* dqkv, int V, int T, int H, int D) {
+  const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
+  if (t0 >= T || vh >= V * H) return;
+  const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
+  const size_t wide = (size_t)V * H * panels * D * KEYS, high = (size_t)V * H * panels * KEYS * HEAD_PAD;
+  const size_t head = (size_t)vh * panels * KEYS;
+  float k[HEAD_PAD * ROWS], values[HEAD_PAD * ROWS], ok[ROWS * HEAD_PAD], ov[ROWS * HEAD_PAD];
+  float p[ROWS * STEP], ds[ROWS * STEP];
+  load_rows(along + high + head * HEAD_PAD, t0, T, D, k);
+  for (int i = 0; i < ROWS; ++i) {
+    __global const float* from = across + 2 * wide + head * D;
+    const int t = min(t0 + i, T - 1);
+    for (int d = 0; d < D; ++d) values[d * ROWS + i] = from[((size_t)(t / KEYS) * D + d) * KEYS + t % KEYS];
+  }
+  for (int i = 0; i < ROWS * HEAD_PAD; ++i) ok[i] = ov[i] = 0.0f;
+  for (int n0 = 0; n0 < panels; n0 += PANELS) {
+    const int here = min(PANELS, panels - n0);
+    for (int n = 0; n < here; ++n) {
+      const size_t panel = (head + (size_t)(n0 + n) * KEYS) * D;
+      tile_product(k, across + panel, D, p, n * KEYS);
+      tile_product(values, across + 3 * wide + panel, D, ds, n * KEYS);
+    }
+    // Queries that are not there have an inverse sum of 0.
+    __global const float* of = terms + ((size_t)vh * panels + n0) * 3 * KEYS;
+    for (int j = 0; j < here * KEYS; j += 16) {
+      __global const float* term = of + (j / KEYS) * 3 * KEYS + j % KEYS;
+      const float16 top = vload16(0, term), inverse = vload16(0, term + KEYS), delta = vload16(0, term + 2 * KEYS);
+      for (int i = 0; i < ROWS; ++i) {
+        const float16 weight = exp2_16(vload16(0, p + i * STEP + j) - top) * inverse;
+        vstore16(weight, 0, p + i * STEP + j);
+        vstore16(weight * (vload16(0, ds + i * STEP + j) - delta), 0, ds + i * STEP + j);
+      }
+    }
+    const size_t rows = (head + (size_t)n0 * KEYS) * HEAD_PAD;
+    tile_add(ds, along + rows, here * KEYS, ok);
+    tile_add(p, along + 2 * high + rows, here * KEYS, ov);
+  }
+  for (int i = 0; i < min(ROWS, T - t0); ++i) {
+    __global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;
+    __global float* dv = dk + (size_t)H * D;
+    for (int d = 0; d < D; ++d) {
+      dk[d] = ok[i * HEAD_PAD + d] * LN2;  // q came scaled by log2(e) / sqrt(D)
+      dv[d] = ov[i * HEAD_PAD + d];
+    }
+  }
+}

@@ -1,0 +1,160 @@
+// Gradients of multi-head self-attention without a T x T matrix, gpu flavour: the mathematics of attention_backward_cpu.cl.
+//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_gpu.cl writes them; any V, T, H, D >= 1
+//   delta [V, H, T]  dout . out
+// HEAD_PAD (a -D) is D rounded up to a multiple of 64.
+// A work-group of 256 owns 64 tokens of a head, queries (attention_by_query) or keys (attention_by_key), groups: (tile of tokens, V H),
+// and walks over blocks of 32 of the others. A work-item has rows 4y .. 4y+3, of the products columns x and x + 16, of the sums channels
+// x + 16 i. Weights go through local memory. Local memory: 25 KB.
+#include "common.clh"
+
+#ifndef HEAD_PAD
+#define HEAD_PAD 64
+#endif
+#define ROWS 64
+#define COLS 32
+#define DEPTH 16  // channels staged at a time for the products
+#define GROUP 256
+#define MINE (HEAD_PAD / 16)
+#define LOG2E 1.44269504088896341f
+
+// A work-item per (token, head of a view).
+__kernel void attention_delta(__global const float* out, __global const float* dout, __global float* delta, int V, int T,
+                              int H, int D) {
+  const int t = get_global_id(0), vh = get_global_id(1);
+  if (t >= T) return;
+  const size_t at = (((size_t)(vh / H) * T + t) * H + vh % H) * D;
+  float sum = 0.0f;
+  for (int d = 0; d < D; ++d) sum += out[at + d] * dout[at + d];
+  delta[(size_t)vh * T + t] = sum;
+}
+
+// s = (by_a a) (by_b b)^T: token r of a is at a + r a_step. stage [DEPTH * (ROWS + 1 + COLS + 1)].
+static void products(__global const float* a, size_t a_step, int a_count, float by_a, __global const float* b,
+                     size_t b_step, int b_count, float by_b, int D, __local float* stage, float s[4][2]) {
+  const int item = get_local_id(0), x = item % 16, y = item / 16;
+  __local float* as = stage;
+  __local float* bs = stage + DEPTH * (ROWS + 1);
+  for (int i = 0; i < 4; ++i) s[i][0] = s[i][1] = 0.0f;
+  for (int d0 = 0; d0 < D; d0 += DEPTH) {
+    for (int e = item; e < ROWS * DEPTH; e += GROUP) {
+      const int r = e / DEPTH, d = e % DEPTH;
+      as[d * (ROWS + 1) + r] = r < a_count && d0 + d < D ? a[r * a_step + d0 + d] * by_a : 0.0f;
+    }
+    for (int e = item; e < COLS * DEPTH; e += GROUP) {
+      const int r = e / DEPTH, d = e % DEPTH;
+      bs[d * (COLS + 1) + r] = r < b_count && d0 + d < D ? b[r * b_step + d0 + d] * by_b : 0.0f;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int d = 0; d < DEPTH; ++d) {
+      const float b0 = bs[d * (COLS + 1) + x], b1 = bs[d * (COLS + 1) + x + 16];
+      for (int i = 0; i < 4; ++i) {
+        const float q = as[d * (ROWS + 1) + 4 * y + i];
+        s[i][0] = FMA(q, b0, s[i][0]);
+        s[i][1] = FMA(q, b1, s[i][1]);
+      }
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+  }
+}
+
+// acc += w b: w [ROWS, COLS + 1], token r of b at b + r step. stage [COLS * 64].
+static void add_up(__local const float* w, __global const float* b, size_t step, int count, int D, __local float* stage,
+                   float acc[4][MINE]) {
+  const int item = get_local_id(0), x = item % 16, y = item / 16;
+  for (int c0 = 0; c0 < HEAD_PAD; c0 += 64) {
+    for (int e = item; e < COLS * 64; e += GROUP) {
+      const int r = e / 64, d = c0 + e % 64;
+      stage[e] = r < count && d < D ? b[r * step + d] : 0.0f;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int j = 0; j < COLS; ++j)
+      for (int i = 0; i < 4; ++i) {
+        const float by = w[(4 * y + i) * (COLS + 1) + j];
+        for (int c = 0; c < 4; ++c) acc[i][c0 / 16 + c] = FMA(by, stage[j * 64 + x + 16 * c], acc[i][c0 / 16 + c]);
+      }
+    barrier(CLK_LOCAL_MEM_FENCE);
+  }
+}
+
+// dq.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_query(
+    __global const float* qkv, __global const float* stats, __global const float* delta, __global const float* dout,
+    __global float* dqkv, int V, int T, int H, int D, float scale) {
+  __local float stage[COLS * 64], ds[ROWS * (COLS + 1)];
+  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
+  const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
+  const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
+  __global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
+  __global const float* keys = queries + out_step;
+  __global const float* values = keys + out_step;
+  __global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
+  float acc[4][MINE], top[4], inverse[4], mean[4];
+  for (int i = 0; i < 4; ++i) {
+    const int t = t0 + 4 * y + i;
+    const float2 row = t < T ? vload2((size_t)vh * T + t, stats) : (float2)(0.0f, 0.0f);
+    top[i] = row.x;
+    inverse[i] = row.y;
+    mean[i] = t < T ? delta[(size_t)vh * T + t] : 0.0f;
+    for (int c = 0; c < MINE; ++c) acc[i][c] = 0.0f;
+  }
+  for (int k0 = 0; k0 < T; k0 += COLS) {
+    float s[4][2], dp[4][2];
+    products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage, s);
+    products(g + t0 * out_step, out_step, T - t0, 1.0f, values + k0 * step, step, T - k0, 1.0f, D, stage, dp);
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 2; ++j)
+        ds[(4 * y + i) * (COLS + 1) + x + 16 * j] =
+            k0 + x + 16 * j < T ? exp2(s[i][j] - top[i]) * inverse[i] * (dp[i][j] - mean[i]) : 0.0f;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    add_up(ds, keys + k0 * step, step, T - k0, D, stage, acc);
+  }
+  for (int i = 0; i < 4; ++i)
+    for (int c = 0; c < MINE; ++c) {
+      const int t = t0 + 4 * y + i, d = x + 16 * c;
+      if (t < T && d < D) dqkv[((size_t)(v * T + t) * 3 * H + h) * D + d] = acc[i][c] * scale;
+    }
+}
+
+// dk and dv.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_key(
+    __global const float* qkv, __global const float* stats, __global const float* delta, __global const float* dout,
+    __global float* dqkv, int V, int T, int H, int D, float scale) {
+  __local float stage[COLS * 64], p[ROWS * (COLS + 1)], ds[ROWS * (COLS + 1)];
+  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
+  const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
+  const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
+  __global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
+  __global const float* keys = queries + out_step;
+  __global const float* values = keys + out_step;
+  __global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
+  float by_key[4][MINE], by_value[4][MINE];
+  for (int i = 0; i < 4; ++i)
+    for (int c = 0; c < MINE; ++c) by_key[i][c] = by_value[i][c] = 0.0f;
+  for (int q0 = 0; q0 < T; q0 += COLS) {
+    float s[4][2], dp[4][2];
+    products(keys + t0 * step, step, T - t0, 1.0f, queries + q0 * step, step, T - q0, scale * LOG2E, D, stage, s);
+    products(values + t0 * step, step, T - t0, 1.0f, g + q0 * out_step, out_step, T - q0, 1.0f, D, stage, dp);
+    for (int j = 0; j < 2; ++j) {
+      const int t = q0 + x + 16 * j;
+      const float2 row = t < T ? vload2((size_t)vh * T + t, stats) : (float2)(0.0f, 0.0f);
+      const float mean = t < T ? delta[(size_t)vh * T + t] : 0.0f;
+      for (int i = 0; i < 4; ++i) {
+        const int at = (4 * y + i) * (COLS + 1) + x + 16 * j;
+        const float weight = exp2(s[i][j] - row.x) * row.y;
+        p[at] = weight;
+        ds[at] = weight * (dp[i][j] - mean);
+      }
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    add_up(ds, queries + q0 * step, step, T - q0, D, stage, by_key);
+    add_up(p, g + q0 * out_step, out_step, T - q0, D, stage, by_value);
+  }
+  for (int i = 0; i < 4; ++i)
+    for (int c = 0; c < MINE; ++c) {
+      const int t = t0 + 4 * y + i, d = x + 16 * c;
+      if (t >= T || d >= D) continue;
+      const size_t at = ((size_t)((v * T + t) * 3 + 1) * H + h) * D + d;
+      dqkv[at] = by_key[i][c] * scale;
+      dqkv[at + out_step] = by_value[i][c];
+    }
+}
