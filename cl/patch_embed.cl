@@ -7,8 +7,12 @@
 //   tokens [V, 1 + t t, C]       the GEMM's result; in place: + position [1 + t t, C]. The class token becomes its own
 //   row of
 //                                `position`, which holds class token plus position
+// Backward, from dtokens [V, 1 + t t, C]:
+//   dposition [1 + t t, C]  the sum over the views
+//   dpatches  [t t, C]      the same without the class token, whose row the GEMM's result never reached
 // patch_rows: one work-item per line of a patch, (y, patch, view). patch_tokens: one per 4 channels, (C / 4 rounded up,
 // token, view).
+// patch_positions: one per (channel, token).
 #include "common.clh"
 
 __constant float image_mean[3] = {0.485f, 0.456f, 0.406f};
@@ -37,4 +41,14 @@ __kernel void patch_tokens(__global const float* position, __global float* token
   __global float* to = tokens + ((size_t)v * T + token) * C + c0;
   const int count = min(4, C - c0);
   for (int c = 0; c < count; ++c) to[c] = token == 0 ? from[c] : to[c] + from[c];
+}
+
+__kernel void patch_positions(__global const float* dtokens, __global float* dposition, __global float* dpatches, int V,
+                              int T, int C) {
+  const int c = get_global_id(0), token = get_global_id(1);
+  if (c >= C || token >= T) return;
+  float sum = 0.0f;
+  for (int v = 0; v < V; ++v) sum += dtokens[((size_t)v * T + token) * C + c];
+  dposition[(size_t)token * C + c] = sum;
+  if (token > 0) dpatches[(size_t)(token - 1) * C + c] = sum;
 }

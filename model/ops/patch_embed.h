@@ -15,4 +15,16 @@ struct PatchEmbedForward {
 
 void patch_embed_forward(Context& ctx, const PatchEmbedForward& a);
 
+struct PatchEmbedBackward {
+  Tensor images;     // [V, S, S, 3], as forward had them
+  int patch = 0;     // p
+  Tensor dtokens;    // [V, 1 + t t, C]: the loss by forward's out
+  Tensor dweight;    // [C, 3, p, p], added to
+  Tensor dbias;      // [C], added to
+  Tensor dposition;  // [1 + t t, C]; written
+};
+
+// Of the pictures there is no gradient.
+void patch_embed_backward(Context& ctx, const PatchEmbedBackward& a);
+
 }  // namespace vsplat
