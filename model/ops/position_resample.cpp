@@ -50,6 +50,35 @@ ResampleAxis bicubic_axis(int from, int to) {
   return axis;
 }
 
+ResampleAxis transposed(const ResampleAxis& axis, int from) {
+  const int to = static_cast<int>(axis.first.size()), taps = axis.taps;
+  const auto weight = [&](int i, int j) {  // of stored position j in output i
+    const int tap = j - axis.first[static_cast<std::size_t>(i)];
+    return tap < 0 || tap >= taps ? 0.0f : axis.weight[static_cast<std::size_t>(i * taps + tap)];
+  };
+  // Outputs go on along the axis, and so do those that draw on a position: one run, from its first to its last.
+  ResampleAxis out;
+  std::vector<std::vector<float>> runs;
+  for (int j = 0; j < from; ++j) {
+    int first = 0, end = 0;
+    for (int i = 0; i < to; ++i)
+      if (weight(i, j) != 0) {
+        if (end == 0) first = i;
+        end = i + 1;
+      }
+    std::vector<float> run;
+    for (int i = first; i < end; ++i) run.push_back(weight(i, j));
+    out.first.push_back(first);
+    out.taps = std::max(out.taps, end - first);
+    runs.push_back(std::move(run));
+  }
+  for (std::vector<float>& run : runs) {
+    run.resize(static_cast<std::size_t>(out.taps), 0.0f);
+    out.weight.insert(out.weight.end(), run.begin(), run.end());
+  }
+  return out;
+}
+
 void position_resample_forward(Context& ctx, const PositionResampleForward& a) {
   const long g = a.from, t = a.to;
   if (g < 1 || t < 1) fail(Status::internal, "position_resample: from {} to {} tokens", g, t);
@@ -64,6 +93,23 @@ void position_resample_forward(Context& ctx, const PositionResampleForward& a) {
   ctx.launch({"position_resample", "position_resample", ""}, groups((c + 63) / 64, 64, 1 + t * t),
              {2.0 * taps * static_cast<double>(a.out.count()), static_cast<double>(a.out.bytes() + a.stored.bytes())},
              a.stored, a.class_token, first, weight, a.out, a.from, a.to, axis.taps, static_cast<int>(c));
+}
+
+void position_resample_backward(Context& ctx, const PositionResampleBackward& a) {
+  const long g = a.from, t = a.to;
+  if (g < 1 || t < 1) fail(Status::internal, "position_resample: from {} to {} tokens", g, t);
+  Dims d;
+  d.set("stored tokens", 1 + g * g).set("tokens", 1 + t * t).bind("dout", a.dout, {"tokens", "C"});
+  d.bind("dstored", a.dstored, {"stored tokens", "C"}).bind("dclass_token", a.dclass_token, {"C"});
+  const long c = d["C"];
+  const ResampleAxis axis = transposed(bicubic_axis(a.from, a.to), a.from);
+  const Tensor first = ctx.upload({g}, axis.first, Type::i32, "position_resample.first");
+  const Tensor weight = ctx.upload({g, axis.taps}, axis.weight, Type::f32, "position_resample.weight");
+  const double taps = static_cast<double>(axis.taps) * axis.taps;
+  ctx.launch({"position_resample", "position_resample_backward", ""}, groups((c + 63) / 64, 64, 1 + g * g),
+             {2.0 * taps * static_cast<double>(a.dstored.count()),
+              static_cast<double>(a.dout.bytes() + 2 * a.dstored.bytes())},
+             a.dout, first, weight, a.dstored, a.dclass_token, a.from, a.to, axis.taps, static_cast<int>(c));
 }
 
 }  // namespace vsplat

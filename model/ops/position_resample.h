@@ -16,6 +16,8 @@ struct ResampleAxis {
   std::vector<float> weight;  // [t, taps]; 0 beyond the grid
 };
 ResampleAxis bicubic_axis(int from, int to);
+// The other way round: which of the outputs each of `from` stored positions is drawn on by, and how much by each.
+ResampleAxis transposed(const ResampleAxis& axis, int from);
 
 struct PositionResampleForward {
   Tensor stored;         // [1 + g g, C]: the class token's position, then the grid's
@@ -26,5 +28,15 @@ struct PositionResampleForward {
 
 // Uploads two small tables: for use at load.
 void position_resample_forward(Context& ctx, const PositionResampleForward& a);
+
+struct PositionResampleBackward {
+  Tensor dout;           // [1 + t t, C]: the loss by forward's out
+  int from = 0, to = 0;  // g, t
+  Tensor dstored;        // [1 + g g, C], added to
+  Tensor dclass_token;   // [C], added to
+};
+
+// Uploads two small tables.
+void position_resample_backward(Context& ctx, const PositionResampleBackward& a);
 
 }  // namespace vsplat
