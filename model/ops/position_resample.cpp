@@ -30,8 +30,8 @@ ResampleAxis bicubic_axis(int from, int to) {
   std::vector<std::vector<double>> weights;
   for (int i = 0; i < to; ++i) {
     const double centre = scale * (i + 0.5);
-    const int first = std::max(static_cast<int>(centre - support + 0.5), 0);
-    const int end = std::min(static_cast<int>(centre + support + 0.5), from);
+    const int first = std::max(static_cast<int>(std::lround(centre - support)), 0);
+    const int end = std::min(static_cast<int>(std::lround(centre + support)), from);
     std::vector<double> row;
     double sum = 0;
     for (int j = first; j < end; ++j) {
@@ -51,10 +51,11 @@ ResampleAxis bicubic_axis(int from, int to) {
 }
 
 ResampleAxis transposed(const ResampleAxis& axis, int from) {
-  const int to = static_cast<int>(axis.first.size()), taps = axis.taps;
+  const int to = static_cast<int>(axis.first.size());
   const auto weight = [&](int i, int j) {  // of stored position j in output i
-    const int tap = j - axis.first[static_cast<std::size_t>(i)];
-    return tap < 0 || tap >= taps ? 0.0f : axis.weight[static_cast<std::size_t>(i * taps + tap)];
+    const auto row = static_cast<std::size_t>(i), taps = static_cast<std::size_t>(axis.taps);
+    const int tap = j - axis.first[row];
+    return tap < 0 || tap >= axis.taps ? 0.0f : axis.weight[row * taps + static_cast<std::size_t>(tap)];
   };
   // Outputs go on along the axis, and so do those that draw on a position: one run, from its first to its last.
   ResampleAxis out;
