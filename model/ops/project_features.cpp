@@ -1,5 +1,6 @@
 #include "model/ops/project_features.h"
 
+#include "model/ops/scatter_rows.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
@@ -35,6 +36,7 @@ void project_features_backward(Context& ctx, const ProjectFeaturesBackward& a) {
   const ProjectFeaturesForward& f = a.forward;
   Dims d = bind_inputs(f);
   d.bind("dout", a.dout, {"P", "C"}).bind("dpoints", a.dpoints, {"P", "3"});
+  d.bind("dfeatures", a.dfeatures, {"V", "t", "t", "C"});
   const long p = d["P"], v = d["V"], c = d["C"];
   if (p * v * c == 0) return;
   const int P = static_cast<int>(p), V = static_cast<int>(v), t = static_cast<int>(d["t"]);
@@ -48,6 +50,14 @@ void project_features_backward(Context& ctx, const ProjectFeaturesBackward& a) {
   ctx.launch({"project_features", "project_features_points", ""}, items(p, cpu ? 1 : 64), {200 * pairs, 16 * pairs},
              f.points, f.cameras->w2c, f.cameras->c2w, f.cameras->intrinsics, dots, a.dpoints, P, V, t,
              static_cast<float>(f.image), half_of(f), static_cast<int>(f.by_distance));
+
+  const Tensor index = ctx.tensor({p, v, 4}, Type::i32, "texels"),
+               weight = ctx.tensor({p, v, 4}, Type::f32, "texels' shares");
+  ctx.launch({"project_features", "project_features_texels", ""}, items(p, cpu ? 1 : 64), {100 * pairs, 32 * pairs},
+             f.points, f.cameras->w2c, f.cameras->c2w, f.cameras->intrinsics, index, weight, P, V, t,
+             static_cast<float>(f.image), half_of(f), static_cast<int>(f.by_distance));
+  const ScatterPlan plan = make_scatter_plan(ctx, index, weight, v * t * t);
+  scatter_rows(ctx, {&plan, a.dout, 0, 4 * v, 1, a.dfeatures.reshaped({v * t * t, c})});
 }
 
 }  // namespace vsplat

@@ -22,6 +22,7 @@ void project_features_forward(Context& ctx, const ProjectFeaturesForward& a);
 struct ProjectFeaturesBackward {
   ProjectFeaturesForward forward;  // as it was given; its `out` is not looked at
   Tensor dout;                     // [P, C]
+  Tensor dfeatures;                // [V, t, t, C], added to
   Tensor dpoints;                  // [P, 3], added to
 };
 

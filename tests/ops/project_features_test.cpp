@@ -54,8 +54,12 @@ class ProjectFeatures : public test::FlavourTest {
     b.forward = a;
     b.dout = ctx().upload({p, c}, dout);
     b.dpoints = ctx().upload({p, 3}, before);
+    const std::vector<float> already = test::random_floats(in.features.size(), 36);
+    for (std::size_t i = 0; i < already.size(); ++i) want.features[i] += already[i];
+    b.dfeatures = ctx().upload(a.features.shape(), already);
     project_features_backward(ctx(), b);
     EXPECT_TRUE(test::close(ctx().read<float>(b.dpoints), want.points, 2e-5));
+    EXPECT_TRUE(test::close(ctx().read<float>(b.dfeatures), want.features, 2e-5));
   }
 };
 VSPLAT_FLAVOURS(ProjectFeatures);
@@ -80,7 +84,10 @@ TEST_P(ProjectFeatures, EmptyInput) {
   EXPECT_TRUE(ctx().read<float>(b.forward.out).empty());
   b.dout = ctx().tensor({0, 3});
   b.dpoints = ctx().tensor({0, 3});
+  const std::vector<float> before = test::random_floats(24, 36);
+  b.dfeatures = ctx().upload({2, 2, 2, 3}, before);
   project_features_backward(ctx(), b);
+  EXPECT_EQ(ctx().read<float>(b.dfeatures), before);
 }
 
 // The reference's, which is linear in the features, and smooth in the points between texels.
@@ -121,6 +128,10 @@ TEST_P(ProjectFeatures, RejectsBadShape) {
   b.forward = upload(ctx(), in, two);
   b.dout = ctx().tensor({5, 4});
   b.dpoints = ctx().tensor({5, 3});
+  b.dfeatures = ctx().tensor({2, 2, 2, 3});
+  EXPECT_THROW(project_features_backward(ctx(), b), Error);
+  b.dout = ctx().tensor({5, 3});
+  b.dfeatures = ctx().tensor({3, 2, 2, 3});
   EXPECT_THROW(project_features_backward(ctx(), b), Error);
 }
 
