@@ -3,6 +3,7 @@
 #   tests/golden/make.sh                 the committed ones, here (remove a file first to make it anew)
 #   tests/golden/make.sh DIR tiny        the larger ones, as ctest's golden_tiny does before the tests that read them
 #   tests/golden/make.sh DIR splat       scenes to draw, as ctest's golden_splat does; `splat_small` makes the committed ones in splat/
+#   tests/golden/make.sh FILE lpips      distances of LPIPS: the committed lpips.safetensors
 # Needs a Python with torch >= 1.13 and numpy (Debian: python3-torch python3-numpy); VSPLAT_PYTHON names one. Exits with 77
 # where there is none.
 set -eu
@@ -12,6 +13,7 @@ size=${2:-micro}
 case $size in
   splat) script=make_splat.py size=large ;;
   splat_small) script=make_splat.py size=small ;;
+  lpips) script=make_lpips.py ;;
 esac
 for python in "${VSPLAT_PYTHON:-}" python3 /usr/bin/python3; do
   if [ -n "$python" ] && "$python" -c 'import numpy, torch' 2>/dev/null; then

@@ -1,0 +1,55 @@
+// What LPIPS takes beside GEMMs: maps that make convolutions of pictures GEMMs, ReLU, pooling, distances of features.
+// Pictures are [H, W, C], channels last; [h, w] are the places of a window of side x side, `stride` apart. A work-item per
+// element of the output, in both flavours: next to the GEMMs this is nothing.
+
+// map [h w, side side]: for each place the rows of the picture under the window, -1 outside of it, which begins `pad` before it.
+__kernel void lpips_map(__global int* map, int N, int H, int W, int w, int side, int stride, int pad) {
+  const int i = get_global_id(0);
+  if (i >= N) return;
+  const int place = i / (side * side), tap = i % (side * side);
+  const int y = place / w * stride - pad + tap / side, x = place % w * stride - pad + tap % side;
+  map[i] = y >= 0 && y < H && x >= 0 && x < W ? y * W + x : -1;
+}
+
+// x [N], in place.
+__kernel void lpips_relu(__global float* x, int N) {
+  const int i = get_global_id(0);
+  if (i < N) x[i] = x[i] < 0.0f ? 0.0f : x[i];  // not fmax, which would hide a NaN
+}
+
+// out [h, w, C]: the largest value under each window, all of which lie in the picture.
+__kernel void lpips_pool(__global const float* in, __global float* out, int N, int W, int C, int w, int side, int stride) {
+  const int i = get_global_id(0);
+  if (i >= N) return;
+  const int c = i % C, x = i / C % w * stride, y = i / C / w * stride;
+  float most = in[(y * W + x) * C + c];
+  for (int t = 1; t < side * side; ++t) {
+    const float v = in[((y + t / side) * W + x + t % side) * C + c];
+    most = v <= most ? most : v;
+  }
+  out[i] = most;
+}
+
+// Equal features have distance 0: neither product is fused with the difference.
+#pragma OPENCL FP_CONTRACT OFF
+
+// out [P]: sum over c of weight[c] (a[c] / |a| - b[c] / |b|)^2, where a, b [P, C] are a place's features and |.| has 1e-10 more.
+__kernel void lpips_distance(__global const float* a, __global const float* b, __global const float* weight, __global float* out, int P,
+                             int C) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  a += (size_t)p * C;
+  b += (size_t)p * C;
+  float aa = 0.0f, bb = 0.0f, sum = 0.0f;
+  for (int c = 0; c < C; ++c) {
+    aa += a[c] * a[c];
+    bb += b[c] * b[c];
+  }
+  aa = 1.0f / (sqrt(aa) + 1e-10f);
+  bb = 1.0f / (sqrt(bb) + 1e-10f);
+  for (int c = 0; c < C; ++c) {
+    const float d = a[c] * aa - b[c] * bb;
+    sum += weight[c] * d * d;
+  }
+  out[p] = sum;
+}
