@@ -97,11 +97,11 @@ Window find_window(const Camera& camera, const Framing& framing, const Names& na
   return object_window(camera, framing, names);
 }
 
-PreparedView prepare(const Camera& listed, const Image& picture, const Image* mask, const Framing& framing,
-                     const Names& names) {
+FramedView frame(const Camera& listed, const Image& picture, const Image* mask, const Framing& framing,
+                 const Names& names) {
   if (framing.size < 1 || picture.empty() || (picture.channels != 3 && picture.channels != 4) ||
       (mask && mask->channels != 1))
-    fail(Status::internal, "prepare_view: {} channels, size {}", picture.channels, framing.size);
+    fail(Status::internal, "frame_view: {} channels, size {}", picture.channels, framing.size);
   check_sizes(listed, picture, mask, names);
   if (mask) warn_of_dark_mask(*mask, names);
   const Camera camera = completed(listed, picture);
@@ -109,9 +109,8 @@ PreparedView prepare(const Camera& listed, const Image& picture, const Image* ma
     fail(Status::input, "{}: focal lengths {} and {}; positive ones are expected", names.picture, camera.fx, camera.fy);
   const Window window = find_window(camera, framing, names);
   const Image source = premultiplied(picture, mask);
-  PreparedView out;
-  out.image =
-      on_white(is_pinhole(camera.distortion) ? resample(source, window) : resample_undistorted(source, window, camera));
+  FramedView out;
+  out.image = is_pinhole(camera.distortion) ? resample(source, window) : resample_undistorted(source, window, camera);
   out.camera = camera;
   out.camera.distortion = {};
   out.camera.width = out.camera.height = framing.size;
@@ -123,6 +122,8 @@ PreparedView prepare(const Camera& listed, const Image& picture, const Image* ma
   return out;
 }
 
+PreparedView prepared(FramedView view) { return {on_white(view.image), std::move(view.camera)}; }
+
 }  // namespace
 
 Fit fit_from_name(const std::string& name) {
@@ -133,16 +134,25 @@ Fit fit_from_name(const std::string& name) {
   fail(Status::usage, "fit {}: auto, object, crop or pad is expected", name);
 }
 
-PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
+FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
   const std::string name = camera.file.empty() ? "the picture" : camera.file;
-  return prepare(camera, picture, mask, framing, {name, "the mask of " + name});
+  return frame(camera, picture, mask, framing, {name, "the mask of " + name});
+}
+
+PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
+  return prepared(frame_view(camera, picture, mask, framing));
+}
+
+FramedView frame_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
+                      const Framing& framing) {
+  const Image picture = read_image(picture_path);
+  const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
+  return frame(camera, picture, mask_path.empty() ? nullptr : &mask, framing, {picture_path, mask_path});
 }
 
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
                           const Framing& framing) {
-  const Image picture = read_image(picture_path);
-  const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
-  return prepare(camera, picture, mask_path.empty() ? nullptr : &mask, framing, {picture_path, mask_path});
+  return prepared(frame_view(camera, picture_path, mask_path, framing));
 }
 
 }  // namespace vsplat

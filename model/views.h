@@ -32,13 +32,22 @@ struct PreparedView {
   Camera camera;  // S x S, no distortion, the listed pose and file name
 };
 
+// The same with its background still open.
+struct FramedView {
+  Image image;  // [S][S][4], premultiplied
+  Camera camera;
+};
+
 // `picture` has 3 or 4 channels, `mask` (may be null) 1: white is the object, grey covers in part. Where the camera
 // gives no size it takes the picture's, and its middle where it gives no principal point (NaN, or 0 without a size).
 // Error(input) where sizes disagree, or where `object` is asked for and the cube's centre is not in front of the
 // camera.
+FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 
 // The same from files; `mask_path` may be empty. Errors name them.
+FramedView frame_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
+                      const Framing& framing);
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
                           const Framing& framing);
 

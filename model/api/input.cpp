@@ -28,6 +28,7 @@ vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vs
     if (num_views == 0) fail(Status::usage, "num_views is 0");
     check_size(*views, "views[0]");
     auto out = std::make_unique<vsplat_views_impl>();
+    const auto pictures = std::make_shared<std::vector<Image>>();
     out->photographs.set.source = "pictures in memory";
     const char* at = reinterpret_cast<const char*>(views);
     for (size_t i = 0; i < num_views; ++i, at += views->size) {
@@ -43,8 +44,9 @@ vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vs
       Image picture(listed.camera.width, listed.camera.height, view.channels);
       std::copy_n(view.pixels, picture.data.size(), picture.data.begin());
       out->photographs.set.views.push_back(std::move(listed));
-      out->photographs.pictures.push_back(std::move(picture));
+      pictures->push_back(std::move(picture));
     }
+    out->photographs.picture = [pictures](int view) { return pictures->at(static_cast<size_t>(view)); };
     *out_views = out.release();
   });
 }

@@ -111,6 +111,15 @@ ViewSet read_json_views(const fs::path& path, bool need_pictures) {
        path.string());
 }
 
+// The file of cameras in a folder, or the folder of the COLMAP model; "" where there is neither.
+fs::path find_cameras(const fs::path& folder) {
+  for (const char* name : {"transforms.json", "cameras.json"})
+    if (is_file(folder / name)) return folder / name;
+  for (const char* name : {"sparse/0", "sparse", "colmap"})
+    if (is_colmap_model(folder / name)) return folder / name;
+  return is_colmap_model(folder) ? folder : fs::path();
+}
+
 ViewSet read_any(const fs::path& path, bool need_pictures) {
   std::error_code error;
   if (!fs::exists(path, error)) fail(Status::file, "{}: no such file or folder", path.string());
@@ -120,11 +129,8 @@ ViewSet read_any(const fs::path& path, bool need_pictures) {
       if (name == part) return read_colmap(path.has_parent_path() ? path.parent_path() : fs::path("."));
     return read_json_views(path, need_pictures);
   }
-  for (const char* name : {"transforms.json", "cameras.json"})
-    if (is_file(path / name)) return read_json_views(path / name, need_pictures);
-  for (const char* name : {"sparse/0", "sparse", "colmap"})
-    if (is_colmap_model(path / name)) return read_colmap(path / name);
-  if (is_colmap_model(path)) return read_colmap(path);
+  const fs::path found = find_cameras(path);
+  if (!found.empty()) return is_file(found) ? read_json_views(found, need_pictures) : read_colmap(found);
   fail(Status::file,
        "{}: no cameras: transforms.json, cameras.json or a COLMAP model in sparse/0, sparse, colmap or the folder "
        "itself is "
@@ -149,6 +155,8 @@ ViewSet read_views(const fs::path& path, const ReadOptions& options) {
       resolve_intrinsics(view, view.camera.width, view.camera.height);
   return set;
 }
+
+bool holds_views(const fs::path& folder) { return !find_cameras(folder).empty(); }
 
 void resolve_intrinsics(ListedView& view, int width, int height) {
   Camera& c = view.camera;

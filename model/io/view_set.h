@@ -51,6 +51,9 @@ struct ReadOptions {
 // positive).
 ViewSet read_views(const std::filesystem::path& path, const ReadOptions& options = {});
 
+// Whether read_views() finds cameras in this folder; nothing is read but names.
+bool holds_views(const std::filesystem::path& folder);
+
 // Fills in what was left open from the size of the view's picture (or of the picture to draw, for a target camera).
 // Error(input) where the file lists another size.
 void resolve_intrinsics(ListedView& view, int width, int height);
