@@ -5,6 +5,7 @@
 #include "model/api/handle.h"
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
+#include "model/data/object_names.h"
 #include "model/data/solids.h"
 
 struct vsplat_mesh_impl : vsplat::api::Counted {

@@ -1,9 +1,7 @@
 #include "model/data/object_folder.h"
 
 #include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "model/data/ray_tracer.h"
 #include "model/data/sphere_cameras.h"
@@ -98,29 +96,6 @@ void write_object(const std::string& folder, Mesh mesh, const ObjectOptions& opt
   const std::string text = transforms(cameras);
   write_file(files.back(), text.data(), text.size());
   made.keep();
-}
-
-std::vector<std::string> object_names(const std::vector<std::string>& files) {
-  std::map<std::string, int> stems;
-  for (const std::string& file : files) ++stems[fs::path(file).stem().string()];
-  std::vector<std::string> names;
-  for (const std::string& file : files) {
-    const fs::path path = fs::absolute(file).lexically_normal();
-    std::string name = path.stem().string();
-    const std::string folder = path.parent_path().filename().string();
-    if ((name == "model" || stems[name] > 1) && !folder.empty()) name = folder;
-    names.push_back(name);
-  }
-  std::set<std::string> taken(names.begin(), names.end()), seen;
-  for (std::string& name : names) {
-    if (seen.insert(name).second) continue;
-    int number = 2;
-    while (taken.count(fmt::format("{}_{}", name, number))) ++number;
-    name = fmt::format("{}_{}", name, number);
-    taken.insert(name);
-    seen.insert(name);
-  }
-  return names;
 }
 
 }  // namespace vsplat

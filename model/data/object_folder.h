@@ -24,8 +24,4 @@ std::vector<std::string> object_files(const std::string& folder, int views);
 // failure takes away the files it has written and the folders it has made.
 void write_object(const std::string& folder, Mesh mesh, const ObjectOptions& options);
 
-// Names of objects for the files of their meshes: a file's stem, or its folder's name where stems repeat or are
-// `model`; of those that are equal then, the second is NAME_2, the third NAME_3.
-std::vector<std::string> object_names(const std::vector<std::string>& files);
-
 }  // namespace vsplat

@@ -8,6 +8,7 @@
 
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
+#include "model/data/object_names.h"
 #include "model/data/ray_tracer.h"
 #include "model/data/solids.h"
 #include "model/data/sphere_cameras.h"

@@ -1,0 +1,39 @@
+// Data sets: folders (or files) of objects, each with posed pictures. Listing opens no picture.
+#pragma once
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "model/input.h"
+
+namespace vsplat {
+
+enum class DataLayout {
+  folder,  // a folder per object, anything that read_views() takes
+};
+const char* name_of(DataLayout layout);
+
+struct DataObject {
+  std::string name;
+  DataLayout layout = DataLayout::folder;
+  std::filesystem::path path;  // its folder
+};
+
+struct DataSet {
+  std::vector<DataObject> objects;  // in the order of the paths given, in each by name; no two names are equal
+};
+
+// Each path: an object's folder, or a folder with objects at most four levels down. Objects are called like their
+// folders; of those that are equal, the second is NAME_2. Error(file) where a path is not there, Error(input) where it
+// holds no object.
+DataSet open_data_set(const std::vector<std::string>& paths);
+
+// The views of an object, every one with a picture and all intrinsics. What is wrong with one (no picture, no mask, a
+// size that does not fit, a pose that is none) is an Error(file, format or input) that names object, view and field; or
+// where `skipped` is given, is added to it for each view that has to be left out, while any view is left.
+Photographs open_object(const DataObject& object, std::vector<std::string>* skipped = nullptr);
+
+// Whether it says that data are bad, as against a defect or memory that is short.
+bool is_about_data(const Error& error);
+
+}  // namespace vsplat

@@ -1,0 +1,74 @@
+#include "model/data/framed_object.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "model/pose_check.h"
+#include "model/resample.h"
+#include "runtime/log.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+std::uint8_t byte_of(float value) {
+  return static_cast<std::uint8_t>(std::lround(255.0f * std::clamp(value, 0.0f, 1.0f)));
+}
+
+}  // namespace
+
+FramedObject frame_object(const DataObject& object, const FrameRequest& request, std::vector<std::string>* skipped) {
+  FramedObject out{object.name, open_object(object, skipped), {}};
+  try {
+    std::vector<int> all(static_cast<std::size_t>(out.views()));
+    std::iota(all.begin(), all.end(), 0);
+    const ChosenPlacement place = find_placement(out.photographs, all, request.placement);
+    out.placement = place.placement;
+    verbose("{}: {}", object.name, place.found);
+    std::vector<Camera> cameras;
+    cameras.reserve(all.size());
+    for (const ListedView& view : out.photographs.set.views) cameras.push_back(view.camera);
+    check_centre_is_seen(cameras, out.photographs.set.convention, out.placement);
+  } catch (const Error& e) {
+    fail(e.status(), "object {}: {}", object.name, e.what());
+  }
+  return out;
+}
+
+StoredView store_view(const FramedObject& object, int view, const FrameRequest& request) {
+  const auto complain = [&](Status status, const std::string& what) {
+    fail(status, "object {}: view {} ({}): {}", object.name, view,
+         printable(object.photographs.set.views.at(static_cast<std::size_t>(view)).name), what);
+  };
+  FramedView framed;
+  try {
+    framed = framed_view(object.photographs, view,
+                         {request.image, request.fit, object.placement.centre, object.placement.edge});
+  } catch (const Error& e) {
+    complain(e.status(), e.what());
+  }
+  StoredView out;
+  out.camera = std::move(framed.camera);
+  out.rgba.resize(framed.image.data.size());
+  std::uint8_t most = 0, least = 255;
+  for (std::size_t i = 0; i < out.rgba.size(); i += 4) {
+    const float* p = &framed.image.data[i];
+    for (int c = 0; c < 3; ++c) out.rgba[i + c] = p[3] > 0 ? byte_of(p[c] / p[3]) : 0;
+    out.rgba[i + 3] = byte_of(p[3]);
+    most = std::max(most, out.rgba[i + 3]), least = std::min(least, out.rgba[i + 3]);
+  }
+  if (most == 0)
+    complain(Status::input, "its alpha (or mask) is 0 everywhere: nothing of the object is in the network's picture");
+  out.opaque = least == 255;
+  return out;
+}
+
+void composite(const StoredView& view, const std::array<float, 3>& background, std::vector<float>& out) {
+  Image picture(view.camera.width, view.camera.height, 4);
+  for (std::size_t i = 0; i < view.rgba.size(); ++i) picture.data[i] = static_cast<float>(view.rgba[i]) / 255.0f;
+  const Image flat = over(premultiplied(picture, nullptr), background);
+  out.insert(out.end(), flat.data.begin(), flat.data.end());
+}
+
+}  // namespace vsplat

@@ -1,0 +1,43 @@
+// An object of a data set as the network sees it: where its cube is, and its views in the network's size, as
+// `reconstruct` makes them.
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "model/data/data_set.h"
+
+namespace vsplat {
+
+struct FrameRequest {
+  int image = 0;  // S, the network's
+  Fit fit = Fit::automatic;
+  PlacementRequest placement;  // auto_frame estimates from all views
+};
+
+struct FramedObject {
+  std::string name;
+  Photographs photographs;  // as open_object() gives them
+  Placement placement;
+
+  int views() const { return static_cast<int>(photographs.set.views.size()); }
+};
+
+// Opens, places and checks that the cube's centre is in most pictures. Errors and `skipped` as open_object() has them.
+FramedObject frame_object(const DataObject& object, const FrameRequest& request,
+                          std::vector<std::string>* skipped = nullptr);
+
+// [S][S][4], straight alpha, 8 bits: nothing is lost of 8-bit pictures in the network's size.
+struct StoredView {
+  std::vector<std::uint8_t> rgba;
+  Camera camera;  // S x S, in the user's world
+  bool opaque = false;
+};
+
+// Decodes one. Error(file, format or input) names object, view and what is wrong; a picture that shows nothing of the
+// object (alpha 0 everywhere) is an error, too.
+StoredView store_view(const FramedObject& object, int view, const FrameRequest& request);
+
+// [S][S][3] over a background, appended.
+void composite(const StoredView& view, const std::array<float, 3>& background, std::vector<float>& out);
+
+}  // namespace vsplat

@@ -1,0 +1,284 @@
+#include "model/data/training_views.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <condition_variable>
+#include <set>
+#include <thread>
+
+#include "model/data/byte_cache.h"
+#include "model/data/drawn_views.h"
+#include "model/pose_check.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+namespace {
+
+constexpr std::size_t listing_bytes = std::size_t{64} << 20;  // of listed objects that are kept
+
+void check(const DataSet& data, const TrainingOptions& o) {
+  if (data.objects.empty()) fail(Status::input, "the data set has no objects");
+  const auto expect = [](bool good, const char* what) {
+    if (!good) fail(Status::usage, "reading for training: {}", what);
+  };
+  expect(o.image >= 1, "the pictures' size must be positive");
+  expect(o.rebase == "rotate" || o.rebase == "move", "rebase must be rotate or move");
+  expect(o.batch >= 1, "a step has at least one item");
+  expect(o.min_inputs >= 1 && o.min_inputs <= o.max_inputs && o.max_inputs <= max_views, "1 to 16 input views");
+  expect(o.novel >= 0 && o.novel <= 1000, "0 to 1000 novel views");
+  expect(o.turn_degrees >= 0 && o.turn_degrees <= 180, "a turn by 0 to 180 degrees");
+  expect(o.min_cube > 0 && o.min_cube <= o.max_cube && o.max_cube < 1e3, "the cube's factors must be positive");
+  expect(o.threads >= 0 && o.threads <= 256 && o.ahead >= 0, "threads and items ahead cannot be negative");
+}
+
+struct Listing {
+  FramedObject object;
+  std::vector<Eigen::Vector3d> positions;
+};
+
+std::size_t bytes_of(const Listing& listing) {
+  return listing.positions.size() * (sizeof(ListedView) + sizeof(Eigen::Vector3d) + 256);  // paths and names: about
+}
+
+Eigen::Matrix3d random_turn(double degrees, Random& random) {
+  const double height = random.uniform(-1, 1), azimuth = random.uniform(0, 2 * M_PI),
+               angle = random.uniform(0, degrees) * M_PI / 180;
+  const double level = std::sqrt(1 - height * height);
+  const Eigen::Vector3d axis(level * std::cos(azimuth), level * std::sin(azimuth), height);
+  return Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+}
+
+// The object's index, and which view of it: by index, the object as a whole, or -2 and below one that was left out when
+// it was opened.
+using BadThing = std::pair<std::size_t, int>;
+constexpr int whole = -1;
+
+struct Item {
+  enum class State { wanted, begun, done } state = State::wanted;
+  TrainingViews views;
+  std::exception_ptr error;
+};
+
+}  // namespace
+
+struct TrainingReader::Impl {
+  Impl(DataSet d, TrainingOptions o)
+      : data(std::move(d)), options(std::move(o)), listings(listing_bytes), pictures(options.cache_bytes) {
+    check(data, options);
+    request.image = options.image, request.fit = options.fit, request.placement = options.placement;
+    for (int i = 0; i < options.threads; ++i) workers.emplace_back([this] { work(); });
+  }
+  ~Impl() {
+    {
+      const std::lock_guard lock(mutex);
+      stop = true;
+    }
+    changed.notify_all();
+    for (std::thread& worker : workers) worker.join();
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  std::shared_ptr<const Listing> listing(std::size_t index);
+  std::shared_ptr<const StoredView> picture(std::size_t index, const FramedObject& object, int view);
+  void note(BadThing thing, const std::string& what);
+  bool passed_over(BadThing thing, const Error& error);
+  TrainingViews take(const Listing& from, std::size_t index, Random& random);
+  TrainingViews composed(const Listing& from, int inputs, const std::vector<std::shared_ptr<const StoredView>>& views,
+                         Random& random) const;
+  TrainingViews make(std::uint64_t number);
+  void finish(std::uint64_t number, std::unique_lock<std::mutex>& lock);  // makes a wanted item, unlocked meanwhile
+  void work();
+
+  const DataSet data;
+  const TrainingOptions options;
+  FrameRequest request;
+  ByteCache<std::size_t, Listing> listings;
+  ByteCache<std::pair<std::size_t, int>, StoredView> pictures;
+
+  mutable std::mutex bad_mutex;
+  std::set<BadThing> bad;
+
+  std::mutex mutex;  // of what follows
+  std::condition_variable changed;
+  std::map<std::uint64_t, Item> items;
+  bool stop = false;
+  std::vector<std::thread> workers;
+};
+
+std::shared_ptr<const Listing> TrainingReader::Impl::listing(std::size_t index) {
+  if (auto found = listings.find(index)) return found;
+  std::vector<std::string> skipped;
+  auto made = std::make_shared<Listing>();
+  try {
+    made->object = frame_object(data.objects[index], request, options.skip_bad ? &skipped : nullptr);
+  } catch (const Error& e) {
+    if (!passed_over({index, whole}, e)) throw;
+    return nullptr;
+  }
+  for (std::size_t i = 0; i < skipped.size(); ++i) note({index, whole - 1 - static_cast<int>(i)}, skipped[i]);
+  for (const ListedView& view : made->object.photographs.set.views) made->positions.push_back(view.camera.centre());
+  listings.put(index, made, bytes_of(*made));
+  return made;
+}
+
+std::shared_ptr<const StoredView> TrainingReader::Impl::picture(std::size_t index, const FramedObject& object,
+                                                                int view) {
+  if (auto found = pictures.find({index, view})) return found;
+  auto made = std::make_shared<const StoredView>(store_view(object, view, request));
+  pictures.put({index, view}, made, made->rgba.size() + sizeof(StoredView));
+  return made;
+}
+
+void TrainingReader::Impl::note(BadThing thing, const std::string& what) {
+  {
+    const std::lock_guard lock(bad_mutex);
+    if (!bad.insert(thing).second) return;
+  }
+  warn("{}; it is passed over", what);
+}
+
+bool TrainingReader::Impl::passed_over(BadThing thing, const Error& error) {
+  if (!options.skip_bad || !is_about_data(error)) return false;
+  note(thing, error.what());
+  return true;
+}
+
+TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
+                                             const std::vector<std::shared_ptr<const StoredView>>& views,
+                                             Random& random) const {
+  TrainingViews out;
+  out.object = from.object.name;
+  out.inputs = inputs;
+  const float shade = 0.5f * static_cast<float>(random.below(3));
+  bool opaque = false;
+  std::vector<Camera> cameras;
+  cameras.reserve(views.size());
+  for (const auto& view : views) {
+    opaque = opaque || (static_cast<int>(cameras.size()) >= inputs && view->opaque);
+    cameras.push_back(view->camera);
+  }
+  if (options.random_background && !opaque) out.background = {shade, shade, shade};
+
+  Placement placement = from.object.placement;
+  const PlacedViews listed = place_views(cameras, placement, options.rebase);
+  try {
+    check_cube_is_in_front(listed.cameras, placement);
+  } catch (const Error& e) {
+    fail(e.status(), "object {}: {}", from.object.name, e.what());
+  }
+  placement.edge *= random.uniform(options.min_cube, options.max_cube);
+  out.cameras = place_views(cameras, placement, options.rebase).cameras;
+  Similarity turn;
+  turn.rotation = random_turn(options.turn_degrees, random);
+  if (options.turn_degrees > 0)
+    for (Camera& camera : out.cameras) camera = to_frame(camera, turn);
+
+  out.pictures.reserve(views.size() * 3 * static_cast<std::size_t>(options.image) * options.image);
+  for (std::size_t i = 0; i < views.size(); ++i)
+    composite(*views[i], static_cast<int>(i) < inputs ? std::array<float, 3>{1, 1, 1} : out.background, out.pictures);
+  return out;
+}
+
+// Draws again, without them, where views turn out to be bad.
+TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index, Random& random) {
+  std::vector<bool> excluded(from.positions.size(), false);
+  const int inputs = options.min_inputs + random.below(options.max_inputs - options.min_inputs + 1);
+  for (;;) {
+    const DrawnViews drawn = draw_views(from.positions, excluded, inputs, options.novel, random);
+    if (drawn.inputs.empty())
+      fail(Status::input, "object {}: {} of its {} views can be used, {} input views are asked for", from.object.name,
+           std::count(excluded.begin(), excluded.end(), false), excluded.size(), inputs);
+    std::vector<int> chosen = drawn.inputs;
+    chosen.insert(chosen.end(), drawn.novel.begin(), drawn.novel.end());
+    std::vector<std::shared_ptr<const StoredView>> views;
+    for (const int view : chosen) {
+      try {
+        views.push_back(picture(index, from.object, view));
+      } catch (const Error& e) {
+        if (!passed_over({index, view}, e)) throw;
+        excluded[static_cast<std::size_t>(view)] = true;
+      }
+    }
+    if (views.size() == chosen.size()) return composed(from, inputs, views, random);
+  }
+}
+
+// The object's turn, or where it is bad the next ones'.
+TrainingViews TrainingReader::Impl::make(std::uint64_t number) {
+  const std::uint64_t count = data.objects.size();
+  const auto round = static_cast<std::uint32_t>(number / count);
+  Random random(options.seed, static_cast<std::uint32_t>(number), draw_stream);
+  for (std::uint64_t attempt = 0; attempt < count; ++attempt) {
+    const std::size_t index = shuffled((number + attempt) % count, count, options.seed, round);
+    const std::shared_ptr<const Listing> from = listing(index);
+    if (!from) continue;
+    try {
+      return take(*from, index, random);
+    } catch (const Error& e) {
+      if (!passed_over({index, whole}, e)) throw;
+    }
+  }
+  fail(Status::input, "none of the {} objects can be used", count);
+}
+
+void TrainingReader::Impl::finish(std::uint64_t number, std::unique_lock<std::mutex>& lock) {
+  items[number].state = Item::State::begun;
+  lock.unlock();
+  Item made;
+  made.state = Item::State::done;
+  try {
+    made.views = make(number);
+  } catch (...) {
+    made.error = std::current_exception();
+  }
+  lock.lock();
+  if (const auto at = items.find(number); at != items.end()) at->second = std::move(made);
+  changed.notify_all();
+}
+
+void TrainingReader::Impl::work() {
+  std::unique_lock lock(mutex);
+  while (!stop) {
+    const auto next =
+        std::find_if(items.begin(), items.end(), [](const auto& i) { return i.second.state == Item::State::wanted; });
+    if (next == items.end()) {
+      changed.wait(lock);
+    } else {
+      finish(next->first, lock);
+    }
+  }
+}
+
+TrainingReader::TrainingReader(DataSet data, TrainingOptions options)
+    : impl_(std::make_unique<Impl>(std::move(data), std::move(options))) {}
+
+TrainingReader::~TrainingReader() = default;
+
+TrainingViews TrainingReader::at(long step, int item) {
+  Impl& m = *impl_;
+  if (step < 0 || item < 0 || item >= m.options.batch)
+    fail(Status::internal, "item {} of step {}; a step has {}", item, step, m.options.batch);
+  const std::uint64_t number = static_cast<std::uint64_t>(step) * m.options.batch + item;
+  const std::uint64_t ahead = m.options.threads > 0 ? m.options.ahead : 0;
+  std::unique_lock lock(m.mutex);
+  std::erase_if(m.items, [&](const auto& i) { return i.first < number || i.first > number + ahead; });
+  for (std::uint64_t i = number; i <= number + ahead; ++i) m.items.try_emplace(i);
+  m.changed.notify_all();
+  if (m.items[number].state == Item::State::wanted) m.finish(number, lock);
+  m.changed.wait(lock, [&] { return m.items[number].state == Item::State::done; });
+  Item done = std::move(m.items[number]);
+  m.items.erase(number);
+  lock.unlock();
+  if (done.error) std::rethrow_exception(done.error);
+  return done.views;
+}
+
+int TrainingReader::bad() const {
+  const std::lock_guard lock(impl_->bad_mutex);
+  return static_cast<int>(impl_->bad.size());
+}
+
+std::size_t TrainingReader::cached_bytes() const { return impl_->pictures.bytes(); }
+
+}  // namespace vsplat

@@ -1,0 +1,465 @@
+// Reading data sets for training: the same pictures as `reconstruct` makes, the same choice however it is read, bad
+// data.
+#include "model/data/training_views.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "model/data/drawn_views.h"
+#include "model/io/image_file.h"
+#include "model/view_choice.h"
+#include "tests/support/data_sets.h"
+#include "tests/support/posed_views.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector3d;
+using test::expect_error;
+using test::TemporaryFolder;
+using test::Warnings;
+
+constexpr int size = 12;
+
+TrainingOptions options_of(int image = size) {
+  TrainingOptions out;
+  out.image = image;
+  out.seed = 4;
+  out.threads = 0;
+  return out;
+}
+
+bool same(const TrainingViews& a, const TrainingViews& b) {
+  bool out = a.object == b.object && a.pictures == b.pictures && a.inputs == b.inputs && a.background == b.background &&
+             a.cameras.size() == b.cameras.size();
+  for (std::size_t i = 0; out && i < a.cameras.size(); ++i)
+    out = a.cameras[i].w2c == b.cameras[i].w2c && a.cameras[i].fx == b.cameras[i].fx &&
+          a.cameras[i].cx == b.cameras[i].cx && a.cameras[i].file == b.cameras[i].file;
+  return out;
+}
+
+std::vector<float> picture(const TrainingViews& views, std::size_t index, int image) {
+  const auto pixels = static_cast<std::ptrdiff_t>(image) * image * 3;
+  const auto begin = views.pictures.begin() + static_cast<std::ptrdiff_t>(index) * pixels;
+  return {begin, begin + pixels};
+}
+
+// What `reconstruct` feeds the network when it is given the drawn views, against what is read.
+void expect_as_reconstructed(const std::string& folder, const TrainingOptions& options, double tolerance) {
+  const TrainingViews read = TrainingReader(open_data_set({folder}), options).at(3, 0);
+  Config config = named_config("micro");
+  config.image = options.image;
+  config.rebase = options.rebase;
+  InputRequest request;
+  request.fit = options.fit;
+  request.placement = options.placement;
+  for (const Camera& camera : read.cameras) request.names.push_back(camera.file);
+  const Photographs photographs{read_views(fs::path(folder) / read.object), {}};
+  const Input input = prepare_input(photographs, config, request);
+  const PlacedViews placed = place_views(cameras_of(input), input.placement, options.rebase);
+  ASSERT_EQ(read.cameras.size(), 8u);
+  for (std::size_t i = 0; i < 8; ++i) {
+    EXPECT_EQ(read.cameras[i].w2c, placed.cameras[i].w2c) << i;
+    EXPECT_EQ(read.cameras[i].fx, placed.cameras[i].fx) << i;
+    EXPECT_EQ(read.cameras[i].cy, placed.cameras[i].cy) << i;
+    const std::vector<float> a = picture(read, i, options.image), &b = input.views[i].image.data;
+    ASSERT_EQ(a.size(), b.size());
+    double most = 0;
+    for (std::size_t k = 0; k < a.size(); ++k) most = std::max(most, std::abs(static_cast<double>(a[k]) - b[k]));
+    EXPECT_LE(most, tolerance) << i;
+    EXPECT_LT(*std::min_element(b.begin(), b.end()), 0.9f) << "an empty picture says nothing";
+  }
+}
+
+TEST(TrainingReader, GivesWhatReconstructFeedsTheNetwork) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 2, 12, size);
+  expect_as_reconstructed(folder.string(), options_of(), 0);
+  TrainingOptions options = options_of();
+  options.rebase = "move";
+  options.placement.edge = 1.3;
+  options.placement.centre = Vector3d(0.1, 0, -0.1);
+  expect_as_reconstructed(folder.string(), options, 0);
+  options.image = 7;  // resampled: the store's 8 bits of colour and of alpha show
+  options.fit = Fit::object;
+  expect_as_reconstructed(folder.string(), options, 1.01 / 255);
+}
+
+TEST(TrainingReader, ReadsMasksAndLensesAsReconstructDoes) {
+  const TemporaryFolder folder;
+  const std::string object = folder / "vase";
+  fs::create_directories(object);
+  nlohmann::json root = {{"k1", 0.1}, {"aabb_half", 0.4}, {"aabb_center", {0.05, 0.0, 0.0}}};
+  root["frames"] = nlohmann::json::array();
+  int number = 0;
+  for (Camera camera : test::ring(9)) {
+    Image photo(32, 24, 3), mask(32, 24, 1);
+    for (int y = 0; y < 24; ++y)
+      for (int x = 0; x < 32; ++x) {
+        for (int c = 0; c < 3; ++c) photo.at(x, y)[c] = 0.1f * static_cast<float>((x * (c + 1) + y * 3 + number) % 9);
+        *mask.at(x, y) = std::hypot(x - 16, y - 12) < 6 ? 1.0f : 0.0f;
+      }
+    const std::string name = fmt::format("{}.png", number++);
+    write_png(object + "/" + name, photo);
+    write_png(object + "/mask_" + name, mask);
+    Eigen::Matrix4d c2w = camera.c2w();
+    c2w.middleCols<2>(1) *= -1;
+    nlohmann::json rows;
+    for (int r = 0; r < 4; ++r) rows.push_back({c2w(r, 0), c2w(r, 1), c2w(r, 2), c2w(r, 3)});
+    root["frames"].push_back(
+        {{"file_path", name}, {"mask_path", "mask_" + name}, {"fl_x", 40}, {"transform_matrix", rows}});
+  }
+  test::write_transforms(object, root);
+  expect_as_reconstructed(folder.string(), options_of(10), 1.01 / 255);
+}
+
+TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 3, 11, size);
+  TrainingOptions options = options_of();
+  options.batch = 2;
+  options.min_inputs = 2;
+  options.random_background = true;
+  options.turn_degrees = 20;
+  options.min_cube = 0.8, options.max_cube = 1.2;
+  TrainingReader plain(open_data_set({folder.string()}), options);
+  TrainingOptions hurried = options;
+  hurried.threads = 3;
+  hurried.cache_bytes = 10 * size * size * 4;  // far less than there is
+  TrainingReader threaded(open_data_set({folder.string()}), hurried);
+  hurried.cache_bytes = 0;
+  hurried.ahead = 0;
+  TrainingReader bare(open_data_set({folder.string()}), hurried);
+  std::vector<TrainingViews> first;
+  std::set<int> inputs;
+  for (long step = 0; step < 6; ++step)
+    for (int item = 0; item < 2; ++item) {
+      first.push_back(plain.at(step, item));
+      inputs.insert(first.back().inputs);
+      EXPECT_TRUE(same(first.back(), threaded.at(step, item))) << step << " " << item;
+      EXPECT_LE(threaded.cached_bytes(), 10u * size * size * 4);
+      EXPECT_EQ(first.back().cameras.size(), static_cast<std::size_t>(first.back().inputs) + 4);
+    }
+  EXPECT_EQ(inputs, (std::set<int>{2, 3, 4}));
+  for (const int number : {9, 2, 11, 0, 3})  // out of order, forth and back
+    for (TrainingReader* reader : {&plain, &threaded, &bare})
+      EXPECT_TRUE(same(reader->at(number / 2, number % 2), first[static_cast<std::size_t>(number)])) << number;
+  options.seed = 5;
+  TrainingReader other(open_data_set({folder.string()}), options);
+  EXPECT_FALSE(same(other.at(0, 0), first[0]) && same(other.at(0, 1), first[1]));
+  EXPECT_FALSE(same(first[0], first[6])) << "the next round of the objects has other views";
+}
+
+TEST(TrainingReader, KeepsWhatItHasDecoded) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 8, size);
+  TrainingReader reader(open_data_set({folder.string()}), options_of());
+  const TrainingViews before = reader.at(0, 0);
+  EXPECT_GE(reader.cached_bytes(), 8u * size * size * 4);
+  fs::remove_all(folder / "solid_0/images");
+  EXPECT_TRUE(same(reader.at(0, 0), before)) << "all eight views are in every step";
+}
+
+TEST(TrainingReader, TakesEveryObjectOnceARound) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 5, 8, 8);
+  TrainingReader reader(open_data_set({folder.string()}), options_of(8));
+  std::vector<std::string> order;
+  for (long step = 0; step < 15; ++step) order.push_back(reader.at(step, 0).object);
+  for (int round = 0; round < 3; ++round)
+    EXPECT_EQ(std::set<std::string>(order.begin() + 5 * round, order.begin() + 5 * round + 5).size(), 5u);
+  EXPECT_FALSE(std::equal(order.begin(), order.begin() + 5, order.begin() + 5) &&
+               std::equal(order.begin(), order.begin() + 5, order.begin() + 10));
+}
+
+TEST(TrainingReader, PutsNovelViewsAloneOnTheBackground) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 10, size);
+  TrainingOptions options = options_of();
+  options.random_background = true;
+  TrainingReader reader(open_data_set({folder.string()}), options);
+  std::set<float> seen;
+  for (long step = 0; step < 20; ++step) {
+    const TrainingViews views = reader.at(step, 0);
+    seen.insert(views.background[0]);
+    for (std::size_t i = 0; i < 8; ++i) {
+      const std::vector<float> p = picture(views, i, size);
+      EXPECT_EQ(p[0], i < 4 ? 1.0f : views.background[0]);  // a corner
+    }
+  }
+  EXPECT_EQ(seen, (std::set<float>{0.0f, 0.5f, 1.0f}));
+  for (const auto& entry : fs::directory_iterator(folder / "solid_0/images")) {  // no alpha: no background shows
+    const Image rgba = read_image(entry.path().string());
+    Image rgb(size, size, 3, 0.25f);
+    for (int i = 0; i < size * size; ++i) std::copy_n(&rgba.data[4 * i], 3, &rgb.data[3 * i]);
+    write_png(entry.path().string(), rgb);
+  }
+  TrainingReader opaque(open_data_set({folder.string()}), options);
+  for (long step = 0; step < 9; ++step) EXPECT_EQ(opaque.at(step, 0).background[0], 1.0f);
+}
+
+TEST(TrainingReader, TurnsAndScalesTheFrame) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 10, size);
+  TrainingOptions options = options_of();
+  TrainingReader plain(open_data_set({folder.string()}), options);
+  options.turn_degrees = 30;
+  options.min_cube = 0.8, options.max_cube = 1.2;
+  TrainingReader moved(open_data_set({folder.string()}), options);
+  double most = 0, smallest = 9, largest = 0;
+  for (long step = 0; step < 30; ++step) {
+    const TrainingViews a = plain.at(step, 0), b = moved.at(step, 0);
+    ASSERT_EQ(a.pictures, b.pictures) << "the same views are drawn";
+    const Eigen::Matrix3d turn = b.cameras[0].w2c.topLeftCorner<3, 3>();  // that of `a` is the identity
+    most = std::max(most, Eigen::AngleAxisd(turn).angle() * 180 / M_PI);
+    const double scale = b.cameras[0].centre().norm() / a.cameras[0].centre().norm();
+    smallest = std::min(smallest, 1 / scale), largest = std::max(largest, 1 / scale);
+    for (std::size_t i = 0; i < 8; ++i) {
+      const Eigen::Matrix3d was = a.cameras[i].w2c.topLeftCorner<3, 3>(), is = b.cameras[i].w2c.topLeftCorner<3, 3>();
+      EXPECT_TRUE(is.isApprox(was * turn, 1e-9));
+      EXPECT_TRUE(b.cameras[i].centre().isApprox(scale * (turn.transpose() * a.cameras[i].centre()), 1e-9));
+      EXPECT_EQ(a.cameras[i].fx, b.cameras[i].fx);
+    }
+  }
+  EXPECT_GT(most, 15);
+  EXPECT_LE(most, 30);
+  EXPECT_GE(smallest, 0.8);
+  EXPECT_LT(smallest, 0.95);
+  EXPECT_LE(largest, 1.2);
+  EXPECT_GT(largest, 1.05);
+}
+
+// One damage to solid_1 of three; what the error must say.
+struct Damage {
+  const char* what;
+  std::function<void(const std::string& folder)> apply;
+  Status status;
+  std::vector<std::string> words;
+  int count;  // of bad things with skip_bad
+};
+
+void change_frame(const std::string& folder, const std::function<void(nlohmann::json&)>& change) {
+  nlohmann::json root = test::read_transforms(folder);
+  change(root["frames"][3]);
+  test::write_transforms(folder, root);
+}
+
+std::vector<Damage> damages() {
+  const std::string third = "/images/0003.png";
+  return {
+      {"a picture is missing",
+       [=](const std::string& f) { fs::remove(f + third); },
+       Status::file,
+       {"object solid_1", "images/0003.png", "picture is not there"},
+       1},
+      {"a picture is cut off",
+       [=](const std::string& f) { test::put_file(f + third, test::contents_of(f + third).substr(0, 60)); },
+       Status::format,
+       {"object solid_1", "images/0003.png"},
+       1},
+      {"a picture has another size",
+       [=](const std::string& f) { write_png(f + third, Image(5, 5, 4, 1.0f)); },
+       Status::input,
+       {"object solid_1", "images/0003.png", "5 x 5", "12 x 12"},
+       1},
+      {"an alpha is empty",
+       [=](const std::string& f) { write_png(f + third, Image(size, size, 4, 0.0f)); },
+       Status::input,
+       {"object solid_1", "images/0003.png", "alpha"},
+       1},
+      {"a mask is missing",
+       [](const std::string& f) { change_frame(f, [](nlohmann::json& v) { v["mask_path"] = "gone.png"; }); },
+       Status::file,
+       {"object solid_1", "images/0003.png", "mask", "gone.png"},
+       1},
+      {"a pose is NaN",
+       [](const std::string& f) { change_frame(f, [](nlohmann::json& v) { v["transform_matrix"][1][2] = "NaN"; }); },
+       Status::input,
+       {"object solid_1", "frame 3", "images/0003.png", "transform_matrix"},
+       1},
+      {"a pose has three columns",
+       [](const std::string& f) { change_frame(f, [](nlohmann::json& v) { v["transform_matrix"][1].erase(0); }); },
+       Status::format,
+       {"object solid_1", "frame 3", "transform_matrix"},
+       1},
+      {"the list is cut off",
+       [](const std::string& f) {
+         test::put_file(f + "/transforms.json", test::contents_of(f + "/transforms.json").substr(0, 500));
+       },
+       Status::format,
+       {"object solid_1", "transforms.json"},
+       1},
+      {"too few views",
+       [](const std::string& f) {
+         nlohmann::json root = test::read_transforms(f);
+         root["frames"].erase(root["frames"].begin() + 3, root["frames"].end());
+         test::write_transforms(f, root);
+       },
+       Status::input,
+       {"object solid_1", "3 of its 3 views", "4 input views"},
+       1},
+      {"the cube is elsewhere",
+       [](const std::string& f) {
+         nlohmann::json root = test::read_transforms(f);
+         root["aabb_center"] = {0, 50, 0};
+         test::write_transforms(f, root);
+       },
+       Status::input,
+       {"object solid_1", "centre"},
+       1},
+      {"the cube reaches the cameras",
+       [](const std::string& f) {
+         nlohmann::json root = test::read_transforms(f);
+         root["aabb_half"] = 3;
+         test::write_transforms(f, root);
+       },
+       Status::input,
+       {"object solid_1", "behind the camera"},
+       1}};
+}
+
+TEST(TrainingReader, NamesBadDataOrCountsItAndGoesOn) {
+  for (const Damage& damage : damages()) {
+    SCOPED_TRACE(damage.what);
+    const TemporaryFolder folder;
+    test::write_solids(folder, 3, 9, size);
+    damage.apply(folder / "solid_1");
+    const auto read = [&](TrainingReader& reader) {
+      std::vector<TrainingViews> out;
+      for (long step = 0; step < 12; ++step) out.push_back(reader.at(step, 0));
+      return out;
+    };
+    TrainingOptions options = options_of();
+    TrainingReader strict(open_data_set({folder.string()}), options);
+    expect_error(damage.status, damage.words, [&] { read(strict); });
+    options.skip_bad = true;
+    const Warnings warnings;
+    TrainingReader lenient(open_data_set({folder.string()}), options);
+    const std::vector<TrainingViews> first = read(lenient);
+    options.threads = 2;
+    options.cache_bytes = 0;
+    TrainingReader threaded(open_data_set({folder.string()}), options);
+    const std::vector<TrainingViews> second = read(threaded);
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      EXPECT_TRUE(same(first[i], second[i])) << i;
+      for (const Camera& camera : first[i].cameras)
+        EXPECT_FALSE(first[i].object == "solid_1" && camera.file == "images/0003.png") << i;
+    }
+    EXPECT_EQ(lenient.bad(), damage.count);
+    EXPECT_EQ(threaded.bad(), damage.count);
+    EXPECT_GE(warnings.all.size(), 1u);
+  }
+}
+
+TEST(TrainingReader, SaysSoWhereNothingIsLeft) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 9, size);
+  fs::remove_all(folder / "solid_0/images");
+  TrainingOptions options = options_of();
+  options.skip_bad = true;
+  TrainingReader reader(open_data_set({folder.string()}), options);
+  expect_error(Status::input, {"none of the 1 objects"}, [&] { reader.at(0, 0); });
+}
+
+TEST(TrainingReader, RefusesOptionsThatMakeNoSense) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 8, 8);
+  const auto refused = [&](const std::function<void(TrainingOptions&)>& change, const std::string& word) {
+    TrainingOptions options = options_of();
+    change(options);
+    expect_error(Status::usage, {word}, [&] { TrainingReader(open_data_set({folder.string()}), options); });
+  };
+  refused([](TrainingOptions& o) { o.image = 0; }, "size");
+  refused([](TrainingOptions& o) { o.min_inputs = 0; }, "input views");
+  refused([](TrainingOptions& o) { o.min_inputs = 5; }, "input views");
+  refused([](TrainingOptions& o) { o.rebase = "spin"; }, "rebase");
+  refused([](TrainingOptions& o) { o.min_cube = 0; }, "cube");
+  refused([](TrainingOptions& o) { o.turn_degrees = NAN; }, "turn");
+  expect_error(Status::input, {"no objects"}, [] { TrainingReader(DataSet(), options_of()); });
+}
+
+TEST(Shuffled, IsAPermutationThatChangesWithSeedAndRound) {
+  for (const std::uint64_t count : {1u, 2u, 3u, 4u, 5u, 7u, 16u, 17u, 64u, 65u, 1000u}) {
+    std::set<std::uint64_t> seen;
+    std::uint64_t moved = 0, differs = 0;
+    for (std::uint64_t i = 0; i < count; ++i) {
+      const std::uint64_t to = shuffled(i, count, 3, 1);
+      EXPECT_LT(to, count);
+      seen.insert(to);
+      moved += to != i ? 1 : 0;
+      differs += to != shuffled(i, count, 3, 2) && to != shuffled(i, count, 4, 1) ? 1 : 0;
+    }
+    EXPECT_EQ(seen.size(), count);
+    if (count < 64) continue;
+    EXPECT_GT(moved, count * 9 / 10);
+    EXPECT_GT(differs, count * 9 / 10);
+  }
+}
+
+TEST(DrawViews, TakesOneOfEachGroupAndNoneTwice) {
+  std::vector<Vector3d> positions;  // four heaps of 3
+  for (const Vector3d& heap : {Vector3d(5, 0, 0), Vector3d(-5, 0, 0), Vector3d(0, 5, 0), Vector3d(0, 0, 5)})
+    for (int i = 0; i < 3; ++i) positions.push_back(heap + Vector3d(0.1 * i, 0.05 * i * i, 0));
+  std::vector<bool> excluded(12, false);
+  excluded[4] = true;
+  std::set<int> reference, drawn;
+  Random random(1, 2, draw_stream);
+  for (int i = 0; i < 200; ++i) {
+    const DrawnViews views = draw_views(positions, excluded, 4, 4, random);
+    for (const std::vector<int>* four : {&views.inputs, &views.novel}) {
+      std::set<int> heaps;
+      for (const int v : *four) heaps.insert(v / 3);
+      EXPECT_EQ(heaps.size(), 4u);
+    }
+    std::set<int> all(views.inputs.begin(), views.inputs.end());
+    all.insert(views.novel.begin(), views.novel.end());
+    EXPECT_EQ(all.size(), 8u);
+    EXPECT_EQ(all.count(4), 0u);
+    reference.insert(views.inputs[0]);
+    drawn.insert(all.begin(), all.end());
+  }
+  EXPECT_EQ(drawn.size(), 11u) << "every view has its turn";
+  EXPECT_EQ(reference.size(), 11u) << "as the reference, too";
+}
+
+TEST(DrawViews, MakesDoWithFewViews) {
+  Random random(1, 2, draw_stream);
+  std::vector<Vector3d> positions = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}};
+  DrawnViews views = draw_views(positions, std::vector<bool>(5, false), 4, 4, random);
+  EXPECT_EQ(std::set<int>(views.inputs.begin(), views.inputs.end()).size(), 4u);
+  ASSERT_EQ(views.novel.size(), 4u);
+  EXPECT_EQ(std::count(views.inputs.begin(), views.inputs.end(), views.novel[0]), 0) << "the one that is left is first";
+  EXPECT_TRUE(draw_views(positions, {true, true, false, false, false}, 4, 4, random).inputs.empty());
+  positions.assign(6, Vector3d(1, 2, 3));  // one place, one group
+  views = draw_views(positions, std::vector<bool>(6, false), 4, 2, random);
+  EXPECT_EQ(std::set<int>(views.inputs.begin(), views.inputs.end()).size(), 4u);
+  EXPECT_EQ(views.novel.size(), 2u);
+}
+
+TEST(DataSet, FindsObjectsAndNamesThemByTheirFolders) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 2, 1, 8);
+  fs::create_directories(folder / "more/deep");
+  fs::create_directories(folder / ".hidden");
+  fs::copy(folder / "solid_1", folder / "more/deep/solid_1", fs::copy_options::recursive);
+  fs::copy(folder / "solid_1", folder / ".hidden/solid_7", fs::copy_options::recursive);
+  const auto names = [](const DataSet& set) {
+    std::vector<std::string> out;
+    for (const DataObject& object : set.objects) out.push_back(object.name);
+    return out;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(names(open_data_set({folder.string()})), (Names{"solid_1", "solid_0", "solid_1_2"}));
+  EXPECT_EQ(names(open_data_set({folder / "solid_0/", folder / "more"})), (Names{"solid_0", "solid_1"}));
+  EXPECT_EQ(names(open_data_set({folder / "solid_0/images/.."})), (Names{"solid_0"}));
+  expect_error(Status::file, {"nowhere"}, [&] { open_data_set({folder / "nowhere"}); });
+  expect_error(Status::input, {"images", "no object"}, [&] { open_data_set({folder / "solid_0/images"}); });
+}
+
+}  // namespace
+}  // namespace vsplat
