@@ -14,13 +14,20 @@ class Lifting {
   // Takes "volume_network.conv_in.0.*".
   Lifting(Context& ctx, const Config& config, const WeightSource& weights);
 
+  struct Saved {
+    Tensor features;
+    DeviceCameras cameras;
+  };
   // features [V, t, t, C] -> [R^3, 4 C~], x slowest: the convolution of (mean, biased variance) over the views.
-  Tensor forward(Context& ctx, const Tensor& features, const DeviceCameras& cameras) const;
+  Tensor forward(Context& ctx, const Tensor& features, const DeviceCameras& cameras, Saved* saved = nullptr) const;
+  // dout [R^3, 4 C~] -> dfeatures [V, t, t, C], added to. The variance is computed again, a block of voxels at a time.
+  void backward(Context& ctx, const Saved& saved, const Tensor& dout, const Tensor& dfeatures) const;
 
  private:
   Config config_;
   PackedMatrix mean_, variance_;  // [C, 4 C~] each
   Tensor bias_;
+  Tensor plain_, dweight_, dbias_;  // in training: [4 C~, 2 C], mean before variance, and the gradients
 };
 
 }  // namespace vsplat
