@@ -6,7 +6,8 @@
 
 namespace vsplat::ref {
 
-inline std::vector<double> upsample3d(const std::vector<float>& x, long depth, long height, long width, long c) {
+template <class T>
+std::vector<double> upsample3d(const std::vector<T>& x, long depth, long height, long width, long c) {
   struct Axis {
     long low, high;
     double weight;  // of high
