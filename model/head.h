@@ -16,8 +16,16 @@ class CoarseHeads {
     Tensor logits;              // [R^3]
     DeviceGaussians gaussians;  // R^3, opacities not yet refined by the confidence
   };
-  // volume [R^3, C~]
-  Output forward(Context& ctx, const Tensor& volume) const;
+  struct Saved {
+    Mlp3Saved act_predictor, coarse_predictor;
+    Tensor raw;  // [R^3, A]
+  };
+  // volume [R^3, C~]. What `saved` holds is for the backward.
+  Output forward(Context& ctx, const Tensor& volume, Saved* saved = nullptr) const;
+  // From the loss by the outputs to that by the volume, which is written, or with `add` added to. `dlogits` is none
+  // where nothing depends on them: the confidence's weights then get no gradient.
+  void backward(Context& ctx, const Saved& saved, const Tensor& dlogits, const GaussianGradients& dgaussians,
+                const Tensor& dvolume, bool add) const;
 
  private:
   Config config_;
@@ -31,7 +39,18 @@ class FineHeads {
 
   // refined [P, fine_dim], the skeleton's P Gaussians with refined opacity -> M P fine ones, voxel by voxel, then the P
   // adjusted ones.
-  DeviceGaussians forward(Context& ctx, const Tensor& refined, const DeviceGaussians& skeleton) const;
+  struct Saved {
+    Mlp3Saved fine_predictor, update_predictor;
+    Tensor raw;        // [P, M A]
+    Tensor update;     // [P, 3S + 1]
+    Tensor opacities;  // [P]: the skeleton's
+  };
+  DeviceGaussians forward(Context& ctx, const Tensor& refined, const DeviceGaussians& skeleton,
+                          Saved* saved = nullptr) const;
+  // dfinal: by the M P + P. drefined [P, fine_dim] is written; dskeleton is added to, except for its SH, on which
+  // nothing depends and which may be none.
+  void backward(Context& ctx, const Saved& saved, const GaussianGradients& dfinal, const Tensor& drefined,
+                const GaussianGradients& dskeleton) const;
 
  private:
   Config config_;

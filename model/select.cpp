@@ -1,7 +1,6 @@
 #include "model/select.h"
 
 #include "model/ops/compact.h"
-#include "model/ops/select.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
@@ -25,7 +24,7 @@ Tensor upload_forced(Context& ctx, const std::vector<int>& forced, long voxels) 
 }  // namespace
 
 SelectedVoxels select_voxels(Context& ctx, const Config& config, const Tensor& logits, const Tensor& opacities,
-                             const SelectionOptions& options) {
+                             const SelectionOptions& options, SelectionSaved* saved) {
   const Stage stage(ctx, "selection");
   const long voxels = config.voxels();
   SelectForward f;
@@ -45,9 +44,24 @@ SelectedVoxels select_voxels(Context& ctx, const Config& config, const Tensor& l
   f.refined = ctx.tensor({voxels}, Type::f32, "selection.opacities");
   f.flags = ctx.tensor({voxels}, Type::u32, "selection.flags");
   select_forward(ctx, f);
+  if (saved) *saved = {f.logits, f.noise, f.opacities, f.selection, f.temperature};
   const Tensor index =
       options.forced ? upload_forced(ctx, *options.forced, voxels) : compact(ctx, f.flags, options.planned);
   return {f.factor, f.refined, index, index.dim(0)};
+}
+
+Tensor select_voxels_backward(Context& ctx, const SelectionSaved& saved, const Tensor& dopacities) {
+  const Stage stage(ctx, "selection");
+  SelectBackward b;
+  b.logits = saved.logits;
+  b.noise = saved.noise;
+  b.opacities = saved.opacities;
+  b.selection = saved.selection;
+  b.temperature = saved.temperature;
+  b.drefined = b.dopacities = dopacities;
+  if (b.selection != Selection::opacity) b.dlogits = ctx.tensor(saved.logits.shape(), Type::f32, "logits gradient");
+  select_backward(ctx, b);
+  return b.dlogits;
 }
 
 }  // namespace vsplat

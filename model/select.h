@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "model/config.h"
+#include "model/ops/select.h"
 #include "runtime/context.h"
 
 namespace vsplat {
@@ -25,8 +26,18 @@ struct SelectedVoxels {
   long count = 0;    // P
 };
 
-// logits and the coarse opacities [R^3]. Waits for the queue, once, to know P (not with `forced`).
+struct SelectionSaved {
+  Tensor logits, noise, opacities;  // as they were taken; noise may be none
+  Selection selection = Selection::gumbel;
+  float temperature = 0.1f;
+};
+
+// logits and the coarse opacities [R^3]. Waits for the queue, once, to know P (not with `forced`). What `saved` holds
+// is for the backward.
 SelectedVoxels select_voxels(Context& ctx, const Config& config, const Tensor& logits, const Tensor& opacities,
-                             const SelectionOptions& options);
+                             const SelectionOptions& options, SelectionSaved* saved = nullptr);
+// `dopacities` [R^3] is by the refined opacities and becomes that by the coarse ones. Returns that by the logits [R^3];
+// none for selection "opacity", which does not ask them.
+Tensor select_voxels_backward(Context& ctx, const SelectionSaved& saved, const Tensor& dopacities);
 
 }  // namespace vsplat

@@ -37,11 +37,30 @@ HostTensor Golden::tensor(const std::string& name) const {
 }
 
 const std::vector<std::string>& golden_cases() {
-  static const std::vector<std::string> names = {
-      "tiny",        "tiny_seed1",    "tiny_views1",  "tiny_views6", "tiny_noise",    "tiny_noise_seed1",
-      "tiny_coarse", "tiny_skeletal", "tiny_sigmoid", "tiny_ste",    "tiny_opacity",  "tiny_unprojected",
-      "tiny_fine1",  "tiny_mirrored", "tiny_paper",   "tiny_empty",  "micro_levels1", "micro_levels3",
-      "micro_wide"};
+  static const std::vector<std::string> names = {"tiny",
+                                                 "tiny_seed1",
+                                                 "tiny_views1",
+                                                 "tiny_views6",
+                                                 "tiny_noise",
+                                                 "tiny_noise_seed1",
+                                                 "tiny_coarse",
+                                                 "tiny_skeletal",
+                                                 "tiny_sigmoid",
+                                                 "tiny_ste",
+                                                 "tiny_opacity",
+                                                 "tiny_unprojected",
+                                                 "tiny_fine1",
+                                                 "tiny_mirrored",
+                                                 "tiny_paper",
+                                                 "tiny_empty",
+                                                 "micro_levels1",
+                                                 "micro_levels3",
+                                                 "micro_wide",
+                                                 "micro_coarse",
+                                                 "micro_skeletal",
+                                                 "micro_skeletal_sigmoid",
+                                                 "micro_skeletal_ste",
+                                                 "micro_skeletal_opacity"};
   return names;
 }
 

@@ -39,7 +39,8 @@ class Golden {
   double temperature_ = 0;
 };
 
-// The cases that the ctest fixture makes where PyTorch is there: tiny, two seeds, 1 and 6 views, noise, every variant.
+// The cases that the ctest fixture makes where PyTorch is there: tiny, two seeds, 1 and 6 views, noise, every variant;
+// and micro ones, which have gradients.
 const std::vector<std::string>& golden_cases();
 
 }  // namespace vsplat::test

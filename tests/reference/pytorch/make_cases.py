@@ -2,7 +2,8 @@
 
     python3 make_cases.py DIR micro      the two committed ones, with gradients
     python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected,
-                                         a U-Net of one level and of three, and one of many channels
+                                         a U-Net of one level and of three, and one of many channels; with gradients where they
+                                         are micro: those, and fewer levels with every selection
 """
 import os
 import sys
@@ -37,19 +38,27 @@ TINY = {
     # Wide enough for the kernels that only many channels choose (Winograd).
     "micro_wide": ["--config", "micro", "--set", "volume=6", "--set", "volume_ch=32", "--set", "vit_dim=36", "--set", "voxel_ch=36",
                    "--set", "fine_dim=40"],
+    "micro_coarse": ["--config", "micro", "--set", "levels=coarse"],
+    "micro_skeletal": ["--config", "micro", "--noise", "--set", "levels=skeletal"],
+    "micro_skeletal_sigmoid": ["--config", "micro", "--set", "levels=skeletal", "--set", "selection=sigmoid"],
+    "micro_skeletal_ste": ["--config", "micro", "--set", "levels=skeletal", "--set", "selection=ste"],
+    "micro_skeletal_opacity": ["--config", "micro", "--set", "levels=skeletal", "--set", "selection=opacity",
+                               "--set", "opacity_threshold=0.1"],
 }
 
 
 def main():
     folder, size = sys.argv[1], sys.argv[2]
-    cases, common = (MICRO, ["--config", "micro"]) if size == "micro" else (TINY, ["--config", "tiny", "--no-grad"])
+    cases, config = (MICRO, "micro") if size == "micro" else (TINY, "tiny")
     os.makedirs(folder, exist_ok=True)
     sources = max(os.path.getmtime(f) for f in (__file__, make_golden.__file__, make_golden.ref.__file__))
     for name, options in cases.items():
         path = os.path.join(folder, name + ".safetensors")
         if os.path.exists(path) and os.path.getmtime(path) > sources:
             continue
-        sys.argv = ["make_golden.py", path + ".tmp", *common, *options]
+        sys.argv = ["make_golden.py", path + ".tmp", "--config", config, *options]
+        if name.startswith("tiny"):                       # their gradients take long
+            sys.argv.append("--no-grad")
         print(f"{name}: ", end="", flush=True)
         make_golden.main()
         os.replace(path + ".tmp", path)
