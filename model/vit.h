@@ -3,8 +3,7 @@
 #include <vector>
 
 #include "model/config.h"
-#include "model/upload_weights.h"
-#include "runtime/gemm.h"
+#include "model/layers.h"
 
 namespace vsplat {
 
@@ -13,28 +12,38 @@ class Vit {
   // Takes "encoder.model.*". Resamples the positions once, here.
   Vit(Context& ctx, const Config& config, const WeightSource& weights);
 
+  // What the backward wants of a forward; norms and GELU it makes again. 10 values a layer, token and channel.
+  struct LayerSaved {
+    Tensor x;                     // [V, T, C], the layer's input
+    Tensor qkv, attended, stats;  // see model/ops/attention.h
+    Tensor middle;                // [V, T, C], between attention and MLP
+    Tensor hidden;                // [V T, 4 C], before GELU
+  };
+  struct Saved {
+    Tensor images;
+    std::vector<LayerSaved> layers;
+    Tensor last;  // [V, T, C], before the final norm
+  };
+
   // images [V, S, S, 3] in [0,1] -> tokens [V, 1 + t t, C] after the final norm, the class token first.
-  Tensor forward(Context& ctx, const Tensor& images) const;
+  Tensor forward(Context& ctx, const Tensor& images, Saved* saved = nullptr) const;
+  // dtokens [V, 1 + t t, C], by forward's result: adds to the gradients by the weights. Of the images there is none.
+  void backward(Context& ctx, const Saved& saved, const Tensor& dtokens) const;
 
  private:
-  struct Norm {
-    Tensor gamma, beta;
-  };
-  struct Linear {
-    PackedMatrix weight;
-    Tensor bias;
-  };
   struct Layer {
-    Norm norm1, norm2;
+    LayerNorm norm1, norm2;
     Linear qkv, proj, fc1, fc2;
   };
-  void layer(Context& ctx, const Layer& layer, const Tensor& x) const;
+  Tensor forward(Context& ctx, const Layer& layer, const Tensor& x, LayerSaved* saved) const;
+  void backward(Context& ctx, const Layer& layer, const LayerSaved& saved, const Tensor& dx) const;
 
   Config config_;
   Linear patch_;
-  Tensor position_;  // [1 + t t, C], the class token added to its own
+  Tensor position_;            // [1 + t t, C], the class token added to its own
+  Tensor dposition_, dclass_;  // in training, as stored: [1 + g g, C], [C]
   std::vector<Layer> layers_;
-  Norm norm_;
+  LayerNorm norm_;
 };
 
 }  // namespace vsplat
