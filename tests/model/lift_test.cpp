@@ -37,7 +37,7 @@ struct Gradients {
 
 // out = W_mean mean + W_variance variance + bias, for each voxel.
 Gradients reference(const Problem& p) {
-  const auto c = static_cast<std::size_t>(p.config.vit_dim), wide = static_cast<std::size_t>(4 * p.config.volume_ch);
+  const auto c = static_cast<std::size_t>(p.config.vit_dim), wide = 4 * static_cast<std::size_t>(p.config.volume_ch);
   const auto voxels = static_cast<std::size_t>(p.config.voxels());
   const std::vector<float>& w = p.weights.at(kPrefix + "weight").data;
   const ref::Lifted lifted =

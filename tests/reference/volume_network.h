@@ -1,5 +1,6 @@
 // The volume network in double, from its definition: layer after layer, nothing fused.
 #pragma once
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
