@@ -25,7 +25,33 @@ class Refinement {
     Tensor projected;  // [P, C]; none where the configuration does not use it
     Tensor refined;    // [P, fine_dim]
   };
-  Output forward(Context& ctx, const Input& in) const;
+
+  // What the backward wants of a forward: some ten tensors [P, voxel_ch], and [P, C].
+  struct Saved {
+    Tensor features, means, index;  // of the input
+    DeviceCameras cameras;
+    Tensor volume_position;  // [P, C~ + 63]
+    Tensor projected;        // [P, C] or none
+    Tensor map;              // i32 [P, 27]
+    Tensor linear;           // [P, voxel_ch], comp_linear's
+    struct Block {
+      NormSaved norm1, norm2;
+    };
+    std::vector<Block> blocks;
+    NormSaved norm_out;
+  };
+  // `saved`, for the backward, or null.
+  Output forward(Context& ctx, const Input& in, Saved* saved = nullptr) const;
+
+  // All added to.
+  struct Gradients {
+    Tensor volume;    // [R^3, C~]
+    Tensor features;  // [V, t, t, C]; not looked at where the configuration does not use the projected features
+    Tensor means;     // [P, 3]
+  };
+  // drefined [P, fine_dim], by the refined features, to gradients by the inputs and, added to, by the weights, which
+  // are LearntWeights.
+  void backward(Context& ctx, const Saved& saved, const Tensor& drefined, const Gradients& out) const;
 
  private:
   // norm-SiLU-conv, norm-SiLU-conv, plus x.
