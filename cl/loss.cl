@@ -187,10 +187,10 @@ __kernel void loss_means(__global const float* restrict sums, __global float* re
 }
 
 // From means [1 + scales, planes], of d^2 and then of `off` scale by scale: out [3] = loss, mean squared error, similarity, and
-// by [scales, planes], what loss_gradient takes. H and W are those of the pictures. One work-item.
+// by [scales, planes], what loss_gradient takes, times gradient_scale. H and W are those of the pictures. One work-item.
 // One scale: the mean of SSIM. Five: the mean over planes of the product of each scale's positive part to its power.
 __kernel void loss_value(__global const float* restrict means, __global float* restrict out, __global float* restrict by, int H,
-                         int W, int planes, int scales, float weight) {
+                         int W, int planes, int scales, float weight, float gradient_scale) {
   const float power[5] = {0.0448f, 0.2856f, 0.3001f, 0.2363f, 0.1333f};
   float error = 0.0f, off = 0.0f;
   for (int i = 0; i < planes; ++i) {
@@ -209,7 +209,7 @@ __kernel void loss_value(__global const float* restrict means, __global float* r
       const float pixels = (float)(h - WINDOW + 1) * (w - WINDOW + 1);
       const float value = 1.0f - means[(1 + s) * planes + i];
       const float slope = scales == 1 ? 1.0f : product == 0.0f ? 0.0f : power[s] * product / value;
-      by[s * planes + i] = weight * slope / (planes * pixels);
+      by[s * planes + i] = gradient_scale * weight * slope / (planes * pixels);
     }
   }
   out[0] = (error + weight * off) / planes;

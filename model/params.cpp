@@ -166,6 +166,15 @@ bool is_used(const Config& config, const std::string& name) {
   return true;
 }
 
+bool decays(const std::string& name) {
+  const auto ends = [&](const std::string& with) {
+    return name.size() >= with.size() && name.compare(name.size() - with.size(), with.size(), with) == 0;
+  };
+  if (ends(".bias")) return false;
+  const bool layer_norms = name.rfind("encoder.model.", 0) == 0 || name.rfind("dir_norm.", 0) == 0;
+  return !layer_norms || !(ends("norm.weight") || ends("norm1.weight") || ends("norm2.weight"));
+}
+
 long parameter_count(const Config& config) {
   long n = 0;
   for (const Parameter& parameter : parameters(config))

@@ -37,6 +37,9 @@ std::vector<Parameter> parameters(const Config& config);
 // training: no decay either.
 bool is_used(const Config& config, const std::string& name);
 
+// Whether AdamW's weight decay applies: to all but biases and LayerNorms.
+bool decays(const std::string& name);
+
 // Of what is trained.
 long parameter_count(const Config& config);
 

@@ -1,6 +1,7 @@
 // Gradients of a loss on a picture: by the Gaussians that render() drew, and by the camera's pose.
 #pragma once
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "model/ops/project_backward.h"
@@ -19,5 +20,15 @@ Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree);
 // Waits for the device.
 void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                      const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose);
+
+// render(), then render_backward() with what `loss` makes of the picture, without drawing it twice where it is one
+// part. `loss` is run on a plan, too.
+using PictureLossWork = std::function<PictureGradient(Context&, const DevicePicture&)>;
+struct DrawnPicture {
+  DevicePicture picture;
+  std::uint64_t intersections = 0;  // of Gaussians with tiles
+};
+DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
+                                  const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out);
 
 }  // namespace vsplat

@@ -2,45 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
-#include "model/head.h"
-#include "model/lift.h"
-#include "model/modulation.h"
 #include "model/ops/gather.h"
-#include "model/refine.h"
 #include "model/render.h"
-#include "model/select.h"
-#include "model/unet3d.h"
-#include "model/vit.h"
+#include "model/vsplat_modules.h"
 
 namespace vsplat {
-
-struct VsplatModel::Modules {
-  Vit encoder;
-  PoseModulation modulation;
-  Lifting lifting;
-  VolumeNetwork volume;
-  CoarseHeads coarse_heads;
-  Refinement refinement;
-  FineHeads fine_heads;
-
-  Modules(Context& ctx, const Config& config, const WeightSource& weights)
-      : encoder(ctx, config, weights),
-        modulation(ctx, config, weights),
-        lifting(ctx, config, weights),
-        volume(ctx, config, weights),
-        coarse_heads(ctx, config, weights),
-        refinement(ctx, config, weights),
-        fine_heads(ctx, config, weights) {}
-};
-
-// What the coarse half leaves to the fine one.
-struct VsplatModel::Coarse {
-  Tensor features;            // [V,t,t,C]
-  Tensor volume;              // [R^3,C~]
-  DeviceGaussians gaussians;  // R^3, opacities refined by the confidence
-  SelectedVoxels selected;    // none where `levels` is "coarse"
-};
 
 namespace {
 
@@ -125,7 +93,7 @@ VsplatModel::VsplatModel(Context& ctx, const Config& config, const WeightSource&
 VsplatModel::~VsplatModel() = default;
 
 VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
-                                        const ForwardOptions& options) const {
+                                        const ForwardOptions& options, Saved* saved) const {
   const Modules& m = *modules_;
   const Work work(config_, static_cast<double>(cameras.count()), options.assumed_selected);
   Progress progress(ctx, options, work.total());
@@ -135,18 +103,18 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
 
   Coarse out;
   progress.begin("encoder", work.encoder);
-  Tensor tokens = m.encoder.forward(ctx, images);
+  Tensor tokens = m.encoder.forward(ctx, images, saved ? &saved->encoder : nullptr);
   progress.begin("modulation", work.modulation);
-  out.features = m.modulation.forward(ctx, tokens, cameras);
+  out.features = m.modulation.forward(ctx, tokens, cameras, saved ? &saved->modulation : nullptr);
   tokens = {};
   tap("features", out.features);
   progress.begin("lifting", work.lifting);
-  Tensor lifted = m.lifting.forward(ctx, out.features, cameras);
+  Tensor lifted = m.lifting.forward(ctx, out.features, cameras, saved ? &saved->lifting : nullptr);
   progress.begin("volume", work.volume);
-  out.volume = m.volume.forward(ctx, std::move(lifted));
+  out.volume = m.volume.forward(ctx, std::move(lifted), saved ? &saved->volume_network : nullptr);
   tap("volume", out.volume);
   progress.begin("heads", work.heads);
-  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume);
+  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume, saved ? &saved->coarse_heads : nullptr);
   tap("logits", heads.logits);
   out.gaussians = heads.gaussians;
 
@@ -157,8 +125,10 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
     selection.seed = options.selection_seed;
     selection.forced = options.selection;
     selection.planned = static_cast<long>(options.assumed_selected * static_cast<double>(config_.voxels()));
+    selection.noise = options.device_noise;
     if (options.noise) selection.noise = ctx.upload({config_.voxels()}, *options.noise, Type::f32, "noise");
-    out.selected = select_voxels(ctx, config_, heads.logits, heads.gaussians.opacities, selection);
+    out.selected = select_voxels(ctx, config_, heads.logits, heads.gaussians.opacities, selection,
+                                 saved ? &saved->selection : nullptr);
     out.gaussians.opacities = out.selected.opacities;
     tap("confidence", out.selected.factor);
   }
@@ -166,7 +136,7 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
 }
 
 DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras,
-                                  const ForwardOptions& options) const {
+                                  const ForwardOptions& options, Saved* saved) const {
   if (config_.levels == "coarse") return state.gaussians;
   DeviceGaussians skeleton;
   {
@@ -183,12 +153,13 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
   progress.skip(work.total() - work.fine);
   progress.begin("refinement", work.fine);
   Refinement::Output refined =
-      modules_->refinement.forward(ctx, {state.volume, state.features, &cameras, skeleton.means, state.selected.index});
+      modules_->refinement.forward(ctx, {state.volume, state.features, &cameras, skeleton.means, state.selected.index},
+                                   saved ? &saved->refinement : nullptr);
   tap("projected", refined.projected);
   tap("refined", refined.refined);
   refined.projected = {};
   progress.begin("decode", 0);
-  return modules_->fine_heads.forward(ctx, refined.refined, skeleton);
+  return modules_->fine_heads.forward(ctx, refined.refined, skeleton, saved ? &saved->fine_heads : nullptr);
 }
 
 ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
@@ -205,20 +176,20 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
 
   {
     const auto planner = ctx.planner();
-    coarse(*planner, images, cameras, options);
+    coarse(*planner, images, cameras, options, nullptr);
     ctx.memory().commit(planner->memory());
   }
-  const Coarse state = coarse(ctx, images, cameras, options);
+  const Coarse state = coarse(ctx, images, cameras, options, nullptr);
 
   {  // how much the fine half takes is known only now
     const auto planner = ctx.planner();
-    fine(*planner, state, cameras, options);
+    fine(*planner, state, cameras, options, nullptr);
     refuse_unless_fits(*planner, fmt::format("the fine stage at {} selected voxels", state.selected.count));
     ctx.memory().commit(planner->memory());
   }
   ForwardResult out;
   out.coarse = state.gaussians;
-  out.final = fine(ctx, state, cameras, options);
+  out.final = fine(ctx, state, cameras, options, nullptr);
   if (state.selected.index) out.selected = ctx.read<int>(state.selected.index);
   if (options.tap) {
     const auto level = [&](const std::string& name, const DeviceGaussians& g) {
@@ -235,6 +206,74 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   return out;
 }
 
+VsplatModel::Trained VsplatModel::forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                                                      const ForwardOptions& options) const {
+  Trained out;
+  out.saved = std::make_shared<Saved>();
+  const Coarse state = coarse(ctx, images, cameras, options, out.saved.get());
+  out.coarse = state.gaussians;
+  out.selected = state.selected.index;
+  out.final = fine(ctx, state, cameras, options, out.saved.get());
+  out.saved->features = state.features.shape();
+  out.saved->volume = state.volume.shape();
+  return out;
+}
+
+void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
+                           const GaussianGradients& dfinal) const {
+  const Modules& m = *modules_;
+  Saved& saved = *trained.saved;
+  const auto zeros = [&](const Shape& shape, const char* what) {
+    Tensor out = ctx.tensor(shape, Type::f32, what);
+    ctx.fill_zero(out);
+    return out;
+  };
+  // Each stage in its own, in the forward's order turned round; what it kept goes back to the arena.
+  const Tensor dfeatures = zeros(saved.features, "gradient by features");
+  Tensor dvolume = zeros(saved.volume, "gradient by volume");
+  if (config_.levels == "fine") {
+    const long p = trained.selected.dim(0);
+    const GaussianGradients dskeleton = zero_gradients(ctx, p, config_.sh_degree);
+    {
+      const Stage stage(ctx, "decode");
+      const Tensor drefined = ctx.tensor({p, config_.fine_dim}, Type::f32, "gradient by refined");
+      m.fine_heads.backward(ctx, std::exchange(saved.fine_heads, {}), dfinal, drefined, dskeleton);
+      const Stage refinement(ctx, "refinement");
+      m.refinement.backward(ctx, std::exchange(saved.refinement, {}), drefined, {dvolume, dfeatures, dskeleton.means});
+    }
+    const Stage stage(ctx, "selection");
+    gather_backward(ctx, dskeleton, trained.selected, dcoarse);
+  } else if (config_.levels == "skeletal") {
+    const Stage stage(ctx, "selection");
+    gather_backward(ctx, dfinal, trained.selected, dcoarse);
+  }
+  Tensor dlogits;
+  if (config_.levels != "coarse") {
+    const Stage stage(ctx, "selection");
+    dlogits = select_voxels_backward(ctx, saved.selection, dcoarse.opacities);
+  }
+  {
+    const Stage stage(ctx, "heads");
+    m.coarse_heads.backward(ctx, std::exchange(saved.coarse_heads, {}), dlogits, dcoarse, dvolume, true);
+  }
+  Tensor dlifted;
+  {
+    const Stage stage(ctx, "volume");
+    dlifted = m.volume.backward(ctx, std::exchange(saved.volume_network, {}), std::exchange(dvolume, {}));
+  }
+  {
+    const Stage stage(ctx, "lifting");
+    m.lifting.backward(ctx, std::exchange(saved.lifting, {}), std::exchange(dlifted, {}), dfeatures);
+  }
+  Tensor dtokens;
+  {
+    const Stage stage(ctx, "modulation");
+    dtokens = m.modulation.backward(ctx, std::exchange(saved.modulation, {}), dfeatures);
+  }
+  const Stage stage(ctx, "encoder");
+  m.encoder.backward(ctx, std::exchange(saved.encoder, {}), dtokens);
+}
+
 MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_share) const {
   MemoryPlan out;
   out.weights = ctx.memory().live();
@@ -244,10 +283,10 @@ MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_sha
   options.assumed_selected = selected_share;
   const Tensor images = first->tensor({views, edge, edge, 3}, Type::f32, "pictures");
   const DeviceCameras cameras = upload_cameras(*first, std::vector<Camera>(static_cast<std::size_t>(views)));
-  const Coarse state = coarse(*first, images, cameras, options);
+  const Coarse state = coarse(*first, images, cameras, options, nullptr);
   out.selected = state.selected.count;
   const auto second = first->planner();  // the first half's slabs stand; the second grows beside them
-  const DeviceGaussians gaussians = fine(*second, state, cameras, options);
+  const DeviceGaussians gaussians = fine(*second, state, cameras, options, nullptr);
   const auto third = plan_picture(ctx, second->memory(), gaussians.count(), config_);
   out.peak = std::max(second->memory().peak(), third->memory().peak());
   for (const Context* part : {first.get(), second.get(), third.get()})

@@ -21,6 +21,7 @@ struct ForwardOptions {
   double temperature = 0.1;                     // of the Gumbel-Sigmoid
   const std::vector<float>* noise = nullptr;    // [R^3] logistic noise on the logits; none at inference
   std::optional<std::uint64_t> selection_seed;  // draw that noise from this seed instead
+  Tensor device_noise;                          // the same, f32 [R^3] on the device
   const std::vector<int>* selection = nullptr;  // voxel indices that replace the selected ones, ascending
   double assumed_selected = 0.1;                // share of the voxels that a plan takes for selected
   // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...); not while
@@ -59,6 +60,21 @@ class VsplatModel {
   ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                         const ForwardOptions& options) const;
 
+  // In training: forward that keeps what backward needs, without a plan of its memory and without reading `selected`,
+  // which is `count` voxels. `ctx` may be a planner.
+  struct Saved;
+  struct Trained {
+    DeviceGaussians coarse, final;
+    Tensor selected;               // i32 [P]; none where `levels` is "coarse"
+    std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
+  };
+  Trained forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                              const ForwardOptions& options) const;
+  // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
+  // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level.
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
+                const GaussianGradients& dfinal) const;
+
   // What forward would take for so many views. `ctx` may be a planner.
   MemoryPlan plan(const Context& ctx, long views, double selected_share) const;
 
@@ -72,9 +88,10 @@ class VsplatModel {
  private:
   struct Coarse;
   struct Modules;
-  Coarse coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras, const ForwardOptions& options) const;
-  DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras,
-                       const ForwardOptions& options) const;
+  Coarse coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras, const ForwardOptions& options,
+                Saved* saved) const;
+  DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras, const ForwardOptions& options,
+                       Saved* saved) const;
 
   Config config_;
   std::unique_ptr<Modules> modules_;

@@ -38,7 +38,7 @@ class Loss {
     }
     ctx_.launch({"loss", "loss_value", ""}, items(1, 1), {}, means_, a_.out, by_, static_cast<int>(scales_[0].height),
                 static_cast<int>(scales_[0].width), static_cast<int>(3 * n_), static_cast<int>(scales_.size()),
-                a_.ssim_weight);
+                a_.ssim_weight, a_.gradient_scale);
     if (!a_.gradient) return;
     Tensor coarser;
     for (std::size_t i = scales_.size(); i-- > 0;) coarser = gradient(i, coarser);
@@ -106,7 +106,7 @@ class Loss {
     launch("loss_gradient", 3 * s.width, s.height, n_, 75, 8,
            {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), out, static_cast<int>(s.height),
             static_cast<int>(s.width), static_cast<int>(n_), static_cast<int>(3 * n_ * static_cast<long>(i)),
-            2.0f / static_cast<float>(a_.pictures.count())});
+            2.0f * a_.gradient_scale / static_cast<float>(a_.pictures.count())});
     return out;
   }
 

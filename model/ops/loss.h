@@ -15,6 +15,8 @@ struct PictureLoss {
   Tensor out;  // [3]: the loss, the mean squared error, the similarity
   Tensor
       gradient;  // [N, H, W, 3]: of the loss by the pictures, 0 where those are outside of [0, 1]; none: not computed
+  float gradient_scale =
+      1;  // the gradient is multiplied by this: that of a mean over several calls is the sum of theirs
 };
 
 void picture_loss(Context& ctx, const PictureLoss& a);

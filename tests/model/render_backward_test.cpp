@@ -201,6 +201,37 @@ TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
 }
 
+// Drawing once or twice, in one part or in several: the same, for a gradient that depends on the picture.
+TEST_P(RenderBackward, AlongWithThePictureIsTheSame) {
+  const test::SceneCase c{"", 150000, 0, 300, 200, ""};
+  const Gaussians g = test::make_scene(c, 12);
+  const Camera cam = test::make_camera(c, 12);
+  for (const double gib : {0.0, 0.045}) {
+    SCOPED_TRACE(gib);
+    ContextOptions options;
+    options.max_memory_gib = gib;
+    const auto own = test::open_context(GetParam(), options);
+    const GaussianChunks scene = upload(*own, g);
+    const auto loss = [](Context& on, const DevicePicture& picture) {
+      const Tensor gradient = on.tensor(picture.colour.shape());
+      on.copy(picture.colour, gradient);
+      return PictureGradient{gradient, {}, {}};
+    };
+    const SceneGradient want = zero_gradient(*own, scene), got = zero_gradient(*own, scene);
+    const DevicePicture picture = render(*own, scene, cam, {});
+    render_backward(*own, scene, cam, {}, loss(*own, picture), want, nullptr);
+    const DrawnPicture again = render_with_backward(*own, scene, cam, {}, loss, got);
+    EXPECT_EQ(own->read<float>(again.picture.colour), own->read<float>(picture.colour));
+    EXPECT_GT(again.intersections, 10000U);
+    const std::vector<float> means = own->read<float>(got[0].means);
+    EXPECT_TRUE(std::any_of(means.begin(), means.end(), [](float x) { return x != 0; }));
+    // In parts, which may be others from call to call, sums are taken in another order.
+    EXPECT_TRUE(test::close(means, own->read<float>(want[0].means), gib > 0 ? 1e-5 : 0));
+    EXPECT_TRUE(
+        test::close(own->read<float>(got[0].opacities), own->read<float>(want[0].opacities), gib > 0 ? 1e-5 : 0));
+  }
+}
+
 // A scene that is not in one piece: the same bits.
 TEST_P(RenderBackward, TakesAScenesChunks) {
   const test::SceneCase c{"", 70000, 1, 100, 80, ""};

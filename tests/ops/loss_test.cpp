@@ -173,6 +173,30 @@ TEST_P(Loss, NegativeSimilarityOfScalesCountsAsZero) {
   EXPECT_TRUE(test::close(got.gradient, want, 1e-6));
 }
 
+// Pictures one by one, each for its share, as a training does that draws them one by one.
+TEST_P(Loss, OneByOneWithAScaleIsAllTogether) {
+  for (const long edge : {17L, 165L}) {
+    const auto target = smooth(2, edge, edge);
+    const auto pictures = noisy(target, 0.2f, 5);
+    const Result all = run(pictures, target, edge, edge);
+    const std::size_t half = target.size() / 2;
+    std::vector<float> gradient;
+    double loss = 0;
+    for (const std::size_t first : {std::size_t{0}, half}) {
+      const auto part = [&](const std::vector<float>& x) {
+        const auto from = x.begin() + static_cast<std::ptrdiff_t>(first);
+        return ctx().upload({1, edge, edge, 3}, std::vector<float>(from, from + static_cast<std::ptrdiff_t>(half)));
+      };
+      PictureLoss a{part(pictures), part(target), 0.5f, ctx().tensor({3}), ctx().tensor({1, edge, edge, 3}), 0.5f};
+      picture_loss(ctx(), a);
+      loss += 0.5 * static_cast<double>(ctx().read<float>(a.out)[0]);
+      for (const float v : ctx().read<float>(a.gradient)) gradient.push_back(v);
+    }
+    EXPECT_NEAR(loss, all.out[0], 1e-6);
+    EXPECT_TRUE(test::close(gradient, all.gradient, 1e-5));
+  }
+}
+
 TEST_P(Loss, SameBitsAgain) {
   const auto target = smooth(2, 162, 171);
   const auto pictures = noisy(target, 0.2f, 11);

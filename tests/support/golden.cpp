@@ -64,4 +64,31 @@ const std::vector<std::string>& golden_cases() {
   return names;
 }
 
+namespace {
+
+std::vector<std::string> variants(const std::string& prefix) {
+  std::vector<std::string> out;
+  for (const char* name :
+       {"coarse", "skeletal", "sigmoid", "ste", "opacity", "unprojected", "fine1", "fine4", "mirrored", "distance",
+        "kernel3", "no_half_pixel", "empty", "empty_sigmoid", "empty_ste", "empty_opacity"})
+    out.push_back(prefix + name);
+  return out;
+}
+
+}  // namespace
+
+const std::vector<std::string>& training_cases() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> out = variants("train_micro_");
+    for (const char* name : {"train_tiny", "train_tiny_seed1", "train_tiny_steps"}) out.emplace_back(name);
+    return out;
+  }();
+  return names;
+}
+
+const std::vector<std::string>& larger_training_cases() {
+  static const std::vector<std::string> names = variants("train_tiny_");
+  return names;
+}
+
 }  // namespace vsplat::test

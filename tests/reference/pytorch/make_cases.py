@@ -1,6 +1,8 @@
 """Write the golden vectors that tests read, one file a case, in one process (importing PyTorch is what takes time).
 
     python3 make_cases.py DIR micro      the two committed ones, with gradients
+    python3 make_cases.py DIR train      with all gradients: tiny with two seeds and over ten steps; micro in every variant, and none selected
+    python3 make_cases.py DIR train_all  the variants in tiny
     python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected,
                                          a U-Net of one level and of three, and one of many channels; with gradients where they
                                          are micro: those, and fewer levels with every selection
@@ -46,17 +48,49 @@ TINY = {
                                "--set", "opacity_threshold=0.1"],
 }
 
+VARIANTS = {
+    "coarse": ["--set", "levels=coarse"],
+    "skeletal": ["--set", "levels=skeletal"],
+    "sigmoid": ["--set", "selection=sigmoid"],
+    "ste": ["--set", "selection=ste"],
+    "opacity": ["--set", "selection=opacity", "--set", "opacity_threshold=0.1"],
+    "unprojected": ["--set", "use_projected=false"],
+    "fine1": ["--set", "fine_count=1"],
+    "fine4": ["--set", "fine_count=4"],
+    "mirrored": ["--set", "negate_camera_centre=true"],
+    "distance": ["--set", "view_weight=distance"],
+    "kernel3": ["--set", "refine_out_kernel=3"],
+    "no_half_pixel": ["--set", "sample_half_pixel=false"],
+    "empty": ["--empty"],
+    "empty_sigmoid": ["--empty", "--set", "selection=sigmoid"],
+    "empty_ste": ["--empty", "--set", "selection=ste"],
+    "empty_opacity": ["--empty", "--set", "selection=opacity"],
+}
+TRAIN = {
+    "train_tiny": ["--config", "tiny"],
+    "train_tiny_seed1": ["--config", "tiny", "--seed", "1"],
+    "train_tiny_steps": ["--config", "tiny", "--steps", "10"],
+    **{f"train_micro_{name}": ["--config", "micro", *options] for name, options in VARIANTS.items()},
+}
+TRAIN_ALL = {f"train_tiny_{name}": ["--config", "tiny", *options] for name, options in VARIANTS.items()}
+GROUPS = {
+    "micro": (MICRO, ["--config", "micro"]),
+    "tiny": (TINY, ["--config", "tiny"]),
+    "train": (TRAIN, ["--noise"]),
+    "train_all": (TRAIN_ALL, ["--noise"]),
+}
+
 
 def main():
     folder, size = sys.argv[1], sys.argv[2]
-    cases, config = (MICRO, "micro") if size == "micro" else (TINY, "tiny")
+    cases, common = GROUPS[size]
     os.makedirs(folder, exist_ok=True)
     sources = max(os.path.getmtime(f) for f in (__file__, make_golden.__file__, make_golden.ref.__file__))
     for name, options in cases.items():
         path = os.path.join(folder, name + ".safetensors")
         if os.path.exists(path) and os.path.getmtime(path) > sources:
             continue
-        sys.argv = ["make_golden.py", path + ".tmp", "--config", config, *options]
+        sys.argv = ["make_golden.py", path + ".tmp", *common, *options]
         if name.startswith("tiny"):                       # their gradients take long
             sys.argv.append("--no-grad")
         print(f"{name}: ", end="", flush=True)
