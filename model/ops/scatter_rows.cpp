@@ -4,9 +4,15 @@
 #include <cstdint>
 
 #include "model/ops/radix_sort.h"
+#include "runtime/gemm.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
+namespace {
+
+constexpr long kWindow = 64;  // of cl/scatter_rows.cl
+
+}  // namespace
 
 ScatterPlan make_scatter_plan(Context& ctx, const Tensor& index, const Tensor& weight, long rows) {
   const long entries = index.count();
@@ -24,10 +30,11 @@ ScatterPlan make_scatter_plan(Context& ctx, const Tensor& index, const Tensor& w
   ScatterPlan plan;
   plan.rows = rows;
   plan.from = sorted.values;
+  plan.keys = sorted.keys;
   plan.weight = ctx.tensor({entries}, Type::f32, "scatter.weight");
   plan.starts = ctx.tensor({rows + 1}, Type::u32, "scatter.starts");
   ctx.launch({"scatter_rows", "scatter_plan", ""}, items(entries + 1), {0, 16 * e + 4.0 * static_cast<double>(rows)},
-             sorted.keys, plan.from, weight, plan.weight, plan.starts, E, R);
+             plan.keys, plan.from, weight, plan.weight, plan.starts, E, R);
   return plan;
 }
 
@@ -39,14 +46,24 @@ void scatter_rows(Context& ctx, const ScatterRows& a) {
   if (a.per_row < 1 || a.first < 0 || a.first + (entries + a.per_row - 1) / a.per_row > d["D"])
     fail(Status::internal, "scatter_rows: {} entries, {} to a row, from row {} of {}", entries, a.per_row, a.first,
          a.d.describe());
+  const long windows = (entries + kWindow - 1) / kWindow;
+  // As check_tile_terms(): there a longer loop over a row's windows could end early, silently.
+  if (*tile_defines(ctx.device()) && windows > 65000)
+    fail(Status::device, "scatter_rows: {} entries; on {}, which has no vectors, at most {} are possible", entries,
+         ctx.device().name, 65000 * kWindow);
   const bool cpu = ctx.flavour() == Flavour::cpu;
-  const long lanes = cpu ? 16 : 4, parts = (c + lanes - 1) / lanes;
-  const Range range = cpu ? groups(parts, 1, a.plan->rows) : groups((parts + 31) / 32, 32, a.plan->rows);
+  const long lanes = cpu ? 16 : 4, parts = c / lanes + c % lanes;
+  const auto range = [&](long n) { return cpu ? groups(parts, 1, n) : groups((parts + 31) / 32, 32, n); };
+  const char* defines = cpu ? "-DLANES=16" : "-DLANES=4";
   const double terms = static_cast<double>(entries) * static_cast<double>(c);
-  ctx.launch({"scatter_rows", "scatter_rows", cpu ? "-DLANES=16" : "-DLANES=4"}, range,
-             {2 * terms, 4 * terms + 2.0 * static_cast<double>(a.out.bytes())}, a.d, a.plan->from, a.plan->weight,
-             a.plan->starts, a.out, static_cast<int>(a.plan->rows), static_cast<int>(c), static_cast<unsigned>(a.first),
+  const Tensor edges = ctx.tensor({windows, 2, c}, Type::f32, "scatter.edges");
+  ctx.launch({"scatter_rows", "scatter_windows", defines}, range(windows),
+             {2 * terms, 4 * terms + 2.0 * static_cast<double>(a.out.bytes())}, a.d, a.plan->from, a.plan->keys,
+             a.plan->weight, a.plan->starts, edges, a.out, static_cast<unsigned>(entries),
+             static_cast<unsigned>(a.plan->rows), static_cast<int>(c), static_cast<unsigned>(a.first),
              static_cast<unsigned>(a.per_row), a.scale);
+  ctx.launch({"scatter_rows", "scatter_edges", defines}, range(a.plan->rows), {0, static_cast<double>(edges.bytes())},
+             a.plan->starts, edges, a.out, static_cast<unsigned>(a.plan->rows), static_cast<int>(c));
 }
 
 }  // namespace vsplat

@@ -8,7 +8,8 @@ namespace vsplat {
 struct ScatterPlan {
   long rows = 0;  // that are scattered to
   Tensor from;    // u32 [E]: which entry; by row, those of a row in their own order, those passed over at the end
-  Tensor weight;  // [E]: in the order of `from`
+  Tensor keys;    // u32 [E]: the row it goes to, `rows` where it is passed over; in the order of `from`, as are
+  Tensor weight;  // [E]
   Tensor starts;  // u32 [rows + 1]: where each row's run begins
 };
 
