@@ -56,8 +56,8 @@ Eigen::Matrix4d flipped(Eigen::Matrix4d c2w) {  // y and z of the camera the oth
 Camera other_axes(const Camera& c) { return with_c2w(c, flipped(c.c2w())); }
 Camera inverted_opengl(const Camera& c) { return with_c2w(c, flipped(with_c2w(c, flipped(c.c2w())).w2c)); }  // L^-1 D
 Camera inverted_opengl_axes(const Camera& c) { return with_c2w(c, with_c2w(c, flipped(c.c2w())).w2c); }      // L^-1
-Camera inverted_opencv(const Camera& c) { return with_c2w(c, c.w2c); }                                       // L
-Camera inverted_opencv_axes(const Camera& c) { return with_c2w(c, flipped(c.w2c)); }                         // L D
+Camera inverted_opencv(const Camera& c) { return with_c2w(c, c.w2c); }                // L; with L = c2w, L^-1
+Camera inverted_opencv_axes(const Camera& c) { return with_c2w(c, flipped(c.w2c)); }  // L D; with L = c2w, L^-1 D
 Camera turned_back(const Camera& c) {  // the rotation transposed, the centre kept
   Eigen::Matrix4d c2w = c.c2w();
   c2w.topLeftCorner<3, 3>().transposeInPlace();
@@ -79,6 +79,13 @@ std::vector<Swap> possible_swaps(PoseConvention convention) {
           {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
           {"camera-to-world matrices (c2w) where the file's format has world-to-camera (w2c)", inverted_opencv},
           {"camera-to-world matrices (c2w) with OpenGL axes where the file's format has world-to-camera (w2c) with "
+           "OpenCV axes",
+           inverted_opencv_axes}};
+    case PoseConvention::opencv_c2w:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"world-to-camera matrices (w2c) where the file's format has camera-to-world (c2w)", inverted_opencv},
+          {"world-to-camera matrices (w2c) with OpenGL axes where the file's format has camera-to-world (c2w) with "
            "OpenCV axes",
            inverted_opencv_axes}};
     default:

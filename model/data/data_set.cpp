@@ -1,7 +1,9 @@
 #include "model/data/data_set.h"
 
 #include <algorithm>
+#include <functional>
 
+#include "model/data/hdf5_objects.h"
 #include "model/data/object_names.h"
 #include "runtime/error.h"
 #include "runtime/printable.h"
@@ -29,32 +31,80 @@ std::vector<fs::path> sorted_entries(const fs::path& folder) {
   return out;
 }
 
-void find_objects(const fs::path& folder, int depth, std::vector<DataObject>& out) {
+struct Found {
+  std::vector<DataObject> objects;
+  std::vector<std::string> hdf5_files;
+};
+
+void find_objects(const fs::path& folder, int depth, Found& out) {
   if (holds_views(folder)) {
-    out.push_back({folder_name(folder.string()), DataLayout::folder, folder});
+    const bool gso = is_file(folder / "transforms.json") && is_file(folder / "r_000.png");
+    out.objects.push_back({folder_name(folder.string()), gso ? DataLayout::gso : DataLayout::folder, folder});
     return;
   }
-  if (depth == deepest) return;
   std::error_code ignored;
-  for (const fs::path& entry : sorted_entries(folder))
-    if (fs::is_directory(entry, ignored)) find_objects(entry, depth + 1, out);
+  for (const fs::path& entry : sorted_entries(folder)) {
+    if (is_hdf5_name(entry.string()) && is_file(entry)) out.hdf5_files.push_back(entry.string());
+    if (depth < deepest && fs::is_directory(entry, ignored)) find_objects(entry, depth + 1, out);
+  }
 }
+
+std::vector<DataObject> objects_of(const std::string& path) {
+  std::error_code ignored;
+  Found found;
+  if (fs::is_directory(path, ignored)) {
+    find_objects(path, 0, found);
+  } else if (is_file(path) && is_hdf5_name(path)) {
+    found.hdf5_files.push_back(path);
+  } else {
+    fail(Status::file, "{}: no such folder or HDF5 file; a data set is expected", path);
+  }
+  for (const Hdf5Object& object : hdf5_objects(found.hdf5_files))
+    found.objects.push_back({object.group, DataLayout::hdf5, object.file, object.group});
+  if (found.objects.empty())
+    fail(Status::input,
+         "{}: no object in it: folders with transforms.json, cameras.json or a COLMAP model, or HDF5 files in LaRa's "
+         "layout are expected",
+         path);
+  return std::move(found.objects);
+}
+
+using Bad = std::function<void(int view, const std::string& name, const Error& error)>;
 
 // What is wrong with a view beyond its pose; intrinsics are filled in.
-void check_view(Photographs& photographs, int index) {
-  ListedView& view = photographs.set.views[index];
+ListedView checked(const Photographs& photographs, int index) {
+  const ListedView& view = photographs.set.views[index];
   if (view.picture.empty()) fail(Status::file, "its picture is not there");
   if (view.mask && !is_file(*view.mask)) fail(Status::file, "its mask is not there: {}", view.mask->string());
-  view = resolved_view(photographs, index);
+  return resolved_view(photographs, index);
 }
 
-Photographs listed(const DataObject& object) {
-  return {read_views(object.path, {.pictures_dir = {}, .need_pictures = false}), {}};
+Photographs open_folder(const fs::path& folder, const Bad& bad) {
+  Photographs out{read_views(folder, {.pictures_dir = {}, .need_pictures = false}), {}};
+  std::vector<ListedView> good;
+  for (std::size_t i = 0; i < out.set.views.size(); ++i) {
+    try {
+      good.push_back(checked(out, static_cast<int>(i)));
+    } catch (const Error& e) {
+      bad(static_cast<int>(i), out.set.views[i].name, e);
+    }
+  }
+  out.set.views = std::move(good);
+  return out;
 }
 
 }  // namespace
 
-const char* name_of(DataLayout) { return "folder"; }
+const char* name_of(DataLayout layout) {
+  switch (layout) {
+    case DataLayout::gso:
+      return "gso";
+    case DataLayout::hdf5:
+      return "hdf5";
+    default:
+      return "folder";
+  }
+}
 
 bool is_about_data(const Error& error) {
   return error.status() == Status::file || error.status() == Status::format || error.status() == Status::input;
@@ -62,15 +112,8 @@ bool is_about_data(const Error& error) {
 
 DataSet open_data_set(const std::vector<std::string>& paths) {
   DataSet out;
-  for (const std::string& path : paths) {
-    std::error_code ignored;
-    if (!fs::is_directory(path, ignored)) fail(Status::file, "{}: no such folder; a data set is expected", path);
-    const std::size_t before = out.objects.size();
-    find_objects(path, 0, out.objects);
-    if (out.objects.size() == before)
-      fail(Status::input,
-           "{}: no object in it: folders with transforms.json, cameras.json or a COLMAP model are expected", path);
-  }
+  for (const std::string& path : paths)
+    for (DataObject& object : objects_of(path)) out.objects.push_back(std::move(object));
   std::vector<std::string> names;
   names.reserve(out.objects.size());
   for (const DataObject& object : out.objects) names.push_back(object.name);
@@ -80,29 +123,21 @@ DataSet open_data_set(const std::vector<std::string>& paths) {
 }
 
 Photographs open_object(const DataObject& object, std::vector<std::string>* skipped) {
-  Photographs all;
+  std::string first;
+  const Bad bad = [&](int view, const std::string& name, const Error& e) {
+    const std::string text = fmt::format("view {} ({}): {}", view, printable(name), e.what());
+    if (!skipped || !is_about_data(e)) throw Error(e.status(), text);
+    skipped->push_back(fmt::format("object {}: {}", object.name, text));
+    if (first.empty()) first = text;
+  };
   try {
-    all = listed(object);
+    Photographs out = object.layout == DataLayout::hdf5 ? open_hdf5_object({object.path.string(), object.group}, bad)
+                                                        : open_folder(object.path, bad);
+    if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
+    return out;
   } catch (const Error& e) {
     fail(e.status(), "object {}: {}", object.name, e.what());
   }
-  std::vector<ListedView> good;
-  std::string first;
-  for (std::size_t i = 0; i < all.set.views.size(); ++i) {
-    try {
-      check_view(all, static_cast<int>(i));
-      good.push_back(all.set.views[i]);
-    } catch (const Error& e) {
-      const std::string text =
-          fmt::format("object {}: view {} ({}): {}", object.name, i, printable(all.set.views[i].name), e.what());
-      if (!skipped || !is_about_data(e)) throw Error(e.status(), text);
-      skipped->push_back(text);
-      if (first.empty()) first = text;
-    }
-  }
-  if (good.empty()) fail(Status::input, "object {}: no view of it is left; {}", object.name, first);
-  all.set.views = std::move(good);
-  return all;
 }
 
 }  // namespace vsplat

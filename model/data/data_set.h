@@ -10,22 +10,25 @@ namespace vsplat {
 
 enum class DataLayout {
   folder,  // a folder per object, anything that read_views() takes
+  gso,     // the same in LaRa's layout of Google Scanned Objects
+  hdf5     // LaRa's HDF5 files
 };
 const char* name_of(DataLayout layout);
 
 struct DataObject {
   std::string name;
   DataLayout layout = DataLayout::folder;
-  std::filesystem::path path;  // its folder
+  std::filesystem::path path;  // its folder, or its file
+  std::string group = {};      // in that file
 };
 
 struct DataSet {
   std::vector<DataObject> objects;  // in the order of the paths given, in each by name; no two names are equal
 };
 
-// Each path: an object's folder, or a folder with objects at most four levels down. Objects are called like their
-// folders; of those that are equal, the second is NAME_2. Error(file) where a path is not there, Error(input) where it
-// holds no object.
+// Each path: an object's folder, an HDF5 file, or a folder with either at most four levels down. Objects are called
+// like their folders or groups; of those that are equal, the second is NAME_2. Error(file) where a path is not there,
+// Error(input) where it holds no object; else as Hdf5File has them.
 DataSet open_data_set(const std::vector<std::string>& paths);
 
 // The views of an object, every one with a picture and all intrinsics. What is wrong with one (no picture, no mask, a

@@ -62,6 +62,17 @@ double angle_or_nan(const Fields& fields, const char* name) {
   return angle;
 }
 
+// LaRa's Google Scanned Objects: a matrix of intrinsics, for pictures of 512 x 512.
+void read_intrinsic_matrix(const Fields& fields, const json& value, Camera& camera) {
+  const Eigen::Matrix3d k = matrix<3, 3>(fields.where(), "intrinsic_matrix", value);
+  if (k(0, 1) != 0 || k.bottomLeftCorner<2, 1>() != Eigen::Vector2d::Zero() || k.row(2) != Eigen::RowVector3d(0, 0, 1))
+    fail(Status::input, "{}: intrinsic_matrix is {}; focal lengths, a principal point and nothing else is expected",
+         fields.where(), excerpt(value));
+  camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
+  if (camera.width == 0) camera.width = 512;
+  if (camera.height == 0) camera.height = 512;
+}
+
 // fl_x and fl_y win over angles; but a frame's own angle wins over the whole file's fl_, being about that frame.
 void read_focal_lengths(const Fields& fields, ListedView& view) {
   Camera& camera = view.camera;
@@ -131,6 +142,11 @@ ListedView read_frame(const std::filesystem::path& path, const json& root, const
   if (!frame.is_object()) fail(Status::format, "{}: is {}, an object is expected", numbered, excerpt(frame));
   ListedView view;
   if (const auto at = frame.find("file_path"); at != frame.end() && at->is_string()) view.name = at->get<std::string>();
+  // LaRa's Google Scanned Objects name their pictures by the frame's place, whatever file_path says.
+  const std::string numbered_name = fmt::format("r_{:03}.png", index);
+  if (std::error_code ignored; frame.contains("intrinsic_matrix") &&
+                               std::filesystem::is_regular_file(path.parent_path() / numbered_name, ignored))
+    view.name = numbered_name;
   const bool named = !view.name.empty() && view.name.find('\0') == std::string::npos;
   if (!named && (need_pictures || frame.contains("file_path")))
     fail(Status::format, "{}: file_path is {}, the picture's path is expected", numbered,
@@ -142,7 +158,11 @@ ListedView read_frame(const std::filesystem::path& path, const json& root, const
   if (fields.find("h")) camera.height = picture_side(fields.where(), "h", fields.number_or("h", 0));
   camera.cx = fields.number_or("cx", nan);
   camera.cy = fields.number_or("cy", nan);
-  read_focal_lengths(fields, view);
+  if (const json* k = fields.find("intrinsic_matrix")) {
+    read_intrinsic_matrix(fields, *k, camera);
+  } else {
+    read_focal_lengths(fields, view);
+  }
   read_distortion(fields, camera);
   camera.w2c = read_pose(fields, frame);
   if (fields.in_frame("mask_path")) {

@@ -15,9 +15,10 @@ namespace vsplat {
 
 // How the file states a pose; what a mistaken one was probably meant to be follows from it.
 enum class PoseConvention {
-  opengl_c2w,      // transforms.json: camera-to-world, x right, y up, -z forward
-  opencv_w2c,      // COLMAP and our cameras.json: world-to-camera, x right, y down, z forward
-  opencv_position  // INRIA's cameras.json: centre in the world, camera-to-world rotation, OpenCV axes
+  opengl_c2w,       // transforms.json: camera-to-world, x right, y up, -z forward
+  opencv_w2c,       // COLMAP and our cameras.json: world-to-camera, x right, y down, z forward
+  opencv_position,  // INRIA's cameras.json: centre in the world, camera-to-world rotation, OpenCV axes
+  opencv_c2w        // LaRa's HDF5 files: camera-to-world, OpenCV axes
 };
 
 // One camera of a file. What depends on a picture's size that the file does not give stays open until
