@@ -61,5 +61,6 @@ void add_reconstruct(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
 void add_bench(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
+void add_train(CLI::App& app, Run& run);
 
 }  // namespace command

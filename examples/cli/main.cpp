@@ -43,6 +43,7 @@ int main(int argc, char** argv) {
   command::add_devices(app, run);
   command::add_bench(app, run);
   command::add_dataset(app, run);
+  command::add_train(app, run);
 
   try {
     // CLI11 takes the arguments last first, without the program's name.

@@ -580,6 +580,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save_jpeg(const vsplat_
 #endif
 
 #include <vsplat/dataset.h>
+#include <vsplat/train.h>
 #include <vsplat/pictures.h>
 
 #endif

@@ -1,0 +1,72 @@
+/* Training from posed pictures. Part of vsplat.h, which includes it and whose conventions hold: handles, statuses,
+   structs with their size. */
+#ifndef VSPLAT_TRAIN_H
+#define VSPLAT_TRAIN_H
+
+#include <vsplat/vsplat.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Means over the steps since the last report; the two counts are the largest. */
+typedef struct vsplat_train_progress {
+  size_t size;
+  int64_t step, steps;         /* done, and of the whole training */
+  double learning_rate;        /* of the last step, as the temperature */
+  double temperature;          /* of the Gumbel-Sigmoid */
+  double loss;                 /* of both levels */
+  double psnr, psnr_coarse;    /* dB, of the novel views; of the fine (or only) level, and of the coarse one */
+  double selected;             /* share of the voxels */
+  double gradient_norm;        /* before it is clipped */
+  uint64_t most_selected;      /* voxels of an object */
+  uint64_t most_intersections; /* of Gaussians with a picture's tiles */
+  double seconds;              /* of this run so far */
+  double objects_per_second;
+  double seconds_left;
+} vsplat_train_progress;
+
+typedef struct vsplat_train_options {
+  size_t size;
+  const char* const* data; /* data sets: folders that vsplat_object_names' objects are in */
+  size_t num_data;
+  const char* output; /* the run's folder, made where there is none */
+  int32_t resume;     /* not 0: go on from the newest good checkpoint in it */
+  int32_t skip_bad;   /* not 0: pass over and count data that cannot be read */
+  void (*on_progress)(void* user, const vsplat_train_progress* progress); /* may be NULL, as those below */
+  void (*on_message)(void* user, const char* text);                       /* what was written */
+  int32_t (*go_on)(void* user); /* asked after every step; 0: a checkpoint is written and the training ends */
+  void* user;
+} vsplat_train_options;
+#define VSPLAT_TRAIN_OPTIONS_INIT \
+  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL }
+
+typedef struct vsplat_train_result {
+  size_t size;
+  int64_t step;    /* steps done */
+  int32_t stopped; /* not 0: go_on said so */
+  uint64_t bad;    /* views and objects passed over */
+} vsplat_train_result;
+#define VSPLAT_TRAIN_RESULT_INIT \
+  { sizeof(vsplat_train_result), 0, 0, 0 }
+
+/* Trains, from the beginning or from a checkpoint, and writes into `output`: config.json, log.csv, sheets/, the newest
+   checkpoints, each whole or not at all, and with them model.safetensors, which vsplat_model_load takes. `config`: a
+   JSON object, see vsplat_train_config. The same configuration, data and device give the same bits, however often the
+   training was interrupted. Callbacks are called on this thread and may not use the device.
+   VSPLAT_ERROR_USAGE where the folder holds checkpoints and `resume` is 0, or checkpoints of another configuration;
+   VSPLAT_ERROR_FORMAT for a field of the configuration; VSPLAT_ERROR_INPUT for data, naming object, view and field;
+   VSPLAT_ERROR_FILE where nothing can be written (earlier checkpoints stay); VSPLAT_ERROR_INTERNAL where the loss is no
+   longer a number, naming step, tensor and the last good checkpoint. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train(vsplat_device device, const char* config,
+                                                       const vsplat_train_options* options,
+                                                       vsplat_train_result* out_result);
+
+/* The configuration with every field, as JSON; `config` NULL: the defaults. vsplat_text_free frees the text. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train_config(const char* config, char** out_text);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,83 @@
+// Training.
+#include "model/train.h"
+
+#include "model/api/device.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+vsplat_train_progress progress_of(const TrainProgress& p) {
+  const StepReport& r = p.report;
+  vsplat_train_progress out{};
+  out.size = sizeof out;
+  out.step = r.step;
+  out.steps = p.steps;
+  out.learning_rate = r.lr;
+  out.temperature = r.temperature;
+  out.loss = r.loss;
+  out.psnr = r.psnr;
+  out.psnr_coarse = r.psnr_coarse;
+  out.selected = r.selected;
+  out.gradient_norm = r.gradient_norm;
+  out.most_selected = static_cast<uint64_t>(r.most_selected);
+  out.most_intersections = r.intersections;
+  out.seconds = p.seconds;
+  out.objects_per_second = p.objects_per_second;
+  out.seconds_left = p.seconds_left;
+  return out;
+}
+
+std::vector<std::string> paths_of(const vsplat_train_options& o) {
+  need_array(o.data, o.num_data, "options.data");
+  if (o.num_data == 0) fail(Status::usage, "options.data is empty: a data set is needed");
+  std::vector<std::string> out;
+  for (size_t i = 0; i < o.num_data; ++i) {
+    need(o.data[i], "a path of options.data");
+    out.emplace_back(o.data[i]);
+  }
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_train(vsplat_device device, const char* config, const vsplat_train_options* options,
+                           vsplat_train_result* out_result) {
+  return guarded([&] {
+    need(device, "device");
+    need(config, "config");
+    need(options, "options");
+    const vsplat_train_options o = taken(options, VSPLAT_TRAIN_OPTIONS_INIT, "options");
+    need(o.output, "options.output");
+    TrainOptions t;
+    t.output = o.output;
+    t.resume = o.resume != 0;
+    t.skip_bad = o.skip_bad != 0;
+    if (o.on_progress)
+      t.on_progress = [&o](const TrainProgress& p) {
+        const vsplat_train_progress progress = progress_of(p);
+        o.on_progress(o.user, &progress);
+      };
+    if (o.on_message) t.on_message = [&o](const std::string& text) { o.on_message(o.user, text.c_str()); };
+    if (o.go_on) t.stop = [&o] { return o.go_on(o.user) == 0; };
+    // What inference left on the device is in the way.
+    device->model.reset();
+    device->model_key.reset();
+    device->scene.reset();
+    device->scene_key.reset();
+    const TrainResult result = train(device->context, train_config_from_json(config), open_data_set(paths_of(o)), t);
+    vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
+    out.step = result.step;
+    out.stopped = result.stopped ? 1 : 0;
+    out.bad = static_cast<uint64_t>(result.bad);
+    if (out_result) give(out_result, out, "out_result");
+  });
+}
+
+vsplat_status vsplat_train_config(const char* config, char** out_text) {
+  return guarded([&] {
+    need(out_text, "out_text");
+    *out_text = new_text(to_json(config ? train_config_from_json(config) : TrainConfig()));
+  });
+}

@@ -1,0 +1,229 @@
+#include "model/train.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "model/init.h"
+#include "model/io/image_file.h"
+#include "model/training_sheet.h"
+#include "runtime/file.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+// What may differ between a run and its continuation: nothing that a weight depends on.
+TrainConfig without_habits(TrainConfig config) {
+  const TrainConfig defaults;
+  config.log_every = defaults.log_every;
+  config.sheet_every = defaults.sheet_every;
+  config.checkpoint_every = defaults.checkpoint_every;
+  config.keep_checkpoints = defaults.keep_checkpoints;
+  config.cache_gib = defaults.cache_gib;
+  return config;
+}
+
+// The first line of a configuration that differs, of both.
+std::string first_difference(const TrainConfig& a, const TrainConfig& b) {
+  std::istringstream x(to_json(a)), y(to_json(b));
+  std::string left, right;
+  while (std::getline(x, left) && std::getline(y, right))
+    if (left != right) return fmt::format("found{}, expected{}", left, right);
+  return "they differ";
+}
+
+Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
+  std::optional<Checkpoint> found = newest_checkpoint(options.output);
+  if (found && !options.resume)
+    fail(Status::usage,
+         "{}: a training's checkpoints are there already (step {}): --resume goes on from them; or name another folder",
+         options.output, found->step);
+  if (found) {
+    if (without_habits(found->config) != without_habits(config))
+      fail(Status::usage, "{}: the checkpoint of step {} is of another configuration: {}", options.output, found->step,
+           first_difference(without_habits(config), without_habits(found->config)));
+    found->config = config;
+    return std::move(*found);
+  }
+  Checkpoint start;
+  start.config = config;
+  start.parameters = initial_weights(config.model, config.seed);
+  return start;
+}
+
+TrainingOptions reading(const TrainConfig& config, bool skip_bad) {
+  TrainingOptions out;
+  out.image = config.model.image;
+  out.rebase = config.model.rebase;
+  out.seed = config.seed;
+  out.batch = static_cast<int>(config.batch * config.accumulate);
+  out.min_inputs = static_cast<int>(config.inputs_min);
+  out.max_inputs = static_cast<int>(config.inputs_max);
+  out.novel = static_cast<int>(config.novel);
+  out.random_background = config.random_background;
+  out.fit = fit_from_name(config.fit);
+  out.turn_degrees = config.turn_degrees;
+  out.min_cube = config.cube_min;
+  out.max_cube = config.cube_max;
+  out.cache_bytes = static_cast<std::size_t>(config.cache_gib * static_cast<double>(1ull << 30));
+  out.skip_bad = skip_bad;
+  return out;
+}
+
+// log.csv: a line for each progress, up to the step that a continuation begins at.
+class Log {
+ public:
+  Log(std::string path, long step) : path_(std::move(path)) {
+    text_ = "step,seconds,lr,temperature,loss,psnr,psnr_coarse,selected,most_selected,intersections,gradient_norm\n";
+    if (step == 0 || !fs::exists(path_)) return;
+    const std::vector<unsigned char> bytes = read_file(path_);
+    std::istringstream before(std::string(bytes.begin(), bytes.end()));
+    std::string line;
+    std::getline(before, line);
+    while (std::getline(before, line)) {
+      if (std::strtol(line.c_str(), nullptr, 10) > step) break;
+      text_ += line + "\n";
+      if (const auto comma = line.find(','); comma != std::string::npos)
+        seconds_ = std::strtod(line.c_str() + comma + 1, nullptr);
+    }
+  }
+
+  // Written whole each time: a file of some hundred kilobytes that is never half a line.
+  void add(const TrainProgress& p) {
+    const StepReport& r = p.report;
+    text_ += fmt::format("{},{:.1f},{:.6g},{:.4f},{:.6f},{:.3f},{:.3f},{:.5f},{},{},{:.5g}\n", r.step,
+                         seconds_ + p.seconds, r.lr, r.temperature, r.loss, r.psnr, r.psnr_coarse, r.selected,
+                         r.most_selected, r.intersections, r.gradient_norm);
+    write_file(path_, text_.data(), text_.size());
+  }
+
+ private:
+  std::string path_, text_;
+  double seconds_ = 0;  // of the runs before
+};
+
+// Means of reports; counts are the largest, step and rates the last.
+class Sum {
+ public:
+  void add(const StepReport& r) {
+    const StepReport before = sum_;
+    sum_ = r;
+    sum_.loss += before.loss;
+    sum_.psnr += before.psnr;
+    sum_.psnr_coarse += before.psnr_coarse;
+    sum_.selected += before.selected;
+    sum_.gradient_norm += before.gradient_norm;
+    sum_.most_selected = std::max(sum_.most_selected, before.most_selected);
+    sum_.intersections = std::max(sum_.intersections, before.intersections);
+    ++count_;
+  }
+  long count() const { return count_; }
+  StepReport take() {
+    StepReport out = sum_;
+    const double share = 1.0 / static_cast<double>(count_);
+    for (double* value : {&out.loss, &out.psnr, &out.psnr_coarse, &out.selected, &out.gradient_norm}) *value *= share;
+    *this = {};
+    return out;
+  }
+
+ private:
+  StepReport sum_;
+  long count_ = 0;
+};
+
+std::string step_name(const char* what, long step, const char* suffix) {
+  return fmt::format("{}-{:08d}{}", what, step, suffix);
+}
+
+}  // namespace
+
+TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options) {
+  const auto say = [&](const std::string& text) {
+    if (options.on_message) options.on_message(text);
+  };
+  const fs::path run(options.output);
+  std::error_code problem;
+  fs::create_directories(run / "sheets", problem);
+  if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
+  const Checkpoint start = begin(config, options);
+  const std::string text = to_json(config);
+  write_file((run / "config.json").string(), text.data(), text.size());
+  Trainer trainer(ctx, start);
+  TrainingReader reader(data, reading(config, options.skip_bad));
+  Log log((run / "log.csv").string(), start.step);
+  if (start.step > 0) say(fmt::format("going on from step {}", start.step));
+
+  TrainResult result;
+  result.step = start.step;
+  long saved = start.step > 0 ? start.step : -1;
+  const auto save = [&] {
+    if (saved == trainer.step()) return;
+    const Checkpoint now = trainer.checkpoint();
+    const std::string path = checkpoint_path(options.output, now.step);
+    save_checkpoint(path, now);
+    prune_checkpoints(options.output, config.keep_checkpoints);
+    result.model = (run / "model.safetensors").string();
+    save_model(result.model, now);
+    saved = now.step;
+    say("checkpoint " + path);
+  };
+  const auto every = [&](long period) {
+    return trainer.step() == config.schedule.steps || (period > 0 && trainer.step() % period == 0);
+  };
+
+  Sum sum;
+  const Clock::time_point began = Clock::now();
+  Clock::time_point told = began;
+  while (trainer.step() < config.schedule.steps) {
+    std::vector<TrainingViews> views;
+    for (long i = 0; i < config.batch * config.accumulate; ++i)
+      views.push_back(reader.at(trainer.step(), static_cast<int>(i)));
+    std::vector<StepItem> items;
+    for (const TrainingViews& v : views) items.push_back({&v});
+    StepReport report;
+    try {
+      report = trainer.step(items);
+    } catch (const Error& e) {
+      if (e.status() != Status::internal || saved < 0) throw;
+      fail(e.status(), "{}; the last good checkpoint is {}", e.what(), checkpoint_path(options.output, saved));
+    }
+    sum.add(report);
+    result.step = trainer.step();
+    const bool stop = options.stop && options.stop();
+    if (every(config.log_every) || stop) {
+      TrainProgress progress;
+      const double pace = seconds_since(told) / static_cast<double>(sum.count());
+      told = Clock::now();
+      progress.report = sum.take();
+      progress.steps = config.schedule.steps;
+      progress.seconds = seconds_since(began);
+      progress.objects_per_second = static_cast<double>(items.size()) / pace;
+      progress.seconds_left = pace * static_cast<double>(config.schedule.steps - trainer.step());
+      log.add(progress);
+      if (options.on_progress) options.on_progress(progress);
+    }
+    if (config.sheet_every > 0 && every(config.sheet_every)) {
+      const VsplatModel model(ctx, config.model, trainer.weights());
+      const std::string path = (run / "sheets" / step_name("step", trainer.step(), ".png")).string();
+      write_png(path, training_sheet(ctx, model, views.front(), report.temperature));
+      say("sheet " + path);
+    }
+    if (every(config.checkpoint_every) || stop) save();
+    if (stop && trainer.step() < config.schedule.steps) {
+      result.stopped = true;
+      break;
+    }
+  }
+  save();
+  result.bad = reader.bad();
+  return result;
+}
+
+}  // namespace vsplat
