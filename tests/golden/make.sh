@@ -2,7 +2,7 @@
 # Golden vectors from the PyTorch specification in tests/reference/pytorch.
 #   tests/golden/make.sh                 the committed ones, here (remove a file first to make it anew)
 #   tests/golden/make.sh DIR tiny        the larger ones, as ctest's golden_tiny does before the tests that read them
-#   tests/golden/make.sh DIR train       those of training, as ctest's golden_train does; `train_all` the variants at a larger size
+#   tests/golden/make.sh DIR train       those of training, as ctest's golden_train does
 #   tests/golden/make.sh DIR splat       scenes to draw, as ctest's golden_splat does; `splat_small` makes the committed ones in splat/
 #   tests/golden/make.sh FILE lpips      distances of LPIPS: the committed lpips.safetensors
 # Needs a Python with torch >= 1.13 and numpy (Debian: python3-torch python3-numpy); VSPLAT_PYTHON names one. Exits with 77

@@ -64,30 +64,12 @@ const std::vector<std::string>& golden_cases() {
   return names;
 }
 
-namespace {
-
-std::vector<std::string> variants(const std::string& prefix) {
-  std::vector<std::string> out;
-  for (const char* name :
-       {"coarse", "skeletal", "sigmoid", "ste", "opacity", "unprojected", "fine1", "fine4", "mirrored", "distance",
-        "kernel3", "no_half_pixel", "empty", "empty_sigmoid", "empty_ste", "empty_opacity"})
-    out.push_back(prefix + name);
-  return out;
-}
-
-}  // namespace
-
 const std::vector<std::string>& training_cases() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> out = variants("train_micro_");
-    for (const char* name : {"train_tiny", "train_tiny_seed1", "train_tiny_steps"}) out.emplace_back(name);
-    return out;
-  }();
-  return names;
-}
-
-const std::vector<std::string>& larger_training_cases() {
-  static const std::vector<std::string> names = variants("train_tiny_");
+  static const std::vector<std::string> names = {
+      "train",         "train_seed1",         "train_steps",     "train_coarse",       "train_skeletal",
+      "train_sigmoid", "train_ste",           "train_opacity",   "train_unprojected",  "train_fine1",
+      "train_fine4",   "train_mirrored",      "train_distance",  "train_kernel3",      "train_no_half_pixel",
+      "train_empty",   "train_empty_sigmoid", "train_empty_ste", "train_empty_opacity"};
   return names;
 }
 

@@ -43,10 +43,8 @@ class Golden {
 // and micro ones, which have gradients.
 const std::vector<std::string>& golden_cases();
 
-// Those with all gradients, which golden_train makes; and the same variants at a larger size, which golden_train_all
-// makes.
+// Those with all gradients, which golden_train makes.
 const std::vector<std::string>& training_cases();
-const std::vector<std::string>& larger_training_cases();
 
 }  // namespace vsplat::test
 

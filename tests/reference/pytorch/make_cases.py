@@ -1,8 +1,7 @@
 """Write the golden vectors that tests read, one file a case, in one process (importing PyTorch is what takes time).
 
     python3 make_cases.py DIR micro      the two committed ones, with gradients
-    python3 make_cases.py DIR train      with all gradients: tiny with two seeds and over ten steps; micro in every variant, and none selected
-    python3 make_cases.py DIR train_all  the variants in tiny
+    python3 make_cases.py DIR train      tiny with all gradients: two seeds, every variant, none selected, and ten steps
     python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected,
                                          a U-Net of one level and of three, and one of many channels; with gradients where they
                                          are micro: those, and fewer levels with every selection
@@ -67,17 +66,15 @@ VARIANTS = {
     "empty_opacity": ["--empty", "--set", "selection=opacity"],
 }
 TRAIN = {
-    "train_tiny": ["--config", "tiny"],
-    "train_tiny_seed1": ["--config", "tiny", "--seed", "1"],
-    "train_tiny_steps": ["--config", "tiny", "--steps", "10"],
-    **{f"train_micro_{name}": ["--config", "micro", *options] for name, options in VARIANTS.items()},
+    "train": [],
+    "train_seed1": ["--seed", "1"],
+    "train_steps": ["--steps", "10"],
+    **{f"train_{name}": options for name, options in VARIANTS.items()},
 }
-TRAIN_ALL = {f"train_tiny_{name}": ["--config", "tiny", *options] for name, options in VARIANTS.items()}
 GROUPS = {
     "micro": (MICRO, ["--config", "micro"]),
     "tiny": (TINY, ["--config", "tiny"]),
-    "train": (TRAIN, ["--noise"]),
-    "train_all": (TRAIN_ALL, ["--noise"]),
+    "train": (TRAIN, ["--config", "tiny", "--noise"]),
 }
 
 
