@@ -4,6 +4,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <numeric>
 
@@ -111,6 +112,11 @@ std::vector<std::string> list(const std::string& option, const std::string& text
   for (const std::string& part : parts)
     if (part.empty()) wrong(option, text, "a list with commas and no empty entries, such as a,b or @0,@3,");
   return parts;
+}
+
+void need_ending(const std::string& option, const std::string& path, const std::string& ending) {
+  if (!path.empty() && std::filesystem::path(path).extension() != ending)
+    throw UsageError(option + " is \"" + path + "\": a name that ends in " + ending + " expected");
 }
 
 CameraChoice camera_choice(const std::string& option, const std::string& text) {

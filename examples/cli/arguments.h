@@ -25,6 +25,9 @@ Size picture_size(const std::string& option, const std::string& text);  // "640x
 // "a,b,c" -> its parts, none empty.
 std::vector<std::string> list(const std::string& option, const std::string& text);
 
+// A file's name that must end so; "" is none.
+void need_ending(const std::string& option, const std::string& path, const std::string& ending);
+
 // Which cameras to draw from: "orbit:N", "path:CAMERAS:N" (N after the last colon), or the path of a cameras file.
 struct CameraChoice {
   int orbit = 0, path = 0;  // their N, or 0

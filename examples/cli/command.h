@@ -62,5 +62,6 @@ void add_render(CLI::App& app, Run& run);
 void add_bench(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);
+void add_info_action(CLI::App& dataset, Run& run);  // of dataset
 
 }  // namespace command

@@ -1,4 +1,4 @@
-// vsplat dataset: data sets made from meshes.
+// vsplat dataset: data sets made from meshes (and info, in a file of its own).
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -157,13 +157,15 @@ void add_procedural_action(CLI::App& parent, Run& run) {
 }  // namespace
 
 void add_dataset(CLI::App& app, Run& run) {
-  CLI::App* sub = app.add_subcommand("dataset", "Make data sets of posed pictures from meshes");
+  CLI::App* sub = app.add_subcommand("dataset", "Make data sets of posed pictures, and look into them");
   sub->require_subcommand(1);
   add_render_action(*sub, run);
   add_procedural_action(*sub, run);
+  add_info_action(*sub, run);
   sub->footer(
       "Examples:\n  vsplat dataset render meshes/*.glb --output set\n"
-      "  vsplat dataset procedural --count 16 --output solids");
+      "  vsplat dataset procedural --count 16 --output solids\n"
+      "  vsplat dataset info set --sheet set.png");
 }
 
 }  // namespace command

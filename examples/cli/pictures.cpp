@@ -36,11 +36,6 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
       ->group(group);
 }
 
-void need_ending(const std::string& option, const std::string& path, const std::string& ending) {
-  if (!path.empty() && std::filesystem::path(path).extension() != ending)
-    throw UsageError(option + " is \"" + path + "\": a name that ends in " + ending + " expected");
-}
-
 }  // namespace
 
 void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_option) {

@@ -1,20 +1,53 @@
-// Meshes, and objects of data sets made from them.
+// Meshes, and objects of data sets made from them; data sets read.
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "model/api/handle.h"
+#include "model/data/framed_object.h"
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
 #include "model/data/object_names.h"
 #include "model/data/solids.h"
+#include "model/data/survey.h"
 
 struct vsplat_mesh_impl : vsplat::api::Counted {
   explicit vsplat_mesh_impl(vsplat::Mesh from) : mesh(std::move(from)) {}
   const vsplat::Mesh mesh;
 };
 
+struct vsplat_dataset_impl : vsplat::api::Counted {
+  explicit vsplat_dataset_impl(vsplat::DataSet from) : data(std::move(from)) {}
+  const vsplat::DataSet data;
+};
+
 using namespace vsplat;
 using namespace vsplat::api;
+
+namespace {
+
+char* new_json(const nlohmann::ordered_json& value) {
+  return new_text(value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+std::vector<std::string> texts(const char* const* from, std::size_t count) {
+  std::vector<std::string> out;
+  out.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    need(from[i], "a path");
+    out.emplace_back(from[i]);
+  }
+  return out;
+}
+
+const DataObject& object_at(vsplat_dataset dataset, std::size_t index) {
+  need(dataset, "dataset");
+  if (index >= dataset->data.objects.size())
+    fail(Status::usage, "there is no object {}: {} in all", index, dataset->data.objects.size());
+  return dataset->data.objects[index];
+}
+
+}  // namespace
 
 vsplat_status vsplat_mesh_load(const char* path, const char* texture, vsplat_mesh* out_mesh) {
   return guarded([&] {
@@ -66,12 +99,74 @@ vsplat_status vsplat_object_names(const char* const* paths, size_t num_paths, ch
   return guarded([&] {
     need(out_text, "out_text");
     need_array(paths, num_paths, "paths");
-    std::vector<std::string> files;
-    for (std::size_t i = 0; i < num_paths; ++i) {
-      need(paths[i], "a path");
-      files.emplace_back(paths[i]);
-    }
-    const nlohmann::json names = object_names(files);
-    *out_text = new_text(names.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    *out_text = new_json(object_names(texts(paths, num_paths)));
+  });
+}
+
+vsplat_status vsplat_dataset_open(const char* const* paths, size_t num_paths, vsplat_dataset* out_dataset) {
+  return guarded([&] {
+    need(out_dataset, "out_dataset");
+    need_array(paths, num_paths, "paths");
+    if (num_paths == 0) fail(Status::usage, "num_paths is 0");
+    *out_dataset = std::make_unique<vsplat_dataset_impl>(open_data_set(texts(paths, num_paths))).release();
+  });
+}
+
+void vsplat_dataset_retain(vsplat_dataset dataset) { retain(dataset); }
+void vsplat_dataset_release(vsplat_dataset dataset) { release(dataset); }
+
+vsplat_status vsplat_dataset_count(vsplat_dataset dataset, size_t* out_count) {
+  return guarded([&] {
+    need(dataset, "dataset");
+    need(out_count, "out_count");
+    *out_count = dataset->data.objects.size();
+  });
+}
+
+vsplat_status vsplat_dataset_describe(vsplat_dataset dataset, size_t index, char** out_text) {
+  return guarded([&] {
+    const DataObject& object = object_at(dataset, index);
+    need(out_text, "out_text");
+    *out_text = new_json(nlohmann::ordered_json{
+        {"name", object.name}, {"layout", name_of(object.layout)}, {"path", object.path.string()}});
+  });
+}
+
+vsplat_status vsplat_dataset_survey(vsplat_dataset dataset, size_t index, int32_t pictures,
+                                    vsplat_dataset_object* out_object, char** out_bad) {
+  return guarded([&] {
+    const ObjectSurvey found = survey(object_at(dataset, index), pictures);
+    vsplat_dataset_object out = VSPLAT_DATASET_OBJECT_INIT;
+    out.views = found.views;
+    out.bad = static_cast<int32_t>(found.bad.size());
+    out.min_width = static_cast<int32_t>(found.width.low), out.max_width = static_cast<int32_t>(found.width.high);
+    out.min_height = static_cast<int32_t>(found.height.low), out.max_height = static_cast<int32_t>(found.height.high);
+    out.min_fov = found.fov.low, out.max_fov = found.fov.high;
+    out.min_distance = found.distance.low, out.max_distance = found.distance.high;
+    for (int i = 0; i < 3; ++i) out.center[i] = found.placement.centre[i];
+    out.scale = found.placement.edge;
+    out.pictures = found.looked_at;
+    out.coverage = found.coverage;
+    give(out_object, out, "out_object");
+    if (out_bad) *out_bad = new_json(found.bad);
+  });
+}
+
+vsplat_status vsplat_dataset_get_picture(vsplat_dataset dataset, size_t index, int32_t view, int32_t side,
+                                         float* out_pixels, size_t capacity) {
+  return guarded([&] {
+    const DataObject& object = object_at(dataset, index);
+    need(out_pixels, "out_pixels");
+    if (side < 1 || side > 8192) fail(Status::usage, "side is {}: 1 to 8192 is possible", side);
+    const std::size_t count = static_cast<std::size_t>(side) * side * 3;
+    if (capacity < count) fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, count);
+    const FrameRequest request{side, Fit::automatic, {}};
+    std::vector<std::string> skipped;
+    const FramedObject framed = frame_object(object, request, &skipped);
+    if (view < 0 || view >= framed.views())
+      fail(Status::usage, "object {}: there is no view {}: {} in all", object.name, view, framed.views());
+    std::vector<float> pixels;
+    composite(store_view(framed, view, request), {1, 1, 1}, pixels);
+    std::copy(pixels.begin(), pixels.end(), out_pixels);
   });
 }

@@ -67,6 +67,52 @@ class Dataset(support.Case):
         self.assertIn("1 of 2 objects", err)
         self.assertEqual(os.listdir(self.path("set")), ["c"])
 
+    def info(self, *more, code=0):
+        got, out, err = support.run("dataset", "info", *more, "--json")
+        self.assertEqual(got, code, err)
+        return json.loads(out), err
+
+    def test_info_tells_what_a_set_holds(self):
+        self.succeeds(*self.render(self.mesh("cup.obj"), self.mesh("dish.obj")))
+        told, _ = self.info(self.path("set"), "--sheet", self.path("sheet.png"))
+        self.assertEqual((told["views"], told["bad"], [o["name"] for o in told["objects"]]), (6, 0, ["cup", "dish"]))
+        cup = told["objects"][0]
+        self.assertEqual((cup["layout"], cup["path"], cup["views"], cup["pictures"], cup["bad"]), ("folder", self.path("set", "cup"), 3, 3, []))
+        self.assertEqual((cup["width"], cup["height"], cup["center"], cup["scale"]), ([16, 16], [16, 16], [0, 0, 0], 1))
+        for angle in cup["fov"]:
+            self.assertAlmostEqual(angle, 49.1, 1)
+        self.assertTrue(2.1 <= cup["distance"][0] < cup["distance"][1] <= 2.5, cup["distance"])   # farther, so that it fits
+        self.assertTrue(0.02 < cup["alpha"] < 0.5, cup["alpha"])
+        width, height, pixels = support.read_png(self.path("sheet.png"))
+        self.assertEqual((width, height), (6 * 24 + 8, 24 + 8))       # 3 of 16 pixels for each object, 8 between them
+        self.assertGreater(len({pixels[3 * (width * 16 + x)] for x in range(8, 24)}), 1, "a picture is on it")
+        table, _ = self.succeeds("dataset", "info", self.path("set"))
+        self.assertIn("2 objects, 6 views", table)
+        self.refuses(1, ["sheet.png", "--overwrite"], "dataset", "info", self.path("set"), "--sheet", self.path("sheet.png"))
+
+    def test_info_tells_what_is_bad(self):
+        self.succeeds("dataset", "render", self.mesh("cup.obj"), self.mesh("dish.obj"), "--output", self.path("set"), "--views", 9, "--size", 16)
+        os.remove(self.path("set", "cup", "images", "0004.png"))
+        with open(self.path("set", "cup", "images", "0001.png"), "wb") as f:
+            f.write(b"no picture")
+        with open(self.path("set", "dish", "transforms.json"), "w") as f:
+            f.write("{")
+        told, err = self.info(self.path("set"), "--check", "--sheet", self.path("sheet.png"), code=1)
+        self.assertEqual((told["views"], told["bad"]), (7, 3))
+        self.assertIn("0001.png", told["objects"][0]["bad"][0])
+        self.assertIn("0004.png", told["objects"][0]["bad"][1])
+        self.assertIn("object dish", told["objects"][1]["bad"][0])
+        for words in ("object cup: view 4", "object dish", "3 bad"):
+            self.assertIn(words, err)
+        self.assertTrue(os.path.exists(self.path("sheet.png")))
+
+    def test_info_of_what_is_no_set(self):
+        self.refuses(1, "nowhere", "dataset", "info", self.path("nowhere"))
+        os.makedirs(self.path("hollow"))
+        self.refuses(1, ["hollow", "no object"], "dataset", "info", self.path("hollow"))
+        self.refuses(2, [".png"], "dataset", "info", self.path("hollow"), "--sheet", self.path("a.jpg"))
+        self.refuses(2, "data", "dataset", "info")
+
     def test_wrong_requests(self):
         self.refuses(2, "--count", "dataset", "procedural", "--output", self.path("set"))
         self.refuses(2, "--size", *self.render(self.mesh("c.obj"))[:-1], 4)

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "model/data/framed_object.h"
+#include "model/data/survey.h"
 #include "model/io/hdf5_file.h"
 #include "model/io/image_file.h"
 #include "tests/support/data_sets.h"
@@ -298,6 +299,58 @@ TEST(DataSetLayouts, RefuseDamagedHdf5Files) {
     }
   }
   EXPECT_GT(errors, 5);
+}
+
+TEST(Survey, TellsNumbersOfTheObject) {
+  const TemporaryFolder folder;
+  const std::string object = folder / "disc";
+  fs::create_directories(object);
+  nlohmann::json frames;
+  const std::vector<Camera> cameras = test::ring(6, {1, 2, 3}, 4, 0);
+  for (int i = 0; i < 6; ++i) {
+    Image picture(40, 40 + i % 2, 4, 0.5f);  // alpha: the left half
+    for (int y = 0; y < picture.height; ++y)
+      for (int x = 0; x < 40; ++x) picture.at(x, y)[3] = x < 20 ? 1.0f : 0.0f;
+    write_png(fmt::format("{}/{}.png", object, i), picture);
+    Eigen::Matrix4d c2w = cameras[static_cast<std::size_t>(i)].c2w();
+    c2w.middleCols<2>(1) *= -1;
+    nlohmann::json rows;
+    for (int r = 0; r < 4; ++r) rows.push_back({c2w(r, 0), c2w(r, 1), c2w(r, 2), c2w(r, 3)});
+    frames.push_back({{"file_path", fmt::format("{}.png", i)}, {"fl_x", 20 + 10 * i}, {"transform_matrix", rows}});
+  }
+  nlohmann::json root = {{"frames", frames}, {"aabb_center", {1, 2, 3}}, {"aabb_half", 0.5}};
+  test::write_transforms(object, root);
+  const DataObject disc = open_data_set({object}).objects.at(0);
+  ObjectSurvey found = survey(disc, 3);
+  EXPECT_EQ(found.views, 6);
+  EXPECT_TRUE(found.bad.empty());
+  EXPECT_EQ(found.looked_at, 3);  // 0, 2, 4: the square ones, whole
+  EXPECT_NEAR(found.coverage, 0.5, 1e-6);
+  EXPECT_EQ(found.width.low, 40);
+  EXPECT_EQ(found.height.high, 41);
+  EXPECT_NEAR(found.fov.low, 2 * std::atan(20 / 70.0) * 180 / M_PI, 1e-9);
+  EXPECT_NEAR(found.fov.high, 90, 1e-9);
+  EXPECT_NEAR(found.distance.low, 4, 1e-9);
+  EXPECT_NEAR(found.distance.high, 4, 1e-9);
+  EXPECT_EQ(found.placement.centre, Eigen::Vector3d(1, 2, 3));
+  write_png(object + "/2.png", Image(40, 40, 4, 0));
+  fs::remove(object + "/5.png");
+  found = survey(disc, -1);
+  EXPECT_EQ(found.views, 5);
+  EXPECT_EQ(found.looked_at, 4);
+  ASSERT_EQ(found.bad.size(), 2u);
+  EXPECT_NE(found.bad[0].find("5.png"), std::string::npos);
+  EXPECT_NE(found.bad[1].find("alpha"), std::string::npos);
+  EXPECT_EQ(survey(disc, 0).looked_at, 0);
+}
+
+TEST(Survey, SpreadsPictures) {
+  using Indices = std::vector<int>;
+  EXPECT_EQ(spread(4, 40), (Indices{0, 10, 20, 30}));
+  EXPECT_EQ(spread(4, 3), (Indices{0, 1, 2}));
+  EXPECT_EQ(spread(3, 7), (Indices{0, 2, 4}));
+  EXPECT_TRUE(spread(0, 7).empty());
+  EXPECT_TRUE(spread(4, 0).empty());
 }
 
 TEST(DataSetLayouts, SuggestTheOtherConvention) {

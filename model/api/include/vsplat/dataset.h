@@ -1,5 +1,5 @@
-/* Data sets made from meshes. Part of vsplat.h, which includes it and whose conventions hold: handles, statuses,
-   structs with their size. */
+/* Data sets, made from meshes and read. Part of vsplat.h, which includes it and whose conventions hold: handles,
+   statuses, structs with their size. */
 #ifndef VSPLAT_DATASET_H
 #define VSPLAT_DATASET_H
 
@@ -63,6 +63,56 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_write_views(vsplat_mesh me
    stems repeat or are "model"; of those that are equal then, the second is NAME_2, the third NAME_3. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_object_names(const char* const* paths, size_t num_paths,
                                                               char** out_text);
+
+/* -------------------------------------------------------------------------------------------------------- reading */
+
+/* Objects with posed pictures, of one or more of these: a folder for each object that vsplat_views_load takes (masks,
+   alpha, aabb_center and aabb_half as there), or LaRa's layout of Google Scanned Objects (transforms.json with
+   intrinsic_matrix, r_000.png, ...), in folders at most four levels down; HDF5 files in LaRa's layout (a group for each
+   object with image_I [H][W][4] of 8 bits, c2w_I [4][4], OpenCV axes, and fov_I [2] in radians). Belongs to no device;
+   may be read by several threads. */
+typedef struct vsplat_dataset_impl* vsplat_dataset;
+
+/* Lists the objects of the folders or HDF5 files, in the order of the paths, in each by name; no picture is read.
+   VSPLAT_ERROR_FILE where a path is not there, VSPLAT_ERROR_INPUT where it holds no object, VSPLAT_ERROR_FORMAT for a
+   damaged HDF5 file. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_dataset_open(const char* const* paths, size_t num_paths,
+                                                              vsplat_dataset* out_dataset);
+VSPLAT_API void vsplat_dataset_retain(vsplat_dataset dataset);
+VSPLAT_API void vsplat_dataset_release(vsplat_dataset dataset);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_dataset_count(vsplat_dataset dataset, size_t* out_count);
+
+/* An object by its index as a JSON object of texts: "name" (its folder's or group's; of those that are equal, the
+   second is NAME_2), "layout" (folder, gso or hdf5) and "path" (the folder, or the HDF5 file). */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_dataset_describe(vsplat_dataset dataset, size_t index,
+                                                                  char** out_text);
+
+typedef struct vsplat_dataset_object {
+  size_t size;
+  int32_t views;                /* that can be used: a picture (and its mask) is there, the camera is sound */
+  int32_t bad;                  /* other views, and pictures that were looked at and cannot be used */
+  int32_t min_width, max_width; /* pixels */
+  int32_t min_height, max_height;
+  double min_fov, max_fov;           /* degrees, across the picture */
+  double min_distance, max_distance; /* of the cameras from the middle of the object's cube, in its edges */
+  double center[3];                  /* the cube, in the object's own world */
+  double scale;
+  int32_t pictures; /* that were decoded */
+  double coverage;  /* mean alpha (or mask) of these, over the square that the network sees; 0 to 1 */
+} vsplat_dataset_object;
+#define VSPLAT_DATASET_OBJECT_INIT \
+  { sizeof(vsplat_dataset_object), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, {0, 0, 0}, 0, 0, 0 }
+
+/* Reads an object's cameras, and decodes `pictures` of its pictures, spread over the views (-1: all). `out_bad`: a JSON
+   list of what is wrong with single views; may be NULL. VSPLAT_ERROR_FILE, _FORMAT or _INPUT, naming object, view and
+   field, where the object as a whole cannot be used. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_dataset_survey(vsplat_dataset dataset, size_t index, int32_t pictures,
+                                                                vsplat_dataset_object* out_object, char** out_bad);
+
+/* A view (below vsplat_dataset_object.views) of an object as the network would get it at this size: [side][side][3] on
+   white, which `capacity` floats have room for. Errors name object, view and what is wrong. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_dataset_get_picture(vsplat_dataset dataset, size_t index, int32_t view,
+                                                                     int32_t side, float* out_pixels, size_t capacity);
 
 #ifdef __cplusplus
 }

@@ -73,6 +73,7 @@ using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_relea
 using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
 using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
 using MeshHandle = Handle<vsplat_mesh, vsplat_mesh_retain, vsplat_mesh_release>;
+using DataSetHandle = Handle<vsplat_dataset, vsplat_dataset_retain, vsplat_dataset_release>;
 using SheetHandle = Handle<vsplat_sheet, vsplat_sheet_retain, vsplat_sheet_release>;
 using AnimationHandle = Handle<vsplat_animation, vsplat_animation_retain, vsplat_animation_release>;
 
@@ -354,6 +355,47 @@ class Mesh : public MeshHandle {
   }
   void write_views(const std::string& folder, const vsplat_mesh_views_options& options) const {
     check(vsplat_mesh_write_views(get(), &options, folder.c_str()));
+  }
+};
+
+class DataSet : public DataSetHandle {
+ public:
+  explicit DataSet(const std::vector<std::string>& paths) : DataSetHandle(open(paths)) {}
+
+  size_t count() const {
+    size_t out = 0;
+    check(vsplat_dataset_count(get(), &out));
+    return out;
+  }
+  // JSON: name, layout, path.
+  std::string describe(size_t index) const {
+    char* out = nullptr;
+    check(vsplat_dataset_describe(get(), index, &out));
+    return text(out);
+  }
+  // `bad`: a JSON list.
+  vsplat_dataset_object survey(size_t index, int32_t pictures, std::string& bad) const {
+    vsplat_dataset_object out = VSPLAT_DATASET_OBJECT_INIT;
+    char* texts = nullptr;
+    check(vsplat_dataset_survey(get(), index, pictures, &out, &texts));
+    bad = text(texts);
+    return out;
+  }
+  // [side][side][3], on white.
+  std::vector<float> picture(size_t index, int32_t view, int32_t side) const {
+    std::vector<float> out(static_cast<size_t>(side) * static_cast<size_t>(side) * 3);
+    check(vsplat_dataset_get_picture(get(), index, view, side, out.data(), out.size()));
+    return out;
+  }
+
+ private:
+  static vsplat_dataset open(const std::vector<std::string>& paths) {
+    std::vector<const char*> names;
+    names.reserve(paths.size());
+    for (const std::string& path : paths) names.push_back(path.c_str());
+    vsplat_dataset out = nullptr;
+    check(vsplat_dataset_open(names.data(), names.size(), &out));
+    return out;
   }
 };
 
