@@ -77,7 +77,8 @@ struct Suite {
   const char* name;
   std::vector<Case> (*cases)(const Options&);
 };
-const std::vector<Suite> kSuites = {{"gemm", gemm_cases}, {"conv", conv_cases}, {"render", render_cases}};
+const std::vector<Suite> kSuites = {
+    {"gemm", gemm_cases}, {"conv", conv_cases}, {"render", render_cases}, {"train", train_cases}};
 
 // What a kernel does for a pass, from its name.
 std::string stage_of(const std::string& kernel) {
@@ -103,6 +104,7 @@ std::string stage_of(const std::string& kernel) {
 struct Profiled {
   Cost cost;  // of one run, on average
   std::map<std::string, double> stages;
+  std::vector<KernelTime> kernels;
 };
 
 // Every input once more, with the profiler on. Gathering times takes time, so shares are of a run without it,
@@ -121,11 +123,19 @@ Profiled profile(Context& ctx, const Prepared& p, double seconds) {
     const ProfileRow& old = before[row.stage + "/" + row.name];
     if (row.calls == old.calls) continue;
     const double each = static_cast<double>(row.total_ns - old.total_ns) * 1e-9 / p.inputs;
-    out.stages[stage_of(row.name)] += each;
+    // A training's stages are the network's; where none is at work, weights are.
+    const std::string stage = row.stage.empty() ? "weights" : row.stage;
+    out.stages[p.kind == Kind::training ? stage : stage_of(row.name)] += each;
     in_kernels += each;
-    out.cost.flops += (row.flops - old.flops) / p.inputs;
-    out.cost.bytes += (row.bytes - old.bytes) / p.inputs;
+    const Cost cost{(row.flops - old.flops) / p.inputs, (row.bytes - old.bytes) / p.inputs};
+    out.cost.flops += cost.flops;
+    out.cost.bytes += cost.bytes;
+    if (p.kind == Kind::training)
+      out.kernels.push_back({stage, row.name, static_cast<double>(row.calls - old.calls) / p.inputs, each,
+                             cost.flops / each / 1e9, cost.bytes / each / 1e9});
   }
+  std::sort(out.kernels.begin(), out.kernels.end(),
+            [](const KernelTime& a, const KernelTime& b) { return a.seconds > b.seconds; });
   out.stages["host"] = std::max(0.0, seconds - in_kernels);
   for (auto& [stage, share] : out.stages) share /= std::max(seconds, in_kernels);
   return out;
@@ -146,6 +156,7 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
     const Profiled profiled = profile(ctx, p, t.mean);
     cost = profiled.cost;
     r.stages = profiled.stages;
+    r.kernels = profiled.kernels;
   }
   r.median_s = t.median, r.spread = t.spread;
   r.gflops = cost.flops / t.median / 1e9;
@@ -168,6 +179,8 @@ const char* name_of(Kind kind) {
       return "forward";
     case Kind::backward:
       return "backward";
+    case Kind::training:
+      return "training";
   }
   return "?";
 }
@@ -221,6 +234,11 @@ std::string table(const Report& report) {
     for (const auto& [library, seconds] : r.reference)
       out += fmt::format("{} {:.3f} ms ({:.2f}x)", library, seconds * 1e3, seconds / r.median_s);
     out += "\n";
+    for (std::size_t i = 0; i < std::min<std::size_t>(r.kernels.size(), 40); ++i) {
+      const KernelTime& k = r.kernels[i];
+      out += fmt::format("  {:<12}{:<32}{:>6.0f} x{:>10.3f} ms{:>10.1f} GFLOP/s{:>8.1f} GB/s\n", k.stage, k.name,
+                         k.calls, k.seconds * 1e3, k.gflops, k.gbs);
+    }
   }
   return out;
 }
@@ -246,6 +264,13 @@ std::string json(const Report& report) {
                                     {"error", r.error},
                                     {"reference", r.reference}};
     if (!r.stages.empty()) entry["stages"] = r.stages;
+    for (const KernelTime& k : r.kernels)
+      entry["kernels"].push_back({{"stage", k.stage},
+                                  {"name", k.name},
+                                  {"calls", k.calls},
+                                  {"seconds", k.seconds},
+                                  {"gflops", k.gflops},
+                                  {"gbs", k.gbs}});
     j["results"].push_back(std::move(entry));
   }
   return j.dump(2) + "\n";

@@ -12,10 +12,10 @@
 
 namespace vsplat::bench {
 
-// A single kernel, named by the peak that it is held against, or a whole pass of many.
-enum class Kind { compute, memory, forward, backward };
+// A single kernel, named by the peak that it is held against, or a whole pass of many: of drawing, or of training.
+enum class Kind { compute, memory, forward, backward, training };
 const char* name_of(Kind kind);
-inline bool is_pass(Kind kind) { return kind == Kind::forward || kind == Kind::backward; }
+inline bool is_pass(Kind kind) { return kind == Kind::forward || kind == Kind::backward || kind == Kind::training; }
 
 // A case that is ready to run, its data on the device.
 struct Prepared {
@@ -42,7 +42,17 @@ struct Options {
   double seconds = 1.0;             // spent on timing each case, at the least three runs
   bool references = false;          // time other libraries, too (CLBlast compiles for ten seconds on a CPU)
   std::string scenes;               // a folder with NAME.ply and NAME.cameras.json to draw; empty: scenes made here
+  // What is trained; empty: random weights of the size "small", drawn pictures, a shell of a tenth of the voxels.
+  std::string model;      // a model file
+  std::string cameras;    // four views with pictures of the model's size, in the object's frame (its cube 0,0,0 / 1)
+  std::string selection;  // a file of voxel indices
   std::function<void(const std::string&)> on_case;  // called before each
+};
+
+// What one kernel does in a run of a pass.
+struct KernelTime {
+  std::string stage, name;
+  double calls = 0, seconds = 0, gflops = 0, gbs = 0;
 };
 
 struct Result {
@@ -56,6 +66,7 @@ struct Result {
   double error = 0;
   std::map<std::string, double> reference;  // library -> median seconds
   std::map<std::string, double> stages;     // of a pass: shares of its time, "host" is what no kernel accounts for
+  std::vector<KernelTime> kernels;          // of a training pass, most time first
 };
 
 struct Report {
@@ -75,5 +86,6 @@ std::string json(const Report& report);
 std::vector<Case> gemm_cases(const Options& options);
 std::vector<Case> conv_cases(const Options& options);
 std::vector<Case> render_cases(const Options& options);
+std::vector<Case> train_cases(const Options& options);
 
 }  // namespace vsplat::bench

@@ -101,6 +101,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
         logistic_noise(ctx_, noise, config_.seed, draw, kNoiseStream);
       }
       options.forward.device_noise = noise;
+      options.forward.selection = items[i].selection;
       const PassResult result = training_pass(ctx_, model, upload(ctx_, items[i]), options);
       const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
       const Means coarse = read_means(ctx_, result.coarse, inputs);

@@ -13,11 +13,13 @@
 
 namespace vsplat {
 
-// An object for a step. `noise`, where it is not null, stands for the seed's: [R^3] logistic noise.
+// An object for a step. `noise`, where it is not null, stands for the seed's: [R^3] logistic noise; `selection` for
+// the voxels that would be selected, ascending.
 struct StepItem {
   const TrainingViews* views = nullptr;
   std::array<float, 3> input_background{1, 1, 1};  // that input views are drawn over; their pictures lie on it
   const std::vector<float>* noise = nullptr;
+  const std::vector<int>* selection = nullptr;
 };
 
 // Means over a step's objects.

@@ -1,5 +1,6 @@
-// vsplat bench: the network's dense kernels at their real shapes and the drawing of whole scenes, checked, timed and
-// held against the device's limits. The one sub-command that is not on the public header: it runs the cases of bench/.
+// vsplat bench: the network's dense kernels at their real shapes, the drawing of whole scenes and a step of training,
+// checked, timed and held against the device's limits. The one sub-command that is not on the public header: it runs
+// the cases of bench/.
 #include "bench/bench.h"
 
 #include <cstdio>
@@ -18,6 +19,7 @@ struct Options {
   double seconds = 1.0;
   bool references = false;
   std::string scenes;
+  std::string model, cameras, selection;
 };
 
 vsplat::ContextOptions context_options(const Common& common) {
@@ -48,6 +50,9 @@ void bench(const Options& o) try {
   options.seconds = o.seconds;
   options.references = o.references;
   options.scenes = o.scenes;
+  options.model = o.model;
+  options.cameras = o.cameras;
+  options.selection = o.selection;
   options.on_case = [&o](const std::string& name) {
     if (interrupted()) throw std::runtime_error("stopped");
     show_progress(o.common, name);
@@ -71,10 +76,11 @@ void bench(const Options& o) try {
 
 void add_bench(CLI::App& app, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub = app.add_subcommand("bench", "Time dense kernels and drawing against what the device can do");
+  CLI::App* sub =
+      app.add_subcommand("bench", "Time dense kernels, drawing and training against what the device can do");
   sub->add_option("suites", o->suites, "Which suites (default: all)")
       ->check(one_of(vsplat::bench::suite_names()))
-      ->type_name("gemm|conv|render");
+      ->type_name("gemm|conv|render|train");
   sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
   sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
   sub->add_flag("--references", o->references, "Other libraries' kernels, too (CLBlast compiles for long on a CPU)");
@@ -82,17 +88,26 @@ void add_bench(CLI::App& app, Run& run) {
                   "Draw every NAME.ply by its NAME.cameras.json of this folder (default: scenes made here)")
       ->check(CLI::ExistingDirectory)
       ->type_name("DIR");
+  sub->add_option("--model", o->model, "Train this model (default: random weights of the size small)")
+      ->type_name("MODEL.safetensors");
+  sub->add_option("--cameras", o->cameras,
+                  "Train on these four views, posed in the object's frame (default: a scene drawn here)")
+      ->type_name("CAMERAS.json");
+  sub->add_option("--selection", o->selection, "Train with these voxels selected (default: a tenth, nearest a sphere)")
+      ->type_name("FILE");
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
       "  vsplat bench gemm conv\n"
       "  vsplat bench conv --run 48 --json\n"
       "  vsplat bench render --run small\n"
+      "  vsplat bench train --run network\n"
       "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and "
       "backward\n"
       "(which draws once more). A frame is timed from the call until the device is done, by 8 cameras in turn; the "
       "stages'\n"
-      "shares of it include the host's.\n"
+      "shares of it include the host's. A step of training is that of one object, four input and four more views: its\n"
+      "network's forward and backward, and the whole of it with both levels drawn, loss and optimiser.\n"
       "Every case's result is checked before it is timed; the peaks are measured in the same run.");
   sub->callback([o, &run] { run = [o] { bench(*o); }; });
 }
