@@ -70,6 +70,8 @@ std::shared_ptr<const Texture> texture_of(const Image& picture) {
   const std::size_t pixels = static_cast<std::size_t>(picture.width) * picture.height;
   out->rgb.resize(3 * pixels);
   for (std::size_t i = 0; i < pixels; ++i) std::copy_n(&bytes[i * picture.channels], 3, &out->rgb[3 * i]);
+  if (picture.channels == 4)
+    for (std::size_t i = 0; i < pixels; ++i) out->alpha.push_back(bytes[4 * i + 3]);
   return out;
 }
 
@@ -82,6 +84,17 @@ Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv) {
   };
   const Vector3f upper = (1 - x.share) * texel(x.first, y.first) + x.share * texel(x.second, y.first);
   const Vector3f lower = (1 - x.share) * texel(x.first, y.second) + x.share * texel(x.second, y.second);
+  return (1 - y.share) * upper + y.share * lower;
+}
+
+float sample_alpha(const Texture& texture, const Eigen::Vector2f& uv) {
+  if (texture.alpha.empty()) return 1;
+  const Neighbours x = neighbours(uv.x(), texture.width), y = neighbours(1.0f - uv.y(), texture.height);
+  const auto texel = [&](int column, int row) {
+    return static_cast<float>(texture.alpha[static_cast<std::size_t>(row) * texture.width + column]) / 255.0f;
+  };
+  const float upper = (1 - x.share) * texel(x.first, y.first) + x.share * texel(x.second, y.first);
+  const float lower = (1 - x.share) * texel(x.first, y.second) + x.share * texel(x.second, y.second);
   return (1 - y.share) * upper + y.share * lower;
 }
 

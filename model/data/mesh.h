@@ -12,12 +12,15 @@ namespace vsplat {
 struct Texture {
   int width = 0, height = 0;
   std::vector<unsigned char> rgb;
+  std::vector<unsigned char> alpha;  // [height][width], or none: 255 everywhere
 };
 
-// The colour of a surface is colour x corners' colour x texture, in linear light.
+// The colour of a surface is colour x corners' colour x texture, in linear light. Where alpha x the texture's alpha is
+// below `cutoff` there is no surface; elsewhere it is opaque.
 struct Material {
   Eigen::Vector3f colour = Eigen::Vector3f::Ones();
-  std::shared_ptr<const Texture> texture;  // may be null
+  std::shared_ptr<const Texture> texture = nullptr;
+  float alpha = 1, cutoff = 0;
 };
 
 struct Corner {
@@ -36,12 +39,14 @@ struct Mesh {
   std::size_t triangles() const { return materials.size(); }
 };
 
-// A picture (three or four channels; alpha is dropped) as texture.
+// A picture (three or four channels) as texture.
 struct Image;
 std::shared_ptr<const Texture> texture_of(const Image& picture);
 
 // The colour at `uv`, bilinear between texels' centres, in linear light.
 Eigen::Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv);
+// The alpha there, 0 to 1.
+float sample_alpha(const Texture& texture, const Eigen::Vector2f& uv);
 
 // Gives corners without a normal the mean of the faces' normals about their position, by area, of those faces that
 // differ from their own by less than 45 degrees: edges stay edges. Positions are finite.

@@ -74,6 +74,7 @@ class Reader {
   Vector3f linear(const aiColor4D& c) const;
   std::shared_ptr<const Texture> texture(const aiString& name);
   std::shared_ptr<const Texture> embedded(const aiTexture& from, const std::string& where) const;
+  static void read_holes(const aiMaterial& from, float alpha, Material& out);
   Material material(const aiMaterial& from);
   void append(const aiMesh& part, Mesh& out) const;
 
@@ -96,8 +97,10 @@ std::shared_ptr<const Texture> Reader::embedded(const aiTexture& from, const std
   out->width = static_cast<int>(from.mWidth);
   out->height = static_cast<int>(from.mHeight);
   const std::size_t texels = static_cast<std::size_t>(from.mWidth) * from.mHeight;
-  for (std::size_t i = 0; i < texels; ++i)
+  for (std::size_t i = 0; i < texels; ++i) {
     out->rgb.insert(out->rgb.end(), {from.pcData[i].r, from.pcData[i].g, from.pcData[i].b});
+    out->alpha.push_back(from.pcData[i].a);
+  }
   return out;
 }
 
@@ -116,6 +119,17 @@ std::shared_ptr<const Texture> Reader::texture(const aiString& name) {
   return known = texture_of(read_image(full.string()));
 }
 
+// glTF: alpha counts where the material says so. What is blended there is a surface here where it is at least half.
+void Reader::read_holes(const aiMaterial& from, float alpha, Material& out) {
+  aiString mode;
+  if (from.Get(AI_MATKEY_GLTF_ALPHAMODE, mode) != aiReturn_SUCCESS) return;
+  const std::string is = mode.C_Str();
+  if (is != "MASK" && is != "BLEND") return;
+  out.alpha = alpha;
+  out.cutoff = 0.5f;
+  if (is == "MASK") from.Get(AI_MATKEY_GLTF_ALPHACUTOFF, out.cutoff);
+}
+
 Material Reader::material(const aiMaterial& from) {
   Material out;
   if (everywhere_) {
@@ -128,6 +142,11 @@ Material Reader::material(const aiMaterial& from) {
   // Kd beside map_Kd is whatever the exporter left there; glTF says what its factor means.
   aiColor4D colour;
   const bool factor = from.Get(AI_MATKEY_BASE_COLOR, colour) == aiReturn_SUCCESS;
+  if (gltf_) {
+    read_holes(from, factor ? colour.a : 1.0f, out);
+  } else if (out.texture && !out.texture->alpha.empty()) {
+    out.cutoff = 0.5f;
+  }
   if ((gltf_ && factor) || (!out.texture && from.Get(AI_MATKEY_COLOR_DIFFUSE, colour) == aiReturn_SUCCESS))
     out.colour = linear(colour);
   return out;

@@ -45,6 +45,26 @@ struct Hit {
   Vector3f colour = Vector3f::Zero();  // linear
 };
 
+Eigen::Vector2f texture_place(const Mesh& mesh, unsigned triangle, float u, float v) {
+  const Corner* c = &mesh.corners[3 * static_cast<std::size_t>(triangle)];
+  return (1 - u - v) * c[0].uv + u * c[1].uv + v * c[2].uv;
+}
+
+// Embree asks of each triangle that a ray meets whether it counts.
+void pass_through_holes(const RTCFilterFunctionNArguments* args) {
+  const Mesh& mesh = *static_cast<const Mesh*>(args->geometryUserPtr);
+  for (unsigned i = 0; i < args->N; ++i) {
+    const unsigned triangle = RTCHitN_primID(args->hit, args->N, i);
+    const Material& material = mesh.palette[mesh.materials[triangle]];
+    if (args->valid[i] == 0 || !(material.cutoff > 0)) continue;
+    float alpha = material.alpha;
+    if (material.texture)
+      alpha *= sample_alpha(*material.texture, texture_place(mesh, triangle, RTCHitN_u(args->hit, args->N, i),
+                                                             RTCHitN_v(args->hit, args->N, i)));
+    if (alpha < material.cutoff) args->valid[i] = 0;
+  }
+}
+
 // The surface that the ray met, in linear light.
 Vector3f shaded(const Mesh& mesh, const RTCRayHit& ray) {
   const std::size_t triangle = ray.hit.primID;
@@ -53,7 +73,7 @@ Vector3f shaded(const Mesh& mesh, const RTCRayHit& ray) {
   const Material& material = mesh.palette[mesh.materials[triangle]];
   Vector3f colour = material.colour.cwiseProduct(w * c[0].colour + u * c[1].colour + v * c[2].colour);
   if (material.texture)
-    colour = colour.cwiseProduct(sample(*material.texture, w * c[0].uv + u * c[1].uv + v * c[2].uv));
+    colour = colour.cwiseProduct(sample(*material.texture, texture_place(mesh, ray.hit.primID, u, v)));
   const Vector3f direction(ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z);
   Vector3f face(ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z);
   if (face.dot(direction) > 0) face = -face;  // the side that is seen, whichever way the triangle is wound
@@ -99,6 +119,10 @@ RayTracer::RayTracer(const Mesh& mesh) : scene_(std::make_unique<Scene>()), mesh
       std::copy_n(mesh.corners[i].position.data(), 3, positions + 3 * i);
       indices[i] = static_cast<unsigned>(i);
     }
+  if (std::any_of(mesh.palette.begin(), mesh.palette.end(), [](const Material& m) { return m.cutoff > 0; })) {
+    rtcSetGeometryUserData(geometry, const_cast<Mesh*>(&mesh_));
+    rtcSetGeometryIntersectFilterFunction(geometry, pass_through_holes);
+  }
   if (positions && indices) rtcCommitGeometry(geometry);
   rtcAttachGeometry(scene_->scene, geometry);
   rtcReleaseGeometry(geometry);

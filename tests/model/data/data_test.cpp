@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -111,6 +113,73 @@ TEST(RayTracer, DrawsTheFaceInSizeColourAndPlace) {
   EXPECT_NEAR(right[0], 0, 1e-3);
   EXPECT_EQ(picture.at(2, 2)[3], 0);
   EXPECT_EQ(picture.at(2, 2)[0], 0);
+}
+
+// A plate in front of another, 0.4 behind; the front one's texture has alpha 0 on the left, 0.6 on the right.
+TEST(RayTracer, SeesThroughHoles) {
+  const auto drawn = [](float cutoff) {
+    Mesh mesh;
+    Image paint(32, 32, 4, 1.0f);
+    for (int y = 0; y < 32; ++y)
+      for (int x = 0; x < 32; ++x) {
+        paint.at(x, y)[1] = paint.at(x, y)[2] = 0;
+        paint.at(x, y)[3] = x < 16 ? 0.0f : 0.6f;
+      }
+    mesh.palette = {{Vector3f::Ones(), texture_of(paint), 1, cutoff}, {Vector3f(0, 1, 0)}};
+    for (int plate = 0; plate < 2; ++plate) {
+      const float z = plate == 0 ? 0.2f : -0.2f, half = plate == 0 ? 0.5f : 0.1f;
+      for (const auto& corner : std::vector<std::array<int, 2>>{{0, 0}, {1, 0}, {1, 1}, {0, 0}, {1, 1}, {0, 1}}) {
+        Corner c;
+        c.uv = {static_cast<float>(corner[0]), static_cast<float>(corner[1])};
+        c.position = {half * (2 * c.uv.x() - 1) - 0.2f * static_cast<float>(plate), half * (2 * c.uv.y() - 1), z};
+        c.normal = {0, 0, 1};
+        mesh.corners.push_back(c);
+      }
+      mesh.materials.insert(mesh.materials.end(), 2, static_cast<std::uint32_t>(plate));
+    }
+    return RayTracer(mesh).picture(facing({0, 0, 2}, 64), 2);
+  };
+  const Image holes = drawn(0.5f), solid = drawn(0), gone = drawn(0.7f);
+  const auto is = [](const float* p, float r, float g, float a) {
+    return (p[0] > 0) == (r > 0) && (p[1] > 0) == (g > 0) && p[3] == a;
+  };
+  EXPECT_TRUE(is(holes.at(42, 32), 1, 0, 1)) << "the right half is there";
+  EXPECT_TRUE(is(holes.at(26, 32), 0, 1, 1)) << "through the hole, the plate behind";
+  EXPECT_TRUE(is(holes.at(24, 46), 0, 0, 0)) << "through the hole, nothing";
+  EXPECT_TRUE(is(solid.at(26, 32), 1, 0, 1)) << "without a cut-off alpha says nothing";
+  EXPECT_TRUE(is(gone.at(42, 32), 0, 0, 0)) << "0.6 is below 0.7";
+}
+
+TEST(MeshFile, TakesTheAlphaOfTextures) {
+  const TemporaryFolder folder;
+  write_box(folder);
+  EXPECT_EQ(load_mesh(folder / "box.obj").palette.at(0).cutoff, 0) << "a picture without alpha";
+  write_png(folder / "paint.png", Image(8, 8, 4, 0.25f));
+  const Mesh mesh = load_mesh(folder / "box.obj");
+  const auto textured =
+      std::find_if(mesh.palette.begin(), mesh.palette.end(), [](const Material& m) { return m.texture != nullptr; });
+  ASSERT_NE(textured, mesh.palette.end());
+  EXPECT_EQ(textured->cutoff, 0.5f);
+  EXPECT_NEAR(sample_alpha(*textured->texture, {0.3f, 0.3f}), 0.25, 0.01);
+  for (const Material& m : load_mesh(folder / "box.obj", folder / "paint.png").palette)
+    EXPECT_EQ(m.cutoff, 0) << "--texture covers all of it";
+
+  const auto gltf = [&](const std::string& alpha) {
+    put_file(folder / "leaf.bin",
+             std::string("\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\0\0", 36));
+    put_file(
+        folder / "leaf.gltf", R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+      "buffers":[{"uri":"leaf.bin","byteLength":36}],"bufferViews":[{"buffer":0,"byteLength":36}],
+      "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+      "materials":[{)" + alpha + R"("pbrMetallicRoughness":{"baseColorFactor":[1,1,1,0.4]}}],
+      "meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}]})");
+    const Mesh leaf = load_mesh(folder / "leaf.gltf");
+    return leaf.palette.at(leaf.materials.at(0));
+  };
+  EXPECT_EQ(gltf("").cutoff, 0) << "opaque, whatever its alpha";
+  EXPECT_EQ(gltf(R"("alphaMode":"BLEND",)").cutoff, 0.5f);
+  EXPECT_NEAR(gltf(R"("alphaMode":"MASK","alphaCutoff":0.3,)").cutoff, 0.3f, 1e-6f);
+  EXPECT_NEAR(gltf(R"("alphaMode":"MASK",)").alpha, 0.4f, 1e-6f);
 }
 
 TEST(Texture, IsBilinearAndRepeats) {

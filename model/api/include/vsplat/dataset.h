@@ -13,10 +13,11 @@ extern "C" {
 typedef struct vsplat_mesh_impl* vsplat_mesh;
 
 /* An OBJ, PLY, GLB or glTF file, or whatever else assimp reads, with its textures; normals are computed where there are
-   none. `texture`: a picture (PNG, JPEG, EXR) that covers every part instead of the file's own textures and colours;
-   NULL: the file's own. VSPLAT_ERROR_FILE where a file cannot be opened, VSPLAT_ERROR_FORMAT where it cannot be read,
-   VSPLAT_ERROR_INPUT where there are no faces, a coordinate is not finite, a material file or texture that it names is
-   missing, or a part to be textured has no texture coordinates. */
+   none. Where a texture's alpha is below one half (glTF: below the material's cut-off) there is no surface, and nothing
+   is half-transparent. `texture`: a picture (PNG, JPEG, EXR) that covers every part instead of the file's own textures
+   and colours; NULL: the file's own. VSPLAT_ERROR_FILE where a file cannot be opened, VSPLAT_ERROR_FORMAT where it
+   cannot be read, VSPLAT_ERROR_INPUT where there are no faces, a coordinate is not finite, a material file or texture
+   that it names is missing, or a part to be textured has no texture coordinates. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_load(const char* path, const char* texture,
                                                            vsplat_mesh* out_mesh);
 
