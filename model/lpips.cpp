@@ -106,6 +106,8 @@ Lpips::Lpips(Context& ctx, const std::string& path, LpipsNet net) : network_(std
 Lpips::~Lpips() = default;
 Lpips::Lpips(Lpips&&) noexcept = default;
 
+LpipsNet Lpips::net() const { return network_->net; }
+
 int Lpips::smallest() const {
   for (int side = 1;; ++side) {
     long length = side;

@@ -9,7 +9,7 @@
 
 namespace vsplat {
 
-enum class LpipsNet { alex, vgg };
+enum class LpipsNet : int { alex = 0, vgg = 1 };
 const char* name_of(LpipsNet net);  // "alex", "vgg"
 
 class Lpips {
@@ -20,6 +20,7 @@ class Lpips {
   ~Lpips();
   Lpips(Lpips&&) noexcept;
 
+  LpipsNet net() const;
   // The smallest side that the network takes, pixels.
   int smallest() const;
 

@@ -63,5 +63,6 @@ void add_bench(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);
 void add_info_action(CLI::App& dataset, Run& run);  // of dataset
+void add_evaluate(CLI::App& app, Run& run);
 
 }  // namespace command

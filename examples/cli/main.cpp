@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
   command::add_bench(app, run);
   command::add_dataset(app, run);
   command::add_train(app, run);
+  command::add_evaluate(app, run);
 
   try {
     // CLI11 takes the arguments last first, without the program's name.

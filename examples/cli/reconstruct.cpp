@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pictures.h"
+#include "placement.h"
 
 namespace command {
 namespace {
@@ -12,9 +13,10 @@ namespace {
 struct Options {
   Common common;
   PictureOptions pictures;
-  std::string views, model, output, names, picture_folder, write_views, write_selection, dump, center, scale;
-  std::string fit = "auto", selection, selection_seed, assume_selected;
-  bool force = false, auto_frame = false, dry_run = false;
+  PlacementOptions placement;
+  std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
+  std::string selection, selection_seed, assume_selected;
+  bool force = false, dry_run = false;
 };
 
 // What the options ask for, read and checked against each other before anything is opened.
@@ -40,17 +42,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
   input.names = name_pointers.empty() ? nullptr : name_pointers.data();
   input.num_names = name_pointers.size();
-  if (!o.center.empty()) {
-    const std::array<double, 3> center = triple("--center", o.center);
-    input.has_center = 1;
-    std::copy(center.begin(), center.end(), input.center);
-  }
-  if (!o.scale.empty()) input.scale = positive_number("--scale", o.scale, "edge length in world units");
-  input.auto_frame = o.auto_frame;
-  input.fit = o.fit == "object" ? VSPLAT_FIT_OBJECT
-              : o.fit == "crop" ? VSPLAT_FIT_CROP
-              : o.fit == "pad"  ? VSPLAT_FIT_PAD
-                                : VSPLAT_FIT_AUTO;
+  set_placement(o.placement, input);
   input.force = o.force;
   run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   if (!o.selection_seed.empty()) {
@@ -162,24 +154,6 @@ void reconstruct(const Options& o) {
   summarise(o, job, input, scene, shots.all.size(), comparison);
 }
 
-void add_placement(CLI::App& sub, Options& o) {
-  const std::string group = "The object's cube";
-  sub.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else 0,0,0)")
-      ->type_name("x,y,z")
-      ->group(group);
-  sub.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else 1)")
-      ->type_name("S")
-      ->group(group);
-  sub.add_flag("--auto-frame", o.auto_frame, "Estimate what is not given from the cameras and masks")->group(group);
-  sub.add_option("--fit", o.fit,
-                 "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "
-                 "square, pad adds white, auto resamples square ones and treats others as object")
-      ->check(one_of({"auto", "object", "crop", "pad"}))
-      ->type_name("auto|object|crop|pad")
-      ->group(group);
-  sub.add_flag("--force", o.force, "Go on where the cube seems to be behind or outside most views")->group(group);
-}
-
 void add_extras(CLI::App& sub, Options& o) {
   const std::string group = "More";
   sub.add_option("--write-views", o.write_views, "Write what the network gets: pictures and cameras.json")
@@ -218,7 +192,9 @@ void add_reconstruct(CLI::App& app, Run& run) {
                   "(default: the model's number of well spread ones, or all)")
       ->type_name("NAME,...|@INDEX,...");
   sub->add_option("--pictures", o->picture_folder, "Where a COLMAP model's pictures are")->type_name("DIR");
-  add_placement(*sub, *o);
+  add_placement_options(*sub, o->placement);
+  sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
+      ->group(placement_group);
   add_picture_options(*sub, o->pictures, "--render");
   add_extras(*sub, *o);
   add_common(*sub, o->common);

@@ -1,9 +1,10 @@
 // Meshes, and objects of data sets made from them; data sets read.
+#include "model/api/dataset.h"
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "model/api/handle.h"
 #include "model/data/framed_object.h"
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
@@ -14,11 +15,6 @@
 struct vsplat_mesh_impl : vsplat::api::Counted {
   explicit vsplat_mesh_impl(vsplat::Mesh from) : mesh(std::move(from)) {}
   const vsplat::Mesh mesh;
-};
-
-struct vsplat_dataset_impl : vsplat::api::Counted {
-  explicit vsplat_dataset_impl(vsplat::DataSet from) : data(std::move(from)) {}
-  const vsplat::DataSet data;
 };
 
 using namespace vsplat;

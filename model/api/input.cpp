@@ -85,9 +85,7 @@ vsplat_status vsplat_views_get_files(vsplat_views views, char** out_text) {
   });
 }
 
-namespace {
-
-Fit fit_of(const vsplat_fit& fit) {
+Fit vsplat::api::fit_of(const vsplat_fit& fit) {
   switch (value_of(fit)) {
     case VSPLAT_FIT_AUTO:
       return Fit::automatic;
@@ -100,6 +98,20 @@ Fit fit_of(const vsplat_fit& fit) {
   }
   fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", value_of(fit));
 }
+
+PlacementRequest vsplat::api::placement_of(bool has_centre, const double (&centre)[3], double edge, bool auto_frame) {
+  PlacementRequest out;
+  if (has_centre) {
+    out.centre = Eigen::Vector3d(centre[0], centre[1], centre[2]);
+    if (!out.centre->allFinite()) fail(Status::usage, "options.center is {}", to_text(*out.centre));
+  }
+  if (!(edge >= 0) || !std::isfinite(edge)) fail(Status::usage, "options.scale is {}", edge);
+  if (edge > 0) out.edge = edge;
+  out.auto_frame = auto_frame;
+  return out;
+}
+
+namespace {
 
 const PreparedView& view_at(vsplat_input input, size_t index) {
   need(input, "input");
@@ -115,14 +127,7 @@ InputRequest request_of(const vsplat_input_options& o) {
     need(o.names[i], "an element of options.names");
     out.names.emplace_back(o.names[i]);
   }
-  if (o.has_center) {
-    const Eigen::Vector3d centre(o.center[0], o.center[1], o.center[2]);
-    if (!centre.allFinite()) fail(Status::usage, "options.center is {}", to_text(centre));
-    out.placement.centre = centre;
-  }
-  if (!(o.scale >= 0) || !std::isfinite(o.scale)) fail(Status::usage, "options.scale is {}", o.scale);
-  if (o.scale > 0) out.placement.edge = o.scale;
-  out.placement.auto_frame = o.auto_frame != 0;
+  out.placement = placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0);
   out.fit = fit_of(o.fit);
   out.force = o.force != 0;
   return out;

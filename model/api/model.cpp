@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "model/api/device.h"
 #include "model/init.h"
 #include "model/params.h"
 #include "model/view_choice.h"
@@ -39,6 +40,18 @@ std::string json_of(const ModelInfo& info) {
 }
 
 }  // namespace
+
+const VsplatModel& vsplat::api::model_on(vsplat_device device, vsplat_model model) {
+  const std::shared_ptr<const ModelFile>& file = model->file;
+  if (device->model_key.lock() != file) {
+    device->model.reset();
+    device->model_key.reset();
+    const Stage stage(device->context, "encoder");  // its position embedding is resampled on the device
+    device->model = std::make_unique<VsplatModel>(device->context, file->config, file->weights);
+    device->model_key = file;
+  }
+  return *device->model;
+}
 
 vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {
   return guarded([&] {

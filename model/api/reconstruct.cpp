@@ -13,18 +13,6 @@ using namespace vsplat::api;
 
 namespace {
 
-// Once per model and device: weights are uploaded and repacked at the first call.
-const VsplatModel& on_device(vsplat_device device, const std::shared_ptr<const ModelFile>& file) {
-  if (device->model_key.lock() != file) {
-    device->model.reset();
-    device->model_key.reset();
-    const Stage stage(device->context, "encoder");  // its position embedding is resampled on the device
-    device->model = std::make_unique<VsplatModel>(device->context, file->config, file->weights);
-    device->model_key = file;
-  }
-  return *device->model;
-}
-
 double share_of(double asked) {
   constexpr double usual = 0.1;
   if (!(asked >= 0 && asked <= 1)) fail(Status::usage, "{} of the voxels selected: 0 to 1 expected", asked);
@@ -65,7 +53,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
     Reconstruction made =
-        reconstruct(device->context, on_device(device, model->file), input->input.views, input->input.placement, how);
+        reconstruct(device->context, model_on(device, model), input->input.views, input->input.placement, how);
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->scene = std::make_shared<const Scene>(std::move(made.scene));
     scene->selected = std::move(made.selected);

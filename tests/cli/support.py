@@ -30,7 +30,7 @@ def write_png(path, width, height, rows):
 
 
 def read_png(path):
-    """-> width, height, the bytes of all pixels (8-bit RGB)."""
+    """-> width, height, the bytes of all pixels (8-bit RGB or RGBA)."""
     data = open(path, "rb").read()
     assert data[:8] == b"\x89PNG\r\n\x1a\n", path
     at, packed = 8, b""
@@ -39,15 +39,16 @@ def read_png(path):
         body = data[at + 8:at + 8 + size]
         if kind == b"IHDR":
             width, height, depth, colour = struct.unpack(">IIBB", body[:10])
-            assert (depth, colour) == (8, 2), path
+            assert depth == 8 and colour in (2, 6), path
+            channels = 3 if colour == 2 else 4
         packed += body if kind == b"IDAT" else b""
         at += 12 + size
-    raw, stride, out = zlib.decompress(packed), 3 * width, bytearray()
+    raw, stride, out = zlib.decompress(packed), channels * width, bytearray()
     before = bytearray(stride)
     for y in range(height):
         kind, row = raw[y * (stride + 1)], bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
         for i in range(stride):
-            a, b, c = row[i - 3] if i >= 3 else 0, before[i], before[i - 3] if i >= 3 else 0
+            a, b, c = row[i - channels] if i >= channels else 0, before[i], before[i - channels] if i >= channels else 0
             p = a + b - c
             nearest = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
             row[i] = (row[i] + (0, a, b, (a + b) // 2, nearest)[kind]) & 255

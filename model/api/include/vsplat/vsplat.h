@@ -575,12 +575,22 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save(const vsplat_pictu
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save_jpeg(const vsplat_picture* picture, int32_t width,
                                                                    int32_t height, int32_t quality, const char* path);
 
+/* ------------------------------------------------------------------------------------------------------ data sets */
+
+/* Objects with posed pictures, of one or more of these: a folder for each object that vsplat_views_load takes (masks,
+   alpha, aabb_center and aabb_half as there), or LaRa's layout of Google Scanned Objects (transforms.json with
+   intrinsic_matrix, r_000.png, ...), in folders at most four levels down; HDF5 files in LaRa's layout (a group for each
+   object with image_I [H][W][4] of 8 bits, c2w_I [4][4], OpenCV axes, and fov_I [2] in radians). Belongs to no device;
+   may be read by several threads. */
+typedef struct vsplat_dataset_impl* vsplat_dataset;
+
 #ifdef __cplusplus
 }
 #endif
 
 #include <vsplat/dataset.h>
-#include <vsplat/train.h>
+#include <vsplat/evaluate.h>
 #include <vsplat/pictures.h>
+#include <vsplat/train.h>
 
 #endif

@@ -473,4 +473,6 @@ inline Gradient render_backward(const Device& device, const Scene& scene, const 
 }  // namespace cxx
 }  // namespace vsplat
 
+#include <vsplat/evaluate.hpp>
+
 #endif

@@ -1,0 +1,154 @@
+// vsplat evaluate: how well a model reconstructs the objects of data sets, beside baselines that know nothing.
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+#include "outputs.h"
+#include "placement.h"
+#include "session.h"
+
+namespace command {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Options {
+  Common common;
+  PlacementOptions placement;
+  std::vector<std::string> folders;
+  std::string model, protocol = "kmeans", seed = "0", lpips, sheet;
+  bool skip_bad = false;
+};
+
+// A number of the results: its name in JSON, its heading, and how it is printed.
+struct Column {
+  const char *name, *heading;
+  double vsplat_scores::*value;
+  int digits;
+  double factor;
+};
+constexpr Column columns[] = {{"psnr", "PSNR", &vsplat_scores::psnr, 2, 1},
+                              {"psnr_coarse", "coarse", &vsplat_scores::psnr_coarse, 2, 1},
+                              {"ssim", "SSIM", &vsplat_scores::ssim, 4, 1},
+                              {"psnr_white", "white", &vsplat_scores::psnr_white, 2, 1},
+                              {"psnr_nearest", "nearest", &vsplat_scores::psnr_nearest, 2, 1},
+                              {"selected", "voxels %", &vsplat_scores::selected, 2, 100},
+                              {"lpips_alex", "LPIPS alex", &vsplat_scores::lpips_alex, 4, 1},
+                              {"lpips_vgg", "LPIPS vgg", &vsplat_scores::lpips_vgg, 4, 1}};
+
+// LPIPS only where there were weights for it.
+std::vector<Column> columns_of(const vsplat_scores& mean) {
+  std::vector<Column> out;
+  for (const Column& column : columns)
+    if (std::string(column.name).rfind("lpips", 0) != 0 || !std::isnan(mean.*column.value)) out.push_back(column);
+  return out;
+}
+
+ordered_json json_of(const std::vector<Column>& shown, const vsplat_scores& scores) {
+  ordered_json out = ordered_json::object();
+  for (const Column& column : shown) {
+    const double value = scores.*column.value;
+    out[column.name] = std::isfinite(value) ? ordered_json(value) : ordered_json();
+  }
+  return out;
+}
+
+void print_json(const vsplat::Evaluation& evaluation) {
+  const vsplat_scores mean = evaluation.mean();
+  const std::vector<Column> shown = columns_of(mean);
+  ordered_json objects = ordered_json::array();
+  for (const auto& object : evaluation.objects()) {
+    ordered_json row = {{"name", object.name}};
+    row.update(json_of(shown, object.scores));
+    objects.push_back(std::move(row));
+  }
+  const ordered_json out = {{"objects", objects}, {"mean", json_of(shown, mean)}};
+  std::printf("%s\n", out.dump(1, ' ', false, ordered_json::error_handler_t::replace).c_str());
+}
+
+void print_row(const std::vector<Column>& shown, int width, const std::string& name, const vsplat_scores& scores) {
+  std::printf("%-*s", width, name.c_str());
+  for (const Column& column : shown) std::printf(" %10.*f", column.digits, column.factor * (scores.*column.value));
+  std::printf("\n");
+}
+
+void print_table(const vsplat::Evaluation& evaluation) {
+  const vsplat_scores mean = evaluation.mean();
+  const std::vector<Column> shown = columns_of(mean);
+  const std::vector<vsplat::Evaluation::Object> objects = evaluation.objects();
+  std::size_t width = 6;
+  for (const auto& object : objects) width = std::max(width, object.name.size());
+  std::printf("%-*s", static_cast<int>(width), "object");
+  for (const Column& column : shown) std::printf(" %10s", column.heading);
+  std::printf("\n");
+  for (const auto& object : objects) print_row(shown, static_cast<int>(width), object.name, object.scores);
+  print_row(shown, static_cast<int>(width), "mean", mean);
+}
+
+void evaluate(const Options& o) {
+  vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
+  options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
+  options.seed = seed_value("--seed", o.seed);
+  set_placement(o.placement, options);
+  options.lpips = o.lpips.empty() ? nullptr : o.lpips.c_str();
+  options.skip_bad = o.skip_bad;
+  options.sheet = !o.sheet.empty();
+  start_log(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.model);
+  for (const std::string& path : {o.sheet, o.common.profile, o.common.trace}) outputs.expect(path);
+
+  Session session(o.common);
+  const vsplat::Model model = vsplat::Model::load(o.model);
+  const vsplat::DataSet data(o.folders);
+  options.progress = Session::on_progress;
+  options.user = &session;
+  session.start("evaluating");
+  const vsplat::Evaluation evaluation(session.device(), model, data, options);
+  if (!o.sheet.empty()) evaluation.save_sheet(outputs.begin(o.sheet));
+  session.write_profile(outputs);
+  outputs.commit();
+  clear_progress();
+  o.common.json ? print_json(evaluation) : print_table(evaluation);
+  const std::size_t count = evaluation.objects().size();
+  say(o.common, std::to_string(count) + (count == 1 ? " object" : " objects") +
+                    (evaluation.skipped() ? ", " + std::to_string(evaluation.skipped()) + " left out" : "") +
+                    (o.sheet.empty() ? "" : ", " + o.sheet) + ", " + seconds_text(elapsed_seconds()));
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("evaluate", "Measure a model on the objects of data sets");
+  sub->add_option("folders", o->folders,
+                  "An object's folder (as reconstruct takes it), LaRa's HDF5 file, or folders of such")
+      ->required()
+      ->type_name("DIR...");
+  sub->add_option("-m,--model", o->model, "The model file")->required()->type_name("MODEL");
+  sub->add_option("--protocol", o->protocol,
+                  "Which views are compared: the last of each of four k-means groups of the cameras (default), or ten "
+                  "at random; the inputs are the first of each group")
+      ->check(one_of({"kmeans", "random10"}))
+      ->type_name("kmeans|random10");
+  sub->add_option("--seed", o->seed, "Of --protocol random10 (0)")->type_name("S");
+  sub->add_option("--lpips", o->lpips, "Folder with alex.safetensors, vgg.safetensors or both: adds LPIPS")
+      ->type_name("DIR");
+  sub->add_option("--sheet", o->sheet, "Best, median and worst object: inputs, truth, coarse level, result in rows")
+      ->type_name("FILE.png");
+  sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
+  add_placement_options(*sub, o->placement);
+  add_common(*sub, o->common);
+  sub->footer(
+      "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to "
+      "each\n"
+      "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white.\n"
+      "Examples:\n"
+      "  vsplat evaluate set/ --model model.safetensors --sheet sheet.png\n"
+      "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
+  sub->callback([o, &run] { run = [o] { evaluate(*o); }; });
+}
+
+}  // namespace command

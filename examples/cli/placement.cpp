@@ -1,0 +1,31 @@
+#include "placement.h"
+
+#include "command.h"
+
+namespace command {
+
+void add_placement_options(CLI::App& app, PlacementOptions& o) {
+  app.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else 0,0,0)")
+      ->type_name("x,y,z")
+      ->group(placement_group);
+  app.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else 1)")
+      ->type_name("S")
+      ->group(placement_group);
+  app.add_flag("--auto-frame", o.auto_frame, "Estimate what is not given from the cameras and masks")
+      ->group(placement_group);
+  app.add_option("--fit", o.fit,
+                 "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "
+                 "square, pad adds white, auto resamples square ones and treats others as object")
+      ->check(one_of({"auto", "object", "crop", "pad"}))
+      ->type_name("auto|object|crop|pad")
+      ->group(placement_group);
+}
+
+vsplat_fit fit_of(const PlacementOptions& options) {
+  return options.fit == "object" ? VSPLAT_FIT_OBJECT
+         : options.fit == "crop" ? VSPLAT_FIT_CROP
+         : options.fit == "pad"  ? VSPLAT_FIT_PAD
+                                 : VSPLAT_FIT_AUTO;
+}
+
+}  // namespace command

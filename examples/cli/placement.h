@@ -1,0 +1,35 @@
+// Options that say where the object is and how pictures are taken: what reconstruct and evaluate have in common.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <string>
+#include <vsplat/vsplat.hpp>
+
+#include "arguments.h"
+
+namespace command {
+
+struct PlacementOptions {
+  std::string center, scale, fit = "auto";
+  bool auto_frame = false;
+};
+
+inline constexpr const char* placement_group = "The object's cube";
+
+void add_placement_options(CLI::App& app, PlacementOptions& options);
+vsplat_fit fit_of(const PlacementOptions& options);
+
+// Into the fields that vsplat_input_options and vsplat_evaluate_options share.
+template <class Options>
+void set_placement(const PlacementOptions& from, Options& out) {
+  if (!from.center.empty()) {
+    const std::array<double, 3> center = triple("--center", from.center);
+    out.has_center = 1;
+    std::copy(center.begin(), center.end(), out.center);
+  }
+  if (!from.scale.empty()) out.scale = positive_number("--scale", from.scale, "edge length in world units");
+  out.auto_frame = from.auto_frame;
+  out.fit = fit_of(from);
+}
+
+}  // namespace command

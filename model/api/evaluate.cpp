@@ -1,0 +1,120 @@
+// Evaluations of models on data sets.
+#include "model/evaluate.h"
+
+#include <filesystem>
+
+#include "model/api/dataset.h"
+#include "model/api/device.h"
+#include "model/api/input.h"
+#include "model/api/model.h"
+#include "model/io/image_file.h"
+
+struct vsplat_evaluation_impl : vsplat::api::Counted {
+  explicit vsplat_evaluation_impl(vsplat::Evaluation from) : evaluation(std::move(from)) {}
+  const vsplat::Evaluation evaluation;
+};
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+Protocol protocol_of(const vsplat_protocol& protocol) {
+  switch (value_of(protocol)) {
+    case VSPLAT_PROTOCOL_KMEANS:
+      return Protocol::kmeans;
+    case VSPLAT_PROTOCOL_RANDOM10:
+      return Protocol::random10;
+  }
+  fail(Status::usage, "options.protocol is {}, not a value of vsplat_protocol", value_of(protocol));
+}
+
+// Of the networks whose weights the folder has.
+std::vector<Lpips> load_lpips(Context& ctx, const std::string& folder) {
+  std::vector<Lpips> out;
+  for (const LpipsNet net : {LpipsNet::alex, LpipsNet::vgg}) {
+    const std::filesystem::path path = std::filesystem::path(folder) / fmt::format("{}.safetensors", name_of(net));
+    std::error_code ignored;
+    if (std::filesystem::exists(path, ignored)) out.emplace_back(ctx, path.string(), net);
+  }
+  if (out.empty())
+    fail(Status::file, "{}: neither alex.safetensors nor vgg.safetensors is there, the weights of LPIPS", folder);
+  return out;
+}
+
+vsplat_scores scores_of(const Scores& from) {
+  vsplat_scores out = VSPLAT_SCORES_INIT;
+  out.psnr = from.psnr;
+  out.psnr_coarse = from.psnr_coarse;
+  out.ssim = from.ssim;
+  out.psnr_white = from.psnr_white;
+  out.psnr_nearest = from.psnr_nearest;
+  out.selected = from.selected;
+  out.lpips_alex = from.lpips_alex;
+  out.lpips_vgg = from.lpips_vgg;
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_dataset dataset,
+                              const vsplat_evaluate_options* options, vsplat_evaluation* out_evaluation) {
+  return guarded([&] {
+    need(device, "device");
+    need(model, "model");
+    need(dataset, "dataset");
+    need(out_evaluation, "out_evaluation");
+    const vsplat_evaluate_options o = taken(options, VSPLAT_EVALUATE_OPTIONS_INIT, "options");
+    EvaluateOptions how;
+    how.request = {protocol_of(o.protocol), o.seed, fit_of(o.fit),
+                   placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
+    how.skip_bad = o.skip_bad != 0;
+    how.sheet = o.sheet != 0;
+    if (o.progress)
+      how.progress = [&o](const std::string& object, double done) {
+        if (!o.progress(o.user, object.c_str(), done)) fail(Status::cancelled, "stopped before object {}", object);
+      };
+    const std::vector<Lpips> lpips = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
+    for (const Lpips& each : lpips) how.lpips.push_back(&each);
+    Evaluation made = evaluate(device->context, model_on(device, model), dataset->data, how);
+    *out_evaluation = std::make_unique<vsplat_evaluation_impl>(std::move(made)).release();
+  });
+}
+
+void vsplat_evaluation_retain(vsplat_evaluation evaluation) { retain(evaluation); }
+void vsplat_evaluation_release(vsplat_evaluation evaluation) { release(evaluation); }
+
+vsplat_status vsplat_evaluation_count(vsplat_evaluation evaluation, size_t* out_objects, size_t* out_skipped) {
+  return guarded([&] {
+    need(evaluation, "evaluation");
+    if (out_objects) *out_objects = evaluation->evaluation.objects.size();
+    if (out_skipped) *out_skipped = evaluation->evaluation.skipped;
+  });
+}
+
+vsplat_status vsplat_evaluation_get(vsplat_evaluation evaluation, size_t index, char** out_name,
+                                    vsplat_scores* out_scores) {
+  return guarded([&] {
+    need(evaluation, "evaluation");
+    const std::vector<ObjectScores>& objects = evaluation->evaluation.objects;
+    if (index >= objects.size()) fail(Status::usage, "there is no object {}: {} in all", index, objects.size());
+    if (out_scores) give(out_scores, scores_of(objects[index].scores), "out_scores");
+    if (out_name) *out_name = new_text(objects[index].name);
+  });
+}
+
+vsplat_status vsplat_evaluation_get_mean(vsplat_evaluation evaluation, vsplat_scores* out_scores) {
+  return guarded([&] {
+    need(evaluation, "evaluation");
+    give(out_scores, scores_of(evaluation->evaluation.mean), "out_scores");
+  });
+}
+
+vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const char* path) {
+  return guarded([&] {
+    need(evaluation, "evaluation");
+    need(path, "path");
+    if (evaluation->evaluation.sheet.empty()) fail(Status::usage, "this evaluation was made without a sheet");
+    write_png(path, evaluation->evaluation.sheet);
+  });
+}

@@ -1,0 +1,88 @@
+/* How well a model reconstructs the objects of data sets. Part of vsplat.h, which includes it and whose conventions
+   hold: handles, statuses, structs with their size. */
+#ifndef VSPLAT_EVALUATE_H
+#define VSPLAT_EVALUATE_H
+
+#include <vsplat/vsplat.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Which views of an object are compared. Inputs are always the first views of k-means groups of the cameras' positions,
+   as many as the model's configuration says. */
+typedef enum vsplat_protocol {
+  VSPLAT_PROTOCOL_KMEANS = 0,  /* the last view of each of four k-means groups */
+  VSPLAT_PROTOCOL_RANDOM10 = 1 /* ten views at random, by the seed and the object's name */
+} vsplat_protocol;
+
+typedef struct vsplat_evaluate_options {
+  size_t size;
+  vsplat_protocol protocol;
+  uint64_t seed;      /* of RANDOM10 */
+  int32_t has_center; /* this and the next four as in vsplat_input_options; they hold for every object */
+  double center[3];
+  double scale;
+  int32_t auto_frame;
+  vsplat_fit fit;
+  const char* lpips;                 /* folder with alex.safetensors, vgg.safetensors or both: torchvision's
+                                        features.N.weight and .bias, and LPIPS' linK.model.1.weight; NULL: no LPIPS */
+  int32_t skip_bad;                  /* 1: views and objects that cannot be read are told as warnings and passed over */
+  int32_t sheet;                     /* 1: make one */
+  vsplat_progress_function progress; /* may be NULL; the "stage" is the object's name */
+  void* user;
+} vsplat_evaluate_options;
+#define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
+  {                                                                                                                \
+    sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
+        NULL, NULL                                                                                                 \
+  }
+
+/* The results of one run. Belongs to no device; may be read by several threads. */
+typedef struct vsplat_evaluation_impl* vsplat_evaluation;
+
+/* Reconstructs every object of the data set and compares pictures of it with those given, over novel views only. Bad
+   views are VSPLAT_ERROR_FILE, _FORMAT or _INPUT naming object, view and what is wrong; with skip_bad only where
+   nothing is left. `options` NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model,
+                                                          vsplat_dataset dataset,
+                                                          const vsplat_evaluate_options* options,
+                                                          vsplat_evaluation* out_evaluation);
+VSPLAT_API void vsplat_evaluation_retain(vsplat_evaluation evaluation);
+VSPLAT_API void vsplat_evaluation_release(vsplat_evaluation evaluation);
+
+/* Of all novel views of an object at the model's size, on white, laid side by side. PSNR in dB for a peak of 1. Equal
+   pictures have an infinite one. */
+typedef struct vsplat_scores {
+  size_t size;
+  double psnr;                  /* of the result, by the mean squared error of its views together */
+  double psnr_coarse;           /* of the coarse level */
+  double ssim;                  /* of the result: 11 x 11 Gaussian windows (sigma 1.5) */
+  double psnr_white;            /* of white pictures */
+  double psnr_nearest;          /* of the input view nearest to each novel one, by angle seen from the cube's centre */
+  double selected;              /* voxels selected, a share of 0 to 1 */
+  double lpips_alex, lpips_vgg; /* of the result; NaN where there were no weights for it */
+} vsplat_scores;
+#define VSPLAT_SCORES_INIT \
+  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
+
+/* How many objects were evaluated, and how many were passed over. Either out_ pointer may be NULL. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_count(vsplat_evaluation evaluation, size_t* out_objects,
+                                                                  size_t* out_skipped);
+/* Object `index` in the data set's order: its name, freed with vsplat_text_free, and its scores. Either out_ pointer
+   may be NULL. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_get(vsplat_evaluation evaluation, size_t index,
+                                                                char** out_name, vsplat_scores* out_scores);
+/* The mean of every number over the objects. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_get_mean(vsplat_evaluation evaluation,
+                                                                     vsplat_scores* out_scores);
+/* Writes the sheet as 8-bit PNG, whole or not at all; an existing file is replaced. The best, the median and the worst
+   object by PSNR side by side, up to four views each; rows from above: inputs, truth, coarse level, result.
+   VSPLAT_ERROR_USAGE where none was made. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const char* path);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,57 @@
+// Evaluations for C++. Part of vsplat.hpp, which includes it.
+#ifndef VSPLAT_EVALUATE_HPP
+#define VSPLAT_EVALUATE_HPP
+
+#include <vsplat/vsplat.hpp>
+
+namespace vsplat {
+inline namespace cxx {
+
+using EvaluationHandle = Handle<vsplat_evaluation, vsplat_evaluation_retain, vsplat_evaluation_release>;
+
+class Evaluation : public EvaluationHandle {
+ public:
+  Evaluation(const Device& device, const Model& model, const DataSet& data,
+             const vsplat_evaluate_options& options = VSPLAT_EVALUATE_OPTIONS_INIT)
+      : EvaluationHandle(run(device, model, data, options)) {}
+
+  struct Object {
+    std::string name;
+    vsplat_scores scores;
+  };
+  std::vector<Object> objects() const {
+    size_t count = 0;
+    check(vsplat_evaluation_count(get(), &count, nullptr));
+    std::vector<Object> out(count, {"", VSPLAT_SCORES_INIT});
+    for (size_t i = 0; i < count; ++i) {
+      char* name = nullptr;
+      check(vsplat_evaluation_get(get(), i, &name, &out[i].scores));
+      out[i].name = text(name);
+    }
+    return out;
+  }
+  size_t skipped() const {
+    size_t out = 0;
+    check(vsplat_evaluation_count(get(), nullptr, &out));
+    return out;
+  }
+  vsplat_scores mean() const {
+    vsplat_scores out = VSPLAT_SCORES_INIT;
+    check(vsplat_evaluation_get_mean(get(), &out));
+    return out;
+  }
+  void save_sheet(const std::string& path) const { check(vsplat_evaluation_save_sheet(get(), path.c_str())); }
+
+ private:
+  static vsplat_evaluation run(const Device& device, const Model& model, const DataSet& data,
+                               const vsplat_evaluate_options& options) {
+    vsplat_evaluation out = nullptr;
+    check(vsplat_evaluate(device.get(), model.get(), data.get(), &options, &out));
+    return out;
+  }
+};
+
+}  // namespace cxx
+}  // namespace vsplat
+
+#endif

@@ -1,0 +1,124 @@
+"""vsplat evaluate: its contract. tests/reference/pytorch/check_evaluate.py looks at the numbers themselves."""
+import array
+import json
+import math
+import os
+import random
+import struct
+
+import support
+
+NUMBERS = ["psnr", "psnr_coarse", "ssim", "psnr_white", "psnr_nearest", "selected"]
+
+
+def write_alexnet(path, seed=1):
+    """Random weights of the right shapes for LPIPS."""
+    rng, header, values, at = random.Random(seed), {}, array.array("f"), 0
+    convolutions = [(0, 3, 64, 11), (3, 64, 192, 5), (6, 192, 384, 3), (8, 384, 256, 3), (10, 256, 256, 3)]
+    for k, (index, cin, cout, side) in enumerate(convolutions):
+        bound = (6 / (cin * side * side)) ** 0.5
+        for name, shape, low, high in [(f"features.{index}.weight", [cout, cin, side, side], -bound, bound),
+                                       (f"features.{index}.bias", [cout], -0.1, 0.1), (f"lin{k}.model.1.weight", [1, cout, 1, 1], 0, 1)]:
+            count = math.prod(shape)
+            header[name] = {"dtype": "F32", "shape": shape, "data_offsets": [at, at + 4 * count]}
+            values.extend(low + (high - low) * rng.random() for _ in range(count))
+            at += 4 * count
+    text = json.dumps(header).encode()
+    with open(path, "wb") as f:
+        f.write(struct.pack("<Q", len(text)) + text + values.tobytes())
+
+
+class Evaluate(support.Case):
+    def setUp(self):
+        super().setUp()
+        self.set = self.path("set")
+        self.succeeds("dataset", "procedural", "--count", 3, "--output", self.set, "--views", 11, "--size", self.SIDE, "--seed", 4)
+
+    def evaluate(self, *more):
+        return ("evaluate", self.set, "--model", self.model, *more)
+
+    def test_json_is_as_agreed(self):
+        out, _ = self.succeeds(*self.evaluate("--json"))
+        told = json.loads(out)
+        self.assertEqual(list(told), ["objects", "mean"])
+        self.assertEqual([o["name"] for o in told["objects"]], ["solid_0000", "solid_0001", "solid_0002"])
+        for row in told["objects"]:
+            self.assertEqual(list(row), ["name"] + NUMBERS)
+            self.assertTrue(0 <= row["selected"] <= 1)
+        self.assertEqual(list(told["mean"]), NUMBERS)
+        for name in NUMBERS:
+            self.assertAlmostEqual(told["mean"][name], sum(o[name] for o in told["objects"]) / 3, 9)
+        self.assertEqual(out, self.succeeds(*self.evaluate("--json"))[0])
+
+    def test_the_table_has_the_same_numbers(self):
+        told = json.loads(self.succeeds(*self.evaluate("--json"))[0])
+        out, err = self.succeeds(*self.evaluate())
+        lines = [line.split() for line in out.splitlines()]
+        self.assertEqual(lines[0], ["object", "PSNR", "coarse", "SSIM", "white", "nearest", "voxels", "%"])
+        self.assertEqual([line[0] for line in lines[1:]], ["solid_0000", "solid_0001", "solid_0002", "mean"])
+        for line, row in zip(lines[1:], told["objects"] + [told["mean"]]):
+            for text, name in zip(line[1:], NUMBERS):
+                self.assertAlmostEqual(float(text), row[name] * (100 if name == "selected" else 1), delta=0.006)
+        self.assertIn("3 objects", err)
+
+    def test_sheet(self):
+        sheet = self.path("new", "sheet.png")
+        self.succeeds(*self.evaluate("--sheet", sheet, "--json"))
+        width, height, _ = support.read_png(sheet)
+        self.assertEqual((width, height), (12 * (self.SIDE + 8) + 8, 4 * (self.SIDE + 8) + 8))
+        self.refuses(1, "--overwrite", *self.evaluate("--sheet", sheet))
+
+    def test_one_object_or_several_sets(self):
+        one = json.loads(self.succeeds("evaluate", os.path.join(self.set, "solid_0001"), "--model", self.model, "--json")[0])
+        two = json.loads(self.succeeds("evaluate", os.path.join(self.set, "solid_0001"), self.set, "--model", self.model, "--json")[0])
+        self.assertEqual([o["name"] for o in two["objects"]], ["solid_0001", "solid_0000", "solid_0001_2", "solid_0002"])
+        for name in NUMBERS:
+            self.assertEqual(one["mean"][name], two["objects"][0][name])
+            self.assertEqual(two["objects"][0][name], two["objects"][2][name])
+
+    def test_random_views(self):
+        told = [self.succeeds(*self.evaluate("--protocol", "random10", "--seed", seed, "--json"))[0] for seed in (1, 1)]
+        self.assertEqual(*told)
+        self.assertNotEqual(told[0], self.succeeds(*self.evaluate("--json"))[0])
+
+    def test_the_cube_can_be_said(self):
+        a, b = (json.loads(self.succeeds(*self.evaluate("--json", "--scale", scale))[0])["mean"] for scale in (1, 2))
+        self.assertNotEqual(a["psnr"], b["psnr"])
+        self.assertEqual(a["psnr_white"], b["psnr_white"])
+        self.assertEqual(a, json.loads(self.succeeds(*self.evaluate("--json"))[0])["mean"])
+
+    def test_bad_data(self):
+        os.remove(os.path.join(self.set, "solid_0001", "images", "0005.png"))
+        with open(os.path.join(self.set, "solid_0002", "transforms.json"), "w") as f:
+            f.write("{")
+        self.refuses(1, ["solid_0001", "0005"], *self.evaluate())
+        out, err = self.succeeds(*self.evaluate("--skip-bad", "--json"))
+        self.assertEqual([o["name"] for o in json.loads(out)["objects"]], ["solid_0000", "solid_0001"])
+        for words in ("0005", "solid_0002", "2 objects, 1 left out"):
+            self.assertIn(words, err)
+
+    def test_lpips(self):
+        os.makedirs(self.path("weights"))
+        write_alexnet(self.path("weights", "alex.safetensors"))
+        self.refuses(2, ["31 pixels", "16"], *self.evaluate("--lpips", self.path("weights")))
+        self.succeeds("init", "tiny", "--seed", 1, "--output", self.model, "--overwrite", "--quiet")
+        told = json.loads(self.succeeds(*self.evaluate("--lpips", self.path("weights"), "--json"))[0])
+        for row in told["objects"] + [told["mean"]]:
+            self.assertEqual([name for name in row if name != "name"], NUMBERS + ["lpips_alex"])
+            self.assertTrue(0.001 < row["lpips_alex"] < 1000)
+        table = self.succeeds(*self.evaluate("--lpips", self.path("weights")))[0].splitlines()
+        self.assertTrue(table[0].endswith("LPIPS alex"), table[0])
+        self.assertAlmostEqual(float(table[-1].split()[-1]), told["mean"]["lpips_alex"], delta=1e-4)
+
+    def test_wrong_requests(self):
+        self.refuses(2, "--protocol", *self.evaluate("--protocol", "all"))
+        self.refuses(2, "--seed", *self.evaluate("--seed", "x"))
+        self.refuses(2, "--center", *self.evaluate("--center", "1,2"))
+        self.refuses(1, "none", "evaluate", self.path("none"), "--model", self.model)
+        os.makedirs(self.path("empty"))
+        self.refuses(1, "no object", "evaluate", self.path("empty"), "--model", self.model)
+        self.refuses(1, ["alex.safetensors", "vgg.safetensors"], *self.evaluate("--lpips", self.path("empty")))
+
+
+if __name__ == "__main__":
+    support.main()
