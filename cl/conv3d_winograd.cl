@@ -16,9 +16,9 @@
 #define QQ (Q * Q)
 
 // y = G g, 3 -> 6.
-static inline void transform_weights(float g0, float g1, float g2, float* y) {
-  const float p_even = (g0 + PP * g2) * (0.5f / (PP * (PP - QQ))), p_odd = P * g1 * (0.5f / (PP * (PP - QQ)));
-  const float q_even = (g0 + QQ * g2) * (0.5f / (QQ * (QQ - PP))), q_odd = Q * g1 * (0.5f / (QQ * (QQ - PP)));
+static inline void transform_weights(float16 g0, float16 g1, float16 g2, float16* y) {
+  const float16 p_even = (g0 + PP * g2) * (0.5f / (PP * (PP - QQ))), p_odd = P * g1 * (0.5f / (PP * (PP - QQ)));
+  const float16 q_even = (g0 + QQ * g2) * (0.5f / (QQ * (QQ - PP))), q_odd = Q * g1 * (0.5f / (QQ * (QQ - PP)));
   y[0] = g0 * (1.0f / (PP * QQ));
   y[1] = p_even + p_odd;
   y[2] = p_even - p_odd;
@@ -27,20 +27,24 @@ static inline void transform_weights(float g0, float g1, float g2, float* y) {
   y[5] = g2;
 }
 
-// u of w (see conv3d.clh). A work-item per output channel of all panels (direction 0) and input channel (direction 1).
+// u of w (see conv3d.clh). Work-groups of one work-item: (panel, input channel).
 __kernel void winograd_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* u) {
-  const int n = get_global_id(0), c = get_global_id(1);
-  if (n >= DIV_UP(N, TILE_COLS) * TILE_COLS) return;
-  __global float* to = u + ((size_t)(n / TILE_COLS) * 36 * C + c) * 3 * TILE_COLS + n % TILE_COLS;
-  for (int dz = 0; dz < 3; ++dz) {
-    float half_way[3][6];  // dy, coefficient along x
-    for (int dy = 0; dy < 3; ++dy)
-      transform_weights(weight_of(w, mirrored, N, C, n, c, dy * 3 + dz), weight_of(w, mirrored, N, C, n, c, 9 + dy * 3 + dz),
-                        weight_of(w, mirrored, N, C, n, c, 18 + dy * 3 + dz), half_way[dy]);
+  const int n0 = get_group_id(0) * TILE_COLS, c = get_group_id(1);
+  float taps[27 * TILE_COLS];  // tap, output channel
+  for (int j = 0; j < TILE_COLS; ++j)
+    for (int t = 0; t < 27; ++t) taps[t * TILE_COLS + j] = weight_of(w, mirrored, N, C, n0 + j, c, t);
+  __global float* to = u + ((size_t)get_group_id(0) * 36 * C + c) * 3 * TILE_COLS;
+  for (int part = 0; part < 6; ++part) {
+    const int dz = part / 2, from_n = 16 * (part % 2);
+    float16 half_way[18];  // dy, coefficient along x
+    for (int dy = 0; dy < 3; ++dy) {
+      const float* from = taps + (dy * 3 + dz) * TILE_COLS + from_n;
+      transform_weights(vload16(0, from), vload16(0, from + 9 * TILE_COLS), vload16(0, from + 18 * TILE_COLS), half_way + 6 * dy);
+    }
     for (int i = 0; i < 6; ++i) {
-      float row[6];
-      transform_weights(half_way[0][i], half_way[1][i], half_way[2][i], row);
-      for (int j = 0; j < 6; ++j) to[((size_t)(6 * i + j) * C * 3 + dz) * TILE_COLS] = row[j];
+      float16 row[6];
+      transform_weights(half_way[i], half_way[6 + i], half_way[12 + i], row);
+      for (int j = 0; j < 6; ++j) vstore16(row[j], 0, to + ((size_t)(6 * i + j) * C * 3 + dz) * TILE_COLS + from_n);
     }
   }
 }

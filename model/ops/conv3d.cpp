@@ -101,8 +101,8 @@ ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const s
   out.w.data = ctx.tensor(cpu ? Shape{panels, out.w.k, kTileCols} : Shape{out.w.k, n}, Type::f32, what);
   const Cost cost{0, static_cast<double>(w.bytes()) + static_cast<double>(out.w.data.bytes())};
   if (out.winograd)
-    ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, kTileCols, c), cost, w,
-               mirrored ? 1 : 0, as_int(c), as_int(n), out.w.data);
+    ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, 1, c), cost, w, mirrored ? 1 : 0,
+               as_int(c), as_int(n), out.w.data);
   else
     ctx.launch({cpu ? "conv3d_cpu" : "conv3d_gpu", "conv3d_pack_weights", cpu ? tile_defines(ctx.device()) : ""},
                items(out.w.data.count()), cost, w, mirrored ? 1 : 0, as_int(c), as_int(n), out.w.data);
