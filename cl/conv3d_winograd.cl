@@ -1,7 +1,6 @@
 // 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour, by Winograd's F(4x4, 3x3) over x and y
 // and directly along z: 36 products where the direct sum needs 144.
 // A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before.
-// The points are 0, +-3/4, +-3/2 and infinity, whose squares are exact in binary and which keep the error within thrice the direct sum's.
 //   v [tiles, ZT, 36, C, 14]         B^T d B; ZT = ceil(Z/12); entry j of zt is z = 12 zt - 1 + j; zero outside the volume (winograd_pack)
 //   u [ceil(N/32), 36, C, 3, 32]     G g G^T: coefficient, channel, dz, 32 output channels; zero beyond N
 //   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
@@ -9,23 +8,7 @@
 #define PACK_ROWS 14
 #include "conv3d.clh"
 #include "pack_cpu.clh"
-
-#define P 0.75f  // the points +-P and +-Q
-#define Q 1.5f
-#define PP (P * P)
-#define QQ (Q * Q)
-
-// y = G g, 3 -> 6.
-static inline void transform_weights(float16 g0, float16 g1, float16 g2, float16* y) {
-  const float16 p_even = (g0 + PP * g2) * (0.5f / (PP * (PP - QQ))), p_odd = P * g1 * (0.5f / (PP * (PP - QQ)));
-  const float16 q_even = (g0 + QQ * g2) * (0.5f / (QQ * (QQ - PP))), q_odd = Q * g1 * (0.5f / (QQ * (QQ - PP)));
-  y[0] = g0 * (1.0f / (PP * QQ));
-  y[1] = p_even + p_odd;
-  y[2] = p_even - p_odd;
-  y[3] = q_even + q_odd;
-  y[4] = q_even - q_odd;
-  y[5] = g2;
-}
+#include "winograd.clh"
 
 // u of w (see conv3d.clh). Work-groups of one work-item: (panel, input channel).
 __kernel void winograd_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* u) {
@@ -47,29 +30,6 @@ __kernel void winograd_pack_weights(__global const float* w, int mirrored, int C
       for (int j = 0; j < 6; ++j) vstore16(row[j], 0, to + ((size_t)(6 * i + j) * C * 3 + dz) * TILE_COLS + from_n);
     }
   }
-}
-
-// y = B^T x, 6 -> 6, elements `stride` apart.
-static inline void transform_in(const float16* x, float16* y, int stride) {
-  const float16 x0 = x[0], x1 = x[stride], x2 = x[2 * stride], x3 = x[3 * stride], x4 = x[4 * stride], x5 = x[5 * stride];
-  const float16 p_even = FMA(x2, (float16)(-QQ), x4), p_odd = P * FMA(x1, (float16)(-QQ), x3);
-  const float16 q_even = FMA(x2, (float16)(-PP), x4), q_odd = Q * FMA(x1, (float16)(-PP), x3);
-  y[0] = FMA(x0, (float16)(PP * QQ), FMA(x2, (float16)(-PP - QQ), x4));
-  y[stride] = p_even + p_odd;
-  y[2 * stride] = p_even - p_odd;
-  y[3 * stride] = q_even + q_odd;
-  y[4 * stride] = q_even - q_odd;
-  y[5 * stride] = FMA(x1, (float16)(PP * QQ), FMA(x3, (float16)(-PP - QQ), x5));
-}
-
-// y = A^T x, 6 -> 4.
-static inline void transform_out(const float16* x, int x_stride, float16* y, int y_stride) {
-  const float16 p_sum = x[x_stride] + x[2 * x_stride], p_diff = x[x_stride] - x[2 * x_stride];
-  const float16 q_sum = x[3 * x_stride] + x[4 * x_stride], q_diff = x[3 * x_stride] - x[4 * x_stride];
-  y[0] = x[0] + p_sum + q_sum;
-  y[y_stride] = FMA(q_diff, (float16)(Q), P * p_diff);
-  y[2 * y_stride] = FMA(q_sum, (float16)(QQ), PP * p_sum);
-  y[3 * y_stride] = FMA(q_diff, (float16)(Q * QQ), FMA(p_diff, (float16)(P * PP), x[5 * x_stride]));
 }
 
 // Channels [0, count) of x [X, Y, Z, count] around one tile, composed and transformed: to [36][C][14], from this source's first channel on.

@@ -208,6 +208,73 @@ void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
              as_int(s.z), c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
 }
 
+void weight_gradient_direct(Context& ctx, const Conv3dWeightGradient& g, const Shape3d& s) {
+  const long voxels = s.x * s.y * s.z, k = 27 * s.c();
+  // Chunks of whole lines along z: short sums, unless their partial results would take too much memory.
+  const long most = std::max(1L, kScratchFloats / (k * s.n));
+  const long lines = std::max(div_up(1024, s.z), div_up(s.x * s.y, most)), chunks = div_up(s.x * s.y, lines);
+  const Tensor partial = ctx.tensor({chunks, k, s.n}, Type::f32, "partial weight gradients");
+  const Cost cost{54 * static_cast<double>(voxels) * static_cast<double>(s.c()) * static_cast<double>(s.n),
+                  4 * static_cast<double>(voxels * (s.c() + s.n)) + static_cast<double>(partial.bytes())};
+  if (ctx.flavour() == Flavour::cpu) {
+    check_tile_terms(ctx.device(), g.name, lines * (s.z + 1));
+    const std::string defines = tile_defines(ctx.device());
+    const auto panels = [&](const RowSource& of, long c0, long c1, long width) {
+      const Tensor to = ctx.tensor({div_up(c0 + c1, width), voxels, width}, Type::f32, "columns");
+      ctx.launch({"conv3d_cpu", "conv3d_weight_panels", defines}, items(voxels, 1),
+                 {0, 8 * static_cast<double>(voxels * (c0 + c1))}, of.x0, as_int(c0), of.x1, as_int(c1), of.scale,
+                 of.shift, of.silu ? 1 : 0, as_int(voxels), as_int(width), to);
+      return to;
+    };
+    RowSource dy;
+    dy.x0 = g.dy;
+    const Tensor in = panels(g.in, s.c0, s.c1, kTileRows), out = panels(dy, s.n, 0, kTileCols);
+    ctx.launch({"conv3d_cpu", "conv3d_weight_tile", defines, g.name},
+               groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, as_int(s.c()),
+               as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(lines), partial);
+  } else {
+    constexpr long side = 64;  // of cl/tile_gpu.clh, as it is without defines
+    ctx.launch({"conv3d_gpu", "conv3d_weight_tile_gpu", "", g.name},
+               groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, as_int(s.c0), g.in.x1,
+               as_int(s.c1), g.in.scale, g.in.shift, g.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), g.dy,
+               as_int(s.n), as_int(lines * s.z), partial);
+  }
+  ctx.launch({"conv3d_gradient", "conv3d_weight_sum", ""}, items(k * s.n),
+             {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, g.dw,
+             as_int(chunks), as_int(s.c()), as_int(s.n));
+}
+
+void weight_gradient_winograd(Context& ctx, const Conv3dWeightGradient& g, const Shape3d& s) {
+  if (ctx.flavour() != Flavour::cpu) fail(Status::usage, "{}: Winograd's method is for the cpu kernels", g.name);
+  Tensor x = g.in.x0;
+  if (g.in.x1 || g.in.scale || g.in.silu) {
+    x = ctx.tensor({s.x * s.y * s.z, s.c()}, Type::f32, "composed rows");
+    compose_rows(ctx, g.in, x);
+  }
+  const long tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide), np = div_up(s.n, kTileCols) * kTileCols;
+  // As many tiles at a time as make sums of some 1024 terms.
+  const long most = std::max(1L, 2 * kScratchFloats / (kCoefficients * s.z * (s.c() + np)));
+  const long step = std::min({tiles, most, div_up(1024, s.z)});
+  const Tensor v = ctx.tensor({kCoefficients * step * s.z * s.c() + kTileRows}, Type::f32, "transformed tiles");
+  const Tensor e = ctx.tensor({kCoefficients, step, s.z, np}, Type::f32, "transformed gradients");
+  const Tensor m = ctx.tensor({kCoefficients, 3, s.c(), s.n}, Type::f32, "transformed weight gradients");
+  const double cn = static_cast<double>(s.c()) * static_cast<double>(s.n);
+  for (long t = 0; t < tiles; t += step) {
+    const long count = std::min(step, tiles - t);
+    const double rows = static_cast<double>(kCoefficients * count * s.z);
+    ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_in", ""}, groups(s.z, 1, count),
+               {0, 4 * rows * static_cast<double>(s.c())}, x, as_int(s.c()), as_int(s.x), as_int(s.y), as_int(t), v);
+    ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_out", ""}, groups(s.z, 1, count),
+               {0, 4 * rows * static_cast<double>(np)}, g.dy, as_int(s.n), as_int(s.x), as_int(s.y), as_int(t), e);
+    ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_tile", "", g.name},
+               groups(div_up(s.c(), kTileRows), 1, np / kTileCols, kCoefficients),
+               {6 * rows * cn, 4 * (rows * static_cast<double>(s.c() + np) + 3 * kCoefficients * cn)}, v, e,
+               as_int(s.c()), as_int(s.n), as_int(s.z), as_int(count), t > 0 ? 1 : 0, m);
+  }
+  ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_sum", ""}, groups(div_up(s.n, 16), 1, s.c()),
+             {0, 4.0 * static_cast<double>(m.count() + 2 * g.dw.count())}, m, as_int(s.c()), as_int(s.n), g.dw);
+}
+
 }  // namespace
 
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
@@ -292,38 +359,10 @@ void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g) {
   if (voxels * k * s.n == 0) return;
   if (g.dbias) column_sum(ctx, {g.dy, g.dbias, true});
 
-  // Chunks of whole lines along z: short sums, unless their partial results would take too much memory.
-  const long most = std::max(1L, kScratchFloats / (k * s.n));
-  const long lines = std::max(div_up(1024, s.z), div_up(s.x * s.y, most)), chunks = div_up(s.x * s.y, lines);
-  const Tensor partial = ctx.tensor({chunks, k, s.n}, Type::f32, "partial weight gradients");
-  const Cost cost{54 * static_cast<double>(voxels) * static_cast<double>(s.c()) * static_cast<double>(s.n),
-                  4 * static_cast<double>(voxels * (s.c() + s.n)) + static_cast<double>(partial.bytes())};
-  if (ctx.flavour() == Flavour::cpu) {
-    check_tile_terms(ctx.device(), g.name, lines * (s.z + 1));
-    const std::string defines = tile_defines(ctx.device());
-    const auto panels = [&](const RowSource& of, long c0, long c1, long width) {
-      const Tensor to = ctx.tensor({div_up(c0 + c1, width), voxels, width}, Type::f32, "columns");
-      ctx.launch({"conv3d_cpu", "conv3d_weight_panels", defines}, items(voxels, 1),
-                 {0, 8 * static_cast<double>(voxels * (c0 + c1))}, of.x0, as_int(c0), of.x1, as_int(c1), of.scale,
-                 of.shift, of.silu ? 1 : 0, as_int(voxels), as_int(width), to);
-      return to;
-    };
-    RowSource dy;
-    dy.x0 = g.dy;
-    const Tensor in = panels(g.in, s.c0, s.c1, kTileRows), out = panels(dy, s.n, 0, kTileCols);
-    ctx.launch({"conv3d_cpu", "conv3d_weight_tile", defines, g.name},
-               groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, as_int(s.c()),
-               as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(lines), partial);
-  } else {
-    constexpr long side = 64;  // of cl/tile_gpu.clh, as it is without defines
-    ctx.launch({"conv3d_gpu", "conv3d_weight_tile_gpu", "", g.name},
-               groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, as_int(s.c0), g.in.x1,
-               as_int(s.c1), g.in.scale, g.in.shift, g.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), g.dy,
-               as_int(s.n), as_int(lines * s.z), partial);
-  }
-  ctx.launch({"conv3d_gradient", "conv3d_weight_sum", ""}, items(k * s.n),
-             {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, g.dw,
-             as_int(chunks), as_int(s.c()), as_int(s.n));
+  if (choose(ctx, g.method, s.n, s.c()) == ConvMethod::winograd)
+    weight_gradient_winograd(ctx, g, s);
+  else
+    weight_gradient_direct(ctx, g, s);
 }
 
 Tensor conv3d_down_map(Context& ctx, long x, long y, long z) {

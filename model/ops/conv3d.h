@@ -55,6 +55,7 @@ struct Conv3dWeightGradient {
   Tensor dy;     // [X Y Z, Cout]
   Tensor dw;     // [Cout, Cin, 3, 3, 3], added to
   Tensor dbias;  // [Cout] or none, added to
+  ConvMethod method = ConvMethod::auto_;
   const char* name = "conv3d.dw";
 };
 void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g);
