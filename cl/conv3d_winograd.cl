@@ -1,13 +1,15 @@
 // 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour, by Winograd's F(4x4, 3x3) over x and y
 // and directly along z: 36 products where the direct sum needs 144.
 // A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before.
-//   v [tiles, ZT, 36, C, 14]         B^T d B; ZT = ceil(Z/12); entry j of zt is z = 12 zt - 1 + j; zero outside the volume (winograd_pack)
+//   v [tiles, ZT, 36, ceil(C/16), 14, 16]  B^T d B; ZT = ceil(Z/12); row j of zt is z = 12 zt - 1 + j, zero outside the volume; 16
+//                                    channels side by side, of the last block those below C alone (winograd_pack)
 //   u [ceil(N/32), 36, C, 3, 32]     G g G^T: coefficient, channel, dz, 32 output channels; zero beyond N
 //   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
 // Tile t of the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4).
 #define PACK_ROWS 14
+#define TILE_STRIDE 16
 #include "conv3d.clh"
-#include "pack_cpu.clh"
+#include "tile_cpu.clh"
 #include "winograd.clh"
 
 // u of w (see conv3d.clh). Work-groups of one work-item: (panel, input channel).
@@ -32,49 +34,40 @@ __kernel void winograd_pack_weights(__global const float* w, int mirrored, int C
   }
 }
 
-// Channels [0, count) of x [X, Y, Z, count] around one tile, composed and transformed: to [36][C][14], from this source's first channel on.
+// Channels [0, count) of x [X, Y, Z, count] around one tile, composed and transformed: to [36][blocks][14][16], from channel `first` on.
 static inline void pack_source(__global const float* x, int count, __global const float* scale, __global const float* shift,
-                               int silu, int X, int Y, int Z, int x_first, int y_first, int z_first, int C,
+                               int silu, int X, int Y, int Z, int x_first, int y_first, int z_first, int blocks, int first,
                                __global float* to) {
   for (int c = 0; c < count; c += 16) {
-    const int width = min(16, count - c);
-    float16 v[36 * PACK_ROWS];  // coefficient, z
+    const int width = min(16, count - c), channel = first + c;
     const float16 a = scale ? load_part(scale + c, width) : (float16)(1.0f);
     const float16 b = scale ? load_part(shift + c, width) : (float16)(0.0f);
     for (int j = 0; j < PACK_ROWS; ++j) {
       const int z = z_first + j;
       float16 d[36];
-      for (int i = 0; i < 6; ++i) {
-        const int px = x_first + i;
-        for (int k = 0; k < 6; ++k) {
-          const int py = y_first + k;
-          float16 value = (float16)(0.0f);
-          if (px >= 0 && px < X && py >= 0 && py < Y && z >= 0 && z < Z) {
-            value = load_part(x + ((size_t)(px * Y + py) * Z + z) * count + c, width);
-            if (scale) value = FMA(value, a, b);
-            if (silu) value = silu_16(value);
-          }
-          d[6 * i + k] = value;
+      for (int i = 0; i < 36; ++i) d[i] = 0.0f;
+      if (z >= 0 && z < Z) {
+        for (int i = 0; i < 36; ++i) {
+          const int px = x_first + i / 6, py = y_first + i % 6;
+          if (px < 0 || px >= X || py < 0 || py >= Y) continue;
+          float16 value = load_part(x + ((size_t)(px * Y + py) * Z + z) * count + c, width);
+          if (scale) value = FMA(value, a, b);
+          d[i] = silu ? silu_16(value) : value;
         }
+#pragma unroll
+        for (int i = 0; i < 6; ++i) transform_in(d + 6 * i, d + 6 * i, 1);
+#pragma unroll
+        for (int i = 0; i < 6; ++i) transform_in(d + i, d + i, 6);
       }
-#pragma unroll
-      for (int i = 0; i < 6; ++i) transform_in(d + 6 * i, d + 6 * i, 1);
-#pragma unroll
-      for (int i = 0; i < 6; ++i) transform_in(d + i, d + i, 6);
-      for (int i = 0; i < 36; ++i) v[i * PACK_ROWS + j] = d[i];
-    }
-    for (int i = 0; i < 36; ++i) {
-      float16 r[16];
-#pragma unroll
-      for (int j = 0; j < PACK_ROWS; ++j) r[j] = v[i * PACK_ROWS + j];
-      r[14] = r[15] = (float16)(0.0f);
-      transpose_16(r);
-      __global float* column = to + ((size_t)i * C + c) * PACK_ROWS;
-      if (width == 16) {
-#pragma unroll
-        for (int j = 0; j < 16; ++j) store_column(r[j], column + j * PACK_ROWS);
+      if (width == 16 && channel % 16 == 0) {
+        for (int i = 0; i < 36; ++i) vstore16(d[i], 0, to + ((size_t)(i * blocks + channel / 16) * PACK_ROWS + j) * 16);
       } else {
-        for (int j = 0; j < width; ++j) store_column(r[j], column + j * PACK_ROWS);
+        for (int i = 0; i < 36; ++i) {
+          float values[16];
+          vstore16(d[i], 0, values);
+          for (int k = 0; k < width; ++k)
+            to[((size_t)(i * blocks + (channel + k) / 16) * PACK_ROWS + j) * 16 + (channel + k) % 16] = values[k];
+        }
       }
     }
   }
@@ -87,12 +80,11 @@ __kernel void winograd_pack(__global const float* x0, int c0, __global const flo
   const int zt = get_group_id(0), ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
   const int t = get_group_id(1), tile = tile0 + t;
   const int x = 4 * (tile / TY) - 1, y = 4 * (tile % TY) - 1, z = TILE_ROWS * zt - 1;
-  const int C = c0 + c1;
-  __global float* to = v + ((size_t)t * ZT + zt) * 36 * C * PACK_ROWS;
-  pack_source(x0, c0, scale, shift, silu, X, Y, Z, x, y, z, C, to);
+  const int blocks = DIV_UP(c0 + c1, 16);
+  __global float* to = v + ((size_t)t * ZT + zt) * 36 * blocks * PACK_ROWS * 16;
+  pack_source(x0, c0, scale, shift, silu, X, Y, Z, x, y, z, blocks, 0, to);
   if (c1)
-    pack_source(x1, c1, scale ? scale + c0 : scale, scale ? shift + c0 : shift, silu, X, Y, Z, x, y, z, C,
-                to + c0 * PACK_ROWS);
+    pack_source(x1, c1, scale ? scale + c0 : scale, scale ? shift + c0 : shift, silu, X, Y, Z, x, y, z, blocks, c0, to);
 }
 
 // Work-groups of one work-item: (zt + ZT tile, panel of u): 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
@@ -101,17 +93,19 @@ __kernel void winograd_tile(__global const float* v, __global const float* u, in
   const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
   const int tile = tile0 + get_group_id(0) / ZT, z0 = TILE_ROWS * (get_group_id(0) % ZT);
   const int n0 = get_group_id(1) * TILE_COLS;
-  __global const float* pa = v + (size_t)get_group_id(0) * 36 * C * PACK_ROWS;
+  __global const float* pa = v + (size_t)get_group_id(0) * 36 * DIV_UP(C, 16) * PACK_ROWS * 16;
   __global const float* pb = u + (size_t)n0 * 36 * C * 3;
   float16 m[36 * 2 * TILE_ROWS];  // coefficient, z, half of the channels
   for (int i = 0; i < 36; ++i) {
     TILE_DECLARE
-    for (int c = 0; c < C; ++c) {
-      TILE_STEP(pa, pb)
-      TILE_STEP(pa + 1, pb + TILE_COLS)
-      TILE_STEP(pa + 2, pb + 2 * TILE_COLS)
-      pa += PACK_ROWS;
-      pb += 3 * TILE_COLS;
+    for (int c0 = 0; c0 < C; c0 += 16) {
+      for (int c = 0; c < min(16, C - c0); ++c) {
+        TILE_STEP(pa + c, pb)
+        TILE_STEP(pa + 16 + c, pb + TILE_COLS)
+        TILE_STEP(pa + 32 + c, pb + 2 * TILE_COLS)
+        pb += 3 * TILE_COLS;
+      }
+      pa += PACK_ROWS * 16;
     }
     TILE_STORE(m + i * 2 * TILE_ROWS)
   }

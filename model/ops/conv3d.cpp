@@ -184,9 +184,9 @@ void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
 
 void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
-  const long per_tile = zt * kCoefficients * s.c() * kPackRows;
+  const long blocks = div_up(s.c(), 16), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
   const long step = std::clamp(kScratchFloats / std::max(1L, per_tile), 1L, tiles);
-  const Tensor v = ctx.tensor({step, zt, kCoefficients, s.c(), kPackRows}, Type::f32, "transformed tiles");
+  const Tensor v = ctx.tensor({step, zt, kCoefficients, blocks, kPackRows, 16}, Type::f32, "transformed tiles");
   const Cost whole = cost_of(c, s, s.x);
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
