@@ -1,5 +1,6 @@
 // The optimiser: AdamW, the norm of all gradients together with the factor that clips it, and a moving average of weights.   (f32)
 #include "common.clh"
+#include "vector16.clh"
 
 #ifndef GROUP
 #define GROUP 64  // work-items of a group, a power of two
@@ -20,7 +21,7 @@ static float group_sum(float mine, __local float* part) {
   return part[0];
 }
 
-// Sums of squares of grad [n] in blocks of GROUP * EACH: those go to sums[first ...]. A work-group per block.
+// Sums of squares of grad [n] in blocks of GROUP * EACH: those go to sums[first ...]. gpu flavour: a work-group per block.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(__global const float* restrict grad,
                                                                                __global float* restrict sums, int n,
                                                                                int first) {
@@ -32,6 +33,18 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(_
   for (int i = get_local_id(0); i < left; i += GROUP) sum = FMA(from[i], from[i], sum);
   sum = group_sum(sum, part);
   if (get_local_id(0) == 0) sums[first + block] = sum;
+}
+
+// cpu flavour: work-groups of one work-item, per block.
+__kernel void adamw_squares_cpu(__global const float* restrict grad, __global float* restrict sums, int n, int first) {
+  const int block = get_group_id(0), from = block * (GROUP * EACH), left = min(n - from, GROUP * EACH);
+  float16 a = 0.0f, b = 0.0f;
+  for (int i = 0; i < left; i += 32) {
+    const float16 x = load_part(grad + from + i, left - i), y = load_part(grad + from + i + 16, left - i - 16);
+    a = FMA(x, x, a);
+    b = FMA(y, y, b);
+  }
+  sums[first + block] = sum_of(a + b);
 }
 
 // sums [count] of all tensors -> out [2]: norm = scale * sqrt(total), and the factor for the gradients as they are stored,

@@ -179,7 +179,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backw
 #define ROWS 64
 #endif
 
-// dgamma, dbeta [ceil(R / ROWS), C]: the sums of ROWS rows each. A work-item per (channel, ROWS rows).
+// dgamma, dbeta [ceil(R / ROWS), C]: the sums of ROWS rows each. gpu flavour: a work-item per (channel, ROWS rows).
 __kernel void layernorm_columns(__global const float* x, __global const float* film, __global const float* dy,
                                 __global const float* stats, __global float* dgamma, __global float* dbeta, int R, int C,
                                 int P, int skip) {
@@ -195,4 +195,25 @@ __kernel void layernorm_columns(__global const float* x, __global const float* f
   }
   dgamma[(size_t)chunk * C + c] = by_gamma;
   dbeta[(size_t)chunk * C + c] = by_beta;
+}
+
+// cpu flavour: work-groups of one work-item, per ROWS rows.
+__kernel void layernorm_columns_cpu(__global const float* x, __global const float* film, __global const float* dy,
+                                    __global const float* stats, __global float* dgamma, __global float* dbeta, int R, int C,
+                                    int P, int skip) {
+  const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
+  __global const float* none = 0;
+  for (int c = 0; c < C; c += 16) {
+    const int width = min(16, C - c);
+    float16 by_gamma = 0.0f, by_beta = 0.0f;
+    for (int r = chunk * ROWS; r < until; ++r) {
+      const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
+      const float16 n = (load_part(x + at + c, width) - stats[2 * r]) * stats[2 * r + 1];
+      const float16 u = upstream(dy + (size_t)r * C, film ? film + (size_t)r * 2 * C + C : none, c, width);
+      by_gamma += u * n;
+      by_beta += u;
+    }
+    store_part(by_gamma, width, dgamma + (size_t)chunk * C + c);
+    store_part(by_beta, width, dbeta + (size_t)chunk * C + c);
+  }
 }

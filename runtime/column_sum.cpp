@@ -23,7 +23,9 @@ void column_sum(Context& ctx, const ColumnSum& a) {
     const long sums = (rows + kRows - 1) / kRows;
     const Tensor to = sums == 1 ? a.out : ctx.tensor({sums, columns}, Type::f32, "partial sums");
     const double read = static_cast<double>(rows) * static_cast<double>(columns);
-    ctx.launch({"column_sum", "column_sum", ""}, groups((columns + 63) / 64, 64, sums),
+    const bool cpu = ctx.flavour() == Flavour::cpu;
+    ctx.launch({"column_sum", cpu ? "column_sum_cpu" : "column_sum", "", "column_sum"},
+               cpu ? groups(sums, 1) : groups((columns + 63) / 64, 64, sums),
                {read, 4 * (read + static_cast<double>(to.count()))}, from, to, static_cast<int>(rows),
                static_cast<int>(columns), sums == 1 && a.add ? 1 : 0);
     from = to;

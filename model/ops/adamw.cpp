@@ -39,7 +39,9 @@ void gradient_clip(Context& ctx, const GradientClip& a) {
   for (const Tensor& grad : a.grads) {
     if (!grad || grad.count() == 0) continue;
     const auto n = static_cast<double>(grad.count());
-    ctx.launch({"adamw", "adamw_squares", ""}, groups(blocks_of(grad.count()), kGroup), {2 * n, 4 * n}, grad, sums,
+    const bool cpu = ctx.flavour() == Flavour::cpu;
+    ctx.launch({"adamw", cpu ? "adamw_squares_cpu" : "adamw_squares", "", "adamw_squares"},
+               groups(blocks_of(grad.count()), cpu ? 1 : kGroup), {2 * n, 4 * n}, grad, sums,
                static_cast<int>(grad.count()), static_cast<int>(first));
     first += blocks_of(grad.count());
   }

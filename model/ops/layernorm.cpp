@@ -39,7 +39,8 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
   const long sums = (rows + kRows - 1) / kRows;
   const Tensor by_gamma = ctx.tensor({sums, c}, Type::f32, "partial sums");
   const Tensor by_beta = ctx.tensor({sums, c}, Type::f32, "partial sums");
-  ctx.launch({"layernorm", "layernorm_columns", ""}, groups((c + 63) / 64, 64, sums),
+  ctx.launch({"layernorm", cpu ? "layernorm_columns_cpu" : "layernorm_columns", "", "layernorm_columns"},
+             cpu ? groups(sums, 1) : groups((c + 63) / 64, 64, sums),
              {(a.film ? 7.0 : 5.0) * values, (a.film ? 12.0 : 8.0) * values}, a.x, a.film, a.dy, stats, by_gamma,
              by_beta, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip);
   column_sum(ctx, {by_gamma, a.dgamma, true});
