@@ -1,6 +1,6 @@
 /* From a folder of posed photographs to a 3D Gaussian splat and a picture of it, on the public C interface alone.
 
-       reconstruct VIEWS MODEL.safetensors SCENE.ply PICTURE.png */
+       reconstruct VIEWS SCENE.ply PICTURE.png [MODEL.safetensors] */
 #include <stdio.h>
 #include <stdlib.h>
 #include <vsplat/vsplat.h>
@@ -60,21 +60,21 @@ int main(int argc, char** argv) {
   vsplat_scene scene = NULL;
   vsplat_device_info info = VSPLAT_DEVICE_INFO_INIT;
   vsplat_reconstruct_options options = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
-  if (argc != 5) {
-    fprintf(stderr, "usage: %s VIEWS MODEL.safetensors SCENE.ply PICTURE.png\n", argv[0]);
+  if (argc != 4 && argc != 5) {
+    fprintf(stderr, "usage: %s VIEWS SCENE.ply PICTURE.png [MODEL.safetensors]\n", argv[0]);
     return 2;
   }
   check(vsplat_device_open(NULL, &device), "device");
   check(vsplat_device_get_info(device, &info), "device");
   fprintf(stderr, "vsplat %s on %s\n", vsplat_version_string(), info.name);
-  check(vsplat_model_load(argv[2], &model), "model");
+  check(vsplat_model_load(argc == 5 ? argv[4] : NULL, &model), "model"); /* NULL: the one that the library carries */
   check(vsplat_views_load(argv[1], NULL, &views), "views");
   check(vsplat_input_prepare(model, views, NULL, &input), "input");
   options.progress = show_progress;
   check(vsplat_reconstruct(device, model, input, &options, &scene), "reconstruct");
-  check(vsplat_scene_save(scene, argv[3]), "scene");
+  check(vsplat_scene_save(scene, argv[2]), "scene");
   look_at_gaussians(scene);
-  draw(device, scene, input, argv[4]);
+  draw(device, scene, input, argv[3]);
   vsplat_scene_release(scene);
   vsplat_input_release(input);
   vsplat_views_release(views);

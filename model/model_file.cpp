@@ -1,10 +1,12 @@
 #include "model/model_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "model/params.h"
 #include "runtime/error.h"
+#include "runtime/half.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -113,6 +115,19 @@ Weights read_values(const SafetensorsFile& file, const std::vector<Parameter>& e
   return weights;
 }
 
+std::vector<std::uint16_t> halves_of(const std::string& path, const std::string& name,
+                                     const std::vector<float>& values) {
+  std::vector<std::uint16_t> out;
+  out.reserve(values.size());
+  for (const float value : values) {
+    const std::uint16_t half = to_half(value);
+    if (std::isfinite(value) && std::isinf(from_half(half)))
+      fail(Status::input, "{}: tensor {} holds {}, and F16 ends at {}: write F32", path, name, value, kLargestHalf);
+    out.push_back(half);
+  }
+  return out;
+}
+
 }  // namespace
 
 Weights read_weights(const SafetensorsFile& file, const Config& config, const std::string& prefix) {
@@ -120,16 +135,19 @@ Weights read_weights(const SafetensorsFile& file, const Config& config, const st
   return read_values(file, expected, match(file, expected, {prefix}, true));
 }
 
-ModelFile load_model(const std::string& path) {
-  const SafetensorsFile file(path);
+ModelFile load_model(const SafetensorsFile& file) {
   // Before anything that damage could have changed is believed, or complained of.
   checked_hash(file);
   const Config config = read_config(file);
   return {config, read_values(file, parameters(config), match_model(file, config)), file.metadata()};
 }
 
+ModelFile load_model(const std::string& path) { return load_model(SafetensorsFile(path)); }
+
 void save_model(const std::string& path, const Config& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance) {
+                const std::map<std::string, std::string>& provenance, Dtype dtype) {
+  if (dtype != Dtype::f32 && dtype != Dtype::f16)
+    fail(Status::usage, "{}: a model is written as F32 or F16, not as {}", path, name_of(dtype));
   check(config);
   std::map<std::string, std::string> metadata = provenance;
   for (const char* key : kReserved)
@@ -138,18 +156,20 @@ void save_model(const std::string& path, const Config& config, const Weights& we
   metadata["version"] = kVersion;
   metadata["config"] = to_json(config);
   std::vector<TensorToWrite> tensors;
+  std::vector<std::vector<std::uint16_t>> halves;
   for (const Parameter& parameter : parameters(config)) {
     const HostTensor& tensor = weights.at(parameter.name);
     if (tensor.shape != parameter.shape || static_cast<long>(tensor.data.size()) != parameter.count())
       fail(Status::internal, "{}: tensor {} has shape {}, expected {}", path, parameter.name, text_of(tensor.shape),
            text_of(parameter.shape));
-    tensors.push_back({parameter.name, Dtype::f32, tensor.shape, tensor.data.data()});
+    const void* values = tensor.data.data();
+    if (dtype == Dtype::f16) values = halves.emplace_back(halves_of(path, parameter.name, tensor.data)).data();
+    tensors.push_back({parameter.name, dtype, tensor.shape, values});
   }
   write_safetensors(path, tensors, metadata, true);
 }
 
-ModelInfo model_info(const std::string& path) {
-  const SafetensorsFile file(path);
+ModelInfo model_info(const SafetensorsFile& file) {
   ModelInfo info;
   info.config = read_config(file);
   const std::vector<Parameter> expected = parameters(info.config);
@@ -164,11 +184,14 @@ ModelInfo model_info(const std::string& path) {
   return info;
 }
 
-HashState verify_model(const std::string& path) {
-  const SafetensorsFile file(path);
+ModelInfo model_info(const std::string& path) { return model_info(SafetensorsFile(path)); }
+
+HashState verify_model(const SafetensorsFile& file) {
   const HashState state = checked_hash(file);
   match_model(file, read_config(file));
   return state;
 }
+
+HashState verify_model(const std::string& path) { return verify_model(SafetensorsFile(path)); }
 
 }  // namespace vsplat

@@ -20,12 +20,14 @@ struct ModelFile {
 // Everything is checked: the file's structure, format and version, the configuration, the hash where one is given, and
 // that the tensors are those of the configuration, each in its shape. Errors name path, tensor or field, found and
 // expected.
+ModelFile load_model(const SafetensorsFile& file);
 ModelFile load_model(const std::string& path);
 
-// Writes float32 tensors in the order of parameters(), with format, version, config and sha256; `provenance` is
-// free-form (data set, steps, seed, commit) and may not hold those four.
+// Writes the tensors in the order of parameters(), with format, version, config and sha256; `provenance` is free-form
+// (data set, steps, seed, commit) and may not hold those four. `dtype` is f32, or f16: each value rounded to nearest,
+// ties to even, and one beyond its range an Error(input).
 void save_model(const std::string& path, const Config& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance = {});
+                const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
 
 // For `weights info` and `weights verify`: what the header says. The tensors' names and shapes are checked, values not
 // read.
@@ -38,10 +40,12 @@ struct ModelInfo {
   std::string sha256;                             // as stated; empty where there is none
   std::map<std::string, std::string> provenance;  // the rest of the metadata
 };
+ModelInfo model_info(const SafetensorsFile& file);
 ModelInfo model_info(const std::string& path);
 
 // As load_model, keeping nothing: the structure, the shapes and the hash. `absent` says that the file has no hash, so
 // that damage to its values cannot be seen; a hash that differs is an Error(format).
+HashState verify_model(const SafetensorsFile& file);
 HashState verify_model(const std::string& path);
 
 // The part of load_model that golden vectors share: tensors called prefix + name for each of parameters().

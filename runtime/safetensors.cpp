@@ -13,6 +13,7 @@
 #include <set>
 
 #include "runtime/error.h"
+#include "runtime/half.h"
 #include "runtime/output_file.h"
 #include "runtime/printable.h"
 #include "runtime/sha256.h"
@@ -47,17 +48,6 @@ T value_at(const std::byte* data, std::size_t i) {
   T v;
   std::memcpy(&v, data + i * sizeof(T), sizeof(T));
   return v;
-}
-
-float from_half(std::uint16_t h) {
-  const std::uint32_t sign = static_cast<std::uint32_t>(h & 0x8000u) << 16;
-  const std::uint32_t exponent = (h >> 10) & 31u, fraction = h & 1023u;
-  if (exponent == 0) {  // zero and subnormals: fraction / 2^24
-    const float magnitude = static_cast<float>(fraction) * 0x1p-24f;
-    return sign ? -magnitude : magnitude;
-  }
-  const std::uint32_t bits = exponent == 31 ? 0x7f800000u | fraction << 13 : (exponent + 112) << 23 | fraction << 13;
-  return std::bit_cast<float>(sign | bits);
 }
 
 float from_bfloat(std::uint16_t b) { return std::bit_cast<float>(static_cast<std::uint32_t>(b) << 16); }
@@ -120,13 +110,20 @@ class SafetensorsFile::Source {
     }
     size_ = static_cast<std::uint64_t>(found.st_size);
   }
-  ~Source() { ::close(descriptor_); }
+  explicit Source(std::span<const std::byte> memory) : memory_(memory), size_(memory.size()) {}
+  ~Source() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
   Source(const Source&) = delete;
   Source& operator=(const Source&) = delete;
 
   std::uint64_t size() const { return size_; }
 
   void read(std::uint64_t offset, void* into, std::size_t bytes) const {
+    if (descriptor_ < 0) {
+      if (bytes != 0) std::memcpy(into, memory_.subspan(offset, bytes).data(), bytes);
+      return;
+    }
     auto* to = static_cast<char*>(into);
     while (bytes != 0) {
       const ssize_t got = ::pread(descriptor_, to, bytes, static_cast<off_t>(offset));
@@ -142,7 +139,8 @@ class SafetensorsFile::Source {
 
  private:
   std::string path_;
-  int descriptor_ = -1;
+  int descriptor_ = -1;  // below 0: `memory_` it is
+  std::span<const std::byte> memory_;
   std::uint64_t size_ = 0;
 };
 
@@ -237,6 +235,16 @@ TensorEntry read_entry(const std::string& path, const std::string& name, const j
 }  // namespace
 
 SafetensorsFile::SafetensorsFile(const std::string& path) : path_(path), source_(std::make_unique<Source>(path)) {
+  read_header();
+}
+
+SafetensorsFile::SafetensorsFile(const std::string& name, std::span<const std::byte> content)
+    : path_(name), source_(std::make_unique<Source>(content)) {
+  read_header();
+}
+
+void SafetensorsFile::read_header() {
+  const std::string& path = path_;
   const std::uint64_t size = source_->size();
   if (size < 8)
     fail(Status::format, "{}: {} bytes, too short for a safetensors file (8 bytes and a header)", path, size);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,11 +30,14 @@ std::string text_of(const Shape& shape);  // "[4, 1025, 768]"
 // Of the digest that a file states of itself.
 enum class HashState { absent, matches, differs };
 
-// An open file whose header has been read and checked in full: every tensor lies inside the file, they neither overlap
-// nor leave holes, and sizes equal shape x dtype. Values are read on request, so no second copy of them is ever held.
+// An open file, or one in memory, whose header has been read and checked in full: every tensor lies inside the file,
+// they neither overlap nor leave holes, and sizes equal shape x dtype. Values are read on request, so no second copy of
+// them is ever held.
 class SafetensorsFile {
  public:
   explicit SafetensorsFile(const std::string& path);
+  // The same of a file's bytes in memory, which must outlive it; `name` stands for the path in errors.
+  SafetensorsFile(const std::string& name, std::span<const std::byte> content);
   ~SafetensorsFile();
   SafetensorsFile(SafetensorsFile&&) noexcept;
 
@@ -54,6 +58,7 @@ class SafetensorsFile {
 
  private:
   class Source;
+  void read_header();
   std::vector<std::byte> raw(const TensorEntry& entry) const;
 
   std::string path_;

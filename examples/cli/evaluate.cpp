@@ -101,7 +101,7 @@ void evaluate(const Options& o) {
   for (const std::string& path : {o.sheet, o.common.profile, o.common.trace}) outputs.expect(path);
 
   Session session(o.common);
-  const vsplat::Model model = vsplat::Model::load(o.model);
+  const vsplat::Model model = load_model(o.model);
   const vsplat::DataSet data(o.folders);
   options.progress = Session::on_progress;
   options.user = &session;
@@ -127,7 +127,7 @@ void add_evaluate(CLI::App& app, Run& run) {
                   "An object's folder (as reconstruct takes it), LaRa's HDF5 file, or folders of such")
       ->required()
       ->type_name("DIR...");
-  sub->add_option("-m,--model", o->model, "The model file")->required()->type_name("MODEL");
+  sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
   sub->add_option("--protocol", o->protocol,
                   "Which views are compared: the last of each of four k-means groups of the cameras (default), or ten "
                   "at random; the inputs are the first of each group")
@@ -146,7 +146,7 @@ void add_evaluate(CLI::App& app, Run& run) {
       "each\n"
       "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white.\n"
       "Examples:\n"
-      "  vsplat evaluate set/ --model model.safetensors --sheet sheet.png\n"
+      "  vsplat evaluate set/ --sheet sheet.png\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
   sub->callback([o, &run] { run = [o] { evaluate(*o); }; });
 }

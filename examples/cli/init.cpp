@@ -45,7 +45,7 @@ void init(const Options& o) {
 
 void add_init(CLI::App& app, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub = app.add_subcommand("init", "Make a model file with random weights");
+  CLI::App* sub = app.add_subcommand("init", "Make a model file with random weights, for tests and measurements");
   sub->add_option("config", o->config, "Named configuration")
       ->required()
       ->check(one_of({"paper", "small", "tiny", "micro"}))
@@ -59,6 +59,8 @@ void add_init(CLI::App& app, Run& run) {
   sub->add_option("--set", o->fields, "Change a field of the configuration")->type_name("FIELD=VALUE");
   add_common(*sub, o->common);
   sub->footer(
+      "A model with random weights makes scenes that mean nothing, in the time that a trained one takes: train makes\n"
+      "models that reconstruct, from random weights of its own, and reconstruct has one built in.\n"
       "Examples:\n"
       "  vsplat init small --seed 1 --output small.safetensors\n"
       "  vsplat init tiny --seed 7 --set fine_count=1 --set selection=sigmoid --output m.safetensors\n"

@@ -30,9 +30,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Examples:\n"
       "  vsplat devices                                   what there is to compute on\n"
-      "  vsplat init small --seed 1 --output model.safetensors\n"
-      "  vsplat reconstruct photos/ --model model.safetensors --output scene.ply \\\n"
-      "         --render orbit:8 --images pictures/\n"
+      "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
       "`vsplat COMMAND --help` tells all of a command's options, with examples.");
   command::Run run;

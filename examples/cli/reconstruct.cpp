@@ -61,7 +61,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
 
 void dry_run(const Options& o, const Request& request) {
   Session session(o.common);
-  const vsplat::Model model = vsplat::Model::load(o.model);
+  const vsplat::Model model = load_model(o.model);
   const vsplat_model_info info = model.info();
   size_t listed = 0;
   vsplat::check(vsplat_views_count(vsplat::Views::load(o.views, o.picture_folder).get(), &listed));
@@ -121,7 +121,7 @@ void reconstruct(const Options& o) {
   if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
 
   Session session(o.common);
-  const vsplat::Model model = vsplat::Model::load(o.model);
+  const vsplat::Model model = load_model(o.model);
   Shots shots;
   if (job.wanted && !job.choice.orbit) {
     shots = job.load_cameras(model.info().image);
@@ -185,7 +185,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->required()
       ->type_name("VIEWS");
-  sub->add_option("-m,--model", o->model, "The model file")->required()->type_name("MODEL");
+  sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
   sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
@@ -200,10 +200,10 @@ void add_reconstruct(CLI::App& app, Run& run) {
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
-      "  vsplat reconstruct photos/ --model model.safetensors --output scene.ply\n"
+      "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"
       "  vsplat reconstruct photos/transforms.json --model model.safetensors --output scene.ply \\\n"
       "         --views 20,25,29,32 --center -0.1,0,2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
-      "  vsplat reconstruct colmap/ --pictures photos/ --model model.safetensors --output scene.ply --auto-frame\n"
+      "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"
       "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
       "The scene is in the world of your cameras. Pictures may be PNG, JPEG or EXR; alpha and masks become white.\n"
       "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json world-to-camera\n"

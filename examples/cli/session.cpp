@@ -67,6 +67,10 @@ void Session::write_profile(Outputs& outputs) {
   if (common_.verbose) say(common_, device_.profile_text(VSPLAT_PROFILE_TABLE));
 }
 
+vsplat::Model load_model(const std::string& path) {
+  return path.empty() ? vsplat::Model::load() : vsplat::Model::load(path);
+}
+
 void print_plans(const Common& common, const std::vector<Plan>& plans) {
   if (common.json) {
     nlohmann::ordered_json out = nlohmann::ordered_json::array();

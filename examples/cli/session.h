@@ -33,6 +33,9 @@ class Session {
   vsplat::Device device_;
 };
 
+// The model of --model; where the option is not given, the one that the library carries.
+vsplat::Model load_model(const std::string& path);
+
 // A table, or JSON with --json, of what a computation needs against what there is.
 struct Plan {
   std::string title;

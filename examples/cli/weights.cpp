@@ -1,22 +1,29 @@
-// vsplat weights: what is in a model file, and whether it is whole.
+// vsplat weights: what is in a model file, whether it is whole, and the same model with other values' types.
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
+#include "outputs.h"
+#include "session.h"
 
 namespace command {
 namespace {
 
 struct Options {
   Common common;
-  std::string model;
+  std::string model, dtype, output;
+
+  // What the C interface takes: NULL for the built-in model.
+  const char* path() const { return model.empty() ? nullptr : model.c_str(); }
+  std::string name() const { return model.empty() ? "built-in model" : model; }
 };
 
 void info(const Options& o) {
   start_log(o.common);
   char* out = nullptr;
-  vsplat::check(vsplat_model_inspect(o.model.c_str(), nullptr, &out));
+  vsplat::check(vsplat_model_inspect(o.path(), nullptr, &out));
   const std::string text = vsplat::text(out);
   if (o.common.json) {
     std::printf("%s\n", text.c_str());
@@ -24,7 +31,7 @@ void info(const Options& o) {
   }
   const nlohmann::ordered_json all = nlohmann::ordered_json::parse(text);
   const auto value = [](const nlohmann::ordered_json& v) { return v.is_string() ? v.get<std::string>() : v.dump(); };
-  std::printf("%s: %s bytes\n", o.model.c_str(), all["file_bytes"].dump().c_str());
+  std::printf("%s: %s bytes\n", o.name().c_str(), all["file_bytes"].dump().c_str());
   std::printf("  %-20s %s in %s tensors\n", "parameters", all["parameters"].dump().c_str(),
               all["tensors"].dump().c_str());
   for (const auto& [dtype, count] : all["dtypes"].items())
@@ -42,36 +49,69 @@ void info(const Options& o) {
 void verify(const Options& o) {
   start_log(o.common);
   vsplat_hash_state state = VSPLAT_HASH_ABSENT;
-  vsplat::check(vsplat_model_verify(o.model.c_str(), &state));
+  vsplat::check(vsplat_model_verify(o.path(), &state));
   const bool verified = state == VSPLAT_HASH_VERIFIED;
   if (o.common.json)
     std::printf("%s\n",
-                nlohmann::ordered_json{{"model", o.model}, {"structure", "ok"}, {"hash", verified ? "ok" : "absent"}}
+                nlohmann::ordered_json{{"model", o.name()}, {"structure", "ok"}, {"hash", verified ? "ok" : "absent"}}
                     .dump(1)
                     .c_str());
   else
-    std::printf("%s: header, configuration and tensors are right; %s\n", o.model.c_str(),
+    std::printf("%s: header, configuration and tensors are right; %s\n", o.name().c_str(),
                 verified ? "the SHA-256 matches" : "no SHA-256 is stated, so damage to the values would go unseen");
 }
 
-void add_action(CLI::App& parent, Run& run, const char* name, const char* what, void (*action)(const Options&)) {
-  auto o = std::make_shared<Options>();
+void convert(const Options& o) {
+  start_log(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.model);
+  outputs.expect(o.output);
+  const vsplat::Model model = load_model(o.model);
+  model.save(outputs.begin(o.output), o.dtype == "f16" ? VSPLAT_DTYPE_F16 : VSPLAT_DTYPE_F32);
+  outputs.commit();
+  const auto bytes = std::filesystem::file_size(o.output);
+  say(o.common, o.output + ": " + o.name() + " as " + o.dtype + ", " + bytes_text(bytes));
+  if (o.common.json)
+    std::printf("%s\n",
+                nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}}.dump(1).c_str());
+}
+
+CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>& o, const char* name, const char* what,
+                     void (*action)(const Options&)) {
   CLI::App* sub = parent.add_subcommand(name, what);
-  sub->add_option("model", o->model, "A model file")->required()->type_name("MODEL");
+  sub->add_option("model", o->model, "A model file (default: the built-in model)")->type_name("MODEL");
   add_common(*sub, o->common);
-  sub->footer(std::string("Example:\n  vsplat weights ") + name + " model.safetensors");
   sub->callback([o, action, &run] { run = [o, action] { action(*o); }; });
+  return sub;
+}
+
+void add_convert(CLI::App& parent, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert);
+  sub->add_option("--dtype", o->dtype, "f16 takes half the space: each value rounded to the nearest, ties to even")
+      ->required()
+      ->check(one_of({"f16", "f32"}))
+      ->type_name("f16|f32");
+  sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("FILE");
+  sub->footer("Example:\n  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
 }
 
 }  // namespace
 
 void add_weights(CLI::App& app, Run& run) {
-  CLI::App* sub = app.add_subcommand("weights", "Look into a model file");
+  CLI::App* sub = app.add_subcommand("weights", "Look into a model file, or convert it");
   sub->require_subcommand(1);
-  add_action(*sub, run, "info", "Configuration, size, tensors and origin", info);
-  add_action(*sub, run, "verify", "Read all of it: structure, every tensor's shape, and the hash where one is stated",
-             verify);
-  sub->footer("Examples:\n  vsplat weights info model.safetensors\n  vsplat weights verify model.safetensors");
+  add_action(*sub, run, std::make_shared<Options>(), "info", "Configuration, size, tensors and origin", info)
+      ->footer("Examples:\n  vsplat weights info\n  vsplat weights info model.safetensors");
+  add_action(*sub, run, std::make_shared<Options>(), "verify",
+             "Read all of it: structure, every tensor's shape, and the hash where one is stated", verify)
+      ->footer("Example:\n  vsplat weights verify model.safetensors");
+  add_convert(*sub, run);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat weights info\n"
+      "  vsplat weights verify model.safetensors\n"
+      "  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
 }
 
 }  // namespace command

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "model/api/device.h"
+#include "model/built_in_model.h"
 #include "model/init.h"
 #include "model/params.h"
 #include "model/view_choice.h"
@@ -25,6 +26,8 @@ vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   out.hash = hash;
   return out;
 }
+
+SafetensorsFile opened(const char* path) { return path ? SafetensorsFile(path) : open_built_in_model(); }
 
 std::string json_of(const ModelInfo& info) {
   nlohmann::ordered_json out;
@@ -81,10 +84,9 @@ vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_mode
 
 vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
   return guarded([&] {
-    need(path, "path");
     need(out_model, "out_model");
     auto model = std::make_unique<vsplat_model_impl>();
-    model->file = std::make_shared<const ModelFile>(load_model(path));
+    model->file = std::make_shared<const ModelFile>(load_model(opened(path)));
     // load_model() compares the hash where there is one.
     model->hash = model->file->metadata.count("sha256") ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
     *out_model = model.release();
@@ -92,12 +94,19 @@ vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
 }
 
 vsplat_status vsplat_model_save(vsplat_model model, const char* path) {
+  return vsplat_model_save_as(model, path, VSPLAT_DTYPE_F32);
+}
+
+vsplat_status vsplat_model_save_as(vsplat_model model, const char* path, vsplat_dtype dtype) {
   return guarded([&] {
     need(model, "model");
     need(path, "path");
+    if (value_of(dtype) != VSPLAT_DTYPE_F32 && value_of(dtype) != VSPLAT_DTYPE_F16)
+      fail(Status::usage, "dtype is {}, not a value of vsplat_dtype", value_of(dtype));
     std::map<std::string, std::string> provenance = model->file->metadata;
     for (const char* own : {"format", "version", "config", "sha256"}) provenance.erase(own);
-    save_model(path, model->file->config, model->file->weights, provenance);
+    save_model(path, model->file->config, model->file->weights, provenance,
+               dtype == VSPLAT_DTYPE_F16 ? Dtype::f16 : Dtype::f32);
   });
 }
 
@@ -113,8 +122,7 @@ vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_i
 
 vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info, char** out_text) {
   return guarded([&] {
-    need(path, "path");
-    const ModelInfo info = model_info(path);
+    const ModelInfo info = model_info(opened(path));
     if (out_info)
       give(out_info, describe(info.config, info.sha256.empty() ? VSPLAT_HASH_ABSENT : VSPLAT_HASH_STATED), "out_info");
     if (out_text) *out_text = new_text(json_of(info));
@@ -123,8 +131,7 @@ vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info
 
 vsplat_status vsplat_model_verify(const char* path, vsplat_hash_state* out_state) {
   return guarded([&] {
-    need(path, "path");
     need(out_state, "out_state");
-    *out_state = verify_model(path) == HashState::matches ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+    *out_state = verify_model(opened(path)) == HashState::matches ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
   });
 }

@@ -35,12 +35,13 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile(NULL, 1));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile_text(NULL, VSPLAT_PROFILE_JSON, &text));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(NULL, NULL));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load(NULL, &model));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load("model", NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load(NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save(NULL, "model"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_as(NULL, "model", VSPLAT_DTYPE_F16));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_get_info(NULL, &model_info));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_inspect(NULL, &model_info, &text));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_verify("model", NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_verify(NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_load(NULL, 0, 0, &cameras));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_count(NULL, &count));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_get(NULL, 0, &camera));

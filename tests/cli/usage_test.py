@@ -8,11 +8,10 @@ class Usage(support.Case):
         self.refuses(2, ["unknown command devcies", "devices"], "devcies")
         self.refuses(2, ["--modle", "did you mean --model"], "reconstruct", self.views, "--modle", self.model)
         self.refuses(2, "--output", *self.reconstruct()[:4])
-        self.refuses(2, "--model", "reconstruct", self.views, "--output", self.path("x.ply"))
         self.refuses(2, "seed", "init", "micro", "--output", self.path("x"))
 
     def test_help(self):
-        for command in ([], ["devices"], ["init"], ["weights"], ["weights", "info"], ["reconstruct"], ["render"], ["bench"]):
+        for command in ([], ["devices"], ["init"], ["weights"], ["weights", "info"], ["weights", "convert"], ["reconstruct"], ["render"], ["bench"]):
             out, err = self.succeeds(*command, "--help")
             self.assertIn("Example", out)
             self.assertEqual(err, "")
@@ -77,6 +76,12 @@ class Usage(support.Case):
         self.refuses(2, "patch", "init", "micro", "--seed", 1, "--set", "patch=5", "--output", self.path("x"))
         for seed in ("-1", "x", "18446744073709551616"):
             self.refuses(2, "--seed", "init", "micro", "--seed", seed, "--output", self.path("x"))
+
+    def test_conversion(self):
+        self.refuses(2, "--dtype", "weights", "convert", self.model, "--output", self.path("x"))
+        self.refuses(2, "--output", "weights", "convert", self.model, "--dtype", "f16")
+        self.refuses(2, "bf16", "weights", "convert", self.model, "--dtype", "bf16", "--output", self.path("x"))
+        self.refuses(2, "read", "weights", "convert", self.model, "--dtype", "f16", "--output", self.model, "--overwrite")
 
     def test_one_output_twice(self):
         self.refuses(2, "twice", *self.reconstruct("--profile", self.path("out.ply")))

@@ -17,6 +17,8 @@ unset VSPLAT_KERNEL_DIR || true
 "$work/build/user_c"
 "$work/build/user_cpp"
 "$work/moved/bin/vsplat" --version
+# The model, where there is one, is inside.
+if [ -f "$here/../../model/weights/model.safetensors" ]; then "$work/moved/bin/vsplat" weights verify; fi
 
 library=$(dirname "$(find "$work/moved" -name vsplat.pc)")
 flags=$(PKG_CONFIG_PATH=$library pkg-config --define-prefix --cflags --libs vsplat)

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "model/params.h"
+#include "runtime/half.h"
 #include "tests/support/golden.h"
 #include "tests/support/temporary.h"
 
@@ -176,6 +177,47 @@ TEST_F(ModelFileTest, NamesWhatIsWrongInTheMetadata) {
   EXPECT_NE(refusal(d).find("image must be a multiple of patch (found 17 and 16)"), std::string::npos);
   d.metadata["config"] = "{}";  // the paper's sizes, which these are not
   EXPECT_NE(refusal(d).find("shape"), std::string::npos);
+}
+
+TEST_F(ModelFileTest, SavesHalves) {
+  const auto save = [&](const std::string& name, const Weights& weights) {
+    save_model(folder_ / name, golden_.config(), weights, {{"seed", "0"}}, Dtype::f16);
+    return folder_ / name;
+  };
+  const std::string path = save("half", golden_.weights());
+  const ModelFile model = load_model(path);
+  EXPECT_EQ(model.config, golden_.config());
+  EXPECT_EQ(model.metadata.at("seed"), "0");
+  for (const auto& [name, tensor] : golden_.weights().all())
+    for (std::size_t i = 0; i < tensor.data.size(); ++i)
+      ASSERT_EQ(model.weights.at(name).data[i], from_half(to_half(tensor.data[i]))) << name;
+  const ModelInfo info = model_info(path);
+  EXPECT_EQ(info.dtypes, (std::map<std::string, std::size_t>{{"F16", info.tensors}}));
+  EXPECT_EQ(verify_model(path), HashState::matches);
+  EXPECT_LT(contents_of(path).size(), contents_of(saved()).size());
+  // What was rounded once is exact.
+  EXPECT_EQ(contents_of(save("again", model.weights)), contents_of(path));
+}
+
+TEST_F(ModelFileTest, RefusesWhatHalvesCannotHold) {
+  Weights weights = golden_.weights();
+  HostTensor tensor = weights.at("div_offset");
+  tensor.data[1] = -65520.0f;
+  weights.set("div_offset", tensor);
+  try {
+    save_model(folder_.path("x"), golden_.config(), weights, {}, Dtype::f16);
+    ADD_FAILURE() << "saved";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::input);
+    for (const char* word : {"div_offset", "-65520", "65504", "F32"})
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+  }
+  EXPECT_THROW(save_model(folder_.path("x"), golden_.config(), golden_.weights(), {}, Dtype::bf16), Error);
+  EXPECT_TRUE(folder_.entries().empty());
+  tensor.data[1] = -65519.0f;
+  weights.set("div_offset", tensor);
+  save_model(folder_.path("x"), golden_.config(), weights, {}, Dtype::f16);
+  EXPECT_EQ(load_model(folder_.path("x")).weights.at("div_offset").data[1], -65504.0f);
 }
 
 TEST_F(ModelFileTest, RefusesToSaveWhatItWouldNotLoad) {

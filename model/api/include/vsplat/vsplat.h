@@ -204,22 +204,34 @@ typedef struct vsplat_model_info {
 #define VSPLAT_MODEL_INFO_INIT \
   { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT }
 
+/* How a model file holds its values; the library computes with float32. */
+typedef enum vsplat_dtype {
+  VSPLAT_DTYPE_F32 = 1,
+  VSPLAT_DTYPE_F16 = 2 /* half the size */
+} vsplat_dtype;
+
 /* A new model with random weights. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_init(const vsplat_model_options* options,
                                                             vsplat_model* out_model);
-/* Reads a model file (safetensors): checks its structure, every expected tensor and, where it states one, its hash. */
+/* Reads a model file (safetensors): checks its structure, every expected tensor and, where it states one, its hash.
+   `path` NULL: the model that the library carries; VSPLAT_ERROR_FILE where it was built without one. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model);
-/* Writes a model file, whole or not at all; with its hash. An existing file is replaced. */
+/* Writes a model file, whole or not at all; with its hash. An existing file is replaced. Values are float32. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save(vsplat_model model, const char* path);
+/* The same with values of `dtype`. Of F16 each is rounded to the nearest, ties to even; VSPLAT_ERROR_INPUT where one is
+   beyond its range (65504). */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save_as(vsplat_model model, const char* path,
+                                                               vsplat_dtype dtype);
 VSPLAT_API void vsplat_model_retain(vsplat_model model);
 VSPLAT_API void vsplat_model_release(vsplat_model model);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_info);
 /* What a model file's header says, without reading its values (hash: ABSENT or STATED), and the same as a JSON object:
    "config" (every field), "tensors", "parameters", "file_bytes", "dtypes", "sha256" and "provenance". Either out_
-   pointer may be NULL. */
+   pointer may be NULL. `path` NULL: as for vsplat_model_load. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info,
                                                                char** out_text);
-/* Reads all of a model file and keeps nothing: structure, shapes, and the hash where one is stated. */
+/* Reads all of a model file and keeps nothing: structure, shapes, and the hash where one is stated. `path` NULL:
+   as for vsplat_model_load. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_verify(const char* path, vsplat_hash_state* out_state);
 
 /* -------------------------------------------------------------------------------------------------------- cameras */

@@ -124,7 +124,15 @@ class Model : public ModelHandle {
     check(vsplat_model_load(path.c_str(), &out));
     return Model(out);
   }
-  void save(const std::string& path) const { check(vsplat_model_save(get(), path.c_str())); }
+  // The one that the library carries.
+  static Model load() {
+    vsplat_model out = nullptr;
+    check(vsplat_model_load(nullptr, &out));
+    return Model(out);
+  }
+  void save(const std::string& path, vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {
+    check(vsplat_model_save_as(get(), path.c_str(), dtype));
+  }
   vsplat_model_info info() const {
     vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
     check(vsplat_model_get_info(get(), &out));

@@ -1,0 +1,84 @@
+"""Which model is taken where none is named, with a library that carries one and with one that does not; and conversion."""
+import json
+import os
+
+import support
+
+# What the built-in model of one library is, and folders of either.
+MICRO, WITH, WITHOUT = (os.environ[name] for name in ("VSPLAT_MICRO", "VSPLAT_WITH_MODEL", "VSPLAT_WITHOUT_MODEL"))
+
+
+def library(folder):
+    return {"LD_LIBRARY_PATH": ":".join(filter(None, [folder, os.environ.get("LD_LIBRARY_PATH")]))}
+
+
+class Model(support.Case):
+    def read(self, name):
+        return open(self.path(name), "rb").read()
+
+    def info(self, *model, env=None):
+        return json.loads(self.succeeds("weights", "info", *model, "--json", env=env)[0])
+
+    def test_the_built_in_model_is_taken(self):
+        self.assertEqual(self.read("model.safetensors"), open(MICRO, "rb").read())
+        self.succeeds(*self.reconstruct())
+        self.succeeds("reconstruct", self.views, "--output", self.path("own.ply"), env=library(WITH))
+        self.assertEqual(self.read("out.ply"), self.read("own.ply"))
+        out, _ = self.succeeds("reconstruct", self.views, "--dry-run", "--json", env=library(WITH))
+        self.assertEqual(json.loads(out), json.loads(self.succeeds(*self.reconstruct("--dry-run", "--json"))[0]))
+
+    def test_evaluate_takes_it_too(self):
+        self.succeeds("dataset", "procedural", "--count", 1, "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
+        out, _ = self.succeeds("evaluate", self.path("set"), "--json", env=library(WITH))
+        self.assertEqual(out, self.succeeds("evaluate", self.path("set"), "--model", self.model, "--json")[0])
+        self.refuses(1, ["without a model", "--model"], "evaluate", self.path("set"), env=library(WITHOUT))
+
+    def test_a_named_model_goes_before_it(self):
+        self.succeeds("init", "micro", "--seed", 4, "--output", self.path("other.safetensors"))
+        named = ("reconstruct", self.views, "--model", self.path("other.safetensors"))
+        self.succeeds(*named, "--output", self.path("a.ply"))
+        self.succeeds(*named, "--output", self.path("b.ply"), env=library(WITH))
+        self.succeeds("reconstruct", self.views, "--output", self.path("own.ply"), env=library(WITH))
+        self.assertEqual(self.read("a.ply"), self.read("b.ply"))
+        self.assertNotEqual(self.read("a.ply"), self.read("own.ply"))
+
+    def test_the_built_in_model_is_shown(self):
+        self.assertEqual(self.info(env=library(WITH)), self.info(self.model))
+        out, _ = self.succeeds("weights", "info", env=library(WITH))
+        self.assertTrue(out.startswith(f"built-in model: {os.path.getsize(MICRO)} bytes\n"), out)
+        out, _ = self.succeeds("weights", "verify", "--json", env=library(WITH))
+        self.assertEqual(json.loads(out), {"model": "built-in model", "structure": "ok", "hash": "ok"})
+
+    def test_without_one_a_model_must_be_named(self):
+        words = ["without a model", "--model"]
+        for command in (("reconstruct", self.views, "--output", self.path("x.ply")), ("reconstruct", self.views, "--dry-run"),
+                        ("weights", "info"), ("weights", "verify"),
+                        ("weights", "convert", "--dtype", "f16", "--output", self.path("x.safetensors"))):
+            self.refuses(1, words, *command, env=library(WITHOUT))
+        self.succeeds(*self.reconstruct(), env=library(WITHOUT))
+
+    def test_halves_and_back(self):
+        half, whole, again = (self.path(name) for name in ("half", "whole", "again"))
+        out, _ = self.succeeds("weights", "convert", self.model, "--dtype", "f16", "--output", half, "--json")
+        self.assertEqual(json.loads(out), {"output": half, "dtype": "f16", "bytes": os.path.getsize(half)})
+        self.assertEqual(list(self.info(half)["dtypes"]), ["F16"])
+        self.assertEqual(self.info(half)["config"], self.info(self.model)["config"])
+        self.assertEqual(self.info(half)["provenance"], self.info(self.model)["provenance"])
+        tensors = 2 * self.info(self.model)["parameters"]                # at least: buffers come on top
+        self.assertLessEqual(tensors, os.path.getsize(self.model) - os.path.getsize(half))
+        self.succeeds("weights", "convert", half, "--dtype", "f32", "--output", whole)
+        self.assertEqual(list(self.info(whole)["dtypes"]), ["F32"])
+        self.succeeds("weights", "convert", whole, "--dtype", "f16", "--output", again)
+        self.assertEqual(self.read("half"), self.read("again"))
+        for model, scene in ((half, "half.ply"), (whole, "whole.ply")):
+            self.succeeds("reconstruct", self.views, "--model", model, "--output", self.path(scene))
+        self.assertEqual(self.read("half.ply"), self.read("whole.ply"))
+        self.refuses(1, "exists", "weights", "convert", self.model, "--dtype", "f16", "--output", half)
+
+    def test_the_built_in_model_as_a_file(self):
+        self.succeeds("weights", "convert", "--dtype", "f32", "--output", self.path("own.safetensors"), env=library(WITH))
+        self.assertEqual(self.read("own.safetensors"), self.read("model.safetensors"))
+
+
+if __name__ == "__main__":
+    support.main()
