@@ -1,0 +1,55 @@
+#!/bin/sh
+# Draws the pictures that the shipped model is trained on, OUTPUT/train, and those it is judged by, OUTPUT/test: the same bytes as
+# they were. README.md beside this file says what the folders of $VSPLAT_DATA hold and where they come from.
+#   VSPLAT_DATA=DIR model/weights/make-data.sh OUTPUT
+# VSPLAT names the program, where it is not build/release/bin/vsplat.
+set -eu
+LC_ALL=C  # the order of names, which decides about the patterns
+export LC_ALL
+if [ $# -ne 1 ] || [ -z "${VSPLAT_DATA-}" ]; then
+  echo "usage: VSPLAT_DATA=DIR $0 OUTPUT" >&2
+  exit 2
+fi
+here=$(cd "$(dirname "$0")" && pwd)
+vsplat=${VSPLAT:-$here/../../build/release/bin/vsplat}
+vsplat=$(cd "$(dirname "$vsplat")" && pwd)/$(basename "$vsplat")
+mkdir -p "$1"
+out=$(cd "$1" && pwd)
+cd "$VSPLAT_DATA"
+
+# The scanned objects that held-out.txt names (yes) or does not name (no), as an object's mesh a line.
+objects() {
+  for mesh in gso-textured/*/model.obj household/*/model.obj objects/*.glb; do
+    case $mesh in
+      *.glb) name=$(basename "$mesh" .glb) ;;
+      *) name=$(basename "$(dirname "$mesh")") ;;
+    esac
+    if grep -qxF "$name" "$here/held-out.txt"; then held=yes; else held=no; fi
+    if [ "$held" = "$1" ]; then echo "$mesh"; fi
+  done
+}
+test=$(objects yes)
+train=$(objects no)
+found=$(echo "$test" | wc -l)
+wanted=$(wc -l <"$here/held-out.txt")
+if [ "$found" -ne "$wanted" ]; then
+  echo "$found of the $wanted objects of held-out.txt are in $VSPLAT_DATA: each must be there once" >&2
+  exit 1
+fi
+
+# shellcheck disable=SC2086  # lists of paths without blanks
+"$vsplat" dataset render $test --output "$out/test" --views 40 --size 128 --seed 7
+# shellcheck disable=SC2086
+"$vsplat" dataset render $train --output "$out/train/scans" --views 40 --size 128 --seed 1
+# Each shape four times, with another pattern each time.
+patterns=$(ls patterns/*.jpg)
+count=$(echo "$patterns" | wc -l)
+i=0
+for k in 0 1 2 3; do
+  for shape in gso-shapes/*/model.obj; do
+    pattern=$(echo "$patterns" | sed -n "$((i % count + 1))p")
+    i=$((i + 13))
+    "$vsplat" dataset render "$shape" --texture "$pattern" --output "$out/train/shapes$k" --views 40 --size 128 --seed $((2 + k))
+  done
+done
+"$vsplat" dataset procedural --count 300 --output "$out/train/procedural" --views 32 --size 128 --seed 11
