@@ -8,6 +8,7 @@
 
 #include "model/init.h"
 #include "model/io/image_file.h"
+#include "model/io/selection_file.h"
 #include "model/training_sheet.h"
 #include "runtime/file.h"
 
@@ -39,8 +40,16 @@ std::string first_difference(const TrainConfig& a, const TrainConfig& b) {
   return "they differ";
 }
 
+Checkpoint fresh(const TrainConfig& config) {
+  Checkpoint out;
+  out.config = config;
+  out.parameters = initial_weights(config.model, config.seed);
+  return out;
+}
+
 Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
-  std::optional<Checkpoint> found = newest_checkpoint(options.output);
+  std::optional<Checkpoint> found;
+  if (fs::exists(options.output)) found = newest_checkpoint(options.output);
   if (found && !options.resume)
     fail(Status::usage,
          "{}: a training's checkpoints are there already (step {}): --resume goes on from them; or name another folder",
@@ -52,10 +61,26 @@ Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
     found->config = config;
     return std::move(*found);
   }
-  Checkpoint start;
-  start.config = config;
-  start.parameters = initial_weights(config.model, config.seed);
-  return start;
+  return fresh(config);
+}
+
+std::optional<std::vector<int>> forced(const TrainConfig& config, const std::string& selection) {
+  if (selection.empty()) return std::nullopt;
+  return read_selection(selection, config.model.voxels());
+}
+
+// The forced voxels' share, where there are any.
+double share_of(const TrainConfig& config, const std::optional<std::vector<int>>& voxels, double assumed) {
+  return voxels ? static_cast<double>(voxels->size()) / static_cast<double>(config.model.voxels()) : assumed;
+}
+
+void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
+  if (plan.fits) return;
+  const auto gib = [](std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); };
+  fail(Status::memory,
+       "not enough device memory for training: it takes {:.3f} GiB at the least, {:.3f} GiB may be used (--max-memory, "
+       "--assume-selected, fewer views, a smaller model or another device; --dry-run tells more){}",
+       gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
 }
 
 TrainingOptions reading(const TrainConfig& config, bool skip_bad) {
@@ -149,13 +174,15 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
     if (options.on_message) options.on_message(text);
   };
   const fs::path run(options.output);
+  const Checkpoint start = begin(config, options);
+  const std::optional<std::vector<int>> selection = forced(config, options.selection);
+  Trainer trainer(ctx, start, share_of(config, selection, options.assumed_selected));
+  refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
   std::error_code problem;
   fs::create_directories(run / "sheets", problem);
   if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
-  const Checkpoint start = begin(config, options);
   const std::string text = to_json(config);
   write_file((run / "config.json").string(), text.data(), text.size());
-  Trainer trainer(ctx, start);
   TrainingReader reader(data, reading(config, options.skip_bad));
   Log log((run / "log.csv").string(), start.step);
   if (start.step > 0) say(fmt::format("going on from step {}", start.step));
@@ -186,12 +213,15 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
     for (long i = 0; i < config.batch * config.accumulate; ++i)
       views.push_back(reader.at(trainer.step(), static_cast<int>(i)));
     std::vector<StepItem> items;
-    for (const TrainingViews& v : views) items.push_back({&v});
+    for (const TrainingViews& v : views) {
+      items.push_back({&v});
+      if (selection) items.back().selection = &*selection;
+    }
     StepReport report;
     try {
       report = trainer.step(items);
     } catch (const Error& e) {
-      if (e.status() != Status::internal || saved < 0) throw;
+      if (saved < 0) throw;
       fail(e.status(), "{}; the last good checkpoint is {}", e.what(), checkpoint_path(options.output, saved));
     }
     sum.add(report);
@@ -223,7 +253,14 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
   }
   save();
   result.bad = reader.bad();
+  result.peak = ctx.memory().peak();
   return result;
+}
+
+Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
+  const auto planner = ctx.planner();
+  const Trainer trainer(*planner, fresh(config), share_of(config, forced(config, options.selection), options.selected));
+  return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 
 }  // namespace vsplat

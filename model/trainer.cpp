@@ -13,6 +13,8 @@ namespace {
 // One of the streams of the seed's random numbers.
 constexpr std::uint32_t kNoiseStream = 2;
 
+double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
+
 double psnr_of(double mse) { return -10 * std::log10(std::max(mse, 1e-12)); }
 
 // What a level's views say, read from the device.
@@ -34,9 +36,24 @@ Means read_means(Context& ctx, const LevelLoss& views, std::size_t inputs) {
 
 }  // namespace
 
-Trainer::Trainer(Context& ctx, const Checkpoint& start)
-    : ctx_(ctx),
+// The slabs of what stays, made at once and to measure.
+Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start) {
+  if (ctx.planning()) return ctx;
+  const auto planner = ctx.planner();
+  const Trainer counted(*planner, start);
+  if (planner->memory().peak() > ctx.memory().limits().total)
+    fail(Status::memory,
+         "not enough device memory: the weights, their gradients and the optimiser's state take {:.3f} GiB, {:.3f} GiB "
+         "may be used (--max-memory, a smaller model or another device)",
+         gib(planner->memory().peak()), gib(ctx.memory().limits().total));
+  ctx.memory().commit(planner->memory());
+  return ctx;
+}
+
+Trainer::Trainer(Context& ctx, const Checkpoint& start, double assumed_selected)
+    : ctx_(with_slabs(ctx, start)),
       config_(start.config),
+      assumed_(std::lround(assumed_selected * static_cast<double>(start.config.model.voxels()))),
       step_(start.step),
       weights_(ctx, start.config.model, start.parameters),
       state_(start.state) {
@@ -54,10 +71,14 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start)
     if (p.trained && is_used(config_.model, p.name) && !is_frozen(config_, p.name))
       moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of ")};
   }
+  room_ = {rounded(assumed_)};
+  if (ctx.planning()) return;
+  const Plan most = bound();
+  room_.kept_between = most.fits && most.peak <= ctx.memory().limits().total / 2;
 }
 
-PassViews Trainer::upload(Context& ctx, const StepItem& item) const {
-  const TrainingViews& views = *item.views;
+PassViews Trainer::upload(Context& ctx, const Item& item, PassOptions& options) const {
+  const TrainingViews& views = *item.given.views;
   const long s = config_.model.image, n = views.inputs, all = static_cast<long>(views.cameras.size());
   const auto pixels = static_cast<std::size_t>(s * s * 3);
   if (n < 1 || n > all || views.pictures.size() != pixels * views.cameras.size())
@@ -69,60 +90,72 @@ PassViews Trainer::upload(Context& ctx, const StepItem& item) const {
   for (long v = 0; v < all; ++v) {
     out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + static_cast<std::size_t>(v) * pixels,
                                      Type::f32, "target picture"));
-    out.backgrounds.push_back(v < n ? item.input_background : views.background);
+    out.backgrounds.push_back(v < n ? item.given.input_background : views.background);
   }
+  const Tensor noise = options.forward.device_noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
+  if (item.given.noise)
+    ctx.write(noise, item.given.noise->data());
+  else
+    logistic_noise(ctx, noise, config_.seed, item.draw, kNoiseStream);
   return out;
 }
 
-StepReport Trainer::step(const std::vector<StepItem>& items) {
+StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute) {
   const Config& model_config = config_.model;
-  if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
-    fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
   StepReport report;
   report.step = step_ + 1;
   report.lr = learning_rate(config_.schedule, report.step);
   report.temperature = vsplat::temperature(config_.schedule, report.step);
-
   weights_.zero_gradients(ctx_);
-  {
-    const VsplatModel model(ctx_, model_config, weights_);
-    double mse = 0, mse_coarse = 0;
-    const double share = 1.0 / static_cast<double>(items.size());
-    for (std::size_t i = 0; i < items.size(); ++i) {
-      PassOptions options;
-      options.forward.temperature = report.temperature;
-      options.ssim_weight = static_cast<float>(config_.ssim_weight);
-      options.scale = static_cast<float>(share);
-      const Tensor noise = ctx_.tensor({model_config.voxels()}, Type::f32, "noise");
-      if (items[i].noise) {
-        ctx_.write(noise, items[i].noise->data());
-      } else {
-        const auto draw = static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i);
-        logistic_noise(ctx_, noise, config_.seed, draw, kNoiseStream);
-      }
-      options.forward.device_noise = noise;
-      options.forward.selection = items[i].selection;
-      const PassResult result = training_pass(ctx_, model, upload(ctx_, items[i]), options);
-      const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
-      const Means coarse = read_means(ctx_, result.coarse, inputs);
-      const Means fine = result.final.empty() ? coarse : read_means(ctx_, result.final, inputs);
-      report.loss += share * (result.final.empty() ? coarse.loss : coarse.loss + fine.loss);
-      mse += share * fine.mse;
-      mse_coarse += share * coarse.mse;
-      report.selected += share * static_cast<double>(result.selected) / static_cast<double>(model_config.voxels());
-      report.most_selected = std::max(report.most_selected, result.selected);
-      report.intersections = std::max(report.intersections, result.intersections);
-    }
-    report.psnr = psnr_of(mse);
-    report.psnr_coarse = psnr_of(mse_coarse);
+  const VsplatModel model(ctx_, model_config, weights_);
+  double mse = 0, mse_coarse = 0;
+  const double share = 1.0 / static_cast<double>(items.size());
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    PassOptions options;
+    options.ssim_weight = static_cast<float>(config_.ssim_weight);
+    options.forward.selection = items[i].selection;
+    options.forward.temperature = report.temperature;
+    options.scale = static_cast<float>(share);
+    const Item item{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
+    if (!room_.kept_between) room_ = {rounded(assumed_), recompute};
+    const PassResult result = finish_pass(ctx_, model, draw_in_room(ctx_, model, item, options, room_, -1));
+    const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
+    const Means coarse = read_means(ctx_, result.coarse, inputs);
+    const Means fine = result.final.empty() ? coarse : read_means(ctx_, result.final, inputs);
+    report.loss += share * (result.final.empty() ? coarse.loss : coarse.loss + fine.loss);
+    mse += share * fine.mse;
+    mse_coarse += share * coarse.mse;
+    report.selected += share * static_cast<double>(result.selected) / static_cast<double>(model_config.voxels());
+    report.most_selected = std::max(report.most_selected, result.selected);
+    report.intersections = std::max(report.intersections, result.intersections);
   }
+  report.psnr = psnr_of(mse);
+  report.psnr_coarse = psnr_of(mse_coarse);
+  return report;
+}
 
+void Trainer::clip(Context& ctx, const Tensor& out) const {
   GradientClip clip;
   for (const auto& [name, moments] : moments_) clip.grads.push_back(weights_.at(name).gradient);
   clip.max_norm = static_cast<float>(config_.clip_norm);
-  clip.out = ctx_.tensor({2}, Type::f32, "gradient norm");
-  gradient_clip(ctx_, clip);
-  report.gradient_norm = static_cast<double>(ctx_.read<float>(clip.out)[0]);
+  clip.out = out;
+  gradient_clip(ctx, clip);
+}
+
+StepReport Trainer::step(const std::vector<StepItem>& items) {
+  if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
+    fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
+  StepReport report;
+  try {
+    report = gradients(items, false);
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    room_ = {};  // nothing has moved: once more, as small as it goes
+    report = gradients(items, true);
+  }
+  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
+  clip(ctx_, norm);
+  report.gradient_norm = static_cast<double>(ctx_.read<float>(norm)[0]);
   if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) refuse(report.loss);
 
   for (const auto& [name, moments] : moments_) {
@@ -132,7 +165,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
     a.grad = w.gradient;
     a.m = moments.m;
     a.v = moments.v;
-    a.clip = clip.out;
+    a.clip = norm;
     a.step = report.step;
     a.lr = report.lr;
     a.beta1 = config_.beta1;

@@ -21,19 +21,14 @@ class Level {
     const float share = options.scale / static_cast<float>(views.cameras.size());
     for (std::size_t v = 0; v < views.cameras.size(); ++v) {
       const Camera& camera = views.cameras[v];
+      const Tensor value = ctx_.tensor({3}, Type::f32, "loss");
+      losses.push_back(value);
+      if (options.network_alone && ctx_.planning()) continue;
       RenderOptions how;
       how.near = static_cast<float>(kNearInObject);
       how.background = views.backgrounds.at(v);
       if (config_.negate_camera_centre) how.mirror = std::array<float, 3>{0, 0, 0};
-      if (options.assumed_intersections)
-        how.counts = [&](const Part&) {
-          VisibleCount all;
-          all.gaussians = static_cast<std::uint64_t>(gaussians_.count());
-          all.intersections = *options.assumed_intersections;
-          all.largest_key = 0xffffffffu;
-          return all;
-        };
-      const Tensor value = ctx_.tensor({3}, Type::f32, "loss");
+      how.counts = [&](const Part& part) { return planned(camera, part, options); };
       const auto loss = [&](Context& c, const DevicePicture& picture) {
         const Shape one{1, camera.height, camera.width, 3};
         const Tensor by = c.tensor(one, Type::f32, "loss by the picture");
@@ -42,13 +37,25 @@ class Level {
       };
       const DrawnPicture drawn = render_with_backward(ctx_, gaussians_, camera, how, loss, gradient_);
       intersections = std::max(intersections, drawn.intersections);
-      losses.push_back(value);
     }
   }
 
   GaussianGradients take() { return std::move(gradient_.front()); }
 
  private:
+  // What a plan takes a part of a picture for.
+  VisibleCount planned(const Camera& camera, const Part& part, const PassOptions& options) const {
+    if (options.whole && part.tiles() < tiles_along(camera.width) * tiles_along(camera.height))
+      fail(Status::memory, "not enough device memory to draw a picture at once");
+    VisibleCount out;
+    out.gaussians = static_cast<std::uint64_t>(gaussians_.count());
+    out.intersections = out.gaussians * static_cast<std::uint64_t>(part.tiles());
+    constexpr std::uint64_t usual = 8;  // tiles that a Gaussian touches
+    out.intersections = std::min(out.intersections, options.assumed_intersections.value_or(usual * out.gaussians));
+    out.largest_key = 0xffffffffu;
+    return out;
+  }
+
   Context& ctx_;
   const Config& config_;
   const DeviceGaussians& gaussians_;
@@ -57,27 +64,34 @@ class Level {
 
 }  // namespace
 
-PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
+DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
   const Config& config = model.config();
   const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + views.input_views());
-  VsplatModel::Trained trained =
-      model.forward_in_training(ctx, views.inputs, upload_cameras(ctx, inputs), options.forward);
-
-  PassResult out;
-  if (trained.selected) out.selected = trained.selected.dim(0);
-  GaussianGradients dcoarse, dfinal;
+  DrawnPass out;
+  out.trained =
+      model.forward_in_training(ctx, views.inputs, upload_cameras(ctx, inputs), options.forward, options.keep);
+  PassResult& result = out.result;
+  if (out.trained.selected) result.selected = out.trained.selected.dim(0);
   {
-    Level level(ctx, config, trained.coarse);
-    level.draw(views, options, out.coarse, out.intersections);
-    dcoarse = level.take();
+    Level level(ctx, config, out.trained.coarse);
+    level.draw(views, options, result.coarse, result.intersections);
+    out.dcoarse = level.take();
   }
   if (config.levels != "coarse") {
-    Level level(ctx, config, trained.final);
-    level.draw(views, options, out.final, out.intersections);
-    dfinal = level.take();
+    Level level(ctx, config, out.trained.final);
+    level.draw(views, options, result.final, result.intersections);
+    out.dfinal = level.take();
   }
-  model.backward(ctx, trained, dcoarse, dfinal);
   return out;
+}
+
+PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass) {
+  model.backward(ctx, pass.trained, pass.dcoarse, pass.dfinal);
+  return std::move(pass.result);
+}
+
+PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
+  return finish_pass(ctx, model, draw_pass(ctx, model, views, options));
 }
 
 }  // namespace vsplat

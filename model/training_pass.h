@@ -21,10 +21,15 @@ struct PassViews {
 
 struct PassOptions {
   ForwardOptions forward;
+  VsplatModel::KeepOptions keep;
   float ssim_weight = 0.5f;
   float scale = 1;  // of the gradients: the object's share in a step
-  // What a plan takes a picture's intersections of Gaussians with tiles for; RenderOptions' assumption where it is
-  // none.
+  // A plan without drawing, which makes room for itself as soon as it knows what it draws.
+  bool network_alone = false;
+  // In a plan: Error(memory) where a picture would have to be drawn in parts.
+  bool whole = false;
+  // What a plan takes a picture's intersections of Gaussians with tiles for, at the most all that there can be; eight
+  // for each Gaussian where it is none.
   std::optional<std::uint64_t> assumed_intersections;
 };
 
@@ -37,8 +42,18 @@ struct PassResult {
   std::uint64_t intersections = 0;  // the most in a picture
 };
 
-// Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the levels of
-// the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone. The same bits every time.
+// A pass as far as its backward through the network: no gradient by a weight has changed yet.
+struct DrawnPass {
+  PassResult result;
+  VsplatModel::Trained trained;
+  GaussianGradients dcoarse, dfinal;
+};
+DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
+PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass);
+
+// Both. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
+// levels of the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone. The same bits
+// every time.
 PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
 
 }  // namespace vsplat

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "model/ops/gather.h"
 #include "model/render.h"
@@ -100,21 +99,23 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
   const auto tap = [&](const char* name, const Tensor& t) {
     if (options.tap && !ctx.planning()) options.tap(name, t);
   };
+  Saved* const all = saved && !saved->again ? saved : nullptr;  // else their inputs are kept, below
 
   Coarse out;
   progress.begin("encoder", work.encoder);
-  Tensor tokens = m.encoder.forward(ctx, images, saved ? &saved->encoder : nullptr);
+  Tensor tokens = m.encoder.forward(ctx, images, all ? &all->encoder : nullptr);
   progress.begin("modulation", work.modulation);
-  out.features = m.modulation.forward(ctx, tokens, cameras, saved ? &saved->modulation : nullptr);
+  out.features = m.modulation.forward(ctx, tokens, cameras, all ? &all->modulation : nullptr);
+  if (saved && saved->again) saved->again->tokens = tokens;
   tokens = {};
   tap("features", out.features);
   progress.begin("lifting", work.lifting);
-  Tensor lifted = m.lifting.forward(ctx, out.features, cameras, saved ? &saved->lifting : nullptr);
+  Tensor lifted = m.lifting.forward(ctx, out.features, cameras, all ? &all->lifting : nullptr);
   progress.begin("volume", work.volume);
-  out.volume = m.volume.forward(ctx, std::move(lifted), saved ? &saved->volume_network : nullptr);
+  out.volume = m.volume.forward(ctx, std::move(lifted), all ? &all->volume_network : nullptr);
   tap("volume", out.volume);
   progress.begin("heads", work.heads);
-  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume, saved ? &saved->coarse_heads : nullptr);
+  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume, all ? &all->coarse_heads : nullptr);
   tap("logits", heads.logits);
   out.gaussians = heads.gaussians;
 
@@ -152,14 +153,19 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
   Progress progress(ctx, options, work.total());
   progress.skip(work.total() - work.fine);
   progress.begin("refinement", work.fine);
+  Saved* const all = saved && !saved->again ? saved : nullptr;
+  if (saved && saved->again) {
+    saved->again->skeleton = skeleton;
+    saved->again->index = state.selected.index;
+  }
   Refinement::Output refined =
       modules_->refinement.forward(ctx, {state.volume, state.features, &cameras, skeleton.means, state.selected.index},
-                                   saved ? &saved->refinement : nullptr);
+                                   all ? &all->refinement : nullptr);
   tap("projected", refined.projected);
   tap("refined", refined.refined);
   refined.projected = {};
   progress.begin("decode", 0);
-  return modules_->fine_heads.forward(ctx, refined.refined, skeleton, saved ? &saved->fine_heads : nullptr);
+  return modules_->fine_heads.forward(ctx, refined.refined, skeleton, all ? &all->fine_heads : nullptr);
 }
 
 ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
@@ -204,74 +210,6 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   }
   ctx.finish();
   return out;
-}
-
-VsplatModel::Trained VsplatModel::forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
-                                                      const ForwardOptions& options) const {
-  Trained out;
-  out.saved = std::make_shared<Saved>();
-  const Coarse state = coarse(ctx, images, cameras, options, out.saved.get());
-  out.coarse = state.gaussians;
-  out.selected = state.selected.index;
-  out.final = fine(ctx, state, cameras, options, out.saved.get());
-  out.saved->features = state.features.shape();
-  out.saved->volume = state.volume.shape();
-  return out;
-}
-
-void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                           const GaussianGradients& dfinal) const {
-  const Modules& m = *modules_;
-  Saved& saved = *trained.saved;
-  const auto zeros = [&](const Shape& shape, const char* what) {
-    Tensor out = ctx.tensor(shape, Type::f32, what);
-    ctx.fill_zero(out);
-    return out;
-  };
-  // Each stage in its own, in the forward's order turned round; what it kept goes back to the arena.
-  const Tensor dfeatures = zeros(saved.features, "gradient by features");
-  Tensor dvolume = zeros(saved.volume, "gradient by volume");
-  if (config_.levels == "fine") {
-    const long p = trained.selected.dim(0);
-    const GaussianGradients dskeleton = zero_gradients(ctx, p, config_.sh_degree);
-    {
-      const Stage stage(ctx, "decode");
-      const Tensor drefined = ctx.tensor({p, config_.fine_dim}, Type::f32, "gradient by refined");
-      m.fine_heads.backward(ctx, std::exchange(saved.fine_heads, {}), dfinal, drefined, dskeleton);
-      const Stage refinement(ctx, "refinement");
-      m.refinement.backward(ctx, std::exchange(saved.refinement, {}), drefined, {dvolume, dfeatures, dskeleton.means});
-    }
-    const Stage stage(ctx, "selection");
-    gather_backward(ctx, dskeleton, trained.selected, dcoarse);
-  } else if (config_.levels == "skeletal") {
-    const Stage stage(ctx, "selection");
-    gather_backward(ctx, dfinal, trained.selected, dcoarse);
-  }
-  Tensor dlogits;
-  if (config_.levels != "coarse") {
-    const Stage stage(ctx, "selection");
-    dlogits = select_voxels_backward(ctx, saved.selection, dcoarse.opacities);
-  }
-  {
-    const Stage stage(ctx, "heads");
-    m.coarse_heads.backward(ctx, std::exchange(saved.coarse_heads, {}), dlogits, dcoarse, dvolume, true);
-  }
-  Tensor dlifted;
-  {
-    const Stage stage(ctx, "volume");
-    dlifted = m.volume.backward(ctx, std::exchange(saved.volume_network, {}), std::exchange(dvolume, {}));
-  }
-  {
-    const Stage stage(ctx, "lifting");
-    m.lifting.backward(ctx, std::exchange(saved.lifting, {}), std::exchange(dlifted, {}), dfeatures);
-  }
-  Tensor dtokens;
-  {
-    const Stage stage(ctx, "modulation");
-    dtokens = m.modulation.backward(ctx, std::exchange(saved.modulation, {}), dfeatures);
-  }
-  const Stage stage(ctx, "encoder");
-  m.encoder.backward(ctx, std::exchange(saved.encoder, {}), dtokens);
 }
 
 MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_share) const {

@@ -60,8 +60,13 @@ class VsplatModel {
   ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                         const ForwardOptions& options) const;
 
-  // In training: forward that keeps what backward needs, without a plan of its memory and without reading `selected`,
-  // which is `count` voxels. `ctx` may be a planner.
+  // In training: forward that keeps what backward needs, without a plan of its memory. `ctx` may be a planner.
+  struct KeepOptions {
+    // Stages keep their inputs alone, and backward runs each once more before its own: the same bits from less memory.
+    bool recompute = false;
+    // Called with the number of selected voxels, as soon as it is known. May throw to end the forward there.
+    std::function<void(long)> on_selected;
+  };
   struct Saved;
   struct Trained {
     DeviceGaussians coarse, final;
@@ -69,7 +74,7 @@ class VsplatModel {
     std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
   };
   Trained forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
-                              const ForwardOptions& options) const;
+                              const ForwardOptions& options, const KeepOptions& keep) const;
   // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
   // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level.
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
@@ -92,6 +97,8 @@ class VsplatModel {
                 Saved* saved) const;
   DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras, const ForwardOptions& options,
                        Saved* saved) const;
+  void run_fine_again(Context& ctx, Saved& saved) const;
+  void run_volume_again(Context& ctx, Saved& saved) const;
 
   Config config_;
   std::unique_ptr<Modules> modules_;

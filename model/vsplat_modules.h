@@ -40,6 +40,15 @@ struct VsplatModel::Coarse {
 
 // What each stage keeps.
 struct VsplatModel::Saved {
+  // What stages are run again from; nothing else is then kept of them, but of the selection.
+  struct Inputs {
+    Tensor images, tokens, features, volume;
+    DeviceCameras cameras;
+    DeviceGaussians skeleton;  // where `levels` is "fine", as is `index`
+    Tensor index;
+  };
+  std::optional<Inputs> again;
+
   Vit::Saved encoder;
   PoseModulation::Saved modulation;
   Lifting::Saved lifting;

@@ -1,10 +1,12 @@
 // vsplat train: a model from data sets.
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <vsplat/vsplat.hpp>
 
+#include "arguments.h"
 #include "session.h"
 
 namespace command {
@@ -14,7 +16,8 @@ struct Options {
   Common common;
   std::string config, output;
   std::vector<std::string> data;
-  bool resume = false, print_config = false, skip_bad = false;
+  std::string selection, assume_selected, assume_intersections;
+  bool resume = false, print_config = false, skip_bad = false, dry_run = false;
 };
 
 std::string read_config(const std::string& path) {
@@ -27,11 +30,12 @@ std::string read_config(const std::string& path) {
 
 // Errors of the configuration begin with its path.
 std::string whole_config(const std::string& path) {
-  char* text = nullptr;
-  const std::string given = path.empty() ? "" : read_config(path);
-  if (vsplat_train_config(path.empty() ? nullptr : given.c_str(), &text) != VSPLAT_OK)
-    throw std::runtime_error(path + ": " + vsplat_last_error());
-  return vsplat::text(text);
+  if (path.empty()) return vsplat::train_config();
+  try {
+    return vsplat::train_config(read_config(path));
+  } catch (const vsplat::Error& e) {
+    throw vsplat::Error(e.status(), (path + ": " + e.what()).c_str());
+  }
 }
 
 void tell(void* user, const vsplat_train_progress* p) {
@@ -44,6 +48,45 @@ void tell(void* user, const vsplat_train_progress* p) {
   say(*common, line);
 }
 
+double share(const Options& o) {
+  if (o.assume_selected.empty()) return 0;
+  const double out = number("--assume-selected", o.assume_selected);
+  if (!(out > 0 && out <= 1))
+    throw UsageError("--assume-selected is \"" + o.assume_selected +
+                     "\": a share of the voxels, above 0 and up to 1, expected");
+  return out;
+}
+
+uint64_t intersections(const Options& o) {
+  if (o.assume_intersections.empty()) return 0;
+  const double out = positive_number("--assume-intersections", o.assume_intersections, "a number of them");
+  if (out != std::floor(out) || out > 1e15)
+    throw UsageError("--assume-intersections is \"" + o.assume_intersections + "\": a whole number expected");
+  return static_cast<uint64_t>(out);
+}
+
+// The stated case, and what no step can go beyond.
+void dry_run(const Options& o, const std::string& config) {
+  Session session(o.common);
+  vsplat_train_plan_options options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT;
+  options.selected = share(o);
+  options.selection = o.selection.empty() ? nullptr : o.selection.c_str();
+  options.intersections = intersections(o);
+  char title[256];
+  std::string selected = "the voxels of " + o.selection;
+  if (o.selection.empty()) {
+    std::snprintf(title, sizeof title, "%.4g %% of the voxels", options.selected > 0 ? 100 * options.selected : 25.0);
+    selected = title;
+  }
+  std::snprintf(title, sizeof title, " selected, %s intersections a picture",
+                options.intersections > 0 ? std::to_string(options.intersections).c_str() : "8 per Gaussian");
+  std::vector<Plan> plans{{"a step with " + selected + title, vsplat::train_plan(session.device(), config, options)}};
+  options.bound = 1;
+  plans.push_back({"all voxels selected and every Gaussian in every tile: no step takes more",
+                   vsplat::train_plan(session.device(), config, options)});
+  print_plans(o.common, plans);
+}
+
 void train(const Options& o) {
   start_log(o.common);
   const std::string config = whole_config(o.config);
@@ -52,8 +95,12 @@ void train(const Options& o) {
     return;
   }
   if (o.config.empty()) throw UsageError("train needs CONFIG, a JSON file; --print-config shows what it may hold");
+  if (o.dry_run) return dry_run(o, config);
   if (o.data.empty()) throw UsageError("train needs --data, folders with objects");
   if (o.output.empty()) throw UsageError("train needs --output, the run's folder");
+  Outputs outputs(o.common.overwrite);
+  for (const std::string& path : {o.config, o.selection}) outputs.input(path);
+  for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
   Session session(o.common);
   std::vector<const char*> data;
   for (const std::string& path : o.data) data.push_back(path.c_str());
@@ -67,19 +114,24 @@ void train(const Options& o) {
   options.on_message = [](void* user, const char* text) { say(*static_cast<const Common*>(user), text); };
   options.go_on = [](void*) -> int32_t { return interrupted() ? 0 : 1; };
   options.user = const_cast<Common*>(&o.common);
-  vsplat_train_result result = VSPLAT_TRAIN_RESULT_INIT;
-  vsplat::check(vsplat_train(session.device().get(), config.c_str(), &options, &result));
+  options.selection = o.selection.empty() ? nullptr : o.selection.c_str();
+  options.assume_selected = share(o);
+  options.assume_intersections = intersections(o);
+  const vsplat_train_result result = vsplat::train(session.device(), config, options);
   if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
+  say(o.common, "at most " + bytes_text(result.peak) + " of device memory");
   const std::string model = o.output + "/model.safetensors";
   if (result.stopped) say(o.common, "stopped after step " + std::to_string(result.step) + "; --resume goes on");
   if (o.common.json)
-    std::printf("%s\n",
-                nlohmann::ordered_json{
-                    {"step", result.step}, {"stopped", result.stopped != 0}, {"bad", result.bad}, {"model", model}}
-                    .dump(1)
-                    .c_str());
-  Outputs outputs(o.common.overwrite);
+    std::printf("%s\n", nlohmann::ordered_json{{"step", result.step},
+                                               {"stopped", result.stopped != 0},
+                                               {"bad", result.bad},
+                                               {"peak_bytes", result.peak},
+                                               {"model", model}}
+                            .dump(1)
+                            .c_str());
   session.write_profile(outputs);
+  outputs.commit();
 }
 
 }  // namespace
@@ -95,12 +147,28 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_flag("--resume", o->resume, "Go on from the newest good checkpoint in RUN");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
   sub->add_flag("--skip-bad", o->skip_bad, "Pass over and count data that cannot be read");
+  const char* memory = "Memory";
+  sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes; needs no data")->group(memory);
+  sub->add_option("--assume-selected", o->assume_selected,
+                  "Share of the voxels that memory is made for at first (default 0.25)")
+      ->type_name("F")
+      ->group(memory);
+  sub->add_option("--assume-intersections", o->assume_intersections,
+                  "Of Gaussians with tiles in a picture, as log.csv has them (default: 8 for each Gaussian)")
+      ->type_name("N")
+      ->group(memory);
+  sub->add_option("--selection", o->selection, "Refine these voxels in every step, whatever the network chooses")
+      ->type_name("FILE")
+      ->group(memory);
   add_common(*sub, o->common);
   sub->footer(
       "An interrupt (Ctrl-C) writes a checkpoint and stops; what is resumed ends with the same bits.\n"
       "Example:\n"
       "  vsplat dataset procedural --count 64 --size 128 --output solids\n"
-      "  vsplat train small.json --data solids --output run");
+      "  echo '{\"model\": \"small\", \"steps\": 20000}' > small.json\n"
+      "  vsplat train small.json --dry-run\n"
+      "  vsplat train small.json --data solids --output run\n"
+      "  vsplat train small.json --data solids --output run --resume");
   sub->callback([o, &run] { run = [o] { train(*o); }; });
 }
 

@@ -2,6 +2,7 @@
 #include "model/train.h"
 
 #include "model/api/device.h"
+#include "model/api/plan.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -27,6 +28,25 @@ vsplat_train_progress progress_of(const TrainProgress& p) {
   out.objects_per_second = p.objects_per_second;
   out.seconds_left = p.seconds_left;
   return out;
+}
+
+// A share of the voxels; 0: the default.
+double share_of(double asked, const char* what) {
+  if (!(asked >= 0) || asked > 1) fail(Status::usage, "{} is {}: a share of 0 to 1 expected", what, asked);
+  return asked > 0 ? asked : 0.25;
+}
+
+std::optional<std::uint64_t> known(uint64_t intersections) {
+  return intersections > 0 ? std::optional<std::uint64_t>(intersections) : std::nullopt;
+}
+
+// What inference left on the device is in the way.
+void clear(vsplat_device device) {
+  device->model.reset();
+  device->model_key.reset();
+  device->scene.reset();
+  device->scene_key.reset();
+  device->context.memory().trim();
 }
 
 std::vector<std::string> paths_of(const vsplat_train_options& o) {
@@ -61,17 +81,34 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
       };
     if (o.on_message) t.on_message = [&o](const std::string& text) { o.on_message(o.user, text.c_str()); };
     if (o.go_on) t.stop = [&o] { return o.go_on(o.user) == 0; };
-    // What inference left on the device is in the way.
-    device->model.reset();
-    device->model_key.reset();
-    device->scene.reset();
-    device->scene_key.reset();
+    if (o.selection) t.selection = o.selection;
+    t.assumed_selected = share_of(o.assume_selected, "options.assume_selected");
+    t.assumed_intersections = known(o.assume_intersections);
+    clear(device);
     const TrainResult result = train(device->context, train_config_from_json(config), open_data_set(paths_of(o)), t);
     vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
     out.step = result.step;
     out.stopped = result.stopped ? 1 : 0;
     out.bad = static_cast<uint64_t>(result.bad);
+    out.peak = result.peak;
     if (out_result) give(out_result, out, "out_result");
+  });
+}
+
+vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const vsplat_train_plan_options* options,
+                                vsplat_plan* out_plan) {
+  return guarded([&] {
+    need(device, "device");
+    need(config, "config");
+    const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
+    TrainPlanOptions p;
+    if (o.selection) p.selection = o.selection;
+    p.selected = share_of(o.selected, "options.selected");
+    p.intersections = known(o.intersections);
+    p.bound = o.bound != 0;
+    clear(device);
+    const Trainer::Plan plan = plan_train(device->context, train_config_from_json(config), p);
+    give(out_plan, plan_of(plan.stages, plan.peak, device->context.memory().limits().total, plan.fits), "out_plan");
   });
 }
 

@@ -72,7 +72,7 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
   const auto run = [&] {
     weights.zero_gradients(ctx);
     VsplatModel::Trained trained = model.forward_in_training(
-        ctx, views.inputs, upload_cameras(ctx, test::golden_cameras(golden)), options_of(ctx, golden));
+        ctx, views.inputs, upload_cameras(ctx, test::golden_cameras(golden)), options_of(ctx, golden), {});
     const bool one_level = golden.config().levels == "coarse";
     model.backward(ctx, trained, cotangent(ctx, golden, "coarse"),
                    one_level ? GaussianGradients() : cotangent(ctx, golden, "final"));

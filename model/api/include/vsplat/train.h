@@ -37,18 +37,23 @@ typedef struct vsplat_train_options {
   void (*on_message)(void* user, const char* text);                       /* what was written */
   int32_t (*go_on)(void* user); /* asked after every step; 0: a checkpoint is written and the training ends */
   void* user;
+  const char* selection;  /* NULL, or a file of voxels as vsplat_scene_save_selection writes it: these are refined in
+                             every step, whatever the network would choose */
+  double assume_selected; /* share of the voxels that memory is made for at first; 0: 0.25 */
+  uint64_t assume_intersections; /* in a picture, for the check before the start; 0: eight tiles for each Gaussian */
 } vsplat_train_options;
 #define VSPLAT_TRAIN_OPTIONS_INIT \
-  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL }
+  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0 }
 
 typedef struct vsplat_train_result {
   size_t size;
   int64_t step;    /* steps done */
   int32_t stopped; /* not 0: go_on said so */
   uint64_t bad;    /* views and objects passed over */
+  uint64_t peak;   /* the most device memory that was held, bytes */
 } vsplat_train_result;
 #define VSPLAT_TRAIN_RESULT_INIT \
-  { sizeof(vsplat_train_result), 0, 0, 0 }
+  { sizeof(vsplat_train_result), 0, 0, 0, 0 }
 
 /* Trains, from the beginning or from a checkpoint, and writes into `output`: config.json, log.csv, sheets/, the newest
    checkpoints, each whole or not at all, and with them model.safetensors, which vsplat_model_load takes. `config`: a
@@ -56,11 +61,30 @@ typedef struct vsplat_train_result {
    training was interrupted. Callbacks are called on this thread and may not use the device.
    VSPLAT_ERROR_USAGE where the folder holds checkpoints and `resume` is 0, or checkpoints of another configuration;
    VSPLAT_ERROR_FORMAT for a field of the configuration; VSPLAT_ERROR_INPUT for data, naming object, view and field;
+   VSPLAT_ERROR_MEMORY before the start, with both figures, where vsplat_train_plan says that it does not fit;
    VSPLAT_ERROR_FILE where nothing can be written (earlier checkpoints stay); VSPLAT_ERROR_INTERNAL where the loss is no
    longer a number, naming step, tensor and the last good checkpoint. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train(vsplat_device device, const char* config,
                                                        const vsplat_train_options* options,
                                                        vsplat_train_result* out_result);
+
+typedef struct vsplat_train_plan_options {
+  size_t size;
+  double selected;        /* share of the voxels that are selected; 0: 0.25 */
+  const char* selection;  /* NULL, or a file of voxels, whose number counts instead */
+  uint64_t intersections; /* of Gaussians with tiles in each picture; 0: eight for each Gaussian */
+  int32_t bound;          /* not 0: all voxels, and every Gaussian in every tile, whatever stands above */
+} vsplat_train_plan_options;
+#define VSPLAT_TRAIN_PLAN_OPTIONS_INIT \
+  { sizeof(vsplat_train_plan_options), 0.0, NULL, 0, 0 }
+
+/* Device memory of a training, weights and optimiser's state included, without computing anything; `options` NULL: the
+   defaults. Where a step would not fit, what it can do without is left out first: activations are computed a second
+   time in the backward, then pictures are drawn in parts. Where it does not fit for all that, `fits` is 0 and `peak`
+   what it takes at the least. Errors as vsplat_train has them. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train_plan(vsplat_device device, const char* config,
+                                                            const vsplat_train_plan_options* options,
+                                                            vsplat_plan* out_plan);
 
 /* The configuration with every field, as JSON; `config` NULL: the defaults. vsplat_text_free frees the text. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train_config(const char* config, char** out_text);

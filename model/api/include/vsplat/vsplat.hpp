@@ -478,6 +478,24 @@ inline Gradient render_backward(const Device& device, const Scene& scene, const 
   return out;
 }
 
+// Training, see vsplat/train.h. The configuration with every field, from one with some or, where it is empty, none.
+inline std::string train_config(const std::string& config = "") {
+  char* out = nullptr;
+  check(vsplat_train_config(config.empty() ? nullptr : config.c_str(), &out));
+  return text(out);
+}
+inline vsplat_plan train_plan(const Device& device, const std::string& config,
+                              const vsplat_train_plan_options& options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT) {
+  vsplat_plan out = VSPLAT_PLAN_INIT;
+  check(vsplat_train_plan(device.get(), config.c_str(), &options, &out));
+  return out;
+}
+inline vsplat_train_result train(const Device& device, const std::string& config, const vsplat_train_options& options) {
+  vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
+  check(vsplat_train(device.get(), config.c_str(), &options, &out));
+  return out;
+}
+
 }  // namespace cxx
 }  // namespace vsplat
 

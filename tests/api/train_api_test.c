@@ -1,0 +1,94 @@
+/* Training through the C interface: misuse with the status of each, the configuration, and the plan of its memory. What
+   a training does is tested through the command, which is made of the same calls. */
+#include <string.h>
+#include <vsplat/vsplat.h>
+
+#include "checks.h"
+
+static const char* const micro = "{\"model\": \"micro\", \"steps\": 3}";
+
+static void refuses(vsplat_device device) {
+  const char* const nowhere[] = {"/nonexistent/objects"};
+  const char* const null_path[] = {NULL};
+  char* text = NULL;
+  vsplat_train_options options = VSPLAT_TRAIN_OPTIONS_INIT;
+  vsplat_train_plan_options plan_options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT;
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  vsplat_train_result result = VSPLAT_TRAIN_RESULT_INIT;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(NULL, micro, &options, &result));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, NULL, &options, &result));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, micro, NULL, &result));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, micro, &options, &result)); /* no output */
+  options.output = "/nonexistent/run";
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, micro, &options, &result)); /* no data */
+  options.num_data = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, micro, &options, &result));
+  options.data = null_path;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, micro, &options, &result));
+  options.data = nowhere;
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_train(device, micro, &options, &result));
+  HOLD(strstr(vsplat_last_error(), nowhere[0]) != NULL);
+  options.assume_selected = 1.5;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train(device, micro, &options, &result));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_plan(NULL, micro, NULL, &plan));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_plan(device, NULL, NULL, &plan));
+  EXPECT(VSPLAT_ERROR_FORMAT, vsplat_train_plan(device, "{\"step\": 3}", NULL, &plan));
+  HOLD(strstr(vsplat_last_error(), "step") != NULL);
+  plan_options.selected = -0.5;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_plan(device, micro, &plan_options, &plan));
+  plan_options.selected = 0;
+  plan_options.selection = "/nonexistent/voxels.txt";
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_train_plan(device, micro, &plan_options, &plan));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_config(NULL, NULL));
+  EXPECT(VSPLAT_ERROR_FORMAT, vsplat_train_config("{\"steps\": true}", &text));
+  HOLD(!text);
+}
+
+static void configures(void) {
+  char *text = NULL, *again = NULL;
+  EXPECT(VSPLAT_OK, vsplat_train_config(micro, &text));
+  HOLD(text && strstr(text, "\"steps\": 3") && strstr(text, "\"weight_decay\": 0.05"));
+  if (!text) return;
+  EXPECT(VSPLAT_OK, vsplat_train_config(text, &again));
+  HOLD(again && strcmp(text, again) == 0);
+  vsplat_text_free(text);
+  vsplat_text_free(again);
+}
+
+static void plans(vsplat_device device) {
+  vsplat_train_plan_options options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT;
+  vsplat_plan usual = VSPLAT_PLAN_INIT, more = VSPLAT_PLAN_INIT, bound = VSPLAT_PLAN_INIT, drawn = VSPLAT_PLAN_INIT;
+  EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, NULL, &usual));
+  HOLD(usual.fits == 1 && usual.peak > 100000 && usual.peak <= usual.limit && usual.num_stages > 5);
+  options.selected = 0.75;
+  EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &options, &more));
+  HOLD(more.peak > usual.peak);
+  options.intersections = 100000000; /* no more than there can be */
+  EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &options, &drawn));
+  options.bound = 1;
+  EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &options, &bound));
+  HOLD(bound.peak >= more.peak && bound.peak >= drawn.peak);
+}
+
+static void tells_what_does_not_fit(void) {
+  vsplat_device device = NULL;
+  vsplat_device_options options = VSPLAT_DEVICE_OPTIONS_INIT;
+  vsplat_plan plan = VSPLAT_PLAN_INIT;
+  options.max_memory_gib = 0.0001;
+  EXPECT(VSPLAT_OK, vsplat_device_open(&options, &device));
+  EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, NULL, &plan));
+  HOLD(plan.fits == 0 && plan.peak > plan.limit);
+  vsplat_device_release(device);
+}
+
+int main(void) {
+  vsplat_device device = NULL;
+  EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
+  refuses(device);
+  configures();
+  plans(device);
+  tells_what_does_not_fit();
+  vsplat_device_release(device);
+  if (failures) printf("%d checks do not hold\n", failures);
+  return failures != 0;
+}
