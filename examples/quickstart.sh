@@ -1,5 +1,6 @@
 #!/bin/sh
-# Set-up, build and the main job on the bundled photographs. Leaves its results in out/quickstart.
+# Set-up, build and the main job: an object that the shipped model was not trained on, then photographs. Leaves its results in
+# out/quickstart.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -10,14 +11,17 @@ cmake --build --preset release --target vsplat_cli
 vsplat=build/release/bin/vsplat
 out=out/quickstart
 mkdir -p $out
-$vsplat init small --seed 1 --output $out/small.safetensors --overwrite
-$vsplat reconstruct examples/data/painted_skull --model $out/small.safetensors --output $out/skull.ply \
-  --render orbit:8 --images $out/pictures --size 256x256 --write-views $out/views --profile $out/profile.json --overwrite
+$vsplat reconstruct examples/data/garden_gnome --output $out/gnome.ply \
+  --render orbit:48 --turntable $out/gnome.webp --sheet $out/gnome.png --size 256x256 --profile $out/profile.json --overwrite
+$vsplat reconstruct examples/data/painted_skull --output $out/skull.ply \
+  --render orbit:48 --up 0,0,1 --turntable $out/skull.webp --sheet $out/skull.png --size 256x256 --write-views $out/views --overwrite
 
 echo
-echo "Made:"
-echo "  $out/skull.ply        the scene: any viewer of 3D Gaussian splats opens it"
-echo "  $out/pictures/        8 pictures of it from a circle about the object"
-echo "  $out/views/           what the network saw of the photographs in examples/data/painted_skull"
-echo "  $out/profile.json     every kernel's time"
-echo "The model has random weights: until a trained one is shipped the scene means nothing."
+echo "Made in $out:"
+echo "  gnome.ply      the scene made of the four pictures in examples/data/garden_gnome: any viewer of 3D Gaussian splats opens it"
+echo "  gnome.webp     it turning"
+echo "  gnome.png      the same pictures side by side"
+echo "  skull.*        the same of the four photographs in examples/data/painted_skull"
+echo "  views/         what the network saw of these"
+echo "  profile.json   every kernel's time for the gnome"
+echo "The model is small and sees pictures of 64 x 64 pixels: expect shape and colour, no detail; model/weights/README.md says how good it is."

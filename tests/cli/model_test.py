@@ -79,6 +79,12 @@ class Model(support.Case):
         self.succeeds("weights", "convert", "--dtype", "f32", "--output", self.path("own.safetensors"), env=library(WITH))
         self.assertEqual(self.read("own.safetensors"), self.read("model.safetensors"))
 
+    def test_the_bundled_pictures_are_read(self):
+        data = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "examples", "data")
+        for name in ("garden_gnome", "painted_skull"):
+            out, _ = self.succeeds("reconstruct", os.path.join(data, name), "--output", self.path(name + ".ply"), "--json", env=library(WITH))
+            self.assertEqual(json.loads(out)["views"], 2)                # as many as micro takes, of four
+
 
 if __name__ == "__main__":
     support.main()
