@@ -163,6 +163,20 @@ class Sum {
   long count_ = 0;
 };
 
+// What writes left that a kill cut short.
+void remove_unfinished(const fs::path& folder) {
+  std::error_code problem;
+  std::vector<fs::path> found;
+  for (auto it = fs::directory_iterator(folder, problem); !problem && it != fs::directory_iterator();
+       it.increment(problem)) {
+    const std::string name = it->path().filename().string();
+    if (!name.ends_with(".tmp")) continue;
+    for (const char* ours : {"checkpoint-", "config.json.", "log.csv.", "model.safetensors.", "step-"})
+      if (name.starts_with(ours)) found.push_back(it->path());
+  }
+  for (const fs::path& path : found) fs::remove(path, problem);
+}
+
 std::string step_name(const char* what, long step, const char* suffix) {
   return fmt::format("{}-{:08d}{}", what, step, suffix);
 }
@@ -181,6 +195,8 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
   std::error_code problem;
   fs::create_directories(run / "sheets", problem);
   if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
+  remove_unfinished(run);
+  remove_unfinished(run / "sheets");
   const std::string text = to_json(config);
   write_file((run / "config.json").string(), text.data(), text.size());
   TrainingReader reader(data, reading(config, options.skip_bad));
