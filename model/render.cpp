@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/ops/tile_bin.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 namespace {
@@ -124,8 +125,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
            "not enough device memory: {} of {} Gaussians touch the tile of 16 x 16 pixels at {}, {} of {} x {}, which "
            "cannot be drawn in the {:.4g} GiB that may be used (--max-memory) beside the {:.4g} GiB in use",
            count.gaussians, scene.count, part.x0 * kTile, part.y0 * kTile, camera.width, camera.height,
-           static_cast<double>(ctx.memory().limits().total) / (1ull << 30),
-           static_cast<double>(ctx.memory().live()) / (1ull << 30));
+           gib(ctx.memory().limits().total), gib(ctx.memory().live()));
     }
   }
 }

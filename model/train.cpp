@@ -11,6 +11,7 @@
 #include "model/io/selection_file.h"
 #include "model/training_sheet.h"
 #include "runtime/file.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 namespace {
@@ -76,7 +77,6 @@ double share_of(const TrainConfig& config, const std::optional<std::vector<int>>
 
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
-  const auto gib = [](std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); };
   fail(Status::memory,
        "not enough device memory for training: it takes {:.3f} GiB at the least, {:.3f} GiB may be used (--max-memory, "
        "--assume-selected, fewer views, a smaller model or another device; --dry-run tells more){}",

@@ -5,11 +5,10 @@
 
 #include "model/render.h"
 #include "model/trainer.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 namespace {
-
-double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
 
 constexpr long kMargin = 1 << 16;  // elements for what drawing asks for beside the plans of its own
 

@@ -5,6 +5,7 @@
 
 #include "runtime/error.h"
 #include "runtime/opencl.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 
@@ -42,8 +43,6 @@ struct Slab {
 };
 
 std::size_t round_up(std::size_t n, std::size_t to) { return (n + to - 1) / to * to; }
-
-double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
 
 // Slabs without a plan are at least this large, so that small tensors share one.
 constexpr std::size_t least_slab = std::size_t{4} << 20;

@@ -1,0 +1,9 @@
+// Units that messages are written in.
+#pragma once
+#include <cstddef>
+
+namespace vsplat {
+
+inline double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
+
+}  // namespace vsplat
