@@ -4,6 +4,7 @@
 #include <charconv>
 #include <utility>
 
+#include "model/field_checks.h"
 #include "model/json_fields.h"
 #include "model/params.h"
 
@@ -87,35 +88,8 @@ bool parse_field(const std::string& text, std::vector<int>& out) {
   return true;
 }
 
-class Checker {
- public:
-  explicit Checker(Status status) : status_(status) {}
-
-  template <class Value>
-  void need(bool ok, const std::string& text, const Value& found) const {
-    if (!ok) fail(status_, "{} (found {})", text, found);
-  }
-
-  void at_most(const char* name, int value, int most) const {
-    need(value <= most, fmt::format("{} must be at most {}", name, most), value);
-  }
-
-  void one_of(const char* name, const std::string& value, const std::vector<std::string>& allowed) const {
-    need(std::find(allowed.begin(), allowed.end(), value) != allowed.end(),
-         fmt::format("{} must be one of {}", name, fmt::join(allowed, ", ")), shown(value));
-  }
-
-  // Kernels index with 32 bits: no tensor may have more elements.
-  void indexable(const char* what, double elements) const {
-    need(elements <= 2147483647.0, fmt::format("{} must be at most 2147483647", what), fmt::format("{:.0f}", elements));
-  }
-
- private:
-  Status status_;
-};
-
 // Bounds so far out that no sensible model meets them, so near that products of a few of them fit 64 bits.
-void check_bounds(const Config& c, const Checker& is) {
+void check_bounds(const Config& c, const FieldChecks& is) {
   is.at_most("image", c.image, 8192);
   is.at_most("patch", c.patch, 256);
   is.at_most("vit_dim", c.vit_dim, 16384);
@@ -131,7 +105,7 @@ void check_bounds(const Config& c, const Checker& is) {
   is.at_most("fine_count", c.fine_count, 1024);
 }
 
-void check_sizes(const Config& c, const Checker& is) {
+void check_sizes(const Config& c, const FieldChecks& is) {
   const double tokens = static_cast<double>(c.tokens()) * c.tokens() + 1;
   is.indexable("the encoder's values for 16 views, 16 (tokens + 1) 4 vit_dim,", 16 * tokens * 4 * c.vit_dim);
   const double voxels = static_cast<double>(c.voxels());
@@ -174,7 +148,7 @@ Config named_config(const std::string& name) {
 }
 
 void check(const Config& c, Status status) {
-  const Checker is(status);
+  const FieldChecks is(status);
   const std::pair<const char*, int> positive[] = {{"image", c.image},         {"patch", c.patch},
                                                   {"vit_dim", c.vit_dim},     {"vit_depth", c.vit_depth},
                                                   {"vit_heads", c.vit_heads}, {"vit_pos_grid", c.vit_pos_grid},

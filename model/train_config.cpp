@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "model/field_checks.h"
 #include "model/json_fields.h"
 #include "model/params.h"
 #include "runtime/file.h"
@@ -61,34 +62,7 @@ std::vector<std::string> field_names() {
   return names;
 }
 
-class Checker {
- public:
-  explicit Checker(Status status) : status_(status) {}
-
-  template <class Value>
-  void need(bool ok, const std::string& text, const Value& found) const {
-    if (!ok) fail(status_, "{} (found {})", text, found);
-  }
-
-  void within(const char* name, long value, long least, long most) const {
-    need(value >= least && value <= most, fmt::format("{} must be {} to {}", name, least, most), value);
-  }
-
-  // NaN is in no range.
-  void in(const char* name, double value, bool ok, const char* range) const {
-    need(std::isfinite(value) && ok, fmt::format("{} must be {}", name, range), value);
-  }
-
-  void one_of(const char* name, const std::string& value, const std::vector<std::string>& allowed) const {
-    need(std::find(allowed.begin(), allowed.end(), value) != allowed.end(),
-         fmt::format("{} must be one of {}", name, fmt::join(allowed, ", ")), shown(value));
-  }
-
- private:
-  Status status_;
-};
-
-void check_optimiser(const TrainConfig& c, const Checker& is) {
+void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   constexpr long kMostSteps = 1'000'000'000;
   const Schedule& s = c.schedule;
   is.within("steps", s.steps, 1, kMostSteps);
@@ -107,7 +81,7 @@ void check_optimiser(const TrainConfig& c, const Checker& is) {
   is.in("ssim_weight", c.ssim_weight, c.ssim_weight >= 0, "at least 0");
 }
 
-void check_frozen(const TrainConfig& c, const Checker& is) {
+void check_frozen(const TrainConfig& c, const FieldChecks& is) {
   const std::vector<Parameter> all = parameters(c.model);
   for (const std::string& prefix : c.frozen)
     is.need(!prefix.empty() &&
@@ -117,7 +91,7 @@ void check_frozen(const TrainConfig& c, const Checker& is) {
           "frozen must leave something to train", shown(c.frozen));
 }
 
-void check_views(const TrainConfig& c, const Checker& is) {
+void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.within("inputs_max", c.inputs_max, 1, 16);
   is.within("inputs_min", c.inputs_min, 1, c.inputs_max);
   is.within("novel", c.novel, 0, 64);
@@ -149,7 +123,7 @@ bool is_frozen(const TrainConfig& config, const std::string& parameter) {
 void check(const TrainConfig& c, Status status) {
   constexpr long kMostSteps = 1'000'000'000;
   check(c.model, status);
-  const Checker is(status);
+  const FieldChecks is(status);
   check_optimiser(c, is);
   check_frozen(c, is);
   check_views(c, is);
@@ -181,6 +155,7 @@ TrainConfig train_config_from_json(const std::string& text) {
   }
   config.inputs_min = config.inputs_max = config.novel = config.model.views;
   each_field(config, [&](const char* name, auto& value) { json_fields::read_present(object, name, value, kWhat); });
+  if (!object.contains("warmup")) config.schedule.warmup = std::min(config.schedule.warmup, config.schedule.steps);
   try {
     check(config, Status::format);
   } catch (const Error& e) {

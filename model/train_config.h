@@ -54,10 +54,10 @@ void check(const TrainConfig& config, Status status = Status::usage);
 // Every field, one a line; the model's in an object of its own.
 std::string to_json(const TrainConfig& config);
 
-// Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, the others those above.
-// `model` is a name of config_names(), or an object of the configuration's fields over those of `base`, such a name,
-// "small" where it is absent. Unknown fields, wrong types and what cannot be trained are an Error(format) that names
-// them.
+// Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, warmup no more than all
+// steps, the others those above. `model` is a name of config_names(), or an object of the configuration's fields over
+// those of `base`, such a name, "small" where it is absent. Unknown fields, wrong types and what cannot be trained are
+// an Error(format) that names them.
 TrainConfig train_config_from_json(const std::string& text);
 
 // The same from a file, whose path errors begin with.

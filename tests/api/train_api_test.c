@@ -5,7 +5,7 @@
 
 #include "checks.h"
 
-static const char* const micro = "{\"model\": \"micro\", \"steps\": 3, \"warmup\": 0}";
+static const char* const micro = "{\"model\": \"micro\", \"steps\": 3}";
 
 static void refuses(vsplat_device device) {
   const char* const nowhere[] = {"/nonexistent/objects"};

@@ -16,6 +16,7 @@
 #include "model/params.h"
 #include "runtime/log.h"
 #include "runtime/safetensors.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -23,19 +24,8 @@ namespace {
 
 using test::contents_of;
 using test::put_file;
+using test::refusal;
 using test::TemporaryFolder;
-
-template <class Work>
-std::string refusal(Work work, Status status) {
-  try {
-    work();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), status) << e.what();
-    return e.what();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return "";
-}
 
 void expect_equal(const Weights& a, const Weights& b) {
   ASSERT_EQ(a.all().size(), b.all().size());

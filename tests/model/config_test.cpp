@@ -4,23 +4,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/support/refusal.h"
+
 namespace vsplat {
 namespace {
 
 using nlohmann::json;
-
-// The message of the Error that `work` throws.
-template <class Work>
-std::string refusal(Work work, Status status) {
-  try {
-    work();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), status) << e.what();
-    return e.what();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return "";
-}
+using test::refusal;
 
 TEST(Config, NamedOnesAreValidAndDistinct) {
   for (const std::string& name : config_names()) {

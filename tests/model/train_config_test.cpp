@@ -4,25 +4,14 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
 
 using nlohmann::json;
-
-// The message of the Error that `work` throws.
-template <class Work>
-std::string refusal(Work work, Status status) {
-  try {
-    work();
-  } catch (const Error& e) {
-    EXPECT_EQ(e.status(), status) << e.what();
-    return e.what();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return "";
-}
+using test::refusal;
 
 std::string refused(const std::string& text) {
   return refusal([&] { train_config_from_json(text); }, Status::format);
@@ -113,6 +102,12 @@ TEST(TrainConfig, NumbersOfViewsAreTheModelsWhereAbsent) {
   EXPECT_EQ(some.novel, 1);
 }
 
+TEST(TrainConfig, WarmsUpNoLongerThanThereAreStepsWhereAbsent) {
+  EXPECT_EQ(train_config_from_json(R"({"steps": 10})").schedule.warmup, 10);
+  EXPECT_EQ(train_config_from_json(R"({"steps": 2000})").schedule.warmup, 1000);
+  EXPECT_EQ(train_config_from_json(R"({"steps": 10, "warmup": 3})").schedule.warmup, 3);
+}
+
 TEST(TrainConfig, FreezesByTheStartOfNames) {
   const TrainConfig c = train_config_from_json(R"({"frozen": ["encoder.model.blocks.0.", "dir_norm"]})");
   EXPECT_TRUE(is_frozen(c, "encoder.model.blocks.0.norm1.weight"));
@@ -156,7 +151,7 @@ TEST(TrainConfig, RefusesUnknownAndMistypedFieldsByName) {
 TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
   const char* cases[][2] = {
       {R"({"steps": 0})", "steps must be 1 to 1000000000 (found 0)"},
-      {R"({"steps": 10})", "warmup must be 0 to 10 (found 1000)"},
+      {R"({"steps": 10, "warmup": 1000})", "warmup must be 0 to 10 (found 1000)"},
       {R"({"lr": 0})", "lr must be above 0 and at most 1 (found 0)"},
       {R"({"tau_first": 0})", "tau_first must be above 0 (found 0)"},
       {R"({"tau_last": -1})", "tau_last must be above 0 (found -1)"},
