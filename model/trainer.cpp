@@ -6,14 +6,13 @@
 #include "model/ops/adamw.h"
 #include "model/ops/select.h"
 #include "model/params.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 namespace {
 
 // One of the streams of the seed's random numbers.
 constexpr std::uint32_t kNoiseStream = 2;
-
-double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
 
 double psnr_of(double mse) { return -10 * std::log10(std::max(mse, 1e-12)); }
 
@@ -92,7 +91,7 @@ PassViews Trainer::upload(Context& ctx, const Item& item, PassOptions& options) 
                                      Type::f32, "target picture"));
     out.backgrounds.push_back(v < n ? item.given.input_background : views.background);
   }
-  const Tensor noise = options.forward.device_noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
+  const Tensor noise = options.forward.noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
   if (item.given.noise)
     ctx.write(noise, item.given.noise->data());
   else

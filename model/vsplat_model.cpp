@@ -6,6 +6,7 @@
 #include "model/ops/gather.h"
 #include "model/render.h"
 #include "model/vsplat_modules.h"
+#include "runtime/units.h"
 
 namespace vsplat {
 
@@ -64,8 +65,6 @@ std::unique_ptr<Context> plan_picture(const Context& ctx, const Arena& after_net
   render(*plan, g, camera, {});
   return plan;
 }
-
-double gib(std::size_t bytes) { return static_cast<double>(bytes) / (1ull << 30); }
 
 void refuse_unless_fits(const Context& plan, const std::string& what) {
   const ArenaLimits& limits = plan.memory().limits();
@@ -126,8 +125,7 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
     selection.seed = options.selection_seed;
     selection.forced = options.selection;
     selection.planned = static_cast<long>(options.assumed_selected * static_cast<double>(config_.voxels()));
-    selection.noise = options.device_noise;
-    if (options.noise) selection.noise = ctx.upload({config_.voxels()}, *options.noise, Type::f32, "noise");
+    selection.noise = options.noise;
     out.selected = select_voxels(ctx, config_, heads.logits, heads.gaussians.opacities, selection,
                                  saved ? &saved->selection : nullptr);
     out.gaussians.opacities = out.selected.opacities;

@@ -19,9 +19,8 @@ namespace vsplat {
 
 struct ForwardOptions {
   double temperature = 0.1;                     // of the Gumbel-Sigmoid
-  const std::vector<float>* noise = nullptr;    // [R^3] logistic noise on the logits; none at inference
   std::optional<std::uint64_t> selection_seed;  // draw that noise from this seed instead
-  Tensor device_noise;                          // the same, f32 [R^3] on the device
+  Tensor noise;                                 // f32 [R^3] logistic noise on the logits; none at inference
   const std::vector<int>* selection = nullptr;  // voxel indices that replace the selected ones, ascending
   double assumed_selected = 0.1;                // share of the voxels that a plan takes for selected
   // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...); not while

@@ -42,8 +42,7 @@ PassViews upload(Context& ctx, const Golden& golden) {
 ForwardOptions options_of(Context& ctx, const Golden& golden) {
   ForwardOptions out;
   out.temperature = golden.temperature();
-  if (golden.has("input.noise"))
-    out.device_noise = ctx.upload({golden.config().voxels()}, golden.floats("input.noise"));
+  if (golden.has("input.noise")) out.noise = ctx.upload({golden.config().voxels()}, golden.floats("input.noise"));
   return out;
 }
 

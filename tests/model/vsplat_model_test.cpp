@@ -29,11 +29,7 @@ struct ModelRun {
     cameras = test::golden_cameras(golden);
     ForwardOptions options;
     options.temperature = golden.temperature();
-    std::vector<float> noise;
-    if (golden.has("input.noise")) {
-      noise = golden.floats("input.noise");
-      options.noise = &noise;
-    }
+    if (golden.has("input.noise")) options.noise = test::golden_upload(ctx, golden, "input.noise");
     options.tap = [&](const std::string& name, const Tensor& t) { stages[name] = ctx.read<float>(t); };
     result = model.forward(ctx, ctx.upload({views, edge, edge, 3}, images), upload_cameras(ctx, cameras), options);
   }
