@@ -73,6 +73,13 @@ double positive_number(const std::string& option, const std::string& text, const
   return value;
 }
 
+double voxel_share(const std::string& option, const std::string& text) {
+  if (text.empty()) return 0;
+  const double value = number(option, text);
+  if (!(value > 0 && value <= 1)) wrong(option, text, "a share of the voxels, above 0 and up to 1,");
+  return value;
+}
+
 CLI::Validator positive() {
   const auto check = [](const std::string& text) {
     double value = 0;

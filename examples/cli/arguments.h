@@ -14,6 +14,8 @@ double number(const std::string& option, const std::string& text);
 double positive_number(const std::string& option, const std::string& text, const std::string& what);
 // The same strictness for options that CLI11 reads.
 CLI::Validator positive();
+// Above 0 and up to 1; 0 where the option was not given.
+double voxel_share(const std::string& option, const std::string& text);
 std::uint64_t seed_value(const std::string& option, const std::string& text);
 std::array<double, 3> triple(const std::string& option, const std::string& text);  // "x,y,z"
 

@@ -51,12 +51,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
   }
   run.near_plane = pictures.near;
   run.dump = o.dump.empty() ? nullptr : o.dump.c_str();
-  if (!o.assume_selected.empty()) {
-    run.assume_selected = number("--assume-selected", o.assume_selected);
-    if (!(run.assume_selected > 0 && run.assume_selected <= 1))
-      throw UsageError("--assume-selected is \"" + o.assume_selected +
-                       "\": a share of the voxels, above 0 and up to 1, expected");
-  }
+  run.assume_selected = voxel_share("--assume-selected", o.assume_selected);
 }
 
 void dry_run(const Options& o, const Request& request) {

@@ -48,15 +48,6 @@ void tell(void* user, const vsplat_train_progress* p) {
   say(*common, line);
 }
 
-double share(const Options& o) {
-  if (o.assume_selected.empty()) return 0;
-  const double out = number("--assume-selected", o.assume_selected);
-  if (!(out > 0 && out <= 1))
-    throw UsageError("--assume-selected is \"" + o.assume_selected +
-                     "\": a share of the voxels, above 0 and up to 1, expected");
-  return out;
-}
-
 uint64_t intersections(const Options& o) {
   if (o.assume_intersections.empty()) return 0;
   const double out = positive_number("--assume-intersections", o.assume_intersections, "a number of them");
@@ -69,7 +60,7 @@ uint64_t intersections(const Options& o) {
 void dry_run(const Options& o, const std::string& config) {
   Session session(o.common);
   vsplat_train_plan_options options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT;
-  options.selected = share(o);
+  options.selected = voxel_share("--assume-selected", o.assume_selected);
   options.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   options.intersections = intersections(o);
   char title[256];
@@ -115,7 +106,7 @@ void train(const Options& o) {
   options.go_on = [](void*) -> int32_t { return interrupted() ? 0 : 1; };
   options.user = const_cast<Common*>(&o.common);
   options.selection = o.selection.empty() ? nullptr : o.selection.c_str();
-  options.assume_selected = share(o);
+  options.assume_selected = voxel_share("--assume-selected", o.assume_selected);
   options.assume_intersections = intersections(o);
   const vsplat_train_result result = vsplat::train(session.device(), config, options);
   if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
