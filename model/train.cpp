@@ -9,6 +9,7 @@
 #include "model/init.h"
 #include "model/io/image_file.h"
 #include "model/io/selection_file.h"
+#include "model/model_file.h"
 #include "model/training_sheet.h"
 #include "runtime/file.h"
 #include "runtime/units.h"
@@ -41,10 +42,20 @@ std::string first_difference(const TrainConfig& a, const TrainConfig& b) {
   return "they differ";
 }
 
-Checkpoint fresh(const TrainConfig& config) {
+Checkpoint fresh(const TrainConfig& config, const std::string& init) {
   Checkpoint out;
   out.config = config;
-  out.parameters = initial_weights(config.model, config.seed);
+  if (init.empty()) {
+    out.parameters = initial_weights(config.model, config.seed);
+    return out;
+  }
+  ModelFile file = load_model(init);
+  TrainConfig of_file = config;
+  of_file.model = file.config;
+  if (of_file != config)
+    fail(Status::format, "{}: its model is not the configuration's, whose \"model\" must be the file's: {}", init,
+         first_difference(of_file, config));
+  out.parameters = std::move(file.weights);
   return out;
 }
 
@@ -62,7 +73,7 @@ Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
     found->config = config;
     return std::move(*found);
   }
-  return fresh(config);
+  return fresh(config, options.init);
 }
 
 std::optional<std::vector<int>> forced(const TrainConfig& config, const std::string& selection) {
@@ -275,7 +286,8 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
 
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
   const auto planner = ctx.planner();
-  const Trainer trainer(*planner, fresh(config), share_of(config, forced(config, options.selection), options.selected));
+  const Trainer trainer(*planner, fresh(config, ""),
+                        share_of(config, forced(config, options.selection), options.selected));
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 

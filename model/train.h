@@ -30,6 +30,7 @@ struct TrainProgress {
 
 struct TrainOptions {
   std::string output;     // the run's folder, made where there is none
+  std::string init;       // a model file to begin with, of the configuration's model; "": random weights, by the seed
   bool resume = false;    // go on from the newest good checkpoint in it; it must be of the same configuration
   bool skip_bad = false;  // data that cannot be read are passed over and counted
   std::string selection;  // a file of voxels that are refined in every step, see model/io/selection_file.h; "": none
@@ -54,8 +55,8 @@ struct TrainResult {
 // Writes into `output`: config.json, log.csv, sheets/step-00000500.png, checkpoint-00000500.safetensors (the newest
 // few) and, with every checkpoint, model.safetensors. The same configuration, data, device and seed give the same bits,
 // however often the run was interrupted. Error(usage) where the folder holds checkpoints and `resume` is not asked for,
-// or those of another configuration; errors of data as TrainingReader has them.
-// Error(memory) before anything is written where a step would not fit.
+// or those of another configuration; Error(format) where `init` is of another model; errors of data as TrainingReader
+// has them. Error(memory) before anything is written where a step would not fit.
 TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options);
 
 }  // namespace vsplat

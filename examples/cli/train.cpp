@@ -14,7 +14,7 @@ namespace {
 
 struct Options {
   Common common;
-  std::string config, output;
+  std::string config, output, init;
   std::vector<std::string> data;
   std::string selection, assume_selected, assume_intersections;
   bool resume = false, print_config = false, skip_bad = false, dry_run = false;
@@ -90,7 +90,7 @@ void train(const Options& o) {
   if (o.data.empty()) throw UsageError("train needs --data, folders with objects");
   if (o.output.empty()) throw UsageError("train needs --output, the run's folder");
   Outputs outputs(o.common.overwrite);
-  for (const std::string& path : {o.config, o.selection}) outputs.input(path);
+  for (const std::string& path : {o.config, o.selection, o.init}) outputs.input(path);
   for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
   Session session(o.common);
   std::vector<const char*> data;
@@ -99,6 +99,7 @@ void train(const Options& o) {
   options.data = data.data();
   options.num_data = data.size();
   options.output = o.output.c_str();
+  options.init = o.init.empty() ? nullptr : o.init.c_str();
   options.resume = o.resume;
   options.skip_bad = o.skip_bad;
   options.on_progress = tell;
@@ -135,6 +136,8 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_option("--data", o->data, "Folders with objects, or an object's folder")->type_name("DIR...");
   sub->add_option("-o,--output", o->output, "The run's folder: log.csv, sheets, checkpoints, model.safetensors")
       ->type_name("RUN");
+  sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
+      ->type_name("MODEL.safetensors");
   sub->add_flag("--resume", o->resume, "Go on from the newest good checkpoint in RUN");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
   sub->add_flag("--skip-bad", o->skip_bad, "Pass over and count data that cannot be read");

@@ -72,6 +72,7 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     need(o.output, "options.output");
     TrainOptions t;
     t.output = o.output;
+    if (o.init) t.init = o.init;
     t.resume = o.resume != 0;
     t.skip_bad = o.skip_bad != 0;
     if (o.on_progress)

@@ -97,6 +97,24 @@ class Train(support.Case):
         self.succeeds(*self.train(other, "third"))
         self.assertNotEqual(self.read("first", "model.safetensors"), self.read("third", "model.safetensors"))
 
+    def tensors(self, *parts):
+        """The tensors' bytes of a safetensors file."""
+        data = self.read(*parts)
+        return data[8 + int.from_bytes(data[:8], "little"):]
+
+    def test_begins_with_another_models_weights(self):
+        self.succeeds(*self.train(self.config(), "first"))
+        weights = self.path("first", "model.safetensors")
+        still = self.config("still.json", seed=9, lr=1e-30)
+        self.succeeds(*self.train(still, "fine", "--init", weights))
+        self.assertEqual(self.tensors("first", "model.safetensors"), self.tensors("fine", "model.safetensors"))
+        self.succeeds(*self.train(still, "anew"))
+        self.assertNotEqual(self.tensors("first", "model.safetensors"), self.tensors("anew", "model.safetensors"))
+        deeper = self.config("deeper.json", model={"base": "micro", "sh_degree": 0})
+        self.refuses(1, [weights, "sh_degree"], *self.train(deeper, "run", "--init", weights))
+        self.refuses(1, [self.path("none")], *self.train(still, "run", "--init", self.path("none")))
+        self.assertFalse(os.path.exists(self.path("run")))
+
     # ------------------------------------------------------------------------------------------------------- what ends it
 
     def test_killed_at_any_moment(self):

@@ -41,9 +41,11 @@ typedef struct vsplat_train_options {
                              every step, whatever the network would choose */
   double assume_selected; /* share of the voxels that memory is made for at first; 0: 0.25 */
   uint64_t assume_intersections; /* in a picture, for the check before the start; 0: eight tiles for each Gaussian */
+  const char* init;              /* NULL, or a model file whose weights the training begins with: its model must be the
+                                    configuration's. Not read where a checkpoint is gone on from. */
 } vsplat_train_options;
 #define VSPLAT_TRAIN_OPTIONS_INIT \
-  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0 }
+  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL }
 
 typedef struct vsplat_train_result {
   size_t size;
@@ -60,10 +62,10 @@ typedef struct vsplat_train_result {
    JSON object, see vsplat_train_config. The same configuration, data and device give the same bits, however often the
    training was interrupted. Callbacks are called on this thread and may not use the device.
    VSPLAT_ERROR_USAGE where the folder holds checkpoints and `resume` is 0, or checkpoints of another configuration;
-   VSPLAT_ERROR_FORMAT for a field of the configuration; VSPLAT_ERROR_INPUT for data, naming object, view and field;
-   VSPLAT_ERROR_MEMORY before the start, with both figures, where vsplat_train_plan says that it does not fit;
-   VSPLAT_ERROR_FILE where nothing can be written (earlier checkpoints stay); VSPLAT_ERROR_INTERNAL where the loss is no
-   longer a number, naming step, tensor and the last good checkpoint. */
+   VSPLAT_ERROR_FORMAT for a field of the configuration, or where `init` is of another model; VSPLAT_ERROR_INPUT for
+   data, naming object, view and field; VSPLAT_ERROR_MEMORY before the start, with both figures, where vsplat_train_plan
+   says that it does not fit; VSPLAT_ERROR_FILE where nothing can be written (earlier checkpoints stay);
+   VSPLAT_ERROR_INTERNAL where the loss is no longer a number, naming step, tensor and the last good checkpoint. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train(vsplat_device device, const char* config,
                                                        const vsplat_train_options* options,
                                                        vsplat_train_result* out_result);
