@@ -192,6 +192,19 @@ std::string step_name(const char* what, long step, const char* suffix) {
   return fmt::format("{}-{:08d}{}", what, step, suffix);
 }
 
+// What is to be told of it. A step may fit where a sheet does not, which refines what the network selects even where a
+// step refines given voxels; a training does not end for that.
+std::string draw_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
+                       const std::string& path) {
+  try {
+    write_png(path, training_sheet(ctx, model, views, temperature));
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    return fmt::format("{} is left out: {}", path, e.what());
+  }
+  return "sheet " + path;
+}
+
 }  // namespace
 
 TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options) {
@@ -267,10 +280,8 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
       if (options.on_progress) options.on_progress(progress);
     }
     if (config.sheet_every > 0 && every(config.sheet_every)) {
-      const VsplatModel model(ctx, config.model, trainer.weights());
       const std::string path = (run / "sheets" / step_name("step", trainer.step(), ".png")).string();
-      write_png(path, training_sheet(ctx, model, views.front(), report.temperature));
-      say("sheet " + path);
+      say(draw_sheet(ctx, VsplatModel(ctx, config.model, trainer.weights()), views.front(), report.temperature, path));
     }
     if (every(config.checkpoint_every) || stop) save();
     if (stop && trainer.step() < config.schedule.steps) {

@@ -290,6 +290,17 @@ class Train(support.Case):
         err = self.refuses(1, ["0.012 GiB", "--max-memory"], *self.train(config, "run", "--max-memory", 0.012))
         self.assertIn(f"{stated['peak_bytes'] / 2**30:.3f} GiB", err)
 
+    def test_sheet_that_does_not_fit_is_left_out(self):
+        # Many Gaussians of the one voxel that steps refine: a sheet refines the half that an untrained network selects.
+        config = self.config(model={"base": "tiny", "fine_count": 256}, steps=2, sheet_every=1)
+        with open(self.path("voxels.txt"), "w") as f:
+            f.write("500\n")
+        _, err = self.succeeds(*self.train(config, "run", "--selection", self.path("voxels.txt"), "--max-memory", 0.03))
+        for step in (1, 2):
+            self.assertIn(self.path("run", "sheets", f"step-{step:08d}.png") + " is left out: not enough device memory", err)
+        self.assertEqual(os.listdir(self.path("run", "sheets")), [])
+        self.assertTrue(os.path.exists(self.path("run", "model.safetensors")))
+
     def test_little_memory_gives_the_same_bits(self):
         config = self.config(model="tiny", steps=3)
         with open(self.path("voxels.txt"), "w") as f:
