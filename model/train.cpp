@@ -89,8 +89,8 @@ double share_of(const TrainConfig& config, const std::optional<std::vector<int>>
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
   fail(Status::memory,
-       "not enough device memory for training: it takes {:.3f} GiB at the least, {:.3f} GiB may be used (--max-memory, "
-       "--assume-selected, fewer views, a smaller model or another device; --dry-run tells more){}",
+       "not enough device memory for training: its network alone takes {:.3f} GiB of the {:.3f} GiB that may be used "
+       "(--max-memory, --assume-selected, fewer views, a smaller model or another device; --dry-run tells more){}",
        gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
 }
 
