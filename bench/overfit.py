@@ -7,13 +7,9 @@ optimisation can reach when nothing has to be guessed.
 Every object is drawn from a few directions; each step takes four of them as input and four others as novel views, in another order
 each time. The mean of each level over the objects goes to standard output, as `vsplat evaluate --json` has it; the log is in DIR/run.
 """
-import argparse
 import json
-import pathlib
-import subprocess
-import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+import training
 
 
 def configuration(base, fields):
@@ -27,26 +23,18 @@ def configuration(base, fields):
     return config
 
 
-def run(command):
-    print("+", " ".join(map(str, command)), file=sys.stderr, flush=True)
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-
-
 def main():
-    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap = training.parser(__doc__)
     ap.add_argument("meshes", nargs="+", metavar="MESH")
-    ap.add_argument("--vsplat", default="vsplat")
-    ap.add_argument("--output", type=pathlib.Path, required=True)
-    ap.add_argument("--config", type=pathlib.Path, default=ROOT / "model/weights/train.json")
     ap.add_argument("--views", type=int, default=8)
     ap.add_argument("--set", nargs="+", default=[], metavar="FIELD=VALUE", help="of the training's configuration, the model's as model.FIELD")
     a = ap.parse_args()
     a.output.mkdir(parents=True)
     views, config, trained = a.output / "views", a.output / "config.json", a.output / "run"
     config.write_text(json.dumps(configuration(json.loads(a.config.read_text()), a.set), indent=1) + "\n")
-    run([a.vsplat, "dataset", "render", *a.meshes, "--views", str(a.views), "--size", "128", "--seed", "1", "--output", views])
-    run([a.vsplat, "train", config, "--data", views, "--output", trained])
-    scores = json.loads(run([a.vsplat, "evaluate", views, "--model", trained / "model.safetensors", "--json"]))
+    training.run([a.vsplat, "dataset", "render", *a.meshes, "--views", str(a.views), "--size", "128", "--seed", "1", "--output", views])
+    training.run([a.vsplat, "train", config, "--data", views, "--output", trained])
+    scores = json.loads(training.run([a.vsplat, "evaluate", views, "--model", trained / "model.safetensors", "--json"]))
     print(json.dumps(scores["mean"], indent=1))
 
 

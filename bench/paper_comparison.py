@@ -6,13 +6,10 @@
 The configuration is model/weights/train.json's, shortened. A training that was interrupted goes on where it was; one that is done is not
 run again. The table (Markdown) goes to standard output and to DIR/table.md.
 """
-import argparse
 import json
-import pathlib
-import subprocess
-import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+import training
+
 # The paper's names of tables II and A.I, and what changes.
 VARIANTS = {
     "coarse": ("coarse level only", {"levels": "coarse"}),
@@ -37,18 +34,10 @@ def configuration(base, fields, steps):
     return config
 
 
-def run(command):
-    print("+", " ".join(map(str, command)), file=sys.stderr, flush=True)
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-
-
 def main():
-    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("--vsplat", default="vsplat")
+    ap = training.parser(__doc__)
     ap.add_argument("--data", nargs="+", required=True)
     ap.add_argument("--test", nargs="+", required=True)
-    ap.add_argument("--output", type=pathlib.Path, required=True)
-    ap.add_argument("--config", type=pathlib.Path, default=ROOT / "model/weights/train.json")
     ap.add_argument("--steps", type=int, default=2000)
     ap.add_argument("--only", nargs="+", choices=sorted(VARIANTS), default=list(VARIANTS))
     a = ap.parse_args()
@@ -62,8 +51,8 @@ def main():
             config = a.output / f"{name}-config.json"
             config.write_text(json.dumps(configuration(base, fields, a.steps), indent=1) + "\n")
             resume = ["--resume"] if list(folder.glob("checkpoint-*.safetensors")) else []
-            run([a.vsplat, "train", config, "--data", *a.data, "--output", folder, *resume])
-            scores = run([a.vsplat, "evaluate", *a.test, "--model", folder / "model.safetensors", "--json"])
+            training.run([a.vsplat, "train", config, "--data", *a.data, "--output", folder, *resume])
+            scores = training.run([a.vsplat, "evaluate", *a.test, "--model", folder / "model.safetensors", "--json"])
             result.write_text(scores)
         mean = json.loads(result.read_text())["mean"]
         rows.append([words] + [f"{mean[c]:.3f}" for c in COLUMNS])
