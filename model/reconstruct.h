@@ -21,9 +21,6 @@ struct Reconstruction {
   std::vector<int> selected;
 };
 
-// The near plane in units of the cube's edge.
-inline constexpr double kNearInObject = 0.2;
-
 // `views`: at least one, the first is the reference view; pictures of the configuration's size.
 Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
                            const Placement& placement, const ReconstructOptions& options);

@@ -8,6 +8,9 @@
 
 namespace vsplat {
 
+// The near plane of what is reconstructed, in units of the cube's edge.
+inline constexpr double kNearInObject = 0.2;
+
 struct Scene {
   Gaussians gaussians;
   float near = 0.2f;  // near plane, in the frame's units

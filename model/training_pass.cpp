@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "model/ops/loss.h"
-#include "model/reconstruct.h"
 #include "model/render_backward.h"
+#include "model/scene.h"
 
 namespace vsplat {
 namespace {

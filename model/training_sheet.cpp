@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "model/contact_sheet.h"
-#include "model/reconstruct.h"
 #include "model/render.h"
+#include "model/scene.h"
 
 namespace vsplat {
 namespace {
