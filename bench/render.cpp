@@ -1,5 +1,5 @@
 // Drawing of whole scenes and its derivative: two cases a scene, frames by its cameras in turn.
-#include "model/render.h"
+#include "model/splat/render.h"
 
 #include <cmath>
 #include <map>
@@ -9,7 +9,7 @@
 #include "bench/bench.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
-#include "model/render_backward.h"
+#include "model/splat/render_backward.h"
 #include "tests/reference/rasterize_backward.h"
 #include "tests/reference/splat.h"
 

@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <numeric>
 
+#include "model/base/normal_quantile.h"
+#include "model/base/rng.h"
 #include "model/io/ply.h"
 #include "model/io/view_set.h"
-#include "model/normal_quantile.h"
-#include "model/rng.h"
 #include "runtime/error.h"
 
 namespace vsplat::bench {

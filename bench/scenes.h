@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/scene.h"
+#include "model/base/camera.h"
+#include "model/base/scene.h"
 
 namespace vsplat::bench {
 

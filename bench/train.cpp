@@ -7,14 +7,14 @@
 #include "bench/bench.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
-#include "model/init.h"
+#include "model/cameras/orbit.h"
+#include "model/input/placement.h"
+#include "model/input/views.h"
 #include "model/io/selection_file.h"
-#include "model/model_file.h"
-#include "model/orbit.h"
-#include "model/placement.h"
-#include "model/render.h"
-#include "model/trainer.h"
-#include "model/views.h"
+#include "model/params/init.h"
+#include "model/params/model_file.h"
+#include "model/splat/render.h"
+#include "model/train/trainer.h"
 
 namespace vsplat::bench {
 

@@ -4,11 +4,11 @@
 
 #include "model/api/input.h"
 #include "model/api/scene.h"
-#include "model/camera_path.h"
+#include "model/cameras/camera_path.h"
+#include "model/cameras/orbit.h"
 #include "model/io/image_file.h"
 #include "model/io/view_checks.h"
 #include "model/io/view_set.h"
-#include "model/orbit.h"
 #include "runtime/printable.h"
 
 namespace vsplat::api {

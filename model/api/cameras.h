@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "model/api/handle.h"
-#include "model/camera.h"
+#include "model/base/camera.h"
 
 struct vsplat_cameras_impl : vsplat::api::Counted {
   std::vector<vsplat::Camera> cameras;  // drawn as pinholes: `distortion` is that of the listed picture

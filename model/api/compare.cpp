@@ -6,8 +6,8 @@
 #include "model/io/image_file.h"
 #include "model/io/picture_folder.h"
 #include "model/io/view_checks.h"
-#include "model/metrics.h"
-#include "model/reference_picture.h"
+#include "model/pictures/metrics.h"
+#include "model/pictures/reference_picture.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

@@ -3,11 +3,11 @@
 #include <optional>
 
 #include "model/api/handle.h"
-#include "model/gaussian_chunks.h"
-#include "model/gaussians.h"
-#include "model/model_file.h"
-#include "model/scene.h"
-#include "model/vsplat_model.h"
+#include "model/base/gaussians.h"
+#include "model/base/scene.h"
+#include "model/network/vsplat_model.h"
+#include "model/params/model_file.h"
+#include "model/splat/gaussian_chunks.h"
 #include "runtime/context.h"
 
 struct vsplat_device_impl : vsplat::api::Counted {

@@ -1,5 +1,5 @@
 // Evaluations of models on data sets.
-#include "model/evaluate.h"
+#include "model/evaluate/evaluate.h"
 
 #include <filesystem>
 

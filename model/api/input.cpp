@@ -6,7 +6,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/model.h"
-#include "model/io/written_views.h"
+#include "model/input/written_views.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

@@ -2,7 +2,7 @@
 #include <memory>
 
 #include "model/api/handle.h"
-#include "model/input.h"
+#include "model/input/input.h"
 
 namespace vsplat::api {
 

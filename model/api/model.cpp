@@ -3,11 +3,11 @@
 #include <nlohmann/json.hpp>
 
 #include "model/api/device.h"
-#include "model/built_in_model.h"
-#include "model/init.h"
-#include "model/params.h"
-#include "model/view_choice.h"
-#include "model/vsplat_model.h"
+#include "model/input/view_choice.h"
+#include "model/network/vsplat_model.h"
+#include "model/params/built_in_model.h"
+#include "model/params/init.h"
+#include "model/params/params.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

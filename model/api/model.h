@@ -2,8 +2,8 @@
 #include <memory>
 
 #include "model/api/handle.h"
-#include "model/model_file.h"
-#include "model/vsplat_model.h"
+#include "model/network/vsplat_model.h"
+#include "model/params/model_file.h"
 
 struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::ModelFile> file;

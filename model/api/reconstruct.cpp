@@ -1,5 +1,5 @@
 // One forward pass, and what it needs.
-#include "model/reconstruct.h"
+#include "model/reconstruct/reconstruct.h"
 
 #include "model/api/device.h"
 #include "model/api/input.h"

@@ -1,5 +1,5 @@
 // Drawing a scene, and what it needs.
-#include "model/render.h"
+#include "model/splat/render.h"
 
 #include <algorithm>
 #include <string>

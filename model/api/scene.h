@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "model/api/handle.h"
+#include "model/base/scene.h"
 #include "model/io/ply.h"
-#include "model/scene.h"
 
 struct vsplat_scene_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::Scene> scene;

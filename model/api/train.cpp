@@ -1,5 +1,5 @@
 // Training.
-#include "model/train.h"
+#include "model/train/train.h"
 
 #include "model/api/device.h"
 #include "model/api/plan.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/view_choice.h"
+#include "model/input/view_choice.h"
 
 namespace vsplat {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "model/pose_check.h"
-#include "model/resample.h"
+#include "model/base/resample.h"
+#include "model/input/pose_check.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 

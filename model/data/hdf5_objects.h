@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "model/input.h"
+#include "model/input/input.h"
 
 namespace vsplat {
 

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <span>
 
-#include "model/image.h"
+#include "model/base/image.h"
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
 #include "runtime/error.h"

@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <map>
 
-#include "model/image.h"
+#include "model/base/image.h"
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
 #include "runtime/error.h"

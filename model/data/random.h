@@ -2,7 +2,7 @@
 #pragma once
 #include <cstdint>
 
-#include "model/rng.h"
+#include "model/base/rng.h"
 
 namespace vsplat {
 

@@ -2,9 +2,9 @@
 #pragma once
 #include <memory>
 
-#include "model/camera.h"
+#include "model/base/camera.h"
+#include "model/base/image.h"
 #include "model/data/mesh.h"
-#include "model/image.h"
 
 namespace vsplat {
 

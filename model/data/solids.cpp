@@ -8,8 +8,8 @@
 #include <cmath>
 #include <functional>
 
+#include "model/base/image.h"
 #include "model/data/random.h"
-#include "model/image.h"
 
 namespace vsplat {
 namespace {

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/cameras/orbit.h"
 #include "model/data/random.h"
-#include "model/orbit.h"
 #include "runtime/error.h"
 
 namespace vsplat {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "model/camera.h"
+#include "model/base/camera.h"
 
 namespace vsplat {
 

@@ -8,7 +8,7 @@
 
 #include "model/data/byte_cache.h"
 #include "model/data/drawn_views.h"
-#include "model/pose_check.h"
+#include "model/input/pose_check.h"
 #include "runtime/log.h"
 
 namespace vsplat {

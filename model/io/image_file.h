@@ -4,7 +4,7 @@
 #pragma once
 #include <string>
 
-#include "model/image.h"
+#include "model/base/image.h"
 
 namespace vsplat {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "model/scene.h"
+#include "model/base/scene.h"
 
 namespace vsplat {
 

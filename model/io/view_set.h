@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "model/camera.h"
+#include "model/base/camera.h"
 
 namespace vsplat {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/image.h"
+#include "model/base/image.h"
 
 namespace vsplat {
 

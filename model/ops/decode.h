@@ -1,6 +1,6 @@
 // The heads' raw numbers as Gaussians. A = 3 + 3S + 1 + 3 + 4 numbers each: offset, SH, opacity, scale, rotation.
 #pragma once
-#include "model/gaussians.h"
+#include "model/base/gaussians.h"
 #include "runtime/context.h"
 
 namespace vsplat {

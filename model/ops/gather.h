@@ -1,6 +1,6 @@
 // Rows by index.
 #pragma once
-#include "model/gaussians.h"
+#include "model/base/gaussians.h"
 #include "runtime/context.h"
 
 namespace vsplat {

@@ -1,6 +1,6 @@
 // Feature maps sampled at voxel centres, for a run of voxels at a time: the volume of all views' samples never exists.
 #pragma once
-#include "model/device_cameras.h"
+#include "model/base/device_cameras.h"
 #include "model/ops/scatter_rows.h"
 
 namespace vsplat {

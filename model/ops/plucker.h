@@ -1,6 +1,6 @@
 // Where each patch looks: the Pluecker vector of the ray through its centre, as spherical harmonics to degree 3.
 #pragma once
-#include "model/device_cameras.h"
+#include "model/base/device_cameras.h"
 
 namespace vsplat {
 

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/gaussians.h"
+#include "model/base/camera.h"
+#include "model/base/gaussians.h"
 #include "runtime/context.h"
 
 namespace vsplat {

@@ -1,6 +1,6 @@
 // Features of the views at projected points, weighted by nearness (the paper's PAP).
 #pragma once
-#include "model/device_cameras.h"
+#include "model/base/device_cameras.h"
 #include "runtime/context.h"
 
 namespace vsplat {

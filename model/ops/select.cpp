@@ -1,6 +1,6 @@
 #include "model/ops/select.h"
 
-#include "model/rng.h"
+#include "model/base/rng.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

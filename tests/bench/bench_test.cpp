@@ -5,10 +5,10 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/scenes.h"
-#include "model/init.h"
 #include "model/io/cameras_json.h"
 #include "model/io/ply.h"
-#include "model/model_file.h"
+#include "model/params/init.h"
+#include "model/params/model_file.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
 

@@ -4,8 +4,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "model/base/lens.h"
 #include "model/io/view_set.h"
-#include "model/lens.h"
 #include "tests/fuzz/targets.h"
 
 namespace vsplat::fuzz {

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "model/config.h"
-#include "model/weights.h"
+#include "model/params/config.h"
+#include "model/params/weights.h"
 #include "tests/reference/decode.h"
 #include "tests/reference/gemm.h"
 

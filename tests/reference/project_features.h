@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "model/camera.h"
+#include "model/base/camera.h"
 
 namespace vsplat::ref {
 

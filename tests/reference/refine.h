@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/config.h"
+#include "model/params/config.h"
 #include "tests/reference/gemm.h"
 #include "tests/reference/groupnorm.h"
 #include "tests/reference/position_encoding.h"

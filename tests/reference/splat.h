@@ -11,8 +11,8 @@
 #include <optional>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/gaussians.h"
+#include "model/base/camera.h"
+#include "model/base/gaussians.h"
 
 namespace vsplat::ref {
 

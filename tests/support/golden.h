@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "model/config.h"
-#include "model/model_file.h"
-#include "model/weights.h"
+#include "model/params/config.h"
+#include "model/params/model_file.h"
+#include "model/params/weights.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat::test {

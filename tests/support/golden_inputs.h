@@ -3,8 +3,8 @@
 #include <Eigen/Dense>
 #include <vector>
 
-#include "model/device_cameras.h"
-#include "model/gaussians.h"
+#include "model/base/device_cameras.h"
+#include "model/base/gaussians.h"
 #include "runtime/context.h"
 #include "tests/support/golden.h"
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/image.h"
+#include "model/base/camera.h"
+#include "model/base/image.h"
 
 namespace vsplat::test {
 

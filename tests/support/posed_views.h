@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/orbit.h"
+#include "model/base/camera.h"
+#include "model/cameras/orbit.h"
 #include "runtime/error.h"
 #include "runtime/log.h"
 #include "tests/support/temporary.h"

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/gaussians.h"
+#include "model/base/camera.h"
+#include "model/base/gaussians.h"
 
 namespace vsplat::test {
 

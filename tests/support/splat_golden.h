@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "model/camera.h"
-#include "model/gaussians.h"
-#include "model/render.h"
+#include "model/base/camera.h"
+#include "model/base/gaussians.h"
+#include "model/splat/render.h"
 
 namespace vsplat::test {
 

@@ -8,16 +8,16 @@
 #include <filesystem>
 #include <limits>
 
+#include "model/base/image.h"
+#include "model/cameras/orbit.h"
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
 #include "model/data/object_names.h"
 #include "model/data/ray_tracer.h"
 #include "model/data/solids.h"
 #include "model/data/sphere_cameras.h"
-#include "model/image.h"
 #include "model/io/image_file.h"
 #include "model/io/view_set.h"
-#include "model/orbit.h"
 #include "runtime/error.h"
 #include "tests/support/temporary.h"
 

@@ -10,8 +10,8 @@
 #include <set>
 
 #include "model/data/drawn_views.h"
+#include "model/input/view_choice.h"
 #include "model/io/image_file.h"
-#include "model/view_choice.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/posed_views.h"
 

@@ -1,0 +1,35 @@
+// A square window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
+#pragma once
+#include <array>
+
+#include "model/base/camera.h"
+#include "model/base/image.h"
+
+namespace vsplat {
+
+// Premultiplied [H][W][4] of a picture of 3 or 4 channels (straight alpha) and, where given, a mask [H][W][1]; their
+// alphas multiply. What is behind alpha 0 is gone, so that no resampling brings it back.
+Image premultiplied(const Image& picture, const Image* mask);
+
+// Over a colour, three channels, clamped to [0,1].
+Image over(const Image& premultiplied, const std::array<float, 3>& background);
+Image on_white(const Image& premultiplied);
+
+// A square window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and side; `size` pixels
+// result.
+struct Window {
+  double x0 = 0, y0 = 0, side = 0;
+  int size = 0;
+};
+
+// Pixel (i, j) of the result is the picture about (x0, y0) + (i + 0.5, j + 0.5) side/size: the mean over its area where
+// the picture is made smaller, bilinear interpolation where larger; the weights are corrected to reproduce linear
+// ramps, so that nothing is shifted. Result pixels that the picture covers in part have that part as alpha; without
+// scaling, pixels are kept exactly.
+Image resample(const Image& premultiplied, const Window& window);
+
+// The same of the undistorted picture: what a pinhole with the camera's fx, fy, cx, cy would see. The camera's
+// distortion says where in `premultiplied` that is.
+Image resample_undistorted(const Image& premultiplied, const Window& window, const Camera& camera);
+
+}  // namespace vsplat

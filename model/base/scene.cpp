@@ -1,0 +1,125 @@
+#include "model/base/scene.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <cmath>
+#include <vector>
+
+#include "runtime/error.h"
+
+namespace vsplat {
+
+Similarity Similarity::from_matrix(const Eigen::Matrix4d& m) {
+  Similarity s;
+  const Eigen::Matrix3d a = m.topLeftCorner<3, 3>();
+  const double det = a.determinant();
+  if (!m.allFinite() || !(det > 0)) {
+    fail(Status::input, "transform: the matrix's determinant is {}: it must be positive (a rotation and a scale)", det);
+  }
+  s.scale = std::cbrt(det);
+  s.rotation = a / s.scale;
+  s.translation = m.topRightCorner<3, 1>();
+  const double off = (s.rotation * s.rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (off > 1e-4) fail(Status::input, "transform: the matrix is no rotation times a scale (off by {:.1e})", off);
+  // The nearest rotation: poses in files are rounded.
+  s.rotation = Eigen::Quaterniond(s.rotation).normalized().toRotationMatrix();
+  return s;
+}
+
+Similarity Similarity::inverse() const {
+  Similarity s;
+  s.scale = 1 / scale;
+  s.rotation = rotation.transpose();
+  s.translation = -s.scale * (s.rotation * translation);
+  return s;
+}
+
+Similarity operator*(const Similarity& after, const Similarity& before) {
+  Similarity s;
+  s.scale = after.scale * before.scale;
+  s.rotation = after.rotation * before.rotation;
+  s.translation = after.scale * (after.rotation * before.translation) + after.translation;
+  return s;
+}
+
+Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& d) {
+  const double x = d.x(), y = d.y(), z = d.z(), xx = x * x, yy = y * y, zz = z * z;
+  const double all[16] = {0.28209479177387814,
+                          -0.4886025119029199 * y,
+                          0.4886025119029199 * z,
+                          -0.4886025119029199 * x,
+                          1.0925484305920792 * x * y,
+                          -1.0925484305920792 * y * z,
+                          0.31539156525252005 * (2 * zz - xx - yy),
+                          -1.0925484305920792 * x * z,
+                          0.5462742152960396 * (xx - yy),
+                          -0.5900435899266435 * y * (3 * xx - yy),
+                          2.890611442640554 * x * y * z,
+                          -0.4570457994644658 * y * (4 * zz - xx - yy),
+                          0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
+                          -0.4570457994644658 * x * (4 * zz - xx - yy),
+                          1.445305721320277 * z * (xx - yy),
+                          -0.5900435899266435 * x * (xx - 3 * yy)};
+  return Eigen::Map<const Eigen::VectorXd>(all, (degree + 1) * (degree + 1));
+}
+
+Eigen::MatrixXd sh_rotation(int degree, const Eigen::Matrix3d& rotation) {
+  // A band is closed under rotation, so c' is determined by f'(d) = f(R^T d) at enough directions:
+  // B c' = B_R c with the basis at d and at R^T d. 40 of them on a spiral make it well conditioned.
+  constexpr int kSamples = 40;
+  const int first = degree * degree, size = 2 * degree + 1;
+  Eigen::MatrixXd at(kSamples, size), before(kSamples, size);
+  for (int i = 0; i < kSamples; ++i) {
+    const double z = 1 - (2.0 * i + 1) / kSamples, r = std::sqrt(1 - z * z), a = 2.399963229728653 * i;
+    const Eigen::Vector3d d(r * std::cos(a), r * std::sin(a), z);
+    at.row(i) = sh_basis(degree, d).segment(first, size);
+    before.row(i) = sh_basis(degree, rotation.transpose() * d).segment(first, size);
+  }
+  return at.colPivHouseholderQr().solve(before);
+}
+
+namespace {
+
+void rotate_sh(Gaussians& g, const Eigen::Matrix3d& rotation) {
+  for (int degree = 1; degree <= g.sh_degree; ++degree) {
+    const Eigen::MatrixXd turn = sh_rotation(degree, rotation);
+    const auto first = static_cast<std::size_t>(degree) * degree;
+    using Band = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+    for (std::size_t k = 0; k < g.count; ++k) {
+      Eigen::Map<Band> band(&g.sh[(k * g.sh_count() + first) * 3], turn.rows(), 3);
+      band = (turn * band.cast<double>()).cast<float>();
+    }
+  }
+}
+
+}  // namespace
+
+void transform(Gaussians& g, const Similarity& move) {
+  const Eigen::Quaterniond turn(move.rotation);
+  for (std::size_t k = 0; k < g.count; ++k) {
+    Eigen::Map<Eigen::Vector3f> mean(&g.means[3 * k]);
+    mean = (move.scale * (move.rotation * mean.cast<double>()) + move.translation).cast<float>();
+    for (int i = 0; i < 3; ++i) g.scales[3 * k + i] = static_cast<float>(g.scales[3 * k + i] * move.scale);
+    float* q = &g.quats[4 * k];
+    const Eigen::Quaterniond turned = (turn * Eigen::Quaterniond(q[0], q[1], q[2], q[3])).normalized();
+    q[0] = static_cast<float>(turned.w());
+    q[1] = static_cast<float>(turned.x());
+    q[2] = static_cast<float>(turned.y());
+    q[3] = static_cast<float>(turned.z());
+  }
+  // Nothing to turn leaves the coefficients bit for bit.
+  if (!move.rotation.isIdentity(0)) rotate_sh(g, move.rotation);
+}
+
+void transform(Scene& scene, const Similarity& move) {
+  transform(scene.gaussians, move);
+  scene.near = static_cast<float>(scene.near * move.scale);
+  if (scene.mirror) {
+    auto& m = *scene.mirror;
+    const Eigen::Vector3d moved = move.scale * (move.rotation * Eigen::Vector3d(m[0], m[1], m[2])) + move.translation;
+    for (int i = 0; i < 3; ++i) m[i] = static_cast<float>(moved[i]);
+  }
+}
+
+}  // namespace vsplat

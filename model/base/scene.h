@@ -1,0 +1,45 @@
+// A scene as files hold it: Gaussians in one frame, and how they were meant to be drawn.
+#pragma once
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+
+#include "model/base/gaussians.h"
+
+namespace vsplat {
+
+// The near plane of what is reconstructed, in units of the cube's edge.
+inline constexpr double kNearInObject = 0.2;
+
+struct Scene {
+  Gaussians gaussians;
+  float near = 0.2f;  // near plane, in the frame's units
+  // View-dependent colour is meant as seen from the camera's mirror image about this point.
+  std::optional<std::array<float, 3>> mirror;
+};
+
+// x -> scale rotation x + translation, with a proper rotation.
+struct Similarity {
+  double scale = 1;
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+
+  static Similarity from_matrix(
+      const Eigen::Matrix4d& m);  // Throws Error(input) where the upper 3x3 is not scale times rotation
+  Similarity inverse() const;
+  Eigen::Vector3d apply(const Eigen::Vector3d& x) const { return scale * (rotation * x) + translation; }
+};
+Similarity operator*(const Similarity& after, const Similarity& before);
+
+// Moves positions, scales, rotations and spherical harmonics: a camera moved along sees the same picture.
+void transform(Gaussians& gaussians, const Similarity& move);
+// The near plane and the mirror point, too.
+void transform(Scene& scene, const Similarity& move);
+
+// The matrix [2l+1, 2l+1] that turns band `degree` of a function on the sphere: with coefficients c' = D c in the basis
+// of 3DGS files, f'(R d) = f(d).
+Eigen::MatrixXd sh_rotation(int degree, const Eigen::Matrix3d& rotation);
+// That basis, (degree + 1)^2 values at a unit direction, degree 0 to 3.
+Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& direction);
+
+}  // namespace vsplat

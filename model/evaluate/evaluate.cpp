@@ -1,0 +1,209 @@
+#include "model/evaluate/evaluate.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <optional>
+
+#include "model/pictures/contact_sheet.h"
+#include "model/pictures/metrics.h"
+#include "model/reconstruct/reconstruct.h"
+#include "model/splat/render.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+namespace {
+
+constexpr std::array<float, 3> kWhite{1, 1, 1};
+constexpr double Scores::*kNumbers[] = {&Scores::psnr,       &Scores::psnr_coarse,  &Scores::ssim,
+                                        &Scores::psnr_white, &Scores::psnr_nearest, &Scores::selected,
+                                        &Scores::lpips_alex, &Scores::lpips_vgg};
+
+// Square pictures side by side, clamped, as the published protocol compares them.
+class Strip {
+ public:
+  Strip(int edge, std::size_t count) : edge_(edge), image_(edge * static_cast<int>(count), edge, 3) {}
+
+  void put(std::size_t place, const Image& picture) {
+    for (int y = 0; y < edge_; ++y)
+      std::transform(picture.at(0, y), picture.at(0, y) + row(), image_.at(static_cast<int>(place) * edge_, y),
+                     [](float v) { return std::clamp(v, 0.0f, 1.0f); });
+  }
+  Image at(std::size_t place) const {
+    Image out(edge_, edge_, 3);
+    for (int y = 0; y < edge_; ++y) std::copy_n(image_.at(static_cast<int>(place) * edge_, y), row(), out.at(0, y));
+    return out;
+  }
+  const Image& image() const { return image_; }
+
+ private:
+  std::ptrdiff_t row() const { return static_cast<std::ptrdiff_t>(edge_) * 3; }
+
+  int edge_;
+  Image image_;
+};
+
+class Evaluator {
+ public:
+  Evaluator(Context& ctx, const VsplatModel& model, const EvaluateOptions& options)
+      : ctx_(ctx), model_(model), options_(options) {}
+
+  void check() const;
+  EvaluationObject load(const DataObject& object, std::vector<std::string>& skipped) const {
+    return evaluation_object(object, model_.config(), options_.request, options_.skip_bad ? &skipped : nullptr);
+  }
+  Scores score(const EvaluationObject& object) const;
+  // Of these objects side by side: their inputs, and below, what was compared.
+  Image sheet(const std::vector<const DataObject*>& objects) const;
+
+ private:
+  struct Drawn {
+    Strip truth, coarse, result;
+    std::size_t selected = 0;
+  };
+
+  Drawn draw(const EvaluationObject& object) const;
+  Strip render_all(const DeviceGaussians& gaussians, const EvaluationObject& object) const;
+
+  Context& ctx_;
+  const VsplatModel& model_;
+  const EvaluateOptions& options_;
+};
+
+void Evaluator::check() const {
+  for (const Lpips* lpips : options_.lpips)
+    if (lpips->smallest() > model_.config().image)
+      fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, the model's have {}", name_of(lpips->net()),
+           lpips->smallest(), model_.config().image);
+}
+
+Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object) const {
+  RenderOptions options;
+  options.background = kWhite;
+  options.near = static_cast<float>(kNearInObject);
+  if (model_.config().negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
+  Strip out(model_.config().image, object.novel());
+  for (std::size_t i = 0; i < object.novel(); ++i)
+    out.put(i, render_picture(ctx_, gaussians, object.cameras[object.inputs + i], options).colour);
+  return out;
+}
+
+Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
+  const int edge = model_.config().image;
+  std::vector<float> pictures;
+  for (std::size_t i = 0; i < object.inputs; ++i)
+    pictures.insert(pictures.end(), object.pictures[i].data.begin(), object.pictures[i].data.end());
+  const Tensor input = ctx_.upload({static_cast<long>(object.inputs), edge, edge, 3}, pictures, Type::f32, "pictures");
+  const std::vector<Camera> cameras(object.cameras.begin(),
+                                    object.cameras.begin() + static_cast<std::ptrdiff_t>(object.inputs));
+  const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), {});
+  Strip truth(edge, object.novel());
+  for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
+  const Strip coarse = render_all(result.coarse, object);
+  return {truth, coarse, model_.config().levels == "coarse" ? coarse : render_all(result.final, object),
+          result.selected.size()};
+}
+
+Scores Evaluator::score(const EvaluationObject& object) const {
+  const Drawn drawn = draw(object);
+  const Image &truth = drawn.truth.image(), &result = drawn.result.image();
+  Strip nearest(model_.config().image, object.novel());
+  for (std::size_t i = 0; i < object.novel(); ++i) nearest.put(i, object.pictures[object.nearest[i]]);
+  Scores out;
+  out.psnr = psnr(result, truth);
+  out.psnr_coarse = psnr(drawn.coarse.image(), truth);
+  out.ssim = ssim(result, truth);
+  out.psnr_white = psnr(Image(truth.width, truth.height, 3, 1.0f), truth);
+  out.psnr_nearest = psnr(nearest.image(), truth);
+  out.selected = static_cast<double>(drawn.selected) / static_cast<double>(model_.config().voxels());
+  for (const Lpips* lpips : options_.lpips)
+    (lpips->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = lpips->distance(ctx_, result, truth);
+  return out;
+}
+
+Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
+  constexpr std::size_t kViews = 4;
+  const int edge = model_.config().image;
+  const Image blank(edge, edge, 3, ContactSheet::paper);
+  std::array<std::vector<Image>, 4> rows;
+  for (const DataObject* listed : objects) {
+    std::vector<std::string> told;
+    const EvaluationObject object = load(*listed, told);
+    const Drawn drawn = draw(object);
+    for (std::size_t i = 0; i < kViews; ++i) {
+      rows[0].push_back(i < object.inputs ? object.pictures[i] : blank);
+      std::size_t row = 0;
+      for (const Strip* strip : {&drawn.truth, &drawn.coarse, &drawn.result})
+        rows[++row].push_back(i < object.novel() ? strip->at(i) : blank);
+    }
+  }
+  ContactSheet sheet({.cell = 256, .columns = static_cast<int>(rows[0].size()), .expected = 0});
+  for (const std::vector<Image>& row : rows)
+    for (const Image& picture : row) sheet.add(picture);
+  return sheet.sheet();
+}
+
+Scores mean_of(const std::vector<ObjectScores>& objects) {
+  Scores out;
+  for (double Scores::*const number : kNumbers) {
+    out.*number = 0;
+    for (const ObjectScores& object : objects) out.*number += object.scores.*number;
+    out.*number /= static_cast<double>(objects.size());
+  }
+  return out;
+}
+
+// Places in `objects` of the best, the median and the worst, as far as there are so many.
+std::vector<std::size_t> typical(const std::vector<ObjectScores>& objects) {
+  std::vector<std::size_t> ranked(objects.size());
+  for (std::size_t i = 0; i < ranked.size(); ++i) ranked[i] = i;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [&](std::size_t a, std::size_t b) { return objects[a].scores.psnr > objects[b].scores.psnr; });
+  std::vector<std::size_t> out = {ranked.front()};
+  if (ranked.size() > 2) out.push_back(ranked[ranked.size() / 2]);
+  if (ranked.size() > 1) out.push_back(ranked.back());
+  return out;
+}
+
+}  // namespace
+
+Scores::Scores() : lpips_alex(std::numeric_limits<double>::quiet_NaN()), lpips_vgg(lpips_alex) {}
+
+Evaluation evaluate(Context& ctx, const VsplatModel& model, const DataSet& data, const EvaluateOptions& options) {
+  const Evaluator evaluator(ctx, model, options);
+  evaluator.check();
+  Evaluation out;
+  std::vector<const DataObject*> evaluated;
+  for (std::size_t i = 0; i < data.objects.size(); ++i) {
+    const DataObject& listed = data.objects[i];
+    if (options.progress)
+      options.progress(listed.name, static_cast<double>(i) / static_cast<double>(data.objects.size()));
+    EvaluationObject object;
+    std::vector<std::string> skipped;
+    try {
+      object = evaluator.load(listed, skipped);
+    } catch (const Error& e) {
+      if (!options.skip_bad || !is_about_data(e)) throw;
+      warn("an object is left out: {}", e.what());
+      ++out.skipped;
+      continue;
+    }
+    for (const std::string& text : skipped) warn("a view is left out: {}", text);
+    const Scores s = evaluator.score(object);
+    verbose("{}: PSNR {:.2f} dB (coarse {:.2f}, white {:.2f}, nearest view {:.2f}), {:.1f} % of the voxels selected",
+            object.name, s.psnr, s.psnr_coarse, s.psnr_white, s.psnr_nearest, 100 * s.selected);
+    evaluated.push_back(&listed);
+    out.objects.push_back({object.name, s});
+  }
+  if (out.objects.empty()) fail(Status::input, "none of the {} objects could be evaluated", data.objects.size());
+  out.mean = mean_of(out.objects);
+  if (options.sheet) {
+    // Drawn once more: keeping every object's pictures would take memory without bound.
+    std::vector<const DataObject*> shown;
+    for (const std::size_t i : typical(out.objects)) shown.push_back(evaluated[i]);
+    out.sheet = evaluator.sheet(shown);
+  }
+  return out;
+}
+
+}  // namespace vsplat

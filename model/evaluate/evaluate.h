@@ -1,0 +1,49 @@
+// How well a model reconstructs the objects of data sets: some views of each go in, pictures from others are compared.
+#pragma once
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "model/evaluate/evaluation_object.h"
+#include "model/network/vsplat_model.h"
+#include "model/pictures/lpips.h"
+
+namespace vsplat {
+
+// Of all novel views of an object on white, laid side by side. PSNR in dB for a peak of 1, from their mean squared
+// error together; SSIM in windows of 11 x 11. What is drawn is clamped to [0,1].
+struct Scores {
+  double psnr = 0, psnr_coarse = 0;         // of the model's result, and of its coarse level
+  double ssim = 0;                          // of the result
+  double psnr_white = 0, psnr_nearest = 0;  // of white pictures, and of the input view nearest by angle
+  double selected = 0;                      // voxels selected, a share of 0 to 1
+  double lpips_alex, lpips_vgg;             // of the result; NaN where that was not asked for
+
+  Scores();
+};
+
+struct ObjectScores {
+  std::string name;
+  Scores scores;
+};
+
+struct EvaluateOptions {
+  EvaluationRequest request;
+  bool skip_bad = false;            // views and objects that cannot be read are passed over, else an Error
+  bool sheet = false;               // make one
+  std::vector<const Lpips*> lpips;  // at most one of each network
+  // Called before each object with its name and the share of the work that is done. May throw to cancel.
+  std::function<void(const std::string& object, double done)> progress;
+};
+
+struct Evaluation {
+  std::vector<ObjectScores> objects;  // in the data set's order
+  Scores mean;                        // of every number over the objects
+  std::size_t skipped = 0;            // objects passed over; each was told as a warning, as was each view
+  Image sheet;  // best, median and worst by PSNR side by side; rows: input, truth, coarse, result, up to 4 views each
+};
+
+// Waits. Error(file, format or input) names object, view and what is wrong; with skip_bad only where no object is left.
+Evaluation evaluate(Context& ctx, const VsplatModel& model, const DataSet& data, const EvaluateOptions& options);
+
+}  // namespace vsplat

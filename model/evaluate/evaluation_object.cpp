@@ -1,0 +1,88 @@
+#include "model/evaluate/evaluation_object.h"
+
+#include <algorithm>
+#include <numeric>
+#include <optional>
+
+#include "model/input/pose_check.h"
+
+namespace vsplat {
+namespace {
+
+constexpr std::array<float, 3> kWhite{1, 1, 1};
+
+struct Chosen {
+  std::vector<int> inputs, novel;  // indices of the object's views
+  std::vector<std::size_t> nearest;
+};
+
+// Of the views that are good.
+Chosen choose(const FramedObject& object, const std::vector<int>& good, int inputs, const EvaluationRequest& request) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(good.size());
+  for (const int view : good)
+    positions.push_back(object.photographs.set.views[static_cast<std::size_t>(view)].camera.centre());
+  const EvaluationViews views = evaluation_views(positions, inputs, request.protocol, request.seed, object.name);
+  Chosen out;
+  for (const int i : views.inputs) out.inputs.push_back(good[static_cast<std::size_t>(i)]);
+  for (const int i : views.novel) {
+    out.novel.push_back(good[static_cast<std::size_t>(i)]);
+    const int nearest =
+        nearest_view(positions, views.inputs, positions[static_cast<std::size_t>(i)], object.placement.centre);
+    out.nearest.push_back(
+        static_cast<std::size_t>(std::find(views.inputs.begin(), views.inputs.end(), nearest) - views.inputs.begin()));
+  }
+  return out;
+}
+
+void add_view(const FramedObject& object, int view, const FrameRequest& request, EvaluationObject& out) {
+  const StoredView stored = store_view(object, view, request);
+  Image picture;
+  picture.width = picture.height = request.image;
+  picture.channels = 3;
+  composite(stored, kWhite, picture.data);
+  out.pictures.push_back(std::move(picture));
+  out.cameras.push_back(stored.camera);
+}
+
+// The first of the views that cannot be decoded; none: `out` has them all.
+std::optional<int> decode(const FramedObject& object, const Chosen& chosen, const FrameRequest& request,
+                          std::vector<std::string>* skipped, EvaluationObject& out) {
+  for (const std::vector<int>* views : {&chosen.inputs, &chosen.novel})
+    for (const int view : *views) try {
+        add_view(object, view, request, out);
+      } catch (const Error& e) {
+        if (!skipped || !is_about_data(e)) throw;
+        skipped->emplace_back(e.what());
+        return view;
+      }
+  return std::nullopt;
+}
+
+}  // namespace
+
+EvaluationObject evaluation_object(const DataObject& object, const Config& config, const EvaluationRequest& request,
+                                   std::vector<std::string>* skipped) {
+  const FrameRequest frame{config.image, request.fit, request.placement};
+  const FramedObject framed = frame_object(object, frame, skipped);
+  std::vector<int> good(static_cast<std::size_t>(framed.views()));
+  std::iota(good.begin(), good.end(), 0);
+  EvaluationObject out;
+  while (true) {
+    if (good.empty()) fail(Status::input, "object {}: no view of it is left", object.name);
+    const Chosen chosen = choose(framed, good, config.views, request);
+    out = {object.name, chosen.inputs.size(), {}, {}, chosen.nearest};
+    const std::optional<int> bad = decode(framed, chosen, frame, skipped, out);
+    if (!bad) break;
+    std::erase(good, *bad);
+  }
+  out.cameras = place_views(out.cameras, framed.placement, config.rebase).cameras;
+  try {
+    check_cube_is_in_front(std::span(out.cameras).first(out.inputs), framed.placement);
+  } catch (const Error& e) {
+    fail(e.status(), "object {}: {}", object.name, e.what());
+  }
+  return out;
+}
+
+}  // namespace vsplat

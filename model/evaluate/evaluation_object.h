@@ -1,0 +1,36 @@
+// An object of a data set as an evaluation needs it: pictures and cameras of the views that its protocol takes.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "model/data/framed_object.h"
+#include "model/evaluate/evaluation_views.h"
+#include "model/params/config.h"
+
+namespace vsplat {
+
+struct EvaluationRequest {
+  Protocol protocol = Protocol::kmeans;
+  std::uint64_t seed = 0;  // of random10
+  Fit fit = Fit::automatic;
+  PlacementRequest placement;
+};
+
+struct EvaluationObject {
+  std::string name;
+  std::size_t inputs = 0;            // the first so many are input views, the others novel ones
+  std::vector<Image> pictures;       // on white, of the configuration's size
+  std::vector<Camera> cameras;       // in the object's frame
+  std::vector<std::size_t> nearest;  // for each novel view the place of the input view nearest to it by angle
+
+  std::size_t novel() const { return pictures.size() - inputs; }
+};
+
+// Config::views inputs, fewer where the cameras are in fewer places. Error(file, format or input) names object, view
+// and what is wrong. Where `skipped` is given, bad views are added to it and others taken, as long as any are left.
+EvaluationObject evaluation_object(const DataObject& object, const Config& config, const EvaluationRequest& request,
+                                   std::vector<std::string>* skipped = nullptr);
+
+}  // namespace vsplat

@@ -1,0 +1,147 @@
+#include "model/input/auto_frame.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "model/base/statistics.h"
+#include "runtime/error.h"
+
+namespace vsplat {
+namespace {
+
+struct Ray {
+  Eigen::Vector3d origin, direction;  // unit
+};
+
+// The point with the least sum of distances to the lines, by reweighted least squares.
+Eigen::Vector3d nearest_point(const std::vector<Ray>& rays) {
+  std::vector<double> weights(rays.size(), 1.0);
+  Eigen::Vector3d p = Eigen::Vector3d::Zero();
+  for (int step = 0; step < 60; ++step) {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    double total = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Eigen::Vector3d& d = rays[i].direction;
+      const Eigen::Matrix3d off = weights[i] * (Eigen::Matrix3d::Identity() - d * d.transpose());
+      A += off;
+      b += off * rays[i].origin;
+      total += weights[i];
+    }
+    A /= total, b /= total;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
+    if (eigen.eigenvalues()[0] < 1e-4)  // directions within about half a degree of each other
+      fail(Status::input,
+           "the object cannot be found from {}: the viewing directions are parallel; say where it is with --center and "
+           "--scale",
+           rays.size() == 1 ? "one view" : "these views");
+    const Eigen::Vector3d next = A.ldlt().solve(b);
+    std::vector<double> reach(rays.size()), distance(rays.size());
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Eigen::Vector3d v = next - rays[i].origin;
+      reach[i] = v.norm();
+      distance[i] = (v - v.dot(rays[i].direction) * rays[i].direction).norm();
+    }
+    const double floor = 1e-3 * std::max(median(reach), 1e-12);
+    for (std::size_t i = 0; i < rays.size(); ++i) weights[i] = floor / std::max(distance[i], floor);
+    const double moved = (next - p).norm();
+    p = next;
+    if (step > 0 && moved < 1e-3 * floor) break;
+  }
+  return p;
+}
+
+Ray ray_through(const Camera& camera, double u, double v) {
+  const Eigen::Vector3d d((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1);
+  return {camera.centre(), (camera.w2c.topLeftCorner<3, 3>().transpose() * d).normalized()};
+}
+
+// The largest cube, as the network sees it (axes of the first view), that stays in front of all cameras.
+double largest_edge(std::span<const Camera> cameras, const Eigen::Vector3d& centre) {
+  double out = std::numeric_limits<double>::infinity();
+  const Eigen::Matrix3d first = cameras[0].w2c.topLeftCorner<3, 3>().transpose();
+  for (const Camera& c : cameras) {
+    const Eigen::RowVector3d forward = c.w2c.row(2).head<3>();
+    const double z = forward.dot(centre - c.centre());
+    if (z > 0) out = std::min(out, 2 * z / (forward * first).cwiseAbs().sum());
+  }
+  return out;
+}
+
+}  // namespace
+
+std::optional<MaskExtent> mask_extent(const Image& mask) {
+  std::vector<double> columns(mask.width, 0.0), rows(mask.height, 0.0);
+  double total = 0;
+  for (int y = 0; y < mask.height; ++y)
+    for (int x = 0; x < mask.width; ++x)
+      if (mask.at(x, y)[mask.channels - 1] > 0.5f) columns[x] += 1, rows[y] += 1, total += 1;
+  if (total == 0) return std::nullopt;
+  const double stray = 0.002 * total;
+  const auto first = [&](const std::vector<double>& counts, bool from_end) {
+    double seen = 0;
+    const int n = static_cast<int>(counts.size());
+    for (int i = 0; i < n; ++i) {
+      seen += counts[from_end ? n - 1 - i : i];
+      if (seen > stray) return i;
+    }
+    return n - 1;
+  };
+  return MaskExtent{static_cast<double>(first(columns, false)), static_cast<double>(first(rows, false)),
+                    static_cast<double>(mask.width - first(columns, true)),
+                    static_cast<double>(mask.height - first(rows, true))};
+}
+
+AutoFrame auto_frame(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
+                     const std::optional<Eigen::Vector3d>& centre) {
+  if (cameras.empty()) fail(Status::usage, "no camera to find the object from");
+  if (!extents.empty() && extents.size() != cameras.size())
+    fail(Status::internal, "{} mask extents for {} cameras", extents.size(), cameras.size());
+  std::vector<Ray> axes, middles;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    axes.push_back(ray_through(c, c.cx, c.cy));
+    if (extents.empty() || !extents[i]) continue;
+    middles.push_back(ray_through(c, 0.5 * (extents[i]->x0 + extents[i]->x1), 0.5 * (extents[i]->y0 + extents[i]->y1)));
+  }
+  AutoFrame out;
+  const std::size_t masks = middles.size();
+  if (centre) {
+    out.centre = *centre;
+  } else {
+    out.centre = nearest_point(masks >= 2 ? middles : axes);
+    out.text = masks >= 2 ? fmt::format("centre from the middles of {} masks", masks)
+                          : fmt::format("centre from the optical axes of {} views", axes.size());
+  }
+
+  std::vector<double> sizes, distances, spans;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    const double z = std::abs(c.w2c.row(2).head<3>().dot(out.centre - c.centre()));
+    distances.push_back((out.centre - c.centre()).norm());
+    spans.push_back(std::sqrt(c.width / c.fx * (c.height / c.fy)));
+    if (extents.empty() || !extents[i]) continue;
+    const MaskExtent& m = *extents[i];
+    sizes.push_back(z * std::max((m.x1 - m.x0) / c.fx, (m.y1 - m.y0) / c.fy));
+  }
+  if (!out.text.empty()) out.text += ", ";
+  if (!sizes.empty()) {
+    out.edge = 1.2 * quantile(sizes, 0.9);
+    out.text += fmt::format("edge from the extent of {} masks", sizes.size());
+  } else {
+    out.edge = median(distances) * median(spans) / 1.5;
+    out.text += fmt::format("edge from the median distance {:.4g} and field of view {:.3g} degrees", median(distances),
+                            2 * std::atan(0.5 * median(spans)) * 180 / M_PI);
+  }
+  if (const double most = 0.9 * largest_edge(cameras, out.centre); out.edge > most) {
+    out.edge = most;
+    out.text += ", made smaller to stay in front of every camera";
+  }
+  if (!(out.edge > 0) || !std::isfinite(out.edge))
+    fail(Status::input,
+         "the object's size cannot be found from these views: the cameras are at its centre {}; give --scale",
+         to_text(out.centre));
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,152 @@
+#include "model/input/pose_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "model/base/lens.h"
+#include "runtime/error.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+namespace {
+
+double depth(const Camera& camera, const Eigen::Vector3d& point) {
+  return camera.w2c.row(2).head<3>().dot(point - camera.centre());
+}
+
+struct Seen {
+  int behind = 0, outside = 0;
+  int missed() const { return behind + outside; }
+};
+
+Seen look(std::span<const Camera> cameras, const Eigen::Vector3d& point) {
+  Seen out;
+  for (const Camera& c : cameras) {
+    const auto at = project_to_picture(c, point);
+    if (!(depth(c, point) > 0)) {
+      ++out.behind;
+    } else if (!(at && at->x() >= 0 && at->x() <= c.width && at->y() >= 0 && at->y() <= c.height)) {
+      ++out.outside;
+    }
+  }
+  return out;
+}
+
+struct Swap {
+  const char* text;
+  Camera (*apply)(const Camera&);
+};
+
+Camera with_c2w(const Camera& camera, const Eigen::Matrix4d& c2w) {
+  Camera out = camera, inverse;
+  inverse.w2c = c2w;
+  out.w2c = inverse.c2w();  // the rigid inverse of whatever is in w2c
+  return out;
+}
+
+Eigen::Matrix4d flipped(Eigen::Matrix4d c2w) {  // y and z of the camera the other way
+  c2w.middleCols<2>(1) *= -1;
+  return c2w;
+}
+
+// With L the listed matrix and D = diag(1,-1,-1,1): transforms.json is read as c2w = L D, the OpenCV formats as c2w =
+// L^-1.
+Camera other_axes(const Camera& c) { return with_c2w(c, flipped(c.c2w())); }
+Camera inverted_opengl(const Camera& c) { return with_c2w(c, flipped(with_c2w(c, flipped(c.c2w())).w2c)); }  // L^-1 D
+Camera inverted_opengl_axes(const Camera& c) { return with_c2w(c, with_c2w(c, flipped(c.c2w())).w2c); }      // L^-1
+Camera inverted_opencv(const Camera& c) { return with_c2w(c, c.w2c); }                // L; with L = c2w, L^-1
+Camera inverted_opencv_axes(const Camera& c) { return with_c2w(c, flipped(c.w2c)); }  // L D; with L = c2w, L^-1 D
+Camera turned_back(const Camera& c) {  // the rotation transposed, the centre kept
+  Eigen::Matrix4d c2w = c.c2w();
+  c2w.topLeftCorner<3, 3>().transposeInPlace();
+  return with_c2w(c, c2w);
+}
+Camera turned_back_axes(const Camera& c) { return other_axes(turned_back(c)); }
+
+std::vector<Swap> possible_swaps(PoseConvention convention) {
+  switch (convention) {
+    case PoseConvention::opengl_c2w:
+      return {
+          {"OpenCV axes (y down, z forward) where the file's format has OpenGL axes (y up, -z forward)", other_axes},
+          {"world-to-camera matrices (w2c) where the file's format has camera-to-world (c2w)", inverted_opengl},
+          {"world-to-camera matrices (w2c) with OpenCV axes where the file's format has camera-to-world (c2w) with "
+           "OpenGL axes",
+           inverted_opengl_axes}};
+    case PoseConvention::opencv_w2c:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"camera-to-world matrices (c2w) where the file's format has world-to-camera (w2c)", inverted_opencv},
+          {"camera-to-world matrices (c2w) with OpenGL axes where the file's format has world-to-camera (w2c) with "
+           "OpenCV axes",
+           inverted_opencv_axes}};
+    case PoseConvention::opencv_c2w:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"world-to-camera matrices (w2c) where the file's format has camera-to-world (c2w)", inverted_opencv},
+          {"world-to-camera matrices (w2c) with OpenGL axes where the file's format has camera-to-world (c2w) with "
+           "OpenCV axes",
+           inverted_opencv_axes}};
+    default:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"world-to-camera rotations (w2c) where the file's format has camera-to-world (c2w)", turned_back},
+          {"world-to-camera rotations (w2c) with OpenGL axes where the file's format has camera-to-world (c2w) with "
+           "OpenCV axes",
+           turned_back_axes}};
+  }
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d p = camera.w2c.topLeftCorner<3, 3>() * (point - camera.centre());
+  if (!(p.z() > 0)) return std::nullopt;
+  double x = p.x() / p.z(), y = p.y() / p.z();
+  if (!is_pinhole(camera.distortion) && !Lens(camera.distortion, std::hypot(x, y)).distort(x, y, x, y))
+    return std::nullopt;
+  return Eigen::Vector2d(camera.fx * x + camera.cx, camera.fy * y + camera.cy);
+}
+
+void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const Placement& placement,
+                          bool force) {
+  const Seen seen = look(cameras, placement.centre);
+  if (seen.missed() == 0) return;
+  std::string text =
+      fmt::format("the centre of the object's cube {} is behind {} and outside the picture of {} of {} views",
+                  to_text(placement.centre), seen.behind, seen.outside, cameras.size());
+  std::string swaps;
+  for (const Swap& swap : possible_swaps(convention)) {
+    std::vector<Camera> swapped;
+    swapped.reserve(cameras.size());
+    for (const Camera& c : cameras) swapped.push_back(swap.apply(c));
+    if (look(swapped, placement.centre).missed() == 0)
+      swaps += fmt::format("{}{}", swaps.empty() ? "" : ", or ", swap.text);
+  }
+  if (!swaps.empty()) {
+    text += fmt::format("; it would be in the picture of all if the poses were meant as {}: correct the poses", swaps);
+  } else {
+    text += "; no swap of axes or of directions puts it into all of them: give --center and --scale, or --auto-frame";
+  }
+  if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force)
+    fail(Status::input, "{} (--force goes on regardless)", text);
+  warn("{}", text);
+}
+
+void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement) {
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    const double nearest = c.w2c(2, 3) - 0.5 * c.w2c.row(2).head<3>().cwiseAbs().sum();
+    if (nearest > 0) continue;
+    const std::string advice = c.w2c(2, 3) > 0
+                                   ? fmt::format("; an edge (--scale) under {:.4g} would leave it in front",
+                                                 placement.edge * c.w2c(2, 3) / (c.w2c(2, 3) - nearest))
+                                   : std::string("; its centre too: place it with --center, or leave this view out");
+    fail(Status::input,
+         "view {} ({}): a corner of the object's cube, centre {} and edge {:.6g}, is behind the camera{}", i, c.file,
+         to_text(placement.centre), placement.edge, advice);
+  }
+}
+
+}  // namespace vsplat

@@ -1,0 +1,24 @@
+// Refuses poses that cannot be meant, before anything is computed from them.
+#pragma once
+#include <optional>
+#include <span>
+
+#include "model/input/placement.h"
+#include "model/io/view_set.h"
+
+namespace vsplat {
+
+// Where a point of the world is in the (distorted) picture, in pixels; nothing for a point that is not in front
+// or that the lens does not show.
+std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Eigen::Vector3d& point);
+
+// Cameras in the user's world, intrinsics known. Error(input) where the cube's centre is behind, or outside the picture
+// of, more than half of them; it names the swap of conventions that would put it in all their pictures, if one does.
+// `force`: a warning instead, as for fewer of them.
+void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const Placement& placement,
+                          bool force = false);
+
+// Cameras in the object's frame. Error(input) where a corner of the cube [-0.5,0.5]^3 is not in front of every camera.
+void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement);
+
+}  // namespace vsplat

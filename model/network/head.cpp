@@ -1,0 +1,86 @@
+#include "model/network/head.h"
+
+#include "model/ops/decode.h"
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+
+CoarseHeads::CoarseHeads(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
+  const WeightLoader load(ctx, weights, "predictor.");
+  act_predictor_ = load_mlp3(load, "act_predictor", config.volume_ch, 1);
+  coarse_predictor_ = load_mlp3(load, "coarse_predictor", config.volume_ch, config.primitive_size());
+}
+
+CoarseHeads::Output CoarseHeads::forward(Context& ctx, const Tensor& volume, Saved* saved) const {
+  const long voxels = config_.voxels();
+  Dims().set("R^3", voxels).set("C", config_.volume_ch).bind("volume", volume, {"R^3", "C"});
+  Output out;
+  Tensor raw;
+  {
+    const Stage stage(ctx, "heads");
+    out.logits =
+        mlp3(ctx, act_predictor_, volume, "act_predictor", saved ? &saved->act_predictor : nullptr).reshaped({voxels});
+    raw = mlp3(ctx, coarse_predictor_, volume, "coarse_predictor", saved ? &saved->coarse_predictor : nullptr);
+  }
+  if (saved) saved->raw = raw;
+  const Stage stage(ctx, "decode");
+  out.gaussians = make_gaussians(ctx, voxels, config_.sh_count(), "coarse");
+  decode_coarse_forward(ctx, {raw, config_.volume, out.gaussians});
+  return out;
+}
+
+void CoarseHeads::backward(Context& ctx, const Saved& saved, const Tensor& dlogits, const GaussianGradients& dgaussians,
+                           const Tensor& dvolume, bool add) const {
+  const Tensor draw = ctx.tensor(saved.raw.shape(), Type::f32, "coarse_predictor gradient");
+  {
+    const Stage stage(ctx, "decode");
+    decode_coarse_backward(ctx, {saved.raw, config_.volume, dgaussians, draw});
+  }
+  const Stage stage(ctx, "heads");
+  mlp3_backward(ctx, coarse_predictor_, saved.coarse_predictor, draw, dvolume, add, "coarse_predictor");
+  if (!dlogits) return;
+  mlp3_backward(ctx, act_predictor_, saved.act_predictor, dlogits.reshaped({config_.voxels(), 1}), dvolume, true,
+                "act_predictor");
+}
+
+FineHeads::FineHeads(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
+  const WeightLoader load(ctx, weights, "predictor.");
+  fine_predictor_ = load_mlp3(load, "fine_predictor", config.fine_dim, config.fine_count * config.primitive_size());
+  update_predictor_ = load_mlp3(load, "update_predictor", config.fine_dim, 1 + 3 * config.sh_count());
+  div_offset_ = WeightLoader(ctx, weights, "").tensor("div_offset", {config.fine_count, 3});
+}
+
+DeviceGaussians FineHeads::forward(Context& ctx, const Tensor& refined, const DeviceGaussians& skeleton,
+                                   Saved* saved) const {
+  const long p = skeleton.count(), m = config_.fine_count;
+  Dims().set("P", p).set("C", config_.fine_dim).bind("refined", refined, {"P", "C"});
+  Tensor raw, update;
+  {
+    const Stage stage(ctx, "heads");
+    raw = mlp3(ctx, fine_predictor_, refined, "fine_predictor", saved ? &saved->fine_predictor : nullptr);
+    update = mlp3(ctx, update_predictor_, refined, "update_predictor", saved ? &saved->update_predictor : nullptr);
+  }
+  if (saved) saved->raw = raw, saved->update = update, saved->opacities = skeleton.opacities;
+  const Stage stage(ctx, "decode");
+  DeviceGaussians out = make_gaussians(ctx, m * p + p, config_.sh_count(), "final");
+  decode_fine_forward(ctx, {raw, skeleton.means, div_offset_, config_.volume, out});
+  decode_adjusted_forward(ctx, {update, skeleton, m * p, out});
+  return out;
+}
+
+void FineHeads::backward(Context& ctx, const Saved& saved, const GaussianGradients& dfinal, const Tensor& drefined,
+                         const GaussianGradients& dskeleton) const {
+  const Tensor draw = ctx.tensor(saved.raw.shape(), Type::f32, "fine_predictor gradient");
+  const Tensor dupdate = ctx.tensor(saved.update.shape(), Type::f32, "update_predictor gradient");
+  {
+    const Stage stage(ctx, "decode");
+    const long fine = saved.raw.dim(0) * config_.fine_count;
+    decode_fine_backward(ctx, {saved.raw, config_.volume, dfinal, draw, dskeleton.means});
+    decode_adjusted_backward(ctx, {saved.update, saved.opacities, fine, dfinal, dupdate, dskeleton});
+  }
+  const Stage stage(ctx, "heads");
+  mlp3_backward(ctx, fine_predictor_, saved.fine_predictor, draw, drefined, false, "fine_predictor");
+  mlp3_backward(ctx, update_predictor_, saved.update_predictor, dupdate, drefined, true, "update_predictor");
+}
+
+}  // namespace vsplat

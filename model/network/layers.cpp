@@ -1,0 +1,166 @@
+#include "model/network/layers.h"
+
+#include "model/ops/activation.h"
+#include "model/ops/groupnorm.h"
+#include "runtime/column_sum.h"
+#include "runtime/compose_rows.h"
+
+namespace vsplat {
+namespace {
+
+long rows_of(const RowSource& a) { return a.map ? a.map.dim(0) : a.x0.count() / a.x0.shape().back(); }
+
+Linear load(const WeightLoader& weights, const std::string& name, const Shape& shape) {
+  const std::string weight = name + ".weight", bias = name + ".bias";
+  const Shape matrix{shape.at(0), shape.at(1)};
+  Linear out{weights.linear(weight, shape), weights.tensor(bias, {shape.at(0)}), weights.plain(weight),
+             weights.gradient(weight), weights.gradient(bias)};
+  if (out.plain) out.plain = out.plain.reshaped(matrix);
+  if (out.dweight) out.dweight = out.dweight.reshaped(matrix);
+  return out;
+}
+
+RowSource silu_of(const Tensor& x) {
+  RowSource out;
+  out.x0 = x;
+  out.silu = true;
+  return out;
+}
+
+}  // namespace
+
+Linear load_linear(const WeightLoader& weights, const std::string& name, long in, long out) {
+  return load(weights, name, {out, in});
+}
+
+Linear load_pointwise(const WeightLoader& weights, const std::string& name, long in, long out) {
+  return load(weights, name, {out, in, 1, 1, 1});
+}
+
+Tensor linear(Context& ctx, const Linear& layer, const RowSource& in, const char* name, Activation activation) {
+  Gemm g;
+  g.a = in;
+  g.b = &layer.w;
+  g.bias = layer.bias;
+  g.activation = activation;
+  g.out = ctx.tensor({rows_of(in), layer.w.n}, Type::f32, name);
+  g.name = name;
+  gemm(ctx, g);
+  return g.out;
+}
+
+void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b) {
+  const long out = layer.w.n, in = layer.w.k, rows = rows_of(b.in);
+  {
+    Tensor x = b.in.x0;
+    if (b.in.x1 || b.in.scale || b.in.silu) {
+      x = ctx.tensor({rows, in}, Type::f32, "composed rows");
+      compose_rows(ctx, b.in, x);
+    }
+    transposed_gemm(ctx, {b.dy, x, layer.dweight, true, b.name});
+  }
+  column_sum(ctx, {b.dy, layer.dbias, true});
+
+  long first = 0;
+  for (const Tensor& dx : {b.dx0, b.dx1}) {
+    if (!dx) continue;
+    const long width = dx.shape().back();
+    const PackedMatrix w = pack_matrix(ctx, layer.plain, out, width, in, 1, b.name, first);
+    first += width;
+    Gemm g;
+    g.a.x0 = b.dy;
+    g.b = &w;
+    g.residual = b.add ? dx : Tensor();
+    g.out = dx;
+    g.name = b.name;
+    gemm(ctx, g);
+  }
+}
+
+LayerNorm load_layer_norm(const WeightLoader& weights, const std::string& name, long channels) {
+  return {weights.tensor(name + ".weight", {channels}), weights.tensor(name + ".bias", {channels}),
+          weights.gradient(name + ".weight"), weights.gradient(name + ".bias")};
+}
+
+GroupNorm load_group_norm(const WeightLoader& weights, const std::string& name, long channels, int groups) {
+  return {weights.tensor(name + ".weight", {channels}), weights.tensor(name + ".bias", {channels}), groups,
+          weights.gradient(name + ".weight"), weights.gradient(name + ".bias")};
+}
+
+RowSource norm_silu(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1, NormSaved* saved) {
+  const Shape channels{norm.gamma.dim(0)};
+  GroupNormForward f;
+  f.x0 = x0;
+  f.x1 = x1;
+  f.gamma = norm.gamma;
+  f.beta = norm.beta;
+  f.groups = norm.groups;
+  f.scale = ctx.tensor(channels, Type::f32, "groupnorm.scale");
+  f.shift = ctx.tensor(channels, Type::f32, "groupnorm.shift");
+  if (saved) {
+    f.mean = ctx.tensor(channels, Type::f32, "groupnorm.mean");
+    f.rstd = ctx.tensor(channels, Type::f32, "groupnorm.rstd");
+  }
+  groupnorm_forward(ctx, f);
+  RowSource out;
+  out.x0 = x0;
+  out.x1 = x1;
+  out.scale = f.scale;
+  out.shift = f.shift;
+  out.silu = true;
+  if (saved) *saved = {out, f.mean, f.rstd};
+  return out;
+}
+
+void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
+                        const Tensor& dx0, const Tensor& dx1, bool add) {
+  GroupNormSiluBackward b;
+  b.x0 = saved.rows.x0;
+  b.x1 = saved.rows.x1;
+  b.gamma = norm.gamma;
+  b.scale = saved.rows.scale;
+  b.shift = saved.rows.shift;
+  b.mean = saved.mean;
+  b.rstd = saved.rstd;
+  b.groups = norm.groups;
+  b.dy = dy;
+  b.dx0 = dx0;
+  b.dx1 = dx1;
+  b.add = add;
+  b.dgamma = norm.dgamma;
+  b.dbeta = norm.dbeta;
+  groupnorm_silu_backward(ctx, b);
+}
+
+Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, long out) {
+  return {load_linear(weights, name + ".0", in, in), load_linear(weights, name + ".2", in, in),
+          load_linear(weights, name + ".4", in, out)};
+}
+
+Tensor mlp3(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved) {
+  RowSource in;
+  in.x0 = x;
+  if (saved) {
+    const Tensor h1 = linear(ctx, mlp.first, in, name), h2 = linear(ctx, mlp.second, silu_of(h1), name);
+    *saved = {x, h1, h2};
+    return linear(ctx, mlp.third, silu_of(h2), name);
+  }
+  in.x0 = linear(ctx, mlp.first, in, name, Activation::silu);
+  in.x0 = linear(ctx, mlp.second, in, name, Activation::silu);
+  return linear(ctx, mlp.third, in, name);
+}
+
+void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,
+                   const char* name) {
+  const Tensor d2 = ctx.tensor(saved.h2.shape(), Type::f32, "mlp gradient");
+  linear_backward(ctx, mlp.third, {silu_of(saved.h2), dy, d2, {}, false, name});
+  activation_backward(ctx, {saved.h2, Activation::silu, d2, d2});
+  const Tensor d1 = ctx.tensor(saved.h1.shape(), Type::f32, "mlp gradient");
+  linear_backward(ctx, mlp.second, {silu_of(saved.h1), d2, d1, {}, false, name});
+  activation_backward(ctx, {saved.h1, Activation::silu, d1, d1});
+  RowSource x;
+  x.x0 = saved.x;
+  linear_backward(ctx, mlp.first, {x, d1, dx, {}, add, name});
+}
+
+}  // namespace vsplat

@@ -1,0 +1,75 @@
+// The layers that several stages are made of, by the names of their parameters. Backwards add to the gradients by
+// weights, which are there in training only (see LearntWeights).
+#pragma once
+#include <string>
+
+#include "model/network/upload_weights.h"
+#include "runtime/gemm.h"
+
+namespace vsplat {
+
+// "<name>.weight" [out, in] and "<name>.bias".
+struct Linear {
+  PackedMatrix w;
+  Tensor bias;
+  Tensor plain, dweight, dbias;  // in training: [out, in], and the gradients
+};
+Linear load_linear(const WeightLoader& weights, const std::string& name, long in, long out);
+// Also a 1x1x1 convolution, whose weight is [out, in, 1, 1, 1].
+Linear load_pointwise(const WeightLoader& weights, const std::string& name, long in, long out);
+Tensor linear(Context& ctx, const Linear& layer, const RowSource& in, const char* name,
+              Activation activation = Activation::none);
+
+// The backward of linear() without an activation. `in` as the forward had it, without a map.
+struct LinearBackward {
+  RowSource in;
+  Tensor dy;  // [rows, out]
+  // By the input as composed, after scale, shift and SiLU: none where not wanted; written, or with `add` added to.
+  Tensor dx0;  // [rows, C0 + C1], or [rows, C0] where dx1 is there
+  Tensor dx1;  // [rows, C1]
+  bool add = false;
+  const char* name = "linear";  // its rows in the profile
+};
+void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b);
+
+// "<name>.weight" and "<name>.bias" of a LayerNorm (model/ops/layernorm.h).
+struct LayerNorm {
+  Tensor gamma, beta;
+  Tensor dgamma, dbeta;  // in training
+};
+LayerNorm load_layer_norm(const WeightLoader& weights, const std::string& name, long channels);
+
+// "<name>.weight" and "<name>.bias" of a GroupNorm.
+struct GroupNorm {
+  Tensor gamma, beta;
+  int groups = 1;
+  Tensor dgamma, dbeta;  // in training
+};
+GroupNorm load_group_norm(const WeightLoader& weights, const std::string& name, long channels, int groups);
+struct NormSaved {
+  RowSource rows;     // what norm_silu() gave
+  Tensor mean, rstd;  // [C]
+};
+// SiLU(GroupNorm([x0, x1])), to be made by whoever loads it. Computes the statistics over all rows. What `saved` holds
+// is for the backward.
+RowSource norm_silu(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1 = {},
+                    NormSaved* saved = nullptr);
+// dy [rows, C0 + C1] by the composed rows -> dx0, dx1 by the inputs: written, or with `add` added to. dx0 may be dy
+// where there is no x1.
+void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
+                        const Tensor& dx0, const Tensor& dx1 = {}, bool add = false);
+
+// Three linear layers with SiLU between them: "<name>.0", "<name>.2", "<name>.4".
+struct Mlp3 {
+  Linear first, second, third;
+};
+struct Mlp3Saved {
+  Tensor x, h1, h2;  // input, and the hidden rows before their SiLU
+};
+Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, long out);
+Tensor mlp3(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved = nullptr);
+// dy [rows, out] -> dx [rows, in]: written, or with `add` added to.
+void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,
+                   const char* name);
+
+}  // namespace vsplat

@@ -1,0 +1,241 @@
+#include "model/network/unet3d.h"
+
+#include <utility>
+
+#include "model/ops/add_columns.h"
+#include "model/ops/resample3d.h"
+#include "runtime/shape_check.h"
+
+namespace vsplat {
+namespace {
+
+Tensor convolve(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
+                const Tensor& residual = {}, const Tensor& out = {}) {
+  Conv3d c;
+  c.in = in;
+  c.x = c.y = c.z = edge;
+  c.weights = &conv.w;
+  c.residual = residual;
+  c.out = out ? out : ctx.tensor({edge * edge * edge, conv.w.cout}, Type::f32, name);
+  c.name = name;
+  conv3d(ctx, c);
+  return c.out;
+}
+
+Tensor downsample(Context& ctx, const Conv& conv, const Tensor& x, long edge) {
+  Conv3dDown c;
+  c.in.x0 = x;
+  c.in.map = conv3d_down_map(ctx, edge, edge, edge);
+  c.weights = &conv.w;
+  c.out = ctx.tensor({edge / 2 * (edge / 2) * (edge / 2), conv.w.cout}, Type::f32, "downsample.conv");
+  c.name = "downsample.conv";
+  conv3d_down(ctx, c);
+  return c.out;
+}
+
+// -> by the composed rows of `in`.
+Tensor convolve_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
+                         const char* name) {
+  Conv3dWeightGradient g;
+  g.in = in;
+  g.x = g.y = g.z = edge;
+  g.dy = dy;
+  g.dw = conv.dweight;
+  g.dbias = conv.dbias;
+  g.name = name;
+  conv3d_weight_gradient(ctx, g);
+  Conv back;
+  back.w = pack_conv3d_backward(ctx, conv.plain, name);
+  RowSource rows;
+  rows.x0 = dy;
+  return convolve(ctx, back, rows, edge, name);
+}
+
+// By x at edge^3 voxels, added to dx.
+void downsample_backward(Context& ctx, const Conv& conv, const Tensor& x, const Tensor& dy, const Tensor& dx,
+                         long edge) {
+  Conv3dDownBackward g;
+  g.in.x0 = x;
+  g.in.map = conv3d_down_map(ctx, edge, edge, edge);
+  g.w = conv.plain;
+  g.dy = dy;
+  g.dx = dx;
+  g.dw = conv.dweight;
+  g.dbias = conv.dbias;
+  conv3d_down_backward(ctx, g);
+}
+
+Tensor upsample(Context& ctx, const Tensor& x, long edge) {
+  const Tensor y = ctx.tensor({8 * edge * edge * edge, x.dim(1)}, Type::f32, "upsample");
+  upsample3d_forward(ctx, {x, edge, edge, edge, y});
+  return y;
+}
+
+// dy at 2 edge -> by x at `edge`.
+Tensor upsample_backward(Context& ctx, const Tensor& dy, long edge) {
+  const Tensor dx = ctx.tensor({edge * edge * edge, dy.dim(1)}, Type::f32, "upsample gradient");
+  upsample3d_backward(ctx, {dy, edge, edge, edge, dx});
+  return dx;
+}
+
+template <class T>
+T take_last(std::vector<T>& from) {
+  T out = std::move(from.back());
+  from.pop_back();
+  return out;
+}
+
+}  // namespace
+
+VolumeNetwork::VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
+  const WeightLoader load(ctx, weights, "volume_network.");
+  const long ch = config.volume_ch;
+  const auto levels = config.volume_mult.size();
+  norm_in_ = load_group_norm(load, "conv_in.1", 4 * ch, config.groups);
+  conv_in_ = load.conv3d("conv_in.3", ch, 4 * ch);
+  std::vector<long> skips = {ch};
+  long width = ch;
+  for (std::size_t i = 0; i < levels; ++i) {
+    const std::string name = "down_blocks." + std::to_string(i);
+    Down level{load_res(load, name + ".res.0", width, ch * config.volume_mult[i]), {}};
+    width = ch * config.volume_mult[i];
+    skips.push_back(width);
+    if (i + 1 < levels) {
+      level.downsample = load.conv3d_down(name + ".downsample.conv", width, width);
+      skips.push_back(width);
+    }
+    down_.push_back(level);
+  }
+  mid_ = load_res(load, "mid.0", width, width);
+  for (std::size_t i = 0; i < levels; ++i) {
+    const long out = ch * config.volume_mult[levels - 1 - i];
+    Up level;
+    for (int j = 0; j < 2; ++j) {
+      const std::string name = "up_blocks." + std::to_string(i) + ".res." + std::to_string(j);
+      level.res[j] = load_res(load, name, width + skips.back(), out);
+      skips.pop_back();
+      width = out;
+    }
+    up_.push_back(level);
+  }
+  norm_out_ = load_group_norm(load, "norm_out", width, config.groups);
+  conv_out_ = load.conv3d("conv_out", ch, width);
+}
+
+VolumeNetwork::ResBlock VolumeNetwork::load_res(const WeightLoader& weights, const std::string& name, long in,
+                                                long out) const {
+  ResBlock block;
+  block.norm1 = load_group_norm(weights, name + ".norm1", in, config_.groups);
+  block.conv1 = weights.conv3d(name + ".conv1", out, in);
+  block.norm2 = load_group_norm(weights, name + ".norm2", out, config_.groups);
+  block.conv2 = weights.conv3d(name + ".conv2", out, out);
+  if (in != out) block.shortcut = load_pointwise(weights, name + ".nin_shortcut", in, out);
+  return block;
+}
+
+Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge, ResSaved* saved) const {
+  const Tensor h = convolve(ctx, block.conv1, norm_silu(ctx, block.norm1, x0, x1, saved ? &saved->norm1 : nullptr),
+                            edge, "res.conv1");
+  Tensor residual = x0, out;
+  if (block.shortcut.bias) {
+    RowSource x;
+    x.x0 = std::move(x0);
+    x.x1 = std::move(x1);
+    residual = out = linear(ctx, block.shortcut, x, "res.nin_shortcut");
+  }
+  return convolve(ctx, block.conv2, norm_silu(ctx, block.norm2, h, {}, saved ? &saved->norm2 : nullptr), edge,
+                  "res.conv2", residual, out);
+}
+
+Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
+  const Stage stage(ctx, "volume");
+  const long ch = config_.volume_ch;
+  Dims().set("R^3", config_.voxels()).set("C", 4 * ch).bind("volume", volume, {"R^3", "C"});
+  const auto keep = [&](std::vector<ResSaved> Saved::*list) {
+    return saved ? &(saved->*list).emplace_back() : nullptr;
+  };
+  if (saved) *saved = {};
+  long edge = config_.volume;
+  Tensor h = convolve(ctx, conv_in_,
+                      norm_silu(ctx, norm_in_, std::exchange(volume, {}), {}, saved ? &saved->norm_in : nullptr), edge,
+                      "conv_in.3");
+  std::vector<Tensor> skips = {h};
+  for (const Down& level : down_) {
+    h = res(ctx, level.res, std::move(h), {}, edge, keep(&Saved::down));
+    skips.push_back(h);
+    if (level.downsample.w.bias) {
+      if (saved) saved->downsampled.push_back(h);
+      h = downsample(ctx, level.downsample, h, edge);
+      edge /= 2;
+      skips.push_back(h);
+    }
+  }
+  h = res(ctx, mid_, std::move(h), {}, edge, saved ? &saved->mid : nullptr);
+  for (std::size_t i = 0; i < up_.size(); ++i) {
+    for (const ResBlock& block : up_[i].res)
+      h = res(ctx, block, std::move(h), take_last(skips), edge, keep(&Saved::up));
+    if (i + 1 < up_.size()) {
+      h = upsample(ctx, h, edge);
+      edge *= 2;
+    }
+  }
+  return convolve(ctx, conv_out_,
+                  norm_silu(ctx, norm_out_, std::exchange(h, {}), {}, saved ? &saved->norm_out : nullptr), edge,
+                  "conv_out");
+}
+
+std::pair<Tensor, Tensor> VolumeNetwork::res_backward(Context& ctx, const ResBlock& block, ResSaved saved, Tensor dy,
+                                                      long edge) const {
+  Tensor dh = convolve_backward(ctx, block.conv2, saved.norm2.rows, dy, edge, "res.conv2");
+  norm_silu_backward(ctx, block.norm2, std::exchange(saved.norm2, {}), dh, dh);
+  const Tensor dcomposed =
+      convolve_backward(ctx, block.conv1, saved.norm1.rows, std::exchange(dh, {}), edge, "res.conv1");
+  Tensor dx0 = dy, dx1;  // where the residual is x0 itself
+  if (block.shortcut.bias) {
+    RowSource x;
+    x.x0 = saved.norm1.rows.x0;
+    x.x1 = saved.norm1.rows.x1;
+    dx0 = ctx.tensor(x.x0.shape(), Type::f32, "res gradient");
+    if (x.x1) dx1 = ctx.tensor(x.x1.shape(), Type::f32, "res gradient");
+    linear_backward(ctx, block.shortcut, {x, std::exchange(dy, {}), dx0, dx1, false, "res.nin_shortcut"});
+  }
+  norm_silu_backward(ctx, block.norm1, saved.norm1, dcomposed, dx0, dx1, true);
+  return {dx0, dx1};
+}
+
+Tensor VolumeNetwork::backward(Context& ctx, Saved saved, Tensor dout) const {
+  const Stage stage(ctx, "volume");
+  Dims().set("R^3", config_.voxels()).set("C~", config_.volume_ch).bind("dout", dout, {"R^3", "C~"});
+  long edge = config_.volume;
+  Tensor d = convolve_backward(ctx, conv_out_, saved.norm_out.rows, std::exchange(dout, {}), edge, "conv_out");
+  norm_silu_backward(ctx, norm_out_, std::exchange(saved.norm_out, {}), d, d);
+  std::vector<Tensor> dskips;  // the first skip's gradient comes first, as it was the last to be used
+  for (std::size_t i = up_.size(); i-- > 0;) {
+    for (const int j : {1, 0}) {
+      auto [dx, dskip] = res_backward(ctx, up_[i].res[j], take_last(saved.up), std::move(d), edge);
+      d = std::move(dx);
+      dskips.push_back(std::move(dskip));
+    }
+    if (i > 0) {
+      edge /= 2;
+      d = upsample_backward(ctx, d, edge);
+    }
+  }
+  d = res_backward(ctx, mid_, std::exchange(saved.mid, {}), std::move(d), edge).first;
+  for (std::size_t i = down_.size(); i-- > 0;) {
+    add_columns(ctx, {take_last(dskips), d});
+    if (down_[i].downsample.w.bias) {
+      edge *= 2;
+      const Tensor dx = take_last(dskips);
+      downsample_backward(ctx, down_[i].downsample, take_last(saved.downsampled), d, dx, edge);
+      d = dx;
+    }
+    d = res_backward(ctx, down_[i].res, take_last(saved.down), std::move(d), edge).first;
+  }
+  add_columns(ctx, {take_last(dskips), d});
+  d = convolve_backward(ctx, conv_in_, saved.norm_in.rows, d, edge, "conv_in.3");
+  norm_silu_backward(ctx, norm_in_, saved.norm_in, d, d);
+  return d;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,152 @@
+#include "model/network/vit.h"
+
+#include "model/ops/activation.h"
+#include "model/ops/attention.h"
+#include "model/ops/layernorm.h"
+#include "model/ops/patch_embed.h"
+#include "model/ops/position_resample.h"
+
+namespace vsplat {
+namespace {
+
+RowSource rows_of(const Tensor& x) {
+  RowSource out;
+  out.x0 = x;
+  return out;
+}
+
+// x [.., C] as [rows, C].
+Tensor flat(const Tensor& x) { return x.reshaped({x.count() / x.shape().back(), x.shape().back()}); }
+
+Tensor normed(Context& ctx, const LayerNorm& norm, const Tensor& x) {
+  const Tensor out = ctx.tensor(flat(x).shape(), Type::f32, "encoder.normed");
+  layernorm_forward(ctx, {flat(x), norm.gamma, norm.beta, 1e-6f, out});
+  return out;
+}
+
+// dx += what comes back through the norm of x.
+void normed_backward(Context& ctx, const LayerNorm& norm, const Tensor& x, const Tensor& dy, const Tensor& dx) {
+  layernorm_backward(ctx, {flat(x), norm.gamma, 1e-6f, dy, flat(dx), norm.dgamma, norm.dbeta, true});
+}
+
+// out = x + linear(in); out may be x.
+void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tensor& x, const Tensor& out,
+                const char* name) {
+  Gemm g;
+  g.a.x0 = in;
+  g.b = &linear.w;
+  g.bias = linear.bias;
+  g.residual = flat(x);
+  g.out = flat(out);
+  g.name = name;
+  gemm(ctx, g);
+}
+
+}  // namespace
+
+Vit::Vit(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
+  const WeightLoader load(ctx, weights, "encoder.model.");
+  const long c = config.vit_dim, g = config.vit_pos_grid, t = config.tokens(), p = config.patch;
+  const std::string patch = "patch_embed.proj.";
+  patch_.w = load.linear(patch + "weight", {c, 3, p, p});
+  patch_.bias = load.tensor(patch + "bias", {c});
+  patch_.dweight = load.gradient(patch + "weight");
+  patch_.dbias = load.gradient(patch + "bias");
+  position_ = ctx.tensor({1 + t * t, c}, Type::f32, "encoder.position");
+  PositionResampleForward resample;
+  resample.stored = load.tensor("pos_embed", {1, 1 + g * g, c}).reshaped({1 + g * g, c});
+  resample.class_token = load.tensor("cls_token", {1, 1, c}).reshaped({c});
+  resample.from = config.vit_pos_grid;
+  resample.to = config.tokens();
+  resample.out = position_;
+  position_resample_forward(ctx, resample);
+  if (const Tensor d = load.gradient("pos_embed")) dposition_ = d.reshaped({1 + g * g, c});
+  if (const Tensor d = load.gradient("cls_token")) dclass_ = d.reshaped({c});
+  for (int i = 0; i < config.vit_depth; ++i) {
+    const std::string at = "blocks." + std::to_string(i) + ".";
+    layers_.push_back({load_layer_norm(load, at + "norm1", c), load_layer_norm(load, at + "norm2", c),
+                       load_linear(load, at + "attn.qkv", c, 3 * c), load_linear(load, at + "attn.proj", c, c),
+                       load_linear(load, at + "mlp.fc1", c, 4 * c), load_linear(load, at + "mlp.fc2", 4 * c, c)});
+  }
+  norm_ = load_layer_norm(load, "norm", c);
+}
+
+// y = x + attention(norm1(x)), then y + mlp(norm2(y)); in x's memory where nothing is saved.
+Tensor Vit::forward(Context& ctx, const Layer& l, const Tensor& x, LayerSaved* saved) const {
+  const long v = x.dim(0), t = x.dim(1), c = x.dim(2), h = config_.vit_heads;
+  const auto beside = [&](const char* what) { return saved ? ctx.tensor(x.shape(), Type::f32, what) : x; };
+  const Tensor middle = beside("encoder.middle");
+  {
+    const Tensor qkv = linear(ctx, l.qkv, rows_of(normed(ctx, l.norm1, x)), "attn.qkv").reshaped({v, t, 3, h, c / h});
+    const Tensor attended = ctx.tensor({v, t, c}, Type::f32, "encoder.attended");
+    const Tensor stats = saved ? ctx.tensor({v, h, t, 2}, Type::f32, "encoder.stats") : Tensor();
+    attention_forward(ctx, {qkv, attended, stats});
+    add_linear(ctx, l.proj, attended, x, middle, "attn.proj");
+    if (saved) *saved = {x, qkv, attended, stats, middle, {}};
+  }
+  const Tensor out = beside("encoder.tokens");
+  Tensor hidden =
+      linear(ctx, l.fc1, rows_of(normed(ctx, l.norm2, middle)), "mlp.fc1", saved ? Activation::none : Activation::gelu);
+  if (saved) {
+    saved->hidden = hidden;
+    hidden = ctx.tensor(hidden.shape(), Type::f32, "encoder.hidden");
+    activation_forward(ctx, {saved->hidden, Activation::gelu, hidden});
+  }
+  add_linear(ctx, l.fc2, hidden, middle, out, "mlp.fc2");
+  return out;
+}
+
+Tensor Vit::forward(Context& ctx, const Tensor& images, Saved* saved) const {
+  const Stage stage(ctx, "encoder");
+  const long v = images.dim(0), t = config_.tokens(), c = config_.vit_dim;
+  Tensor x = ctx.tensor({v, 1 + t * t, c}, Type::f32, "encoder.tokens");
+  patch_embed_forward(ctx, {images, config_.patch, &patch_.w, patch_.bias, position_, x});
+  if (saved) *saved = {images, std::vector<LayerSaved>(layers_.size()), {}};
+  for (std::size_t i = 0; i < layers_.size(); ++i) x = forward(ctx, layers_[i], x, saved ? &saved->layers[i] : nullptr);
+  if (!saved) {
+    layernorm_forward(ctx, {flat(x), norm_.gamma, norm_.beta, 1e-6f, flat(x)});
+    return x;
+  }
+  saved->last = x;
+  return normed(ctx, norm_, x).reshaped(x.shape());
+}
+
+// dx [V T, C]: by the layer's result before, by its input after.
+void Vit::backward(Context& ctx, const Layer& l, const LayerSaved& s, const Tensor& dx) const {
+  const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "encoder.gradient"); };
+  const Tensor dnormed = like(dx);
+  {
+    const Tensor dhidden = like(s.hidden);
+    {
+      const Tensor active = like(s.hidden);
+      activation_forward(ctx, {s.hidden, Activation::gelu, active});
+      linear_backward(ctx, l.fc2, {rows_of(active), dx, dhidden, {}, false, "mlp.fc2"});
+    }
+    activation_backward(ctx, {s.hidden, Activation::gelu, dhidden, dhidden});
+    linear_backward(ctx, l.fc1, {rows_of(normed(ctx, l.norm2, s.middle)), dhidden, dnormed, {}, false, "mlp.fc1"});
+  }
+  normed_backward(ctx, l.norm2, s.middle, dnormed, dx);
+  const Tensor dqkv = like(s.qkv);
+  {
+    const Tensor dattended = like(s.attended);
+    linear_backward(ctx, l.proj, {rows_of(s.attended), dx, dattended, {}, false, "attn.proj"});
+    attention_backward(ctx, {s.qkv, s.attended, s.stats, dattended, dqkv});
+  }
+  const Tensor by_row = dqkv.reshaped({dx.dim(0), l.qkv.w.n});
+  linear_backward(ctx, l.qkv, {rows_of(normed(ctx, l.norm1, s.x)), by_row, dnormed, {}, false, "attn.qkv"});
+  normed_backward(ctx, l.norm1, s.x, dnormed, dx);
+}
+
+void Vit::backward(Context& ctx, const Saved& saved, const Tensor& dtokens) const {
+  const Stage stage(ctx, "encoder");
+  if (!patch_.dweight) fail(Status::internal, "the encoder's weights have no gradients: it was made for inference");
+  const Tensor dx = ctx.tensor(flat(saved.last).shape(), Type::f32, "encoder.gradient");
+  layernorm_backward(ctx, {flat(saved.last), norm_.gamma, 1e-6f, flat(dtokens), dx, norm_.dgamma, norm_.dbeta, false});
+  for (std::size_t i = layers_.size(); i-- > 0;) backward(ctx, layers_[i], saved.layers[i], dx);
+  const Tensor dposition = ctx.tensor(position_.shape(), Type::f32, "encoder.gradient");
+  patch_embed_backward(
+      ctx, {saved.images, config_.patch, dx.reshaped(saved.last.shape()), patch_.dweight, patch_.dbias, dposition});
+  position_resample_backward(ctx, {dposition, config_.vit_pos_grid, config_.tokens(), dposition_, dclass_});
+}
+
+}  // namespace vsplat

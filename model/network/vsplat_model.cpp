@@ -1,0 +1,245 @@
+#include "model/network/vsplat_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/network/vsplat_modules.h"
+#include "model/ops/gather.h"
+#include "model/splat/render.h"
+#include "runtime/units.h"
+
+namespace vsplat {
+
+namespace {
+
+// Shares of the work by stage, for progress: multiplications, roughly.
+struct Work {
+  double encoder, modulation, lifting, volume, heads, fine;
+
+  Work(const Config& c, double views, double selected) {
+    const double tokens = views * c.tokens() * c.tokens(), d = c.vit_dim, v = static_cast<double>(c.voxels()),
+                 ch = c.volume_ch;
+    encoder = c.vit_depth * tokens * (12 * d * d + 2 * tokens / views * d);
+    modulation = tokens * 3 * d * d;
+    lifting = (v + tokens) * d * 4 * ch;
+    volume = v * 27 * ch * ch * 12;
+    heads = v * 5 * ch * ch;
+    fine = selected * v * (27.0 * c.voxel_ch * c.voxel_ch * (1 + 4 * c.voxel_levels) + 3.0 * c.fine_dim * c.fine_dim);
+  }
+  double total() const { return encoder + modulation + lifting + volume + heads + fine; }
+};
+
+// Names the stage that begins and the share of the work behind it. The queue is drained first, where somebody listens,
+// so that what is told is true.
+class Progress {
+ public:
+  Progress(Context& ctx, const ForwardOptions& options, double total) : ctx_(ctx), options_(options), total_(total) {}
+  void begin(const char* stage, double work) {
+    if (!options_.progress || ctx_.planning()) return;
+    ctx_.finish();
+    options_.progress(stage, done_ / total_);
+    done_ += work;
+  }
+  void skip(double work) { done_ += work; }
+
+ private:
+  Context& ctx_;
+  const ForwardOptions& options_;
+  double total_, done_ = 0;
+};
+
+// Drawing the result, once the network's own tensors are gone and their slabs free: a picture of the network's size,
+// with the number of tiles a Gaussian touches taken for RenderOptions::assumed_tiles (how many do is known only when it
+// is drawn).
+std::unique_ptr<Context> plan_picture(const Context& ctx, const Arena& after_network, long gaussians,
+                                      const Config& config) {
+  auto plan = ctx.planner();
+  plan->memory().commit(after_network);
+  const Stage stage(*plan, "splat");
+  const DeviceGaussians g{plan->tensor({gaussians, 3}), plan->tensor({gaussians, 3}), plan->tensor({gaussians, 4}),
+                          plan->tensor({gaussians}), plan->tensor({gaussians, config.sh_count(), 3})};
+  Camera camera;
+  camera.width = camera.height = config.image;
+  camera.fx = camera.fy = config.image;
+  camera.cx = camera.cy = config.image / 2.0;
+  render(*plan, g, camera, {});
+  return plan;
+}
+
+void refuse_unless_fits(const Context& plan, const std::string& what) {
+  const ArenaLimits& limits = plan.memory().limits();
+  if (plan.memory().peak() <= limits.total) return;
+  fail(Status::memory,
+       "not enough device memory for {}: {:.4g} GiB needed, {:.4g} GiB may be used (--max-memory, fewer views, a "
+       "smaller "
+       "model or another device)",
+       what, gib(plan.memory().peak()), gib(limits.total));
+}
+
+}  // namespace
+
+VsplatModel::VsplatModel(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
+  if (!ctx.planning()) {  // the weights' slabs, made at once and to measure
+    const auto planner = ctx.planner();
+    const Modules counted(*planner, config, weights);
+    refuse_unless_fits(*planner, "the model's weights");
+    ctx.memory().commit(planner->memory());
+  }
+  modules_ = std::make_unique<Modules>(ctx, config, weights);
+}
+
+VsplatModel::~VsplatModel() = default;
+
+VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                                        const ForwardOptions& options, Saved* saved) const {
+  const Modules& m = *modules_;
+  const Work work(config_, static_cast<double>(cameras.count()), options.assumed_selected);
+  Progress progress(ctx, options, work.total());
+  const auto tap = [&](const char* name, const Tensor& t) {
+    if (options.tap && !ctx.planning()) options.tap(name, t);
+  };
+  Saved* const all = saved && !saved->again ? saved : nullptr;  // else their inputs are kept, below
+
+  Coarse out;
+  progress.begin("encoder", work.encoder);
+  Tensor tokens = m.encoder.forward(ctx, images, all ? &all->encoder : nullptr);
+  progress.begin("modulation", work.modulation);
+  out.features = m.modulation.forward(ctx, tokens, cameras, all ? &all->modulation : nullptr);
+  if (saved && saved->again) saved->again->tokens = tokens;
+  tokens = {};
+  tap("features", out.features);
+  progress.begin("lifting", work.lifting);
+  Tensor lifted = m.lifting.forward(ctx, out.features, cameras, all ? &all->lifting : nullptr);
+  progress.begin("volume", work.volume);
+  out.volume = m.volume.forward(ctx, std::move(lifted), all ? &all->volume_network : nullptr);
+  tap("volume", out.volume);
+  progress.begin("heads", work.heads);
+  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume, all ? &all->coarse_heads : nullptr);
+  tap("logits", heads.logits);
+  out.gaussians = heads.gaussians;
+
+  if (config_.levels != "coarse") {
+    progress.begin("selection", 0);
+    SelectionOptions selection;
+    selection.temperature = static_cast<float>(options.temperature);
+    selection.seed = options.selection_seed;
+    selection.forced = options.selection;
+    selection.planned = static_cast<long>(options.assumed_selected * static_cast<double>(config_.voxels()));
+    selection.noise = options.noise;
+    out.selected = select_voxels(ctx, config_, heads.logits, heads.gaussians.opacities, selection,
+                                 saved ? &saved->selection : nullptr);
+    out.gaussians.opacities = out.selected.opacities;
+    tap("confidence", out.selected.factor);
+  }
+  return out;
+}
+
+DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras,
+                                  const ForwardOptions& options, Saved* saved) const {
+  if (config_.levels == "coarse") return state.gaussians;
+  DeviceGaussians skeleton;
+  {
+    const Stage stage(ctx, "selection");
+    skeleton = gather(ctx, state.gaussians, state.selected.index);
+  }
+  if (config_.levels == "skeletal") return skeleton;
+
+  const auto tap = [&](const char* name, const Tensor& t) {
+    if (options.tap && t && !ctx.planning()) options.tap(name, t);
+  };
+  const Work work(config_, static_cast<double>(cameras.count()), options.assumed_selected);
+  Progress progress(ctx, options, work.total());
+  progress.skip(work.total() - work.fine);
+  progress.begin("refinement", work.fine);
+  Saved* const all = saved && !saved->again ? saved : nullptr;
+  if (saved && saved->again) {
+    saved->again->skeleton = skeleton;
+    saved->again->index = state.selected.index;
+  }
+  Refinement::Output refined =
+      modules_->refinement.forward(ctx, {state.volume, state.features, &cameras, skeleton.means, state.selected.index},
+                                   all ? &all->refinement : nullptr);
+  tap("projected", refined.projected);
+  tap("refined", refined.refined);
+  refined.projected = {};
+  progress.begin("decode", 0);
+  return modules_->fine_heads.forward(ctx, refined.refined, skeleton, all ? &all->fine_heads : nullptr);
+}
+
+ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                                   const ForwardOptions& options) const {
+  const MemoryPlan whole =
+      plan(ctx, cameras.count(),
+           options.selection ? static_cast<double>(options.selection->size()) / static_cast<double>(config_.voxels())
+                             : options.assumed_selected);
+  if (whole.peak > ctx.memory().limits().total)
+    fail(Status::memory,
+         "not enough device memory: with {} of {} voxels selected the run needs {:.3f} GiB, {:.3f} GiB may be used "
+         "(--max-memory, --assume-selected, fewer views, a smaller model or another device)",
+         whole.selected, config_.voxels(), gib(whole.peak), gib(ctx.memory().limits().total));
+
+  {
+    const auto planner = ctx.planner();
+    coarse(*planner, images, cameras, options, nullptr);
+    ctx.memory().commit(planner->memory());
+  }
+  const Coarse state = coarse(ctx, images, cameras, options, nullptr);
+
+  {  // how much the fine half takes is known only now
+    const auto planner = ctx.planner();
+    fine(*planner, state, cameras, options, nullptr);
+    refuse_unless_fits(*planner, fmt::format("the fine stage at {} selected voxels", state.selected.count));
+    ctx.memory().commit(planner->memory());
+  }
+  ForwardResult out;
+  out.coarse = state.gaussians;
+  out.final = fine(ctx, state, cameras, options, nullptr);
+  if (state.selected.index) out.selected = ctx.read<int>(state.selected.index);
+  if (options.tap) {
+    const auto level = [&](const std::string& name, const DeviceGaussians& g) {
+      options.tap(name + ".means", g.means);
+      options.tap(name + ".scales", g.scales);
+      options.tap(name + ".quats", g.quats);
+      options.tap(name + ".opacities", g.opacities);
+      options.tap(name + ".sh", g.sh);
+    };
+    level("coarse", out.coarse);
+    level("final", out.final);
+  }
+  ctx.finish();
+  return out;
+}
+
+MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_share) const {
+  MemoryPlan out;
+  out.weights = ctx.memory().live();
+  const auto first = ctx.planner();
+  const long edge = config_.image;
+  ForwardOptions options;
+  options.assumed_selected = selected_share;
+  const Tensor images = first->tensor({views, edge, edge, 3}, Type::f32, "pictures");
+  const DeviceCameras cameras = upload_cameras(*first, std::vector<Camera>(static_cast<std::size_t>(views)));
+  const Coarse state = coarse(*first, images, cameras, options, nullptr);
+  out.selected = state.selected.count;
+  const auto second = first->planner();  // the first half's slabs stand; the second grows beside them
+  const DeviceGaussians gaussians = fine(*second, state, cameras, options, nullptr);
+  const auto third = plan_picture(ctx, second->memory(), gaussians.count(), config_);
+  out.peak = std::max(second->memory().peak(), third->memory().peak());
+  for (const Context* part : {first.get(), second.get(), third.get()})
+    for (const StageMemory& stage : part->stage_memory())
+      if (!stage.stage.empty()) out.stages.push_back(stage);
+  return out;
+}
+
+MemoryPlan VsplatModel::plan(const Context& ctx, const Config& config, const Weights& weights, long views,
+                             double selected_share) {
+  const auto planner = ctx.planner();
+  const VsplatModel model(*planner, config, weights);
+  return model.plan(*planner, views, selected_share);
+}
+
+long VsplatModel::most_gaussians(const Config& config) {
+  return config.levels == "fine" ? config.voxels() * (config.fine_count + 1) : config.voxels();
+}
+
+}  // namespace vsplat

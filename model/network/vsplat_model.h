@@ -1,0 +1,106 @@
+// The network, whole: posed pictures in, Gaussians out. `forward` is the paper's figure: encoder, modulation, lifting,
+// volume network, coarse heads, selection, then, at the selected voxels only, projection, refinement, fine heads and
+// adjustor.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/base/device_cameras.h"
+#include "model/base/gaussians.h"
+#include "model/network/upload_weights.h"
+#include "model/params/config.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct ForwardOptions {
+  double temperature = 0.1;                     // of the Gumbel-Sigmoid
+  std::optional<std::uint64_t> selection_seed;  // draw that noise from this seed instead
+  Tensor noise;                                 // f32 [R^3] logistic noise on the logits; none at inference
+  const std::vector<int>* selection = nullptr;  // voxel indices that replace the selected ones, ascending
+  double assumed_selected = 0.1;                // share of the voxels that a plan takes for selected
+  // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...); not while
+  // planning.
+  std::function<void(const std::string&, const Tensor&)> tap;
+  // Called as each stage begins, with the share of the work that lies behind (0 to 1). May throw to cancel.
+  std::function<void(const std::string& stage, double done)> progress;
+};
+
+struct ForwardResult {
+  DeviceGaussians coarse;     // one per voxel, with refined opacity
+  DeviceGaussians final;      // M P fine ones voxel by voxel, then P adjusted skeletal ones (or what `levels` says)
+  std::vector<int> selected;  // voxel indices (i R + j) R + k, ascending
+};
+
+// Device memory that a run takes: the network's, and that of drawing its result at the network's size ("splat", where
+// each Gaussian is taken to touch RenderOptions::assumed_tiles tiles).
+struct MemoryPlan {
+  std::size_t weights = 0;          // bytes of slabs that hold the weights
+  std::size_t peak = 0;             // bytes in all, at the most
+  long selected = 0;                // voxels taken for selected
+  std::vector<StageMemory> stages;  // in order of their first use
+};
+
+class VsplatModel {
+ public:
+  // Uploads and repacks the weights for the context's device and flavour.
+  VsplatModel(Context& ctx, const Config& config, const WeightSource& weights);
+  ~VsplatModel();
+
+  const Config& config() const { return config_; }
+
+  // images [V,S,S,3] in [0,1], composited; cameras in the object's frame. Plans and reserves the memory of each half
+  // before it runs, and refuses (Error(memory)) what does not fit: before the start at `assumed_selected`, after the
+  // selection at the true count.
+  ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                        const ForwardOptions& options) const;
+
+  // In training: forward that keeps what backward needs, without a plan of its memory. `ctx` may be a planner.
+  struct KeepOptions {
+    // Stages keep their inputs alone, and backward runs each once more before its own: the same bits from less memory.
+    bool recompute = false;
+    // Called with the number of selected voxels, as soon as it is known. May throw to end the forward there.
+    std::function<void(long)> on_selected;
+  };
+  struct Saved;
+  struct Trained {
+    DeviceGaussians coarse, final;
+    Tensor selected;               // i32 [P]; none where `levels` is "coarse"
+    std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
+  };
+  Trained forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                              const ForwardOptions& options, const KeepOptions& keep) const;
+  // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
+  // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level.
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
+                const GaussianGradients& dfinal) const;
+
+  // What forward would take for so many views. `ctx` may be a planner.
+  MemoryPlan plan(const Context& ctx, long views, double selected_share) const;
+
+  // The same for a model not loaded yet, weights included; nothing is allocated.
+  static MemoryPlan plan(const Context& ctx, const Config& config, const Weights& weights, long views,
+                         double selected_share);
+
+  // No voxel can take more: every voxel selected, as a Gaussian count.
+  static long most_gaussians(const Config& config);
+
+ private:
+  struct Coarse;
+  struct Modules;
+  Coarse coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras, const ForwardOptions& options,
+                Saved* saved) const;
+  DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras, const ForwardOptions& options,
+                       Saved* saved) const;
+  void run_fine_again(Context& ctx, Saved& saved) const;
+  void run_volume_again(Context& ctx, Saved& saved) const;
+
+  Config config_;
+  std::unique_ptr<Modules> modules_;
+};
+
+}  // namespace vsplat

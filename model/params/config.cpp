@@ -1,0 +1,229 @@
+#include "model/params/config.h"
+
+#include <algorithm>
+#include <charconv>
+#include <utility>
+
+#include "model/base/field_checks.h"
+#include "model/base/json_fields.h"
+#include "model/params/params.h"
+
+namespace vsplat {
+namespace {
+
+using json_fields::expected_for;
+using json_fields::json;
+using json_fields::shown;
+using nlohmann::ordered_json;
+
+// The one list of fields: visit(name, field) for each, in the header's order.
+template <class C, class Visit>
+void each_field(C& c, Visit visit) {
+  visit("image", c.image);
+  visit("views", c.views);
+  visit("patch", c.patch);
+  visit("vit_dim", c.vit_dim);
+  visit("vit_depth", c.vit_depth);
+  visit("vit_heads", c.vit_heads);
+  visit("vit_pos_grid", c.vit_pos_grid);
+  visit("volume", c.volume);
+  visit("volume_ch", c.volume_ch);
+  visit("volume_mult", c.volume_mult);
+  visit("voxel_ch", c.voxel_ch);
+  visit("voxel_levels", c.voxel_levels);
+  visit("fine_dim", c.fine_dim);
+  visit("fine_count", c.fine_count);
+  visit("sh_degree", c.sh_degree);
+  visit("groups", c.groups);
+  visit("levels", c.levels);
+  visit("selection", c.selection);
+  visit("opacity_threshold", c.opacity_threshold);
+  visit("use_projected", c.use_projected);
+  visit("view_weight", c.view_weight);
+  visit("refine_out_kernel", c.refine_out_kernel);
+  visit("sample_half_pixel", c.sample_half_pixel);
+  visit("negate_camera_centre", c.negate_camera_centre);
+  visit("rebase", c.rebase);
+}
+
+std::vector<std::string> field_names() {
+  std::vector<std::string> names;
+  const Config defaults;
+  each_field(defaults, [&](const char* name, const auto&) { names.emplace_back(name); });
+  return names;
+}
+
+template <class Number>
+bool parse_number(const char* begin, const char* end, Number& out) {
+  Number value{};
+  const auto [stop, problem] = std::from_chars(begin, end, value);
+  if (problem != std::errc() || stop != end) return false;
+  out = value;
+  return true;
+}
+
+bool parse_field(const std::string& text, int& out) {
+  return parse_number(text.data(), text.data() + text.size(), out);
+}
+bool parse_field(const std::string& text, double& out) {
+  return parse_number(text.data(), text.data() + text.size(), out);
+}
+bool parse_field(const std::string& text, bool& out) {
+  out = text == "true";
+  return text == "true" || text == "false";
+}
+bool parse_field(const std::string& text, std::string& out) {
+  out = text;
+  return true;
+}
+bool parse_field(const std::string& text, std::vector<int>& out) {
+  out.clear();
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t comma = std::min(text.find(',', at), text.size());
+    int value = 0;
+    if (!parse_number(text.data() + at, text.data() + comma, value)) return false;
+    out.push_back(value);
+    at = comma + 1;
+  }
+  return true;
+}
+
+// Bounds so far out that no sensible model meets them, so near that products of a few of them fit 64 bits.
+void check_bounds(const Config& c, const FieldChecks& is) {
+  is.at_most("image", c.image, 8192);
+  is.at_most("patch", c.patch, 256);
+  is.at_most("vit_dim", c.vit_dim, 16384);
+  is.at_most("vit_depth", c.vit_depth, 256);
+  is.at_most("vit_pos_grid", c.vit_pos_grid, 1024);
+  is.at_most("volume", c.volume, 256);
+  is.at_most("volume_ch", c.volume_ch, 4096);
+  is.need(c.volume_mult.size() <= 8, "volume_mult must have at most 8 levels", c.volume_mult.size());
+  is.at_most("volume_mult", *std::max_element(c.volume_mult.begin(), c.volume_mult.end()), 64);
+  is.at_most("voxel_ch", c.voxel_ch, 16384);
+  is.at_most("voxel_levels", c.voxel_levels, 64);
+  is.at_most("fine_dim", c.fine_dim, 16384);
+  is.at_most("fine_count", c.fine_count, 1024);
+}
+
+void check_sizes(const Config& c, const FieldChecks& is) {
+  const double tokens = static_cast<double>(c.tokens()) * c.tokens() + 1;
+  is.indexable("the encoder's values for 16 views, 16 (tokens + 1) 4 vit_dim,", 16 * tokens * 4 * c.vit_dim);
+  const double voxels = static_cast<double>(c.voxels());
+  const double widest = std::max(4, 2 * *std::max_element(c.volume_mult.begin(), c.volume_mult.end()));
+  is.indexable("the volume's values, volume^3 x the widest layer,", voxels * widest * c.volume_ch);
+  is.indexable("the Gaussians, volume^3 (fine_count + 1),", voxels * (c.fine_count + 1));
+  for (const Parameter& parameter : parameters(c)) {
+    double elements = 1;
+    for (const long n : parameter.shape) elements *= static_cast<double>(n);
+    is.indexable(("the elements of " + parameter.name).c_str(), elements);
+  }
+}
+
+}  // namespace
+
+const std::vector<std::string>& config_names() {
+  static const std::vector<std::string> names = {"paper", "small", "tiny", "micro"};
+  return names;
+}
+
+Config named_config(const std::string& name) {
+  Config c;
+  if (name == "paper") return c;
+  if (name == "small") {
+    c.image = 128, c.patch = 8, c.vit_dim = 384, c.vit_depth = 4, c.vit_heads = 6, c.vit_pos_grid = 16;
+    c.volume = 32, c.volume_ch = 64, c.voxel_ch = 128, c.voxel_levels = 1, c.fine_dim = 256, c.fine_count = 8;
+    c.groups = 16;
+  } else if (name == "tiny") {  // odd enough that a transposed axis or a hard-coded size shows
+    c.image = 48, c.views = 3, c.patch = 8, c.vit_dim = 24, c.vit_depth = 2, c.vit_heads = 3, c.vit_pos_grid = 4;
+    c.volume = 10, c.volume_ch = 16, c.voxel_ch = 24, c.voxel_levels = 2, c.fine_dim = 32, c.fine_count = 3;
+    c.groups = 8;
+  } else if (name == "micro") {  // for interpreters: everything is there, almost nothing of it
+    c.image = 16, c.views = 2, c.patch = 8, c.vit_dim = 12, c.vit_depth = 1, c.vit_heads = 2, c.vit_pos_grid = 3;
+    c.volume = 4, c.volume_ch = 4, c.voxel_ch = 8, c.voxel_levels = 1, c.fine_dim = 8, c.fine_count = 2;
+    c.groups = 2;
+  } else {
+    fail(Status::usage, "no configuration is called {}; there are {}", shown(name), fmt::join(config_names(), ", "));
+  }
+  return c;
+}
+
+void check(const Config& c, Status status) {
+  const FieldChecks is(status);
+  const std::pair<const char*, int> positive[] = {{"image", c.image},         {"patch", c.patch},
+                                                  {"vit_dim", c.vit_dim},     {"vit_depth", c.vit_depth},
+                                                  {"vit_heads", c.vit_heads}, {"vit_pos_grid", c.vit_pos_grid},
+                                                  {"volume", c.volume},       {"volume_ch", c.volume_ch},
+                                                  {"voxel_ch", c.voxel_ch},   {"voxel_levels", c.voxel_levels},
+                                                  {"fine_dim", c.fine_dim},   {"groups", c.groups}};
+  for (const auto& [name, value] : positive) is.need(value >= 1, fmt::format("{} must be at least 1", name), value);
+  is.need(c.image >= 11, "image must be at least 11, SSIM's window", c.image);
+  is.need(!c.volume_mult.empty() && *std::min_element(c.volume_mult.begin(), c.volume_mult.end()) >= 1,
+          "volume_mult must be positive", fmt::format("[{}]", fmt::join(c.volume_mult, ", ")));
+  is.need(c.opacity_threshold >= 0 && c.opacity_threshold < 1, "opacity_threshold must be in [0,1)",
+          c.opacity_threshold);
+  is.need(c.fine_count >= 1, "fine_count must be at least 1", c.fine_count);
+  check_bounds(c, is);
+
+  is.need(c.image % c.patch == 0, "image must be a multiple of patch", fmt::format("{} and {}", c.image, c.patch));
+  is.need(c.vit_dim % c.vit_heads == 0, "vit_dim must be a multiple of vit_heads",
+          fmt::format("{} and {}", c.vit_dim, c.vit_heads));
+  is.need(c.volume % (1 << (c.volume_mult.size() - 1)) == 0,
+          "volume must be divisible by 2 for every level of volume_mult but one",
+          fmt::format("{} and {} levels", c.volume, c.volume_mult.size()));
+  const std::pair<const char*, int> grouped[] = {
+      {"volume_ch", c.volume_ch}, {"voxel_ch", c.voxel_ch}, {"voxel_ch + vit_dim", c.voxel_ch + c.projected_ch()}};
+  for (const auto& [name, channels] : grouped)
+    is.need(channels % c.groups == 0, fmt::format("{} must be a multiple of groups", name),
+            fmt::format("{} and {}", channels, c.groups));
+  is.need(c.sh_degree >= 0 && c.sh_degree <= 3, "sh_degree must be 0 to 3", c.sh_degree);
+  is.need(c.views >= 1 && c.views <= 16, "views must be 1 to 16", c.views);
+  is.need(c.refine_out_kernel == 1 || c.refine_out_kernel == 3, "refine_out_kernel must be 1 or 3",
+          c.refine_out_kernel);
+  is.one_of("levels", c.levels, {"fine", "skeletal", "coarse"});
+  is.one_of("selection", c.selection, {"gumbel", "sigmoid", "ste", "opacity"});
+  is.one_of("view_weight", c.view_weight, {"depth", "distance"});
+  is.one_of("rebase", c.rebase, {"rotate", "move"});
+  check_sizes(c, is);
+}
+
+void set_field(Config& config, const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos) fail(Status::usage, "{}: expected FIELD=VALUE", shown(assignment));
+  const std::string name = assignment.substr(0, equals), text = assignment.substr(equals + 1);
+  bool known = false;
+  each_field(config, [&](const char* field, auto& value) {
+    if (name != field) return;
+    known = true;
+    auto parsed = value;
+    if (!parse_field(text, parsed))
+      fail(Status::usage, "{} must be {} (found {})", name, expected_for(value), shown(text));
+    value = parsed;
+  });
+  if (!known) fail(Status::usage, "no field {}; there are {}", shown(name), fmt::join(field_names(), ", "));
+}
+
+Config with_fields(Config config, const std::vector<std::string>& assignments) {
+  for (const std::string& assignment : assignments) set_field(config, assignment);
+  check(config);
+  return config;
+}
+
+std::string to_json(const Config& config) {
+  ordered_json out = ordered_json::object();
+  each_field(config, [&](const char* name, const auto& value) { out[name] = value; });
+  return out.dump(-1, ' ', true, ordered_json::error_handler_t::replace);
+}
+
+Config config_from_json(const std::string& text, const Config& base) {
+  const json object = json::parse(text, nullptr, false);
+  if (!object.is_object()) fail(Status::format, "the configuration is not a JSON object: {}", shown(text));
+  json_fields::refuse_unknown(object, field_names(), "the configuration");
+  Config config = base;
+  each_field(config, [&](const char* name, auto& value) {
+    json_fields::read_present(object, name, value, "the configuration");
+  });
+  check(config, Status::format);
+  return config;
+}
+
+}  // namespace vsplat

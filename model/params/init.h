@@ -1,0 +1,27 @@
+// Initial weights, for training from scratch, and encoders taken from DINO's files.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "model/params/config.h"
+#include "model/params/weights.h"
+
+namespace vsplat {
+
+// Every one of parameters(config), drawn as its `init` says. A value depends on the seed, the parameter's name and the
+// element's index alone, and takes only operations that IEEE 754 defines to the bit: a seed gives the same file
+// everywhere.
+Weights initial_weights(const Config& config, std::uint64_t seed);
+
+// Replaces the encoder's weights by those of a ViT in timm's naming (cls_token, blocks.0.attn.qkv.weight, ...), all
+// under one of the prefixes "", "model.", "encoder.model.", "net.encoder.model.", "backbone." or "module."; with a
+// prefix, what lies outside it is left alone, so a whole model file serves too. A classification head is ignored. A ViT
+// of other sizes is an Error(format) that names the configuration's field.
+void load_encoder(Weights& weights, const Config& config, const std::string& path);
+
+// The first `count` points of the unscrambled three-dimensional Sobol sequence after the origin, in Gray-code order,
+// [count,3] in (0,1).
+std::vector<double> sobol_points(int count);
+
+}  // namespace vsplat

@@ -1,0 +1,80 @@
+#include "model/reconstruct/reconstruct.h"
+
+#include <nlohmann/json.hpp>
+
+#include "model/reconstruct/dump.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+
+namespace {
+
+Tensor upload_pictures(Context& ctx, const std::vector<PreparedView>& views, int edge) {
+  std::vector<float> values;
+  values.reserve(views.size() * static_cast<std::size_t>(edge) * edge * 3);
+  for (const PreparedView& view : views) {
+    const Image& image = view.image;
+    if (image.width != edge || image.height != edge || image.channels != 3)
+      fail(Status::usage, "{}: a picture of {} x {} with {} channels, the model takes {} x {} with 3", view.camera.file,
+           image.width, image.height, image.channels, edge, edge);
+    values.insert(values.end(), image.data.begin(), image.data.end());
+  }
+  return ctx.upload({static_cast<long>(views.size()), edge, edge, 3}, values, Type::f32, "pictures");
+}
+
+void add_inputs(Dump& dump, const PlacedViews& placed) {
+  std::vector<float> c2w, k;
+  for (const Camera& camera : placed.cameras) {
+    const Eigen::Matrix4d m = camera.c2w();
+    for (int i = 0; i < 16; ++i) c2w.push_back(static_cast<float>(m(i / 4, i % 4)));
+    for (const double v : {camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0})
+      k.push_back(static_cast<float>(v));
+  }
+  const long views = static_cast<long>(placed.cameras.size());
+  dump.add("input.c2w", {views, 4, 4}, c2w);
+  dump.add("input.K", {views, 3, 3}, k);
+}
+
+}  // namespace
+
+Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options) {
+  const Config& config = model.config();
+  if (views.empty() || views.size() > 16)
+    fail(Status::usage, "{} views given, the network takes 1 to 16", views.size());
+  std::vector<Camera> cameras;
+  cameras.reserve(views.size());
+  for (const PreparedView& view : views) cameras.push_back(view.camera);
+  const PlacedViews placed = place_views(cameras, placement, config.rebase);
+
+  ForwardOptions forward = options.forward;
+  Dump dump;
+  if (!options.dump.empty()) {
+    forward.tap = dump.tap(ctx);
+    add_inputs(dump, placed);
+  }
+
+  Reconstruction out;
+  {
+    const Tensor pictures = upload_pictures(ctx, views, config.image);
+    if (!options.dump.empty()) dump.add("input.images", pictures.shape(), ctx.read<float>(pictures));
+    const ForwardResult result = model.forward(ctx, pictures, upload_cameras(ctx, placed.cameras), forward);
+    out.selected = result.selected;
+    out.scene.gaussians = download(ctx, result.final);
+  }
+  ctx.finish();
+  if (out.scene.gaussians.count == 0) warn("no voxel was selected: the scene is empty");
+
+  out.scene.near = static_cast<float>(kNearInObject);
+  if (config.negate_camera_centre) out.scene.mirror = std::array<float, 3>{0, 0, 0};
+  transform(out.scene, placed.to_world);
+  if (options.near > 0) out.scene.near = static_cast<float>(options.near);
+
+  if (!options.dump.empty()) {
+    if (config.levels != "coarse") dump.add_coords(out.selected, config.volume);
+    dump.write(options.dump, {{"config", to_json(config)}, {"views", std::to_string(views.size())}});
+  }
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,28 @@
+// The product's main job: prepared views and a placed cube in, a scene in the user's own frame out.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "model/base/scene.h"
+#include "model/input/placement.h"
+#include "model/input/views.h"
+#include "model/network/vsplat_model.h"
+
+namespace vsplat {
+
+struct ReconstructOptions {
+  double near = 0;  // near plane in world units; 0: 0.2 of the cube's edge
+  ForwardOptions forward;
+  std::string dump;  // a folder for every stage's output; empty: none
+};
+
+struct Reconstruction {
+  Scene scene;  // in the user's world: positions, scales, rotations and SH
+  std::vector<int> selected;
+};
+
+// `views`: at least one, the first is the reference view; pictures of the configuration's size.
+Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options);
+
+}  // namespace vsplat

@@ -1,0 +1,57 @@
+#include "model/splat/gaussian_chunks.h"
+
+#include <algorithm>
+
+#include "model/splat/render.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+namespace {
+
+double bytes_of(const Gaussians& g) { return 4.0 * (11.0 + 3.0 * static_cast<double>(g.sh_count())); }
+
+long whole_units(double gaussians) {
+  return std::max(static_cast<long>(gaussians / static_cast<double>(kChunkUnit)), 1L) * kChunkUnit;
+}
+
+}  // namespace
+
+GaussianChunks::GaussianChunks(const DeviceGaussians& g)
+    : count(g.count()),
+      sh_degree(g.sh_degree()),
+      chunk((g.count() / kChunkUnit + 1) * kChunkUnit),
+      get([g](Context&, long) { return g; }) {}
+
+GaussianChunks::GaussianChunks(long all, int degree, long each, std::function<DeviceGaussians(Context&, long)> chunk_at)
+    : count(all), sh_degree(degree), chunk(each), get(std::move(chunk_at)) {}
+
+GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) {
+  const ArenaLimits& limits = ctx.memory().limits();
+  const long k = static_cast<long>(g.count);
+  // Beside the scene: a picture, and of each Gaussian what is projected and sorted, with a few tiles that it touches.
+  constexpr double drawing = 12 + 64 + 16 + 4 * 8;
+  const double limit = static_cast<double>(limits.total), n = static_cast<double>(k);
+  const double left = limit - static_cast<double>(ctx.memory().live()) - n * (bytes_of(g) + drawing) - 20 * pixels;
+  const double largest = 12.0 * static_cast<double>(g.sh_count());  // bytes of a Gaussian in the largest array
+  if (left > 0) {
+    const long chunk =
+        std::min(whole_units(static_cast<double>(limits.max_alloc) / largest), whole_units(n) + kChunkUnit);
+    std::vector<DeviceGaussians> parts;
+    GaussianChunks out(k, g.sh_degree, chunk, nullptr);
+    const auto place = [&](Context& c) {
+      parts.clear();
+      for (long i = 0; i < out.chunks(); ++i) parts.push_back(upload(c, g, i * chunk, out.size_of(i)));
+    };
+    if (make_room(ctx, place)) {
+      place(ctx);
+      out.get = [parts](Context&, long i) { return parts.at(static_cast<std::size_t>(i)); };
+      return out;
+    }
+  }
+  const double room = std::min(limit / 8 / bytes_of(g), static_cast<double>(limits.max_alloc) / largest);
+  GaussianChunks out(k, g.sh_degree, whole_units(room), nullptr);
+  out.get = [&g, size = out](Context& c, long i) { return upload(c, g, i * size.chunk, size.size_of(i)); };
+  return out;
+}
+
+}  // namespace vsplat

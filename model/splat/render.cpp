@@ -1,0 +1,167 @@
+#include "model/splat/render.h"
+
+#include <algorithm>
+
+#include "model/ops/tile_bin.h"
+#include "runtime/units.h"
+
+namespace vsplat {
+namespace {
+
+void check_size(const Camera& camera) {
+  if (static_cast<double>(camera.width) * camera.height * 3 >= 2147483648.0)
+    fail(Status::memory, "a picture of {} x {} pixels: at most 715827882 in all can be drawn", camera.width,
+         camera.height);
+}
+
+Part whole(const Camera& camera) {
+  return {0, 0, static_cast<int>(tiles_along(camera.width)), static_cast<int>(tiles_along(camera.height))};
+}
+
+// The camera, and what it makes of every Gaussian.
+struct View {
+  Tensor camera;
+  Culled culled;
+};
+
+View cull(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+  View out{upload_views(ctx, {camera}, options.near, options.mirror), make_culled(ctx, scene.count)};
+  for (long i = 0; i < scene.chunks(); ++i)
+    project_cull(ctx, scene.get(ctx, i), i * scene.chunk, out.camera, 0, camera.width, camera.height, out.culled);
+  return out;
+}
+
+View cull_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+  check_size(camera);
+  make_room(ctx, [&](Context& c) { cull(c, scene, camera, options); });
+  return cull(ctx, scene, camera, options);
+}
+
+// What a plan assumes. Nothing is known of the chunks: each may hold all of them.
+VisibleCount assumed(const GaussianChunks& scene, const RenderOptions& options, const Part& part) {
+  if (options.counts) return options.counts(part);
+  VisibleCount out;
+  out.gaussians = static_cast<std::uint64_t>(scene.count);
+  out.intersections = static_cast<std::uint64_t>(options.assumed_tiles * static_cast<double>(scene.count));
+  out.largest_key = 0xffffffffu;
+  return out;
+}
+
+Projected project_part(Context& ctx, const GaussianChunks& scene, const View& view, const Part& part,
+                       const VisibleCount& count) {
+  Projected out = compact_visible(ctx, view.culled, part, count);
+  for (long i = 0; i < scene.chunks(); ++i) {
+    if (ctx.planning()) {
+      (void)scene.get(ctx, i);
+      continue;
+    }
+    const auto seen_before = [&](long gaussian) {
+      return static_cast<long>(count.before.at(static_cast<std::size_t>((gaussian + count.block - 1) / count.block)));
+    };
+    const long from = seen_before(i * scene.chunk), to = seen_before(i * scene.chunk + scene.size_of(i));
+    if (from < to)
+      project(ctx, scene.get(ctx, i), i * scene.chunk, view.camera, 0, out.ids, from, to - from, out.records);
+  }
+  return out;
+}
+
+// Halves across the longer side.
+void split(const Part& part, std::vector<Part>& parts) {
+  Part first = part, second = part;
+  if (part.y1 - part.y0 >= part.x1 - part.x0)
+    first.y1 = second.y0 = (part.y0 + part.y1) / 2;
+  else
+    first.x1 = second.x0 = (part.x0 + part.x1) / 2;
+  parts.push_back(second);
+  parts.push_back(first);
+}
+
+}  // namespace
+
+bool make_room(Context& ctx, const std::function<void(Context&)>& work) {
+  const auto plan = [&]() -> std::unique_ptr<Context> {
+    auto planner = ctx.planner();
+    try {
+      work(*planner);
+    } catch (const Error& e) {
+      if (e.status() != Status::memory) throw;
+      return nullptr;
+    }
+    return planner;
+  };
+  const auto fits = [&](const std::unique_ptr<Context>& p) {
+    return p && p->memory().reserved() <= ctx.memory().limits().total;
+  };
+  std::unique_ptr<Context> planner = plan();
+  if (!fits(planner) || planner->memory().reserved() > ctx.memory().reserved()) {
+    ctx.memory().trim();
+    planner = plan();
+  }
+  if (!fits(planner)) return false;
+  ctx.memory().commit(planner->memory());
+  return true;
+}
+
+void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                   bool slots, const PartWork& work) {
+  const Stage stage(ctx, "splat");
+  const RoundedSizes rounded(ctx.memory());
+  const View view = cull_in_room(ctx, scene, camera, options);
+  std::vector<Part> parts{whole(camera)};
+  while (!parts.empty()) {
+    const Part part = parts.back();
+    parts.pop_back();
+    const VisibleCount count = ctx.planning() ? assumed(scene, options, part) : count_visible(ctx, view.culled, part);
+    const auto draw = [&](Context& c) {
+      const Projected projected = project_part(c, scene, view, part, count);
+      work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, options.exact_tiles}));
+    };
+    if (make_room(ctx, draw)) {
+      draw(ctx);
+    } else if (part.tiles() > 1) {
+      split(part, parts);
+    } else {
+      fail(Status::memory,
+           "not enough device memory: {} of {} Gaussians touch the tile of 16 x 16 pixels at {}, {} of {} x {}, which "
+           "cannot be drawn in the {:.4g} GiB that may be used (--max-memory) beside the {:.4g} GiB in use",
+           count.gaussians, scene.count, part.x0 * kTile, part.y0 * kTile, camera.width, camera.height,
+           gib(ctx.memory().limits().total), gib(ctx.memory().live()));
+    }
+  }
+}
+
+DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+  check_size(camera);
+  const Stage stage(ctx, "splat");
+  make_room(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height); });
+  const DevicePicture out = make_picture(ctx, camera.width, camera.height);
+  for_each_part(ctx, scene, camera, options, false,
+                [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
+                  rasterize(c, projected, binned, part, options.background, out);
+                });
+  return out;
+}
+
+void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,
+                 const Camera& camera, const RenderOptions& options) {
+  const View view = cull_in_room(ctx, scene, camera, options);
+  RenderOptions counted = options;
+  counted.counts = [&](const Part& part) { return count_visible(ctx, view.culled, part); };
+  render(planner, planned, camera, counted);
+}
+
+Picture download(Context& ctx, const DevicePicture& picture) {
+  const int height = static_cast<int>(picture.alpha.dim(0)), width = static_cast<int>(picture.alpha.dim(1));
+  Picture out{Image(width, height, 3), Image(width, height, 1), Image(width, height, 1)};
+  if (ctx.planning()) return out;
+  ctx.read(picture.colour, out.colour.data.data());
+  ctx.read(picture.alpha, out.alpha.data.data());
+  ctx.read(picture.depth, out.depth.data.data());
+  return out;
+}
+
+Picture render_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+  return download(ctx, render(ctx, scene, camera, options));
+}
+
+}  // namespace vsplat

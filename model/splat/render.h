@@ -1,0 +1,55 @@
+// Pictures of Gaussians: 3D Gaussian splatting, as its original rasteriser defines it. Cameras are drawn as pinholes.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "model/base/camera.h"
+#include "model/base/image.h"
+#include "model/ops/rasterize.h"
+#include "model/splat/gaussian_chunks.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct RenderOptions {
+  std::array<float, 3> background{1, 1, 1};
+  float near = 0.2f;                           // camera z up to which Gaussians are left out, world units
+  std::optional<std::array<float, 3>> mirror;  // colours as seen from the camera's mirror image about this point
+  bool exact_tiles = false;                    // as BinOptions::exact: the same picture, sorted from fewer pairs
+  // A plan cannot count what a part of the picture sees. Where this is given it is asked; otherwise every Gaussian is
+  // taken to be seen and to touch `assumed_tiles`.
+  std::function<VisibleCount(const Part&)> counts;
+  double assumed_tiles = 8;
+};
+
+struct Picture {
+  Image colour;  // 3 channels, over the background, not clamped
+  Image alpha;   // 1 channel
+  Image depth;   // 1 channel: sum of weight x camera z
+};
+
+// One camera, on the device. Waits once for each part of the picture that is drawn by itself (one, where memory
+// allows): what it sees sets the size of what follows. Throws Error(memory) where not even a single tile can be drawn.
+DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
+Picture render_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
+Picture download(Context& ctx, const DevicePicture& picture);
+
+// One picture's part at a time: what it sees, projected and binned. The picture is one part where that fits into
+// memory, else its halves, and theirs. `slots`: as tile_bin takes it. `work` is also run on a context that only plans.
+using PartWork = std::function<void(Context&, const Part&, const Projected&, const Binned&)>;
+void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                   bool slots, const PartWork& work);
+
+// What render() would take: runs it on `planner`, as made from `ctx`, with the scene as the plan has it, for which
+// `ctx` projects `scene` and counts.
+void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,
+                 const Camera& camera, const RenderOptions& options);
+
+// Runs `work` on a plan, then makes the memory that it came to need. Memory that nothing lives in is given up where
+// that helps. False where it would be more than may be used: nothing has changed then.
+bool make_room(Context& ctx, const std::function<void(Context&)>& work);
+
+}  // namespace vsplat

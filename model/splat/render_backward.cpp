@@ -1,0 +1,98 @@
+#include "model/splat/render_backward.h"
+
+namespace vsplat {
+
+SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene) {
+  const auto make = [&](Context& c) {
+    SceneGradient out;
+    for (long i = 0; i < scene.chunks(); ++i) out.push_back(zero_gradients(c, scene.size_of(i), scene.sh_degree));
+    return out;
+  };
+  make_room(ctx, [&](Context& c) { make(c); });
+  return make(ctx);
+}
+
+Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
+  Gaussians out;
+  out.sh_degree = sh_degree;
+  const auto append = [&](std::vector<float>& to, const Tensor& from) {
+    const auto at = to.size();
+    to.resize(at + static_cast<std::size_t>(from.count()));
+    if (from.count()) ctx.read(from, to.data() + at);
+  };
+  for (const GaussianGradients& g : gradient) {
+    append(out.means, g.means);
+    append(out.scales, g.scales);
+    append(out.quats, g.quats);
+    append(out.opacities, g.opacities);
+    append(out.sh, g.sh);
+  }
+  out.count = out.opacities.size();
+  return out;
+}
+
+namespace {
+
+// Of a part of the picture, which is drawn. `twists`: of project_backward().
+void part_backward(Context& ctx, const GaussianChunks& scene, const Tensor& views, const RenderOptions& options,
+                   const Part& part, const Projected& projected, const Binned& binned, const DevicePicture& picture,
+                   const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists) {
+  const IntersectionGradients rows =
+      rasterize_backward(ctx, projected, binned, part, picture, gradient, options.background);
+  for (long i = 0; i < scene.chunks(); ++i)
+    project_backward(ctx, scene.get(ctx, i), i * scene.chunk, views, 0, options.mirror.has_value(), projected,
+                     binned.offsets, rows, out.at(static_cast<std::size_t>(i)), twists);
+}
+
+DevicePicture picture_in_room(Context& ctx, const Camera& camera) {
+  make_room(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height); });
+  return make_picture(ctx, camera.width, camera.height);
+}
+
+}  // namespace
+
+void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                     const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose) {
+  const Stage stage(ctx, "splat");
+  const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
+  const DevicePicture picture = picture_in_room(ctx, camera);
+  std::vector<Tensor> poses;  // of each part
+  for_each_part(ctx, scene, camera, options, true,
+                [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
+                  rasterize(c, projected, binned, part, options.background, picture);
+                  const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
+                  part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
+                  if (!pose) return;
+                  const Tensor sum = sum_twists(c, twists);
+                  if (!c.planning()) poses.push_back(sum);
+                });
+  if (!pose) return;
+  pose->fill(0);
+  for (const Tensor& part : poses) {
+    const auto values = ctx.read<float>(part);
+    for (std::size_t i = 0; i < 6; ++i) (*pose)[i] += static_cast<double>(values[i]);
+  }
+}
+
+DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
+                                  const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out) {
+  const Stage stage(ctx, "splat");
+  const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
+  const DevicePicture picture = picture_in_room(ctx, camera);
+  DrawnPicture drawn{picture};
+  bool done = false;
+  for_each_part(ctx, scene, camera, options, true,
+                [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
+                  rasterize(c, projected, binned, part, options.background, picture);
+                  if (&c == &ctx) drawn.intersections += static_cast<std::uint64_t>(binned.ids.count());
+                  if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
+                  const PictureGradient gradient = loss(c, picture);
+                  part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, {});
+                  if (&c == &ctx) done = true;  // not on the plan, which may not fit
+                });
+  // In several parts: a loss may look at all of the picture, which is there only now.
+  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, nullptr);
+  return drawn;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,305 @@
+#include "model/train/train.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "model/io/image_file.h"
+#include "model/io/selection_file.h"
+#include "model/params/init.h"
+#include "model/params/model_file.h"
+#include "model/train/training_sheet.h"
+#include "runtime/file.h"
+#include "runtime/units.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+// What may differ between a run and its continuation: nothing that a weight depends on.
+TrainConfig without_habits(TrainConfig config) {
+  const TrainConfig defaults;
+  config.log_every = defaults.log_every;
+  config.sheet_every = defaults.sheet_every;
+  config.checkpoint_every = defaults.checkpoint_every;
+  config.keep_checkpoints = defaults.keep_checkpoints;
+  config.cache_gib = defaults.cache_gib;
+  return config;
+}
+
+// The first line of a configuration that differs, of both.
+std::string first_difference(const TrainConfig& a, const TrainConfig& b) {
+  std::istringstream x(to_json(a)), y(to_json(b));
+  std::string left, right;
+  while (std::getline(x, left) && std::getline(y, right))
+    if (left != right) return fmt::format("found{}, expected{}", left, right);
+  return "they differ";
+}
+
+Checkpoint fresh(const TrainConfig& config, const std::string& init) {
+  Checkpoint out;
+  out.config = config;
+  if (init.empty()) {
+    out.parameters = initial_weights(config.model, config.seed);
+    return out;
+  }
+  ModelFile file = load_model(init);
+  TrainConfig of_file = config;
+  of_file.model = file.config;
+  if (of_file != config)
+    fail(Status::format, "{}: its model is not the configuration's, whose \"model\" must be the file's: {}", init,
+         first_difference(of_file, config));
+  out.parameters = std::move(file.weights);
+  return out;
+}
+
+Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
+  std::optional<Checkpoint> found;
+  if (fs::exists(options.output)) found = newest_checkpoint(options.output);
+  if (found && !options.resume)
+    fail(Status::usage,
+         "{}: a training's checkpoints are there already (step {}): --resume goes on from them; or name another folder",
+         options.output, found->step);
+  if (found) {
+    if (without_habits(found->config) != without_habits(config))
+      fail(Status::usage, "{}: the checkpoint of step {} is of another configuration: {}", options.output, found->step,
+           first_difference(without_habits(config), without_habits(found->config)));
+    found->config = config;
+    return std::move(*found);
+  }
+  return fresh(config, options.init);
+}
+
+std::optional<std::vector<int>> forced(const TrainConfig& config, const std::string& selection) {
+  if (selection.empty()) return std::nullopt;
+  return read_selection(selection, config.model.voxels());
+}
+
+// The forced voxels' share, where there are any.
+double share_of(const TrainConfig& config, const std::optional<std::vector<int>>& voxels, double assumed) {
+  return voxels ? static_cast<double>(voxels->size()) / static_cast<double>(config.model.voxels()) : assumed;
+}
+
+void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
+  if (plan.fits) return;
+  fail(Status::memory,
+       "not enough device memory for training: its network alone takes {:.3f} GiB of the {:.3f} GiB that may be used "
+       "(--max-memory, --assume-selected, fewer views, a smaller model or another device; --dry-run tells more){}",
+       gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
+}
+
+TrainingOptions reading(const TrainConfig& config, bool skip_bad) {
+  TrainingOptions out;
+  out.image = config.model.image;
+  out.rebase = config.model.rebase;
+  out.seed = config.seed;
+  out.batch = static_cast<int>(config.batch * config.accumulate);
+  out.min_inputs = static_cast<int>(config.inputs_min);
+  out.max_inputs = static_cast<int>(config.inputs_max);
+  out.novel = static_cast<int>(config.novel);
+  out.random_background = config.random_background;
+  out.fit = fit_from_name(config.fit);
+  out.turn_degrees = config.turn_degrees;
+  out.min_cube = config.cube_min;
+  out.max_cube = config.cube_max;
+  out.cache_bytes = static_cast<std::size_t>(config.cache_gib * static_cast<double>(1ull << 30));
+  out.skip_bad = skip_bad;
+  return out;
+}
+
+// log.csv: a line for each progress, up to the step that a continuation begins at.
+class Log {
+ public:
+  Log(std::string path, long step) : path_(std::move(path)) {
+    text_ = "step,seconds,lr,temperature,loss,psnr,psnr_coarse,selected,most_selected,intersections,gradient_norm\n";
+    if (step == 0 || !fs::exists(path_)) return;
+    const std::vector<unsigned char> bytes = read_file(path_);
+    std::istringstream before(std::string(bytes.begin(), bytes.end()));
+    std::string line;
+    std::getline(before, line);
+    while (std::getline(before, line)) {
+      if (std::strtol(line.c_str(), nullptr, 10) > step) break;
+      text_ += line + "\n";
+      if (const auto comma = line.find(','); comma != std::string::npos)
+        seconds_ = std::strtod(line.c_str() + comma + 1, nullptr);
+    }
+  }
+
+  // Written whole each time: a file of some hundred kilobytes that is never half a line.
+  void add(const TrainProgress& p) {
+    const StepReport& r = p.report;
+    text_ += fmt::format("{},{:.1f},{:.6g},{:.4f},{:.6f},{:.3f},{:.3f},{:.5f},{},{},{:.5g}\n", r.step,
+                         seconds_ + p.seconds, r.lr, r.temperature, r.loss, r.psnr, r.psnr_coarse, r.selected,
+                         r.most_selected, r.intersections, r.gradient_norm);
+    write_file(path_, text_.data(), text_.size());
+  }
+
+ private:
+  std::string path_, text_;
+  double seconds_ = 0;  // of the runs before
+};
+
+// Means of reports; counts are the largest, step and rates the last.
+class Sum {
+ public:
+  void add(const StepReport& r) {
+    const StepReport before = sum_;
+    sum_ = r;
+    sum_.loss += before.loss;
+    sum_.psnr += before.psnr;
+    sum_.psnr_coarse += before.psnr_coarse;
+    sum_.selected += before.selected;
+    sum_.gradient_norm += before.gradient_norm;
+    sum_.most_selected = std::max(sum_.most_selected, before.most_selected);
+    sum_.intersections = std::max(sum_.intersections, before.intersections);
+    ++count_;
+  }
+  long count() const { return count_; }
+  StepReport take() {
+    StepReport out = sum_;
+    const double share = 1.0 / static_cast<double>(count_);
+    for (double* value : {&out.loss, &out.psnr, &out.psnr_coarse, &out.selected, &out.gradient_norm}) *value *= share;
+    *this = {};
+    return out;
+  }
+
+ private:
+  StepReport sum_;
+  long count_ = 0;
+};
+
+// What writes left that a kill cut short.
+void remove_unfinished(const fs::path& folder) {
+  std::error_code problem;
+  std::vector<fs::path> found;
+  for (auto it = fs::directory_iterator(folder, problem); !problem && it != fs::directory_iterator();
+       it.increment(problem)) {
+    const std::string name = it->path().filename().string();
+    if (!name.ends_with(".tmp")) continue;
+    for (const char* ours : {"checkpoint-", "config.json.", "log.csv.", "model.safetensors.", "step-"})
+      if (name.starts_with(ours)) found.push_back(it->path());
+  }
+  for (const fs::path& path : found) fs::remove(path, problem);
+}
+
+std::string step_name(const char* what, long step, const char* suffix) {
+  return fmt::format("{}-{:08d}{}", what, step, suffix);
+}
+
+// What is to be told of it. A step may fit where a sheet does not, which refines what the network selects even where a
+// step refines given voxels; a training does not end for that.
+std::string draw_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
+                       const std::string& path) {
+  try {
+    write_png(path, training_sheet(ctx, model, views, temperature));
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    return fmt::format("{} is left out: {}", path, e.what());
+  }
+  return "sheet " + path;
+}
+
+}  // namespace
+
+TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options) {
+  const auto say = [&](const std::string& text) {
+    if (options.on_message) options.on_message(text);
+  };
+  const fs::path run(options.output);
+  const Checkpoint start = begin(config, options);
+  const std::optional<std::vector<int>> selection = forced(config, options.selection);
+  Trainer trainer(ctx, start, share_of(config, selection, options.assumed_selected));
+  refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
+  std::error_code problem;
+  fs::create_directories(run / "sheets", problem);
+  if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
+  remove_unfinished(run);
+  remove_unfinished(run / "sheets");
+  const std::string text = to_json(config);
+  write_file((run / "config.json").string(), text.data(), text.size());
+  TrainingReader reader(data, reading(config, options.skip_bad));
+  Log log((run / "log.csv").string(), start.step);
+  if (start.step > 0) say(fmt::format("going on from step {}", start.step));
+
+  TrainResult result;
+  result.step = start.step;
+  long saved = start.step > 0 ? start.step : -1;
+  const auto save = [&] {
+    if (saved == trainer.step()) return;
+    const Checkpoint now = trainer.checkpoint();
+    const std::string path = checkpoint_path(options.output, now.step);
+    save_checkpoint(path, now);
+    prune_checkpoints(options.output, config.keep_checkpoints);
+    result.model = (run / "model.safetensors").string();
+    save_model(result.model, now);
+    saved = now.step;
+    say("checkpoint " + path);
+  };
+  const auto every = [&](long period) {
+    return trainer.step() == config.schedule.steps || (period > 0 && trainer.step() % period == 0);
+  };
+
+  Sum sum;
+  const Clock::time_point began = Clock::now();
+  Clock::time_point told = began;
+  while (trainer.step() < config.schedule.steps) {
+    std::vector<TrainingViews> views;
+    for (long i = 0; i < config.batch * config.accumulate; ++i)
+      views.push_back(reader.at(trainer.step(), static_cast<int>(i)));
+    std::vector<StepItem> items;
+    for (const TrainingViews& v : views) {
+      items.push_back({&v});
+      if (selection) items.back().selection = &*selection;
+    }
+    StepReport report;
+    try {
+      report = trainer.step(items);
+    } catch (const Error& e) {
+      if (saved < 0) throw;
+      fail(e.status(), "{}; the last good checkpoint is {}", e.what(), checkpoint_path(options.output, saved));
+    }
+    sum.add(report);
+    result.step = trainer.step();
+    const bool stop = options.stop && options.stop();
+    if (every(config.log_every) || stop) {
+      TrainProgress progress;
+      const double pace = seconds_since(told) / static_cast<double>(sum.count());
+      told = Clock::now();
+      progress.report = sum.take();
+      progress.steps = config.schedule.steps;
+      progress.seconds = seconds_since(began);
+      progress.objects_per_second = static_cast<double>(items.size()) / pace;
+      progress.seconds_left = pace * static_cast<double>(config.schedule.steps - trainer.step());
+      log.add(progress);
+      if (options.on_progress) options.on_progress(progress);
+    }
+    if (config.sheet_every > 0 && every(config.sheet_every)) {
+      const std::string path = (run / "sheets" / step_name("step", trainer.step(), ".png")).string();
+      say(draw_sheet(ctx, VsplatModel(ctx, config.model, trainer.weights()), views.front(), report.temperature, path));
+    }
+    if (every(config.checkpoint_every) || stop) save();
+    if (stop && trainer.step() < config.schedule.steps) {
+      result.stopped = true;
+      break;
+    }
+  }
+  save();
+  result.bad = reader.bad();
+  result.peak = ctx.memory().peak();
+  return result;
+}
+
+Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
+  const auto planner = ctx.planner();
+  const Trainer trainer(*planner, fresh(config, ""),
+                        share_of(config, forced(config, options.selection), options.selected));
+  return options.bound ? trainer.bound() : trainer.plan(options.intersections);
+}
+
+}  // namespace vsplat

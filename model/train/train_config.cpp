@@ -1,0 +1,183 @@
+#include "model/train/train_config.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "model/base/field_checks.h"
+#include "model/base/json_fields.h"
+#include "model/params/params.h"
+#include "runtime/file.h"
+#include "runtime/sha256.h"
+
+namespace vsplat {
+namespace {
+
+using json_fields::json;
+using json_fields::shown;
+using nlohmann::ordered_json;
+
+constexpr const char* kWhat = "the training's configuration";
+constexpr const char* kBase = "small";
+
+// The one list of fields but `model`: visit(name, field) for each, in the order of the JSON.
+template <class C, class Visit>
+void each_field(C& c, Visit visit) {
+  visit("seed", c.seed);
+  visit("steps", c.schedule.steps);
+  visit("lr", c.schedule.lr);
+  visit("warmup", c.schedule.warmup);
+  visit("tau_first", c.schedule.tau_first);
+  visit("tau_last", c.schedule.tau_last);
+  visit("tau_steps", c.schedule.tau_steps);
+  visit("batch", c.batch);
+  visit("accumulate", c.accumulate);
+  visit("beta1", c.beta1);
+  visit("beta2", c.beta2);
+  visit("eps", c.eps);
+  visit("weight_decay", c.weight_decay);
+  visit("clip_norm", c.clip_norm);
+  visit("ssim_weight", c.ssim_weight);
+  visit("ema", c.ema);
+  visit("frozen", c.frozen);
+  visit("inputs_min", c.inputs_min);
+  visit("inputs_max", c.inputs_max);
+  visit("novel", c.novel);
+  visit("random_background", c.random_background);
+  visit("fit", c.fit);
+  visit("turn_degrees", c.turn_degrees);
+  visit("cube_min", c.cube_min);
+  visit("cube_max", c.cube_max);
+  visit("log_every", c.log_every);
+  visit("sheet_every", c.sheet_every);
+  visit("checkpoint_every", c.checkpoint_every);
+  visit("keep_checkpoints", c.keep_checkpoints);
+  visit("cache_gib", c.cache_gib);
+}
+
+std::vector<std::string> field_names() {
+  std::vector<std::string> names = {"model"};
+  const TrainConfig defaults;
+  each_field(defaults, [&](const char* name, const auto&) { names.emplace_back(name); });
+  return names;
+}
+
+void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
+  constexpr long kMostSteps = 1'000'000'000;
+  const Schedule& s = c.schedule;
+  is.within("steps", s.steps, 1, kMostSteps);
+  is.in("lr", s.lr, s.lr > 0 && s.lr <= 1, "above 0 and at most 1");
+  is.within("warmup", s.warmup, 0, s.steps);
+  is.in("tau_first", s.tau_first, s.tau_first > 0, "above 0");
+  is.in("tau_last", s.tau_last, s.tau_last > 0, "above 0");
+  is.within("tau_steps", s.tau_steps, 0, kMostSteps);
+  is.within("batch", c.batch, 1, 1024);
+  is.within("accumulate", c.accumulate, 1, 1024);
+  for (const auto& [name, value] : {std::pair{"beta1", c.beta1}, {"beta2", c.beta2}, {"ema", c.ema}})
+    is.in(name, value, value >= 0 && value < 1, "at least 0 and below 1");
+  is.in("eps", c.eps, c.eps > 0, "above 0");
+  is.in("weight_decay", c.weight_decay, c.weight_decay >= 0, "at least 0");
+  is.in("clip_norm", c.clip_norm, c.clip_norm > 0, "above 0");
+  is.in("ssim_weight", c.ssim_weight, c.ssim_weight >= 0, "at least 0");
+}
+
+void check_frozen(const TrainConfig& c, const FieldChecks& is) {
+  const std::vector<Parameter> all = parameters(c.model);
+  for (const std::string& prefix : c.frozen)
+    is.need(!prefix.empty() &&
+                std::any_of(all.begin(), all.end(), [&](const Parameter& p) { return p.name.starts_with(prefix); }),
+            "each of frozen must be how the name of a parameter starts, as encoder. or predictor.", shown(prefix));
+  is.need(std::any_of(all.begin(), all.end(), [&](const Parameter& p) { return p.trained && !is_frozen(c, p.name); }),
+          "frozen must leave something to train", shown(c.frozen));
+}
+
+void check_views(const TrainConfig& c, const FieldChecks& is) {
+  is.within("inputs_max", c.inputs_max, 1, 16);
+  is.within("inputs_min", c.inputs_min, 1, c.inputs_max);
+  is.within("novel", c.novel, 0, 64);
+  is.one_of("fit", c.fit, {"auto", "object", "crop", "pad"});
+  is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
+  is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
+  is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
+}
+
+Config read_model(const json& value) {
+  if (value.is_string()) return named_config(value.get<std::string>());
+  if (!value.is_object())
+    fail(Status::format, "model must be one of {}, or an object (found {})", fmt::join(config_names(), ", "),
+         shown(value));
+  json fields = value;
+  std::string base = kBase;
+  json_fields::read_present(value, "base", base, "model");
+  fields.erase("base");
+  return config_from_json(fields.dump(), named_config(base));
+}
+
+}  // namespace
+
+bool is_frozen(const TrainConfig& config, const std::string& parameter) {
+  return std::any_of(config.frozen.begin(), config.frozen.end(),
+                     [&](const std::string& prefix) { return parameter.starts_with(prefix); });
+}
+
+void check(const TrainConfig& c, Status status) {
+  constexpr long kMostSteps = 1'000'000'000;
+  check(c.model, status);
+  const FieldChecks is(status);
+  check_optimiser(c, is);
+  check_frozen(c, is);
+  check_views(c, is);
+  is.within("log_every", c.log_every, 0, kMostSteps);
+  is.within("sheet_every", c.sheet_every, 0, kMostSteps);
+  is.within("checkpoint_every", c.checkpoint_every, 0, kMostSteps);
+  is.within("keep_checkpoints", c.keep_checkpoints, 1, 1'000'000);
+  is.in("cache_gib", c.cache_gib, c.cache_gib >= 0 && c.cache_gib <= 1e6, "0 to 1000000");
+}
+
+std::string to_json(const TrainConfig& config) {
+  ordered_json out = ordered_json::object();
+  out["model"] = ordered_json::parse(to_json(config.model));
+  each_field(config, [&](const char* name, const auto& value) { out[name] = value; });
+  return out.dump(2, ' ', true, ordered_json::error_handler_t::replace);
+}
+
+TrainConfig train_config_from_json(const std::string& text) {
+  const json object = json::parse(text, nullptr, false);
+  if (!object.is_object()) fail(Status::format, "{} is not a JSON object: {}", kWhat, shown(text));
+  json_fields::refuse_unknown(object, field_names(), kWhat);
+  TrainConfig config;
+  if (const auto model = object.find("model"); model != object.end()) {
+    try {
+      config.model = read_model(*model);
+    } catch (const Error& e) {
+      fail(Status::format, "{}: model: {}", kWhat, e.what());
+    }
+  }
+  config.inputs_min = config.inputs_max = config.novel = config.model.views;
+  each_field(config, [&](const char* name, auto& value) { json_fields::read_present(object, name, value, kWhat); });
+  if (!object.contains("warmup")) config.schedule.warmup = std::min(config.schedule.warmup, config.schedule.steps);
+  try {
+    check(config, Status::format);
+  } catch (const Error& e) {
+    fail(Status::format, "{}: {}", kWhat, e.what());
+  }
+  return config;
+}
+
+TrainConfig load_train_config(const std::string& path) {
+  const std::vector<unsigned char> bytes = read_file(path);
+  try {
+    return train_config_from_json({bytes.begin(), bytes.end()});
+  } catch (const Error& e) {
+    fail(e.status(), "{}: {}", path, e.what());
+  }
+}
+
+std::string hash_of(const TrainConfig& config) {
+  const std::string text = to_json(config);
+  Sha256 sha;
+  sha.add(text.data(), text.size());
+  return sha.hex();
+}
+
+}  // namespace vsplat

@@ -1,0 +1,69 @@
+// A training, all of it but the data: the model, how long and how fast, what a step sees, and what is written when. One
+// JSON object, stored in every checkpoint. The defaults are the paper's but for the model and the batch, which are what
+// two CPU cores can do.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "model/params/config.h"
+#include "model/train/schedule.h"
+
+namespace vsplat {
+
+struct TrainConfig {
+  Config model = named_config("small");
+  std::uint64_t seed = 0;  // of the initial weights, of every choice and of all noise
+
+  // A step: `accumulate` batches of `batch` objects each, whose gradients' mean is what the optimiser sees.
+  Schedule schedule;
+  long batch = 1;
+  long accumulate = 1;
+  double beta1 = 0.9, beta2 = 0.95, eps = 1e-8, weight_decay = 0.05;
+  double clip_norm = 0.5;           // of the gradients' norm
+  double ssim_weight = 0.5;         // w in MSE + w (1 - SSIM), for each level
+  double ema = 0;                   // decay of a moving average of the weights; 0: none
+  std::vector<std::string> frozen;  // parameters whose names start with one of these are not trained
+
+  // What an object shows: the number of input views is drawn anew for each, from inputs_min to inputs_max.
+  long inputs_min = 4, inputs_max = 4;
+  long novel = 4;                 // views beside them in the loss
+  bool random_background = true;  // novel views lie on white, grey or black, drawn for each object; else on white
+  std::string fit = "auto";       // how pictures are cropped: auto, object, crop, pad
+  // The object's frame is turned by an angle of at most so much about any axis, and its cube larger by a factor, both
+  // drawn for each object.
+  double turn_degrees = 0;
+  double cube_min = 1, cube_max = 1;
+
+  // In steps; 0: never.
+  long log_every = 10;
+  long sheet_every = 500;
+  long checkpoint_every = 500;
+  long keep_checkpoints = 3;  // the newest; older ones are removed
+  double cache_gib = 1;       // decoded pictures kept in memory
+
+  bool operator==(const TrainConfig&) const = default;
+};
+
+// Whether one of `frozen` starts this parameter's name.
+bool is_frozen(const TrainConfig& config, const std::string& parameter);
+
+// Refuses by name, with the value found, what cannot be trained.
+void check(const TrainConfig& config, Status status = Status::usage);
+
+// Every field, one a line; the model's in an object of its own.
+std::string to_json(const TrainConfig& config);
+
+// Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, warmup no more than all
+// steps, the others those above. `model` is a name of config_names(), or an object of the configuration's fields over
+// those of `base`, such a name, "small" where it is absent. Unknown fields, wrong types and what cannot be trained are
+// an Error(format) that names them.
+TrainConfig train_config_from_json(const std::string& text);
+
+// The same from a file, whose path errors begin with.
+TrainConfig load_train_config(const std::string& path);
+
+// SHA-256 of to_json(): equal for equal configurations, however they were written.
+std::string hash_of(const TrainConfig& config);
+
+}  // namespace vsplat

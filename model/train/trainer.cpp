@@ -1,0 +1,214 @@
+#include "model/train/trainer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/ops/adamw.h"
+#include "model/ops/select.h"
+#include "model/params/params.h"
+#include "runtime/units.h"
+
+namespace vsplat {
+namespace {
+
+// One of the streams of the seed's random numbers.
+constexpr std::uint32_t kNoiseStream = 2;
+
+double psnr_of(double mse) { return -10 * std::log10(std::max(mse, 1e-12)); }
+
+// What a level's views say, read from the device.
+struct Means {
+  double loss = 0, mse = 0;  // of all views; of those that count for the PSNR
+};
+
+Means read_means(Context& ctx, const LevelLoss& views, std::size_t inputs) {
+  Means out;
+  if (ctx.planning()) return out;
+  const std::size_t first = inputs < views.size() ? inputs : 0;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const std::vector<float> values = ctx.read<float>(views[v]);
+    out.loss += static_cast<double>(values[0]) / static_cast<double>(views.size());
+    if (v >= first) out.mse += static_cast<double>(values[1]) / static_cast<double>(views.size() - first);
+  }
+  return out;
+}
+
+}  // namespace
+
+// The slabs of what stays, made at once and to measure.
+Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start) {
+  if (ctx.planning()) return ctx;
+  const auto planner = ctx.planner();
+  const Trainer counted(*planner, start);
+  if (planner->memory().peak() > ctx.memory().limits().total)
+    fail(Status::memory,
+         "not enough device memory: the weights, their gradients and the optimiser's state take {:.3f} GiB, {:.3f} GiB "
+         "may be used (--max-memory, a smaller model or another device)",
+         gib(planner->memory().peak()), gib(ctx.memory().limits().total));
+  ctx.memory().commit(planner->memory());
+  return ctx;
+}
+
+Trainer::Trainer(Context& ctx, const Checkpoint& start, double assumed_selected)
+    : ctx_(with_slabs(ctx, start)),
+      config_(start.config),
+      assumed_(std::lround(assumed_selected * static_cast<double>(start.config.model.voxels()))),
+      step_(start.step),
+      weights_(ctx, start.config.model, start.parameters),
+      state_(start.state) {
+  const auto moment = [&](const Weights& from, const Parameter& p, const char* what) {
+    if (from.has(p.name)) return ctx.upload(p.shape, from.at(p.name).data, Type::f32, what + p.name);
+    const Tensor zero = ctx.tensor(p.shape, Type::f32, what + p.name);
+    ctx.fill_zero(zero);
+    return zero;
+  };
+  for (const Parameter& p : parameters(config_.model)) {
+    if (config_.ema > 0)
+      average_[p.name] =
+          ctx.upload(p.shape, (start.average.has(p.name) ? start.average : start.parameters).at(p.name).data, Type::f32,
+                     "average of " + p.name);
+    if (p.trained && is_used(config_.model, p.name) && !is_frozen(config_, p.name))
+      moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of ")};
+  }
+  room_ = {rounded(assumed_)};
+  if (ctx.planning()) return;
+  const Plan most = bound();
+  room_.kept_between = most.fits && most.peak <= ctx.memory().limits().total / 2;
+}
+
+PassViews Trainer::upload(Context& ctx, const Item& item, PassOptions& options) const {
+  const TrainingViews& views = *item.given.views;
+  const long s = config_.model.image, n = views.inputs, all = static_cast<long>(views.cameras.size());
+  const auto pixels = static_cast<std::size_t>(s * s * 3);
+  if (n < 1 || n > all || views.pictures.size() != pixels * views.cameras.size())
+    fail(Status::internal, "{}: {} values for {} views, {} of them inputs, of {} x {} pixels", views.object,
+         views.pictures.size(), all, n, s, s);
+  PassViews out;
+  out.inputs = ctx.upload({n, s, s, 3}, views.pictures.data(), Type::f32, "input pictures");
+  out.cameras = views.cameras;
+  for (long v = 0; v < all; ++v) {
+    out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + static_cast<std::size_t>(v) * pixels,
+                                     Type::f32, "target picture"));
+    out.backgrounds.push_back(v < n ? item.given.input_background : views.background);
+  }
+  const Tensor noise = options.forward.noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
+  if (item.given.noise)
+    ctx.write(noise, item.given.noise->data());
+  else
+    logistic_noise(ctx, noise, config_.seed, item.draw, kNoiseStream);
+  return out;
+}
+
+StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute) {
+  const Config& model_config = config_.model;
+  StepReport report;
+  report.step = step_ + 1;
+  report.lr = learning_rate(config_.schedule, report.step);
+  report.temperature = vsplat::temperature(config_.schedule, report.step);
+  weights_.zero_gradients(ctx_);
+  const VsplatModel model(ctx_, model_config, weights_);
+  double mse = 0, mse_coarse = 0;
+  const double share = 1.0 / static_cast<double>(items.size());
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    PassOptions options;
+    options.ssim_weight = static_cast<float>(config_.ssim_weight);
+    options.forward.selection = items[i].selection;
+    options.forward.temperature = report.temperature;
+    options.scale = static_cast<float>(share);
+    const Item item{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
+    if (!room_.kept_between) room_ = {rounded(assumed_), recompute};
+    const PassResult result = finish_pass(ctx_, model, draw_in_room(ctx_, model, item, options, room_, -1));
+    const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
+    const Means coarse = read_means(ctx_, result.coarse, inputs);
+    const Means fine = result.final.empty() ? coarse : read_means(ctx_, result.final, inputs);
+    report.loss += share * (result.final.empty() ? coarse.loss : coarse.loss + fine.loss);
+    mse += share * fine.mse;
+    mse_coarse += share * coarse.mse;
+    report.selected += share * static_cast<double>(result.selected) / static_cast<double>(model_config.voxels());
+    report.most_selected = std::max(report.most_selected, result.selected);
+    report.intersections = std::max(report.intersections, result.intersections);
+  }
+  report.psnr = psnr_of(mse);
+  report.psnr_coarse = psnr_of(mse_coarse);
+  return report;
+}
+
+void Trainer::clip(Context& ctx, const Tensor& out) const {
+  GradientClip clip;
+  for (const auto& [name, moments] : moments_) clip.grads.push_back(weights_.at(name).gradient);
+  clip.max_norm = static_cast<float>(config_.clip_norm);
+  clip.out = out;
+  gradient_clip(ctx, clip);
+}
+
+StepReport Trainer::step(const std::vector<StepItem>& items) {
+  if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
+    fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
+  StepReport report;
+  try {
+    report = gradients(items, false);
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    room_ = {};  // nothing has moved: once more, as small as it goes
+    report = gradients(items, true);
+  }
+  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
+  clip(ctx_, norm);
+  report.gradient_norm = static_cast<double>(ctx_.read<float>(norm)[0]);
+  if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) refuse(report.loss);
+
+  for (const auto& [name, moments] : moments_) {
+    const LearntTensor& w = weights_.at(name);
+    AdamwStep a;
+    a.param = w.value;
+    a.grad = w.gradient;
+    a.m = moments.m;
+    a.v = moments.v;
+    a.clip = norm;
+    a.step = report.step;
+    a.lr = report.lr;
+    a.beta1 = config_.beta1;
+    a.beta2 = config_.beta2;
+    a.eps = config_.eps;
+    a.weight_decay = decays(name) ? config_.weight_decay : 0;
+    adamw_step(ctx_, a);
+  }
+  for (const auto& [name, average] : average_) average_step(ctx_, average, weights_.at(name).value, config_.ema);
+  ctx_.finish();
+  step_ = report.step;
+  return report;
+}
+
+void Trainer::refuse(double loss) const {
+  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
+  for (const std::string& name : weights_.names()) {
+    if (moments_.count(name) == 0) continue;
+    gradient_clip(ctx_, {{weights_.at(name).gradient}, 1, 1, norm});
+    const float found = ctx_.read<float>(norm)[0];
+    if (!std::isfinite(found))
+      fail(Status::internal,
+           "step {}: the loss is {}, and the gradient by {} has the norm {}: finite numbers expected. The weights are "
+           "as step {} left them; a lower learning rate or a longer warm-up may help",
+           step_ + 1, loss, name, found, step_);
+  }
+  fail(Status::internal, "step {}: the loss is {}, a finite number expected; every gradient is finite", step_ + 1,
+       loss);
+}
+
+Checkpoint Trainer::checkpoint() const {
+  Checkpoint out;
+  out.config = config_;
+  out.step = step_;
+  out.parameters = weights_.download(ctx_);
+  const auto read = [&](const Tensor& t) { return HostTensor{t.shape(), ctx_.read<float>(t)}; };
+  if (step_ > 0)
+    for (const auto& [name, moments] : moments_) {
+      out.m.set(name, read(moments.m));
+      out.v.set(name, read(moments.v));
+    }
+  for (const auto& [name, average] : average_) out.average.set(name, read(average));
+  out.state = state_;
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,117 @@
+// Training: the weights and the optimiser's state on the device, and the step that moves them.
+#pragma once
+#include <array>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/data/training_views.h"
+#include "model/network/learnt_weights.h"
+#include "model/train/checkpoint.h"
+#include "model/train/training_pass.h"
+
+namespace vsplat {
+
+// An object for a step. `noise`, where it is not null, stands for the seed's: [R^3] logistic noise; `selection` for
+// the voxels that would be selected, ascending.
+struct StepItem {
+  const TrainingViews* views = nullptr;
+  std::array<float, 3> input_background{1, 1, 1};  // that input views are drawn over; their pictures lie on it
+  const std::vector<float>* noise = nullptr;
+  const std::vector<int>* selection = nullptr;
+};
+
+// Means over a step's objects.
+struct StepReport {
+  long step = 0;                     // from 1
+  double lr = 0, temperature = 0;    // of this step
+  double loss = 0;                   // both levels
+  double psnr = 0, psnr_coarse = 0;  // from the mean squared error over novel views (input views, where there are no
+                                     // others); where `levels` is "coarse" they are equal
+  double selected = 0;               // share of the voxels
+  double gradient_norm = 0;          // before clipping
+  std::uint64_t intersections = 0;   // the most in a picture
+  long most_selected = 0;            // voxels, of the objects
+};
+
+class Trainer {
+ public:
+  // Goes on from `start`; its step 0 has no moments. Uploads. `ctx` may be a planner, for plan().
+  // `assumed_selected`: share of the voxels that memory is made for before the first selection is known.
+  Trainer(Context& ctx, const Checkpoint& start, double assumed_selected = 0.25);
+
+  const TrainConfig& config() const { return config_; }
+  long step() const { return step_; }  // steps done
+  const LearntWeights& weights() const { return weights_; }
+
+  // One step of the optimiser on batch * accumulate objects. Waits for the device. Where the loss or a gradient is no
+  // number, or infinite, the weights and the state stay, and an Error(internal) names the step and the first tensor;
+  // so they do where memory does not suffice, and an Error(memory) has both figures.
+  // An object's memory is planned and made before it begins, for as many selected voxels as there were before; it
+  // begins anew where there are more. Where it does not fit, activations are computed a second time instead of kept,
+  // and then, pictures are drawn in parts where they must: that depends on the object, the weights and the limit, not
+  // on the steps before.
+  StepReport step(const std::vector<StepItem>& items);
+
+  // Everything, read back.
+  Checkpoint checkpoint() const;
+
+  // Bytes on the device. `intersections` of Gaussians with tiles in each picture; none: eight for each Gaussian.
+  struct Plan {
+    bool fits = true;
+    std::size_t peak = 0;  // in all, weights included; where it does not fit, what it takes at the least
+    std::vector<StageMemory> stages;
+    std::string problem;  // where it does not fit: what asked for more, if it was one thing
+  };
+  Plan plan(long selected, std::optional<std::uint64_t> intersections) const;
+  // The same at the assumed share of selected voxels.
+  Plan plan(std::optional<std::uint64_t> intersections) const;
+  // With all voxels selected and every Gaussian in every tile: no step takes more.
+  Plan bound() const;
+
+ private:
+  struct Moments {
+    Tensor m, v;
+  };
+  // What an object is given.
+  struct Room {
+    long selected = 0;       // voxels
+    bool recompute = false;  // as KeepOptions have it
+    long made_for = 0;       // views for which memory was made already; 0: none was
+    // Whether it stays for the next object: only where there is more than enough, so that what fits does not depend on
+    // what was made before.
+    bool kept_between = false;
+  };
+  static Context& with_slabs(Context& ctx, const Checkpoint& start);
+  struct Item {
+    const StepItem& given;
+    std::uint32_t draw = 0;  // of the noise
+  };
+  // With the noise in `options`.
+  PassViews upload(Context& ctx, const Item& item, PassOptions& options) const;
+  void clip(Context& ctx, const Tensor& out) const;
+  // Means over the objects; the gradients are those of the weights then.
+  StepReport gradients(const std::vector<StepItem>& items, bool recompute);
+  // Forward and drawing in memory that was made for it; `room` becomes what it took. `planned`: selected voxels, on a
+  // context that plans.
+  DrawnPass draw_in_room(Context& ctx, const VsplatModel& model, const Item& item, PassOptions options, Room& room,
+                         long planned) const;
+  void make_room_for(Context& ctx, const VsplatModel& model, const Item& item, PassOptions options, Room& room) const;
+  long rounded(long selected) const;
+  void run_planned(Plan& out, Room room, long selected, std::optional<std::uint64_t> intersections,
+                   bool network_alone) const;
+  [[noreturn]] void refuse(double loss) const;
+
+  Context& ctx_;
+  TrainConfig config_;
+  long assumed_;  // voxels
+  Room room_;
+  long step_ = 0;
+  LearntWeights weights_;
+  std::map<std::string, Moments> moments_;  // of what is trained
+  std::map<std::string, Tensor> average_;
+  std::map<std::string, std::string> state_;
+};
+
+}  // namespace vsplat

@@ -1,0 +1,97 @@
+#include "model/train/training_pass.h"
+
+#include <algorithm>
+
+#include "model/base/scene.h"
+#include "model/ops/loss.h"
+#include "model/splat/render_backward.h"
+
+namespace vsplat {
+namespace {
+
+// One level in every view: its losses, and the gradient by its Gaussians.
+class Level {
+ public:
+  Level(Context& ctx, const Config& config, const DeviceGaussians& gaussians)
+      : ctx_(ctx), config_(config), gaussians_(gaussians) {
+    gradient_ = {zero_gradients(ctx, gaussians.count(), gaussians.sh_degree())};
+  }
+
+  void draw(const PassViews& views, const PassOptions& options, LevelLoss& losses, std::uint64_t& intersections) {
+    const float share = options.scale / static_cast<float>(views.cameras.size());
+    for (std::size_t v = 0; v < views.cameras.size(); ++v) {
+      const Camera& camera = views.cameras[v];
+      const Tensor value = ctx_.tensor({3}, Type::f32, "loss");
+      losses.push_back(value);
+      if (options.network_alone && ctx_.planning()) continue;
+      RenderOptions how;
+      how.near = static_cast<float>(kNearInObject);
+      how.background = views.backgrounds.at(v);
+      if (config_.negate_camera_centre) how.mirror = std::array<float, 3>{0, 0, 0};
+      how.counts = [&](const Part& part) { return planned(camera, part, options); };
+      const auto loss = [&](Context& c, const DevicePicture& picture) {
+        const Shape one{1, camera.height, camera.width, 3};
+        const Tensor by = c.tensor(one, Type::f32, "loss by the picture");
+        picture_loss(c, {picture.colour.reshaped(one), views.targets.at(v), options.ssim_weight, value, by, share});
+        return PictureGradient{by.reshaped(picture.colour.shape()), {}, {}};
+      };
+      const DrawnPicture drawn = render_with_backward(ctx_, gaussians_, camera, how, loss, gradient_);
+      intersections = std::max(intersections, drawn.intersections);
+    }
+  }
+
+  GaussianGradients take() { return std::move(gradient_.front()); }
+
+ private:
+  // What a plan takes a part of a picture for.
+  VisibleCount planned(const Camera& camera, const Part& part, const PassOptions& options) const {
+    if (options.whole && part.tiles() < tiles_along(camera.width) * tiles_along(camera.height))
+      fail(Status::memory, "not enough device memory to draw a picture at once");
+    VisibleCount out;
+    out.gaussians = static_cast<std::uint64_t>(gaussians_.count());
+    out.intersections = out.gaussians * static_cast<std::uint64_t>(part.tiles());
+    constexpr std::uint64_t usual = 8;  // tiles that a Gaussian touches
+    out.intersections = std::min(out.intersections, options.assumed_intersections.value_or(usual * out.gaussians));
+    out.largest_key = 0xffffffffu;
+    return out;
+  }
+
+  Context& ctx_;
+  const Config& config_;
+  const DeviceGaussians& gaussians_;
+  SceneGradient gradient_;
+};
+
+}  // namespace
+
+DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
+  const Config& config = model.config();
+  const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + views.input_views());
+  DrawnPass out;
+  out.trained =
+      model.forward_in_training(ctx, views.inputs, upload_cameras(ctx, inputs), options.forward, options.keep);
+  PassResult& result = out.result;
+  if (out.trained.selected) result.selected = out.trained.selected.dim(0);
+  {
+    Level level(ctx, config, out.trained.coarse);
+    level.draw(views, options, result.coarse, result.intersections);
+    out.dcoarse = level.take();
+  }
+  if (config.levels != "coarse") {
+    Level level(ctx, config, out.trained.final);
+    level.draw(views, options, result.final, result.intersections);
+    out.dfinal = level.take();
+  }
+  return out;
+}
+
+PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass) {
+  model.backward(ctx, pass.trained, pass.dcoarse, pass.dfinal);
+  return std::move(pass.result);
+}
+
+PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
+  return finish_pass(ctx, model, draw_pass(ctx, model, views, options));
+}
+
+}  // namespace vsplat

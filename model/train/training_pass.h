@@ -1,0 +1,59 @@
+// One object of a training step: the network, both levels drawn in every view, the loss, and all the way back.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "model/base/camera.h"
+#include "model/network/vsplat_model.h"
+
+namespace vsplat {
+
+// `cameras.size()` views in the object's frame, the first of which the network sees.
+struct PassViews {
+  Tensor inputs;                                  // [V, S, S, 3] in [0,1]
+  std::vector<Camera> cameras;                    // V input views, then others; S x S
+  std::vector<Tensor> targets;                    // [1, S, S, 3] each
+  std::vector<std::array<float, 3>> backgrounds;  // that a view is drawn over
+  long input_views() const { return inputs.dim(0); }
+};
+
+struct PassOptions {
+  ForwardOptions forward;
+  VsplatModel::KeepOptions keep;
+  float ssim_weight = 0.5f;
+  float scale = 1;  // of the gradients: the object's share in a step
+  // A plan without drawing, which makes room for itself as soon as it knows what it draws.
+  bool network_alone = false;
+  // In a plan: Error(memory) where a picture would have to be drawn in parts.
+  bool whole = false;
+  // What a plan takes a picture's intersections of Gaussians with tiles for, at the most all that there can be; eight
+  // for each Gaussian where it is none.
+  std::optional<std::uint64_t> assumed_intersections;
+};
+
+// f32 [3] on the device for each view: the loss, the mean squared error, the similarity.
+using LevelLoss = std::vector<Tensor>;
+
+struct PassResult {
+  LevelLoss coarse, final;          // `final` is empty where `levels` is "coarse"
+  long selected = 0;                // voxels
+  std::uint64_t intersections = 0;  // the most in a picture
+};
+
+// A pass as far as its backward through the network: no gradient by a weight has changed yet.
+struct DrawnPass {
+  PassResult result;
+  VsplatModel::Trained trained;
+  GaussianGradients dcoarse, dfinal;
+};
+DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
+PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass);
+
+// Both. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
+// levels of the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone. The same bits
+// every time.
+PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
+
+}  // namespace vsplat

@@ -1,0 +1,69 @@
+#include "model/train/training_sheet.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/base/scene.h"
+#include "model/pictures/contact_sheet.h"
+#include "model/splat/render.h"
+
+namespace vsplat {
+namespace {
+
+constexpr float kC0 = 0.28209479177387814f;  // the constant spherical harmonic
+
+// Balls at the centres of the voxels, red, green and blue along x, y and z.
+Gaussians balls(const std::vector<int>& voxels, int volume) {
+  Gaussians out;
+  out.count = voxels.size();
+  const float cell = 1.0f / static_cast<float>(volume);
+  for (const int v : voxels) {
+    const int at[3] = {v / (volume * volume), v / volume % volume, v % volume};
+    for (const int i : at) {
+      const float place = (static_cast<float>(i) + 0.5f) * cell;
+      out.means.push_back(place - 0.5f);
+      out.scales.push_back(0.3f * cell);
+      out.sh.push_back((place - 0.5f) / kC0);
+    }
+    out.quats.insert(out.quats.end(), {1, 0, 0, 0});
+    out.opacities.push_back(0.95f);
+  }
+  return out;
+}
+
+Image clamped(Image picture) {
+  for (float& v : picture.data) v = std::isfinite(v) ? std::clamp(v, 0.0f, 1.0f) : 0.0f;
+  return picture;
+}
+
+}  // namespace
+
+Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature) {
+  const Config& config = model.config();
+  const long s = config.image, n = views.inputs;
+  ForwardOptions forward;
+  forward.temperature = temperature;
+  const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + n);
+  const ForwardResult result =
+      model.forward(ctx, ctx.upload({n, s, s, 3}, views.pictures.data()), upload_cameras(ctx, inputs), forward);
+  const DeviceGaussians voxels = upload(ctx, balls(result.selected, config.volume));
+
+  SheetOptions options;
+  options.columns = 4;
+  ContactSheet sheet(options);
+  for (std::size_t v = 0; v < views.cameras.size(); ++v) {
+    Image truth(static_cast<int>(s), static_cast<int>(s), 3);
+    std::copy_n(views.pictures.begin() + static_cast<std::ptrdiff_t>(v * truth.data.size()), truth.data.size(),
+                truth.data.begin());
+    RenderOptions how;
+    how.near = static_cast<float>(kNearInObject);
+    if (static_cast<long>(v) >= n) how.background = views.background;
+    if (config.negate_camera_centre) how.mirror = std::array<float, 3>{0, 0, 0};
+    sheet.add(truth);
+    for (const DeviceGaussians* level : {&result.coarse, &result.final, &voxels})
+      sheet.add(clamped(render_picture(ctx, *level, views.cameras[v], how).colour));
+  }
+  return sheet.sheet();
+}
+
+}  // namespace vsplat

@@ -1,0 +1,13 @@
+// What a model makes of one object, to be looked at.
+#pragma once
+#include "model/base/image.h"
+#include "model/data/training_views.h"
+#include "model/network/vsplat_model.h"
+
+namespace vsplat {
+
+// A row for each view, the input views first: the picture, the coarse level, the fine one, and the selected voxels in
+// the colours of their places. Without noise, as at inference.
+Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature);
+
+}  // namespace vsplat

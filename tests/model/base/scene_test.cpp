@@ -1,0 +1,116 @@
+#include "model/base/scene.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <limits>
+#include <random>
+
+#include "runtime/error.h"
+#include "tests/reference/splat.h"
+#include "tests/support/scenes.h"
+
+namespace vsplat {
+namespace {
+
+Eigen::Matrix3d random_rotation(std::mt19937& engine) {
+  std::normal_distribution<double> normal;
+  return Eigen::Quaterniond(normal(engine), normal(engine), normal(engine), normal(engine))
+      .normalized()
+      .toRotationMatrix();
+}
+
+Eigen::Vector3d random_direction(std::mt19937& engine) {
+  std::normal_distribution<double> normal;
+  return Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized();
+}
+
+TEST(ShRotation, ColoursFollowEveryDirection) {
+  std::mt19937 engine(1);
+  for (int degree = 0; degree <= 3; ++degree) {
+    for (int trial = 0; trial < 20; ++trial) {
+      const Eigen::Matrix3d rotation = random_rotation(engine);
+      const Eigen::MatrixXd turn = sh_rotation(degree, rotation);
+      const Eigen::VectorXd c = Eigen::VectorXd::Random(2 * degree + 1), turned = turn * c;
+      for (int i = 0; i < 20; ++i) {
+        const Eigen::Vector3d d = random_direction(engine), rd = rotation * d;
+        const auto at = ref::basis(d, 16), at_rd = ref::basis(rd, 16);
+        double before = 0, after = 0;
+        for (int m = 0; m < 2 * degree + 1; ++m) {
+          before += c[m] * at[static_cast<std::size_t>(degree * degree + m)];
+          after += turned[m] * at_rd[static_cast<std::size_t>(degree * degree + m)];
+        }
+        EXPECT_NEAR(before, after, 1e-13) << "degree " << degree;
+      }
+      EXPECT_LT(
+          (turn * turn.transpose() - Eigen::MatrixXd::Identity(2 * degree + 1, 2 * degree + 1)).cwiseAbs().maxCoeff(),
+          1e-13);
+    }
+  }
+}
+
+TEST(Similarity, FromMatrixInverseAndProduct) {
+  std::mt19937 engine(2);
+  Similarity a, b;
+  a.scale = 3;
+  a.rotation = random_rotation(engine);
+  a.translation = {1, 2, 3};
+  b.scale = 0.2;
+  b.rotation = random_rotation(engine);
+  b.translation = {-4, 0, 1};
+  const auto apply = [](const Similarity& s, const Eigen::Vector3d& x) {
+    return Eigen::Vector3d(s.scale * (s.rotation * x) + s.translation);
+  };
+  const Eigen::Vector3d x(0.3, -0.7, 2);
+  EXPECT_LT((apply(a * b, x) - apply(a, apply(b, x))).norm(), 1e-13);
+  EXPECT_LT((apply(a.inverse(), apply(a, x)) - x).norm(), 1e-13);
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.topLeftCorner<3, 3>() = a.scale * a.rotation;
+  m.topRightCorner<3, 1>() = a.translation;
+  EXPECT_LT((apply(Similarity::from_matrix(m), x) - apply(a, x)).norm(), 1e-13);
+}
+
+TEST(Similarity, RefusesWhatIsNoRotation) {
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m(0, 0) = -1;
+  EXPECT_THROW(Similarity::from_matrix(m), Error);
+  m(0, 0) = 2;
+  EXPECT_THROW(Similarity::from_matrix(m), Error);
+  m(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(Similarity::from_matrix(m), Error);
+}
+
+TEST(Transform, IdentityKeepsEveryBit) {
+  const Gaussians g = test::make_scene({"", 20, 3, 0, 0, ""}, 1);
+  Gaussians moved = g;
+  transform(moved, Similarity());
+  EXPECT_EQ(moved.means, g.means);
+  EXPECT_EQ(moved.scales, g.scales);
+  EXPECT_EQ(moved.sh, g.sh);
+}
+
+// The covariance of every Gaussian turns and grows with the frame.
+TEST(Transform, CovarianceTurns) {
+  std::mt19937 engine(3);
+  const Gaussians g = test::make_scene({"", 20, 0, 0, 0, ""}, 2);
+  Similarity move;
+  move.scale = 0.7;
+  move.rotation = random_rotation(engine);
+  move.translation = {5, 6, 7};
+  Gaussians moved = g;
+  transform(moved, move);
+  const auto covariance = [](const Gaussians& gs, std::size_t k) {
+    const Eigen::Quaterniond q(gs.quats[4 * k], gs.quats[4 * k + 1], gs.quats[4 * k + 2], gs.quats[4 * k + 3]);
+    const Eigen::Vector3d s(gs.scales[3 * k], gs.scales[3 * k + 1], gs.scales[3 * k + 2]);
+    const Eigen::Matrix3d m = q.normalized().toRotationMatrix() * s.asDiagonal();
+    return Eigen::Matrix3d(m * m.transpose());
+  };
+  for (std::size_t k = 0; k < g.count; ++k) {
+    const Eigen::Matrix3d want = move.scale * move.scale * move.rotation * covariance(g, k) * move.rotation.transpose();
+    EXPECT_LT((covariance(moved, k) - want).norm(), 1e-6 * want.norm());
+  }
+}
+
+}  // namespace
+}  // namespace vsplat

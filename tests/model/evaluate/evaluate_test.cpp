@@ -1,0 +1,214 @@
+#include "model/evaluate/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "model/params/init.h"
+#include "model/pictures/contact_sheet.h"
+#include "model/pictures/metrics.h"
+#include "model/reconstruct/reconstruct.h"
+#include "model/splat/render.h"
+#include "runtime/log.h"
+#include "tests/support/data_sets.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+using test::TemporaryFolder;
+
+constexpr int kSide = 16, kViews = 11;
+
+// micro, with a confidence head that has an opinion: some voxels selected, some not.
+struct Model {
+  explicit Model(Context& ctx, const std::vector<std::string>& fields = {})
+      : config(with_fields(named_config("micro"), fields)), network(ctx, config, initial_weights(config, 3)) {}
+  Config config;
+  VsplatModel network;
+};
+
+// PSNR of pictures together, from its definition.
+double psnr_of(const std::vector<Image>& a, const std::vector<Image>& b) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    for (std::size_t k = 0; k < a[i].data.size(); ++k, ++count)
+      sum += std::pow(std::clamp<double>(a[i].data[k], 0, 1) - static_cast<double>(b[i].data[k]), 2);
+  return 10 * std::log10(static_cast<double>(count) / sum);
+}
+
+class EvaluateTest : public test::FlavourTest {
+ protected:
+  void SetUp() override { test::write_solids(folder_, 3, kViews, kSide); }
+  DataSet data() const { return open_data_set({folder_.string()}); }
+
+  const TemporaryFolder folder_;
+};
+VSPLAT_FLAVOURS(EvaluateTest);
+
+// The same by the way that `reconstruct` and `render` go: a scene in the user's world, drawn from listed cameras.
+TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) {
+  const Model model(ctx());
+  const Evaluation got = evaluate(ctx(), model.network, data(), {});
+  ASSERT_EQ(got.objects.size(), 3u);
+  EXPECT_EQ(got.skipped, 0u);
+  EXPECT_TRUE(got.sheet.empty());
+  double mean = 0;
+  for (int i = 0; i < 3; ++i) {
+    const std::string name = "solid_" + std::to_string(i);
+    SCOPED_TRACE(name);
+    const Scores& scores = got.objects[static_cast<std::size_t>(i)].scores;
+    EXPECT_EQ(got.objects[static_cast<std::size_t>(i)].name, name);
+    const ViewSet set = read_views(folder_ / name);
+    std::vector<Eigen::Vector3d> positions;
+    for (const ListedView& view : set.views) positions.push_back(view.camera.centre());
+    const auto prepared = [&](int view) {
+      const ListedView& listed = set.views[static_cast<std::size_t>(view)];
+      return prepare_view(listed.camera, listed.picture.string(), "", {kSide, Fit::automatic});
+    };
+    std::vector<PreparedView> inputs;
+    std::vector<Image> truth, drawn, white, nearest;
+    for (const Group& group : kmeans(positions, model.config.views)) inputs.push_back(prepared(group.members.front()));
+    const Reconstruction made = reconstruct(ctx(), model.network, inputs, {}, {});
+    RenderOptions options;
+    options.near = made.scene.near;
+    const GaussianChunks scene = place_on_device(ctx(), made.scene.gaussians, kSide * kSide);
+    for (const Group& group : kmeans(positions, 4)) {
+      const PreparedView view = prepared(group.members.back());
+      bool is_input = false;
+      for (const PreparedView& input : inputs) is_input = is_input || input.camera.file == view.camera.file;
+      if (is_input) continue;
+      truth.push_back(view.image);
+      drawn.push_back(render_picture(ctx(), scene, view.camera, options).colour);
+      white.emplace_back(kSide, kSide, 3, 1.0f);
+      const auto by_angle = [&](const PreparedView& a, const PreparedView& b) {
+        const auto angle = [&](const PreparedView& v) {
+          return std::acos(v.camera.centre().normalized().dot(view.camera.centre().normalized()));
+        };
+        return angle(a) < angle(b);
+      };
+      nearest.push_back(std::min_element(inputs.begin(), inputs.end(), by_angle)->image);
+    }
+    ASSERT_GE(truth.size(), 2u);
+    EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth), 1e-3);
+    EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth), 1e-4);
+    EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth), 1e-4);
+    EXPECT_EQ(scores.selected, static_cast<double>(made.selected.size()) / 64);
+    EXPECT_NE(scores.psnr, scores.psnr_coarse);
+    EXPECT_TRUE(scores.ssim > -1 && scores.ssim < 1);
+    EXPECT_TRUE(std::isnan(scores.lpips_alex) && std::isnan(scores.lpips_vgg));
+    mean += scores.psnr / 3;
+  }
+  EXPECT_NEAR(got.mean.psnr, mean, 1e-9);
+  EXPECT_TRUE(std::isnan(got.mean.lpips_alex));
+}
+
+TEST_P(EvaluateTest, ACoarseModelHasOneLevel) {
+  const Model model(ctx(), {"levels=coarse"});
+  const Evaluation got = evaluate(ctx(), model.network, data(), {});
+  for (const ObjectScores& object : got.objects) EXPECT_EQ(object.scores.psnr, object.scores.psnr_coarse);
+}
+
+TEST_P(EvaluateTest, RandomViewsGoByTheSeed) {
+  const Model model(ctx());
+  EvaluateOptions options;
+  options.request.protocol = Protocol::random10;
+  const Evaluation first = evaluate(ctx(), model.network, data(), options);
+  const Evaluation again = evaluate(ctx(), model.network, data(), options);
+  EXPECT_EQ(first.mean.psnr, again.mean.psnr);
+  // Eleven views, two of them inputs: nine are compared whatever the seed.
+  options.request.seed = 1;
+  EXPECT_EQ(evaluate(ctx(), model.network, data(), options).mean.psnr, first.mean.psnr);
+  EXPECT_NE(evaluate(ctx(), model.network, data(), {}).mean.psnr, first.mean.psnr);
+}
+
+TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
+  const Model model(ctx());
+  EvaluateOptions options;
+  options.sheet = true;
+  const Image sheet = evaluate(ctx(), model.network, data(), options).sheet;
+  const int step = kSide + ContactSheet::margin;
+  EXPECT_EQ(sheet.width, 12 * step + ContactSheet::margin);
+  EXPECT_EQ(sheet.height, 4 * step + ContactSheet::margin);
+  // The first input of the best object, and below it the first novel view as it is.
+  Evaluation numbers = evaluate(ctx(), model.network, data(), {});
+  const auto best = std::max_element(numbers.objects.begin(), numbers.objects.end(),
+                                     [](const auto& a, const auto& b) { return a.scores.psnr < b.scores.psnr; });
+  const DataSet set = data();
+  const EvaluationObject object =
+      evaluation_object(set.objects[static_cast<std::size_t>(best - numbers.objects.begin())], model.config, {});
+  const auto cell = [&](int row, const Image& want) {
+    double worst = 0;
+    for (int y = 0; y < kSide; ++y)
+      for (int x = 0; x < kSide; ++x)
+        for (int c = 0; c < 3; ++c)
+          worst = std::max<double>(
+              worst, std::abs(sheet.at(ContactSheet::margin + x, ContactSheet::margin + row * step + y)[c] -
+                              want.at(x, y)[c]));
+    return worst;
+  };
+  EXPECT_LT(cell(0, object.pictures[0]), 1e-6);
+  EXPECT_LT(cell(1, object.pictures[object.inputs]), 1e-6);
+  EXPECT_GT(cell(2, object.pictures[object.inputs]), 1e-2);
+}
+
+class Warnings {
+ public:
+  Warnings() {
+    set_log_sink([this](LogLevel level, const std::string& text) {
+      if (level == LogLevel::warning) all_ += text + "\n";
+    });
+  }
+  ~Warnings() { set_log_sink({}); }
+  const std::string& all() const { return all_; }
+
+ private:
+  std::string all_;
+};
+
+TEST_P(EvaluateTest, BadDataAreNamedOrPassedOver) {
+  const Model model(ctx());
+  const std::string picture = folder_ / "solid_1/images/0000.png";  // the first input
+  test::put_file(picture, test::contents_of(picture).substr(0, 60));
+  nlohmann::json views = test::read_transforms(folder_ / "solid_2");
+  for (auto& frame : views["frames"]) frame["transform_matrix"][0][0] = 7;
+  test::write_transforms(folder_ / "solid_2", views);
+  try {
+    evaluate(ctx(), model.network, data(), {});
+    ADD_FAILURE() << "nothing was refused";
+  } catch (const Error& e) {
+    const std::string text = e.what();
+    EXPECT_NE(text.find("object solid_1: view 0"), std::string::npos) << text;
+    EXPECT_NE(text.find("0000.png"), std::string::npos) << text;
+  }
+  EvaluateOptions options;
+  options.skip_bad = true;
+  const Warnings warnings;
+  const Evaluation got = evaluate(ctx(), model.network, data(), options);
+  ASSERT_EQ(got.objects.size(), 2u);
+  EXPECT_EQ(got.objects[1].name, "solid_1");
+  EXPECT_EQ(got.skipped, 1u);
+  EXPECT_NE(warnings.all().find("a view is left out: object solid_1: view 0"), std::string::npos) << warnings.all();
+  EXPECT_NE(warnings.all().find("an object is left out: object solid_2"), std::string::npos) << warnings.all();
+
+  std::filesystem::remove_all(folder_ / "solid_0");
+  std::filesystem::remove_all(folder_ / "solid_1");
+  EXPECT_THROW(evaluate(ctx(), model.network, data(), options), Error);
+}
+
+TEST_P(EvaluateTest, ProgressMayStopIt) {
+  const Model model(ctx());
+  EvaluateOptions options;
+  std::vector<std::string> told;
+  options.progress = [&](const std::string& object, double done) {
+    EXPECT_NEAR(done, static_cast<double>(told.size()) / 3, 1e-12);
+    told.push_back(object);
+    if (told.size() == 2) fail(Status::cancelled, "enough");
+  };
+  EXPECT_THROW(evaluate(ctx(), model.network, data(), options), Error);
+  EXPECT_EQ(told, (std::vector<std::string>{"solid_0", "solid_1"}));
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,87 @@
+#include "model/pictures/contact_sheet.h"
+
+#include "tests/support/posed_views.h"
+
+namespace vsplat {
+namespace {
+
+constexpr int margin = ContactSheet::margin;
+
+Image filled(int width, int height, float r, float g, float b) {
+  Image out(width, height, 3);
+  for (std::size_t i = 0; i < out.data.size(); i += 3) out.data[i] = r, out.data[i + 1] = g, out.data[i + 2] = b;
+  return out;
+}
+
+TEST(Shrunk, IsTheMeanOverEachPixelsArea) {
+  Image in(5, 3, 1);
+  for (int y = 0; y < 3; ++y)
+    for (int x = 0; x < 5; ++x) *in.at(x, y) = static_cast<float>(x + 10 * y);
+  const Image out = shrunk(in, 2, 2);  // 2.5 x 1.5 pixels each
+  EXPECT_NEAR(*out.at(0, 0), (0 + 1 + 0.5 * 2) / 2.5 + 10 * (0 + 0.5 * 1) / 1.5, 1e-6);
+  EXPECT_NEAR(*out.at(1, 1), (0.5 * 2 + 3 + 4) / 2.5 + 10 * (0.5 * 1 + 2) / 1.5, 1e-5);
+  EXPECT_EQ(shrunk(in, 5, 3).data, in.data);
+  double sum = 0, before = 0;
+  for (const float v : shrunk(in, 3, 2).data) sum += v / 6;
+  for (const float v : in.data) before += v / 15;
+  EXPECT_NEAR(sum, before, 1e-5);
+}
+
+TEST(ContactSheet, HasEveryPictureInItsPlace) {
+  SheetOptions options;
+  options.cell = 20;
+  options.columns = 3;
+  ContactSheet sheet(options);
+  for (int i = 0; i < 5; ++i) sheet.add(filled(40, 30, 0.1f * static_cast<float>(i), 0.5f, 2.0f));
+  const Image out = sheet.sheet();
+  EXPECT_EQ(out.width, 3 * 20 + 4 * margin);
+  EXPECT_EQ(out.height, 2 * 15 + 3 * margin);
+  for (int y = 0; y < out.height; ++y)
+    for (int x = 0; x < out.width; ++x) {
+      const int column = x / (20 + margin), row = y / (15 + margin), i = 3 * row + column;
+      const bool inside = x % (20 + margin) >= margin && y % (15 + margin) >= margin && i < 5;
+      EXPECT_NEAR(out.at(x, y)[0], inside ? 0.1f * static_cast<float>(i) : ContactSheet::paper, 1e-6) << x << " " << y;
+      EXPECT_NEAR(out.at(x, y)[2], inside ? 1.0f : ContactSheet::paper, 1e-6);
+    }
+}
+
+TEST(ContactSheet, CentresSmallerPicturesAndEnlargesNone) {
+  ContactSheet sheet({});
+  sheet.add(filled(100, 60, 0, 0, 0));
+  sheet.add(filled(1, 1, 1, 0, 0));
+  const Image out = sheet.sheet();
+  EXPECT_EQ(out.width % (100 + margin), margin);
+  int red = 0;
+  for (std::size_t i = 0; i < out.data.size(); i += 3) red += out.data[i] == 1.0f && out.data[i + 1] == 0.0f;
+  EXPECT_EQ(red, 1);
+}
+
+TEST(ContactSheet, IsBalancedAndBounded) {
+  for (const int count : {1, 2, 7, 24, 100, 1000}) {
+    SheetOptions options;
+    options.expected = count;
+    ContactSheet sheet(options);
+    for (int i = 0; i < count; ++i) sheet.add(filled(300, 300, 0.5f, 0.5f, 0.5f));
+    const Image out = sheet.sheet();
+    EXPECT_LT(static_cast<double>(out.width) * out.height, 24e6);
+    if (count >= 24) {
+      EXPECT_GT(static_cast<double>(out.width) / out.height, 1.0);
+      EXPECT_LT(static_cast<double>(out.width) / out.height, 1.8);
+    }
+  }
+}
+
+TEST(ContactSheet, RefusesWhatItCannotDo) {
+  test::expect_error(Status::usage, {"no pictures"}, [] { ContactSheet({}).sheet(); });
+  SheetOptions options;
+  options.cell = 5000;
+  test::expect_error(Status::usage, {"5000"}, [&] { ContactSheet{options}; });
+  options.cell = 2000;
+  options.columns = 40;
+  ContactSheet sheet(options);
+  for (int i = 0; i < 40; ++i) sheet.add(Image(2000, 4, 3));
+  test::expect_error(Status::input, {"40 pictures", "pixels"}, [&] { sheet.sheet(); });
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,113 @@
+// Views and a cube in, a scene in the user's own frame out: against the specification's Gaussians, and under motions of
+// the whole rig.
+#include "model/reconstruct/reconstruct.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "model/pictures/metrics.h"
+#include "model/splat/render.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/golden_inputs.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+using test::Golden;
+
+// The golden views, as if taken in a world that `motion` makes of the object's.
+std::vector<PreparedView> golden_views(const Golden& golden, const Similarity& motion) {
+  const int edge = golden.config().image;
+  const std::vector<float> images = golden.floats("input.images");
+  const std::size_t pixels = static_cast<std::size_t>(edge) * edge * 3;
+  std::vector<PreparedView> out;
+  for (const Camera& camera : test::golden_cameras(golden)) {
+    PreparedView view{Image(edge, edge, 3), camera};
+    const auto from = images.begin() + static_cast<std::ptrdiff_t>(pixels * out.size());
+    view.image.data.assign(from, from + static_cast<std::ptrdiff_t>(pixels));
+    view.camera = to_frame(camera, motion.inverse());
+    out.push_back(view);
+  }
+  return out;
+}
+
+Similarity some_motion() {
+  Similarity motion;
+  motion.scale = 2.3;
+  motion.rotation = Eigen::AngleAxisd(2.1, Eigen::Vector3d(0.3, -1, 0.5).normalized()).toRotationMatrix();
+  motion.translation = {4, -2, 1.5};
+  return motion;
+}
+
+class Reconstruct : public test::FlavourTest {};
+VSPLAT_FLAVOURS(Reconstruct);
+
+TEST_P(Reconstruct, GivesTheSpecificationsGaussians) {
+  const Golden golden = Golden::load("micro");
+  const VsplatModel model(ctx(), golden.config(), golden.weights());
+  const Reconstruction got = reconstruct(ctx(), model, golden_views(golden, {}), {}, {});
+  EXPECT_TRUE(test::close(got.scene.gaussians.means, golden.floats("stage.final.means"), 1e-4));
+  EXPECT_TRUE(test::close(got.scene.gaussians.scales, golden.floats("stage.final.scales"), 1e-4));
+  EXPECT_TRUE(test::close(got.scene.gaussians.opacities, golden.floats("stage.final.opacities"), 1e-4));
+  EXPECT_TRUE(test::close(got.scene.gaussians.sh, golden.floats("stage.final.sh"), 1e-4));
+  EXPECT_FLOAT_EQ(got.scene.near, 0.2f);
+  EXPECT_FALSE(got.scene.mirror);
+}
+
+TEST_P(Reconstruct, FollowsAMotionOfTheWholeRigAndNothingElse) {
+  const Golden golden = Golden::load("micro");
+  for (const char* rebase : {"rotate", "move"}) {
+    Config config = golden.config();
+    config.rebase = rebase;
+    config.negate_camera_centre = true;
+    const VsplatModel model(ctx(), config, golden.weights());
+    const Similarity motion = some_motion();
+    const Reconstruction here = reconstruct(ctx(), model, golden_views(golden, {}), {}, {});
+    const Reconstruction there =
+        reconstruct(ctx(), model, golden_views(golden, motion), {motion.translation, motion.scale}, {});
+    EXPECT_EQ(here.selected, there.selected);
+    EXPECT_NEAR(there.scene.near, 0.2 * motion.scale, 1e-6);
+    ASSERT_TRUE(here.scene.mirror && there.scene.mirror);
+    for (const Camera& camera : test::golden_cameras(golden)) {
+      const auto picture = [&](const Scene& scene, const Camera& from) {
+        RenderOptions options;
+        options.near = scene.near;
+        options.mirror = scene.mirror;
+        return render_picture(ctx(), upload(ctx(), scene.gaussians), from, options).colour;
+      };
+      const double agreement =
+          psnr(picture(here.scene, camera), picture(there.scene, to_frame(camera, motion.inverse())));
+      EXPECT_GE(agreement, 60) << rebase;
+    }
+  }
+}
+
+TEST_P(Reconstruct, DumpsEveryStageUnderItsGoldenName) {
+  const Golden golden = Golden::load("micro");
+  const VsplatModel model(ctx(), golden.config(), golden.weights());
+  ReconstructOptions options;
+  const test::TemporaryFolder folder;
+  options.dump = folder / "dump";
+  reconstruct(ctx(), model, golden_views(golden, {}), {}, options);
+  const SafetensorsFile file(options.dump + "/stages.safetensors");
+  for (const char* name : {"stage.features", "stage.volume", "stage.logits", "stage.confidence",
+                           "stage.coarse.opacities", "stage.projected", "stage.refined", "stage.final.sh"})
+    EXPECT_TRUE(test::close(file.floats(file.at(name)), golden.floats(name), 1e-4)) << name;
+  EXPECT_EQ(file.integers(file.at("stage.coords")), golden.integers("stage.coords"));
+}
+
+TEST_P(Reconstruct, RefusesPicturesOfAnotherSizeAndTooManyViews) {
+  const Golden golden = Golden::load("micro");
+  const VsplatModel model(ctx(), golden.config(), golden.weights());
+  auto views = golden_views(golden, {});
+  views[1].image = Image(8, 16, 3, 0.5f);
+  EXPECT_THROW(reconstruct(ctx(), model, views, {}, {}), Error);
+  EXPECT_THROW(reconstruct(ctx(), model, {}, {}, {}), Error);
+  EXPECT_THROW(reconstruct(ctx(), model, std::vector<PreparedView>(17, views[0]), {}, {}), Error);
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,297 @@
+#include "model/splat/render_backward.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "tests/reference/splat.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/scenes.h"
+#include "tests/support/splat_golden.h"
+#include "tests/support/twist.h"
+
+namespace vsplat {
+namespace {
+
+using test::SplatGolden;
+
+// Of the largest value of each tensor.
+constexpr double kTolerance = 1e-4;
+
+PictureGradient upload_cotangent(Context& ctx, const Picture& p) {
+  const long h = p.alpha.height, w = p.alpha.width;
+  return {ctx.upload({h, w, 3}, p.colour.data), ctx.upload({h, w}, p.alpha.data), ctx.upload({h, w}, p.depth.data)};
+}
+
+struct Gradient {
+  Gaussians gaussians;
+  std::vector<std::array<double, 6>> poses;  // one a camera
+};
+
+// Of the sum over cameras.
+Gradient differentiate(Context& ctx, const GaussianChunks& scene, const std::vector<Camera>& cameras,
+                       const RenderOptions& options, const std::vector<Picture>& cotangents) {
+  const SceneGradient out = zero_gradient(ctx, scene);
+  Gradient result;
+  for (std::size_t v = 0; v < cameras.size(); ++v) {
+    result.poses.emplace_back();
+    render_backward(ctx, scene, cameras[v], options, upload_cotangent(ctx, cotangents[v]), out, &result.poses.back());
+  }
+  result.gaussians = download(ctx, out, scene.sh_degree);
+  return result;
+}
+
+class RenderBackwardGolden : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
+ protected:
+  Context& ctx() { return test::context(std::get<0>(GetParam())); }
+  const std::string& name() const { return std::get<1>(GetParam()); }
+};
+
+// Autograd in double, at scenes that keep clear of thresholds.
+TEST_P(RenderBackwardGolden, MatchesAutogradAndGivesTheSameBytesEveryTime) {
+  VSPLAT_NEED_SPLAT(name());
+  const SplatGolden golden = SplatGolden::load(name());
+  const auto run = [&] {
+    return differentiate(ctx(), upload(ctx(), golden.gaussians), golden.cameras, golden.options, golden.cotangents);
+  };
+  const Gradient got = run();
+  const Gaussians &g = got.gaussians, &want = golden.gradient;
+  const auto all_zero = [](const std::vector<float>& v) {
+    return std::all_of(v.begin(), v.end(), [](float x) { return x == 0; });
+  };
+  // A scene without any, and one that no view-dependent colour is in.
+  const bool none = want.count == 0;
+  EXPECT_TRUE(test::close(g.means, want.means, kTolerance, none)) << "means";
+  EXPECT_TRUE(test::close(g.scales, want.scales, kTolerance, none)) << "scales";
+  EXPECT_TRUE(test::close(g.quats, want.quats, kTolerance, none)) << "quats";
+  EXPECT_TRUE(test::close(g.opacities, want.opacities, kTolerance, none)) << "opacities";
+  EXPECT_TRUE(test::close(g.sh, want.sh, kTolerance, none)) << "sh";
+  EXPECT_EQ(none, all_zero(want.means));
+  for (std::size_t v = 0; v < golden.cameras.size(); ++v) {
+    const auto &pose = got.poses[v], &wanted = golden.pose_gradient[v];
+    EXPECT_TRUE(test::close(std::vector<double>(pose.begin(), pose.end()),
+                            std::vector<double>(wanted.begin(), wanted.end()), kTolerance, none))
+        << "pose " << v;
+  }
+  for (int i = 0; i < 2; ++i) {
+    const Gradient again = run();
+    EXPECT_EQ(again.gaussians.means, g.means);
+    EXPECT_EQ(again.gaussians.scales, g.scales);
+    EXPECT_EQ(again.gaussians.quats, g.quats);
+    EXPECT_EQ(again.gaussians.opacities, g.opacities);
+    EXPECT_EQ(again.gaussians.sh, g.sh);
+    EXPECT_EQ(again.poses, got.poses);
+  }
+}
+
+class RenderBackward : public test::FlavourTest {};
+
+Picture random_cotangent(int width, int height) {
+  Picture p{Image(width, height, 3), Image(width, height, 1), Image(width, height, 1)};
+  p.colour.data = test::random_floats(p.colour.data.size(), 41);
+  p.alpha.data = test::random_floats(p.alpha.data.size(), 42);
+  p.depth.data = test::random_floats(p.depth.data.size(), 43);
+  return p;
+}
+
+// Against differences of the reference's picture in double. Every Gaussian is wide enough to be over 1/255 in every
+// pixel, faint enough never to be held at 0.99, and few enough for light to come through: no threshold is near.
+TEST_P(RenderBackward, MatchesDifferences) {
+  Gaussians g;
+  g.count = 5;
+  g.sh_degree = 2;
+  const std::vector<float> at = test::random_floats(1000, 44);
+  for (std::size_t k = 0; k < g.count; ++k) {
+    const float* r = &at[60 * k];
+    g.means.insert(g.means.end(), {0.3f * r[0], 0.3f * r[1], 0.5f * r[2]});
+    g.scales.insert(g.scales.end(), {0.6f + 0.2f * r[3], 0.6f + 0.2f * r[4], 0.6f + 0.2f * r[5]});
+    g.quats.insert(g.quats.end(), {r[6], r[7], r[8], 1.5f});
+    g.opacities.push_back(0.5f + 0.3f * r[9]);
+    for (std::size_t i = 0; i < 27; ++i) g.sh.push_back(0.2f * r[10 + i] + (i < 3 ? 0.8f : 0.0f));
+  }
+  const Camera cam = test::make_camera({"", 0, 0, 13, 11, ""}, 45);
+  RenderOptions options;
+  options.background = {0.2f, 0.4f, 0.9f};
+  options.mirror = {0.1f, -0.2f, 0.3f};
+  ref::Options reference;
+  for (std::size_t i = 0; i < 3; ++i) reference.background[i] = options.background[i];
+  reference.mirror = Eigen::Vector3f(0.1f, -0.2f, 0.3f).cast<double>();
+  const Picture cotangent = random_cotangent(cam.width, cam.height);
+  const auto loss = [&](const Gaussians& scene, const Camera& camera) {
+    const ref::Frame f = ref::render(scene, camera, reference);
+    double sum = 0;
+    const auto add = [&sum](const std::vector<double>& v, const Image& by) {
+      for (std::size_t i = 0; i < v.size(); ++i) sum += v[i] * by.data[i];
+    };
+    add(f.colour, cotangent.colour), add(f.alpha, cotangent.alpha), add(f.depth, cotangent.depth);
+    return sum;
+  };
+  const Gradient got = differentiate(ctx(), upload(ctx(), g), {cam}, options, {cotangent});
+
+  const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name) {
+    std::vector<double> want;
+    Gaussians moved = g;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      float& value = (moved.*field)[i];
+      const float base = value;
+      const auto slope = [&](float h) {
+        const float low = base - h, high = base + h;
+        value = high;
+        const double above = loss(moved, cam);
+        value = low;
+        const double below = loss(moved, cam);
+        value = base;
+        return (above - below) / (static_cast<double>(high) - low);
+      };
+      want.push_back((4 * slope(0x1p-9f) - slope(0x1p-8f)) / 3);
+    }
+    EXPECT_TRUE(test::close(values, want, 2e-5)) << name;
+  };
+  compare(got.gaussians.means, &Gaussians::means, "means");
+  compare(got.gaussians.scales, &Gaussians::scales, "scales");
+  compare(got.gaussians.quats, &Gaussians::quats, "quats");
+  compare(got.gaussians.opacities, &Gaussians::opacities, "opacities");
+  compare(got.gaussians.sh, &Gaussians::sh, "sh");
+
+  std::vector<double> pose;
+  for (long i = 0; i < 6; ++i) {
+    const auto slope = [&](double h) {
+      const auto at_step = [&](double step) {
+        Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
+        twist[i] = step;
+        Camera moved = cam;
+        moved.w2c = test::exp_twist(twist) * cam.w2c;
+        return loss(g, moved);
+      };
+      return (at_step(h) - at_step(-h)) / (2 * h);
+    };
+    pose.push_back((4 * slope(0x1p-10) - slope(0x1p-9)) / 3);
+  }
+  EXPECT_TRUE(test::close(std::vector<double>(got.poses[0].begin(), got.poses[0].end()), pose, 2e-5)) << "pose";
+}
+
+// However little memory there is: sums are taken in another order, which is all that may differ.
+TEST_P(RenderBackward, WorksInPartsWhereMemoryIsShort) {
+  const test::SceneCase c{"", 150000, 0, 300, 200, ""};
+  const Gaussians g = test::make_scene(c, 12);
+  const Camera cam = test::make_camera(c, 12);
+  const Picture cotangent = random_cotangent(cam.width, cam.height);
+  const Gradient want = differentiate(ctx(), upload(ctx(), g), {cam}, {}, {cotangent});
+  ContextOptions few;
+  few.max_memory_gib = 0.045;
+  const auto small = test::open_context(GetParam(), few);
+  int parts = 0;
+  for_each_part(*small, upload(*small, g), cam, {}, true,
+                [&](Context& on, const Part&, const Projected&, const Binned& b) {
+                  (void)on.tensor({b.ids.dim(0), 10});
+                  parts += !on.planning();
+                });
+  EXPECT_GT(parts, 1);
+  const Gradient got = differentiate(*small, upload(*small, g), {cam}, {}, {cotangent});
+  EXPECT_TRUE(test::close(got.gaussians.means, want.gaussians.means, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.scales, want.gaussians.scales, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.quats, want.gaussians.quats, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.opacities, want.gaussians.opacities, 1e-5));
+  EXPECT_TRUE(test::close(got.gaussians.sh, want.gaussians.sh, 1e-5));
+  const auto values = [](const std::array<double, 6>& pose) { return std::vector<double>(pose.begin(), pose.end()); };
+  EXPECT_TRUE(test::close(values(got.poses[0]), values(want.poses[0]), 1e-4));
+  EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
+}
+
+// Drawing once or twice, in one part or in several: the same, for a gradient that depends on the picture.
+TEST_P(RenderBackward, AlongWithThePictureIsTheSame) {
+  const test::SceneCase c{"", 150000, 0, 300, 200, ""};
+  const Gaussians g = test::make_scene(c, 12);
+  const Camera cam = test::make_camera(c, 12);
+  for (const double gib : {0.0, 0.045}) {
+    SCOPED_TRACE(gib);
+    ContextOptions options;
+    options.max_memory_gib = gib;
+    const auto own = test::open_context(GetParam(), options);
+    const GaussianChunks scene = upload(*own, g);
+    const auto loss = [](Context& on, const DevicePicture& picture) {
+      const Tensor gradient = on.tensor(picture.colour.shape());
+      on.copy(picture.colour, gradient);
+      return PictureGradient{gradient, {}, {}};
+    };
+    const SceneGradient want = zero_gradient(*own, scene), got = zero_gradient(*own, scene);
+    const DevicePicture picture = render(*own, scene, cam, {});
+    render_backward(*own, scene, cam, {}, loss(*own, picture), want, nullptr);
+    const DrawnPicture again = render_with_backward(*own, scene, cam, {}, loss, got);
+    EXPECT_EQ(own->read<float>(again.picture.colour), own->read<float>(picture.colour));
+    EXPECT_GT(again.intersections, 10000U);
+    const std::vector<float> means = own->read<float>(got[0].means);
+    EXPECT_TRUE(std::any_of(means.begin(), means.end(), [](float x) { return x != 0; }));
+    // In parts, which may be others from call to call, sums are taken in another order.
+    EXPECT_TRUE(test::close(means, own->read<float>(want[0].means), gib > 0 ? 1e-5 : 0));
+    EXPECT_TRUE(
+        test::close(own->read<float>(got[0].opacities), own->read<float>(want[0].opacities), gib > 0 ? 1e-5 : 0));
+  }
+}
+
+// A scene that is not in one piece: the same bits.
+TEST_P(RenderBackward, TakesAScenesChunks) {
+  const test::SceneCase c{"", 70000, 1, 100, 80, ""};
+  const Gaussians g = test::make_scene(c, 47);
+  const Camera cam = test::make_camera(c, 47);
+  const Picture cotangent = random_cotangent(cam.width, cam.height);
+  const auto chunk_at = [&g](Context& on, long i) {
+    const auto first = static_cast<std::ptrdiff_t>(i * kChunkUnit);
+    const auto n = std::min(static_cast<std::ptrdiff_t>(g.count) - first, static_cast<std::ptrdiff_t>(kChunkUnit));
+    const auto part = [&](const std::vector<float>& v, std::ptrdiff_t each) {
+      return std::vector<float>(v.begin() + first * each, v.begin() + (first + n) * each);
+    };
+    Gaussians out;
+    out.count = static_cast<std::size_t>(n);
+    out.sh_degree = g.sh_degree;
+    out.means = part(g.means, 3), out.scales = part(g.scales, 3), out.quats = part(g.quats, 4);
+    out.opacities = part(g.opacities, 1), out.sh = part(g.sh, 12);
+    return upload(on, out);
+  };
+  const GaussianChunks chunks(static_cast<long>(g.count), g.sh_degree, kChunkUnit, chunk_at);
+  ASSERT_EQ(chunks.chunks(), 2);
+  const Gradient want = differentiate(ctx(), upload(ctx(), g), {cam}, {}, {cotangent});
+  const Gradient got = differentiate(ctx(), chunks, {cam}, {}, {cotangent});
+  EXPECT_EQ(got.gaussians.means, want.gaussians.means);
+  EXPECT_EQ(got.gaussians.scales, want.gaussians.scales);
+  EXPECT_EQ(got.gaussians.quats, want.gaussians.quats);
+  EXPECT_EQ(got.gaussians.opacities, want.gaussians.opacities);
+  EXPECT_EQ(got.gaussians.sh, want.gaussians.sh);
+  EXPECT_EQ(got.poses, want.poses);
+}
+
+// No derivative by the picture, none by anything.
+TEST_P(RenderBackward, IsZeroWhereTheLossIs) {
+  const test::SceneCase c{"", 100, 1, 40, 40, ""};
+  const Gaussians g = test::make_scene(c, 46);
+  const Camera cam = test::make_camera(c, 46);
+  const GaussianChunks scene = upload(ctx(), g);
+  const SceneGradient out = zero_gradient(ctx(), scene);
+  std::array<double, 6> pose{1, 1, 1, 1, 1, 1};
+  render_backward(ctx(), scene, cam, {}, {}, out, &pose);
+  const Gaussians got = download(ctx(), out, 1);
+  for (const auto* v : {&got.means, &got.scales, &got.quats, &got.opacities, &got.sh})
+    EXPECT_TRUE(std::all_of(v->begin(), v->end(), [](float x) { return x == 0; }));
+  for (const double v : pose) EXPECT_EQ(v, 0);
+}
+
+VSPLAT_FLAVOURS(RenderBackward);
+
+std::string case_name(const ::testing::TestParamInfo<RenderBackwardGolden::ParamType>& info) {
+  return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
+}
+
+INSTANTIATE_TEST_SUITE_P(Committed, RenderBackwardGolden,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::splat_committed())),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(Made, RenderBackwardGolden,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::splat_made())),
+                         case_name);
+
+}  // namespace
+}  // namespace vsplat

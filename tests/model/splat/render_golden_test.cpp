@@ -1,0 +1,77 @@
+// Drawing against the PyTorch specification's pictures, scene by scene, in both flavours.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "model/splat/render.h"
+#include "tests/support/device.h"
+#include "tests/support/splat_golden.h"
+
+namespace vsplat {
+namespace {
+
+using test::SplatGolden;
+
+// Every value within 1e-4 of the largest (or 1), their mean within 1e-5: these scenes keep clear of the thresholds at
+// which pixels may flip.
+::testing::AssertionResult close_pictures(const Image& got, const Image& want) {
+  if (got.data.size() != want.data.size())
+    return ::testing::AssertionFailure() << got.data.size() << " values, " << want.data.size() << " expected";
+  double largest = 1, sum = 0, worst = 0;
+  for (const float v : want.data) largest = std::max(largest, std::abs(static_cast<double>(v)));
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < got.data.size(); ++i) {
+    const double error = std::abs(static_cast<double>(got.data[i]) - want.data[i]) / largest;
+    if (!std::isfinite(error)) return ::testing::AssertionFailure() << "value " << i << " is " << got.data[i];
+    if (error > worst) worst = error, at = i;
+    sum += error;
+  }
+  const double mean = sum / static_cast<double>(got.data.size());
+  if (worst <= 1e-4 && mean <= 1e-5) return ::testing::AssertionSuccess();
+  return ::testing::AssertionFailure() << "value " << at << " of " << got.data.size() << ": " << got.data[at] << ", "
+                                       << want.data[at] << " expected; off by " << worst << " (at most 1e-4), mean "
+                                       << mean << " (1e-5)";
+}
+
+class RenderGolden : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
+ protected:
+  Context& ctx() { return test::context(std::get<0>(GetParam())); }
+  const std::string& name() const { return std::get<1>(GetParam()); }
+};
+
+TEST_P(RenderGolden, MatchesAndGivesTheSameBytesEveryTime) {
+  VSPLAT_NEED_SPLAT(name());
+  const SplatGolden golden = SplatGolden::load(name());
+  const DeviceGaussians g = upload(ctx(), golden.gaussians);
+  for (std::size_t v = 0; v < golden.cameras.size(); ++v) {
+    SCOPED_TRACE("camera " + std::to_string(v));
+    const Picture first = render_picture(ctx(), g, golden.cameras[v], golden.options);
+    EXPECT_TRUE(close_pictures(first.colour, golden.pictures[v].colour)) << "colour";
+    EXPECT_TRUE(close_pictures(first.alpha, golden.pictures[v].alpha)) << "alpha";
+    EXPECT_TRUE(close_pictures(first.depth, golden.pictures[v].depth)) << "depth";
+    for (int run = 0; run < 2; ++run) {
+      const Picture again = render_picture(ctx(), g, golden.cameras[v], golden.options);
+      EXPECT_EQ(first.colour.data, again.colour.data);
+      EXPECT_EQ(first.alpha.data, again.alpha.data);
+      EXPECT_EQ(first.depth.data, again.depth.data);
+    }
+  }
+}
+
+std::string case_name(const ::testing::TestParamInfo<RenderGolden::ParamType>& info) {
+  return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
+}
+
+INSTANTIATE_TEST_SUITE_P(Committed, RenderGolden,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::splat_committed())),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(Made, RenderGolden,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::splat_made())),
+                         case_name);
+
+}  // namespace
+}  // namespace vsplat

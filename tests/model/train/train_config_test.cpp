@@ -1,0 +1,206 @@
+#include "model/train/train_config.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/support/refusal.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+using nlohmann::json;
+using test::refusal;
+
+std::string refused(const std::string& text) {
+  return refusal([&] { train_config_from_json(text); }, Status::format);
+}
+
+TEST(TrainConfig, DefaultsAreThePapersAndValid) {
+  const TrainConfig c;
+  EXPECT_NO_THROW(check(c));
+  EXPECT_EQ(c.model, named_config("small"));
+  const json j = json::parse(to_json(c));
+  const json expected = {{"seed", 0},
+                         {"steps", 50000},
+                         {"lr", 4e-4},
+                         {"warmup", 1000},
+                         {"tau_first", 1.0},
+                         {"tau_last", 0.1},
+                         {"tau_steps", 50000},
+                         {"batch", 1},
+                         {"accumulate", 1},
+                         {"beta1", 0.9},
+                         {"beta2", 0.95},
+                         {"eps", 1e-8},
+                         {"clip_norm", 0.5},
+                         {"ssim_weight", 0.5},
+                         {"weight_decay", 0.05},
+                         {"ema", 0.0},
+                         {"inputs_min", 4},
+                         {"inputs_max", 4},
+                         {"novel", 4},
+                         {"fit", "auto"},
+                         {"turn_degrees", 0.0},
+                         {"cube_min", 1.0},
+                         {"cube_max", 1.0},
+                         {"log_every", 10},
+                         {"sheet_every", 500},
+                         {"keep_checkpoints", 3},
+                         {"checkpoint_every", 500},
+                         {"cache_gib", 1.0},
+                         {"frozen", json::array()},
+                         {"random_background", true},
+                         {"model", json::parse(to_json(named_config("small")))}};
+  EXPECT_EQ(j, expected);
+  EXPECT_EQ(train_config_from_json("{}"), c);
+}
+
+TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
+  TrainConfig c;
+  c.model = with_fields(named_config("tiny"), {"selection=ste", "opacity_threshold=0.1"});
+  c.seed = 18446744073709551615u;
+  c.schedule = {0.1 + 0.2, 7, 77, 0.9, 1e-3, 13};
+  c.batch = 3, c.accumulate = 2;
+  c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25;
+  c.ema = 0.999;
+  c.frozen = {"encoder.model.blocks.0", "dir_norm"};
+  c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
+  c.random_background = false;
+  c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1;
+  c.log_every = 0, c.sheet_every = 5, c.checkpoint_every = 11, c.keep_checkpoints = 1, c.cache_gib = 0.25;
+  const std::string text = to_json(c);
+  EXPECT_EQ(train_config_from_json(text), c);
+  EXPECT_EQ(to_json(train_config_from_json(text)), text);
+  EXPECT_EQ(hash_of(train_config_from_json(text)), hash_of(c));
+  TrainConfig other = c;
+  other.cache_gib = 0.5;
+  EXPECT_NE(hash_of(other), hash_of(c));
+  EXPECT_EQ(hash_of(c).size(), 64u);
+}
+
+TEST(TrainConfig, ModelIsANameOrFieldsOverOne) {
+  const auto model = [](const std::string& value) {
+    return train_config_from_json("{\"model\": " + value + "}").model;
+  };
+  EXPECT_EQ(model(R"("tiny")"), named_config("tiny"));
+  EXPECT_EQ(model(R"({"base": "tiny"})"), named_config("tiny"));
+  EXPECT_EQ(model(R"({"base": "tiny", "fine_count": 1})"), with_fields(named_config("tiny"), {"fine_count=1"}));
+  EXPECT_EQ(model(R"({"fine_count": 1})"), with_fields(named_config("small"), {"fine_count=1"}));
+  EXPECT_EQ(model("{}"), named_config("small"));
+}
+
+TEST(TrainConfig, NumbersOfViewsAreTheModelsWhereAbsent) {
+  const TrainConfig three = train_config_from_json(R"({"model": "tiny"})");
+  EXPECT_EQ(three.inputs_min, 3);
+  EXPECT_EQ(three.inputs_max, 3);
+  EXPECT_EQ(three.novel, 3);
+  const TrainConfig some = train_config_from_json(R"({"model": "tiny", "inputs_min": 2, "novel": 1})");
+  EXPECT_EQ(some.inputs_min, 2);
+  EXPECT_EQ(some.inputs_max, 3);
+  EXPECT_EQ(some.novel, 1);
+}
+
+TEST(TrainConfig, WarmsUpNoLongerThanThereAreStepsWhereAbsent) {
+  EXPECT_EQ(train_config_from_json(R"({"steps": 10})").schedule.warmup, 10);
+  EXPECT_EQ(train_config_from_json(R"({"steps": 2000})").schedule.warmup, 1000);
+  EXPECT_EQ(train_config_from_json(R"({"steps": 10, "warmup": 3})").schedule.warmup, 3);
+}
+
+TEST(TrainConfig, FreezesByTheStartOfNames) {
+  const TrainConfig c = train_config_from_json(R"({"frozen": ["encoder.model.blocks.0.", "dir_norm"]})");
+  EXPECT_TRUE(is_frozen(c, "encoder.model.blocks.0.norm1.weight"));
+  EXPECT_TRUE(is_frozen(c, "dir_norm.mlp.0.bias"));
+  EXPECT_FALSE(is_frozen(c, "encoder.model.blocks.1.norm1.weight"));
+  EXPECT_FALSE(is_frozen(TrainConfig(), "dir_norm.mlp.0.bias"));
+}
+
+TEST(TrainConfig, RefusesUnknownAndMistypedFieldsByName) {
+  EXPECT_NE(refused(R"({"step": 3, "colour": 1})").find("unknown fields: \"colour\", \"step\"; known are model, seed"),
+            std::string::npos);
+  EXPECT_NE(refused(R"({"model": {"base": "tiny", "vit": 1}})").find("unknown fields: \"vit\""), std::string::npos);
+  const char* wrong[][2] = {{"seed", "-1"},
+                            {"seed", "1.0"},
+                            {"seed", "18446744073709551616"},
+                            {"steps", "\"10\""},
+                            {"steps", "10.0"},
+                            {"steps", "9223372036854775808"},
+                            {"steps", "null"},
+                            {"lr", "\"4e-4\""},
+                            {"random_background", "1"},
+                            {"fit", "[]"},
+                            {"frozen", "\"encoder\""},
+                            {"frozen", "[1]"},
+                            {"turn_degrees", "[]"},
+                            {"model", "3"},
+                            {"cache_gib", "true"}};
+  for (const auto& [field, value] : wrong) {
+    const std::string text = refused(std::string("{\"") + field + "\": " + value + "}");
+    EXPECT_NE(text.find(field), std::string::npos) << text;
+    EXPECT_NE(text.find("must be"), std::string::npos) << text;
+    EXPECT_NE(text.find("(found "), std::string::npos) << text;
+  }
+  EXPECT_NE(refused(R"({"model": {"base": 3}})").find("base must be a string (found 3)"), std::string::npos);
+  EXPECT_NE(refused(R"({"model": "huge"})").find("paper, small, tiny, micro"), std::string::npos);
+  EXPECT_NE(refused(R"({"model": {"base": "huge"}})").find("paper, small, tiny, micro"), std::string::npos);
+  for (const char* text : {"", "[]", "{", "3", "{\"steps\": 512,}", "\xff"})
+    EXPECT_NE(refused(text).find("not a JSON object"), std::string::npos);
+}
+
+TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
+  const char* cases[][2] = {
+      {R"({"steps": 0})", "steps must be 1 to 1000000000 (found 0)"},
+      {R"({"steps": 10, "warmup": 1000})", "warmup must be 0 to 10 (found 1000)"},
+      {R"({"lr": 0})", "lr must be above 0 and at most 1 (found 0)"},
+      {R"({"tau_first": 0})", "tau_first must be above 0 (found 0)"},
+      {R"({"tau_last": -1})", "tau_last must be above 0 (found -1)"},
+      {R"({"batch": 0})", "batch must be 1 to 1024 (found 0)"},
+      {R"({"accumulate": 0})", "accumulate must be 1 to 1024 (found 0)"},
+      {R"({"beta1": 1})", "beta1 must be at least 0 and below 1 (found 1)"},
+      {R"({"beta2": -0.5})", "beta2 must be at least 0 and below 1 (found -0.5)"},
+      {R"({"ema": 1})", "ema must be at least 0 and below 1 (found 1)"},
+      {R"({"eps": 0})", "eps must be above 0 (found 0)"},
+      {R"({"weight_decay": -1})", "weight_decay must be at least 0 (found -1)"},
+      {R"({"clip_norm": 0})", "clip_norm must be above 0 (found 0)"},
+      {R"({"ssim_weight": -1})", "ssim_weight must be at least 0 (found -1)"},
+      {R"({"frozen": ["encode", "encoders"]})", "frozen must be how the name of a parameter starts"},
+      {R"({"frozen": [""]})", "(found \"\")"},
+      {R"({"frozen": ["encoder", "dir_norm", "volume", "voxel", "predictor"]})", "must leave something to train"},
+      {R"({"inputs_max": 17})", "inputs_max must be 1 to 16 (found 17)"},
+      {R"({"inputs_min": 5})", "inputs_min must be 1 to 4 (found 5)"},
+      {R"({"inputs_min": 0})", "inputs_min must be 1 to 4 (found 0)"},
+      {R"({"novel": -1})", "novel must be 0 to 64 (found -1)"},
+      {R"({"fit": "wide"})", "fit must be one of auto, object, crop, pad (found \"wide\")"},
+      {R"({"turn_degrees": 181})", "turn_degrees must be 0 to 180 (found 181)"},
+      {R"({"cube_max": 11})", "cube_max must be 0.1 to 10 (found 11)"},
+      {R"({"cube_min": 1.5})", "cube_min must be 0.1 to cube_max (found 1.5)"},
+      {R"({"log_every": -1})", "log_every must be 0 to"},
+      {R"({"sheet_every": -1})", "sheet_every must be 0 to"},
+      {R"({"checkpoint_every": -1})", "checkpoint_every must be 0 to"},
+      {R"({"keep_checkpoints": 0})", "keep_checkpoints must be 1 to"},
+      {R"({"cache_gib": -1})", "cache_gib must be 0 to"},
+      {R"({"model": {"image": 10, "patch": 2}})", "image must be at least 11"},
+  };
+  for (const auto& [text, words] : cases) {
+    const std::string message = refused(text);
+    EXPECT_NE(message.find(words), std::string::npos) << message << "\nexpected " << words;
+  }
+  TrainConfig broken;
+  broken.schedule.lr = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NE(refusal([&] { check(broken); }, Status::usage).find("lr must be"), std::string::npos);
+}
+
+TEST(TrainConfig, FileErrorsBeginWithItsPath) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder / "config.json";
+  test::put_file(path, R"({"model": "tiny", "steps": 0})");
+  EXPECT_TRUE(refusal([&] { load_train_config(path); }, Status::format).starts_with(path + ": "));
+  EXPECT_NE(refusal([&] { load_train_config(folder / "none.json"); }, Status::file).find("none.json"),
+            std::string::npos);
+  test::put_file(path, R"({"model": "tiny", "seed": 3})");
+  EXPECT_EQ(load_train_config(path).seed, 3u);
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,177 @@
+// Gradients of everything, and steps of the optimiser, against PyTorch's.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <tuple>
+
+#include "model/params/params.h"
+#include "model/train/trainer.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/golden_inputs.h"
+
+namespace vsplat {
+namespace {
+
+using test::Golden;
+
+TrainingViews views_of(const Golden& golden) {
+  TrainingViews out;
+  out.object = "golden";
+  out.pictures = golden.floats("input.images");
+  out.cameras = test::golden_all_cameras(golden);
+  out.inputs = golden.views();
+  const std::vector<float> background = golden.floats("input.background");
+  for (std::size_t c = 0; c < 3; ++c) out.background[c] = background[c];
+  return out;
+}
+
+PassViews upload(Context& ctx, const Golden& golden) {
+  const TrainingViews views = views_of(golden);
+  const long s = golden.config().image;
+  PassViews out;
+  out.inputs = ctx.upload({views.inputs, s, s, 3}, views.pictures.data());
+  out.cameras = views.cameras;
+  for (std::size_t v = 0; v < views.cameras.size(); ++v) {
+    out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + v * static_cast<std::size_t>(s * s * 3)));
+    out.backgrounds.push_back(views.background);
+  }
+  return out;
+}
+
+ForwardOptions options_of(Context& ctx, const Golden& golden) {
+  ForwardOptions out;
+  out.temperature = golden.temperature();
+  if (golden.has("input.noise")) out.noise = ctx.upload({golden.config().voxels()}, golden.floats("input.noise"));
+  return out;
+}
+
+GaussianGradients cotangent(Context& ctx, const Golden& golden, const std::string& level) {
+  const auto part = [&](const char* name) {
+    return test::golden_upload(ctx, golden, "cotangent." + level + "." + name);
+  };
+  return {part("means"), part("scales"), part("quats"), part("opacities"), part("sh")};
+}
+
+bool all_zero(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return v == 0; });
+}
+
+class GoldenGradients : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {};
+
+// The network alone, for given gradients by its Gaussians.
+TEST_P(GoldenGradients, OfTheNetworkMatch) {
+  const auto& [flavour, name] = GetParam();
+  VSPLAT_NEED_GOLDEN(name);
+  const Golden golden = Golden::load(name);
+  Context& ctx = test::context(flavour);
+  const LearntWeights weights(ctx, golden.config(), golden.weights());
+  const VsplatModel model(ctx, golden.config(), weights);
+  const PassViews views = upload(ctx, golden);
+  const auto run = [&] {
+    weights.zero_gradients(ctx);
+    VsplatModel::Trained trained = model.forward_in_training(
+        ctx, views.inputs, upload_cameras(ctx, test::golden_cameras(golden)), options_of(ctx, golden), {});
+    const bool one_level = golden.config().levels == "coarse";
+    model.backward(ctx, trained, cotangent(ctx, golden, "coarse"),
+                   one_level ? GaussianGradients() : cotangent(ctx, golden, "final"));
+  };
+  run();
+  int compared = 0;
+  std::map<std::string, std::vector<float>> first;
+  for (const Parameter& p : parameters(golden.config())) {
+    if (!p.trained) continue;
+    const std::vector<float> got = first[p.name] = ctx.read<float>(weights.at(p.name).gradient);
+    if (!golden.has("cograd." + p.name)) {
+      EXPECT_TRUE(all_zero(got)) << p.name << " has a gradient, in the reference it has none";
+      continue;
+    }
+    const std::vector<float> want = golden.floats("cograd." + p.name);
+    if (all_zero(want)) {
+      EXPECT_TRUE(all_zero(got)) << p.name;
+    } else {
+      EXPECT_TRUE(test::close(got, want, 1e-4)) << p.name;
+    }
+    ++compared;
+  }
+  EXPECT_GT(compared, 30);
+  run();
+  for (const auto& [parameter, values] : first)
+    EXPECT_EQ(ctx.read<float>(weights.at(parameter).gradient), values) << parameter << ", run again";
+}
+
+// Of the loss, through the rasteriser of both levels: taken together, since a flipped pixel moves single ones.
+TEST_P(GoldenGradients, OfTheLossMatch) {
+  const auto& [flavour, name] = GetParam();
+  VSPLAT_NEED_GOLDEN(name);
+  const Golden golden = Golden::load(name);
+  if (!golden.has("loss")) GTEST_SKIP();
+  Context& ctx = test::context(flavour);
+  const LearntWeights weights(ctx, golden.config(), golden.weights());
+  const VsplatModel model(ctx, golden.config(), weights);
+  PassOptions options;
+  options.forward = options_of(ctx, golden);
+  const PassResult result = training_pass(ctx, model, upload(ctx, golden), options);
+  double loss = 0;
+  for (const LevelLoss& level : {result.coarse, result.final})
+    for (const Tensor& view : level)
+      loss += static_cast<double>(ctx.read<float>(view)[0]) / static_cast<double>(level.size());
+  EXPECT_NEAR(loss, golden.floats("loss")[0], 1e-4);
+
+  double error = 0, norm = 0;
+  for (const Parameter& p : parameters(golden.config())) {
+    if (!p.trained) continue;
+    const std::vector<float> got = ctx.read<float>(weights.at(p.name).gradient);
+    const std::vector<float> want =
+        golden.has("grad." + p.name) ? golden.floats("grad." + p.name) : std::vector<float>(got.size());
+    EXPECT_TRUE(!all_zero(want) || all_zero(got)) << p.name;
+    for (std::size_t i = 0; i < got.size(); ++i) {
+      ASSERT_TRUE(std::isfinite(got[i])) << p.name;
+      error += std::pow(static_cast<double>(got[i]) - want[i], 2);
+      norm += std::pow(static_cast<double>(want[i]), 2);
+    }
+  }
+  // With nothing selected and no way for a gradient to the confidence there is none at all.
+  if (norm == 0)
+    EXPECT_EQ(error, 0);
+  else
+    EXPECT_LE(std::sqrt(error / norm), 1e-2);
+}
+
+const auto kFlavours = ::testing::Values(Flavour::cpu, Flavour::gpu);
+std::string case_name(const ::testing::TestParamInfo<GoldenGradients::ParamType>& info) {
+  return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
+}
+INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients,
+                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::training_cases())), case_name);
+INSTANTIATE_TEST_SUITE_P(Committed, GoldenGradients,
+                         ::testing::Combine(kFlavours, ::testing::Values("micro", "micro_noise")), case_name);
+
+class Training : public test::FlavourTest {};
+VSPLAT_FLAVOURS(Training);
+
+// Ten steps of AdamW, clipped, warmed up and annealed, with PyTorch's noise.
+TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
+  VSPLAT_NEED_GOLDEN("train_steps");
+  const Golden golden = Golden::load("train_steps");
+  const std::vector<float> want = golden.floats("step.loss"), noise = golden.floats("step.noise");
+  ASSERT_EQ(want.size(), 10U);
+  Checkpoint start;
+  start.config.model = golden.config();
+  start.config.schedule = {4e-4, 2, 10, 1.0, 0.1, 9};
+  start.parameters = golden.weights();
+  Trainer trainer(ctx(), start);
+  const TrainingViews views = views_of(golden);
+  const auto voxels = static_cast<std::ptrdiff_t>(golden.config().voxels());
+  for (std::size_t s = 0; s < want.size(); ++s) {
+    const auto from = noise.begin() + static_cast<std::ptrdiff_t>(s) * voxels;
+    const std::vector<float> of_step(from, from + voxels);
+    const StepReport report = trainer.step({{&views, views.background, &of_step}});
+    EXPECT_NEAR(report.loss, want[s], 1e-4) << "step " << s + 1;
+    EXPECT_EQ(report.step, static_cast<long>(s) + 1);
+  }
+  EXPECT_LT(want.back(), want.front() - 1e-3f) << "the reference learns nothing: nothing is tested";
+}
+
+}  // namespace
+}  // namespace vsplat
