@@ -1,9 +1,13 @@
 #include "bench/bench.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
+
+#include "runtime/fail.h"
 
 namespace vsplat::bench {
 

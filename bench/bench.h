@@ -3,6 +3,8 @@
 //   bench::Report report = bench::run(ctx, {{"gemm", "render"}});
 //   fmt::print("{}", bench::table(report));   // or bench::json(report)
 #pragma once
+#include <fmt/format.h>
+
 #include <functional>
 #include <map>
 #include <string>

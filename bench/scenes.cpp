@@ -1,5 +1,7 @@
 #include "bench/scenes.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -10,7 +12,7 @@
 #include "model/base/rng.h"
 #include "model/io/ply.h"
 #include "model/io/view_set.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat::bench {
 

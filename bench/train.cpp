@@ -15,6 +15,7 @@
 #include "model/params/model_file.h"
 #include "model/splat/render.h"
 #include "model/train/trainer.h"
+#include "runtime/fail.h"
 
 namespace vsplat::bench {
 

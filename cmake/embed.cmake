@@ -1,7 +1,7 @@
 # cmake -DOUT=x.cpp "-DFILES=a.cl|b.clh" -P embed.cmake
 # Text goes into raw literals of under 8 KB each (compilers need accept no more than 64 KB).
 string(REPLACE "|" ";" FILES "${FILES}")
-set(body "// Made by cmake/embed.cmake from cl/. Do not edit.\n#include \"runtime/embedded.h\"\n\nnamespace vsplat {\n\nconst std::vector<EmbeddedFile>& embedded_files() {\n  static const std::vector<EmbeddedFile> files = {\n")
+set(body "// Made by cmake/embed.cmake from cl/. Do not edit.\n#include \"runtime/embedded.h\"\n\nconst vsplat::EmbeddedFile* vsplat_embedded_files(std::size_t* count) {\n  static const vsplat::EmbeddedFile files[] = {\n")
 foreach(path ${FILES})
   get_filename_component(name ${path} NAME)
   file(READ ${path} text)
@@ -18,6 +18,6 @@ foreach(path ${FILES})
   endwhile()
   string(APPEND body "      },\n")
 endforeach()
-string(APPEND body "  };\n  return files;\n}\n\n}  // namespace vsplat\n")
+string(APPEND body "  };\n  *count = sizeof(files) / sizeof(files[0]);\n  return files;\n}\n")
 file(WRITE ${OUT}.tmp "${body}")
 file(RENAME ${OUT}.tmp ${OUT})

@@ -1,9 +1,11 @@
 #include "runtime/arena.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/opencl.h"
 #include "runtime/units.h"
 

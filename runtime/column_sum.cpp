@@ -1,5 +1,7 @@
 #include "runtime/column_sum.h"
 
+#include "runtime/fail.h"
+
 namespace vsplat {
 namespace {
 

@@ -1,5 +1,7 @@
 #include "runtime/compose_rows.h"
 
+#include "runtime/fail.h"
+
 namespace vsplat {
 
 void compose_rows(Context& ctx, const RowSource& in, const Tensor& out, long row0) {

@@ -1,11 +1,14 @@
 #include "runtime/context.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <map>
 
 #include "runtime/device_handles.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/program.h"
 
@@ -220,6 +223,11 @@ void Context::copy(const Tensor& from, const Tensor& to) {
   impl_->transfer("copy", 2.0 * static_cast<double>(from.bytes()), [&](cl::Event* event) {
     impl_->queue.enqueueCopyBuffer(*from.block()->buffer(), *to.block()->buffer(), 0, 0, from.bytes(), nullptr, event);
   });
+}
+
+void Context::check_element(const Tensor& tensor, std::size_t bytes) {
+  if (bytes != size_of(tensor.type()))
+    fail(Status::internal, "read of {} as elements of {} bytes", tensor.describe(), bytes);
 }
 
 void Context::read(const Tensor& tensor, void* data) {

@@ -100,9 +100,8 @@ class Context {
   void read(const Tensor& tensor, void* data);
   template <class T>
   std::vector<T> read(const Tensor& tensor) {
+    check_element(tensor, sizeof(T));
     std::vector<T> out(static_cast<std::size_t>(tensor.count()));
-    if (sizeof(T) != size_of(tensor.type()))
-      fail(Status::internal, "read of {} as elements of {} bytes", tensor.describe(), sizeof(T));
     if (!out.empty()) read(tensor, out.data());
     return out;
   }
@@ -133,6 +132,7 @@ class Context {
  private:
   friend class Stage;
   struct Impl;
+  static void check_element(const Tensor& tensor, std::size_t bytes);
   explicit Context(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

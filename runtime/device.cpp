@@ -1,10 +1,13 @@
 #include "runtime/device.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
 
 #include "runtime/device_handles.h"
+#include "runtime/fail.h"
 #include "runtime/opencl.h"
 
 namespace vsplat {

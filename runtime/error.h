@@ -1,7 +1,5 @@
 // The one exception type of the library, and the statuses that cross the C boundary.
 #pragma once
-#include <fmt/format.h>
-
 #include <stdexcept>
 #include <string>
 
@@ -30,10 +28,5 @@ class Error : public std::runtime_error {
  private:
   Status status_;
 };
-
-template <class... Args>
-[[noreturn]] void fail(Status status, fmt::format_string<Args...> text, Args&&... args) {
-  throw Error(status, fmt::format(text, std::forward<Args>(args)...));
-}
 
 }  // namespace vsplat

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/output_file.h"
 
 namespace vsplat {

@@ -1,11 +1,13 @@
 #include "runtime/gemm.h"
 
 #include <clblast.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {

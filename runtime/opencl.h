@@ -13,7 +13,7 @@
 #include <CL/opencl.hpp>
 #pragma GCC diagnostic pop
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 
@@ -23,8 +23,8 @@ const char* cl_error_name(cl_int code);
 // Rethrows an OpenCL error as ours, with what was being done.
 [[noreturn]] inline void fail_cl(const cl::Error& e, const std::string& what) {
   const bool memory = e.err() == CL_MEM_OBJECT_ALLOCATION_FAILURE || e.err() == CL_OUT_OF_HOST_MEMORY;
-  throw Error(memory ? Status::memory : Status::device,
-              fmt::format("{}: {} failed with {} ({})", what, e.what(), cl_error_name(e.err()), e.err()));
+  fail(memory ? Status::memory : Status::device, "{}: {} failed with {} ({})", what, e.what(), cl_error_name(e.err()),
+       e.err());
 }
 
 }  // namespace vsplat

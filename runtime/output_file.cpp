@@ -1,13 +1,14 @@
 #include "runtime/output_file.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
 #include <cstring>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

@@ -1,5 +1,7 @@
 #include "runtime/profiler.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <map>

@@ -1,5 +1,7 @@
 #include "runtime/program.h"
 
+#include <fmt/format.h>
+
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
@@ -7,6 +9,7 @@
 #include <sstream>
 
 #include "runtime/embedded.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {
@@ -22,8 +25,10 @@ std::string source_text(const std::string& name) {
     text << in.rdbuf();
     return text.str();
   }
-  for (const EmbeddedFile& file : embedded_files())
-    if (name == file.name) return file.text;
+  std::size_t count = 0;
+  const EmbeddedFile* files = vsplat_embedded_files(&count);
+  for (std::size_t i = 0; i < count; ++i)
+    if (name == files[i].name) return files[i].text;
   fail(Status::internal, "no kernel file {}", name);
 }
 

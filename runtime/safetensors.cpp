@@ -1,6 +1,7 @@
 #include "runtime/safetensors.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,7 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/half.h"
 #include "runtime/output_file.h"
 #include "runtime/printable.h"

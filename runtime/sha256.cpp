@@ -1,8 +1,9 @@
 #include "runtime/sha256.h"
 
+#include <fmt/format.h>
 #include <openssl/evp.h>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

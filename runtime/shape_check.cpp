@@ -1,6 +1,10 @@
 #include "runtime/shape_check.h"
 
+#include <fmt/format.h>
+
 #include <cctype>
+
+#include "runtime/fail.h"
 
 namespace vsplat {
 

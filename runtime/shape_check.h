@@ -1,8 +1,6 @@
 // Equal letters must mean equal sizes: Dims().bind("x", x, {"R", "C"}).bind("gamma", gamma, {"C"}). An error names the
 // tensor.
 #pragma once
-#include <fmt/ranges.h>
-
 #include <map>
 #include <string>
 #include <vector>

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

@@ -9,6 +9,7 @@
 #include "model/io/image_file.h"
 #include "model/io/view_checks.h"
 #include "model/io/view_set.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat::api {

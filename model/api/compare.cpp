@@ -1,4 +1,6 @@
 // Given pictures beside drawn ones.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -8,6 +10,7 @@
 #include "model/io/view_checks.h"
 #include "model/pictures/metrics.h"
 #include "model/pictures/reference_picture.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

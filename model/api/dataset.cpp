@@ -11,6 +11,7 @@
 #include "model/data/object_names.h"
 #include "model/data/solids.h"
 #include "model/data/survey.h"
+#include "runtime/fail.h"
 
 struct vsplat_mesh_impl : vsplat::api::Counted {
   explicit vsplat_mesh_impl(vsplat::Mesh from) : mesh(std::move(from)) {}

@@ -1,5 +1,7 @@
 #include "model/api/device.h"
 
+#include "runtime/fail.h"
+
 using namespace vsplat;
 using namespace vsplat::api;
 

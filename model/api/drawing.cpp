@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/fail.h"
+
 namespace vsplat::api {
 
 const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {

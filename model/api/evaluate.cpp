@@ -1,6 +1,8 @@
 // Evaluations of models on data sets.
 #include "model/evaluate/evaluate.h"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 
 #include "model/api/dataset.h"
@@ -8,6 +10,7 @@
 #include "model/api/input.h"
 #include "model/api/model.h"
 #include "model/io/image_file.h"
+#include "runtime/fail.h"
 
 struct vsplat_evaluation_impl : vsplat::api::Counted {
   explicit vsplat_evaluation_impl(vsplat::Evaluation from) : evaluation(std::move(from)) {}

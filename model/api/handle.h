@@ -6,7 +6,7 @@
 #include <new>
 #include <string>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "vsplat/vsplat.h"
 
 namespace vsplat::api {

@@ -1,12 +1,15 @@
 // Views as they were taken, and as the network gets them.
 #include "model/api/input.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 
 #include "model/api/cameras.h"
 #include "model/api/model.h"
 #include "model/input/written_views.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

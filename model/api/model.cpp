@@ -8,6 +8,7 @@
 #include "model/params/built_in_model.h"
 #include "model/params/init.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

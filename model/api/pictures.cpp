@@ -5,6 +5,7 @@
 #include "model/io/image_file.h"
 #include "model/io/webp_animation.h"
 #include "model/pictures/contact_sheet.h"
+#include "runtime/fail.h"
 
 struct vsplat_sheet_impl : vsplat::api::Counted {
   explicit vsplat_sheet_impl(const vsplat::SheetOptions& options) : sheet(options) {}

@@ -7,6 +7,7 @@
 #include "model/api/plan.h"
 #include "model/api/scene.h"
 #include "model/io/selection_file.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

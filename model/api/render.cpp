@@ -1,6 +1,8 @@
 // Drawing a scene, and what it needs.
 #include "model/splat/render.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -8,6 +10,7 @@
 #include "model/api/cameras.h"
 #include "model/api/drawing.h"
 #include "model/api/plan.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

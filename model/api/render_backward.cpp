@@ -6,6 +6,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/drawing.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

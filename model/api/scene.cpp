@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/io/selection_file.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

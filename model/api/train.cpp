@@ -3,6 +3,7 @@
 
 #include "model/api/device.h"
 #include "model/api/plan.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

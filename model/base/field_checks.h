@@ -1,11 +1,14 @@
 // Checks of a configuration's fields: what is refused is named with the value found, under the status asked for.
 #pragma once
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
 
 #include "model/base/json_fields.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

@@ -1,5 +1,7 @@
 // Fields of a configuration read from JSON by their types: what is not of the type is refused, never converted.
 #pragma once
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <limits>
@@ -7,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat::json_fields {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

@@ -1,10 +1,12 @@
 #include "model/cameras/camera_path.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

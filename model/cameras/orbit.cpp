@@ -1,5 +1,7 @@
 #include "model/cameras/orbit.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <charconv>
 #include <cmath>
@@ -7,7 +9,7 @@
 
 #include "model/base/gaussians.h"
 #include "model/base/statistics.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

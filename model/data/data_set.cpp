@@ -1,11 +1,13 @@
 #include "model/data/data_set.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <functional>
 
 #include "model/data/hdf5_objects.h"
 #include "model/data/object_names.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

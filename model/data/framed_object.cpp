@@ -6,6 +6,7 @@
 
 #include "model/base/resample.h"
 #include "model/input/pose_check.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 

@@ -1,5 +1,7 @@
 #include "model/data/hdf5_objects.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
@@ -8,7 +10,7 @@
 #include "model/io/hdf5_file.h"
 #include "model/io/image_formats.h"
 #include "model/io/view_checks.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

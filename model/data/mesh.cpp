@@ -10,7 +10,7 @@
 #include "model/base/image.h"
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -4,6 +4,7 @@
 #include <assimp/GltfMaterial.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <assimp/Importer.hpp>
@@ -13,7 +14,7 @@
 #include "model/base/image.h"
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

@@ -1,12 +1,14 @@
 #include "model/data/object_folder.h"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "model/data/ray_tracer.h"
 #include "model/data/sphere_cameras.h"
 #include "model/io/image_file.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 
 namespace vsplat {

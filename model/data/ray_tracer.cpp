@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "model/io/image_file.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

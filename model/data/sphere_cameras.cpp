@@ -1,12 +1,14 @@
 #include "model/data/sphere_cameras.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
 #include "model/cameras/orbit.h"
 #include "model/data/random.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -9,6 +9,7 @@
 #include "model/data/byte_cache.h"
 #include "model/data/drawn_views.h"
 #include "model/input/pose_check.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {

@@ -9,6 +9,7 @@
 #include "model/pictures/metrics.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/splat/render.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {

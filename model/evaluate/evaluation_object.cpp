@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "model/input/pose_check.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "model/data/random.h"
 #include "model/input/view_choice.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

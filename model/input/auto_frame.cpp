@@ -1,10 +1,12 @@
 #include "model/input/auto_frame.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <cmath>
 
 #include "model/base/statistics.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

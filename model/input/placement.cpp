@@ -1,9 +1,11 @@
 #include "model/input/placement.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "model/input/auto_frame.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

@@ -1,12 +1,14 @@
 #include "model/input/pose_check.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "model/base/lens.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {

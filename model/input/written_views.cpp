@@ -1,12 +1,14 @@
 #include "model/input/written_views.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <set>
 
 #include "model/io/cameras_json.h"
 #include "model/io/image_file.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -1,9 +1,11 @@
 #include "model/io/cameras_json.h"
 
+#include <fmt/format.h>
+
 #include <iterator>
 
 #include "model/io/view_checks.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/printable.h"
 

@@ -1,5 +1,7 @@
 #include "model/io/colmap.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <charconv>
@@ -11,7 +13,7 @@
 #include <string_view>
 
 #include "model/io/view_checks.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

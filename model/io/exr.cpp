@@ -15,7 +15,7 @@
 #include <stdexcept>
 
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <mutex>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

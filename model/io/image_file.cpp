@@ -5,7 +5,7 @@
 #include <new>
 
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 
 namespace vsplat {

@@ -8,7 +8,7 @@
 // clang-format on
 
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -1,5 +1,7 @@
 #include "model/io/ply.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -10,7 +12,7 @@
 #include <vector>
 
 #include "model/io/ply_rows.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

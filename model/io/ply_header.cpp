@@ -1,5 +1,7 @@
 #include "model/io/ply_header.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <charconv>
@@ -7,7 +9,7 @@
 #include <map>
 #include <sstream>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

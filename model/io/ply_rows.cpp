@@ -1,12 +1,14 @@
 #include "model/io/ply_rows.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cstring>
 #include <limits>
 #include <string_view>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 

@@ -1,8 +1,10 @@
+#include <fmt/format.h>
+
 #include <cmath>
 #include <vector>
 
 #include "model/io/ply.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/output_file.h"
 
 namespace vsplat {

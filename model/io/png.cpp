@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -3,7 +3,7 @@
 #include <charconv>
 #include <string_view>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 
 namespace vsplat {

@@ -1,10 +1,12 @@
 #include "model/io/transforms_json.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <set>
 
 #include "model/io/view_checks.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

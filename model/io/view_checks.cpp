@@ -1,11 +1,13 @@
 #include "model/io/view_checks.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
 #include <string_view>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 
 namespace vsplat {

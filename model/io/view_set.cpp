@@ -6,7 +6,7 @@
 #include "model/io/colmap.h"
 #include "model/io/transforms_json.h"
 #include "model/io/view_checks.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "model/io/image_formats.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 
 namespace vsplat {

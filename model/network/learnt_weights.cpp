@@ -2,6 +2,7 @@
 
 #include "model/network/upload_weights.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

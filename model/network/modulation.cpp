@@ -3,6 +3,7 @@
 #include "model/ops/activation.h"
 #include "model/ops/layernorm.h"
 #include "model/ops/plucker.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

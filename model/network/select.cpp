@@ -1,6 +1,7 @@
 #include "model/network/select.h"
 
 #include "model/ops/compact.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

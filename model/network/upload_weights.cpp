@@ -2,6 +2,8 @@
 
 #include <fmt/ranges.h>
 
+#include "runtime/fail.h"
+
 namespace vsplat {
 
 WeightLoader::WeightLoader(Context& ctx, const WeightSource& weights, std::string prefix)

@@ -5,6 +5,7 @@
 #include "model/ops/layernorm.h"
 #include "model/ops/patch_embed.h"
 #include "model/ops/position_resample.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -1,11 +1,14 @@
 #include "model/network/vsplat_model.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "model/network/vsplat_modules.h"
 #include "model/ops/gather.h"
 #include "model/splat/render.h"
+#include "runtime/fail.h"
 #include "runtime/units.h"
 
 namespace vsplat {

@@ -2,6 +2,8 @@
 
 #include <initializer_list>
 
+#include "runtime/fail.h"
+
 namespace vsplat {
 namespace {
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -1,5 +1,7 @@
 #include "model/ops/attention.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "runtime/shape_check.h"

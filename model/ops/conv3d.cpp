@@ -5,6 +5,7 @@
 #include "model/ops/gather.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

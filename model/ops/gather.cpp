@@ -1,5 +1,6 @@
 #include "model/ops/gather.h"
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

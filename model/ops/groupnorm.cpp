@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

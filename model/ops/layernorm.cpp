@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "runtime/column_sum.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -1,5 +1,8 @@
 #include "model/ops/lift.h"
 
+#include <fmt/format.h>
+
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

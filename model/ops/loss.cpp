@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "runtime/fail.h"
+
 namespace vsplat {
 namespace {
 

@@ -1,6 +1,7 @@
 #include "model/ops/patch_embed.h"
 
 #include "runtime/column_sum.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

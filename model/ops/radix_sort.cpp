@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/ops/scan.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

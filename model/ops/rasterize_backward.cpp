@@ -1,5 +1,6 @@
 #include "model/ops/rasterize_backward.h"
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -1,5 +1,6 @@
 #include "model/ops/scan.h"
 
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

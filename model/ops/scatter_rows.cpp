@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "model/ops/radix_sort.h"
+#include "runtime/fail.h"
 #include "runtime/gemm.h"
 #include "runtime/shape_check.h"
 

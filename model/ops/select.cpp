@@ -1,6 +1,7 @@
 #include "model/ops/select.h"
 
 #include "model/base/rng.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

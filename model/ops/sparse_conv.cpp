@@ -4,6 +4,7 @@
 
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

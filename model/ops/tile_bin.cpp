@@ -5,6 +5,7 @@
 
 #include "model/ops/radix_sort.h"
 #include "model/ops/scan.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -1,6 +1,6 @@
 #include "model/params/built_in_model.h"
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 extern "C" {
 // In built_in_model.S. The size is data: a compiler may take it that two objects never have the same address.

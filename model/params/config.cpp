@@ -1,5 +1,7 @@
 #include "model/params/config.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <utility>
@@ -7,6 +9,7 @@
 #include "model/base/field_checks.h"
 #include "model/base/json_fields.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -1,5 +1,7 @@
 #include "model/params/init.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <bit>
 #include <cmath>
@@ -9,6 +11,7 @@
 #include "model/base/normal_quantile.h"
 #include "model/base/rng.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 #include "runtime/safetensors.h"

@@ -1,11 +1,13 @@
 #include "model/params/model_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <set>
 
 #include "model/params/params.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/half.h"
 #include "runtime/printable.h"
 

@@ -1,5 +1,7 @@
 #include "model/params/params.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 namespace vsplat {

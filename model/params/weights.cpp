@@ -1,6 +1,6 @@
 #include "model/params/weights.h"
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 

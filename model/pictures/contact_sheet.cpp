@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "model/io/image_file.h"
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

@@ -1,11 +1,14 @@
 #include "model/pictures/lpips.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <numeric>
 #include <optional>
 #include <vector>
 
 #include "model/ops/lpips.h"
+#include "runtime/fail.h"
 #include "runtime/gemm.h"
 #include "runtime/printable.h"
 #include "runtime/safetensors.h"

@@ -2,6 +2,8 @@
 
 #include <filesystem>
 
+#include "runtime/fail.h"
+
 namespace vsplat {
 
 std::function<void(const std::string&, const Tensor&)> Dump::tap(Context& ctx) {

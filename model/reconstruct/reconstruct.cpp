@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "model/reconstruct/dump.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {

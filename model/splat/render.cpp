@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/ops/tile_bin.h"
+#include "runtime/fail.h"
 #include "runtime/units.h"
 
 namespace vsplat {

@@ -1,5 +1,7 @@
 #include "model/train/checkpoint.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
@@ -7,6 +9,7 @@
 
 #include "model/params/model_file.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
 #include "runtime/safetensors.h"

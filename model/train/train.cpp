@@ -1,5 +1,7 @@
 #include "model/train/train.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -11,6 +13,7 @@
 #include "model/params/init.h"
 #include "model/params/model_file.h"
 #include "model/train/training_sheet.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/units.h"
 

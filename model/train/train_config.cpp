@@ -1,5 +1,7 @@
 #include "model/train/train_config.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -7,6 +9,7 @@
 #include "model/base/field_checks.h"
 #include "model/base/json_fields.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/sha256.h"
 

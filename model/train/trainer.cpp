@@ -6,6 +6,7 @@
 #include "model/ops/adamw.h"
 #include "model/ops/select.h"
 #include "model/params/params.h"
+#include "runtime/fail.h"
 #include "runtime/units.h"
 
 namespace vsplat {

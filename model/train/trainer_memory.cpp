@@ -5,6 +5,7 @@
 
 #include "model/splat/render.h"
 #include "model/train/trainer.h"
+#include "runtime/fail.h"
 #include "runtime/units.h"
 
 namespace vsplat {

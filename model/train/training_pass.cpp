@@ -5,6 +5,7 @@
 #include "model/base/scene.h"
 #include "model/ops/loss.h"
 #include "model/splat/render_backward.h"
+#include "runtime/fail.h"
 
 namespace vsplat {
 namespace {

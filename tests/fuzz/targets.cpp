@@ -1,5 +1,6 @@
 #include "tests/fuzz/targets.h"
 
+#include <fmt/format.h>
 #include <sys/mman.h>
 #include <unistd.h>
 

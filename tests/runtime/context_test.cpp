@@ -1,5 +1,6 @@
 #include "runtime/context.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/compare.h"

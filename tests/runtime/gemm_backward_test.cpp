@@ -1,4 +1,5 @@
 // What training takes of the GEMM: operands packed on the device, and products over all rows.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "runtime/column_sum.h"

@@ -1,5 +1,6 @@
 #include "runtime/gemm.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "tests/reference/gemm.h"

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 
 namespace vsplat::test {
 namespace {

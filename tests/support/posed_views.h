@@ -1,5 +1,6 @@
 // Synthetic rigs of cameras and a temporary folder, for the tests of posed views.
 #pragma once
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

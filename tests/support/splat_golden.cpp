@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "runtime/error.h"
+#include "runtime/fail.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat::test {

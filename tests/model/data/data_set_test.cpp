@@ -1,6 +1,7 @@
 // Data sets in all their layouts: what is found, that each layout gives the same views, and what damaged files say.
 #include "model/data/data_set.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

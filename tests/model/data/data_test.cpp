@@ -1,4 +1,5 @@
 // Meshes into data sets: a textured cube whose pictures are known, what is refused, names, normals, solids.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>

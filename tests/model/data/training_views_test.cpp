@@ -2,6 +2,7 @@
 // data.
 #include "model/data/training_views.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>

@@ -1,5 +1,7 @@
 #include "model/input/view_choice.h"
 
+#include <fmt/format.h>
+
 #include "tests/support/posed_views.h"
 
 namespace vsplat {

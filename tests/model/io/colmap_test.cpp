@@ -1,5 +1,7 @@
 #include "model/io/colmap.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <cstring>

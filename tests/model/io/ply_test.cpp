@@ -1,5 +1,6 @@
 #include "model/io/ply.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 // Lifting's gradients: of a loss that is sum(dout out), by its definition in double.
 #include "model/network/lift.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "model/params/init.h"

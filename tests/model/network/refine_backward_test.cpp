@@ -1,4 +1,5 @@
 // The fine stage's gradients, against differences of a forward in double along random directions.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "model/network/refine.h"

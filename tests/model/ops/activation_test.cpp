@@ -1,5 +1,7 @@
 #include "model/ops/activation.h"
 
+#include <fmt/format.h>
+
 #include "tests/reference/activation.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -1,5 +1,7 @@
 #include "model/ops/attention.h"
 
+#include <fmt/format.h>
+
 #include <array>
 
 #include "tests/reference/attention.h"

@@ -1,5 +1,6 @@
 #include "model/ops/conv3d.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "tests/reference/conv3d.h"

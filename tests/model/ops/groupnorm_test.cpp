@@ -1,5 +1,7 @@
 #include "model/ops/groupnorm.h"
 
+#include <fmt/format.h>
+
 #include <functional>
 
 #include "tests/reference/groupnorm.h"

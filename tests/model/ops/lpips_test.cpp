@@ -1,5 +1,7 @@
 #include "model/ops/lpips.h"
 
+#include <fmt/format.h>
+
 #include "runtime/gemm.h"
 #include "tests/reference/lpips.h"
 #include "tests/support/compare.h"

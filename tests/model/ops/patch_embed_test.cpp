@@ -1,5 +1,7 @@
 #include "model/ops/patch_embed.h"
 
+#include <fmt/format.h>
+
 #include "tests/reference/patch_embed.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

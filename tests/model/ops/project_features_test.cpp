@@ -1,5 +1,7 @@
 #include "model/ops/project_features.h"
 
+#include <fmt/format.h>
+
 #include "tests/reference/project_features.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

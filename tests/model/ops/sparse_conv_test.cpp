@@ -1,5 +1,7 @@
 #include "model/ops/sparse_conv.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "model/ops/conv3d.h"

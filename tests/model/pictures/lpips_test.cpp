@@ -1,5 +1,7 @@
 #include "model/pictures/lpips.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <cmath>
 #include <map>
@@ -89,7 +91,7 @@ class LpipsTest : public test::FlavourTest {
 VSPLAT_FLAVOURS(LpipsTest);
 
 TEST_P(LpipsTest, AgreesWithPyTorch) {
-  const SafetensorsFile golden(VSPLAT_LPIPS_GOLDEN);
+  const SafetensorsFile golden(VSPLAT_SOURCE_DIR "/tests/golden/lpips.safetensors");
   for (const LpipsNet net : {LpipsNet::alex, LpipsNet::vgg}) {
     write(path_, weights_of(net));
     const Lpips lpips(ctx(), path_, net);

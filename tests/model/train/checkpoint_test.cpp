@@ -1,6 +1,7 @@
 #include "model/train/checkpoint.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/mount.h>
