@@ -25,24 +25,24 @@ static inline float slope(float x, int act) {
   return s * (1.0f + x * (1.0f - s));
 }
 
-__kernel void activation_cpu(__global const float* x, __global float* out, int N, int act) {
+kernel void activation_cpu(global const float* x, global float* out, int N, int act) {
   const int begin = get_global_id(0) * BLOCK;
   for (int i = begin; i < min(N, begin + BLOCK); i += 16)
     store_part(activate_16(load_part(x + i, N - i), act), N - i, out + i);
 }
 
-__kernel void activation_backward_cpu(__global const float* x, __global const float* dy, __global float* dx, int N, int act) {
+kernel void activation_backward_cpu(global const float* x, global const float* dy, global float* dx, int N, int act) {
   const int begin = get_global_id(0) * BLOCK;
   for (int i = begin; i < min(N, begin + BLOCK); i += 16)
     store_part(load_part(dy + i, N - i) * slope_16(load_part(x + i, N - i), act), N - i, dx + i);
 }
 
-__kernel void activation_gpu(__global const float* x, __global float* out, int N, int act) {
+kernel void activation_gpu(global const float* x, global float* out, int N, int act) {
   const int i = get_global_id(0);
   if (i < N) out[i] = activate(x[i], act);
 }
 
-__kernel void activation_backward_gpu(__global const float* x, __global const float* dy, __global float* dx, int N, int act) {
+kernel void activation_backward_gpu(global const float* x, global const float* dy, global float* dx, int N, int act) {
   const int i = get_global_id(0);
   if (i < N) dx[i] = dy[i] * slope(x[i], act);
 }

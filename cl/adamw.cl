@@ -10,7 +10,7 @@
 #endif
 
 // Sum over the group in a fixed order; every item must come here.
-static float group_sum(float mine, __local float* part) {
+static float group_sum(float mine, local float* part) {
   const int item = get_local_id(0);
   part[item] = mine;
   for (int step = GROUP / 2; step > 0; step /= 2) {
@@ -22,12 +22,12 @@ static float group_sum(float mine, __local float* part) {
 }
 
 // Sums of squares of grad [n] in blocks of GROUP * EACH: those go to sums[first ...]. gpu flavour: a work-group per block.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(__global const float* restrict grad,
-                                                                               __global float* restrict sums, int n,
-                                                                               int first) {
-  __local float part[GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(global const float* restrict grad,
+                                                                             global float* restrict sums, int n,
+                                                                             int first) {
+  local float part[GROUP];
   const int block = get_group_id(0);
-  __global const float* from = grad + (size_t)block * GROUP * EACH;
+  global const float* from = grad + (size_t)block * GROUP * EACH;
   const int left = min(n - block * (GROUP * EACH), GROUP * EACH);
   float sum = 0.0f;
   for (int i = get_local_id(0); i < left; i += GROUP) sum = FMA(from[i], from[i], sum);
@@ -36,7 +36,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(_
 }
 
 // cpu flavour: work-groups of one work-item, per block.
-__kernel void adamw_squares_cpu(__global const float* restrict grad, __global float* restrict sums, int n, int first) {
+kernel void adamw_squares_cpu(global const float* restrict grad, global float* restrict sums, int n, int first) {
   const int block = get_group_id(0), from = block * (GROUP * EACH), left = min(n - from, GROUP * EACH);
   float16 a = 0.0f, b = 0.0f;
   for (int i = 0; i < left; i += 32) {
@@ -49,10 +49,10 @@ __kernel void adamw_squares_cpu(__global const float* restrict grad, __global fl
 
 // sums [count] of all tensors -> out [2]: norm = scale * sqrt(total), and the factor for the gradients as they are stored,
 // scale * min(1, max_norm / (norm + 1e-6)). One work-group; Kahan's summation, so that the error does not grow with count.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(__global const float* restrict sums,
-                                                                            __global float* restrict out, int count,
-                                                                            float scale, float max_norm) {
-  __local float part[GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(global const float* restrict sums,
+                                                                          global float* restrict out, int count,
+                                                                          float scale, float max_norm) {
+  local float part[GROUP];
   float sum = 0.0f, lost = 0.0f;
   for (int i = get_local_id(0); i < count; i += GROUP) {
     const float add = sums[i] - lost;
@@ -73,9 +73,9 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(__gl
 //   m += (1 - beta1) (g - m)   v += (1 - beta2) (g^2 - v)   param -= decay * param + rate * m / (root * sqrt(v) + eps)
 // new1 = 1 - beta1, new2 = 1 - beta2, decay = lr * weight decay, rate = lr / (1 - beta1^t), root = 1 / sqrt(1 - beta2^t). The
 // decay is subtracted with the update: param * (1 - decay) first would round the small decay to 24 bits of 1.
-__kernel void adamw_step(__global float* restrict param, __global const float* restrict grad, __global float* restrict m,
-                         __global float* restrict v, __global const float* restrict clip, int n, float new1, float new2,
-                         float eps, float decay, float rate, float root) {
+kernel void adamw_step(global float* restrict param, global const float* restrict grad, global float* restrict m,
+                       global float* restrict v, global const float* restrict clip, int n, float new1, float new2,
+                       float eps, float decay, float rate, float root) {
   const int i = get_global_id(0);
   if (i >= n) return;
   const float g = grad ? grad[i] * (clip ? clip[1] : 1.0f) : 0.0f;
@@ -87,7 +87,7 @@ __kernel void adamw_step(__global float* restrict param, __global const float* r
 }
 
 // average [n] += part * (param - average)
-__kernel void adamw_average(__global float* restrict average, __global const float* restrict param, int n, float part) {
+kernel void adamw_average(global float* restrict average, global const float* restrict param, int n, float part) {
   const int i = get_global_id(0);
   if (i < n) average[i] = FMA(part, param[i] - average[i], average[i]);
 }

@@ -14,16 +14,16 @@
 #define LN2 0.69314718055994531f
 
 // A work-item per (panel, head of a view, one of q, k, v, dout).
-__kernel void attention_backward_pack(__global const float* qkv, __global const float* out, __global const float* stats,
-                                      __global const float* dout, __global float* across, __global float* along,
-                                      __global float* terms, int V, int T, int H, int D, float scale) {
+kernel void attention_backward_pack(global const float* qkv, global const float* out, global const float* stats,
+                                    global const float* dout, global float* across, global float* along,
+                                    global float* terms, int V, int T, int H, int D, float scale) {
   const int n = get_global_id(0), vh = get_global_id(1), which = get_global_id(2);
   const int panels = DIV_UP(T, KEYS), v = vh / H, h = vh % H, count = min(KEYS, T - n * KEYS);
   const size_t heads = (size_t)V * H, step = (which == 3 ? 1 : 3) * (size_t)H * D;
-  __global const float* from = which == 3 ? dout + (size_t)h * D : qkv + (size_t)(which * H + h) * D;
+  global const float* from = which == 3 ? dout + (size_t)h * D : qkv + (size_t)(which * H + h) * D;
   from += ((size_t)v * T + (size_t)n * KEYS) * step;
   const float by = which == 0 ? scale * LOG2E : 1.0f;
-  __global float* to = across + (((size_t)which * heads + vh) * panels + n) * D * KEYS;
+  global float* to = across + (((size_t)which * heads + vh) * panels + n) * D * KEYS;
   for (int d = 0; d < D; ++d)
     for (int j = 0; j < KEYS; ++j) to[d * KEYS + j] = j < count ? from[j * step + d] * by : 0.0f;
   if (which == 2) return;
@@ -37,7 +37,7 @@ __kernel void attention_backward_pack(__global const float* qkv, __global const 
     float delta = 0.0f;
     if (j < count) {
       row = vload2((size_t)vh * T + n * KEYS + j, stats);
-      __global const float* o = out + (((size_t)v * T + n * KEYS + j) * H + h) * D;
+      global const float* o = out + (((size_t)v * T + n * KEYS + j) * H + h) * D;
       for (int d = 0; d < D; ++d) delta += from[j * step + d] * o[d];
     }
     to[j] = row.x;
@@ -47,15 +47,15 @@ __kernel void attention_backward_pack(__global const float* qkv, __global const 
 }
 
 // [D, ROWS] of the tile's tokens, from `along` of their head. Tokens beyond T repeat the last; nobody stores theirs.
-static inline void load_rows(__global const float* along, int t0, int T, int D, float* a) {
+static inline void load_rows(global const float* along, int t0, int T, int D, float* a) {
   for (int i = 0; i < ROWS; ++i) {
-    __global const float* from = along + (size_t)min(t0 + i, T - 1) * HEAD_PAD;
+    global const float* from = along + (size_t)min(t0 + i, T - 1) * HEAD_PAD;
     for (int d = 0; d < D; ++d) a[d * ROWS + i] = from[d];
   }
 }
 
 // to [ROWS, STEP], from `column` on = a^T b, for a [D, ROWS] and a panel b [D, KEYS].
-static inline void tile_product(const float* a, __global const float* b, int D, float* to, int column) {
+static inline void tile_product(const float* a, global const float* b, int D, float* to, int column) {
   EACH_ROW(TILE_ZERO)
   for (int d = 0; d < D; ++d) {
     const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
@@ -63,18 +63,17 @@ static inline void tile_product(const float* a, __global const float* b, int D, 
     const int a_step_ = 1;
     EACH_ROW(TILE_FMA)
   }
-#define TILE_PUT(i)                                 \
-  vstore16(lo##i, 0, to + (i)*STEP + column);       \
+#define TILE_PUT(i)                           \
+  vstore16(lo##i, 0, to + (i)*STEP + column); \
   vstore16(hi##i, 0, to + (i)*STEP + column + 16);
   EACH_ROW(TILE_PUT)
 }
 
 // o [ROWS, HEAD_PAD] += w b, for w [ROWS, STEP], of which `count` columns, and b [count, HEAD_PAD].
-static inline void tile_add(const float* w, __global const float* b, int count, float* o) {
+static inline void tile_add(const float* w, global const float* b, int count, float* o) {
   for (int column = 0; column < HEAD_PAD; column += 32) {
-#define TILE_TAKE(i)                                       \
-  float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column),   \
-          hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16);
+#define TILE_TAKE(i) \
+  float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column), hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16);
     EACH_ROW(TILE_TAKE)
     for (int j = 0; j < count; ++j) {
       const float16 b0_ = vload16(0, b + j * HEAD_PAD + column), b1_ = vload16(0, b + j * HEAD_PAD + column + 16);
@@ -87,8 +86,8 @@ static inline void tile_add(const float* w, __global const float* b, int count, 
 }
 
 // dq. A work-item per (ROWS queries, head of a view).
-__kernel void attention_by_query(__global const float* across, __global const float* along, __global const float* terms,
-                                 __global float* dqkv, int V, int T, int H, int D, float scale) {
+kernel void attention_by_query(global const float* across, global const float* along, global const float* terms,
+                               global float* dqkv, int V, int T, int H, int D, float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
@@ -108,7 +107,7 @@ __kernel void attention_by_query(__global const float* across, __global const fl
     }
     for (int i = 0; i < ROWS; ++i) {
       const int t = min(t0 + i, T - 1);
-      __global const float* of = terms + ((size_t)vh * panels + t / KEYS) * 3 * KEYS + t % KEYS;
+      global const float* of = terms + ((size_t)vh * panels + t / KEYS) * 3 * KEYS + t % KEYS;
       const float top = of[0], inverse = of[KEYS], delta = of[2 * KEYS];
       for (int j = 0; j < here * KEYS; j += 16) {
         const float16 p = exp2_16(vload16(0, s + i * STEP + j) - top) * inverse;
@@ -121,14 +120,14 @@ __kernel void attention_by_query(__global const float* across, __global const fl
     tile_add(s, along + high + (head + (size_t)n0 * KEYS) * HEAD_PAD, here * KEYS, o);
   }
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
-    __global float* to = dqkv + ((size_t)(v * T + t0 + i) * 3 * H + h) * D;
+    global float* to = dqkv + ((size_t)(v * T + t0 + i) * 3 * H + h) * D;
     for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * scale;
   }
 }
 
 // dk and dv. A work-item per (ROWS keys, head of a view).
-__kernel void attention_by_key(__global const float* across, __global const float* along, __global const float* terms,
-                               __global float* dqkv, int V, int T, int H, int D) {
+kernel void attention_by_key(global const float* across, global const float* along, global const float* terms,
+                             global float* dqkv, int V, int T, int H, int D) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
@@ -138,7 +137,7 @@ __kernel void attention_by_key(__global const float* across, __global const floa
   float p[ROWS * STEP], ds[ROWS * STEP];
   load_rows(along + high + head * HEAD_PAD, t0, T, D, k);
   for (int i = 0; i < ROWS; ++i) {
-    __global const float* from = across + 2 * wide + head * D;
+    global const float* from = across + 2 * wide + head * D;
     const int t = min(t0 + i, T - 1);
     for (int d = 0; d < D; ++d) values[d * ROWS + i] = from[((size_t)(t / KEYS) * D + d) * KEYS + t % KEYS];
   }
@@ -151,9 +150,9 @@ __kernel void attention_by_key(__global const float* across, __global const floa
       tile_product(values, across + 3 * wide + panel, D, ds, n * KEYS);
     }
     // Queries that are not there have an inverse sum of 0.
-    __global const float* of = terms + ((size_t)vh * panels + n0) * 3 * KEYS;
+    global const float* of = terms + ((size_t)vh * panels + n0) * 3 * KEYS;
     for (int j = 0; j < here * KEYS; j += 16) {
-      __global const float* term = of + (j / KEYS) * 3 * KEYS + j % KEYS;
+      global const float* term = of + (j / KEYS) * 3 * KEYS + j % KEYS;
       const float16 top = vload16(0, term), inverse = vload16(0, term + KEYS), delta = vload16(0, term + 2 * KEYS);
       for (int i = 0; i < ROWS; ++i) {
         const float16 weight = exp2_16(vload16(0, p + i * STEP + j) - top) * inverse;
@@ -166,8 +165,8 @@ __kernel void attention_by_key(__global const float* across, __global const floa
     tile_add(p, along + 2 * high + rows, here * KEYS, ov);
   }
   for (int i = 0; i < min(ROWS, T - t0); ++i) {
-    __global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;
-    __global float* dv = dk + (size_t)H * D;
+    global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;
+    global float* dv = dk + (size_t)H * D;
     for (int d = 0; d < D; ++d) {
       dk[d] = ok[i * HEAD_PAD + d] * LN2;  // q came scaled by log2(e) / sqrt(D)
       dv[d] = ov[i * HEAD_PAD + d];

@@ -18,8 +18,8 @@
 #define LOG2E 1.44269504088896341f
 
 // A work-item per (token, head of a view).
-__kernel void attention_delta(__global const float* out, __global const float* dout, __global float* delta, int V, int T,
-                              int H, int D) {
+kernel void attention_delta(global const float* out, global const float* dout, global float* delta, int V, int T, int H,
+                            int D) {
   const int t = get_global_id(0), vh = get_global_id(1);
   if (t >= T) return;
   const size_t at = (((size_t)(vh / H) * T + t) * H + vh % H) * D;
@@ -29,11 +29,11 @@ __kernel void attention_delta(__global const float* out, __global const float* d
 }
 
 // s = (by_a a) (by_b b)^T: token r of a is at a + r a_step. stage [DEPTH * (ROWS + 1 + COLS + 1)].
-static void products(__global const float* a, size_t a_step, int a_count, float by_a, __global const float* b,
-                     size_t b_step, int b_count, float by_b, int D, __local float* stage, float s[4][2]) {
+static void products(global const float* a, size_t a_step, int a_count, float by_a, global const float* b,
+                     size_t b_step, int b_count, float by_b, int D, local float* stage, float s[4][2]) {
   const int item = get_local_id(0), x = item % 16, y = item / 16;
-  __local float* as = stage;
-  __local float* bs = stage + DEPTH * (ROWS + 1);
+  local float* as = stage;
+  local float* bs = stage + DEPTH * (ROWS + 1);
   for (int i = 0; i < 4; ++i) s[i][0] = s[i][1] = 0.0f;
   for (int d0 = 0; d0 < D; d0 += DEPTH) {
     for (int e = item; e < ROWS * DEPTH; e += GROUP) {
@@ -58,7 +58,7 @@ static void products(__global const float* a, size_t a_step, int a_count, float 
 }
 
 // acc += w b: w [ROWS, COLS + 1], token r of b at b + r step. stage [COLS * 64].
-static void add_up(__local const float* w, __global const float* b, size_t step, int count, int D, __local float* stage,
+static void add_up(local const float* w, global const float* b, size_t step, int count, int D, local float* stage,
                    float acc[4][MINE]) {
   const int item = get_local_id(0), x = item % 16, y = item / 16;
   for (int c0 = 0; c0 < HEAD_PAD; c0 += 64) {
@@ -77,17 +77,17 @@ static void add_up(__local const float* w, __global const float* b, size_t step,
 }
 
 // dq.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_query(
-    __global const float* qkv, __global const float* stats, __global const float* delta, __global const float* dout,
-    __global float* dqkv, int V, int T, int H, int D, float scale) {
-  __local float stage[COLS * 64], ds[ROWS * (COLS + 1)];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_query(
+    global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
+    global float* dqkv, int V, int T, int H, int D, float scale) {
+  local float stage[COLS * 64], ds[ROWS * (COLS + 1)];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
   const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
-  __global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
-  __global const float* keys = queries + out_step;
-  __global const float* values = keys + out_step;
-  __global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
+  global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
+  global const float* keys = queries + out_step;
+  global const float* values = keys + out_step;
+  global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
   float acc[4][MINE], top[4], inverse[4], mean[4];
   for (int i = 0; i < 4; ++i) {
     const int t = t0 + 4 * y + i;
@@ -116,17 +116,17 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_qu
 }
 
 // dk and dv.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_key(
-    __global const float* qkv, __global const float* stats, __global const float* delta, __global const float* dout,
-    __global float* dqkv, int V, int T, int H, int D, float scale) {
-  __local float stage[COLS * 64], p[ROWS * (COLS + 1)], ds[ROWS * (COLS + 1)];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_key(
+    global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
+    global float* dqkv, int V, int T, int H, int D, float scale) {
+  local float stage[COLS * 64], p[ROWS * (COLS + 1)], ds[ROWS * (COLS + 1)];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
   const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
-  __global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
-  __global const float* keys = queries + out_step;
-  __global const float* values = keys + out_step;
-  __global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
+  global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
+  global const float* keys = queries + out_step;
+  global const float* values = keys + out_step;
+  global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
   float by_key[4][MINE], by_value[4][MINE];
   for (int i = 0; i < 4; ++i)
     for (int c = 0; c < MINE; ++c) by_key[i][c] = by_value[i][c] = 0.0f;

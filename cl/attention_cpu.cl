@@ -25,17 +25,16 @@ static inline float sum_of(float16 v) {
   return c.x + c.y;
 }
 
-__kernel void attention_pack(__global const float* qkv, __global float* kt, __global float* vp, int V, int T, int H,
-                             int D) {
+kernel void attention_pack(global const float* qkv, global float* kt, global float* vp, int V, int T, int H, int D) {
   const int n = get_global_id(0), vh = get_global_id(1);
   const int panels = DIV_UP(T, KEYS);
   if (n >= panels || vh >= V * H) return;
   const int v = vh / H, h = vh % H;
   const size_t row = (size_t)3 * H * D;
-  __global const float* k = qkv + (size_t)v * T * row + (size_t)(H + h) * D;
-  __global const float* values = k + (size_t)H * D;
-  __global float* kto = kt + ((size_t)vh * panels + n) * D * KEYS;
-  __global float* vpo = vp + ((size_t)vh * panels + n) * KEYS * HEAD_PAD;
+  global const float* k = qkv + (size_t)v * T * row + (size_t)(H + h) * D;
+  global const float* values = k + (size_t)H * D;
+  global float* kto = kt + ((size_t)vh * panels + n) * D * KEYS;
+  global float* vpo = vp + ((size_t)vh * panels + n) * KEYS * HEAD_PAD;
   const int count = min(KEYS, T - n * KEYS);
   for (int d = 0; d < D; ++d)
     for (int j = 0; j < KEYS; ++j) kto[d * KEYS + j] = j < count ? k[(size_t)(n * KEYS + j) * row + d] : 0.0f;
@@ -52,8 +51,8 @@ __kernel void attention_pack(__global const float* qkv, __global float* kt, __gl
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column) * decay[i]; \
   float16 hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16) * decay[i];
 
-__kernel void attention_cpu(__global const float* qkv, __global const float* kt, __global const float* vp,
-                            __global float* out, __global float* stats, int V, int T, int H, int D, float scale) {
+kernel void attention_cpu(global const float* qkv, global const float* kt, global const float* vp, global float* out,
+                          global float* stats, int V, int T, int H, int D, float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
@@ -62,7 +61,7 @@ __kernel void attention_cpu(__global const float* qkv, __global const float* kt,
   float16 total[ROWS];  // sums of the weights so far, lane by lane
   float largest[ROWS], decay[ROWS];
   for (int i = 0; i < ROWS; ++i) {
-    __global const float* from = qkv + ((size_t)(v * T + min(t0 + i, T - 1)) * 3 * H + h) * D;
+    global const float* from = qkv + ((size_t)(v * T + min(t0 + i, T - 1)) * 3 * H + h) * D;
     for (int d = 0; d < D; ++d) q[d * ROWS + i] = from[d] * (scale * LOG2E);
     for (int d = 0; d < HEAD_PAD; d += 16) vstore16((float16)(0.0f), 0, o + i * HEAD_PAD + d);
     total[i] = (float16)(0.0f);
@@ -73,7 +72,7 @@ __kernel void attention_cpu(__global const float* qkv, __global const float* kt,
     float16 high[ROWS];
     for (int i = 0; i < ROWS; ++i) high[i] = (float16)(-INFINITY);
     for (int n = 0; n < here; ++n) {
-      __global const float* b = kt + ((size_t)vh * panels + n0 + n) * D * KEYS;
+      global const float* b = kt + ((size_t)vh * panels + n0 + n) * D * KEYS;
       EACH_ROW(TILE_ZERO)
       for (int d = 0; d < D; ++d) {
         const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
@@ -105,7 +104,7 @@ __kernel void attention_cpu(__global const float* qkv, __global const float* kt,
       }
       total[i] = sum;
     }
-    __global const float* values = vp + ((size_t)vh * panels + n0) * KEYS * HEAD_PAD;
+    global const float* values = vp + ((size_t)vh * panels + n0) * KEYS * HEAD_PAD;
     for (int column = 0; column < HEAD_PAD; column += 32) {
       EACH_ROW(TILE_OUT_LOAD)
       for (int j = 0; j < here * KEYS; ++j) {
@@ -119,7 +118,7 @@ __kernel void attention_cpu(__global const float* qkv, __global const float* kt,
     }
   }
   for (int i = 0; i < rows; ++i) {
-    __global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
+    global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
     const float inverse = 1.0f / sum_of(total[i]);
     for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * inverse;
     if (stats) vstore2((float2)(largest[i], inverse), (size_t)vh * T + t0 + i, stats);

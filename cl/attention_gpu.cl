@@ -20,17 +20,16 @@
 #define MINE (HEAD_PAD / 16)
 #define LOG2E 1.44269504088896341f
 
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(__global const float* qkv,
-                                                                               __global float* out,
-                                                                               __global float* stats, int V, int T,
-                                                                               int H, int D, float scale) {
-  __local float qs[DEPTH][ROWS + 1], ks[DEPTH][KEYS + 1], ws[ROWS][KEYS + 1], vs[KEYS][64], part[4][ROWS];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(global const float* qkv, global float* out,
+                                                                             global float* stats, int V, int T, int H,
+                                                                             int D, float scale) {
+  local float qs[DEPTH][ROWS + 1], ks[DEPTH][KEYS + 1], ws[ROWS][KEYS + 1], vs[KEYS][64], part[4][ROWS];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
   const size_t row = (size_t)3 * H * D;
-  __global const float* queries = qkv + (size_t)v * T * row + (size_t)h * D;
-  __global const float* keys = queries + (size_t)H * D;
-  __global const float* values = keys + (size_t)H * D;
+  global const float* queries = qkv + (size_t)v * T * row + (size_t)h * D;
+  global const float* keys = queries + (size_t)H * D;
+  global const float* values = keys + (size_t)H * D;
   float acc[4][MINE];
   for (int i = 0; i < 4; ++i)
     for (int c = 0; c < MINE; ++c) acc[i][c] = 0.0f;

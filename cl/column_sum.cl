@@ -9,7 +9,7 @@
 #endif
 
 // gpu flavour: a work-item per (column, ROWS rows).
-__kernel void column_sum(__global const float* x, __global float* out, int R, int C, int add) {
+kernel void column_sum(global const float* x, global float* out, int R, int C, int add) {
   const int c = get_global_id(0), chunk = get_global_id(1);
   if (c >= C) return;
   float sum = 0.0f;
@@ -19,13 +19,13 @@ __kernel void column_sum(__global const float* x, __global float* out, int R, in
 }
 
 // cpu flavour: work-groups of one work-item, per ROWS rows.
-__kernel void column_sum_cpu(__global const float* x, __global float* out, int R, int C, int add) {
+kernel void column_sum_cpu(global const float* x, global float* out, int R, int C, int add) {
   const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);
     float16 sum = 0.0f;
     for (int r = chunk * ROWS; r < until; ++r) sum += load_part(x + (size_t)r * C + c, width);
-    __global float* to = out + (size_t)chunk * C + c;
+    global float* to = out + (size_t)chunk * C + c;
     store_part(add ? load_part(to, width) + sum : sum, width, to);
   }
 }

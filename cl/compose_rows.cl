@@ -6,9 +6,9 @@
 // channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu v / (1 + exp(-v)). A source row outside [0, src_rows) is zero.
 //   x0 [src_rows, c0]; x1 [src_rows, c1] or null; scale, shift [c0 + c1] or null; map [.., T] or null
 // One work-item per 16 channels of each source, tap and row.
-__kernel void compose_rows(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                           __global const float* shift, int silu_a, __global const int* map, int T, int src_rows, int row0,
-                           int M, __global float* out) {
+kernel void compose_rows(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+                         global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0,
+                         int M, global float* out) {
   const int chunks0 = DIV_UP(c0, 16), chunks = chunks0 + DIV_UP(c1, 16), C = c0 + c1;
   const size_t i = get_global_id(0) / chunks;
   const int chunk = get_global_id(0) % chunks;

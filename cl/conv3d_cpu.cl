@@ -9,7 +9,7 @@
 #include "pack_cpu.clh"
 
 // b of w (see conv3d.clh). A work-item per element.
-__kernel void conv3d_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* b) {
+kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int N, global float* b) {
   const size_t i = get_global_id(0);
   const int column = i % TILE_COLS, dz = i / TILE_COLS % 3, c = i / (3 * TILE_COLS) % C;
   const int plane = i / ((size_t)3 * TILE_COLS * C) % 9, panel = i / ((size_t)27 * TILE_COLS * C);
@@ -21,8 +21,8 @@ __kernel void conv3d_pack_weights(__global const float* w, int mirrored, int C, 
 // v / (1 + exp(-v)); the padding is zero after all that.
 //   x0 [X, Y, Z, c0]; x1 [X, Y, Z, c1] or null; scale, shift [c0 + c1] or null
 // Work-groups of one work-item: (zt, y, plane).
-__kernel void conv3d_pack(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                          __global const float* shift, int silu, int Y, int Z, int R, int plane0, __global float* ring) {
+kernel void conv3d_pack(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+                        global const float* shift, int silu, int Y, int Z, int R, int plane0, global float* ring) {
   const int zt = get_group_id(0), y = get_group_id(1), x = plane0 + get_group_id(2);
   const int ZT = DIV_UP(Z, TILE_ROWS);
   int row[PACK_ROWS];
@@ -35,8 +35,8 @@ __kernel void conv3d_pack(__global const float* x0, int c0, __global const float
 }
 
 // Planes [plane0, ..) of out. Work-groups of one work-item: (zt + ZT y, plane, panel of b).
-__kernel void conv3d_tile(__global const float* ring, __global const float* b, int C, int N, int X, int Y, int Z, int R,
-                          int plane0, __global const float* bias, __global const float* residual, __global float* out) {
+kernel void conv3d_tile(global const float* ring, global const float* b, int C, int N, int X, int Y, int Z, int R,
+                        int plane0, global const float* bias, global const float* residual, global float* out) {
   const int ZT = DIV_UP(Z, TILE_ROWS);
   const int y = get_group_id(0) / ZT, zt = get_group_id(0) % ZT, x = plane0 + get_group_id(1);
   const int n0 = get_group_id(2) * TILE_COLS;
@@ -47,8 +47,8 @@ __kernel void conv3d_tile(__global const float* ring, __global const float* b, i
     for (int dy = 0; dy < 3; ++dy) {
       const int from_y = y + dy - 1;
       if (from_y < 0 || from_y >= Y) continue;
-      __global const float* pa = ring + (((size_t)(from_x % R) * Y + from_y) * ZT + zt) * C * PACK_ROWS;
-      __global const float* pb = b + ((size_t)n0 * 9 + (dx * 3 + dy) * TILE_COLS) * C * 3;
+      global const float* pa = ring + (((size_t)(from_x % R) * Y + from_y) * ZT + zt) * C * PACK_ROWS;
+      global const float* pb = b + ((size_t)n0 * 9 + (dx * 3 + dy) * TILE_COLS) * C * 3;
       for (int c = 0; c < C; ++c) {
         TILE_STEP(pa, pb)
         TILE_STEP(pa + 1, pb + TILE_COLS)
@@ -65,8 +65,9 @@ __kernel void conv3d_tile(__global const float* ring, __global const float* b, i
 
 // Columns of rows side by side, for the weight gradient: to [ceil(C/width), voxels, width], composed as by conv3d_pack; zero beyond
 // C = c0 + c1. A work-item per voxel.
-__kernel void conv3d_weight_panels(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                                   __global const float* shift, int silu, int voxels, int width, __global float* to) {
+kernel void conv3d_weight_panels(global const float* x0, int c0, global const float* x1, int c1,
+                                 global const float* scale, global const float* shift, int silu, int voxels, int width,
+                                 global float* to) {
   const int v = get_global_id(0), C = c0 + c1;
   if (v >= voxels) return;
   int at = 0;  // of C
@@ -89,8 +90,8 @@ __kernel void conv3d_weight_panels(__global const float* x0, int c0, __global co
 // [chunks, 27, C, N] = the sum over voxels p of in[p + tap - 1, c] dy[p, n].
 //   in [ceil(C/12), XYZ, 12], dy [ceil(N/32), XYZ, 32]: of conv3d_weight_panels
 // Work-groups of one work-item: (tap + 27 panel of in, panel of dy, chunk).
-__kernel void conv3d_weight_tile(__global const float* in, __global const float* dy, int C, int N, int X, int Y, int Z, int lines,
-                                 __global float* partial) {
+kernel void conv3d_weight_tile(global const float* in, global const float* dy, int C, int N, int X, int Y, int Z,
+                               int lines, global float* partial) {
   const int tap = get_group_id(0) % 27, c_first = get_group_id(0) / 27 * TILE_ROWS;
   const int n0 = get_group_id(1) * TILE_COLS, chunk = get_group_id(2);
   const int dx = tap / 9 - 1, dy_tap = tap / 3 % 3 - 1, dz = tap % 3 - 1;
@@ -100,15 +101,15 @@ __kernel void conv3d_weight_tile(__global const float* in, __global const float*
   for (int line = chunk * lines; line < min((chunk + 1) * lines, X * Y); ++line) {
     const int x = line / Y + dx, y = line % Y + dy_tap;
     if (x < 0 || x >= X || y < 0 || y >= Y) continue;
-    __global const float* pa = in + (c_first * voxels) + ((size_t)(x * Y + y) * Z + from_z + dz) * TILE_ROWS;
-    __global const float* pb = dy + (n0 * voxels) + ((size_t)line * Z + from_z) * TILE_COLS;
+    global const float* pa = in + (c_first * voxels) + ((size_t)(x * Y + y) * Z + from_z + dz) * TILE_ROWS;
+    global const float* pb = dy + (n0 * voxels) + ((size_t)line * Z + from_z) * TILE_COLS;
     for (int z = from_z; z < until_z; ++z) {
       TILE_STEP(pa, pb)
       pa += TILE_ROWS;
       pb += TILE_COLS;
     }
   }
-  __global const float* none = 0;
+  global const float* none = 0;
   const size_t at = (((size_t)chunk * 27 + tap) * C + c_first) * N + n0;
   TILE_FINISH(min(TILE_ROWS, C - c_first), n0, N, none, 0, none, partial + at);
 }

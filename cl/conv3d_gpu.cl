@@ -14,17 +14,17 @@ static inline int source_row(const struct Rows* r, int m, int t) {
 #include "tile_gpu.clh"
 
 // b of w (see conv3d.clh). A work-item per element.
-__kernel void conv3d_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* b) {
+kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int N, global float* b) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)27 * C * N) return;
   b[i] = weight_of(w, mirrored, N, C, i % N, i / N % C, i / ((size_t)C * N));
 }
 
-__kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_tile_gpu(
-    __global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-    __global const float* shift, int silu_a, int X, int Y, int Z, __global const float* b, int N,
-    __global const float* bias, __global const float* residual, __global float* out) {
-  __local float as[BK * AS], bs[BK * BN];
+kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_tile_gpu(
+    global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+    global const float* shift, int silu_a, int X, int Y, int Z, global const float* b, int N, global const float* bias,
+    global const float* residual, global float* out) {
+  local float as[BK * AS], bs[BK * BN];
   const struct Rows rows = {X, Y, Z};
   tile_gpu(as, bs, x0, c0, x1, c1, scale, shift, silu_a, &rows, 27, X * Y * Z, b, X * Y * Z, N, bias, 0, residual, out,
            0);
@@ -33,11 +33,11 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_ti
 // The weight gradient's sum over one chunk of `rows` voxels: partial [chunks, 27, C, N] = the sum over voxels p of
 // in[p + tap - 1, c] dy[p, n], as a product of BM rows (tap, c) and BN columns. Work-groups: (columns, rows, chunk).
 //   in: x0, x1, scale, shift as above; dy [X, Y, Z, N]
-__kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_weight_tile_gpu(
-    __global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-    __global const float* shift, int silu_a, int X, int Y, int Z, __global const float* dy, int N, int rows,
-    __global float* partial) {
-  __local float as[BK * BM], bs[BK * BN];
+kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_weight_tile_gpu(
+    global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+    global const float* shift, int silu_a, int X, int Y, int Z, global const float* dy, int N, int rows,
+    global float* partial) {
+  local float as[BK * BM], bs[BK * BN];
   const struct Rows volume = {X, Y, Z};
   const int item = get_local_id(0), tx = item % SIDE, ty = item / SIDE, C = c0 + c1, K = 27 * C;
   const int n0 = get_group_id(0) * BN, k0 = get_group_id(1) * BM, chunk = get_group_id(2);

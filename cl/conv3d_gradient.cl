@@ -2,7 +2,8 @@
 
 // The end of a 3x3x3 convolution's weight gradient: partial [chunks, 27, C, N], each of some voxels, are added in order,
 // and to dw [N, C, 27]. A work-item per element of a partial sum.
-__kernel void conv3d_weight_sum(__global const float* restrict partial, __global float* restrict dw, int chunks, int C, int N) {
+kernel void conv3d_weight_sum(global const float* restrict partial, global float* restrict dw, int chunks, int C,
+                              int N) {
   const size_t i = get_global_id(0), count = (size_t)27 * C * N;
   if (i >= count) return;
   float sum = 0.0f;
@@ -13,7 +14,7 @@ __kernel void conv3d_weight_sum(__global const float* restrict partial, __global
 
 // A 2x2x2 convolution with stride 2 is a GEMM over patches [8, C], and its weights are w [N, C, 8]. A work-item per weight.
 // ordered [N, 8, C]: the weights as the patches have them.
-__kernel void conv3d_down_order(__global const float* restrict w, __global float* restrict ordered, int C, int N) {
+kernel void conv3d_down_order(global const float* restrict w, global float* restrict ordered, int C, int N) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)8 * C * N) return;
   const size_t c = i % C, t = i / C % 8, n = i / C / 8;
@@ -21,7 +22,7 @@ __kernel void conv3d_down_order(__global const float* restrict w, __global float
 }
 
 // dordered [N, 8, C] is added to dw [N, C, 8].
-__kernel void conv3d_down_add(__global const float* restrict dordered, __global float* restrict dw, int C, int N) {
+kernel void conv3d_down_add(global const float* restrict dordered, global float* restrict dw, int C, int N) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)8 * C * N) return;
   const size_t t = i % 8, c = i / 8 % C, n = i / 8 / C;

@@ -13,18 +13,19 @@
 #include "winograd.clh"
 
 // u of w (see conv3d.clh). Work-groups of one work-item: (panel, input channel).
-__kernel void winograd_pack_weights(__global const float* w, int mirrored, int C, int N, __global float* u) {
+kernel void winograd_pack_weights(global const float* w, int mirrored, int C, int N, global float* u) {
   const int n0 = get_group_id(0) * TILE_COLS, c = get_group_id(1);
   float taps[27 * TILE_COLS];  // tap, output channel
   for (int j = 0; j < TILE_COLS; ++j)
     for (int t = 0; t < 27; ++t) taps[t * TILE_COLS + j] = weight_of(w, mirrored, N, C, n0 + j, c, t);
-  __global float* to = u + ((size_t)get_group_id(0) * 36 * C + c) * 3 * TILE_COLS;
+  global float* to = u + ((size_t)get_group_id(0) * 36 * C + c) * 3 * TILE_COLS;
   for (int part = 0; part < 6; ++part) {
     const int dz = part / 2, from_n = 16 * (part % 2);
     float16 half_way[18];  // dy, coefficient along x
     for (int dy = 0; dy < 3; ++dy) {
       const float* from = taps + (dy * 3 + dz) * TILE_COLS + from_n;
-      transform_weights(vload16(0, from), vload16(0, from + 9 * TILE_COLS), vload16(0, from + 18 * TILE_COLS), half_way + 6 * dy);
+      transform_weights(vload16(0, from), vload16(0, from + 9 * TILE_COLS), vload16(0, from + 18 * TILE_COLS),
+                        half_way + 6 * dy);
     }
     for (int i = 0; i < 6; ++i) {
       float16 row[6];
@@ -35,9 +36,9 @@ __kernel void winograd_pack_weights(__global const float* w, int mirrored, int C
 }
 
 // Channels [0, count) of x [X, Y, Z, count] around one tile, composed and transformed: to [36][blocks][14][16], from channel `first` on.
-static inline void pack_source(__global const float* x, int count, __global const float* scale, __global const float* shift,
-                               int silu, int X, int Y, int Z, int x_first, int y_first, int z_first, int blocks, int first,
-                               __global float* to) {
+static inline void pack_source(global const float* x, int count, global const float* scale, global const float* shift,
+                               int silu, int X, int Y, int Z, int x_first, int y_first, int z_first, int blocks,
+                               int first, global float* to) {
   for (int c = 0; c < count; c += 16) {
     const int width = min(16, count - c), channel = first + c;
     const float16 a = scale ? load_part(scale + c, width) : (float16)(1.0f);
@@ -75,26 +76,26 @@ static inline void pack_source(__global const float* x, int count, __global cons
 
 // Tiles from tile0 on. x0 [X, Y, Z, c0], then x1 [X, Y, Z, c1] or null; with scale, shift [c0 + c1] v * scale + shift; with silu
 // v / (1 + exp(-v)); the padding is zero after all that. Work-groups of one work-item: (zt, tile).
-__kernel void winograd_pack(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                            __global const float* shift, int silu, int X, int Y, int Z, int tile0, __global float* v) {
+kernel void winograd_pack(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+                          global const float* shift, int silu, int X, int Y, int Z, int tile0, global float* v) {
   const int zt = get_group_id(0), ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
   const int t = get_group_id(1), tile = tile0 + t;
   const int x = 4 * (tile / TY) - 1, y = 4 * (tile % TY) - 1, z = TILE_ROWS * zt - 1;
   const int blocks = DIV_UP(c0 + c1, 16);
-  __global float* to = v + ((size_t)t * ZT + zt) * 36 * blocks * PACK_ROWS * 16;
+  global float* to = v + ((size_t)t * ZT + zt) * 36 * blocks * PACK_ROWS * 16;
   pack_source(x0, c0, scale, shift, silu, X, Y, Z, x, y, z, blocks, 0, to);
   if (c1)
     pack_source(x1, c1, scale ? scale + c0 : scale, scale ? shift + c0 : shift, silu, X, Y, Z, x, y, z, blocks, c0, to);
 }
 
 // Work-groups of one work-item: (zt + ZT tile, panel of u): 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
-__kernel void winograd_tile(__global const float* v, __global const float* u, int C, int N, int X, int Y, int Z, int tile0,
-                            __global const float* bias, __global const float* residual, __global float* out) {
+kernel void winograd_tile(global const float* v, global const float* u, int C, int N, int X, int Y, int Z, int tile0,
+                          global const float* bias, global const float* residual, global float* out) {
   const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
   const int tile = tile0 + get_group_id(0) / ZT, z0 = TILE_ROWS * (get_group_id(0) % ZT);
   const int n0 = get_group_id(1) * TILE_COLS;
-  __global const float* pa = v + (size_t)get_group_id(0) * 36 * DIV_UP(C, 16) * PACK_ROWS * 16;
-  __global const float* pb = u + (size_t)n0 * 36 * C * 3;
+  global const float* pa = v + (size_t)get_group_id(0) * 36 * DIV_UP(C, 16) * PACK_ROWS * 16;
+  global const float* pb = u + (size_t)n0 * 36 * C * 3;
   float16 m[36 * 2 * TILE_ROWS];  // coefficient, z, half of the channels
   for (int i = 0; i < 36; ++i) {
     TILE_DECLARE

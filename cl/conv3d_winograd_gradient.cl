@@ -8,11 +8,11 @@
 #include "winograd.clh"
 
 // v of x [X, Y, Z, C]. Work-groups of one work-item: (z, tile).
-__kernel void winograd_gradient_in(__global const float* x, int C, int X, int Y, int tile0, __global float* v) {
+kernel void winograd_gradient_in(global const float* x, int C, int X, int Y, int tile0, global float* v) {
   const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY) - 1, y0 = 4 * ((tile0 + t) % TY) - 1;
   const size_t step = (size_t)get_num_groups(1) * Z * C;
-  __global float* to = v + ((size_t)t * Z + z) * C;
+  global float* to = v + ((size_t)t * Z + z) * C;
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);
     float16 d[36];
@@ -30,17 +30,18 @@ __kernel void winograd_gradient_in(__global const float* x, int C, int X, int Y,
 }
 
 // e of dy [X, Y, Z, N]. Work-groups of one work-item: (z, tile).
-__kernel void winograd_gradient_out(__global const float* dy, int N, int X, int Y, int tile0, __global float* e) {
+kernel void winograd_gradient_out(global const float* dy, int N, int X, int Y, int tile0, global float* e) {
   const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY), y0 = 4 * ((tile0 + t) % TY), NP = DIV_UP(N, TILE_COLS) * TILE_COLS;
   const size_t step = (size_t)get_num_groups(1) * Z * NP;
-  __global float* to = e + ((size_t)t * Z + z) * NP;
+  global float* to = e + ((size_t)t * Z + z) * NP;
   for (int n = 0; n < NP; n += 16) {
     const int width = min(16, N - n);
     float16 d[16], half_way[24], all[36];
     for (int i = 0; i < 16; ++i) {
       const int px = x0 + i / 4, py = y0 + i % 4;
-      d[i] = px < X && py < Y && width > 0 ? load_part(dy + ((size_t)(px * Y + py) * Z + z) * N + n, width) : (float16)(0.0f);
+      d[i] = px < X && py < Y && width > 0 ? load_part(dy + ((size_t)(px * Y + py) * Z + z) * N + n, width)
+                                           : (float16)(0.0f);
     }
 #pragma unroll
     for (int i = 0; i < 4; ++i) transform_out_backward(d + i, 4, half_way + i, 4);
@@ -52,12 +53,13 @@ __kernel void winograd_gradient_out(__global const float* dy, int N, int X, int 
 
 // m of so many tiles, or with `add` m and that. Behind v there are 12 numbers more, which are read and not used.
 // Work-groups of one work-item: (12 channels, 32 outputs, coefficient).
-__kernel void winograd_gradient_tile(__global const float* v, __global const float* e, int C, int N, int Z, int tiles, int add,
-                                     __global float* m) {
+kernel void winograd_gradient_tile(global const float* v, global const float* e, int C, int N, int Z, int tiles,
+                                   int add, global float* m) {
   const int c0 = get_group_id(0) * TILE_ROWS, n0 = get_group_id(1) * TILE_COLS, i = get_group_id(2);
-  const int NP = DIV_UP(N, TILE_COLS) * TILE_COLS, block = max(1, 64 / Z);  // tiles whose rows stay in the first cache for all dz
-  __global const float* pv = v + (size_t)i * tiles * Z * C + c0;
-  __global const float* pe = e + (size_t)i * tiles * Z * NP + n0;
+  const int NP = DIV_UP(N, TILE_COLS) * TILE_COLS,
+            block = max(1, 64 / Z);  // tiles whose rows stay in the first cache for all dz
+  global const float* pv = v + (size_t)i * tiles * Z * C + c0;
+  global const float* pe = e + (size_t)i * tiles * Z * NP + n0;
   float16 sums[3 * 2 * TILE_ROWS];
   for (int k = 0; k < 3 * 2 * TILE_ROWS; ++k) sums[k] = 0.0f;
   TILE_DECLARE
@@ -66,8 +68,8 @@ __kernel void winograd_gradient_tile(__global const float* v, __global const flo
       TILE_LOAD(sums + dz * 2 * TILE_ROWS)
       for (int t = t0; t < min(tiles, t0 + block); ++t) {
         const int from = max(0, 1 - dz), until = min(Z, Z + 1 - dz);
-        __global const float* a = pv + ((size_t)t * Z + from + dz - 1) * C;
-        __global const float* b = pe + ((size_t)t * Z + from) * NP;
+        global const float* a = pv + ((size_t)t * Z + from + dz - 1) * C;
+        global const float* b = pe + ((size_t)t * Z + from) * NP;
         for (int z = from; z < until; ++z) {
           TILE_STEP(a, b)
           a += C;
@@ -76,15 +78,15 @@ __kernel void winograd_gradient_tile(__global const float* v, __global const flo
       }
       TILE_STORE(sums + dz * 2 * TILE_ROWS)
     }
-  __global const float* none = 0;
+  global const float* none = 0;
   for (int dz = 0; dz < 3; ++dz) {
-    __global float* to = m + ((size_t)(3 * i + dz) * C + c0) * N + n0;
+    global float* to = m + ((size_t)(3 * i + dz) * C + c0) * N + n0;
     tile_finish(sums + dz * 2 * TILE_ROWS, min(TILE_ROWS, C - c0), 2, n0, N, none, 0, add ? to : none, to);
   }
 }
 
 // dw [N, C, 27] += the weights' gradient of m. Work-groups of one work-item: (16 outputs, channel).
-__kernel void winograd_gradient_sum(__global const float* m, int C, int N, __global float* dw) {
+kernel void winograd_gradient_sum(global const float* m, int C, int N, global float* dw) {
   const int n0 = get_group_id(0) * 16, c = get_group_id(1), width = min(16, N - n0);
   float taps[27 * 16];
   for (int dz = 0; dz < 3; ++dz) {

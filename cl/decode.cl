@@ -9,9 +9,9 @@
 
 static inline float softplus(float x) { return fmax(x, 0.0f) + log1p(exp(-fabs(x))); }
 
-static inline void decode(__global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, long k,
-                          __global float* means, __global float* scales, __global float* quats, __global float* opacities,
-                          __global float* sh) {
+static inline void decode(global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, long k,
+                          global float* means, global float* scales, global float* quats, global float* opacities,
+                          global float* sh) {
   const float3 offset = vload3(0, raw);
   const float3 away = (float3)(sigmoid(offset.x), sigmoid(offset.y), sigmoid(offset.z)) * 2.0f - 1.0f;
   vstore3(anchor + away * reach, k, means);
@@ -28,21 +28,21 @@ static inline void decode(__global const float* raw, float3 anchor, float reach,
 }
 
 // One Gaussian per voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3, A]
-__kernel void decode_coarse(__global const float* restrict raw, __global float* restrict means, __global float* restrict scales,
-                            __global float* restrict quats, __global float* restrict opacities, __global float* restrict sh, int R,
-                            int sh_size, float reach, float scale_shift) {
+kernel void decode_coarse(global const float* restrict raw, global float* restrict means, global float* restrict scales,
+                          global float* restrict quats, global float* restrict opacities, global float* restrict sh,
+                          int R, int sh_size, float reach, float scale_shift) {
   const int k = get_global_id(0);
   if (k >= R * R * R) return;
   const float3 voxel = (float3)((float)(k / (R * R)), (float)(k / R % R), (float)(k % R));
-  decode(raw + (long)k * (11 + sh_size), (voxel + 0.5f) / (float)R - 0.5f, reach, scale_shift, sh_size, k, means, scales, quats,
-         opacities, sh);
+  decode(raw + (long)k * (11 + sh_size), (voxel + 0.5f) / (float)R - 0.5f, reach, scale_shift, sh_size, k, means,
+         scales, quats, opacities, sh);
 }
 
 // M Gaussians for each of P voxels, around the coarse centre plus a fixed offset. raw [P, M A]   centres [P,3]   div_offset [M,3]
-__kernel void decode_fine(__global const float* restrict raw, __global const float* restrict centres,
-                          __global const float* restrict div_offset, __global float* restrict means, __global float* restrict scales,
-                          __global float* restrict quats, __global float* restrict opacities, __global float* restrict sh, int P, int M,
-                          int sh_size, float reach, float scale_shift) {
+kernel void decode_fine(global const float* restrict raw, global const float* restrict centres,
+                        global const float* restrict div_offset, global float* restrict means,
+                        global float* restrict scales, global float* restrict quats, global float* restrict opacities,
+                        global float* restrict sh, int P, int M, int sh_size, float reach, float scale_shift) {
   const int k = get_global_id(0);
   if (k >= P * M) return;
   const float3 anchor = vload3(k / M, centres) + vload3(k % M, div_offset);
@@ -50,11 +50,11 @@ __kernel void decode_fine(__global const float* restrict raw, __global const flo
 }
 
 // The skeleton's P Gaussians with new SH, and opacities times sigmoid(factor), into rows row0 and up. raw [P, 3S + 1]: SH, factor.
-__kernel void decode_adjusted(__global const float* restrict raw, __global const float* restrict in_means,
-                              __global const float* restrict in_scales, __global const float* restrict in_quats,
-                              __global const float* restrict in_opacities, __global float* restrict means,
-                              __global float* restrict scales, __global float* restrict quats, __global float* restrict opacities,
-                              __global float* restrict sh, int P, int sh_size, int row0) {
+kernel void decode_adjusted(global const float* restrict raw, global const float* restrict in_means,
+                            global const float* restrict in_scales, global const float* restrict in_quats,
+                            global const float* restrict in_opacities, global float* restrict means,
+                            global float* restrict scales, global float* restrict quats,
+                            global float* restrict opacities, global float* restrict sh, int P, int sh_size, int row0) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const long k = (long)row0 + p;
@@ -69,9 +69,9 @@ __kernel void decode_adjusted(__global const float* restrict raw, __global const
 // Backward. d*: the loss by the Gaussians, in the forward's rows; draw: by the raw numbers, which is written; neither is raw.
 static inline float sigmoid_slope(float x) { return sigmoid(x) * sigmoid(-x); }
 
-static inline void decode_backward(__global const float* raw, float reach, float scale_shift, int sh_size, long k,
-                                   __global const float* dmeans, __global const float* dscales, __global const float* dquats,
-                                   __global const float* dopacities, __global const float* dsh, __global float* draw) {
+static inline void decode_backward(global const float* raw, float reach, float scale_shift, int sh_size, long k,
+                                   global const float* dmeans, global const float* dscales, global const float* dquats,
+                                   global const float* dopacities, global const float* dsh, global float* draw) {
   for (int i = 0; i < 3; ++i) draw[i] = dmeans[3 * k + i] * 2.0f * reach * sigmoid_slope(raw[i]);
   for (int i = 0; i < sh_size; ++i) draw[3 + i] = dsh[k * sh_size + i];
   raw += 3 + sh_size;
@@ -90,10 +90,10 @@ static inline void decode_backward(__global const float* raw, float reach, float
   }
 }
 
-__kernel void decode_coarse_backward(__global const float* restrict raw, __global const float* restrict dmeans,
-                                     __global const float* restrict dscales, __global const float* restrict dquats,
-                                     __global const float* restrict dopacities, __global const float* restrict dsh,
-                                     __global float* restrict draw, int R, int sh_size, float reach, float scale_shift) {
+kernel void decode_coarse_backward(global const float* restrict raw, global const float* restrict dmeans,
+                                   global const float* restrict dscales, global const float* restrict dquats,
+                                   global const float* restrict dopacities, global const float* restrict dsh,
+                                   global float* restrict draw, int R, int sh_size, float reach, float scale_shift) {
   const int k = get_global_id(0);
   if (k >= R * R * R) return;
   const long row = (long)k * (11 + sh_size);
@@ -101,11 +101,11 @@ __kernel void decode_coarse_backward(__global const float* restrict raw, __globa
 }
 
 // dcentres [P,3], to which the means' gradients are added: by a voxel's first work-item, in order.
-__kernel void decode_fine_backward(__global const float* restrict raw, __global const float* restrict dmeans,
-                                   __global const float* restrict dscales, __global const float* restrict dquats,
-                                   __global const float* restrict dopacities, __global const float* restrict dsh,
-                                   __global float* restrict draw, __global float* restrict dcentres, int P, int M, int sh_size,
-                                   float reach, float scale_shift) {
+kernel void decode_fine_backward(global const float* restrict raw, global const float* restrict dmeans,
+                                 global const float* restrict dscales, global const float* restrict dquats,
+                                 global const float* restrict dopacities, global const float* restrict dsh,
+                                 global float* restrict draw, global float* restrict dcentres, int P, int M,
+                                 int sh_size, float reach, float scale_shift) {
   const int k = get_global_id(0);
   if (k >= P * M) return;
   const long row = (long)k * (11 + sh_size);
@@ -117,13 +117,13 @@ __kernel void decode_fine_backward(__global const float* restrict raw, __global 
 }
 
 // to_*: the loss by the skeleton's Gaussians, added to.
-__kernel void decode_adjusted_backward(__global const float* restrict raw, __global const float* restrict in_opacities,
-                                       __global const float* restrict dmeans, __global const float* restrict dscales,
-                                       __global const float* restrict dquats, __global const float* restrict dopacities,
-                                       __global const float* restrict dsh, __global float* restrict draw,
-                                       __global float* restrict to_means, __global float* restrict to_scales,
-                                       __global float* restrict to_quats, __global float* restrict to_opacities, int P, int sh_size,
-                                       int row0) {
+kernel void decode_adjusted_backward(global const float* restrict raw, global const float* restrict in_opacities,
+                                     global const float* restrict dmeans, global const float* restrict dscales,
+                                     global const float* restrict dquats, global const float* restrict dopacities,
+                                     global const float* restrict dsh, global float* restrict draw,
+                                     global float* restrict to_means, global float* restrict to_scales,
+                                     global float* restrict to_quats, global float* restrict to_opacities, int P,
+                                     int sh_size, int row0) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const long k = (long)row0 + p;

@@ -11,9 +11,9 @@
 //   x0 [src_rows, c0]; x1 [src_rows, c1] or null; scale, shift [c0 + c1] or null; map [.., T] or null
 //   panels [ceil(M/12), T, c0 + c1, 12]
 // Work-groups of one work-item: (tap, panel).
-__kernel void gemm_pack_a(__global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-                          __global const float* shift, int silu, __global const int* map, int T, int src_rows, int row0,
-                          int M, __global float* panels) {
+kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+                        global const float* shift, int silu, global const int* map, int T, int src_rows, int row0,
+                        int M, global float* panels) {
   const int t = get_group_id(0);
   const int panel = get_group_id(1);
   int row[PACK_ROWS];
@@ -33,13 +33,13 @@ __kernel void gemm_pack_a(__global const float* x0, int c0, __global const float
 // Panels of `width` columns of any matrix [K, N] on the device: element (k, n) is w[offset + (first + k) * k_stride + n * n_stride].
 //   out [ceil(N / width), K, width], zeros beyond N
 // Work-groups of one work-item: (panel, ROWS rows).
-__kernel void gemm_pack_panels(__global const float* w, int offset, int first, int K, int N, int k_stride,
-                               int n_stride, int width, __global float* out) {
+kernel void gemm_pack_panels(global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride,
+                             int width, global float* out) {
   const int n0 = get_group_id(0) * width, k0 = get_group_id(1) * ROWS;
   const int count = min(width, N - n0);
   for (int k = k0; k < min(K, k0 + ROWS); ++k) {
-    __global const float* from = w + offset + (size_t)(first + k) * k_stride + (size_t)n0 * n_stride;
-    __global float* to = out + ((size_t)get_group_id(0) * K + k) * width;
+    global const float* from = w + offset + (size_t)(first + k) * k_stride + (size_t)n0 * n_stride;
+    global float* to = out + ((size_t)get_group_id(0) * K + k) * width;
     if (n_stride == 1) {
       for (int j = 0; j < count; ++j) to[j] = from[j];
     } else {
@@ -50,14 +50,13 @@ __kernel void gemm_pack_panels(__global const float* w, int offset, int first, i
 }
 
 // Work-groups of one work-item: (panel of B, block of `block` panels of A), so that a block of A stays in cache while B's panels stream by.
-__kernel void gemm_tile(__global const float* panels, __global const float* b, int block, int M, int N, int K,
-                        __global const float* bias, int act, __global const float* residual, __global float* out,
-                        int row0) {
+kernel void gemm_tile(global const float* panels, global const float* b, int block, int M, int N, int K,
+                      global const float* bias, int act, global const float* residual, global float* out, int row0) {
   const int n0 = get_group_id(0) * TILE_COLS;
   const int last = min((int)(get_group_id(1) + 1) * block, DIV_UP(M, TILE_ROWS));
   for (int panel = get_group_id(1) * block; panel < last; ++panel) {
-    __global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
-    __global const float* pb = b + (size_t)n0 * K;
+    global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
+    global const float* pb = b + (size_t)n0 * K;
     TILE_DECLARE
     TILE_SUM(K, pa + k * TILE_ROWS, pb + k * TILE_COLS)
     const int m = panel * TILE_ROWS;

@@ -4,7 +4,7 @@
 //   x0 [src_rows, c0]; x1 [src_rows, c1] or null; scale, shift [c0 + c1] or null; map [.., T] or null; b [T (c0 + c1), N]
 //   bias [N] or null; residual, out [.., N] from row out_row0 on; residual may be null or out itself. act: 0 none, 1 GELU, 2 SiLU.
 struct Rows {
-  __global const int* map;
+  global const int* map;
   int row0, T;
 };
 static inline int source_row(const struct Rows* r, int m, int t) {
@@ -12,12 +12,11 @@ static inline int source_row(const struct Rows* r, int m, int t) {
 }
 #include "tile_gpu.clh"
 
-__kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
-    __global const float* x0, int c0, __global const float* x1, int c1, __global const float* scale,
-    __global const float* shift, int silu_a, __global const int* map, int T, int src_rows, int row0,
-    __global const float* b, int M, int N, __global const float* bias, int act, __global const float* residual,
-    __global float* out, int out_row0) {
-  __local float as[BK * AS], bs[BK * BN];
+kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
+    global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+    global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0, global const float* b,
+    int M, int N, global const float* bias, int act, global const float* residual, global float* out, int out_row0) {
+  local float as[BK * AS], bs[BK * BN];
   const struct Rows rows = {map, row0, T};
   tile_gpu(as, bs, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, bias, act, residual, out,
            out_row0);
@@ -26,10 +25,10 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile
 // parts[s] = the sum over rows [s chunk, (s + 1) chunk) of A^T B, + residual. Of B [.., N] the rows from `first` on are meant, `rows` in all.
 //   at: for every s in turn A's rows as columns, [M, min(chunk, rows - s chunk)]; parts [.., M, N]; residual: null, or parts with one s.
 // Work-groups: (column of tiles, row of tiles, s).
-__kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
-    __global const float* at, __global const float* b, int first, int rows, int chunk, int M, int N,
-    __global const float* residual, __global float* parts) {
-  __local float as[BK * AS], bs[BK * BN];
+kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
+    global const float* at, global const float* b, int first, int rows, int chunk, int M, int N,
+    global const float* residual, global float* parts) {
+  local float as[BK * AS], bs[BK * BN];
   const int s = get_group_id(2);
   const struct Rows plain = {0, 0, 1};
   tile_gpu(as, bs, at + (size_t)s * chunk * M, min(chunk, rows - s * chunk), 0, 0, 0, 0, 0, &plain, 1, M,
@@ -41,10 +40,10 @@ __kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tran
 // Any matrix [K, N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower). Element (k, n) is
 // w[offset + k * k_stride + (first + n) * n_stride]. Through local memory, so that neighbours read and write neighbours where a stride is 1.
 // Work-groups of PACK_SIDE x PACK_SIDE: (columns, rows, piece).
-__kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
-    __global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride, int piece,
-    __global float* out) {
-  __local float tile[PACK_SIDE * (PACK_SIDE + 1)];
+kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
+    global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride, int piece,
+    global float* out) {
+  local float tile[PACK_SIDE * (PACK_SIDE + 1)];
   const int x = get_local_id(0) % PACK_SIDE, y = get_local_id(0) / PACK_SIDE;
   const int begin = get_group_id(2) * piece, width = min(piece, N - begin);
   const int k0 = get_group_id(1) * PACK_SIDE, n0 = get_group_id(0) * PACK_SIDE;
@@ -59,8 +58,8 @@ __kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void
 
 // The epilogue alone, after a library's GEMM: out = act(x + bias) + residual. x [M, N]; residual, out [.., N] from row row0 on; x may be
 // those rows of out. One work-item per element.
-__kernel void gemm_epilogue(__global const float* x, int x_row0, int M, int N, __global const float* bias, int act,
-                            __global const float* residual, __global float* out, int row0) {
+kernel void gemm_epilogue(global const float* x, int x_row0, int M, int N, global const float* bias, int act,
+                          global const float* residual, global float* out, int row0) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)M * N) return;
   const size_t at = (size_t)row0 * N + i;

@@ -14,15 +14,16 @@
 #define ROWS 8
 
 // Merges ROWS rows r0..r7 of type T, seen before: n rows of the given mean and m2. `share` = ROWS / (n + ROWS).
-#define MERGE(T, mean, m2, r0, r1, r2, r3, r4, r5, r6, r7, n, share)                                           \
-  {                                                                                                             \
-    const T block = r0 + (((r1 - r0) + (r2 - r0)) + ((r3 - r0) + (r4 - r0)) + ((r5 - r0) + (r6 - r0)) + (r7 - r0)) * 0.125f; \
+#define MERGE(T, mean, m2, r0, r1, r2, r3, r4, r5, r6, r7, n, share)                                             \
+  {                                                                                                              \
+    const T block =                                                                                              \
+        r0 + (((r1 - r0) + (r2 - r0)) + ((r3 - r0) + (r4 - r0)) + ((r5 - r0) + (r6 - r0)) + (r7 - r0)) * 0.125f; \
     const T d0 = r0 - block, d1 = r1 - block, d2 = r2 - block, d3 = r3 - block;                                  \
     const T d4 = r4 - block, d5 = r5 - block, d6 = r6 - block, d7 = r7 - block;                                  \
-    const T away = block - mean;                                                                                \
-    mean += away * share;                                                                                       \
+    const T away = block - mean;                                                                                 \
+    mean += away * share;                                                                                        \
     m2 += ((d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3)) + ((d4 * d4 + d5 * d5) + (d6 * d6 + d7 * d7)) +            \
-          away * away * (share * n);                                                                            \
+          away * away * (share * n);                                                                             \
   }
 
 // One more row v after n others.
@@ -35,26 +36,27 @@
   }
 
 // x [N,width] is one of the sources; its channels start at `channel` of the C. A work-item per chunk of `rows` rows.
-__kernel void groupnorm_chunks_cpu(__global const float* restrict x, __global float* restrict mean, __global float* restrict m2, int N,
-                                   int width, int channel, int C, int rows) {
+kernel void groupnorm_chunks_cpu(global const float* restrict x, global float* restrict mean, global float* restrict m2,
+                                 int N, int width, int channel, int C, int rows) {
   const int chunk = get_global_id(0);
   const long first = (long)chunk * rows;
   if (first >= N) return;
   const int count = (int)min((long)rows, N - first);
-  __global const float* restrict in = x + first * width;
-  __global float* restrict out_mean = mean + (long)chunk * C + channel;
-  __global float* restrict out_m2 = m2 + (long)chunk * C + channel;
+  global const float* restrict in = x + first * width;
+  global float* restrict out_mean = mean + (long)chunk * C + channel;
+  global float* restrict out_m2 = m2 + (long)chunk * C + channel;
   for (int c = 0; c < width; ++c) out_mean[c] = in[c], out_m2[c] = 0.0f;
   int row = 0;
   for (; row + ROWS <= count; row += ROWS) {
-    __global const float* restrict p = in + (long)row * width;
+    global const float* restrict p = in + (long)row * width;
     const float n = (float)row, share = row == 0 ? 1.0f : ROWS / (n + ROWS);
     int c = 0;
     for (; c + 16 <= width; c += 16) {
       float16 a = vload16(0, out_mean + c), b = vload16(0, out_m2 + c);
       const float16 r0 = vload16(0, p + c), r1 = vload16(0, p + width + c), r2 = vload16(0, p + 2 * width + c),
-                    r3 = vload16(0, p + 3 * width + c), r4 = vload16(0, p + 4 * width + c), r5 = vload16(0, p + 5 * width + c),
-                    r6 = vload16(0, p + 6 * width + c), r7 = vload16(0, p + 7 * width + c);
+                    r3 = vload16(0, p + 3 * width + c), r4 = vload16(0, p + 4 * width + c),
+                    r5 = vload16(0, p + 5 * width + c), r6 = vload16(0, p + 6 * width + c),
+                    r7 = vload16(0, p + 7 * width + c);
       MERGE(float16, a, b, r0, r1, r2, r3, r4, r5, r6, r7, n, share)
       vstore16(a, 0, out_mean + c);
       vstore16(b, 0, out_m2 + c);
@@ -68,7 +70,7 @@ __kernel void groupnorm_chunks_cpu(__global const float* restrict x, __global fl
     }
   }
   for (; row < count; ++row) {
-    __global const float* restrict p = in + (long)row * width;
+    global const float* restrict p = in + (long)row * width;
     for (int c = 0; c < width; ++c) {
       float a = out_mean[c], b = out_m2[c];
       MERGE_ONE(float, a, b, p[c], (float)row)
@@ -79,13 +81,13 @@ __kernel void groupnorm_chunks_cpu(__global const float* restrict x, __global fl
 }
 
 // A work-item per channel of the source (direction 0) and chunk (direction 1).
-__kernel void groupnorm_chunks_gpu(__global const float* restrict x, __global float* restrict mean, __global float* restrict m2, int N,
-                                   int width, int channel, int C, int rows) {
+kernel void groupnorm_chunks_gpu(global const float* restrict x, global float* restrict mean, global float* restrict m2,
+                                 int N, int width, int channel, int C, int rows) {
   const int c = get_global_id(0), chunk = get_global_id(1);
   const long first = (long)chunk * rows;
   if (c >= width || first >= N) return;
   const int count = (int)min((long)rows, N - first);
-  __global const float* restrict p = x + first * width + c;
+  global const float* restrict p = x + first * width + c;
   float a = p[0], b = 0.0f;
   int row = 0;
   for (; row + ROWS <= count; row += ROWS, p += (long)ROWS * width) {
@@ -100,9 +102,9 @@ __kernel void groupnorm_chunks_gpu(__global const float* restrict x, __global fl
 }
 
 // Over the chunks: a work-item per channel. N >= 1.
-__kernel void groupnorm_channels(__global const float* restrict mean, __global const float* restrict m2,
-                                 __global float* restrict channel_mean, __global float* restrict channel_m2, int N, int C, int rows,
-                                 int chunks) {
+kernel void groupnorm_channels(global const float* restrict mean, global const float* restrict m2,
+                               global float* restrict channel_mean, global float* restrict channel_m2, int N, int C,
+                               int rows, int chunks) {
   const int c = get_global_id(0);
   if (c >= C) return;
   const float first = mean[c];
@@ -121,10 +123,10 @@ __kernel void groupnorm_channels(__global const float* restrict mean, __global c
 
 // Over a group's channels, once more for each of them: a work-item per channel. N = 0: mean and variance count as 0.
 // out_mean, out_rstd [C] or null: a channel's group's mean and 1 / sqrt(var + eps), for the backward.
-__kernel void groupnorm_scale(__global const float* restrict channel_mean, __global const float* restrict channel_m2,
-                              __global const float* restrict gamma, __global const float* restrict beta, __global float* restrict scale,
-                              __global float* restrict shift, __global float* restrict out_mean, __global float* restrict out_rstd,
-                              int N, int C, int G, float eps) {
+kernel void groupnorm_scale(global const float* restrict channel_mean, global const float* restrict channel_m2,
+                            global const float* restrict gamma, global const float* restrict beta,
+                            global float* restrict scale, global float* restrict shift, global float* restrict out_mean,
+                            global float* restrict out_rstd, int N, int C, int G, float eps) {
   const int c = get_global_id(0);
   if (c >= C) return;
   float mean = 0.0f, variance = 0.0f;
@@ -164,17 +166,17 @@ static inline float16 silu_slope_16(float16 z) {
 }
 
 // A work-item per chunk of `rows` rows.
-__kernel void groupnorm_backward_chunks_cpu(__global const float* restrict x, __global const float* restrict dy,
-                                            __global const float* restrict scale, __global const float* restrict shift,
-                                            __global const float* restrict mean, __global const float* restrict rstd,
-                                            __global float* restrict sums, __global float* restrict sums_u, int N, int width,
-                                            int channel, int C, int rows) {
+kernel void groupnorm_backward_chunks_cpu(global const float* restrict x, global const float* restrict dy,
+                                          global const float* restrict scale, global const float* restrict shift,
+                                          global const float* restrict mean, global const float* restrict rstd,
+                                          global float* restrict sums, global float* restrict sums_u, int N, int width,
+                                          int channel, int C, int rows) {
   const int chunk = get_global_id(0);
   const long first = (long)chunk * rows;
   if (first >= N) return;
   const int count = (int)min((long)rows, N - first);
-  __global float* restrict out = sums + (long)chunk * C + channel;
-  __global float* restrict out_u = sums_u + (long)chunk * C + channel;
+  global float* restrict out = sums + (long)chunk * C + channel;
+  global float* restrict out_u = sums_u + (long)chunk * C + channel;
   for (int row = 0; row < count; row += ROWS) {
     const int until = min(row + ROWS, count);
     for (int c = 0; c < width; c += 16) {
@@ -196,11 +198,11 @@ __kernel void groupnorm_backward_chunks_cpu(__global const float* restrict x, __
 }
 
 // A work-item per channel of the source (direction 0) and chunk (direction 1).
-__kernel void groupnorm_backward_chunks_gpu(__global const float* restrict x, __global const float* restrict dy,
-                                            __global const float* restrict scale, __global const float* restrict shift,
-                                            __global const float* restrict mean, __global const float* restrict rstd,
-                                            __global float* restrict sums, __global float* restrict sums_u, int N, int width,
-                                            int channel, int C, int rows) {
+kernel void groupnorm_backward_chunks_gpu(global const float* restrict x, global const float* restrict dy,
+                                          global const float* restrict scale, global const float* restrict shift,
+                                          global const float* restrict mean, global const float* restrict rstd,
+                                          global float* restrict sums, global float* restrict sums_u, int N, int width,
+                                          int channel, int C, int rows) {
   const int c = get_global_id(0), chunk = get_global_id(1), at = channel + c;
   const long first = (long)chunk * rows;
   if (c >= width || first >= N) return;
@@ -224,9 +226,10 @@ __kernel void groupnorm_backward_chunks_gpu(__global const float* restrict x, __
 }
 
 // Over the chunks: a work-item per channel. Adds to dgamma and dbeta [C].
-__kernel void groupnorm_backward_channels(__global const float* restrict sums, __global const float* restrict sums_u,
-                                          __global float* restrict channel_sums, __global float* restrict channel_sums_u,
-                                          __global float* restrict dgamma, __global float* restrict dbeta, int C, int chunks) {
+kernel void groupnorm_backward_channels(global const float* restrict sums, global const float* restrict sums_u,
+                                        global float* restrict channel_sums, global float* restrict channel_sums_u,
+                                        global float* restrict dgamma, global float* restrict dbeta, int C,
+                                        int chunks) {
   const int c = get_global_id(0);
   if (c >= C) return;
   float sum = 0.0f, sum_u = 0.0f;
@@ -238,9 +241,10 @@ __kernel void groupnorm_backward_channels(__global const float* restrict sums, _
 }
 
 // Over a group's channels, once more for each of them: means of gamma dz and of gamma dz u. A work-item per channel.
-__kernel void groupnorm_backward_groups(__global const float* restrict channel_sums, __global const float* restrict channel_sums_u,
-                                        __global const float* restrict gamma, __global float* restrict group_mean,
-                                        __global float* restrict group_mean_u, int N, int C, int G) {
+kernel void groupnorm_backward_groups(global const float* restrict channel_sums,
+                                      global const float* restrict channel_sums_u, global const float* restrict gamma,
+                                      global float* restrict group_mean, global float* restrict group_mean_u, int N,
+                                      int C, int G) {
   const int c = get_global_id(0);
   if (c >= C) return;
   const int size = C / G, begin = c / size * size;
@@ -254,11 +258,11 @@ __kernel void groupnorm_backward_groups(__global const float* restrict channel_s
 }
 
 // dx [N,width], which is added to where `add` says so, and may be dy where width is C. A work-item per row.
-__kernel void groupnorm_backward_cpu(__global const float* x, __global const float* dy, __global const float* scale,
-                                     __global const float* shift, __global const float* mean, __global const float* rstd,
-                                     __global const float* gamma, __global const float* group_mean,
-                                     __global const float* group_mean_u, __global float* dx, int add, int N, int width, int channel,
-                                     int C) {
+kernel void groupnorm_backward_cpu(global const float* x, global const float* dy, global const float* scale,
+                                   global const float* shift, global const float* mean, global const float* rstd,
+                                   global const float* gamma, global const float* group_mean,
+                                   global const float* group_mean_u, global float* dx, int add, int N, int width,
+                                   int channel, int C) {
   const int row = get_global_id(0);
   if (row >= N) return;
   for (int c = 0; c < width; c += 16) {
@@ -267,19 +271,20 @@ __kernel void groupnorm_backward_cpu(__global const float* x, __global const flo
     const float16 z = FMA(v, load_part(scale + at, part), load_part(shift + at, part));
     const float16 dz = load_part(dy + (long)row * C + at, part) * silu_slope_16(z);
     const float16 u = (v - load_part(mean + at, part)) * r;
-    float16 d = r * (load_part(gamma + at, part) * dz - load_part(group_mean + at, part) - u * load_part(group_mean_u + at, part));
-    __global float* to = dx + (long)row * width + c;
+    float16 d = r * (load_part(gamma + at, part) * dz - load_part(group_mean + at, part) -
+                     u * load_part(group_mean_u + at, part));
+    global float* to = dx + (long)row * width + c;
     if (add) d += load_part(to, part);
     store_part(d, part, to);
   }
 }
 
 // As above. A work-item per element.
-__kernel void groupnorm_backward_gpu(__global const float* x, __global const float* dy, __global const float* scale,
-                                     __global const float* shift, __global const float* mean, __global const float* rstd,
-                                     __global const float* gamma, __global const float* group_mean,
-                                     __global const float* group_mean_u, __global float* dx, int add, int N, int width, int channel,
-                                     int C) {
+kernel void groupnorm_backward_gpu(global const float* x, global const float* dy, global const float* scale,
+                                   global const float* shift, global const float* mean, global const float* rstd,
+                                   global const float* gamma, global const float* group_mean,
+                                   global const float* group_mean_u, global float* dx, int add, int N, int width,
+                                   int channel, int C) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)N * width) return;
   const size_t row = i / width;

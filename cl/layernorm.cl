@@ -15,7 +15,7 @@
 #include "vector16.clh"
 
 // (mean, 1 / sqrt(var + eps)) of a row, by one work-item.
-static inline float2 statistics(__global const float* x, int C, float eps) {
+static inline float2 statistics(global const float* x, int C, float eps) {
   const int whole = C & ~15;
   float16 sums = (float16)(0.0f);
   for (int c = 0; c < whole; c += 16) sums += vload16(0, x + c);
@@ -32,18 +32,18 @@ static inline float2 statistics(__global const float* x, int C, float eps) {
   return (float2)(mean, 1.0f / sqrt(square / C + eps));
 }
 
-__kernel void layernorm_cpu(__global const float* x, __global const float* gamma, __global const float* beta,
-                            __global const float* film, __global float* out, int R, int C, int P, int skip, float eps) {
+kernel void layernorm_cpu(global const float* x, global const float* gamma, global const float* beta,
+                          global const float* film, global float* out, int R, int C, int P, int skip, float eps) {
   const int r = get_global_id(0);
   if (r >= R) return;
-  __global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
-  __global float* to = out + (size_t)r * C;
+  global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
+  global float* to = out + (size_t)r * C;
   const int whole = C & ~15;
   const float2 s = statistics(from, C, eps);
   const float mean = s.x, by = s.y;
   if (film) {
-    __global const float* shift = film + (size_t)r * 2 * C;
-    __global const float* scale = shift + C;
+    global const float* shift = film + (size_t)r * 2 * C;
+    global const float* scale = shift + C;
     for (int c = 0; c < whole; c += 16) {
       const float16 n = (vload16(0, from + c) - mean) * by * vload16(0, gamma + c) + vload16(0, beta + c);
       vstore16(n * (1.0f + vload16(0, scale + c)) + vload16(0, shift + c), 0, to + c);
@@ -57,23 +57,23 @@ __kernel void layernorm_cpu(__global const float* x, __global const float* gamma
 }
 
 // dy of sixteen channels from c on, times 1 + scale where there is one (null otherwise).
-static inline float16 upstream(__global const float* dy, __global const float* scale, int c, int width) {
+static inline float16 upstream(global const float* dy, global const float* scale, int c, int width) {
   const float16 u = load_part(dy + c, width);
   return scale ? u * (1.0f + load_part(scale + c, width)) : u;
 }
 
 // stats [R, 2]: each row's mean and 1 / sqrt(var + eps), for layernorm_columns. add: dx is added to. One work-item per row.
-__kernel void layernorm_backward_cpu(__global const float* x, __global const float* gamma, __global const float* beta,
-                                     __global const float* film, __global const float* dy, __global float* dx,
-                                     __global float* dfilm, __global float* stats, int R, int C, int P, int skip,
-                                     float eps, int add) {
+kernel void layernorm_backward_cpu(global const float* x, global const float* gamma, global const float* beta,
+                                   global const float* film, global const float* dy, global float* dx,
+                                   global float* dfilm, global float* stats, int R, int C, int P, int skip, float eps,
+                                   int add) {
   const int r = get_global_id(0);
   if (r >= R) return;
   const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
   const float2 s = statistics(x + at, C, eps);
   vstore2(s, r, stats);
-  __global const float* up = dy + (size_t)r * C;
-  __global const float* scale = film ? film + (size_t)r * 2 * C + C : film;
+  global const float* up = dy + (size_t)r * C;
+  global const float* scale = film ? film + (size_t)r * 2 * C + C : film;
   float16 sums = (float16)(0.0f), dots = (float16)(0.0f);
   for (int c = 0; c < C; c += 16) {
     const int width = C - c;
@@ -83,7 +83,7 @@ __kernel void layernorm_backward_cpu(__global const float* x, __global const flo
     dots += g * n;
     if (film) {
       const float16 u = load_part(up + c, width);
-      __global float* to = dfilm + (size_t)r * 2 * C + c;
+      global float* to = dfilm + (size_t)r * 2 * C + c;
       store_part(u, width, to);
       store_part(u * (n * by + load_part(beta + c, width)), width, to + C);
     }
@@ -102,7 +102,7 @@ __kernel void layernorm_backward_cpu(__global const float* x, __global const flo
 
 #define GROUP 64
 
-static float group_sum(float mine, __local float* part) {
+static float group_sum(float mine, local float* part) {
   const int item = get_local_id(0);
   part[item] = mine;
   barrier(CLK_LOCAL_MEM_FENCE);
@@ -116,7 +116,7 @@ static float group_sum(float mine, __local float* part) {
 }
 
 // statistics() by a work-group.
-static float2 group_statistics(__global const float* x, int C, float eps, __local float* part) {
+static float2 group_statistics(global const float* x, int C, float eps, local float* part) {
   const int item = get_local_id(0);
   float sum = 0.0f;
   for (int c = item; c < C; c += GROUP) sum += x[c];
@@ -126,13 +126,13 @@ static float2 group_statistics(__global const float* x, int C, float eps, __loca
   return (float2)(mean, 1.0f / sqrt(group_sum(square, part) / C + eps));
 }
 
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_gpu(
-    __global const float* x, __global const float* gamma, __global const float* beta, __global const float* film,
-    __global float* out, int R, int C, int P, int skip, float eps) {
-  __local float part[GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_gpu(
+    global const float* x, global const float* gamma, global const float* beta, global const float* film,
+    global float* out, int R, int C, int P, int skip, float eps) {
+  local float part[GROUP];
   const int r = get_group_id(0), item = get_local_id(0);
-  __global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
-  __global float* to = out + (size_t)r * C;
+  global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
+  global float* to = out + (size_t)r * C;
   const float2 s = group_statistics(from, C, eps, part);
   const float mean = s.x, by = s.y;
   for (int c = item; c < C; c += GROUP) {
@@ -142,17 +142,17 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_gpu(
 }
 
 // As layernorm_backward_cpu, one work-group per row.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backward_gpu(
-    __global const float* x, __global const float* gamma, __global const float* beta, __global const float* film,
-    __global const float* dy, __global float* dx, __global float* dfilm, __global float* stats, int R, int C, int P,
-    int skip, float eps, int add) {
-  __local float part[GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backward_gpu(
+    global const float* x, global const float* gamma, global const float* beta, global const float* film,
+    global const float* dy, global float* dx, global float* dfilm, global float* stats, int R, int C, int P, int skip,
+    float eps, int add) {
+  local float part[GROUP];
   const int r = get_group_id(0), item = get_local_id(0);
   const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
   const float2 s = group_statistics(x + at, C, eps, part);
   if (item == 0) vstore2(s, r, stats);
-  __global const float* up = dy + (size_t)r * C;
-  __global const float* scale = film ? film + (size_t)r * 2 * C + C : film;
+  global const float* up = dy + (size_t)r * C;
+  global const float* scale = film ? film + (size_t)r * 2 * C + C : film;
   float sum = 0.0f, dot_ = 0.0f;
   for (int c = item; c < C; c += GROUP) {
     const float n = (x[at + c] - s.x) * s.y;
@@ -180,9 +180,9 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backw
 #endif
 
 // dgamma, dbeta [ceil(R / ROWS), C]: the sums of ROWS rows each. gpu flavour: a work-item per (channel, ROWS rows).
-__kernel void layernorm_columns(__global const float* x, __global const float* film, __global const float* dy,
-                                __global const float* stats, __global float* dgamma, __global float* dbeta, int R, int C,
-                                int P, int skip) {
+kernel void layernorm_columns(global const float* x, global const float* film, global const float* dy,
+                              global const float* stats, global float* dgamma, global float* dbeta, int R, int C, int P,
+                              int skip) {
   const int c = get_global_id(0), chunk = get_global_id(1);
   if (c >= C) return;
   float by_gamma = 0.0f, by_beta = 0.0f;
@@ -198,11 +198,11 @@ __kernel void layernorm_columns(__global const float* x, __global const float* f
 }
 
 // cpu flavour: work-groups of one work-item, per ROWS rows.
-__kernel void layernorm_columns_cpu(__global const float* x, __global const float* film, __global const float* dy,
-                                    __global const float* stats, __global float* dgamma, __global float* dbeta, int R, int C,
-                                    int P, int skip) {
+kernel void layernorm_columns_cpu(global const float* x, global const float* film, global const float* dy,
+                                  global const float* stats, global float* dgamma, global float* dbeta, int R, int C,
+                                  int P, int skip) {
   const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
-  __global const float* none = 0;
+  global const float* none = 0;
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);
     float16 by_gamma = 0.0f, by_beta = 0.0f;

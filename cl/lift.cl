@@ -16,9 +16,8 @@
 #define VOXELS 8
 #endif
 
-__kernel void lift_corners(__global const float* w2c, __global const float* intrinsics, __global int4* index,
-                           __global float4* weight, int first, int n, int V, int R, int t, float image,
-                           float half_pixel) {
+kernel void lift_corners(global const float* w2c, global const float* intrinsics, global int4* index,
+                         global float4* weight, int first, int n, int V, int R, int t, float image, float half_pixel) {
   const int id = get_global_id(0);
   if (id >= n * V) return;
   const int voxel = first + id / V, v = id % V;
@@ -41,7 +40,7 @@ __kernel void lift_corners(__global const float* w2c, __global const float* intr
 #define STORE(x, p) JOIN(vstore, LANES)(x, 0, p)
 #endif
 
-static inline FLOATS sample(__global const float* maps, int C, int4 at, float4 w) {
+static inline FLOATS sample(global const float* maps, int C, int4 at, float4 w) {
   FLOATS s = (FLOATS)(0.0f);
   if (w.x != 0.0f) s += w.x * LOAD(maps + (size_t)at.x * C);
   if (w.y != 0.0f) s += w.y * LOAD(maps + (size_t)at.y * C);
@@ -50,7 +49,7 @@ static inline FLOATS sample(__global const float* maps, int C, int4 at, float4 w
   return s;
 }
 
-static inline float sample_one(__global const float* maps, int C, int4 at, float4 w) {
+static inline float sample_one(global const float* maps, int C, int4 at, float4 w) {
   float s = 0.0f;
   if (w.x != 0.0f) s += w.x * maps[(size_t)at.x * C];
   if (w.y != 0.0f) s += w.y * maps[(size_t)at.y * C];
@@ -60,14 +59,14 @@ static inline float sample_one(__global const float* maps, int C, int4 at, float
 }
 
 // Welford's recurrence: exact for equal samples, and as accurate as two passes, without keeping the samples.
-__kernel void lift_variance(__global const float* maps, __global const int4* index, __global const float4* weight,
-                            __global float* out, int n, int V, int C) {
+kernel void lift_variance(global const float* maps, global const int4* index, global const float4* weight,
+                          global float* out, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
-    __global const int4* at = index + (size_t)i * V;
-    __global const float4* w = weight + (size_t)i * V;
-    __global float* to = out + (size_t)i * C;
+    global const int4* at = index + (size_t)i * V;
+    global const float4* w = weight + (size_t)i * V;
+    global float* to = out + (size_t)i * C;
     for (int c = lane * LANES; c < whole; c += lanes * LANES) {
       FLOATS mean = (FLOATS)(0.0f), square = (FLOATS)(0.0f);
       for (int v = 0; v < V; ++v) {
@@ -91,14 +90,14 @@ __kernel void lift_variance(__global const float* maps, __global const int4* ind
   }
 }
 
-__kernel void lift_mean(__global const float* maps, __global const int4* index, __global const float4* weight,
-                        __global const float* bias, __global float* out, int first, int n, int V, int C) {
+kernel void lift_mean(global const float* maps, global const int4* index, global const float4* weight,
+                      global const float* bias, global float* out, int first, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
-    __global const int4* at = index + (size_t)i * V;
-    __global const float4* w = weight + (size_t)i * V;
-    __global float* to = out + (size_t)(first + i) * C;
+    global const int4* at = index + (size_t)i * V;
+    global const float4* w = weight + (size_t)i * V;
+    global float* to = out + (size_t)(first + i) * C;
     for (int c = lane * LANES; c < whole; c += lanes * LANES) {
       FLOATS sum = (FLOATS)(0.0f);
       for (int v = 0; v < V; ++v) sum += sample(maps + c, C, at[v], w[v]);
@@ -113,16 +112,15 @@ __kernel void lift_mean(__global const float* maps, __global const int4* index, 
 }
 
 // Backward of lift_variance by the samples: dsamples [n, V, C] = 2/V (sample - mean over the views) dout [n, C].
-__kernel void lift_variance_backward(__global const float* maps, __global const int4* index,
-                                     __global const float4* weight, __global const float* dout,
-                                     __global float* dsamples, int n, int V, int C) {
+kernel void lift_variance_backward(global const float* maps, global const int4* index, global const float4* weight,
+                                   global const float* dout, global float* dsamples, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
-    __global const int4* at = index + (size_t)i * V;
-    __global const float4* w = weight + (size_t)i * V;
-    __global const float* from = dout + (size_t)i * C;
-    __global float* to = dsamples + (size_t)i * V * C;
+    global const int4* at = index + (size_t)i * V;
+    global const float4* w = weight + (size_t)i * V;
+    global const float* from = dout + (size_t)i * C;
+    global float* to = dsamples + (size_t)i * V * C;
     for (int c = lane * LANES; c < whole; c += lanes * LANES) {
       FLOATS mean = (FLOATS)(0.0f);
       for (int v = 0; v < V; ++v) {

@@ -19,13 +19,13 @@
 #endif
 
 // exp(-k^2 / (2 1.5^2)), k = -5 ... 5, over their sum
-__constant float window[WINDOW] = {
-    0.00102838008f, 0.00759875814f, 0.0360007721f, 0.10936069f, 0.213005538f, 0.266011725f,
-    0.213005538f, 0.10936069f, 0.0360007721f, 0.00759875814f, 0.00102838008f};
+constant float window[WINDOW] = {0.00102838008f, 0.00759875814f, 0.0360007721f, 0.10936069f,
+                                 0.213005538f,   0.266011725f,   0.213005538f,  0.10936069f,
+                                 0.0360007721f,  0.00759875814f, 0.00102838008f};
 
 // m, d of the pictures and their target, count numbers.
-__kernel void loss_differences(__global const float* restrict pictures, __global const float* restrict target,
-                               __global float* restrict m, __global float* restrict d, int count) {
+kernel void loss_differences(global const float* restrict pictures, global const float* restrict target,
+                             global float* restrict m, global float* restrict d, int count) {
   const int i = get_global_id(0);
   if (i >= count) return;
   const float raw = pictures[i];
@@ -35,8 +35,8 @@ __kernel void loss_differences(__global const float* restrict pictures, __global
 }
 
 // Halves both sides: means of 2 x 2. An odd side has a row of zeros of x and t before its first, as avg_pool2d pads.
-__kernel void loss_halve(__global const float* restrict m, __global const float* restrict d, __global float* restrict half_m,
-                         __global float* restrict half_d, int H, int W) {
+kernel void loss_halve(global const float* restrict m, global const float* restrict d, global float* restrict half_m,
+                       global float* restrict half_d, int H, int W) {
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
   const int h = DIV_UP(H, 2), w = DIV_UP(W, 2);
   if (j >= 3 * w) return;
@@ -54,8 +54,8 @@ __kernel void loss_halve(__global const float* restrict m, __global const float*
 }
 
 // rows [4, N, H, V3]: m, d, m^2, d^2 blurred along x. y counts the rows of all pictures here.
-__kernel void loss_rows(__global const float* restrict m, __global const float* restrict d, __global float* restrict rows, int V3,
-                        int R) {
+kernel void loss_rows(global const float* restrict m, global const float* restrict d, global float* restrict rows,
+                      int V3, int R) {
   const int j = get_global_id(0), y = get_global_id(1);
   if (j >= V3) return;
   const size_t from = (size_t)y * (V3 + 3 * (WINDOW - 1)) + j, to = (size_t)y * V3 + j, plane = (size_t)R * V3;
@@ -75,8 +75,8 @@ __kernel void loss_rows(__global const float* restrict m, __global const float* 
 
 // off [N, H - 10, V3]: 1 - SSIM, or 1 - cs where `structure`. slopes [3, N, H - 10, V3] (or null): its derivatives by
 // M and D together as x moves them (half of the one and the whole of the other), by B m^2, and by B d^2.
-__kernel void loss_maps(__global const float* restrict rows, __global float* restrict off, __global float* restrict slopes, int V3,
-                        int H, int N, int structure) {
+kernel void loss_maps(global const float* restrict rows, global float* restrict off, global float* restrict slopes,
+                      int V3, int H, int N, int structure) {
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
   if (j >= V3) return;
   const size_t from = ((size_t)n * H + y) * V3 + j, plane = (size_t)N * H * V3;
@@ -107,15 +107,14 @@ __kernel void loss_maps(__global const float* restrict rows, __global float* res
 
 // The blur's transpose along y, from slopes to [3, N, H, V3 + 60], whose rows have 30 zeros at either end. n counts the
 // pictures of all three.
-__kernel void loss_spread(__global const float* restrict slopes, __global float* restrict spread, int V3, int H) {
+kernel void loss_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H) {
   const int pad = 3 * (WINDOW - 1), valid = H - WINDOW + 1;
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
   if (j >= V3 + 2 * pad) return;
   float sum = 0.0f;
   if (j >= pad && j < V3 + pad) {
     const int first = max(0, y - valid + 1), last = min(WINDOW - 1, y);
-    for (int k = first; k <= last; ++k)
-      sum = FMA(window[k], slopes[((size_t)n * valid + y - k) * V3 + j - pad], sum);
+    for (int k = first; k <= last; ++k) sum = FMA(window[k], slopes[((size_t)n * valid + y - k) * V3 + j - pad], sum);
   }
   spread[((size_t)n * H + y) * (V3 + 2 * pad) + j] = sum;
 }
@@ -123,10 +122,10 @@ __kernel void loss_spread(__global const float* restrict slopes, __global float*
 // gradient [N, H, W3] at one scale: the transpose along x, by[first + 3 n + c] times the three together, and a quarter of that of
 // the next coarser scale (null: none). At the finest scale `pictures` are those that were clamped: there, + error * d, and
 // 0 where they are outside of [0, 1].
-__kernel void loss_gradient(__global const float* restrict spread, __global const float* restrict m,
-                            __global const float* restrict d, __global const float* restrict by,
-                            __global const float* restrict coarser, __global const float* restrict pictures,
-                            __global float* restrict gradient, int H, int W, int N, int first, float error) {
+kernel void loss_gradient(global const float* restrict spread, global const float* restrict m,
+                          global const float* restrict d, global const float* restrict by,
+                          global const float* restrict coarser, global const float* restrict pictures,
+                          global float* restrict gradient, int H, int W, int N, int first, float error) {
   const int pad = 3 * (WINDOW - 1);
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2), c = j % 3;
   if (j >= 3 * W) return;
@@ -151,12 +150,12 @@ __kernel void loss_gradient(__global const float* restrict spread, __global cons
 }
 
 // sums [N, blocks, 3]: of x [N, pixels, 3], or of its squares, over GROUP * EACH pixels each. Groups (blocks, N).
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(__global const float* restrict x,
-                                                                           __global float* restrict sums, int pixels,
-                                                                           int squares) {
-  __local float part[3][GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(global const float* restrict x,
+                                                                         global float* restrict sums, int pixels,
+                                                                         int squares) {
+  local float part[3][GROUP];
   const int block = get_group_id(0), n = get_group_id(1), item = get_local_id(0);
-  __global const float* from = x + ((size_t)n * pixels + (size_t)block * GROUP * EACH) * 3;
+  global const float* from = x + ((size_t)n * pixels + (size_t)block * GROUP * EACH) * 3;
   const int left = min(pixels - block * (GROUP * EACH), GROUP * EACH);
   float sum[3] = {0.0f, 0.0f, 0.0f};
   for (int i = item; i < left; i += GROUP)
@@ -172,8 +171,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(__glo
 }
 
 // means[first + i], i = 3 n + c, from those sums. A work-item each, planes = 3 N of them; Kahan's summation.
-__kernel void loss_means(__global const float* restrict sums, __global float* restrict means, int planes, int blocks,
-                         int pixels, int first) {
+kernel void loss_means(global const float* restrict sums, global float* restrict means, int planes, int blocks,
+                       int pixels, int first) {
   const int i = get_global_id(0);
   if (i >= planes) return;
   float sum = 0.0f, lost = 0.0f;
@@ -189,8 +188,8 @@ __kernel void loss_means(__global const float* restrict sums, __global float* re
 // From means [1 + scales, planes], of d^2 and then of `off` scale by scale: out [3] = loss, mean squared error, similarity, and
 // by [scales, planes], what loss_gradient takes, times gradient_scale. H and W are those of the pictures. One work-item.
 // One scale: the mean of SSIM. Five: the mean over planes of the product of each scale's positive part to its power.
-__kernel void loss_value(__global const float* restrict means, __global float* restrict out, __global float* restrict by, int H,
-                         int W, int planes, int scales, float weight, float gradient_scale) {
+kernel void loss_value(global const float* restrict means, global float* restrict out, global float* restrict by, int H,
+                       int W, int planes, int scales, float weight, float gradient_scale) {
   const float power[5] = {0.0448f, 0.2856f, 0.3001f, 0.2363f, 0.1333f};
   float error = 0.0f, off = 0.0f;
   for (int i = 0; i < planes; ++i) {

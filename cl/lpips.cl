@@ -3,7 +3,7 @@
 // element of the output, in both flavours: next to the GEMMs this is nothing.
 
 // map [h w, side side]: for each place the rows of the picture under the window, -1 outside of it, which begins `pad` before it.
-__kernel void lpips_map(__global int* map, int N, int H, int W, int w, int side, int stride, int pad) {
+kernel void lpips_map(global int* map, int N, int H, int W, int w, int side, int stride, int pad) {
   const int i = get_global_id(0);
   if (i >= N) return;
   const int place = i / (side * side), tap = i % (side * side);
@@ -12,13 +12,13 @@ __kernel void lpips_map(__global int* map, int N, int H, int W, int w, int side,
 }
 
 // x [N], in place.
-__kernel void lpips_relu(__global float* x, int N) {
+kernel void lpips_relu(global float* x, int N) {
   const int i = get_global_id(0);
   if (i < N) x[i] = x[i] < 0.0f ? 0.0f : x[i];  // not fmax, which would hide a NaN
 }
 
 // out [h, w, C]: the largest value under each window, all of which lie in the picture.
-__kernel void lpips_pool(__global const float* in, __global float* out, int N, int W, int C, int w, int side, int stride) {
+kernel void lpips_pool(global const float* in, global float* out, int N, int W, int C, int w, int side, int stride) {
   const int i = get_global_id(0);
   if (i >= N) return;
   const int c = i % C, x = i / C % w * stride, y = i / C / w * stride;
@@ -34,8 +34,8 @@ __kernel void lpips_pool(__global const float* in, __global float* out, int N, i
 #pragma OPENCL FP_CONTRACT OFF
 
 // out [P]: sum over c of weight[c] (a[c] / |a| - b[c] / |b|)^2, where a, b [P, C] are a place's features and |.| has 1e-10 more.
-__kernel void lpips_distance(__global const float* a, __global const float* b, __global const float* weight, __global float* out, int P,
-                             int C) {
+kernel void lpips_distance(global const float* a, global const float* b, global const float* weight, global float* out,
+                           int P, int C) {
   const int p = get_global_id(0);
   if (p >= P) return;
   a += (size_t)p * C;

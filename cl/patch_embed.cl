@@ -15,36 +15,36 @@
 // patch_positions: one per (channel, token).
 #include "common.clh"
 
-__constant float image_mean[3] = {0.485f, 0.456f, 0.406f};
-__constant float image_deviation[3] = {0.229f, 0.224f, 0.225f};
+constant float image_mean[3] = {0.485f, 0.456f, 0.406f};
+constant float image_deviation[3] = {0.229f, 0.224f, 0.225f};
 
-__kernel void patch_rows(__global const float* images, __global float* rows, int V, int S, int p) {
+kernel void patch_rows(global const float* images, global float* rows, int V, int S, int p) {
   const int y = get_global_id(0), patch = get_global_id(1), v = get_global_id(2);
   const int t = S / p;
   if (y >= p || patch > t * t || v >= V) return;
-  __global float* to = rows + ((size_t)v * (1 + t * t) + patch) * 3 * p * p + (size_t)y * p;
+  global float* to = rows + ((size_t)v * (1 + t * t) + patch) * 3 * p * p + (size_t)y * p;
   if (patch == 0) {
     for (int c = 0; c < 3; ++c)
       for (int x = 0; x < p; ++x) to[(size_t)c * p * p + x] = 0.0f;
     return;
   }
   const int py = (patch - 1) / t, px = (patch - 1) % t;
-  __global const float* from = images + (((size_t)v * S + (size_t)py * p + y) * S + (size_t)px * p) * 3;
+  global const float* from = images + (((size_t)v * S + (size_t)py * p + y) * S + (size_t)px * p) * 3;
   for (int c = 0; c < 3; ++c)
     for (int x = 0; x < p; ++x) to[(size_t)c * p * p + x] = (from[3 * x + c] - image_mean[c]) / image_deviation[c];
 }
 
-__kernel void patch_tokens(__global const float* position, __global float* tokens, int V, int T, int C) {
+kernel void patch_tokens(global const float* position, global float* tokens, int V, int T, int C) {
   const int c0 = get_global_id(0) * 4, token = get_global_id(1), v = get_global_id(2);
   if (c0 >= C || token >= T || v >= V) return;
-  __global const float* from = position + (size_t)token * C + c0;
-  __global float* to = tokens + ((size_t)v * T + token) * C + c0;
+  global const float* from = position + (size_t)token * C + c0;
+  global float* to = tokens + ((size_t)v * T + token) * C + c0;
   const int count = min(4, C - c0);
   for (int c = 0; c < count; ++c) to[c] = token == 0 ? from[c] : to[c] + from[c];
 }
 
-__kernel void patch_positions(__global const float* dtokens, __global float* dposition, __global float* dpatches, int V,
-                              int T, int C) {
+kernel void patch_positions(global const float* dtokens, global float* dposition, global float* dpatches, int V, int T,
+                            int C) {
   const int c = get_global_id(0), token = get_global_id(1);
   if (c >= C || token >= T) return;
   float sum = 0.0f;

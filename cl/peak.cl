@@ -15,7 +15,7 @@
 #define LOAD CAT(vload, WIDTH)
 
 // Each work-item does steps * CHAINS * WIDTH multiply-adds. out [work-items, WIDTH]
-__kernel void peak_fma(int steps, float a, __global float* out) {
+kernel void peak_fma(int steps, float a, global float* out) {
   const size_t i = get_global_id(0);
   const VEC b = (VEC)(a * 0.5f), c = (VEC)(a);
   VEC s[CHAINS];
@@ -32,7 +32,7 @@ __kernel void peak_fma(int steps, float a, __global float* out) {
 }
 
 // y = a + s b over n vectors: two reads and a write of each. One work-item per vector.
-__kernel void peak_stream(int n, float s, __global const float* a, __global const float* b, __global float* y) {
+kernel void peak_stream(int n, float s, global const float* a, global const float* b, global float* y) {
   const size_t i = get_global_id(0);
   if (i < (size_t)n) STORE(FMA(LOAD(i, b), (VEC)(s), LOAD(i, a)), i, y);
 }

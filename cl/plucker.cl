@@ -6,7 +6,7 @@
 // One work-item per patch.
 #include "common.clh"
 
-static inline void real_sh3(float3 p, __global float* out) {
+static inline void real_sh3(float3 p, global float* out) {
   const float x = p.x, y = p.y, z = p.z, x2 = x * x, y2 = y * y, z2 = z * z;
   out[0] = 0.282094791773878f;
   out[1] = -0.48860251190292f * y;
@@ -26,13 +26,13 @@ static inline void real_sh3(float3 p, __global float* out) {
   out[15] = -0.590043589926644f * x * (x2 - 3.0f * y2);
 }
 
-__kernel void plucker(__global const float* c2w, __global const float* intrinsics, __global float* out, int V, int t,
-                      float patch) {
+kernel void plucker(global const float* c2w, global const float* intrinsics, global float* out, int V, int t,
+                    float patch) {
   const int i = get_global_id(0);
   if (i >= V * t * t) return;
   const int v = i / (t * t), py = i / t % t, px = i % t;
-  __global const float* m = c2w + v * 16;
-  __global const float* k = intrinsics + v * 4;
+  global const float* m = c2w + v * 16;
+  global const float* k = intrinsics + v * 4;
   const float dx = ((px + 0.5f) * patch - k[2]) / k[0], dy = ((py + 0.5f) * patch - k[3]) / k[1];
   float3 d = (float3)(m[0] * dx + m[1] * dy + m[2], m[4] * dx + m[5] * dy + m[6], m[8] * dx + m[9] * dy + m[10]);
   d = d / sqrt(d.x * d.x + d.y * d.y + d.z * d.z);

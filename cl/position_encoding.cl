@@ -3,11 +3,12 @@
 // A work-item per point. sin and cos are the accurate ones: 2^9 x is far outside the first period.
 #define BANDS 10
 
-__kernel void position_encoding_fwd(__global const float* restrict points, __global float* restrict out, int P, int W, int column) {
+kernel void position_encoding_fwd(global const float* restrict points, global float* restrict out, int P, int W,
+                                  int column) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 x = vload3(p, points);
-  __global float* to = out + (long)p * W + column;
+  global float* to = out + (long)p * W + column;
   vstore3(x, 0, to);
   for (int i = 0; i < BANDS; ++i) {
     const float3 y = x * (float)(1 << i);
@@ -17,12 +18,12 @@ __kernel void position_encoding_fwd(__global const float* restrict points, __glo
 }
 
 // Backward: dpoints [P,3], to row p of which is added what dout [P,W]'s columns from `column` on make of it. A work-item per point.
-__kernel void position_encoding_bwd(__global const float* restrict points, __global const float* restrict dout,
-                                    __global float* restrict dpoints, int P, int W, int column) {
+kernel void position_encoding_bwd(global const float* restrict points, global const float* restrict dout,
+                                  global float* restrict dpoints, int P, int W, int column) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 x = vload3(p, points);
-  __global const float* from = dout + (long)p * W + column;
+  global const float* from = dout + (long)p * W + column;
   float3 sum = vload3(0, from);
   for (int i = 0; i < BANDS; ++i) {
     const float f = (float)(1 << i);

@@ -7,8 +7,8 @@
 #include "common.clh"
 
 // Row `token` > 0 of what a grid of `from` x `from` tokens becomes on one of to x to.
-static inline float resampled(__global const float* grid, __global const int* first, __global const float* weight,
-                              int token, int from, int to, int n, int C, int c) {
+static inline float resampled(global const float* grid, global const int* first, global const float* weight, int token,
+                              int from, int to, int n, int C, int c) {
   const int y = (token - 1) / to, x = (token - 1) % to;
   float sum = 0.0f;
   for (int j = 0; j < n; ++j) {
@@ -23,9 +23,8 @@ static inline float resampled(__global const float* grid, __global const int* fi
   return sum;
 }
 
-__kernel void position_resample(__global const float* stored, __global const float* class_token,
-                                __global const int* first, __global const float* weight, __global float* out, int g,
-                                int t, int n, int C) {
+kernel void position_resample(global const float* stored, global const float* class_token, global const int* first,
+                              global const float* weight, global float* out, int g, int t, int n, int C) {
   const int c = get_global_id(0), token = get_global_id(1);
   if (c >= C || token > t * t) return;
   out[(size_t)token * C + c] =
@@ -33,9 +32,8 @@ __kernel void position_resample(__global const float* stored, __global const flo
 }
 
 // first [g], weight [g, n]: the output rows (or columns) that draw on a stored one, and how much each does.
-__kernel void position_resample_backward(__global const float* dout, __global const int* first,
-                                         __global const float* weight, __global float* dstored, __global float* dclass,
-                                         int g, int t, int n, int C) {
+kernel void position_resample_backward(global const float* dout, global const int* first, global const float* weight,
+                                       global float* dstored, global float* dclass, int g, int t, int n, int C) {
   const int c = get_global_id(0), token = get_global_id(1);
   if (c >= C || token > g * g) return;
   if (token == 0) {

@@ -121,7 +121,8 @@ static inline Shape shape_of(Batch g, global const float* camera) {
   s.v = fy * yz + camera[18];
 
   // Rows of J W: fx/z (W0 - x/z W2), fy/z (W1 - y/z W2); their cross product is fx fy / z^2 (x/z W0 + y/z W1 + W2).
-  const real sx = clamp(xz, (real)(-camera[19]), (real)(camera[19])), sy = clamp(yz, (real)(-camera[20]), (real)(camera[20]));
+  const real sx = clamp(xz, (real)(-camera[19]), (real)(camera[19])),
+             sy = clamp(yz, (real)(-camera[20]), (real)(camera[20]));
   const real fxz = fx * rz, fyz = fy * rz, fn = fxz * fyz;
   const real3 j1 = {fxz * (w0 - sx * w6), fxz * (w1 - sx * w7), fxz * (w2 - sx * w8)};
   const real3 j2 = {fyz * (w3 - sy * w6), fyz * (w4 - sy * w7), fyz * (w5 - sy * w8)};
@@ -150,8 +151,9 @@ static inline Shape shape_of(Batch g, global const float* camera) {
 static inline real log2_of(real x) {
   const ireal bits = AS_IREAL(x) - 0x3f3504f3;
   const real m = AS_REAL((bits & 0x007fffff) + 0x3f3504f3), s = (m - 1.0f) / (m + 1.0f), s2 = s * s;
-  const real series = FMA(FMA(FMA(FMA(s2, (real)(1.0f / 9), (real)(1.0f / 7)), s2, (real)(1.0f / 5)), s2,
-                              (real)(1.0f / 3)), s2, (real)(1.0f));
+  const real series =
+      FMA(FMA(FMA(FMA(s2, (real)(1.0f / 9), (real)(1.0f / 7)), s2, (real)(1.0f / 5)), s2, (real)(1.0f / 3)), s2,
+          (real)(1.0f));
   return FMA(2.0f * LOG2E * s, series, TO_REAL(bits >> 23));
 }
 
@@ -195,8 +197,8 @@ kernel void project_cull(global const float* means, global const float* scales, 
   vstore2((uint2)(rx, ry), 0, out);
   keys[base + first] = as_uint(s.z);
 #else
-  const uint16 low = (uint16)(rx.s0, ry.s0, rx.s1, ry.s1, rx.s2, ry.s2, rx.s3, ry.s3, rx.s4, ry.s4, rx.s5, ry.s5,
-                              rx.s6, ry.s6, rx.s7, ry.s7);
+  const uint16 low = (uint16)(rx.s0, ry.s0, rx.s1, ry.s1, rx.s2, ry.s2, rx.s3, ry.s3, rx.s4, ry.s4, rx.s5, ry.s5, rx.s6,
+                              ry.s6, rx.s7, ry.s7);
   const uint16 high = (uint16)(rx.s8, ry.s8, rx.s9, ry.s9, rx.sa, ry.sa, rx.sb, ry.sb, rx.sc, ry.sc, rx.sd, ry.sd,
                                rx.se, ry.se, rx.sf, ry.sf);
   if (first + 16 <= n) {
@@ -286,7 +288,8 @@ kernel void project(global const float* means, global const float* scales, globa
   const int end = min(n - first, 16);
   for (int l = 0; l < end; ++l) {
     global const float* c = sh + (size_t)(ids[first + l] - base) * S * 3;
-    private const float* b = (private const float*)basis + l;
+   private
+    const float* b = (private const float*)basis + l;
     // Four at a time; the next coefficient's red comes along and goes unused.
     float4 even = 0.5f, odd = 0.0f;
     int i = 0;

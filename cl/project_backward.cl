@@ -14,7 +14,8 @@
 
 // Of coefficient i, with its basis function and the function's gradient: adds to the coefficient's gradient, returns the
 // direction's.
-static inline float3 sh_term(global const float* sh, global float* g_sh, int i, float3 by_colour, float basis, float3 slope) {
+static inline float3 sh_term(global const float* sh, global float* g_sh, int i, float3 by_colour, float basis,
+                             float3 slope) {
   vstore3(vload3(i, g_sh) + basis * by_colour, i, g_sh);
   return dot(vload3(i, sh), by_colour) * slope;
 }
@@ -64,10 +65,11 @@ static inline void add3(float3 value, int i, global float* to) { vstore3(vload3(
 
 kernel void project_backward(global const float* means, global const float* scales, global const float* quats,
                              global const float* opacities, global const float* sh, global const float* views, int view,
-                             int mirrored, global const uint* ids, global const float* records, global const float* rows,
-                             global const uchar* touched, global const uint* offsets, global float* g_means,
-                             global float* g_scales, global float* g_quats, global float* g_opacities, global float* g_sh,
-                             global float* twists, int N, int K, int base, int S) {
+                             int mirrored, global const uint* ids, global const float* records,
+                             global const float* rows, global const uchar* touched, global const uint* offsets,
+                             global float* g_means, global float* g_scales, global float* g_quats,
+                             global float* g_opacities, global float* g_sh, global float* twists, int N, int K,
+                             int base, int S) {
   const int n = get_global_id(0);
   if (n >= N || ids[n] < (uint)base || ids[n] - (uint)base >= (uint)K) return;
   float8 low = 0.0f;
@@ -89,7 +91,8 @@ kernel void project_backward(global const float* means, global const float* scal
   const float k = form.y, X = -2.0f * LN2 * form.z, Y = -2.0f * LN2 * form.w;
   const float py = Y * low.s2, px = X * low.s1 - k * py;
   const float pyy = Y * Y * low.s5, pxy = X * Y * low.s4 - k * pyy, pxx = X * X * low.s3 - k * (X * Y * low.s4 + pxy);
-  const float3 by_tint = (float3)(tint.x > 0.0f ? low.s6 : 0.0f, tint.y > 0.0f ? low.s7 : 0.0f, tint.z > 0.0f ? high.x : 0.0f);
+  const float3 by_tint =
+      (float3)(tint.x > 0.0f ? low.s6 : 0.0f, tint.y > 0.0f ? low.s7 : 0.0f, tint.z > 0.0f ? high.x : 0.0f);
 
   const size_t i = ids[n] - base;
   g_opacities[i] += low.s0 / opacities[i];
@@ -99,29 +102,36 @@ kernel void project_backward(global const float* means, global const float* scal
   const float3 W0 = vload3(0, camera), W1 = vload3(1, camera), W2 = vload3(2, camera);
   const float3 mean = vload3(i, means), s = vload3(i, scales);
   const float3 d = (mean - vload3(3, camera)) - vload3(4, camera);
-  const float fx = camera[15], fy = camera[16], z = dot(W2, d), rz = 1.0f / z, xz = dot(W0, d) * rz, yz = dot(W1, d) * rz;
+  const float fx = camera[15], fy = camera[16], z = dot(W2, d), rz = 1.0f / z, xz = dot(W0, d) * rz,
+              yz = dot(W1, d) * rz;
   const float sx = clamp(xz, -camera[19], camera[19]), sy = clamp(yz, -camera[20], camera[20]);
   const float3 j1 = fx * rz * (W0 - sx * W2), j2 = fy * rz * (W1 - sy * W2);
   float4 q = vload4(i, quats);
   const float q2 = dot(q, q), q1 = q2 > 0.0f ? rsqrt(q2) : 0.0f;
   q *= q1;
-  const float3 r0 = (float3)(1.0f - 2.0f * (q.z * q.z + q.w * q.w), 2.0f * (q.y * q.z + q.x * q.w), 2.0f * (q.y * q.w - q.x * q.z));
-  const float3 r1 = (float3)(2.0f * (q.y * q.z - q.x * q.w), 1.0f - 2.0f * (q.y * q.y + q.w * q.w), 2.0f * (q.z * q.w + q.x * q.y));
-  const float3 r2 = (float3)(2.0f * (q.y * q.w + q.x * q.z), 2.0f * (q.z * q.w - q.x * q.y), 1.0f - 2.0f * (q.y * q.y + q.z * q.z));
-  const float3 a1 = (float3)(dot(j1, r0), dot(j1, r1), dot(j1, r2)), a2 = (float3)(dot(j2, r0), dot(j2, r1), dot(j2, r2));
+  const float3 r0 =
+      (float3)(1.0f - 2.0f * (q.z * q.z + q.w * q.w), 2.0f * (q.y * q.z + q.x * q.w), 2.0f * (q.y * q.w - q.x * q.z));
+  const float3 r1 =
+      (float3)(2.0f * (q.y * q.z - q.x * q.w), 1.0f - 2.0f * (q.y * q.y + q.w * q.w), 2.0f * (q.z * q.w + q.x * q.y));
+  const float3 r2 =
+      (float3)(2.0f * (q.y * q.w + q.x * q.z), 2.0f * (q.z * q.w - q.x * q.y), 1.0f - 2.0f * (q.y * q.y + q.z * q.z));
+  const float3 a1 = (float3)(dot(j1, r0), dot(j1, r1), dot(j1, r2)),
+               a2 = (float3)(dot(j2, r0), dot(j2, r1), dot(j2, r2));
 
   // Covariance = s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s; then a = j R, j = J W.
   const float3 by_s1 = (pxx * a1 + pxy * a2) * s, by_s2 = (pxy * a1 + pyy * a2) * s;
   add3(by_s1 * a1 + by_s2 * a2, i, g_scales);
   const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
-  const float4 by_q = rotation_backward(q, by_a1.x * j1 + by_a2.x * j2, by_a1.y * j1 + by_a2.y * j2, by_a1.z * j1 + by_a2.z * j2);
+  const float4 by_q =
+      rotation_backward(q, by_a1.x * j1 + by_a2.x * j2, by_a1.y * j1 + by_a2.y * j2, by_a1.z * j1 + by_a2.z * j2);
   vstore4(vload4(i, g_quats) + q1 * (by_q - dot(by_q, q) * q), i, g_quats);
   const float3 by_j1 = by_a1.x * r0 + by_a1.y * r1 + by_a1.z * r2, by_j2 = by_a2.x * r0 + by_a2.y * r1 + by_a2.z * r2;
 
   // The place in the camera: through u, v, z and the Jacobian.
   const float by_sx = -fx * rz * dot(by_j1, W2), by_sy = -fy * rz * dot(by_j2, W2);
   const float by_xz = -fx * px + (sx == xz ? by_sx : 0.0f), by_yz = -fy * py + (sy == yz ? by_sy : 0.0f);
-  const float3 by_place = (float3)(by_xz, by_yz, high.y * z - dot(by_j1, j1) - dot(by_j2, j2) - by_xz * xz - by_yz * yz) * rz;
+  const float3 by_place =
+      (float3)(by_xz, by_yz, high.y * z - dot(by_j1, j1) - dot(by_j2, j2) - by_xz * xz - by_yz * yz) * rz;
   const float3 by_mean = by_place.x * W0 + by_place.y * W1 + by_place.z * W2;
 
   float3 from = (mean - (float3)(camera[22], camera[23], camera[24])) - (float3)(camera[25], camera[26], camera[27]);

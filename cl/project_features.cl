@@ -6,13 +6,14 @@
 #include "sample.clh"
 #include "vector16.clh"
 
-static inline float view_weight(float3 point, __global const float* c2w, float depth, int by_distance) {
+static inline float view_weight(float3 point, global const float* c2w, float depth, int by_distance) {
   const float d = by_distance ? length(point - (float3)(c2w[3], c2w[7], c2w[11])) : depth;
   return 1.0f / (d + 1e-6f);
 }
 
 // The views' weights of a point, added up.
-static inline float weight_of_views(float3 point, __global const float* w2c, __global const float* c2w, int V, int by_distance) {
+static inline float weight_of_views(float3 point, global const float* w2c, global const float* c2w, int V,
+                                    int by_distance) {
   float total = 0.0f;
   for (int v = 0; v < V; ++v) {
     const float depth = dot(vload4(2, w2c + 16 * v), (float4)(point, 1.0f));
@@ -22,43 +23,44 @@ static inline float weight_of_views(float3 point, __global const float* w2c, __g
 }
 
 // Where view v sees the point: p0..p3 at the first channel of its four texels, with their weights.
-#define TEXELS(v)                                                                                                         \
-  const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);                        \
-  const float4 a = f.weight * (view_weight(point, c2w + 16 * v, f.depth, by_distance) / total);                           \
-  __global const float* map = features + (long)v * t * t * C;                                                             \
-  __global const float *p0 = map + (long)f.texel.x * C, *p1 = map + (long)f.texel.y * C;                                  \
-  __global const float *p2 = map + (long)f.texel.z * C, *p3 = map + (long)f.texel.w * C;
+#define TEXELS(v)                                                                                  \
+  const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t); \
+  const float4 a = f.weight * (view_weight(point, c2w + 16 * v, f.depth, by_distance) / total);    \
+  global const float* map = features + (long)v * t * t * C;                                        \
+  global const float *p0 = map + (long)f.texel.x * C, *p1 = map + (long)f.texel.y * C;             \
+  global const float *p2 = map + (long)f.texel.z * C, *p3 = map + (long)f.texel.w * C;
 
-__kernel void project_features_cpu(__global const float* restrict features, __global const float* restrict points,
-                                   __global const float* restrict w2c, __global const float* restrict c2w,
-                                   __global const float* restrict intrinsics, __global float* restrict out, int P, int V, int t, int C,
-                                   float image, float half_pixel, int by_distance) {
+kernel void project_features_cpu(global const float* restrict features, global const float* restrict points,
+                                 global const float* restrict w2c, global const float* restrict c2w,
+                                 global const float* restrict intrinsics, global float* restrict out, int P, int V,
+                                 int t, int C, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 point = vload3(p, points);
   const float total = weight_of_views(point, w2c, c2w, V, by_distance);
-  __global float* to = out + (long)p * C;
+  global float* to = out + (long)p * C;
   for (int v = 0; v < V; ++v) {
     TEXELS(v)
     int c = 0;
     for (; c + 16 <= C; c += 16) {
       const float16 sum = v == 0 ? (float16)(0.0f) : vload16(0, to + c);
-      vstore16(sum + (a.x * vload16(0, p0 + c) + a.y * vload16(0, p1 + c) + a.z * vload16(0, p2 + c) + a.w * vload16(0, p3 + c)), 0,
-               to + c);
+      vstore16(sum + (a.x * vload16(0, p0 + c) + a.y * vload16(0, p1 + c) + a.z * vload16(0, p2 + c) +
+                      a.w * vload16(0, p3 + c)),
+               0, to + c);
     }
     for (; c < C; ++c) to[c] = (v == 0 ? 0.0f : to[c]) + (a.x * p0[c] + a.y * p1[c] + a.z * p2[c] + a.w * p3[c]);
   }
 }
 
-__kernel void project_features_gpu(__global const float* restrict features, __global const float* restrict points,
-                                   __global const float* restrict w2c, __global const float* restrict c2w,
-                                   __global const float* restrict intrinsics, __global float* restrict out, int P, int V, int t, int C,
-                                   float image, float half_pixel, int by_distance) {
+kernel void project_features_gpu(global const float* restrict features, global const float* restrict points,
+                                 global const float* restrict w2c, global const float* restrict c2w,
+                                 global const float* restrict intrinsics, global float* restrict out, int P, int V,
+                                 int t, int C, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(1);
   if (p >= P) return;
   const float3 point = vload3(p, points);
   const float total = weight_of_views(point, w2c, c2w, V, by_distance);
-  __global float* to = out + (long)p * C;
+  global float* to = out + (long)p * C;
   for (int v = 0; v < V; ++v) {
     TEXELS(v)
     for (int c = get_global_id(0); c < C; c += get_global_size(0)) {
@@ -75,10 +77,10 @@ __kernel void project_features_gpu(__global const float* restrict features, __gl
 //   dpoints [P,3]                        added to
 
 // A work-item per point.
-__kernel void project_features_texels(__global const float* restrict points, __global const float* restrict w2c,
-                                      __global const float* restrict c2w, __global const float* restrict intrinsics,
-                                      __global int4* restrict index, __global float4* restrict weight, int P, int V, int t, float image,
-                                      float half_pixel, int by_distance) {
+kernel void project_features_texels(global const float* restrict points, global const float* restrict w2c,
+                                    global const float* restrict c2w, global const float* restrict intrinsics,
+                                    global int4* restrict index, global float4* restrict weight, int P, int V, int t,
+                                    float image, float half_pixel, int by_distance) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 point = vload3(p, points);
@@ -91,21 +93,22 @@ __kernel void project_features_texels(__global const float* restrict points, __g
 }
 
 // A work-item per point and view.
-__kernel void project_features_dots_cpu(__global const float* restrict features, __global const float* restrict points,
-                                        __global const float* restrict w2c, __global const float* restrict intrinsics,
-                                        __global const float* restrict dout, __global float4* restrict dots, int P, int V, int t, int C,
-                                        float image, float half_pixel) {
+kernel void project_features_dots_cpu(global const float* restrict features, global const float* restrict points,
+                                      global const float* restrict w2c, global const float* restrict intrinsics,
+                                      global const float* restrict dout, global float4* restrict dots, int P, int V,
+                                      int t, int C, float image, float half_pixel) {
   const int p = get_global_id(0) / V, v = get_global_id(0) % V;
   if (p >= P) return;
   const Footprint f = footprint(vload3(p, points), w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
-  __global const float* map = features + (long)v * t * t * C;
-  __global const float* dy = dout + (long)p * C;
-  const int texel[4] = {f.texel.x, f.texel.y, f.texel.z, f.texel.w}, inside[4] = {f.inside.x, f.inside.y, f.inside.z, f.inside.w};
+  global const float* map = features + (long)v * t * t * C;
+  global const float* dy = dout + (long)p * C;
+  const int texel[4] = {f.texel.x, f.texel.y, f.texel.z, f.texel.w},
+            inside[4] = {f.inside.x, f.inside.y, f.inside.z, f.inside.w};
   float dot_of[4];
   for (int k = 0; k < 4; ++k) {
     dot_of[k] = 0.0f;
     if (!inside[k]) continue;
-    __global const float* x = map + (long)texel[k] * C;
+    global const float* x = map + (long)texel[k] * C;
     float16 sums = (float16)(0.0f);
     for (int c = 0; c < C; c += 16) sums += load_part(x + c, C - c) * load_part(dy + c, C - c);
     dot_of[k] = sum_of(sums);
@@ -115,15 +118,15 @@ __kernel void project_features_dots_cpu(__global const float* restrict features,
 
 // A work-group of DOT_LANES work-items per point and view.
 #define DOT_LANES 64
-__kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_features_dots_gpu(
-    __global const float* restrict features, __global const float* restrict points, __global const float* restrict w2c,
-    __global const float* restrict intrinsics, __global const float* restrict dout, __global float4* restrict dots, int P, int V, int t,
-    int C, float image, float half_pixel) {
-  __local float4 part[DOT_LANES];
+kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_features_dots_gpu(
+    global const float* restrict features, global const float* restrict points, global const float* restrict w2c,
+    global const float* restrict intrinsics, global const float* restrict dout, global float4* restrict dots, int P,
+    int V, int t, int C, float image, float half_pixel) {
+  local float4 part[DOT_LANES];
   const int pair = get_group_id(0), p = pair / V, v = pair % V, lane = get_local_id(0);
   const Footprint f = footprint(vload3(p, points), w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
-  __global const float* map = features + (long)v * t * t * C;
-  __global const float* dy = dout + (long)p * C;
+  global const float* map = features + (long)v * t * t * C;
+  global const float* dy = dout + (long)p * C;
   float4 sum = (float4)(0.0f);
   for (int c = lane; c < C; c += DOT_LANES) {
     if (f.inside.x) sum.x += map[(long)f.texel.x * C + c] * dy[c];
@@ -140,10 +143,10 @@ __kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_fea
 }
 
 // A work-item per point.
-__kernel void project_features_points(__global const float* restrict points, __global const float* restrict w2c,
-                                      __global const float* restrict c2w, __global const float* restrict intrinsics,
-                                      __global const float4* restrict dots, __global float* restrict dpoints, int P, int V, int t,
-                                      float image, float half_pixel, int by_distance) {
+kernel void project_features_points(global const float* restrict points, global const float* restrict w2c,
+                                    global const float* restrict c2w, global const float* restrict intrinsics,
+                                    global const float4* restrict dots, global float* restrict dpoints, int P, int V,
+                                    int t, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 point = vload3(p, points);
@@ -156,7 +159,7 @@ __kernel void project_features_points(__global const float* restrict points, __g
   }
   float3 sum = (float3)(0.0f);
   for (int v = 0; v < V; ++v) {
-    __global const float* m = w2c + 16 * v;
+    global const float* m = w2c + 16 * v;
     const float4 k = vload4(v, intrinsics), h = dots[(long)p * V + v];
     const Footprint f = footprint(point, m, k, image, half_pixel, t);
     const float a = view_weight(point, c2w + 16 * v, f.depth, by_distance), n = a / total;
@@ -175,8 +178,10 @@ __kernel void project_features_points(__global const float* restrict points, __g
     // The map's column is fx t / image * X / Z plus a constant, the row fy t / image * Y / Z, of camera coordinates X, Y, Z.
     const float4 at = (float4)(point, 1.0f);
     const float x = dot(vload4(0, m), at) / f.depth, y = dot(vload4(1, m), at) / f.depth;
-    const float by_cx = n * by_x * k.x * (float)t / image / f.depth, by_cy = n * by_y * k.y * (float)t / image / f.depth;
-    sum += by_cx * (float3)(m[0], m[1], m[2]) + by_cy * (float3)(m[4], m[5], m[6]) - (by_cx * x + by_cy * y) * (float3)(m[8], m[9], m[10]);
+    const float by_cx = n * by_x * k.x * (float)t / image / f.depth,
+                by_cy = n * by_y * k.y * (float)t / image / f.depth;
+    sum += by_cx * (float3)(m[0], m[1], m[2]) + by_cy * (float3)(m[4], m[5], m[6]) -
+           (by_cx * x + by_cy * y) * (float3)(m[8], m[9], m[10]);
   }
   vstore3(vload3(p, dpoints) + sum, p, dpoints);
 }

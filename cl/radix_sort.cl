@@ -46,7 +46,8 @@ kernel void radix_scatter_cpu(global const key_type* keys, global const uint* va
 #else
 
 // count [mask + 1][WG]: how many keys of each digit each item's run has. Ends with a barrier.
-static inline void count_runs(global const key_type* keys, local uint* count, uint begin, uint end, int shift, uint mask) {
+static inline void count_runs(global const key_type* keys, local uint* count, uint begin, uint end, int shift,
+                              uint mask) {
   const uint item = get_local_id(0);
   for (uint d = 0; d <= mask; ++d) count[d * WG + item] = 0;
   for (uint i = begin; i < end; ++i) ++count[digit_of(keys[i], shift, mask) * WG + item];

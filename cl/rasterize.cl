@@ -46,8 +46,8 @@ static inline void reach_blocks(const float* records, uint n, float corner_x, fl
 }
 
 // Four pixels side by side, as far as they are in the picture.
-static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, global float* colour, global float* alpha,
-                             global float* depth, int width, int height, int x, int y) {
+static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, global float* colour,
+                             global float* alpha, global float* depth, int width, int height, int x, int y) {
   if (y >= height) return;
   const size_t pixel = (size_t)y * width + x;
   if (x + 4 <= width) {
@@ -57,8 +57,8 @@ static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, g
     vstore4(z, 0, depth + pixel);
     return;
   }
-  const float rest[5][4] = {{r.x, r.y, r.z, r.w}, {g.x, g.y, g.z, g.w}, {b.x, b.y, b.z, b.w}, {a.x, a.y, a.z, a.w},
-                            {z.x, z.y, z.z, z.w}};
+  const float rest[5][4] = {
+      {r.x, r.y, r.z, r.w}, {g.x, g.y, g.z, g.w}, {b.x, b.y, b.z, b.w}, {a.x, a.y, a.z, a.w}, {z.x, z.y, z.z, z.w}};
   for (int i = 0; x + i < width; ++i) {
     for (int c = 0; c < 3; ++c) colour[3 * (pixel + i) + c] = rest[c][i];
     alpha[pixel + i] = rest[3][i];
@@ -83,7 +83,8 @@ kernel void rasterize_cpu(global const float* records, global const uint* ids, g
   for (int b = 0; b < BLOCKS; ++b) {
     column[b] = lane_x + (float)(4 * (b & 3));
     row[b] = lane_y + (float)(4 * (b >> 2));
-    T[b] = select((float16)(0.0f), (float16)(1.0f), (column[b] < (float)(width - x0)) & (row[b] < (float)(height - y0)));
+    T[b] =
+        select((float16)(0.0f), (float16)(1.0f), (column[b] < (float)(width - x0)) & (row[b] < (float)(height - y0)));
     red[b] = green[b] = blue[b] = sum[b] = far[b] = 0.0f;
     if (x0 + 4 * (b & 3) < width && y0 + 4 * (b >> 2) < height) alive |= 1u << b;
   }
@@ -140,10 +141,10 @@ kernel void rasterize_cpu(global const float* records, global const uint* ids, g
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
 
-kernel void rasterize_gpu(global const float* records, global const uint* ids,
-                          global const uint* starts, global float* colour, global float* alpha, global float* depth,
-                          int width, int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                          float background_r, float background_g, float background_b) {
+kernel void rasterize_gpu(global const float* records, global const uint* ids, global const uint* starts,
+                          global float* colour, global float* alpha, global float* depth, int width, int height,
+                          int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
+                          float background_b) {
   local float4 place[WG], form[WG], tint[WG];
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);

@@ -49,7 +49,8 @@ static inline void load_colours(global const float* picture, int x, int y, int w
       vstore4((float4)(a.y, b.x, b.w, c.z), row, values[1]);
       vstore4((float4)(a.z, b.y, c.x, c.w), row, values[2]);
     } else {
-      for (int i = 0; i < 3 * BLOCK; ++i) values[i % 3][BLOCK * row + i / 3] = there && x + i / 3 < width ? from[i] : 0.0f;
+      for (int i = 0; i < 3 * BLOCK; ++i)
+        values[i % 3][BLOCK * row + i / 3] = there && x + i / 3 < width ? from[i] : 0.0f;
     }
   }
   for (int c = 0; c < 3; ++c) channels[c] = vload16(0, values[c]);
@@ -68,9 +69,9 @@ static inline float16 fold1(float16 a, float16 b) { return (float16)(a.even, b.e
 kernel void rasterize_backward_cpu(global const float* records, global const uint* ids, global const uint* starts,
                                    global const uint* slots, global const float* colour, global const float* alpha,
                                    global const float* depth, global const float* g_colour, global const float* g_alpha,
-                                   global const float* g_depth, global float* rows, global uchar* touched, int width, int height,
-                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
-                                   float background_b) {
+                                   global const float* g_depth, global float* rows, global uchar* touched, int width,
+                                   int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
+                                   float background_r, float background_g, float background_b) {
   const int tile = get_global_id(0);
   if (tile >= tile_count) return;
   const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
@@ -122,7 +123,8 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
     for (int i = 0; i < n; i += LANES) {
       const float16 us = vload16(0, u + i), vs = vload16(0, v + i), ks = vload16(0, k + i);
       const float16 x2 = vload16(0, qx + i), t2 = vload16(0, qy + i), room = vload16(0, lo + i) + (LOG2_255 + 0.01f);
-      const float16 margin = 0.01f + 1e-6f * (fabs(us) + fabs(vs) + fabs(ks * us)), edge = (float)(BLOCK - 1) + 2.0f * margin;
+      const float16 margin = 0.01f + 1e-6f * (fabs(us) + fabs(vs) + fabs(ks * us)),
+                    edge = (float)(BLOCK - 1) + 2.0f * margin;
       int16 mask = 0;
       for (int by = 0; by < BLOCK; ++by) {
         const float16 high = vs - (float)(BLOCK * by) + margin;
@@ -188,15 +190,16 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
 kernel void rasterize_backward_gpu(global const float* records, global const uint* ids, global const uint* starts,
                                    global const uint* slots, global const float* colour, global const float* alpha,
                                    global const float* depth, global const float* g_colour, global const float* g_alpha,
-                                   global const float* g_depth, global float* rows, global uchar* touched, int width, int height,
-                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
-                                   float background_b) {
+                                   global const float* g_depth, global float* rows, global uchar* touched, int width,
+                                   int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
+                                   float background_r, float background_g, float background_b) {
   local float4 place[WG], form[WG], tint[WG];
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
-  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE, x = item % TILE, y = item / TILE;
+  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE, x = item % TILE,
+            y = item / TILE;
   float T[PIXELS], base[PIXELS], rest[PIXELS];
   float4 grad[PIXELS];  // by red, green, blue, depth
   for (int p = 0; p < PIXELS; ++p) {
@@ -209,7 +212,8 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
     if (inside && g_depth) grad[p].w = g_depth[at];
     const float ga = inside && g_alpha ? g_alpha[at] : 0.0f;
     const float3 background = (float3)(background_r, background_g, background_b);
-    rest[p] = inside ? dot(grad[p].xyz, vload3(at, colour) - background) + grad[p].w * depth[at] + ga * alpha[at] : 0.0f;
+    rest[p] =
+        inside ? dot(grad[p].xyz, vload3(at, colour) - background) + grad[p].w * depth[at] + ga * alpha[at] : 0.0f;
     base[p] = ga - dot(grad[p].xyz, background);
   }
   const uint end = starts[tile + 1];

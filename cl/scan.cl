@@ -11,7 +11,7 @@
 #endif
 
 // Sum of the EACH elements from `first` on, those past n counting as 0.
-static inline uint sum_of_each(__global const uint* in, uint first, uint n) {
+static inline uint sum_of_each(global const uint* in, uint first, uint n) {
   uint total = 0;
   if (first + EACH <= n) {
     uint16 sum = vload16(0, in + first);
@@ -26,9 +26,9 @@ static inline uint sum_of_each(__global const uint* in, uint first, uint n) {
 }
 
 // sums [number of blocks]: the sum of each block.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_sums(__global const uint* restrict in,
-                                                                           __global uint* restrict sums, uint n) {
-  __local uint part[GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_sums(global const uint* restrict in,
+                                                                         global uint* restrict sums, uint n) {
+  local uint part[GROUP];
   const uint item = get_local_id(0);
   part[item] = sum_of_each(in, (uint)get_group_id(0) * GROUP * EACH + item * EACH, n);
   for (uint step = GROUP / 2; step > 0; step /= 2) {
@@ -39,10 +39,10 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_sums(__glo
 }
 
 // before [number of blocks + 1]: the exclusive scan of the sums; with one block it is not read.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_blocks(__global const uint* restrict in,
-                                                                             __global const uint* restrict before,
-                                                                             __global uint* restrict out, uint n) {
-  __local uint part[2][GROUP];
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_blocks(global const uint* restrict in,
+                                                                           global const uint* restrict before,
+                                                                           global uint* restrict out, uint n) {
+  local uint part[2][GROUP];
   const uint item = get_local_id(0);
   const uint first = (uint)get_group_id(0) * GROUP * EACH + item * EACH;
   const uint own = sum_of_each(in, first, n);

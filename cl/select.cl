@@ -8,9 +8,10 @@
 #include "common.clh"
 #include "rng.clh"
 
-__kernel void select_fwd(__global const float* restrict logits, __global const float* restrict noise,
-                         __global const float* restrict opacities, __global float* restrict factor, __global float* restrict refined,
-                         __global uint* restrict flags, int n, int variant, float temperature, float threshold) {
+kernel void select_fwd(global const float* restrict logits, global const float* restrict noise,
+                       global const float* restrict opacities, global float* restrict factor,
+                       global float* restrict refined, global uint* restrict flags, int n, int variant,
+                       float temperature, float threshold) {
   const int i = get_global_id(0);
   if (i >= n) return;
   float value = 1.0f;
@@ -29,9 +30,10 @@ __kernel void select_fwd(__global const float* restrict logits, __global const f
 
 // Backward: drefined is the loss by refined; dlogits [n] (may be null) and dopacities are written; dopacities may be drefined.
 // Variant 3's factor has its own derivative taken for that of sigmoid(logit); variant 4 has none by the logit.
-__kernel void select_backward(__global const float* restrict logits, __global const float* restrict noise,
-                              __global const float* restrict opacities, __global const float* drefined,
-                              __global float* restrict dlogits, __global float* dopacities, int n, int variant, float temperature) {
+kernel void select_backward(global const float* restrict logits, global const float* restrict noise,
+                            global const float* restrict opacities, global const float* drefined,
+                            global float* restrict dlogits, global float* dopacities, int n, int variant,
+                            float temperature) {
   const int i = get_global_id(0);
   if (i >= n) return;
   const float d = drefined[i];
@@ -49,7 +51,7 @@ __kernel void select_backward(__global const float* restrict logits, __global co
 }
 
 // The difference of two Gumbel variables, which is logistic: log(u) - log(1 - u) with u of counter {voxel, step, stream, 0}.
-__kernel void select_noise(__global float* restrict noise, int n, uint step, uint stream, uint key_low, uint key_high) {
+kernel void select_noise(global float* restrict noise, int n, uint step, uint stream, uint key_low, uint key_high) {
   const int i = get_global_id(0);
   if (i >= n) return;
   const float u = uniform_open(philox4x32_10((uint4)((uint)i, step, stream, 0u), (uint2)(key_low, key_high)).x);

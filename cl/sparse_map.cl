@@ -3,14 +3,14 @@
 //   grid [R^3] (i32): row + 1 of the active voxel there, 0 where there is none; zeros before sparse_map_grid
 //   map [P,27] (i32): row of the voxel at offset (a-1, b-1, c-1), tap (3a + b) 3 + c, a along x; -1 where none is active
 
-__kernel void sparse_map_grid(__global const int* restrict index, __global int* restrict grid, int P) {
+kernel void sparse_map_grid(global const int* restrict index, global int* restrict grid, int P) {
   const int p = get_global_id(0);
   if (p < P) grid[index[p]] = p + 1;
 }
 
 // A work-item per active voxel.
-__kernel void sparse_map_fwd(__global const int* restrict index, __global const int* restrict grid, __global int* restrict map, int P,
-                             int R) {
+kernel void sparse_map_fwd(global const int* restrict index, global const int* restrict grid, global int* restrict map,
+                           int P, int R) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const int x = index[p] / (R * R), y = index[p] / R % R, z = index[p] % R;

@@ -98,8 +98,8 @@ kernel void tile_bin_order(global const uint* rects, global const ulong* masks, 
 }
 
 // histogram [blocks, tiles]: each block's intersections with each tile.
-kernel void tile_bin_count(global const uint* ordered, global const ulong* masks, global uint* histogram, int V, int block,
-                           int blocks, int tiles_x, int tiles) {
+kernel void tile_bin_count(global const uint* ordered, global const ulong* masks, global uint* histogram, int V,
+                           int block, int blocks, int tiles_x, int tiles) {
   const int b = get_global_id(0);
   if (b >= blocks) return;
   global uint* count = histogram + (size_t)b * tiles;

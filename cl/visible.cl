@@ -23,7 +23,8 @@ kernel void visible_count(global const uint* rects, global const uint* keys, glo
   ulong16 tiles16 = 0;
   uint16 seen16 = 0, least16 = 0xffffffffu, largest16 = 0;
   for (; i + 16 <= end; i += 16) {
-    const uint16 p = vload16(0, rects + 2 * (size_t)i), q = vload16(1, rects + 2 * (size_t)i), key = vload16(0, keys + i);
+    const uint16 p = vload16(0, rects + 2 * (size_t)i), q = vload16(1, rects + 2 * (size_t)i),
+                 key = vload16(0, keys + i);
     const uint16 x = (uint16)(p.s02468ace, q.s02468ace), y = (uint16)(p.s13579bdf, q.s13579bdf);
     const uint16 l = max(x & 0xffff, x0), r = min(x >> 16, x1), t = max(y & 0xffff, y0), u = min(y >> 16, y1);
     const uint16 in = as_uint16((l < r) & (t < u));
@@ -54,9 +55,9 @@ kernel void visible_count(global const uint* rects, global const uint* keys, glo
 }
 
 // ids [V]: those seen, ascending; seen_rects [V,2] clipped and counted from the part's corner; seen_keys [V] less `least`.
-kernel void visible_compact(global const uint* rects, global const uint* keys, global const ulong* sums, global uint* ids,
-                            global uint* seen_rects, global uint* seen_keys, int K, int block, int blocks, uint least,
-                            uint x0, uint x1, uint y0, uint y1) {
+kernel void visible_compact(global const uint* rects, global const uint* keys, global const ulong* sums,
+                            global uint* ids, global uint* seen_rects, global uint* seen_keys, int K, int block,
+                            int blocks, uint least, uint x0, uint x1, uint y0, uint y1) {
   const int b = get_global_id(0);
   if (b >= blocks) return;
   size_t at = 0;
