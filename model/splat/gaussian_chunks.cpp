@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include "model/splat/render.h"
-#include "runtime/context.h"
+#include "model/splat/room.h"
 
 namespace vsplat {
 namespace {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/ops/tile_bin.h"
+#include "model/splat/room.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 
@@ -78,30 +79,6 @@ void split(const Part& part, std::vector<Part>& parts) {
 }
 
 }  // namespace
-
-bool make_room(Context& ctx, const std::function<void(Context&)>& work) {
-  const auto plan = [&]() -> std::unique_ptr<Context> {
-    auto planner = ctx.planner();
-    try {
-      work(*planner);
-    } catch (const Error& e) {
-      if (e.status() != Status::memory) throw;
-      return nullptr;
-    }
-    return planner;
-  };
-  const auto fits = [&](const std::unique_ptr<Context>& p) {
-    return p && p->memory().reserved() <= ctx.memory().limits().total;
-  };
-  std::unique_ptr<Context> planner = plan();
-  if (!fits(planner) || planner->memory().reserved() > ctx.memory().reserved()) {
-    ctx.memory().trim();
-    planner = plan();
-  }
-  if (!fits(planner)) return false;
-  ctx.memory().commit(planner->memory());
-  return true;
-}
 
 void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                    bool slots, const PartWork& work) {

@@ -48,8 +48,4 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
 void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,
                  const Camera& camera, const RenderOptions& options);
 
-// Runs `work` on a plan, then makes the memory that it came to need. Memory that nothing lives in is given up where
-// that helps. False where it would be more than may be used: nothing has changed then.
-bool make_room(Context& ctx, const std::function<void(Context&)>& work);
-
 }  // namespace vsplat

@@ -1,5 +1,7 @@
 #include "model/splat/render_backward.h"
 
+#include "model/splat/room.h"
+
 namespace vsplat {
 
 SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene) {

@@ -1,0 +1,33 @@
+#include "model/splat/room.h"
+
+#include <memory>
+
+#include "runtime/error.h"
+
+namespace vsplat {
+
+bool make_room(Context& ctx, const std::function<void(Context&)>& work) {
+  const auto plan = [&]() -> std::unique_ptr<Context> {
+    auto planner = ctx.planner();
+    try {
+      work(*planner);
+    } catch (const Error& e) {
+      if (e.status() != Status::memory) throw;
+      return nullptr;
+    }
+    return planner;
+  };
+  const auto fits = [&](const std::unique_ptr<Context>& p) {
+    return p && p->memory().reserved() <= ctx.memory().limits().total;
+  };
+  std::unique_ptr<Context> planner = plan();
+  if (!fits(planner) || planner->memory().reserved() > ctx.memory().reserved()) {
+    ctx.memory().trim();
+    planner = plan();
+  }
+  if (!fits(planner)) return false;
+  ctx.memory().commit(planner->memory());
+  return true;
+}
+
+}  // namespace vsplat
