@@ -7,11 +7,11 @@
 #include <random>
 
 #include "bench/bench.h"
+#include "bench/reference/rasterize_backward.h"
+#include "bench/reference/splat.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
 #include "model/splat/render_backward.h"
-#include "tests/reference/rasterize_backward.h"
-#include "tests/reference/splat.h"
 
 namespace vsplat::bench {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "tests/reference/splat.h"
+#include "bench/reference/splat.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "tests/reference/splat.h"
+#include "bench/reference/splat.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"
 

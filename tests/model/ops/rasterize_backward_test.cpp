@@ -6,8 +6,8 @@
 #include <numeric>
 #include <random>
 
+#include "bench/reference/rasterize_backward.h"
 #include "tests/reference/rasterize.h"
-#include "tests/reference/rasterize_backward.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/records.h"
