@@ -1,0 +1,40 @@
+# The public header, as C programs use it.
+foreach(name c99_test gradient_test pictures_test train_api_test)
+  add_executable(${name} model/api/${name}.c)
+  target_link_libraries(${name} PRIVATE vsplat m)
+  vsplat_target(${name})
+  add_test(NAME ${name} COMMAND ${name})
+  set_tests_properties(${name} PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
+endforeach()
+target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
+
+# The example that fits Gaussians to a picture: it fails where its loss does not come down to a hundredth.
+add_test(NAME fit_example COMMAND fit_example ${CMAKE_CURRENT_BINARY_DIR}/fit_before.png ${CMAKE_CURRENT_BINARY_DIR}/fit_after.png)
+set_tests_properties(fit_example PROPERTIES LABELS unit TIMEOUT 300 ENVIRONMENT "${sanitizer_environment}")
+
+# The model that the library carries: a C program and the command, each with a library that carries one of random weights and with one
+# that carries none. They are the library's own objects, linked once more.
+set(variants ${CMAKE_CURRENT_BINARY_DIR}/variants)
+set(micro ${variants}/micro.safetensors)
+add_custom_command(OUTPUT ${micro} COMMAND vsplat_cli init micro --seed 3 --output ${micro} --overwrite --quiet DEPENDS vsplat_cli
+  COMMENT "Making a model to carry" VERBATIM)
+set_source_files_properties(${PROJECT_SOURCE_DIR}/model/params/built_in_model.S PROPERTIES OBJECT_DEPENDS ${micro})
+foreach(carried micro none)
+  add_library(vsplat_carrying_${carried} SHARED ${PROJECT_SOURCE_DIR}/model/params/built_in_model.S $<TARGET_OBJECTS:vsplat>
+    $<TARGET_OBJECTS:vsplat_kernels>)
+  target_link_libraries(vsplat_carrying_${carried} PRIVATE vsplat_model nlohmann_json::nlohmann_json)
+  target_link_options(vsplat_carrying_${carried} PRIVATE LINKER:--version-script=${PROJECT_SOURCE_DIR}/cmake/vsplat.map)
+  set_target_properties(vsplat_carrying_${carried} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${variants}/${carried} OUTPUT_NAME vsplat
+    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR})
+  vsplat_target(vsplat_carrying_${carried})
+endforeach()
+target_compile_definitions(vsplat_carrying_micro PRIVATE VSPLAT_MODEL_FILE="${micro}")
+add_executable(built_in_model_test model/api/built_in_model_test.c)
+target_link_libraries(built_in_model_test PRIVATE vsplat)
+vsplat_target(built_in_model_test)
+foreach(carried micro none)
+  add_test(NAME built_in_model.${carried}
+    COMMAND built_in_model_test ${carried} ${CMAKE_CURRENT_BINARY_DIR}/built_in_model.safetensors)
+  set_tests_properties(built_in_model.${carried} PROPERTIES LABELS unit TIMEOUT 120
+    ENVIRONMENT "LD_LIBRARY_PATH=${variants}/${carried};${sanitizer_environment}")
+endforeach()
