@@ -6,6 +6,11 @@ foreach(part cameras dataset evaluate pictures refusal run train train_learns us
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
+# The documents: where their links lead, README's size, and that the options which they name exist.
+add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/links_test.py)
+set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+
 # The numbers of an evaluation, by the PyTorch specification where PyTorch is there.
 add_test(NAME evaluate_numbers COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh check_evaluate.py)
 set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 SKIP_RETURN_CODE 77

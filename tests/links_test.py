@@ -1,0 +1,210 @@
+"""The documents: every relative link and picture of every *.md leads somewhere, anchors included; README.md is short and narrow, its
+pictures are small; and what the documents call by `vsplat` exists, where $VSPLAT names the command. No network is asked."""
+import os
+import pathlib
+import re
+import shlex
+import subprocess
+import unittest
+import urllib.parse
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+FENCE = re.compile(r"^(```|~~~)")
+INLINE = re.compile(r"!?\[(?:[^\]\\]|\\.)*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
+DEFINITION = re.compile(r"^\s{0,3}\[[^\]]+\]:\s+(\S+)")
+TAG = re.compile(r"<(?:a|img)\b[^>]*?\b(?:href|src)=\"([^\"]*)\"")
+SOURCES = {".h", ".hpp", ".c", ".cpp", ".cmake", ".txt", ".py", ".sh", ".S"}
+MADE_UP = {"VSPLAT_DATA"}  # of the scripts that are told in model/weights/README.md
+COMMANDS = [[], ["bench"], ["dataset", "info"], ["dataset", "procedural"], ["dataset", "render"], ["devices"], ["evaluate"], ["init"],
+            ["reconstruct"], ["render"], ["train"], ["weights", "convert"], ["weights", "info"], ["weights", "verify"]]
+OTHERS_OPTIONS = {"--all", "--asan"}  # of tests/run.sh
+HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$")
+
+
+def documents():
+    """Every *.md of the tree: those that git tracks, or where there is no git, all but what is built."""
+    try:
+        names = subprocess.run(["git", "-c", f"safe.directory={ROOT}", "ls-files", "-z", "--cached", "--others", "--exclude-standard",
+                                "*.md"], cwd=ROOT, capture_output=True, check=True).stdout.decode().split("\0")
+        found = [ROOT / name for name in names if name]
+    except (OSError, subprocess.CalledProcessError):
+        found = [p for p in ROOT.rglob("*.md") if p.relative_to(ROOT).parts[0] not in ("build", "out")]
+    return sorted(p for p in found if p.is_file())
+
+
+def lines_outside_code(text):
+    """-> (line number, line) of what is not in a fenced block."""
+    inside = False
+    for number, line in enumerate(text.splitlines(), 1):
+        if FENCE.match(line.lstrip()):
+            inside = not inside
+        elif not inside:
+            yield number, line
+
+
+def links(path):
+    """-> (line number, where it leads) of all links and pictures, tags included."""
+    for number, line in lines_outside_code(path.read_text(encoding="utf-8")):
+        line = re.sub(r"`[^`]*`", lambda code: code.group().replace("](", "] ("), line)  # not a link, but text about one
+        for pattern in (INLINE, DEFINITION, TAG):
+            for match in pattern.finditer(line):
+                yield number, match.group(1)
+
+
+def anchors(path):
+    """The anchors that a page's headings get where it is shown."""
+    out = set()
+    for _, line in lines_outside_code(path.read_text(encoding="utf-8")):
+        match = HEADING.match(line)
+        if not match:
+            continue
+        title = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", match.group(1)).lower()
+        name = re.sub(r"[^\w\- ]", "", title).replace(" ", "-")
+        again = 0
+        while (f"{name}-{again}" if again else name) in out:
+            again += 1
+        out.add(f"{name}-{again}" if again else name)
+    return out
+
+
+def problem_with(path, target):
+    """-> what is wrong with a link of the document `path`, or None."""
+    if re.match(r"[a-z][a-z0-9+.-]*:", target, re.I) or target.startswith("//"):
+        return None  # elsewhere: not asked
+    file, _, anchor = target.partition("#")
+    to = (path.parent / urllib.parse.unquote(file)).resolve() if file else path
+    if not to.is_relative_to(ROOT):
+        return "leads out of the tree"
+    if not to.exists():
+        return "leads to nothing"
+    if anchor and (to.suffix != ".md" or urllib.parse.unquote(anchor) not in anchors(to)):
+        return f"no heading of {to.relative_to(ROOT)} has this anchor"
+    return None
+
+
+def commands(path):
+    """-> (line number, words) of each `vsplat ...` in a fenced block of shell, comments left out, continued lines joined."""
+    shell, text, begin = False, "", 0
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if FENCE.match(line.lstrip()):
+            shell = line.strip()[3:] in ("sh", "bash", "shell") and not shell
+            continue
+        if not shell:
+            continue
+        begin = begin if text else number
+        text += line
+        if text.endswith("\\"):
+            text = text[:-1] + " "
+            continue
+        words = shlex.split(text, comments=True)
+        text = ""
+        if words and words[0].rsplit("/", 1)[-1] == "vsplat":
+            yield begin, words[1:]
+
+
+class Documents(unittest.TestCase):
+    def test_links_lead_somewhere(self):
+        checked, wrong = 0, []
+        for path in documents():
+            for number, target in links(path):
+                problem = problem_with(path, target)
+                checked += 1
+                if problem:
+                    wrong.append(f"{path.relative_to(ROOT)}:{number}: {target}: {problem}")
+        self.assertEqual(wrong, [])
+        self.assertGreater(checked, 50)
+
+    def test_readme_is_short_and_narrow(self):
+        lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+        self.assertGreaterEqual(len(lines), 60)
+        self.assertLessEqual(len(lines), 90)
+        self.assertEqual([f"{i}: {len(line)} columns" for i, line in enumerate(lines, 1) if len(line) > 100], [])
+
+    def test_pictures_are_small(self):
+        files = [p for p in (ROOT / "examples/pictures").rglob("*") if p.is_file()]
+        shown = {target for _, target in links(ROOT / "README.md") if target.startswith("examples/pictures/")}
+        self.assertGreater(len(shown), 0)
+        self.assertLessEqual(sum(p.stat().st_size for p in files), 1 << 20)
+
+    def test_a_page_without_errors_is_told_from_one_with(self):
+        readme = ROOT / "README.md"
+        for target in ("no-such-file.md", "examples/pictures/none.png", "../outside.md", "#no-such-heading",
+                       "CONTRIBUTING.md#no-such-heading", "LICENSE#heading"):
+            self.assertIsNotNone(problem_with(readme, target), target)
+        for target in ("CONTRIBUTING.md", "model/", "#two-commands", "CONTRIBUTING.md#rooms", "https://example.org/none"):
+            self.assertIsNone(problem_with(readme, target), target)
+
+    def test_environment_variables_exist(self):
+        """Each VSPLAT_NAME of the documents stands in a source, too."""
+        sources = "".join(p.read_text(encoding="utf-8", errors="replace") for folder in ("cmake", "model", "runtime", "tests", ".ci")
+                          for p in sorted((ROOT / folder).rglob("*")) if p.suffix in SOURCES and p.is_file())
+        sources += (ROOT / "CMakeLists.txt").read_text() + (ROOT / ".ci/run").read_text()
+        wrong = []
+        for path in documents():
+            for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+                for name in re.findall(r"VSPLAT_[A-Z_]*[A-Z]", line):
+                    if not re.search(rf"\b{name}\b", sources) and name not in MADE_UP:
+                        wrong.append(f"{path.relative_to(ROOT)}:{number}: {name}")
+        self.assertEqual(wrong, [])
+
+
+@unittest.skipUnless(os.environ.get("VSPLAT"), "VSPLAT names no command")
+class Commands(unittest.TestCase):
+    """What the documents call by `vsplat` exists."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.known = {}  # command -> its options
+
+    def options(self, *words):
+        """-> the options of a command ("dataset", "render"), or None where there is no such command."""
+        if words not in self.known:
+            done = subprocess.run([os.environ["VSPLAT"], *words, "--help"], capture_output=True, text=True, timeout=60, check=False)
+            there = done.returncode == 0 and f"Usage: {' '.join(['vsplat', *words])} " in done.stdout
+            text = re.split(r"\nExamples?:", done.stdout)[0]
+            self.known[words] = set(re.findall(r"(?<![\w-])--?[a-zA-Z][a-z-]*", text)) if there else None
+        return self.known[words]
+
+    def all_options(self):
+        out = set()
+        for words in COMMANDS:
+            found = self.options(*words)
+            self.assertIsNotNone(found, words)
+            out |= found
+        return out
+
+    def test_commands_that_can_be_copied(self):
+        checked, wrong = 0, []
+        for path in documents():
+            for number, words in commands(path):
+                where = f"{path.relative_to(ROOT)}:{number}"
+                name = words[:2] if words[0] in ("dataset", "weights") else words[:1]
+                known = self.options(*name)
+                checked += 1
+                if known is None:
+                    wrong.append(f"{where}: no command {' '.join(name)}")
+                    continue
+                for word in words[len(name):]:
+                    option = word.split("=")[0]
+                    if re.match(r"--?[a-zA-Z]", option) and option not in known:
+                        wrong.append(f"{where}: {' '.join(name)} has no option {option}")
+        self.assertEqual(wrong, [])
+        self.assertGreater(checked, 30)
+
+    def test_options_that_are_named(self):
+        """`--option` in the text is an option of some command, and every option of every command is named in examples/README.md."""
+        known, wrong, named = self.all_options(), [], set()
+        for path in documents():
+            for number, line in lines_outside_code(path.read_text(encoding="utf-8")):
+                for code in re.findall(r"`([^`]+)`", line):
+                    options = re.findall(r"(?<!\S)--?[a-zA-Z][a-z-]*", code) if re.match(r"--?[a-z]|vsplat ", code) else []
+                    wrong += [f"{path.relative_to(ROOT)}:{number}: {o}" for o in options if o not in known | OTHERS_OPTIONS]
+                    if path == ROOT / "examples/README.md":
+                        named |= set(options)
+        self.assertEqual(wrong, [])
+        full = {o for o in known if o.startswith("--")} - {"--help", "--version"}
+        self.assertEqual(sorted(full - named), [])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
