@@ -1,62 +1,19 @@
 """vsplat train as a user's shell sees it: what it writes, what ends it, and that it goes on as if nothing had happened."""
-import csv
 import json
 import os
 import random
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
-import unittest
 
 import support
+import train_support
 
 KILLS = int(os.environ.get("VSPLAT_KILLS", "3"))
 
 
-class Train(support.Case):
-    @classmethod
-    def setUpClass(cls):
-        cls.shared = tempfile.mkdtemp(prefix="vsplat-train-")
-        cls.addClassCleanup(shutil.rmtree, cls.shared, True)
-        cls.solids = os.path.join(cls.shared, "solids")
-        code, _, err = support.run("dataset", "procedural", "--count", 3, "--views", 8, "--size", 16, "--seed", 5, "--output", cls.solids)
-        assert code == 0, err
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vsplat-cli-")
-        self.addCleanup(shutil.rmtree, self.folder, True)
-
-    def config(self, name="train.json", **fields):
-        path = self.path(name)
-        with open(path, "w") as f:
-            json.dump({"model": "micro", "steps": 6, "warmup": 2, "log_every": 1, "sheet_every": 0, "checkpoint_every": 2, **fields}, f)
-        return path
-
-    def train(self, config, run, *more, data=None):
-        return ("train", config, "--data", data or self.solids, "--output", self.path(run), *more)
-
-    def read(self, *parts):
-        with open(self.path(*parts), "rb") as f:
-            return f.read()
-
-    def log(self, run):
-        """The lines of log.csv as dictionaries."""
-        with open(self.path(run, "log.csv")) as f:
-            return list(csv.DictReader(f))
-
-    def same_training(self, first, second, step):
-        """Both runs' files of that step are the same bytes, and the logs but for the time they took."""
-        for name in ("model.safetensors", f"checkpoint-{step:08d}.safetensors"):
-            self.assertEqual(self.read(first, name), self.read(second, name), name)
-        logs = [[{k: v for k, v in line.items() if k != "seconds"} for line in self.log(run)] for run in (first, second)]
-        self.assertEqual(*logs)
-        self.assertEqual([int(line["step"]) for line in logs[0]], list(range(1, step + 1)))
-
-    def start(self, *arguments, **options):
-        return subprocess.Popen([support.VSPLAT, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **options)
-
+class Train(train_support.Case):
     # ---------------------------------------------------------------------------------------------------- what it does
 
     def test_what_is_written(self):
@@ -198,42 +155,6 @@ class Train(support.Case):
         self.assertEqual((again[0], f"step {steps[-1] + 1}:" in again[2]), (1, True), again[2])
 
     # ------------------------------------------------------------------------------------------------ where it is written
-
-    def full_disk(self, config, run):
-        """A resumed run that cannot write a checkpoint fails and loses none."""
-        before = {n: self.read(run, n) for n in os.listdir(self.path(run)) if n.startswith("checkpoint-")}
-        self.assertTrue(before)
-        process = self.start(*self.train(config, run, "--resume"))
-        err = process.communicate(timeout=120)[1]
-        self.assertEqual(process.returncode, 1, err)
-        self.assertIn(self.path(run, "checkpoint-"), err)
-        after = {n: self.read(run, n) for n in os.listdir(self.path(run)) if n.startswith("checkpoint-")}
-        self.assertEqual(before, after)
-
-    def stopped_run(self, config, run):
-        """A run that was killed as soon as it had a checkpoint."""
-        process = self.start(*self.train(config, run))
-        while not any(n.endswith("02.safetensors") for n in os.listdir(self.path(run)) if n.startswith("checkpoint-")) \
-                if os.path.isdir(self.path(run)) else True:
-            self.assertIsNone(process.poll())
-            time.sleep(0.005)
-        process.kill()
-        process.communicate()
-
-    def test_full_disk(self):
-        os.makedirs(self.path("disk"))
-        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8m", "none", self.path("disk")], capture_output=True).returncode != 0:
-            self.skipTest("no file system can be mounted here")
-        self.addCleanup(subprocess.run, ["umount", self.path("disk")])
-        config = self.config(steps=200, log_every=50)
-        self.stopped_run(config, os.path.join("disk", "run"))
-        room = os.statvfs(self.path("disk"))
-        with open(self.path("disk", "filler"), "wb") as f:
-            f.write(b"\0" * max(0, room.f_bavail * room.f_bsize - 20000))
-        self.full_disk(config, os.path.join("disk", "run"))
-        os.remove(self.path("disk", "filler"))
-        out, _ = self.succeeds(*self.train(self.config(steps=200, log_every=50, keep_checkpoints=1), os.path.join("disk", "run"), "--resume", "--json"))
-        self.assertEqual(json.loads(out)["step"], 200)
 
     def test_folder_that_cannot_be_made(self):
         with open(self.path("file"), "w") as f:

@@ -1,0 +1,54 @@
+#!/usr/bin/env python3
+"""check_skipped.py RESULTS NAMES: fails where a test was skipped or not run that tests/may-skip.txt does not name.
+
+RESULTS is what ctest --output-junit wrote, NAMES what `ctest --show-only=json-v1` printed: a pattern that matches no test is a mistake,
+too."""
+import fnmatch
+import json
+import pathlib
+import sys
+import xml.etree.ElementTree as xml
+
+LIST = pathlib.Path(__file__).with_name("may-skip.txt")
+
+
+def allowed():
+    """-> [(pattern, reason)]"""
+    out = []
+    for number, line in enumerate(LIST.read_text().splitlines(), 1):
+        if line.strip() and not line.startswith("#"):
+            pattern, _, reason = line.partition(" ")
+            if not reason.strip():
+                sys.exit(f"{LIST}:{number}: {pattern} has no reason")
+            out.append((pattern, reason.strip()))
+    return out
+
+
+def skipped(results):
+    """-> names of the tests that did not run to an end of their own"""
+    cases = list(xml.parse(results).getroot().iter("testcase"))
+    if not cases:
+        sys.exit(f"{results}: no test ran")
+    return [case.get("name") for case in cases if case.get("status") not in ("run", "fail")]
+
+
+def main():
+    results, names = sys.argv[1:]
+    with open(names) as f:
+        known = [test["name"] for test in json.load(f)["tests"]]
+    patterns, wrong = allowed(), 0
+    for pattern, _ in patterns:
+        if not fnmatch.filter(known, pattern):
+            print(f"{LIST.name}: {pattern} is the name of no test", file=sys.stderr)
+            wrong += 1
+    for name in skipped(results):
+        reason = next((reason for pattern, reason in patterns if fnmatch.fnmatchcase(name, pattern)), None)
+        if reason:
+            print(f"skipped: {name}: {reason}")
+        else:
+            print(f"skipped, which counts as failed: {name} (tests/may-skip.txt does not name it)", file=sys.stderr)
+            wrong += 1
+    sys.exit(1 if wrong else 0)
+
+
+main()
