@@ -17,7 +17,7 @@ SOURCES = {".h", ".hpp", ".c", ".cpp", ".cmake", ".txt", ".py", ".sh", ".S"}
 MADE_UP = {"VSPLAT_DATA"}  # of the scripts that are told in model/weights/README.md
 COMMANDS = [[], ["bench"], ["dataset", "info"], ["dataset", "procedural"], ["dataset", "render"], ["devices"], ["evaluate"], ["init"],
             ["reconstruct"], ["render"], ["train"], ["weights", "convert"], ["weights", "info"], ["weights", "verify"]]
-OTHERS_OPTIONS = {"--all", "--asan"}  # of tests/run.sh
+OTHERS_OPTIONS = {"--all", "--asan", "--strict"}  # of tests/run.sh
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$")
 
 
