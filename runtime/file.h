@@ -1,10 +1,31 @@
 // Whole files in and out, with errors that name the path.
 #pragma once
 #include <cstddef>
+#include <cstdio>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace vsplat {
+
+// A file read from its beginning, in pieces, while it stays open.
+class InputFile {
+ public:
+  // Throws Error(file) where there is no such file, it is a folder, or it cannot be opened.
+  explicit InputFile(const std::string& path);
+
+  // Appends the next `most` bytes, or what is left of the file where that is less; Error(file) where it cannot be read.
+  void read(std::size_t most, std::vector<unsigned char>& out);
+  bool at_end() const { return at_end_; }
+
+ private:
+  struct Closer {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  std::string path_;
+  std::unique_ptr<std::FILE, Closer> file_;
+  bool at_end_ = false;
+};
 
 // Throws Error(file) where there is no such file, it is a folder, or it cannot be read.
 std::vector<unsigned char> read_file(const std::string& path);

@@ -44,8 +44,8 @@ StoredView store_view(const FramedObject& object, int view, const FrameRequest& 
   };
   FramedView framed;
   try {
-    framed = framed_view(object.photographs, view,
-                         {request.image, request.fit, object.placement.centre, object.placement.edge});
+    framed = LoadedPhotograph(object.photographs, view)
+                 .framed({request.image, request.fit, object.placement.centre, object.placement.edge});
   } catch (const Error& e) {
     complain(e.status(), e.what());
   }

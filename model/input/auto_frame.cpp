@@ -70,6 +70,46 @@ double largest_edge(std::span<const Camera> cameras, const Eigen::Vector3d& cent
   return out;
 }
 
+// By the middles of the masks where two views or more have one, else by the optical axes.
+EstimatedPlacement find_centre(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents) {
+  std::vector<Ray> axes, middles;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    axes.push_back(ray_through(c, c.cx, c.cy));
+    if (extents.empty() || !extents[i]) continue;
+    const MaskExtent& m = *extents[i];
+    middles.push_back(ray_through(c, 0.5 * (m.x0 + m.x1), 0.5 * (m.y0 + m.y1)));
+  }
+  if (middles.size() >= 2)
+    return {{nearest_point(middles)}, fmt::format("centre from the middles of {} masks", middles.size())};
+  return {{nearest_point(axes)}, fmt::format("centre from the optical axes of {} views", axes.size())};
+}
+
+struct EstimatedEdge {
+  double edge;
+  std::string from;
+};
+
+// By the masks' extents where there is one, else by how far the cameras are and how much they see.
+EstimatedEdge find_edge(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
+                        const Eigen::Vector3d& centre) {
+  std::vector<double> sizes, distances, spans;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    const double z = std::abs(c.w2c.row(2).head<3>().dot(centre - c.centre()));
+    distances.push_back((centre - c.centre()).norm());
+    spans.push_back(std::sqrt(c.width / c.fx * (c.height / c.fy)));
+    if (extents.empty() || !extents[i]) continue;
+    const MaskExtent& m = *extents[i];
+    sizes.push_back(z * std::max((m.x1 - m.x0) / c.fx, (m.y1 - m.y0) / c.fy));
+  }
+  if (!sizes.empty())
+    return {1.2 * quantile(sizes, 0.9), fmt::format("edge from the extent of {} masks", sizes.size())};
+  return {median(distances) * median(spans) / 1.5,
+          fmt::format("edge from the median distance {:.4g} and field of view {:.3g} degrees", median(distances),
+                      2 * std::atan(0.5 * median(spans)) * 180 / M_PI)};
+}
+
 }  // namespace
 
 std::optional<MaskExtent> mask_extent(const Image& mask) {
@@ -94,55 +134,29 @@ std::optional<MaskExtent> mask_extent(const Image& mask) {
                     static_cast<double>(mask.height - first(rows, true))};
 }
 
-AutoFrame auto_frame(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
-                     const std::optional<Eigen::Vector3d>& centre) {
+EstimatedPlacement auto_frame(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
+                              const std::optional<Eigen::Vector3d>& centre) {
   if (cameras.empty()) fail(Status::usage, "no camera to find the object from");
   if (!extents.empty() && extents.size() != cameras.size())
     fail(Status::internal, "{} mask extents for {} cameras", extents.size(), cameras.size());
-  std::vector<Ray> axes, middles;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Camera& c = cameras[i];
-    axes.push_back(ray_through(c, c.cx, c.cy));
-    if (extents.empty() || !extents[i]) continue;
-    middles.push_back(ray_through(c, 0.5 * (extents[i]->x0 + extents[i]->x1), 0.5 * (extents[i]->y0 + extents[i]->y1)));
-  }
-  AutoFrame out;
-  const std::size_t masks = middles.size();
+  EstimatedPlacement out;
   if (centre) {
-    out.centre = *centre;
+    out.placement.centre = *centre;
   } else {
-    out.centre = nearest_point(masks >= 2 ? middles : axes);
-    out.text = masks >= 2 ? fmt::format("centre from the middles of {} masks", masks)
-                          : fmt::format("centre from the optical axes of {} views", axes.size());
+    out = find_centre(cameras, extents);
+    out.from += ", ";
   }
-
-  std::vector<double> sizes, distances, spans;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Camera& c = cameras[i];
-    const double z = std::abs(c.w2c.row(2).head<3>().dot(out.centre - c.centre()));
-    distances.push_back((out.centre - c.centre()).norm());
-    spans.push_back(std::sqrt(c.width / c.fx * (c.height / c.fy)));
-    if (extents.empty() || !extents[i]) continue;
-    const MaskExtent& m = *extents[i];
-    sizes.push_back(z * std::max((m.x1 - m.x0) / c.fx, (m.y1 - m.y0) / c.fy));
+  EstimatedEdge edge = find_edge(cameras, extents, out.placement.centre);
+  if (const double most = 0.9 * largest_edge(cameras, out.placement.centre); edge.edge > most) {
+    edge.edge = most;
+    edge.from += ", made smaller to stay in front of every camera";
   }
-  if (!out.text.empty()) out.text += ", ";
-  if (!sizes.empty()) {
-    out.edge = 1.2 * quantile(sizes, 0.9);
-    out.text += fmt::format("edge from the extent of {} masks", sizes.size());
-  } else {
-    out.edge = median(distances) * median(spans) / 1.5;
-    out.text += fmt::format("edge from the median distance {:.4g} and field of view {:.3g} degrees", median(distances),
-                            2 * std::atan(0.5 * median(spans)) * 180 / M_PI);
-  }
-  if (const double most = 0.9 * largest_edge(cameras, out.centre); out.edge > most) {
-    out.edge = most;
-    out.text += ", made smaller to stay in front of every camera";
-  }
-  if (!(out.edge > 0) || !std::isfinite(out.edge))
+  if (!(edge.edge > 0) || !std::isfinite(edge.edge))
     fail(Status::input,
          "the object's size cannot be found from these views: the cameras are at its centre {}; give --scale",
-         to_text(out.centre));
+         to_text(out.placement.centre));
+  out.placement.edge = edge.edge;
+  out.from += edge.from;
   return out;
 }
 

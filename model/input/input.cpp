@@ -3,56 +3,43 @@
 #include "model/base/resample.h"
 #include "model/input/auto_frame.h"
 #include "model/input/pose_check.h"
-#include "model/io/image_file.h"
 #include "runtime/log.h"
 
 namespace vsplat {
 namespace {
 
-std::optional<MaskExtent> extent_of(const Photographs& photographs, int index) {
-  const ListedView& view = photographs.set.views[index];
-  if (view.mask) return mask_extent(read_mask(view.mask->string()));
-  const Image picture = photographs.picture ? photographs.picture(index) : read_image(view.picture.string());
-  if (picture.channels != 4) return std::nullopt;
-  return mask_extent(picture);
+// What the object's place is estimated from.
+struct Seen {
+  Camera camera;
+  std::optional<MaskExtent> extent;
+};
+
+Seen look_at(LoadedPhotograph& view) { return {view.listed().camera, view.extent()}; }
+
+// `look` is called once for each of `views` views, and only where there is something to estimate.
+ChosenPlacement place(const ViewSet& set, const PlacementRequest& request, std::size_t views,
+                      const std::function<Seen(std::size_t)>& look) {
+  const auto estimate = [&](const std::optional<Eigen::Vector3d>& centre) {
+    std::vector<Camera> cameras;
+    std::vector<std::optional<MaskExtent>> extents;
+    for (std::size_t i = 0; i < views; ++i) {
+      Seen seen = look(i);
+      cameras.push_back(std::move(seen.camera));
+      extents.push_back(seen.extent);
+    }
+    return auto_frame(cameras, extents, centre);
+  };
+  return choose_placement(request, set.aabb_center, set.aabb_half, estimate);
 }
 
 }  // namespace
 
-ListedView resolved_view(const Photographs& photographs, int index) {
-  ListedView view = photographs.set.views[index];
-  if (photographs.picture) {
-    if (is_resolved(view)) return view;  // its picture's size is looked at where it is made
-    const Image picture = photographs.picture(index);
-    resolve_intrinsics(view, picture.width, picture.height);
-    return view;
-  }
-  const ImageInfo size = read_image_info(view.picture.string());
-  resolve_intrinsics(view, size.width, size.height);
-  return view;
-}
-
 ChosenPlacement find_placement(const Photographs& photographs, std::span<const int> views,
                                const PlacementRequest& request) {
-  const auto estimate = [&](const std::optional<Eigen::Vector3d>& centre) {
-    std::vector<Camera> cameras;
-    std::vector<std::optional<MaskExtent>> extents;
-    for (const int view : views) {
-      cameras.push_back(resolved_view(photographs, view).camera);
-      extents.push_back(extent_of(photographs, view));
-    }
-    return auto_frame(cameras, extents, centre);
-  };
-  const ViewSet& set = photographs.set;
-  return choose_placement(request, set.aabb_center, set.aabb_half, estimate);
-}
-
-FramedView framed_view(const Photographs& photographs, int index, const Framing& framing) {
-  const ListedView view = resolved_view(photographs, index);
-  const std::string mask_path = view.mask ? view.mask->string() : "";
-  if (!photographs.picture) return frame_view(view.camera, view.picture.string(), mask_path, framing);
-  const Image mask = view.mask ? read_mask(mask_path) : Image();
-  return frame_view(view.camera, photographs.picture(index), view.mask ? &mask : nullptr, framing);
+  return place(photographs.set, request, views.size(), [&](std::size_t i) {
+    LoadedPhotograph view(photographs, views[i]);
+    return look_at(view);
+  });
 }
 
 std::vector<Camera> cameras_of(const Input& input) {
@@ -63,25 +50,27 @@ std::vector<Camera> cameras_of(const Input& input) {
 }
 
 Input prepare_input(const Photographs& photographs, const Config& config, const InputRequest& request) {
-  const std::vector<int> views = choose_views(photographs.set, {request.names, config.views});
+  std::vector<std::optional<LoadedPhotograph>> loaded;
   std::vector<Camera> cameras;
   std::string names;
-  for (const int view : views) {
-    const ListedView listed = resolved_view(photographs, view);
+  for (const int view : choose_views(photographs.set, {request.names, config.views})) {
+    const ListedView& listed = loaded.emplace_back(std::in_place, photographs, view)->listed();
     names += (names.empty() ? "" : ", ") + listed.name;
     cameras.push_back(listed.camera);
   }
   info("views: {}", names);
 
   Input out;
-  const ChosenPlacement place = find_placement(photographs, views, request.placement);
-  out.placement = place.placement;
-  info("{}", place.found);
+  const ChosenPlacement chosen =
+      place(photographs.set, request.placement, loaded.size(), [&](std::size_t i) { return look_at(*loaded[i]); });
+  out.placement = chosen.placement;
+  info("{}", chosen.found);
   check_centre_is_seen(cameras, photographs.set.convention, out.placement, request.force);
   check_cube_is_in_front(place_views(cameras, out.placement, config.rebase).cameras, out.placement);
   const Framing framing{config.image, request.fit, out.placement.centre, out.placement.edge};
-  for (const int view : views) {
-    FramedView framed = framed_view(photographs, view, framing);
+  for (std::optional<LoadedPhotograph>& view : loaded) {
+    FramedView framed = view->framed(framing);
+    view.reset();  // decoded pictures are large
     out.views.push_back({on_white(framed.image), std::move(framed.camera)});
   }
   return out;

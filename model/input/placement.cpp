@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "model/input/auto_frame.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
@@ -37,22 +36,22 @@ PlacedViews place_views(std::span<const Camera> cameras, const Placement& placem
 ChosenPlacement choose_placement(
     const PlacementRequest& request, const std::optional<Eigen::Vector3d>& listed_centre,
     const std::optional<double>& listed_half,
-    const std::function<AutoFrame(const std::optional<Eigen::Vector3d>& centre)>& estimate) {
+    const std::function<EstimatedPlacement(const std::optional<Eigen::Vector3d>& centre)>& estimate) {
   if (request.centre && !request.centre->allFinite())
     fail(Status::usage, "the object's centre is {}, finite numbers are expected", to_text(*request.centre));
   if (request.edge && !(*request.edge > 0 && std::isfinite(*request.edge)))
     fail(Status::usage, "the edge of the object's cube is {}, a positive number is expected", *request.edge);
   ChosenPlacement out;
   std::string centre_from = "as asked for", edge_from = "as asked for", details;
-  std::optional<AutoFrame> found;
+  std::optional<EstimatedPlacement> found;
   if (request.auto_frame && !(request.centre && request.edge)) {
     found = estimate(request.centre);
-    details = "; " + found->text;
+    details = "; " + found->from;
   }
   if (request.centre) {
     out.placement.centre = *request.centre;
   } else if (found) {
-    out.placement.centre = found->centre;
+    out.placement.centre = found->placement.centre;
     centre_from = "estimated";
   } else {
     out.placement.centre = listed_centre.value_or(Eigen::Vector3d::Zero());
@@ -61,7 +60,7 @@ ChosenPlacement choose_placement(
   if (request.edge) {
     out.placement.edge = *request.edge;
   } else if (found) {
-    out.placement.edge = found->edge;
+    out.placement.edge = found->placement.edge;
     edge_from = "estimated";
   } else {
     out.placement.edge = listed_half ? 2 * *listed_half : 1.0;

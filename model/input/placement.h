@@ -34,20 +34,23 @@ PlacedViews place_views(std::span<const Camera> cameras, const Placement& placem
 // Where the cube comes from, centre and edge each by itself: what was asked for, else the estimate, else what the file
 // lists, else 0,0,0 and 1.
 struct PlacementRequest {
-  std::optional<Eigen::Vector3d> centre;  // --center
-  std::optional<double> edge;             // --scale
-  bool auto_frame = false;
+  std::optional<Eigen::Vector3d> centre;
+  std::optional<double> edge;
+  bool auto_frame = false;  // what is not asked for is estimated
 };
 struct ChosenPlacement {
   Placement placement;
   std::string found;  // a sentence: the figures and where they come from
 };
-struct AutoFrame;
-// `estimate` is called, with the centre that is already settled if one is, where --auto-frame has something to say.
+struct EstimatedPlacement {
+  Placement placement;
+  std::string from;  // what it was estimated from
+};
+// `estimate` is called, with the centre that is already settled if one is, where `auto_frame` leaves something to it.
 ChosenPlacement choose_placement(
     const PlacementRequest& request, const std::optional<Eigen::Vector3d>& listed_centre,
     const std::optional<double>& listed_half,
-    const std::function<AutoFrame(const std::optional<Eigen::Vector3d>& centre)>& estimate);
+    const std::function<EstimatedPlacement(const std::optional<Eigen::Vector3d>& centre)>& estimate);
 
 // "(x, y, z)" with six digits, for messages.
 std::string to_text(const Eigen::Vector3d& v);

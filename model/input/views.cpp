@@ -15,12 +15,7 @@ namespace {
 // The framing the network is trained on: this many cube edges fill the picture.
 constexpr double edges_in_picture = 1.5;
 
-// What messages call the picture and the mask.
-struct Names {
-  std::string picture, mask;
-};
-
-void check_sizes(const Camera& camera, const Image& picture, const Image* mask, const Names& names) {
+void check_sizes(const Camera& camera, const Image& picture, const Image* mask, const PictureNames& names) {
   const int w = picture.width, h = picture.height;
   if (mask && (mask->width != w || mask->height != h))
     fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's size",
@@ -38,7 +33,7 @@ void check_sizes(const Camera& camera, const Image& picture, const Image* mask, 
        names.picture, w, h, camera.width, camera.height);
 }
 
-void warn_of_dark_mask(const Image& mask, const Names& names) {
+void warn_of_dark_mask(const Image& mask, const PictureNames& names) {
   const float brightest = *std::max_element(mask.data.begin(), mask.data.end());
   if (brightest < 0.5f)
     warn(
@@ -57,7 +52,7 @@ Camera completed(Camera camera, const Image& picture) {
   return camera;
 }
 
-Window object_window(const Camera& camera, const Framing& framing, const Names& names) {
+Window object_window(const Camera& camera, const Framing& framing, const PictureNames& names) {
   const Eigen::Vector3d at =
       (camera.w2c * Eigen::Vector4d(framing.centre.x(), framing.centre.y(), framing.centre.z(), 1)).head<3>();
   if (!(at.z() > 0))
@@ -81,7 +76,7 @@ Window centred_window(const Camera& camera, int side, int size) {
   return {corner(camera.width), corner(camera.height), static_cast<double>(side), size};
 }
 
-Window find_window(const Camera& camera, const Framing& framing, const Names& names) {
+Window find_window(const Camera& camera, const Framing& framing, const PictureNames& names) {
   const int shorter = std::min(camera.width, camera.height), longer = std::max(camera.width, camera.height);
   switch (framing.fit) {
     case Fit::crop:
@@ -97,8 +92,20 @@ Window find_window(const Camera& camera, const Framing& framing, const Names& na
   return object_window(camera, framing, names);
 }
 
-FramedView frame(const Camera& listed, const Image& picture, const Image* mask, const Framing& framing,
-                 const Names& names) {
+PreparedView prepared(FramedView view) { return {on_white(view.image), std::move(view.camera)}; }
+
+}  // namespace
+
+Fit fit_from_name(const std::string& name) {
+  if (name == "auto") return Fit::automatic;
+  if (name == "object") return Fit::object;
+  if (name == "crop") return Fit::crop;
+  if (name == "pad") return Fit::pad;
+  fail(Status::usage, "fit {}: auto, object, crop or pad is expected", name);
+}
+
+FramedView frame_view(const Camera& listed, const Image& picture, const Image* mask, const Framing& framing,
+                      const PictureNames& names) {
   if (framing.size < 1 || picture.empty() || (picture.channels != 3 && picture.channels != 4) ||
       (mask && mask->channels != 1))
     fail(Status::internal, "frame_view: {} channels, size {}", picture.channels, framing.size);
@@ -122,37 +129,20 @@ FramedView frame(const Camera& listed, const Image& picture, const Image* mask, 
   return out;
 }
 
-PreparedView prepared(FramedView view) { return {on_white(view.image), std::move(view.camera)}; }
-
-}  // namespace
-
-Fit fit_from_name(const std::string& name) {
-  if (name == "auto") return Fit::automatic;
-  if (name == "object") return Fit::object;
-  if (name == "crop") return Fit::crop;
-  if (name == "pad") return Fit::pad;
-  fail(Status::usage, "fit {}: auto, object, crop or pad is expected", name);
-}
-
 FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
   const std::string name = camera.file.empty() ? "the picture" : camera.file;
-  return frame(camera, picture, mask, framing, {name, "the mask of " + name});
+  return frame_view(camera, picture, mask, framing, {name, "the mask of " + name});
 }
 
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
   return prepared(frame_view(camera, picture, mask, framing));
 }
 
-FramedView frame_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
-                      const Framing& framing) {
-  const Image picture = read_image(picture_path);
-  const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
-  return frame(camera, picture, mask_path.empty() ? nullptr : &mask, framing, {picture_path, mask_path});
-}
-
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
                           const Framing& framing) {
-  return prepared(frame_view(camera, picture_path, mask_path, framing));
+  const Image picture = read_image(picture_path);
+  const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
+  return prepared(frame_view(camera, picture, mask_path.empty() ? nullptr : &mask, framing, {picture_path, mask_path}));
 }
 
 }  // namespace vsplat

@@ -38,16 +38,21 @@ struct FramedView {
   Camera camera;
 };
 
+// What messages call the picture and the mask.
+struct PictureNames {
+  std::string picture, mask;
+};
+
 // `picture` has 3 or 4 channels, `mask` (may be null) 1: white is the object, grey covers in part. Where the camera
 // gives no size it takes the picture's, and its middle where it gives no principal point (NaN, or 0 without a size).
 // Error(input) where sizes disagree, or where `object` is asked for and the cube's centre is not in front of the
-// camera.
+// camera. Without `names` messages go by the camera's file.
 FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
+FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing,
+                      const PictureNames& names);
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 
 // The same from files; `mask_path` may be empty. Errors name them.
-FramedView frame_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
-                      const Framing& framing);
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
                           const Framing& framing);
 

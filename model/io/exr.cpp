@@ -176,7 +176,8 @@ bool is_exr(const FileBytes& file) {
 ImageInfo exr_info(const FileBytes& file) {
   return with_part(file, [](const Imf::MultiPartInputFile& parts) {
     const Window display = window_of(parts.header(0).displayWindow());
-    return ImageInfo{static_cast<int>(display.width), static_cast<int>(display.height)};
+    const bool alpha = parts.header(0).channels().findChannel("A") != nullptr;
+    return ImageInfo{static_cast<int>(display.width), static_cast<int>(display.height), alpha};
   });
 }
 

@@ -26,6 +26,8 @@ T by_format(const FileBytes& file, T (*png)(const FileBytes&), T (*jpeg)(const F
        file.size == 0 ? "an empty file" : "none of the known picture formats");
 }
 
+ImageInfo info_of(const FileBytes& file) { return by_format<ImageInfo>(file, png_info, jpeg_info, exr_info); }
+
 void check_planes(const char* what, const Image& colour, const Image& alpha, const Image& depth) {
   if (colour.channels != 3 || alpha.channels != 1 || depth.channels != 1 || colour.width != alpha.width ||
       colour.height != alpha.height || colour.width != depth.width || colour.height != depth.height || colour.empty())
@@ -55,18 +57,30 @@ std::vector<unsigned char> rounded(const Image& image) {
 
 Image decode_image(const FileBytes& file) { return by_format<Image>(file, decode_png, decode_jpeg, decode_exr); }
 
+ImageFile::ImageFile(const std::string& path) : path_(path), bytes_(read_file(path)) {}
+
+ImageInfo ImageFile::info() const { return info_of({path_, bytes_.data(), bytes_.size()}); }
+
+Image ImageFile::decode() const { return decode_image({path_, bytes_.data(), bytes_.size()}); }
+
 ImageInfo read_image_info(const std::string& path) {
-  const std::vector<unsigned char> bytes = read_file(path);
-  return by_format<ImageInfo>({path, bytes.data(), bytes.size()}, png_info, jpeg_info, exr_info);
+  InputFile file(path);
+  std::vector<unsigned char> bytes;
+  for (std::size_t step = std::size_t{1} << 16;; step *= 8) {
+    file.read(step, bytes);
+    try {
+      return info_of({path, bytes.data(), bytes.size()});
+    } catch (const Error&) {
+      if (file.at_end()) throw;  // else the header may go on after what has been read so far
+    }
+  }
 }
 
-Image read_image(const std::string& path) {
-  const std::vector<unsigned char> bytes = read_file(path);
-  return decode_image({path, bytes.data(), bytes.size()});
-}
+Image read_image(const std::string& path) { return ImageFile(path).decode(); }
 
-Image read_mask(const std::string& path) {
-  const Image picture = read_image(path);
+Image read_mask(const std::string& path) { return mask_of(read_image(path)); }
+
+Image mask_of(const Image& picture) {
   Image mask(picture.width, picture.height, 1);
   const int channels = picture.channels;
   for (std::size_t i = 0; i < mask.data.size(); ++i) {

@@ -3,6 +3,7 @@
 // Error(file).
 #pragma once
 #include <string>
+#include <vector>
 
 #include "model/base/image.h"
 
@@ -12,11 +13,28 @@ namespace vsplat {
 inline constexpr long max_image_pixels = 1L << 28;
 inline constexpr long max_image_side = 65535;
 
+// What a picture's header says.
 struct ImageInfo {
   int width = 0, height = 0;
+  bool alpha = false;  // it is read with four channels, else with three
 };
 
-// Reads the header alone.
+// A picture's file, read as a whole when this is made. Nothing opens the file again, so that what is asked first and
+// what is decoded later is one picture, however often the file changes.
+class ImageFile {
+ public:
+  explicit ImageFile(const std::string& path);
+
+  ImageInfo info() const;
+  // As read_image(); decodes with every call.
+  Image decode() const;
+
+ private:
+  std::string path_;
+  std::vector<unsigned char> bytes_;
+};
+
+// Reads the file's beginning: 64 KiB, and more only where the header is longer than that.
 ImageInfo read_image_info(const std::string& path);
 
 // Three channels, or four where the file has transparency (straight alpha); grey is spread over the three. Colour is
@@ -26,6 +44,7 @@ Image read_image(const std::string& path);
 
 // A mask: one channel, the picture's luma, times its alpha where it has one.
 Image read_mask(const std::string& path);
+Image mask_of(const Image& picture);
 
 // 8 bits, colour (3 channels), with straight alpha (4) or grey (1): round(255 * value clamped to [0,1]); NaN is written
 // as 0.

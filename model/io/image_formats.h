@@ -1,4 +1,5 @@
-// What image_file.cpp calls for each format. `path` is only for messages; `bytes` is the whole file.
+// What image_file.cpp calls for each format. The path is only for messages. What decodes needs the whole file; the
+// `_info` functions may be given its beginning and throw Error(format) where the header is not complete in it.
 #pragma once
 #include <cstddef>
 #include <string>

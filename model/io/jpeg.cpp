@@ -149,7 +149,7 @@ bool is_jpeg(const FileBytes& file) {
 ImageInfo jpeg_info(const FileBytes& file) {
   Reader r;
   check_header(r, file);
-  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height)};
+  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height), false};
 }
 
 Image decode_jpeg(const FileBytes& file) {

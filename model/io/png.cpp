@@ -160,7 +160,9 @@ bool is_png(const FileBytes& file) {
 ImageInfo png_info(const FileBytes& file) {
   Reader r(file);
   const Header h = checked_header(file, r);
-  return {static_cast<int>(h.width), static_cast<int>(h.height)};
+  int channels = 0, depth = 0, passes = 0;
+  if (!set_transforms(r, channels, depth, passes)) damaged(file, r);
+  return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0};
 }
 
 Image decode_png(const FileBytes& file) {

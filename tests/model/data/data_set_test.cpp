@@ -55,7 +55,8 @@ void expect_same(const Photographs& a, const Photographs& b, double tolerance) {
     EXPECT_NEAR(p.fx, q.fx, tolerance * p.fx);
     EXPECT_NEAR(p.cy, q.cy, tolerance * p.cy);
     const Framing framing{7, Fit::automatic};
-    const FramedView u = framed_view(a, static_cast<int>(i), framing), v = framed_view(b, static_cast<int>(i), framing);
+    const FramedView u = LoadedPhotograph(a, static_cast<int>(i)).framed(framing),
+                     v = LoadedPhotograph(b, static_cast<int>(i)).framed(framing);
     EXPECT_EQ(u.image.data, v.image.data) << i;
     EXPECT_NEAR(u.camera.fx, v.camera.fx, tolerance * p.fx);
   }
@@ -127,8 +128,8 @@ TEST(DataSetLayouts, ReadLaRasScannedObjects) {
   ASSERT_EQ(read.set.views.size(), static_cast<std::size_t>(views));
   for (int i = 0; i < views; ++i) {
     EXPECT_EQ(read.set.views[i].camera.width, 512);
-    const FramedView a = framed_view(read, i, {7, Fit::automatic}),
-                     b = framed_view(solid.photographs, i, {7, Fit::automatic});
+    const FramedView a = LoadedPhotograph(read, i).framed({7, Fit::automatic}),
+                     b = LoadedPhotograph(solid.photographs, i).framed({7, Fit::automatic});
     EXPECT_NEAR(a.camera.fx, b.camera.fx, 1e-9);
     EXPECT_EQ(a.camera.w2c, b.camera.w2c);
     EXPECT_EQ(read.set.views[i].name, fmt::format("r_{:03}.png", i));

@@ -22,23 +22,24 @@ MaskExtent outline(const Camera& camera, const Vector3d& centre, double radius) 
 
 TEST(AutoFrame, CentreFromOpticalAxes) {
   const Vector3d centre(3, -2, 5);
-  EXPECT_LT((auto_frame(test::ring(7, centre)).centre - centre).norm(), 0.02);  // the principal point is off by 3 px
-  EXPECT_LT((auto_frame(test::ring(20, centre, 2, 0.3, 10)).centre - centre).norm(), 0.1);
+  EXPECT_LT((auto_frame(test::ring(7, centre)).placement.centre - centre).norm(),
+            0.02);  // the principal point is off by 3 px
+  EXPECT_LT((auto_frame(test::ring(20, centre, 2, 0.3, 10)).placement.centre - centre).norm(), 0.1);
 }
 
 TEST(AutoFrame, OneThatLooksElsewhereCountsLittle) {
   const Vector3d centre(3, -2, 5);
   std::vector<Camera> cameras = test::ring(12, centre);
-  const Vector3d right = auto_frame(cameras).centre;
+  const Vector3d right = auto_frame(cameras).placement.centre;
   cameras[4].w2c = look_at(cameras[4].centre(), centre + Vector3d(0, 5, 0), {0, -1, 0});
-  EXPECT_LT((auto_frame(cameras).centre - right).norm(), 0.02);
+  EXPECT_LT((auto_frame(cameras).placement.centre - right).norm(), 0.02);
 }
 
 TEST(AutoFrame, EdgeFromDistanceAndFieldOfView) {
-  const AutoFrame found = auto_frame(test::ring(8, {1, 1, 1}, 4));
-  EXPECT_NEAR(found.edge, 4 * std::sqrt(640.0 / 800 * 480 / 790) / 1.5, 0.02);
-  EXPECT_NE(found.text.find("optical axes of 8 views"), std::string::npos) << found.text;
-  EXPECT_NE(found.text.find("median distance 4"), std::string::npos) << found.text;
+  const EstimatedPlacement found = auto_frame(test::ring(8, {1, 1, 1}, 4));
+  EXPECT_NEAR(found.placement.edge, 4 * std::sqrt(640.0 / 800 * 480 / 790) / 1.5, 0.02);
+  EXPECT_NE(found.from.find("optical axes of 8 views"), std::string::npos) << found.from;
+  EXPECT_NE(found.from.find("median distance 4"), std::string::npos) << found.from;
 }
 
 TEST(AutoFrame, CentreAndEdgeFromMasks) {
@@ -47,19 +48,19 @@ TEST(AutoFrame, CentreAndEdgeFromMasks) {
   std::vector<std::optional<MaskExtent>> masks;
   for (const Camera& c : cameras) masks.push_back(outline(c, ball, 0.4));
   masks[3].reset();  // nothing to see
-  const AutoFrame found = auto_frame(cameras, masks);
-  EXPECT_LT((found.centre - ball).norm(), 0.02);
-  EXPECT_NEAR(found.edge, 1.2 * 0.8, 0.02);
-  EXPECT_NE(found.text.find("7 masks"), std::string::npos) << found.text;
-  EXPECT_EQ(auto_frame(cameras, masks, Vector3d(0, 0, 0)).centre, Vector3d(0, 0, 0));
+  const EstimatedPlacement found = auto_frame(cameras, masks);
+  EXPECT_LT((found.placement.centre - ball).norm(), 0.02);
+  EXPECT_NEAR(found.placement.edge, 1.2 * 0.8, 0.02);
+  EXPECT_NE(found.from.find("7 masks"), std::string::npos) << found.from;
+  EXPECT_EQ(auto_frame(cameras, masks, Vector3d(0, 0, 0)).placement.centre, Vector3d(0, 0, 0));
 }
 
 TEST(AutoFrame, TheCubeReachesNoCamera) {
   std::vector<Camera> cameras = test::ring(5, {0, 0, 0}, 2);
   for (Camera& c : cameras) c.fx = c.fy = 150;  // a field of view of 130 degrees
-  const AutoFrame found = auto_frame(cameras);
-  EXPECT_NE(found.text.find("smaller"), std::string::npos) << found.text;
-  EXPECT_NO_THROW(check_cube_is_in_front(place_views(cameras, {found.centre, found.edge}, "rotate").cameras, {}));
+  const EstimatedPlacement found = auto_frame(cameras);
+  EXPECT_NE(found.from.find("smaller"), std::string::npos) << found.from;
+  EXPECT_NO_THROW(check_cube_is_in_front(place_views(cameras, found.placement, "rotate").cameras, {}));
 }
 
 TEST(AutoFrame, ParallelAxesMeetNowhere) {
@@ -68,7 +69,7 @@ TEST(AutoFrame, ParallelAxesMeetNowhere) {
   cameras[1] = cameras[2] = cameras[0];
   cameras[1].w2c(0, 3) += 1;
   expect_error(Status::input, {"parallel", "--center"}, [&] { auto_frame(cameras); });
-  EXPECT_GT(auto_frame(cameras, {}, Vector3d(0, 0, 0)).edge, 0);  // with the centre given there is no doubt
+  EXPECT_GT(auto_frame(cameras, {}, Vector3d(0, 0, 0)).placement.edge, 0);  // with the centre given there is no doubt
   expect_error(Status::usage, {"no camera"}, [] { auto_frame({}); });
 }
 

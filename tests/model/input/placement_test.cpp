@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "model/input/auto_frame.h"
 #include "tests/support/posed_views.h"
 
 namespace vsplat {
@@ -79,7 +78,7 @@ TEST(Placement, CentreAndEdgeComeEachFromTheFirstThatKnows) {
   int asked = 0;
   const auto estimate = [&](const std::optional<Vector3d>& centre) {
     ++asked;
-    return AutoFrame{centre.value_or(Vector3d(7, 8, 9)), 3, "looked"};
+    return EstimatedPlacement{{centre.value_or(Vector3d(7, 8, 9)), 3}, "looked"};
   };
   const Vector3d listed(1, 2, 3);
   auto got = choose_placement({}, {}, {}, estimate).placement;

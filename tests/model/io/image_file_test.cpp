@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <random>
 
@@ -71,6 +72,7 @@ TEST(PngIn, ReadsEveryKindAndDepth) {
       const ImageInfo info = read_image_info(folder / "a.png");
       EXPECT_EQ(info.width, w);
       EXPECT_EQ(info.height, h);
+      EXPECT_EQ(info.alpha, c.stored % 2 == 0);
       const Image image = read_image(folder / "a.png");
       ASSERT_EQ(image.width, w);
       ASSERT_EQ(image.height, h);
@@ -93,6 +95,7 @@ TEST(PngIn, ReadsPalettesWithAndWithoutTransparency) {
   write_test_png(folder / "a.png", 3, 2, samples, kind);
   const Image plain = read_image(folder / "a.png");
   ASSERT_EQ(plain.channels, 3);
+  EXPECT_FALSE(read_image_info(folder / "a.png").alpha);
   EXPECT_FLOAT_EQ(plain.at(0, 0)[0], 1.0f);
   EXPECT_FLOAT_EQ(plain.at(1, 0)[1], 0.2f);
   EXPECT_FLOAT_EQ(plain.at(0, 1)[2], 0.4f);
@@ -100,14 +103,61 @@ TEST(PngIn, ReadsPalettesWithAndWithoutTransparency) {
   write_test_png(folder / "b.png", 3, 2, samples, kind);
   const Image seen = read_image(folder / "b.png");
   ASSERT_EQ(seen.channels, 4);
+  EXPECT_TRUE(read_image_info(folder / "b.png").alpha);
   EXPECT_FLOAT_EQ(seen.at(0, 0)[3], 0.0f);
   EXPECT_FLOAT_EQ(seen.at(1, 0)[3], 0.6f);
   EXPECT_FLOAT_EQ(seen.at(2, 0)[3], 1.0f);
 }
 
+// Bytes that this process has read from files so far.
+long bytes_read() {
+  std::ifstream in("/proc/self/io");
+  std::string name;
+  long count = -1;
+  in >> name >> count;
+  EXPECT_EQ(name, "rchar:");
+  return count;
+}
+
+TEST(PictureHeaders, AreReadWithoutTheRestOfTheFile) {
+  const TemporaryFolder folder;
+  Image picture(5, 3, 4);
+  write_png(folder / "a.png", picture);
+  write_exr(folder / "a.exr", Image(5, 3, 3), Image(5, 3, 1), Image(5, 3, 1));
+  write_jpeg(folder / "a.jpg", Image(5, 3, 3), 90);
+  for (const char* name : {"a.png", "a.exr", "a.jpg"}) {
+    std::filesystem::resize_file(folder / name, 1 << 26);
+    const long before = bytes_read();
+    const ImageInfo info = read_image_info(folder / name);
+    EXPECT_LT(bytes_read() - before, 1 << 17) << name;
+    EXPECT_EQ(info.width, 5) << name;
+    EXPECT_EQ(info.height, 3) << name;
+    EXPECT_EQ(info.alpha, std::string(name) != "a.jpg") << name;
+  }
+}
+
+TEST(PictureHeaders, MayBeLong) {
+  const TemporaryFolder folder;
+  write_jpeg(folder / "a.jpg", Image(5, 3, 3), 90);
+  const std::vector<unsigned char> bytes = read_file(folder / "a.jpg");
+  std::vector<unsigned char> tags;  // what cameras write: thumbnails, colour profiles
+  for (int i = 0; i < 20; ++i) {
+    tags.insert(tags.end(), {0xff, 0xe1, 0xff, 0xff});
+    tags.resize(tags.size() + 0xffff - 2, 7);
+  }
+  std::vector<unsigned char> tagged = bytes;
+  tagged.insert(tagged.begin() + 2, tags.begin(), tags.end());
+  write_bytes(folder / "b.jpg", tagged);
+  EXPECT_EQ(read_image_info(folder / "b.jpg").width, 5);
+  tagged.resize(tags.size());  // cut off within the header
+  write_bytes(folder / "c.jpg", tagged);
+  EXPECT_THROW(read_image_info(folder / "c.jpg"), Error);
+}
+
 TEST(PngIn, ReadsATransparentColour) {
   const TemporaryFolder folder;
   write_test_png(folder / "grey.png", 2, 1, {7, 8}, {.colour_type = PNG_COLOR_TYPE_GRAY, .transparent = {7}});
+  EXPECT_TRUE(read_image_info(folder / "grey.png").alpha);
   const Image grey = read_image(folder / "grey.png");
   ASSERT_EQ(grey.channels, 4);
   EXPECT_EQ(grey.at(0, 0)[3], 0.0f);

@@ -1,0 +1,114 @@
+#include "model/input/photographs.h"
+
+#include <gtest/gtest.h>
+#include <sys/inotify.h>
+#include <unistd.h>
+
+#include <map>
+
+#include "model/input/input.h"
+#include "tests/support/posed_views.h"
+
+namespace vsplat {
+namespace {
+
+using test::TemporaryFolder;
+
+// Counts how often files of a folder are opened, by whoever opens them.
+class Opened {
+ public:
+  explicit Opened(const std::string& folder) : queue_(inotify_init1(IN_NONBLOCK)) {
+    EXPECT_GE(inotify_add_watch(queue_, folder.c_str(), IN_OPEN), 0) << folder;
+  }
+  ~Opened() { ::close(queue_); }
+  Opened(const Opened&) = delete;
+  Opened& operator=(const Opened&) = delete;
+
+  // By name, since the last call.
+  std::map<std::string, int> times() const {
+    std::map<std::string, int> out;
+    alignas(inotify_event) char block[1 << 14];
+    for (ssize_t n; (n = ::read(queue_, block, sizeof block)) > 0;)
+      for (const char* at = block; at < block + n;) {
+        const auto* event = reinterpret_cast<const inotify_event*>(at);
+        if (event->len > 0) ++out[event->name];
+        at += sizeof *event + event->len;
+      }
+    return out;
+  }
+
+ private:
+  int queue_;
+};
+
+// A white disc of 60 pixels across in the middle of 640 x 480; its alpha, too, with four channels.
+Image disc(int channels) {
+  Image out(640, 480, channels);
+  for (int y = 210; y < 270; ++y)
+    for (int x = 290; x < 350; ++x)
+      if (std::hypot(x - 319.5, y - 239.5) < 30)
+        for (int c = 0; c < channels; ++c) out.at(x, y)[c] = 1;
+  return out;
+}
+
+Photographs ring_of(int count) {
+  Photographs out;
+  for (const Camera& camera : test::ring(count)) {
+    ListedView view;
+    view.camera = camera;
+    view.name = view.camera.file;
+    view.picture = camera.file;
+    out.set.views.push_back(view);
+  }
+  return out;
+}
+
+Config of_views(int views) {
+  Config config;
+  config.views = views;
+  config.image = 32;
+  return config;
+}
+
+TEST(Photographs, EachFileOfAChosenViewIsOpenedOnceAndNoOther) {
+  const TemporaryFolder folder;
+  Photographs photographs = ring_of(4);
+  for (int i = 0; i < 4; ++i) {
+    ListedView& view = photographs.set.views[i];
+    view.picture = folder / view.name;
+    write_png(view.picture.string(), disc(i == 0 ? 4 : 3));
+    if (i != 1) continue;
+    view.mask = folder / "mask.png";
+    write_png(view.mask->string(), disc(1));
+  }
+  const Opened opened(folder.string());
+  for (const bool auto_frame : {false, true}) {
+    InputRequest request;
+    request.names = {"0", "1", "3"};
+    request.placement.auto_frame = auto_frame;
+    const Input input = prepare_input(photographs, of_views(4), request);
+    const std::map<std::string, int> once = {{"0.png", 1}, {"1.png", 1}, {"3.png", 1}, {"mask.png", 1}};
+    EXPECT_EQ(opened.times(), once) << auto_frame;
+    if (auto_frame) {  // from both extents
+      EXPECT_NEAR(input.placement.edge, 1.2 * 2 * 60 / 790.0, 0.01);
+    }
+  }
+}
+
+TEST(Photographs, APictureIsMadeOnceForAView) {
+  Photographs photographs = ring_of(3);
+  for (ListedView& view : photographs.set.views) view.camera.width = view.camera.height = 0;  // as the picture has it
+  std::map<int, int> made;
+  photographs.picture = [&](int view) {
+    ++made[view];
+    return disc(4);
+  };
+  InputRequest request;
+  request.placement.auto_frame = true;
+  EXPECT_EQ(prepare_input(photographs, of_views(3), request).views.size(), 3U);
+  const std::map<int, int> once = {{0, 1}, {1, 1}, {2, 1}};
+  EXPECT_EQ(made, once);
+}
+
+}  // namespace
+}  // namespace vsplat
