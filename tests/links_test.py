@@ -11,7 +11,7 @@ import urllib.parse
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FENCE = re.compile(r"^(```|~~~)")
 INLINE = re.compile(r"!?\[(?:[^\]\\]|\\.)*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
-DEFINITION = re.compile(r"^\s{0,3}\[[^\]]+\]:\s+(\S+)")
+DEFINITION = re.compile(r"^ {0,3}\[[^\]]+\]:\s+(\S+)", re.M)
 TAG = re.compile(r"<(?:a|img)\b[^>]*?\b(?:href|src)=\"([^\"]*)\"")
 SOURCES = {".h", ".hpp", ".c", ".cpp", ".cmake", ".txt", ".py", ".sh", ".S"}
 MADE_UP = {"VSPLAT_DATA"}  # of the scripts that are told in model/weights/README.md
@@ -44,11 +44,14 @@ def lines_outside_code(text):
 
 def links(path):
     """-> (line number, where it leads) of all links and pictures, tags included."""
-    for number, line in lines_outside_code(path.read_text(encoding="utf-8")):
-        line = re.sub(r"`[^`]*`", lambda code: code.group().replace("](", "] ("), line)  # not a link, but text about one
-        for pattern in (INLINE, DEFINITION, TAG):
-            for match in pattern.finditer(line):
-                yield number, match.group(1)
+    text = path.read_text(encoding="utf-8")
+    prose = [""] * len(text.splitlines())
+    for number, line in lines_outside_code(text):
+        prose[number - 1] = re.sub(r"`[^`]*`", lambda code: code.group().replace("](", "] ("), line)  # not a link, but text about one
+    prose = "\n".join(prose)  # a link may be broken over lines
+    for pattern in (INLINE, DEFINITION, TAG):
+        for match in pattern.finditer(prose):
+            yield prose.count("\n", 0, match.start(1)) + 1, match.group(1)
 
 
 def anchors(path):
@@ -102,6 +105,21 @@ def commands(path):
             yield begin, words[1:]
 
 
+def source_text():
+    """All sources and scripts, one after the other."""
+    files = [p for folder in (".ci", "bench", "cmake", "examples", "model", "runtime", "tests") for p in sorted((ROOT / folder).rglob("*"))
+             if p.is_file() and (p.suffix in SOURCES or folder == ".ci")]
+    return "".join(p.read_text(encoding="utf-8", errors="replace") for p in [ROOT / "CMakeLists.txt", *files])
+
+
+def found(folder, pattern):
+    """Whether `a/b.{h,cpp}`, `a/*.cl`, `a/b` or `a/b` without its ending is there."""
+    braces = re.search(r"\{([^}]*)\}", pattern)
+    if braces:
+        return all(found(folder, pattern.replace(braces.group(), part, 1)) for part in braces.group(1).split(","))
+    return any(any(folder.glob(name)) for name in (pattern, f"{pattern.rstrip('/')}.*"))
+
+
 class Documents(unittest.TestCase):
     def test_links_lead_somewhere(self):
         checked, wrong = 0, []
@@ -134,12 +152,31 @@ class Documents(unittest.TestCase):
         for target in ("CONTRIBUTING.md", "model/", "#two-commands", "CONTRIBUTING.md#rooms", "https://example.org/none"):
             self.assertIsNone(problem_with(readme, target), target)
 
+    def test_functions_and_files_exist(self):
+        """`name()`, `Class::name()` and `folder/file` of the documents are there; paths from the root, or from the page's folder, and
+        without their ending, if they like. What is inside a data set or a run's folder is not looked for."""
+        words = set(re.findall(r"\w+", source_text()))
+        top = {p.name for p in ROOT.iterdir() if p.is_dir()}
+        checked, wrong = 0, []
+        for path in documents():
+            rooms = {p.name for p in path.parent.iterdir() if p.is_dir()} if path.parent != ROOT else set()
+            for number, line in lines_outside_code(path.read_text(encoding="utf-8")):
+                where = f"{path.relative_to(ROOT)}:{number}"
+                for code in re.findall(r"`([^`]+)`", line):
+                    if re.fullmatch(r"[A-Za-z_:]+\(\)", code):
+                        checked += 1
+                        if code[:-2].rsplit("::")[-1] not in words:
+                            wrong.append(f"{where}: no function {code}")
+                    elif re.fullmatch(r"[\w.-]+(/[\w.*{},-]+)+/?", code) and code.split("/")[0] in (top | rooms) - {"build", "out"}:
+                        checked += 1
+                        if not any(found(folder, code) for folder in (ROOT, path.parent)):
+                            wrong.append(f"{where}: no file {code}")
+        self.assertEqual(wrong, [])
+        self.assertGreater(checked, 50)
+
     def test_environment_variables_exist(self):
         """Each VSPLAT_NAME of the documents stands in a source, too."""
-        sources = "".join(p.read_text(encoding="utf-8", errors="replace") for folder in ("cmake", "model", "runtime", "tests", ".ci")
-                          for p in sorted((ROOT / folder).rglob("*")) if p.suffix in SOURCES and p.is_file())
-        sources += (ROOT / "CMakeLists.txt").read_text() + (ROOT / ".ci/run").read_text()
-        wrong = []
+        sources, wrong = source_text(), []
         for path in documents():
             for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
                 for name in re.findall(r"VSPLAT_[A-Z_]*[A-Z]", line):
