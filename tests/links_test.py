@@ -1,5 +1,6 @@
 """The documents: every relative link and picture of every *.md leads somewhere, anchors included; README.md is short and narrow, its
 pictures are small; and what the documents call by `vsplat` exists, where $VSPLAT names the command. No network is asked."""
+import json
 import os
 import pathlib
 import re
@@ -241,6 +242,13 @@ class Commands(unittest.TestCase):
         self.assertEqual(wrong, [])
         full = {o for o in known if o.startswith("--")} - {"--help", "--version"}
         self.assertEqual(sorted(full - named), [])
+
+    def test_fields_of_the_configurations_are_told(self):
+        done = subprocess.run([os.environ["VSPLAT"], "train", "--print-config"], capture_output=True, text=True, timeout=60, check=True)
+        config = json.loads(done.stdout)
+        for page, fields in (("model/train/README.md", config), ("model/params/README.md", config["model"])):
+            named = set(re.findall(r"`(\w+)`", (ROOT / page).read_text(encoding="utf-8")))
+            self.assertEqual(sorted(set(fields) - named), [], page)
 
 
 if __name__ == "__main__":
