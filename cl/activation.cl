@@ -25,7 +25,7 @@ static inline float slope(float x, int act) {
   return s * (1.0f + x * (1.0f - s));
 }
 
-kernel void activation_cpu(global const float* x, global float* out, int N, int act) {
+kernel void activation_forward_cpu(global const float* x, global float* out, int N, int act) {
   const int begin = get_global_id(0) * BLOCK;
   for (int i = begin; i < min(N, begin + BLOCK); i += 16)
     store_part(activate_16(load_part(x + i, N - i), act), N - i, out + i);
@@ -37,7 +37,7 @@ kernel void activation_backward_cpu(global const float* x, global const float* d
     store_part(load_part(dy + i, N - i) * slope_16(load_part(x + i, N - i), act), N - i, dx + i);
 }
 
-kernel void activation_gpu(global const float* x, global float* out, int N, int act) {
+kernel void activation_forward_gpu(global const float* x, global float* out, int N, int act) {
   const int i = get_global_id(0);
   if (i < N) out[i] = activate(x[i], act);
 }

@@ -4,7 +4,7 @@
 //   dk = sum over queries of ds q / sqrt(D)
 // Twice the scores are made again, and p from them and the statistics that the forward kept: once by query, for dq, and once by key, for
 // dk and dv. So every sum has an owner and an order.
-//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_cpu.cl writes them
+//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_forward_cpu.cl writes them
 //   across [4, V H, N, D, 32]          q (scaled by log2(e) / sqrt(D)), k, v and dout, by panels of 32 tokens, transposed; N = ceil(T/32)
 //   along  [3, V H, 32 N, HEAD_PAD]    q (as scaled), k and dout, token by token; tokens beyond T and channels beyond D are zero
 //   terms  [V H, N, 3, 32]             largest score, inverse sum and delta of each query; zeros beyond T
@@ -86,8 +86,9 @@ static inline void tile_add(const float* w, global const float* b, int count, fl
 }
 
 // dq. A work-item per (ROWS queries, head of a view).
-kernel void attention_by_query(global const float* across, global const float* along, global const float* terms,
-                               global float* dqkv, int V, int T, int H, int D, float scale) {
+kernel void attention_backward_by_query(global const float* across, global const float* along,
+                                        global const float* terms, global float* dqkv, int V, int T, int H, int D,
+                                        float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);
@@ -126,8 +127,8 @@ kernel void attention_by_query(global const float* across, global const float* a
 }
 
 // dk and dv. A work-item per (ROWS keys, head of a view).
-kernel void attention_by_key(global const float* across, global const float* along, global const float* terms,
-                             global float* dqkv, int V, int T, int H, int D) {
+kernel void attention_backward_by_key(global const float* across, global const float* along, global const float* terms,
+                                      global float* dqkv, int V, int T, int H, int D) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, panels = DIV_UP(T, KEYS);

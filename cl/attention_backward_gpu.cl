@@ -1,8 +1,8 @@
 // Gradients of multi-head self-attention without a T x T matrix, gpu flavour: the mathematics of attention_backward_cpu.cl.
-//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_gpu.cl writes them; any V, T, H, D >= 1
+//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_forward_gpu.cl writes them; any V, T, H, D >= 1
 //   delta [V, H, T]  dout . out
 // HEAD_PAD (a -D) is D rounded up to a multiple of 64.
-// A work-group of 256 owns 64 tokens of a head, queries (attention_by_query) or keys (attention_by_key), groups: (tile of tokens, V H),
+// A work-group of 256 owns 64 tokens of a head, queries (attention_backward_by_query) or keys (attention_backward_by_key), groups: (tile of tokens, V H),
 // and walks over blocks of 32 of the others. A work-item has rows 4y .. 4y+3, of the products columns x and x + 16, of the sums channels
 // x + 16 i. Weights go through local memory. Local memory: 25 KB.
 #include "common.clh"
@@ -18,8 +18,8 @@
 #define LOG2E 1.44269504088896341f
 
 // A work-item per (token, head of a view).
-kernel void attention_delta(global const float* out, global const float* dout, global float* delta, int V, int T, int H,
-                            int D) {
+kernel void attention_backward_delta(global const float* out, global const float* dout, global float* delta, int V,
+                                     int T, int H, int D) {
   const int t = get_global_id(0), vh = get_global_id(1);
   if (t >= T) return;
   const size_t at = (((size_t)(vh / H) * T + t) * H + vh % H) * D;
@@ -77,7 +77,7 @@ static void add_up(local const float* w, global const float* b, size_t step, int
 }
 
 // dq.
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_query(
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_query(
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
   local float stage[COLS * 64], ds[ROWS * (COLS + 1)];
@@ -116,7 +116,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_quer
 }
 
 // dk and dv.
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_by_key(
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_key(
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
   local float stage[COLS * 64], p[ROWS * (COLS + 1)], ds[ROWS * (COLS + 1)];

@@ -1,8 +1,8 @@
 // Stable compaction: where flags are set, in ascending order.   A work-item per element.
 //   flags [n] (u32, 0 or 1)   positions [n+1], their exclusive prefix sum   indices [positions[n]] (i32)   total [1] (u32)
 
-kernel void compact_fwd(global const uint* restrict flags, global const uint* restrict positions,
-                        global int* restrict indices, uint n) {
+kernel void compact_indices(global const uint* restrict flags, global const uint* restrict positions,
+                            global int* restrict indices, uint n) {
   const uint i = get_global_id(0);
   if (i < n && flags[i]) indices[positions[i]] = (int)i;
 }

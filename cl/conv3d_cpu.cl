@@ -1,6 +1,6 @@
 // 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour.
-// Planes of constant x are packed into a ring of R planes (conv3d_pack), so that scratch memory is a few planes whatever X is; then
-// each work-item owns 12 outputs along z times 32 channels (conv3d_tile), whose 14 inputs along z lie side by side.
+// Planes of constant x are packed into a ring of R planes (conv3d_forward_pack), so that scratch memory is a few planes whatever X is; then
+// each work-item owns 12 outputs along z times 32 channels (conv3d_forward_cpu), whose 14 inputs along z lie side by side.
 //   ring [R, Y, ZT, C, 14]      ZT = ceil(Z/12); entry j of tile zt is z = 12 zt - 1 + j; zero outside the volume; plane x at x % R
 //   b    [ceil(N/32), 9, C, 3, 32]  weights: (dx, dy), channel, dz, 32 output channels; zero beyond N
 //   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
@@ -21,8 +21,9 @@ kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int 
 // v / (1 + exp(-v)); the padding is zero after all that.
 //   x0 [X, Y, Z, c0]; x1 [X, Y, Z, c1] or null; scale, shift [c0 + c1] or null
 // Work-groups of one work-item: (zt, y, plane).
-kernel void conv3d_pack(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
-                        global const float* shift, int silu, int Y, int Z, int R, int plane0, global float* ring) {
+kernel void conv3d_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
+                                global const float* scale, global const float* shift, int silu, int Y, int Z, int R,
+                                int plane0, global float* ring) {
   const int zt = get_group_id(0), y = get_group_id(1), x = plane0 + get_group_id(2);
   const int ZT = DIV_UP(Z, TILE_ROWS);
   int row[PACK_ROWS];
@@ -35,8 +36,9 @@ kernel void conv3d_pack(global const float* x0, int c0, global const float* x1, 
 }
 
 // Planes [plane0, ..) of out. Work-groups of one work-item: (zt + ZT y, plane, panel of b).
-kernel void conv3d_tile(global const float* ring, global const float* b, int C, int N, int X, int Y, int Z, int R,
-                        int plane0, global const float* bias, global const float* residual, global float* out) {
+kernel void conv3d_forward_cpu(global const float* ring, global const float* b, int C, int N, int X, int Y, int Z,
+                               int R, int plane0, global const float* bias, global const float* residual,
+                               global float* out) {
   const int ZT = DIV_UP(Z, TILE_ROWS);
   const int y = get_group_id(0) / ZT, zt = get_group_id(0) % ZT, x = plane0 + get_group_id(1);
   const int n0 = get_group_id(2) * TILE_COLS;
@@ -63,11 +65,11 @@ kernel void conv3d_tile(global const float* ring, global const float* b, int C, 
   TILE_FINISH(min(TILE_ROWS, Z - z0), n0, N, bias, 0, residual ? residual + at : residual, out + at);
 }
 
-// Columns of rows side by side, for the weight gradient: to [ceil(C/width), voxels, width], composed as by conv3d_pack; zero beyond
+// Columns of rows side by side, for the weight gradient: to [ceil(C/width), voxels, width], composed as by conv3d_forward_pack; zero beyond
 // C = c0 + c1. A work-item per voxel.
-kernel void conv3d_weight_panels(global const float* x0, int c0, global const float* x1, int c1,
-                                 global const float* scale, global const float* shift, int silu, int voxels, int width,
-                                 global float* to) {
+kernel void conv3d_backward_panels(global const float* x0, int c0, global const float* x1, int c1,
+                                   global const float* scale, global const float* shift, int silu, int voxels,
+                                   int width, global float* to) {
   const int v = get_global_id(0), C = c0 + c1;
   if (v >= voxels) return;
   int at = 0;  // of C
@@ -88,10 +90,10 @@ kernel void conv3d_weight_panels(global const float* x0, int c0, global const fl
 
 // The weight gradient's sum over one chunk of `lines` lines along z (x slowest), as a product of columns: partial
 // [chunks, 27, C, N] = the sum over voxels p of in[p + tap - 1, c] dy[p, n].
-//   in [ceil(C/12), XYZ, 12], dy [ceil(N/32), XYZ, 32]: of conv3d_weight_panels
+//   in [ceil(C/12), XYZ, 12], dy [ceil(N/32), XYZ, 32]: of conv3d_backward_panels
 // Work-groups of one work-item: (tap + 27 panel of in, panel of dy, chunk).
-kernel void conv3d_weight_tile(global const float* in, global const float* dy, int C, int N, int X, int Y, int Z,
-                               int lines, global float* partial) {
+kernel void conv3d_backward_weights_cpu(global const float* in, global const float* dy, int C, int N, int X, int Y,
+                                        int Z, int lines, global float* partial) {
   const int tap = get_group_id(0) % 27, c_first = get_group_id(0) / 27 * TILE_ROWS;
   const int n0 = get_group_id(1) * TILE_COLS, chunk = get_group_id(2);
   const int dx = tap / 9 - 1, dy_tap = tap / 3 % 3 - 1, dz = tap % 3 - 1;

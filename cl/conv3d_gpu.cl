@@ -20,7 +20,7 @@ kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int 
   b[i] = weight_of(w, mirrored, N, C, i % N, i / N % C, i / ((size_t)C * N));
 }
 
-kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_tile_gpu(
+kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_forward_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, int X, int Y, int Z, global const float* b, int N, global const float* bias,
     global const float* residual, global float* out) {
@@ -33,7 +33,7 @@ kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_tile
 // The weight gradient's sum over one chunk of `rows` voxels: partial [chunks, 27, C, N] = the sum over voxels p of
 // in[p + tap - 1, c] dy[p, n], as a product of BM rows (tap, c) and BN columns. Work-groups: (columns, rows, chunk).
 //   in: x0, x1, scale, shift as above; dy [X, Y, Z, N]
-kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_weight_tile_gpu(
+kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_backward_weights_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, int X, int Y, int Z, global const float* dy, int N, int rows,
     global float* partial) {

@@ -2,7 +2,7 @@
 // and directly along z: 36 products where the direct sum needs 144.
 // A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before.
 //   v [tiles, ZT, 36, ceil(C/16), 14, 16]  B^T d B; ZT = ceil(Z/12); row j of zt is z = 12 zt - 1 + j, zero outside the volume; 16
-//                                    channels side by side, of the last block those below C alone (winograd_pack)
+//                                    channels side by side, of the last block those below C alone (winograd_forward_pack)
 //   u [ceil(N/32), 36, C, 3, 32]     G g G^T: coefficient, channel, dz, 32 output channels; zero beyond N
 //   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
 // Tile t of the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4).
@@ -76,8 +76,9 @@ static inline void pack_source(global const float* x, int count, global const fl
 
 // Tiles from tile0 on. x0 [X, Y, Z, c0], then x1 [X, Y, Z, c1] or null; with scale, shift [c0 + c1] v * scale + shift; with silu
 // v / (1 + exp(-v)); the padding is zero after all that. Work-groups of one work-item: (zt, tile).
-kernel void winograd_pack(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
-                          global const float* shift, int silu, int X, int Y, int Z, int tile0, global float* v) {
+kernel void winograd_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
+                                  global const float* scale, global const float* shift, int silu, int X, int Y, int Z,
+                                  int tile0, global float* v) {
   const int zt = get_group_id(0), ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
   const int t = get_group_id(1), tile = tile0 + t;
   const int x = 4 * (tile / TY) - 1, y = 4 * (tile % TY) - 1, z = TILE_ROWS * zt - 1;
@@ -89,8 +90,9 @@ kernel void winograd_pack(global const float* x0, int c0, global const float* x1
 }
 
 // Work-groups of one work-item: (zt + ZT tile, panel of u): 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
-kernel void winograd_tile(global const float* v, global const float* u, int C, int N, int X, int Y, int Z, int tile0,
-                          global const float* bias, global const float* residual, global float* out) {
+kernel void winograd_forward_tile(global const float* v, global const float* u, int C, int N, int X, int Y, int Z,
+                                  int tile0, global const float* bias, global const float* residual,
+                                  global float* out) {
   const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
   const int tile = tile0 + get_group_id(0) / ZT, z0 = TILE_ROWS * (get_group_id(0) % ZT);
   const int n0 = get_group_id(1) * TILE_COLS;

@@ -28,9 +28,10 @@ static inline void decode(global const float* raw, float3 anchor, float reach, f
 }
 
 // One Gaussian per voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3, A]
-kernel void decode_coarse(global const float* restrict raw, global float* restrict means, global float* restrict scales,
-                          global float* restrict quats, global float* restrict opacities, global float* restrict sh,
-                          int R, int sh_size, float reach, float scale_shift) {
+kernel void decode_coarse_forward(global const float* restrict raw, global float* restrict means,
+                                  global float* restrict scales, global float* restrict quats,
+                                  global float* restrict opacities, global float* restrict sh, int R, int sh_size,
+                                  float reach, float scale_shift) {
   const int k = get_global_id(0);
   if (k >= R * R * R) return;
   const float3 voxel = (float3)((float)(k / (R * R)), (float)(k / R % R), (float)(k % R));
@@ -39,10 +40,11 @@ kernel void decode_coarse(global const float* restrict raw, global float* restri
 }
 
 // M Gaussians for each of P voxels, around the coarse centre plus a fixed offset. raw [P, M A]   centres [P,3]   div_offset [M,3]
-kernel void decode_fine(global const float* restrict raw, global const float* restrict centres,
-                        global const float* restrict div_offset, global float* restrict means,
-                        global float* restrict scales, global float* restrict quats, global float* restrict opacities,
-                        global float* restrict sh, int P, int M, int sh_size, float reach, float scale_shift) {
+kernel void decode_fine_forward(global const float* restrict raw, global const float* restrict centres,
+                                global const float* restrict div_offset, global float* restrict means,
+                                global float* restrict scales, global float* restrict quats,
+                                global float* restrict opacities, global float* restrict sh, int P, int M, int sh_size,
+                                float reach, float scale_shift) {
   const int k = get_global_id(0);
   if (k >= P * M) return;
   const float3 anchor = vload3(k / M, centres) + vload3(k % M, div_offset);
@@ -50,11 +52,12 @@ kernel void decode_fine(global const float* restrict raw, global const float* re
 }
 
 // The skeleton's P Gaussians with new SH, and opacities times sigmoid(factor), into rows row0 and up. raw [P, 3S + 1]: SH, factor.
-kernel void decode_adjusted(global const float* restrict raw, global const float* restrict in_means,
-                            global const float* restrict in_scales, global const float* restrict in_quats,
-                            global const float* restrict in_opacities, global float* restrict means,
-                            global float* restrict scales, global float* restrict quats,
-                            global float* restrict opacities, global float* restrict sh, int P, int sh_size, int row0) {
+kernel void decode_adjusted_forward(global const float* restrict raw, global const float* restrict in_means,
+                                    global const float* restrict in_scales, global const float* restrict in_quats,
+                                    global const float* restrict in_opacities, global float* restrict means,
+                                    global float* restrict scales, global float* restrict quats,
+                                    global float* restrict opacities, global float* restrict sh, int P, int sh_size,
+                                    int row0) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const long k = (long)row0 + p;

@@ -6,7 +6,7 @@
 // and channel gets its mean and m2 = sum (x - mean)^2; these are merged over the chunks, then over a group's channels, always by
 // sum (m2_i + n_i (mean_i - mean)^2).
 //   mean, m2 [chunks, C] of the chunks; channel_mean, channel_m2 [C]
-// groupnorm_chunks_cpu and _gpu compute the same; the first keeps one work-item at a chunk (it streams along rows), the second takes
+// groupnorm_forward_chunks_cpu and _gpu compute the same; the first keeps one work-item at a chunk (it streams along rows), the second takes
 // a work-item per channel and chunk (neighbours read neighbours).
 #include "tile_cpu.clh"
 
@@ -36,8 +36,8 @@
   }
 
 // x [N,width] is one of the sources; its channels start at `channel` of the C. A work-item per chunk of `rows` rows.
-kernel void groupnorm_chunks_cpu(global const float* restrict x, global float* restrict mean, global float* restrict m2,
-                                 int N, int width, int channel, int C, int rows) {
+kernel void groupnorm_forward_chunks_cpu(global const float* restrict x, global float* restrict mean,
+                                         global float* restrict m2, int N, int width, int channel, int C, int rows) {
   const int chunk = get_global_id(0);
   const long first = (long)chunk * rows;
   if (first >= N) return;
@@ -81,8 +81,8 @@ kernel void groupnorm_chunks_cpu(global const float* restrict x, global float* r
 }
 
 // A work-item per channel of the source (direction 0) and chunk (direction 1).
-kernel void groupnorm_chunks_gpu(global const float* restrict x, global float* restrict mean, global float* restrict m2,
-                                 int N, int width, int channel, int C, int rows) {
+kernel void groupnorm_forward_chunks_gpu(global const float* restrict x, global float* restrict mean,
+                                         global float* restrict m2, int N, int width, int channel, int C, int rows) {
   const int c = get_global_id(0), chunk = get_global_id(1);
   const long first = (long)chunk * rows;
   if (c >= width || first >= N) return;
@@ -102,9 +102,9 @@ kernel void groupnorm_chunks_gpu(global const float* restrict x, global float* r
 }
 
 // Over the chunks: a work-item per channel. N >= 1.
-kernel void groupnorm_channels(global const float* restrict mean, global const float* restrict m2,
-                               global float* restrict channel_mean, global float* restrict channel_m2, int N, int C,
-                               int rows, int chunks) {
+kernel void groupnorm_forward_channels(global const float* restrict mean, global const float* restrict m2,
+                                       global float* restrict channel_mean, global float* restrict channel_m2, int N,
+                                       int C, int rows, int chunks) {
   const int c = get_global_id(0);
   if (c >= C) return;
   const float first = mean[c];
@@ -123,10 +123,11 @@ kernel void groupnorm_channels(global const float* restrict mean, global const f
 
 // Over a group's channels, once more for each of them: a work-item per channel. N = 0: mean and variance count as 0.
 // out_mean, out_rstd [C] or null: a channel's group's mean and 1 / sqrt(var + eps), for the backward.
-kernel void groupnorm_scale(global const float* restrict channel_mean, global const float* restrict channel_m2,
-                            global const float* restrict gamma, global const float* restrict beta,
-                            global float* restrict scale, global float* restrict shift, global float* restrict out_mean,
-                            global float* restrict out_rstd, int N, int C, int G, float eps) {
+kernel void groupnorm_forward_scale(global const float* restrict channel_mean, global const float* restrict channel_m2,
+                                    global const float* restrict gamma, global const float* restrict beta,
+                                    global float* restrict scale, global float* restrict shift,
+                                    global float* restrict out_mean, global float* restrict out_rstd, int N, int C,
+                                    int G, float eps) {
   const int c = get_global_id(0);
   if (c >= C) return;
   float mean = 0.0f, variance = 0.0f;

@@ -4,13 +4,13 @@
 // side in
 //   film [V P, 2 C] (shift first).   out = LayerNorm(x) * (1 + scale) + shift
 // The plain call is skip = 0 with P = R and V = 1; film is null then. Row r of out is row (r / P) * (P + skip) + r % P
-// + skip of x. layernorm_cpu: one work-item per row, float16 over the channels. layernorm_gpu: one work-group of 64 per
+// + skip of x. layernorm_forward_cpu: one work-item per row, float16 over the channels. layernorm_forward_gpu: one work-group of 64 per
 // row, sums through local memory.
 // Backward: dy [R, C], and x and gamma as they came, give dx (where skip = 1, zeros in the dropped rows; or added to what is there)
 // and, with film, dfilm [V P, 2 C]. With n = (x - mean) / sqrt(var + eps), u = dy (1 + scale) and g = u gamma:
 //   dx = (g - mean(g) - n mean(g n)) / sqrt(var + eps)   dshift = dy   dscale = dy (n gamma + beta)
 //   dgamma = sum over rows of u n   dbeta = sum over rows of u
-// The last two begin in layernorm_columns: a partial sum for every ROWS rows, in order.
+// The last two begin in layernorm_backward_columns_gpu: a partial sum for every ROWS rows, in order.
 #include "common.clh"
 #include "vector16.clh"
 
@@ -32,8 +32,9 @@ static inline float2 statistics(global const float* x, int C, float eps) {
   return (float2)(mean, 1.0f / sqrt(square / C + eps));
 }
 
-kernel void layernorm_cpu(global const float* x, global const float* gamma, global const float* beta,
-                          global const float* film, global float* out, int R, int C, int P, int skip, float eps) {
+kernel void layernorm_forward_cpu(global const float* x, global const float* gamma, global const float* beta,
+                                  global const float* film, global float* out, int R, int C, int P, int skip,
+                                  float eps) {
   const int r = get_global_id(0);
   if (r >= R) return;
   global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
@@ -62,7 +63,7 @@ static inline float16 upstream(global const float* dy, global const float* scale
   return scale ? u * (1.0f + load_part(scale + c, width)) : u;
 }
 
-// stats [R, 2]: each row's mean and 1 / sqrt(var + eps), for layernorm_columns. add: dx is added to. One work-item per row.
+// stats [R, 2]: each row's mean and 1 / sqrt(var + eps), for layernorm_backward_columns_gpu. add: dx is added to. One work-item per row.
 kernel void layernorm_backward_cpu(global const float* x, global const float* gamma, global const float* beta,
                                    global const float* film, global const float* dy, global float* dx,
                                    global float* dfilm, global float* stats, int R, int C, int P, int skip, float eps,
@@ -126,7 +127,7 @@ static float2 group_statistics(global const float* x, int C, float eps, local fl
   return (float2)(mean, 1.0f / sqrt(group_sum(square, part) / C + eps));
 }
 
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_gpu(
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_forward_gpu(
     global const float* x, global const float* gamma, global const float* beta, global const float* film,
     global float* out, int R, int C, int P, int skip, float eps) {
   local float part[GROUP];
@@ -180,9 +181,9 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backwar
 #endif
 
 // dgamma, dbeta [ceil(R / ROWS), C]: the sums of ROWS rows each. gpu flavour: a work-item per (channel, ROWS rows).
-kernel void layernorm_columns(global const float* x, global const float* film, global const float* dy,
-                              global const float* stats, global float* dgamma, global float* dbeta, int R, int C, int P,
-                              int skip) {
+kernel void layernorm_backward_columns_gpu(global const float* x, global const float* film, global const float* dy,
+                                           global const float* stats, global float* dgamma, global float* dbeta, int R,
+                                           int C, int P, int skip) {
   const int c = get_global_id(0), chunk = get_global_id(1);
   if (c >= C) return;
   float by_gamma = 0.0f, by_beta = 0.0f;
@@ -198,9 +199,9 @@ kernel void layernorm_columns(global const float* x, global const float* film, g
 }
 
 // cpu flavour: work-groups of one work-item, per ROWS rows.
-kernel void layernorm_columns_cpu(global const float* x, global const float* film, global const float* dy,
-                                  global const float* stats, global float* dgamma, global float* dbeta, int R, int C,
-                                  int P, int skip) {
+kernel void layernorm_backward_columns_cpu(global const float* x, global const float* film, global const float* dy,
+                                           global const float* stats, global float* dgamma, global float* dbeta, int R,
+                                           int C, int P, int skip) {
   const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
   global const float* none = 0;
   for (int c = 0; c < C; c += 16) {

@@ -2,8 +2,8 @@
 // ((i, j, k) + 0.5) / R - 0.5, i along x.
 //   w2c [V, 4, 4], intrinsics [V, 4]: fx, fy, cx, cy in pixels
 //   index i32 [n, V, 4], weight [n, V, 4]   the texels (v t t + y t + x) around each voxel's image in each view; weight
-//   0 outside maps [V t t, C]                         features, or their projection lift_variance: out [n, C] biased
-//   variance over the V views of the bilinear samples lift_mean:     out [.., C], rows first .. first + n: mean over
+//   0 outside maps [V t t, C]                         features, or their projection lift_variance_forward: out [n, C] biased
+//   variance over the V views of the bilinear samples lift_mean_forward:     out [.., C], rows first .. first + n: mean over
 //   the views of the samples + bias [C]
 // lift_corners: one work-item per (voxel, view). The others: a work-group takes VOXELS voxels one after the other, and
 // its work-items share out the channels, LANES (1, 4 or 16) at a time. Any sizes >= 1.
@@ -59,8 +59,8 @@ static inline float sample_one(global const float* maps, int C, int4 at, float4 
 }
 
 // Welford's recurrence: exact for equal samples, and as accurate as two passes, without keeping the samples.
-kernel void lift_variance(global const float* maps, global const int4* index, global const float4* weight,
-                          global float* out, int n, int V, int C) {
+kernel void lift_variance_forward(global const float* maps, global const int4* index, global const float4* weight,
+                                  global float* out, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
@@ -90,8 +90,8 @@ kernel void lift_variance(global const float* maps, global const int4* index, gl
   }
 }
 
-kernel void lift_mean(global const float* maps, global const int4* index, global const float4* weight,
-                      global const float* bias, global float* out, int first, int n, int V, int C) {
+kernel void lift_mean_forward(global const float* maps, global const int4* index, global const float4* weight,
+                              global const float* bias, global float* out, int first, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
@@ -111,7 +111,7 @@ kernel void lift_mean(global const float* maps, global const int4* index, global
   }
 }
 
-// Backward of lift_variance by the samples: dsamples [n, V, C] = 2/V (sample - mean over the views) dout [n, C].
+// Backward of lift_variance_forward by the samples: dsamples [n, V, C] = 2/V (sample - mean over the views) dout [n, C].
 kernel void lift_variance_backward(global const float* maps, global const int4* index, global const float4* weight,
                                    global const float* dout, global float* dsamples, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);

@@ -107,7 +107,7 @@ kernel void loss_maps(global const float* restrict rows, global float* restrict 
 
 // The blur's transpose along y, from slopes to [3, N, H, V3 + 60], whose rows have 30 zeros at either end. n counts the
 // pictures of all three.
-kernel void loss_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H) {
+kernel void loss_backward_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H) {
   const int pad = 3 * (WINDOW - 1), valid = H - WINDOW + 1;
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
   if (j >= V3 + 2 * pad) return;
@@ -119,13 +119,13 @@ kernel void loss_spread(global const float* restrict slopes, global float* restr
   spread[((size_t)n * H + y) * (V3 + 2 * pad) + j] = sum;
 }
 
-// gradient [N, H, W3] at one scale: the transpose along x, by[first + 3 n + c] times the three together, and a quarter of that of
+// dpictures [N, H, W3] at one scale: the transpose along x, by[first + 3 n + c] times the three together, and a quarter of that of
 // the next coarser scale (null: none). At the finest scale `pictures` are those that were clamped: there, + error * d, and
 // 0 where they are outside of [0, 1].
-kernel void loss_gradient(global const float* restrict spread, global const float* restrict m,
+kernel void loss_backward(global const float* restrict spread, global const float* restrict m,
                           global const float* restrict d, global const float* restrict by,
                           global const float* restrict coarser, global const float* restrict pictures,
-                          global float* restrict gradient, int H, int W, int N, int first, float error) {
+                          global float* restrict dpictures, int H, int W, int N, int first, float error) {
   const int pad = 3 * (WINDOW - 1);
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2), c = j % 3;
   if (j >= 3 * W) return;
@@ -146,7 +146,7 @@ kernel void loss_gradient(global const float* restrict spread, global const floa
     sum = FMA(error, d[at], sum);
     if (pictures[at] < 0.0f || pictures[at] > 1.0f) sum = 0.0f;
   }
-  gradient[at] = sum;
+  dpictures[at] = sum;
 }
 
 // sums [N, blocks, 3]: of x [N, pixels, 3], or of its squares, over GROUP * EACH pixels each. Groups (blocks, N).
@@ -186,7 +186,7 @@ kernel void loss_means(global const float* restrict sums, global float* restrict
 }
 
 // From means [1 + scales, planes], of d^2 and then of `off` scale by scale: out [3] = loss, mean squared error, similarity, and
-// by [scales, planes], what loss_gradient takes, times gradient_scale. H and W are those of the pictures. One work-item.
+// by [scales, planes], what loss_backward takes, times gradient_scale. H and W are those of the pictures. One work-item.
 // One scale: the mean of SSIM. Five: the mean over planes of the product of each scale's positive part to its power.
 kernel void loss_value(global const float* restrict means, global float* restrict out, global float* restrict by, int H,
                        int W, int planes, int scales, float weight, float gradient_scale) {

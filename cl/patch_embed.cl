@@ -10,15 +10,15 @@
 // Backward, from dtokens [V, 1 + t t, C]:
 //   dposition [1 + t t, C]  the sum over the views
 //   dpatches  [t t, C]      the same without the class token, whose row the GEMM's result never reached
-// patch_rows: one work-item per line of a patch, (y, patch, view). patch_tokens: one per 4 channels, (C / 4 rounded up,
+// patch_embed_rows: one work-item per line of a patch, (y, patch, view). patch_embed_forward_tokens: one per 4 channels, (C / 4 rounded up,
 // token, view).
-// patch_positions: one per (channel, token).
+// patch_embed_backward_positions: one per (channel, token).
 #include "common.clh"
 
 constant float image_mean[3] = {0.485f, 0.456f, 0.406f};
 constant float image_deviation[3] = {0.229f, 0.224f, 0.225f};
 
-kernel void patch_rows(global const float* images, global float* rows, int V, int S, int p) {
+kernel void patch_embed_rows(global const float* images, global float* rows, int V, int S, int p) {
   const int y = get_global_id(0), patch = get_global_id(1), v = get_global_id(2);
   const int t = S / p;
   if (y >= p || patch > t * t || v >= V) return;
@@ -34,7 +34,7 @@ kernel void patch_rows(global const float* images, global float* rows, int V, in
     for (int x = 0; x < p; ++x) to[(size_t)c * p * p + x] = (from[3 * x + c] - image_mean[c]) / image_deviation[c];
 }
 
-kernel void patch_tokens(global const float* position, global float* tokens, int V, int T, int C) {
+kernel void patch_embed_forward_tokens(global const float* position, global float* tokens, int V, int T, int C) {
   const int c0 = get_global_id(0) * 4, token = get_global_id(1), v = get_global_id(2);
   if (c0 >= C || token >= T || v >= V) return;
   global const float* from = position + (size_t)token * C + c0;
@@ -43,8 +43,8 @@ kernel void patch_tokens(global const float* position, global float* tokens, int
   for (int c = 0; c < count; ++c) to[c] = token == 0 ? from[c] : to[c] + from[c];
 }
 
-kernel void patch_positions(global const float* dtokens, global float* dposition, global float* dpatches, int V, int T,
-                            int C) {
+kernel void patch_embed_backward_positions(global const float* dtokens, global float* dposition, global float* dpatches,
+                                           int V, int T, int C) {
   const int c = get_global_id(0), token = get_global_id(1);
   if (c >= C || token >= T) return;
   float sum = 0.0f;

@@ -3,8 +3,8 @@
 // A work-item per point. sin and cos are the accurate ones: 2^9 x is far outside the first period.
 #define BANDS 10
 
-kernel void position_encoding_fwd(global const float* restrict points, global float* restrict out, int P, int W,
-                                  int column) {
+kernel void position_encoding_forward(global const float* restrict points, global float* restrict out, int P, int W,
+                                      int column) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 x = vload3(p, points);
@@ -18,8 +18,8 @@ kernel void position_encoding_fwd(global const float* restrict points, global fl
 }
 
 // Backward: dpoints [P,3], to row p of which is added what dout [P,W]'s columns from `column` on make of it. A work-item per point.
-kernel void position_encoding_bwd(global const float* restrict points, global const float* restrict dout,
-                                  global float* restrict dpoints, int P, int W, int column) {
+kernel void position_encoding_backward(global const float* restrict points, global const float* restrict dout,
+                                       global float* restrict dpoints, int P, int W, int column) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 x = vload3(p, points);

@@ -23,8 +23,9 @@ static inline float resampled(global const float* grid, global const int* first,
   return sum;
 }
 
-kernel void position_resample(global const float* stored, global const float* class_token, global const int* first,
-                              global const float* weight, global float* out, int g, int t, int n, int C) {
+kernel void position_resample_forward(global const float* stored, global const float* class_token,
+                                      global const int* first, global const float* weight, global float* out, int g,
+                                      int t, int n, int C) {
   const int c = get_global_id(0), token = get_global_id(1);
   if (c >= C || token > t * t) return;
   out[(size_t)token * C + c] =

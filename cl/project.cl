@@ -246,9 +246,9 @@ static inline void sh_basis(real3 d, int count, real* basis) {
   }
 }
 
-kernel void project(global const float* means, global const float* scales, global const float* quats,
-                    global const float* opacities, global const float* sh, global const float* views, int view,
-                    global const uint* ids, global float* records, int base, int from, int n, int S) {
+kernel void project_forward(global const float* means, global const float* scales, global const float* quats,
+                            global const float* opacities, global const float* sh, global const float* views, int view,
+                            global const uint* ids, global float* records, int base, int from, int n, int S) {
   const int first = get_global_id(0) * WIDTH;
   if (first >= n) return;
   ids += from;

@@ -4,7 +4,7 @@
 //   larger scene whose Gaussian `base` comes first; mirrored: whether colours are seen from the camera's mirror image.
 //   ids [N]: which of the scene each of the N visible ones is, those that are not of the chunk are left to others; records [N,12]; rows [M,10], touched [M], of which those of visible
 //   Gaussian i are offsets[i] to offsets[i + 1] (offsets [N+1]).
-//   Adds to g_means, g_scales, g_quats (by the quaternion as given, of whatever length), g_opacities, g_sh, shaped as above.
+//   Adds to dmeans, dscales, dquats (by the quaternion as given, of whatever length), dopacities, dsh, shaped as above.
 //   twists [N,6], where it is not null: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
 // What is constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
 #include "common.clh"
@@ -14,16 +14,16 @@
 
 // Of coefficient i, with its basis function and the function's gradient: adds to the coefficient's gradient, returns the
 // direction's.
-static inline float3 sh_term(global const float* sh, global float* g_sh, int i, float3 by_colour, float basis,
+static inline float3 sh_term(global const float* sh, global float* dsh, int i, float3 by_colour, float basis,
                              float3 slope) {
-  vstore3(vload3(i, g_sh) + basis * by_colour, i, g_sh);
+  vstore3(vload3(i, dsh) + basis * by_colour, i, dsh);
   return dot(vload3(i, sh), by_colour) * slope;
 }
 
 // project.cl's sh_colour; returns the gradient by the unit direction d.
-static inline float3 sh_backward(global const float* sh, global float* g_sh, int count, float3 d, float3 by_colour) {
+static inline float3 sh_backward(global const float* sh, global float* dsh, int count, float3 d, float3 by_colour) {
 #define TERM(i, scale, basis, sx, sy, sz) \
-  sum += sh_term(sh, g_sh, i, by_colour, (scale) * (basis), (scale) * (float3)(sx, sy, sz))
+  sum += sh_term(sh, dsh, i, by_colour, (scale) * (basis), (scale) * (float3)(sx, sy, sz))
   float3 sum = 0.0f;
   const float x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z;
   TERM(0, 0.28209479177387814f, 1.0f, 0.0f, 0.0f, 0.0f);
@@ -67,9 +67,9 @@ kernel void project_backward(global const float* means, global const float* scal
                              global const float* opacities, global const float* sh, global const float* views, int view,
                              int mirrored, global const uint* ids, global const float* records,
                              global const float* rows, global const uchar* touched, global const uint* offsets,
-                             global float* g_means, global float* g_scales, global float* g_quats,
-                             global float* g_opacities, global float* g_sh, global float* twists, int N, int K,
-                             int base, int S) {
+                             global float* dmeans, global float* dscales, global float* dquats,
+                             global float* dopacities, global float* dsh, global float* twists, int N, int K, int base,
+                             int S) {
   const int n = get_global_id(0);
   if (n >= N || ids[n] < (uint)base || ids[n] - (uint)base >= (uint)K) return;
   float8 low = 0.0f;
@@ -95,7 +95,7 @@ kernel void project_backward(global const float* means, global const float* scal
       (float3)(tint.x > 0.0f ? low.s6 : 0.0f, tint.y > 0.0f ? low.s7 : 0.0f, tint.z > 0.0f ? high.x : 0.0f);
 
   const size_t i = ids[n] - base;
-  g_opacities[i] += low.s0 / opacities[i];
+  dopacities[i] += low.s0 / opacities[i];
 
   // The forward's quantities, by their names there.
   global const float* camera = views + (size_t)view * 32;
@@ -120,11 +120,11 @@ kernel void project_backward(global const float* means, global const float* scal
 
   // Covariance = s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s; then a = j R, j = J W.
   const float3 by_s1 = (pxx * a1 + pxy * a2) * s, by_s2 = (pxy * a1 + pyy * a2) * s;
-  add3(by_s1 * a1 + by_s2 * a2, i, g_scales);
+  add3(by_s1 * a1 + by_s2 * a2, i, dscales);
   const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
   const float4 by_q =
       rotation_backward(q, by_a1.x * j1 + by_a2.x * j2, by_a1.y * j1 + by_a2.y * j2, by_a1.z * j1 + by_a2.z * j2);
-  vstore4(vload4(i, g_quats) + q1 * (by_q - dot(by_q, q) * q), i, g_quats);
+  vstore4(vload4(i, dquats) + q1 * (by_q - dot(by_q, q) * q), i, dquats);
   const float3 by_j1 = by_a1.x * r0 + by_a1.y * r1 + by_a1.z * r2, by_j2 = by_a2.x * r0 + by_a2.y * r1 + by_a2.z * r2;
 
   // The place in the camera: through u, v, z and the Jacobian.
@@ -137,9 +137,9 @@ kernel void project_backward(global const float* means, global const float* scal
   float3 from = (mean - (float3)(camera[22], camera[23], camera[24])) - (float3)(camera[25], camera[26], camera[27]);
   const float from2 = dot(from, from), from1 = from2 > 0.0f ? rsqrt(from2) : 0.0f;
   from *= from1;
-  const float3 by_unit = sh_backward(sh + i * S * 3, g_sh + i * S * 3, S, from, by_tint);
+  const float3 by_unit = sh_backward(sh + i * S * 3, dsh + i * S * 3, S, from, by_tint);
   const float3 by_from = from1 * (by_unit - dot(by_unit, from) * from);
-  add3(by_mean + by_from, i, g_means);
+  add3(by_mean + by_from, i, dmeans);
 
   if (twists) {
     // A turn moves the place and turns J W; a shift by tau moves the place and, by -W^T tau, the camera's centre.

@@ -30,10 +30,10 @@ static inline float weight_of_views(float3 point, global const float* w2c, globa
   global const float *p0 = map + (long)f.texel.x * C, *p1 = map + (long)f.texel.y * C;             \
   global const float *p2 = map + (long)f.texel.z * C, *p3 = map + (long)f.texel.w * C;
 
-kernel void project_features_cpu(global const float* restrict features, global const float* restrict points,
-                                 global const float* restrict w2c, global const float* restrict c2w,
-                                 global const float* restrict intrinsics, global float* restrict out, int P, int V,
-                                 int t, int C, float image, float half_pixel, int by_distance) {
+kernel void project_features_forward_cpu(global const float* restrict features, global const float* restrict points,
+                                         global const float* restrict w2c, global const float* restrict c2w,
+                                         global const float* restrict intrinsics, global float* restrict out, int P,
+                                         int V, int t, int C, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 point = vload3(p, points);
@@ -52,10 +52,10 @@ kernel void project_features_cpu(global const float* restrict features, global c
   }
 }
 
-kernel void project_features_gpu(global const float* restrict features, global const float* restrict points,
-                                 global const float* restrict w2c, global const float* restrict c2w,
-                                 global const float* restrict intrinsics, global float* restrict out, int P, int V,
-                                 int t, int C, float image, float half_pixel, int by_distance) {
+kernel void project_features_forward_gpu(global const float* restrict features, global const float* restrict points,
+                                         global const float* restrict w2c, global const float* restrict c2w,
+                                         global const float* restrict intrinsics, global float* restrict out, int P,
+                                         int V, int t, int C, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(1);
   if (p >= P) return;
   const float3 point = vload3(p, points);
@@ -77,10 +77,10 @@ kernel void project_features_gpu(global const float* restrict features, global c
 //   dpoints [P,3]                        added to
 
 // A work-item per point.
-kernel void project_features_texels(global const float* restrict points, global const float* restrict w2c,
-                                    global const float* restrict c2w, global const float* restrict intrinsics,
-                                    global int4* restrict index, global float4* restrict weight, int P, int V, int t,
-                                    float image, float half_pixel, int by_distance) {
+kernel void project_features_backward_texels(global const float* restrict points, global const float* restrict w2c,
+                                             global const float* restrict c2w, global const float* restrict intrinsics,
+                                             global int4* restrict index, global float4* restrict weight, int P, int V,
+                                             int t, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 point = vload3(p, points);
@@ -93,10 +93,11 @@ kernel void project_features_texels(global const float* restrict points, global 
 }
 
 // A work-item per point and view.
-kernel void project_features_dots_cpu(global const float* restrict features, global const float* restrict points,
-                                      global const float* restrict w2c, global const float* restrict intrinsics,
-                                      global const float* restrict dout, global float4* restrict dots, int P, int V,
-                                      int t, int C, float image, float half_pixel) {
+kernel void project_features_backward_dots_cpu(global const float* restrict features,
+                                               global const float* restrict points, global const float* restrict w2c,
+                                               global const float* restrict intrinsics,
+                                               global const float* restrict dout, global float4* restrict dots, int P,
+                                               int V, int t, int C, float image, float half_pixel) {
   const int p = get_global_id(0) / V, v = get_global_id(0) % V;
   if (p >= P) return;
   const Footprint f = footprint(vload3(p, points), w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
@@ -118,7 +119,7 @@ kernel void project_features_dots_cpu(global const float* restrict features, glo
 
 // A work-group of DOT_LANES work-items per point and view.
 #define DOT_LANES 64
-kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_features_dots_gpu(
+kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_features_backward_dots_gpu(
     global const float* restrict features, global const float* restrict points, global const float* restrict w2c,
     global const float* restrict intrinsics, global const float* restrict dout, global float4* restrict dots, int P,
     int V, int t, int C, float image, float half_pixel) {
@@ -143,10 +144,10 @@ kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_featu
 }
 
 // A work-item per point.
-kernel void project_features_points(global const float* restrict points, global const float* restrict w2c,
-                                    global const float* restrict c2w, global const float* restrict intrinsics,
-                                    global const float4* restrict dots, global float* restrict dpoints, int P, int V,
-                                    int t, float image, float half_pixel, int by_distance) {
+kernel void project_features_backward_points(global const float* restrict points, global const float* restrict w2c,
+                                             global const float* restrict c2w, global const float* restrict intrinsics,
+                                             global const float4* restrict dots, global float* restrict dpoints, int P,
+                                             int V, int t, float image, float half_pixel, int by_distance) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const float3 point = vload3(p, points);

@@ -66,10 +66,10 @@ static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, g
   }
 }
 
-kernel void rasterize_cpu(global const float* records, global const uint* ids, global const uint* starts,
-                          global float* colour, global float* alpha, global float* depth, int width, int height,
-                          int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
-                          float background_b) {
+kernel void rasterize_forward_cpu(global const float* records, global const uint* ids, global const uint* starts,
+                                  global float* colour, global float* alpha, global float* depth, int width, int height,
+                                  int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
+                                  float background_g, float background_b) {
   const int tile = get_global_id(0);
   if (tile >= tile_count) return;
   const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
@@ -141,10 +141,10 @@ kernel void rasterize_cpu(global const float* records, global const uint* ids, g
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
 
-kernel void rasterize_gpu(global const float* records, global const uint* ids, global const uint* starts,
-                          global float* colour, global float* alpha, global float* depth, int width, int height,
-                          int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
-                          float background_b) {
+kernel void rasterize_forward_gpu(global const float* records, global const uint* ids, global const uint* starts,
+                                  global float* colour, global float* alpha, global float* depth, int width, int height,
+                                  int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
+                                  float background_g, float background_b) {
   local float4 place[WG], form[WG], tint[WG];
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);

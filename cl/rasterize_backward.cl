@@ -1,14 +1,14 @@
 // What a picture's gradient says of each Gaussian in each tile: blending (rasterize.cl) differentiated.
 //   records [V,12] as project.cl writes them; ids [N] records tile by tile, near to far; starts [tiles + 1]; slots [N]: where an
 //   intersection's row goes. Tiles are those of a part of the picture, tiles_x in a row, which begins with tile (tile_x0,
-//   tile_y0). colour [H,W,3], alpha [H,W], depth [H,W]: what blending made of them; g_colour, g_alpha, g_depth:
+//   tile_y0). colour [H,W,3], alpha [H,W], depth [H,W]: what blending made of them; dcolour, dalpha, ddepth:
 //   the loss's derivatives by those, of which any may be null (zeros).
 //   rows [N,10], each the sum over the tile's pixels of
-//     h, h dx, h t, h dx^2, h dx t, h t^2, w g_colour (3), w g_depth
+//     h, h dx, h t, h dx^2, h dx t, h t^2, w dcolour (3), w ddepth
 //   with w the weight, h the loss's derivative by ln alpha (0 where alpha is held at 0.99), and dx, t as rasterize.clh has them.
 //   touched [N] bytes: 1 where a row was written. Those of Gaussians that no pixel of the tile sees are left as they are, and
 //   so are their rows.
-// With s = colour . g_colour + z g_depth + g_alpha - background . g_colour, a Gaussian's derivative by alpha is
+// With s = colour . dcolour + z ddepth + dalpha - background . dcolour, a Gaussian's derivative by alpha is
 //   T s - (sum of w s behind it) / (1 - alpha);
 // the sum over all is known from the picture, so that walking near to far, with blending's own decisions, suffices.
 // cpu: a work-item owns a tile, a float16 a block of 4 x 4 pixels. gpu: a work-group of 16 x 16 / PIXELS items owns a tile,
@@ -68,8 +68,8 @@ static inline float16 fold1(float16 a, float16 b) { return (float16)(a.even, b.e
 
 kernel void rasterize_backward_cpu(global const float* records, global const uint* ids, global const uint* starts,
                                    global const uint* slots, global const float* colour, global const float* alpha,
-                                   global const float* depth, global const float* g_colour, global const float* g_alpha,
-                                   global const float* g_depth, global float* rows, global uchar* touched, int width,
+                                   global const float* depth, global const float* dcolour, global const float* dalpha,
+                                   global const float* ddepth, global float* rows, global uchar* touched, int width,
                                    int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
                                    float background_r, float background_g, float background_b) {
   const int tile = get_global_id(0);
@@ -84,11 +84,11 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
   for (int b = 0; b < BLOCKS; ++b) {
     const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
     float16 g[3], c[3];
-    load_colours(g_colour, x, y, width, height, g);
+    load_colours(dcolour, x, y, width, height, g);
     load_colours(colour, x, y, width, height, c);
     gr[b] = g[0], gg[b] = g[1], gb[b] = g[2];
-    gz[b] = load_block(g_depth, x, y, width, height);
-    const float16 ga = load_block(g_alpha, x, y, width, height);
+    gz[b] = load_block(ddepth, x, y, width, height);
+    const float16 ga = load_block(dalpha, x, y, width, height);
     base[b] = ga - (g[0] * background_r + g[1] * background_g + g[2] * background_b);
     rest[b] = g[0] * (c[0] - background_r) + g[1] * (c[1] - background_g) + g[2] * (c[2] - background_b) +
               gz[b] * load_block(depth, x, y, width, height) + ga * load_block(alpha, x, y, width, height);
@@ -189,8 +189,8 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
 
 kernel void rasterize_backward_gpu(global const float* records, global const uint* ids, global const uint* starts,
                                    global const uint* slots, global const float* colour, global const float* alpha,
-                                   global const float* depth, global const float* g_colour, global const float* g_alpha,
-                                   global const float* g_depth, global float* rows, global uchar* touched, int width,
+                                   global const float* depth, global const float* dcolour, global const float* dalpha,
+                                   global const float* ddepth, global float* rows, global uchar* touched, int width,
                                    int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
                                    float background_r, float background_g, float background_b) {
   local float4 place[WG], form[WG], tint[WG];
@@ -208,9 +208,9 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
     const size_t at = inside ? (size_t)py * width + px : 0;
     T[p] = inside ? 1.0f : 0.0f;
     grad[p] = 0.0f;
-    if (inside && g_colour) grad[p].xyz = vload3(at, g_colour);
-    if (inside && g_depth) grad[p].w = g_depth[at];
-    const float ga = inside && g_alpha ? g_alpha[at] : 0.0f;
+    if (inside && dcolour) grad[p].xyz = vload3(at, dcolour);
+    if (inside && ddepth) grad[p].w = ddepth[at];
+    const float ga = inside && dalpha ? dalpha[at] : 0.0f;
     const float3 background = (float3)(background_r, background_g, background_b);
     rest[p] =
         inside ? dot(grad[p].xyz, vload3(at, colour) - background) + grad[p].w * depth[at] + ga * alpha[at] : 0.0f;

@@ -8,10 +8,10 @@
 #include "common.clh"
 #include "rng.clh"
 
-kernel void select_fwd(global const float* restrict logits, global const float* restrict noise,
-                       global const float* restrict opacities, global float* restrict factor,
-                       global float* restrict refined, global uint* restrict flags, int n, int variant,
-                       float temperature, float threshold) {
+kernel void select_forward(global const float* restrict logits, global const float* restrict noise,
+                           global const float* restrict opacities, global float* restrict factor,
+                           global float* restrict refined, global uint* restrict flags, int n, int variant,
+                           float temperature, float threshold) {
   const int i = get_global_id(0);
   if (i >= n) return;
   float value = 1.0f;

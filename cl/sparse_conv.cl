@@ -1,5 +1,5 @@
 // w [N,T,C] with its taps in reverse order, as rows of a GEMM: m [T,N,C], m[k, n] = w[n, T - 1 - k]. A work-item per element.
-kernel void submanifold_mirror(global const float* restrict w, global float* restrict m, int N, int T, int C) {
+kernel void submanifold_backward_mirror(global const float* restrict w, global float* restrict m, int N, int T, int C) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)N * T * C) return;
   const size_t c = i % C, n = i / C % N, k = i / C / N;

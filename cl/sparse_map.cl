@@ -9,8 +9,8 @@ kernel void sparse_map_grid(global const int* restrict index, global int* restri
 }
 
 // A work-item per active voxel.
-kernel void sparse_map_fwd(global const int* restrict index, global const int* restrict grid, global int* restrict map,
-                           int P, int R) {
+kernel void sparse_map_forward(global const int* restrict index, global const int* restrict grid,
+                               global int* restrict map, int P, int R) {
   const int p = get_global_id(0);
   if (p >= P) return;
   const int x = index[p] / (R * R), y = index[p] / R % R, z = index[p] % R;

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "model/ops/add_columns.h"
-#include "model/ops/resample3d.h"
+#include "model/ops/upsample3d.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

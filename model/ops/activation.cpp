@@ -28,8 +28,8 @@ void activation_forward(Context& ctx, const ActivationForward& a) {
   if (n == 0) return;
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto values = static_cast<double>(n);
-  ctx.launch({"activation", cpu ? "activation_cpu" : "activation_gpu", ""}, range(cpu, n), {0, 8 * values}, a.x, a.out,
-             static_cast<int>(n), static_cast<int>(a.activation));
+  ctx.launch({"activation", cpu ? "activation_forward_cpu" : "activation_forward_gpu", ""}, range(cpu, n),
+             {0, 8 * values}, a.x, a.out, static_cast<int>(n), static_cast<int>(a.activation));
 }
 
 void activation_backward(Context& ctx, const ActivationBackward& a) {

@@ -39,10 +39,10 @@ void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
              {2.0 * static_cast<double>(a.out.count()), 5.0 / 3.0 * io + tiles}, a.qkv, a.out, a.stats, a.dout, across,
              along, terms, v, t, h, c, s.scale());
   const Range range = groups((s.t + rows - 1) / rows, 1, heads);
-  ctx.launch({"attention_backward_cpu", "attention_by_query", defines}, range, {3 * s.product, tiles}, across, along,
-             terms, a.dqkv, v, t, h, c, s.scale());
-  ctx.launch({"attention_backward_cpu", "attention_by_key", defines}, range, {4 * s.product, tiles}, across, along,
-             terms, a.dqkv, v, t, h, c);
+  ctx.launch({"attention_backward_cpu", "attention_backward_by_query", defines}, range, {3 * s.product, tiles}, across,
+             along, terms, a.dqkv, v, t, h, c, s.scale());
+  ctx.launch({"attention_backward_cpu", "attention_backward_by_key", defines}, range, {4 * s.product, tiles}, across,
+             along, terms, a.dqkv, v, t, h, c);
 }
 
 void backward_gpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
@@ -50,14 +50,15 @@ void backward_gpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
   const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64));
   const Tensor delta = ctx.tensor({s.v, s.h, s.t}, Type::f32, "attention.delta");
   const double io = static_cast<double>(a.qkv.bytes() + a.dout.bytes());
-  ctx.launch({"attention_backward_gpu", "attention_delta", defines}, groups((s.t + 63) / 64, 64, s.v * s.h),
+  ctx.launch({"attention_backward_gpu", "attention_backward_delta", defines}, groups((s.t + 63) / 64, 64, s.v * s.h),
              {2.0 * static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.out, a.dout, delta,
              v, t, h, c);
   const Range range = groups((s.t + 63) / 64, 256, s.v * s.h);
   for (const bool by_key : {false, true})
-    ctx.launch({"attention_backward_gpu", by_key ? "attention_by_key" : "attention_by_query", defines}, range,
-               {(by_key ? 4 : 3) * s.product, io + (by_key ? 2.0 : 1.0) * static_cast<double>(a.out.bytes())}, a.qkv,
-               a.stats, delta, a.dout, a.dqkv, v, t, h, c, s.scale());
+    ctx.launch(
+        {"attention_backward_gpu", by_key ? "attention_backward_by_key" : "attention_backward_by_query", defines},
+        range, {(by_key ? 4 : 3) * s.product, io + (by_key ? 2.0 : 1.0) * static_cast<double>(a.out.bytes())}, a.qkv,
+        a.stats, delta, a.dout, a.dqkv, v, t, h, c, s.scale());
 }
 
 }  // namespace
@@ -74,18 +75,18 @@ void attention_forward(Context& ctx, const AttentionForward& a) {
   const Cost cost{2 * s.product, io + static_cast<double>(a.out.bytes())};
   if (ctx.flavour() == Flavour::gpu) {
     const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64));
-    ctx.launch({"attention_gpu", "attention_gpu", defines}, groups((s.t + 63) / 64, 256, s.v * s.h), cost, a.qkv, a.out,
-               a.stats, v, t, h, c, s.scale());
+    ctx.launch({"attention_forward_gpu", "attention_forward_gpu", defines}, groups((s.t + 63) / 64, 256, s.v * s.h),
+               cost, a.qkv, a.out, a.stats, v, t, h, c, s.scale());
     return;
   }
   const long pad = round_up(s.c, 32), panels = (s.t + 31) / 32, rows = Sizes::rows(ctx);
   const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
   const Tensor kt = ctx.tensor({s.v * s.h, panels, s.c, 32}, Type::f32, "attention.keys");
   const Tensor vp = ctx.tensor({s.v * s.h, panels * 32, pad}, Type::f32, "attention.values");
-  ctx.launch({"attention_cpu", "attention_pack", defines}, groups(panels, 1, s.v * s.h), {0, 4.0 / 3.0 * io}, a.qkv, kt,
-             vp, v, t, h, c);
-  ctx.launch({"attention_cpu", "attention_cpu", defines}, groups((s.t + rows - 1) / rows, 1, s.v * s.h), cost, a.qkv,
-             kt, vp, a.out, a.stats, v, t, h, c, s.scale());
+  ctx.launch({"attention_forward_cpu", "attention_forward_pack", defines}, groups(panels, 1, s.v * s.h),
+             {0, 4.0 / 3.0 * io}, a.qkv, kt, vp, v, t, h, c);
+  ctx.launch({"attention_forward_cpu", "attention_forward_cpu", defines}, groups((s.t + rows - 1) / rows, 1, s.v * s.h),
+             cost, a.qkv, kt, vp, a.out, a.stats, v, t, h, c, s.scale());
 }
 
 void attention_backward(Context& ctx, const AttentionBackward& a) {

@@ -17,8 +17,8 @@ Tensor compact(Context& ctx, const Tensor& flags, long planned) {
     selected = ctx.read<std::uint32_t>(total)[0];  // the host sizes everything that follows by it
   }
   Tensor indices = ctx.tensor({selected}, Type::i32, "compact.indices");
-  ctx.launch({"compact", "compact_fwd", ""}, items(n, 64), {0, 8.0 * static_cast<double>(n)}, flags, positions, indices,
-             count);
+  ctx.launch({"compact", "compact_indices", ""}, items(n, 64), {0, 8.0 * static_cast<double>(n)}, flags, positions,
+             indices, count);
   return indices;
 }
 

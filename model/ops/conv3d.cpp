@@ -115,7 +115,7 @@ Tensor patch_order(Context& ctx, const Tensor& w, const std::string& what) {
   if (w.rank() != 5 || w.count() != w.dim(0) * w.dim(1) * 8 || w.type() != Type::f32)
     fail(Status::internal, "{}: weights are {}, [Cout, Cin, 2, 2, 2] expected", what, w.describe());
   const Tensor out = ctx.tensor({w.dim(0), 8 * w.dim(1)}, Type::f32, what);
-  ctx.launch({"conv3d_gradient", "conv3d_down_order", ""}, items(w.count()), {0, 8.0 * static_cast<double>(w.count())},
+  ctx.launch({"conv3d_backward", "conv3d_down_order", ""}, items(w.count()), {0, 8.0 * static_cast<double>(w.count())},
              w, out, as_int(w.dim(1)), as_int(w.dim(0)));
   return out;
 }
@@ -172,11 +172,11 @@ void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
     const long planes = std::min(step, s.x - p);
     const long until = std::min(s.x, p + planes + 1);
     const double bytes = 4.0 * static_cast<double>((until - packed) * (s.y * s.z * s.c() + plane));
-    ctx.launch({"conv3d_cpu", "conv3d_pack", tile_defines(ctx.device())}, groups(zt, 1, s.y, until - packed),
+    ctx.launch({"conv3d_cpu", "conv3d_forward_pack", tile_defines(ctx.device())}, groups(zt, 1, s.y, until - packed),
                {0, bytes}, c.in.x0, as_int(s.c0), c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0,
                as_int(s.y), as_int(s.z), as_int(ring_planes), as_int(packed), ring);
     packed = until;
-    ctx.launch({"conv3d_cpu", "conv3d_tile", tile_defines(ctx.device()), c.name},
+    ctx.launch({"conv3d_cpu", "conv3d_forward_cpu", tile_defines(ctx.device()), c.name},
                groups(zt * s.y, 1, planes, div_up(s.n, kTileCols)), cost_of(c, s, planes), ring, c.weights->w.data,
                as_int(s.c()), as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(ring_planes), as_int(p),
                c.weights->bias, c.residual, c.out);
@@ -192,10 +192,10 @@ void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
     const double share = static_cast<double>(count) / static_cast<double>(tiles);
-    ctx.launch({"conv3d_winograd", "winograd_pack", ""}, groups(zt, 1, count),
+    ctx.launch({"conv3d_winograd", "winograd_forward_pack", ""}, groups(zt, 1, count),
                {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, as_int(s.c0), c.in.x1, as_int(s.c1),
                c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), as_int(t), v);
-    ctx.launch({"conv3d_winograd", "winograd_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
+    ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
                {whole.flops * share, whole.bytes * share}, v, c.weights->w.data, as_int(s.c()), as_int(s.n),
                as_int(s.x), as_int(s.y), as_int(s.z), as_int(t), c.weights->bias, c.residual, c.out);
   }
@@ -203,7 +203,7 @@ void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
 
 void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
   const GpuTile tile = gpu_tile(ctx, s.x * s.y * s.z, s.n);
-  ctx.launch({"conv3d_gpu", "conv3d_tile_gpu", tile.defines, c.name},
+  ctx.launch({"conv3d_gpu", "conv3d_forward_gpu", tile.defines, c.name},
              groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0,
              as_int(s.c0), c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y),
              as_int(s.z), c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
@@ -222,7 +222,7 @@ void weight_gradient_direct(Context& ctx, const Conv3dWeightGradient& g, const S
     const std::string defines = tile_defines(ctx.device());
     const auto panels = [&](const RowSource& of, long c0, long c1, long width) {
       const Tensor to = ctx.tensor({div_up(c0 + c1, width), voxels, width}, Type::f32, "columns");
-      ctx.launch({"conv3d_cpu", "conv3d_weight_panels", defines}, items(voxels, 1),
+      ctx.launch({"conv3d_cpu", "conv3d_backward_panels", defines}, items(voxels, 1),
                  {0, 8 * static_cast<double>(voxels * (c0 + c1))}, of.x0, as_int(c0), of.x1, as_int(c1), of.scale,
                  of.shift, of.silu ? 1 : 0, as_int(voxels), as_int(width), to);
       return to;
@@ -230,17 +230,17 @@ void weight_gradient_direct(Context& ctx, const Conv3dWeightGradient& g, const S
     RowSource dy;
     dy.x0 = g.dy;
     const Tensor in = panels(g.in, s.c0, s.c1, kTileRows), out = panels(dy, s.n, 0, kTileCols);
-    ctx.launch({"conv3d_cpu", "conv3d_weight_tile", defines, g.name},
+    ctx.launch({"conv3d_cpu", "conv3d_backward_weights_cpu", defines, g.name},
                groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, as_int(s.c()),
                as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(lines), partial);
   } else {
     constexpr long side = 64;  // of cl/tile_gpu.clh, as it is without defines
-    ctx.launch({"conv3d_gpu", "conv3d_weight_tile_gpu", "", g.name},
+    ctx.launch({"conv3d_gpu", "conv3d_backward_weights_gpu", "", g.name},
                groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, as_int(s.c0), g.in.x1,
                as_int(s.c1), g.in.scale, g.in.shift, g.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), g.dy,
                as_int(s.n), as_int(lines * s.z), partial);
   }
-  ctx.launch({"conv3d_gradient", "conv3d_weight_sum", ""}, items(k * s.n),
+  ctx.launch({"conv3d_backward", "conv3d_backward_weights_sum", ""}, items(k * s.n),
              {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, g.dw,
              as_int(chunks), as_int(s.c()), as_int(s.n));
 }
@@ -263,16 +263,16 @@ void weight_gradient_winograd(Context& ctx, const Conv3dWeightGradient& g, const
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
     const double rows = static_cast<double>(kCoefficients * count * s.z);
-    ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_in", ""}, groups(s.z, 1, count),
+    ctx.launch({"conv3d_winograd_backward", "winograd_backward_in", ""}, groups(s.z, 1, count),
                {0, 4 * rows * static_cast<double>(s.c())}, x, as_int(s.c()), as_int(s.x), as_int(s.y), as_int(t), v);
-    ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_out", ""}, groups(s.z, 1, count),
+    ctx.launch({"conv3d_winograd_backward", "winograd_backward_out", ""}, groups(s.z, 1, count),
                {0, 4 * rows * static_cast<double>(np)}, g.dy, as_int(s.n), as_int(s.x), as_int(s.y), as_int(t), e);
-    ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_tile", "", g.name},
+    ctx.launch({"conv3d_winograd_backward", "winograd_backward_tile", "", g.name},
                groups(div_up(s.c(), kTileRows), 1, np / kTileCols, kCoefficients),
                {6 * rows * cn, 4 * (rows * static_cast<double>(s.c() + np) + 3 * kCoefficients * cn)}, v, e,
                as_int(s.c()), as_int(s.n), as_int(s.z), as_int(count), t > 0 ? 1 : 0, m);
   }
-  ctx.launch({"conv3d_winograd_gradient", "winograd_gradient_sum", ""}, groups(div_up(s.n, 16), 1, s.c()),
+  ctx.launch({"conv3d_winograd_backward", "winograd_backward_sum", ""}, groups(div_up(s.n, 16), 1, s.c()),
              {0, 4.0 * static_cast<double>(m.count() + 2 * g.dw.count())}, m, as_int(s.c()), as_int(s.n), g.dw);
 }
 
@@ -405,7 +405,7 @@ void conv3d_down_backward(Context& ctx, const Conv3dDownBackward& g) {
     const Tensor dordered = ctx.tensor({cout, 8 * cin}, Type::f32, "conv3d_down.dw");
     compose_rows(ctx, g.in, patches);
     transposed_gemm(ctx, {g.dy, patches, dordered, false, "conv3d_down.dw"});
-    ctx.launch({"conv3d_gradient", "conv3d_down_add", ""}, items(g.dw.count()),
+    ctx.launch({"conv3d_backward", "conv3d_down_backward_add", ""}, items(g.dw.count()),
                {static_cast<double>(g.dw.count()), 12.0 * static_cast<double>(g.dw.count())}, dordered, g.dw,
                as_int(cin), as_int(cout));
   }

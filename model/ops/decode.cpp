@@ -45,7 +45,7 @@ void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a) {
   bind(d, a.out, "out", "R^3");
   const long sh = 3 * d["S"];
   d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"});
-  ctx.launch({"decode", "decode_coarse", ""}, items(n, kLocal),
+  ctx.launch({"decode", "decode_coarse_forward", ""}, items(n, kLocal),
              cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.out.means, a.out.scales,
              a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(r), static_cast<int>(sh),
              0.25f / static_cast<float>(r), scale_shift(r));
@@ -71,7 +71,7 @@ void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {
   const long sh = 3 * d["S"], p = d["P"], m = d["M"], n = p * m;
   d.set("M A", m * (11 + sh)).bind("raw", a.raw, {"P", "M A"});
   if (d["K"] < n) fail(Status::internal, "decode: {} Gaussians do not fit in {}", n, a.out.means.describe());
-  ctx.launch({"decode", "decode_fine", ""}, items(n, kLocal),
+  ctx.launch({"decode", "decode_fine_forward", ""}, items(n, kLocal),
              cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.centres, a.div_offset, a.out.means,
              a.out.scales, a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(p), static_cast<int>(m),
              static_cast<int>(sh), 0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
@@ -99,7 +99,7 @@ void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a) {
   if (a.row0 < 0 || d["K"] < a.row0 + p) {
     fail(Status::internal, "decode: rows {} to {} of {}", a.row0, a.row0 + p, a.out.means.describe());
   }
-  ctx.launch({"decode", "decode_adjusted", ""}, items(p, kLocal),
+  ctx.launch({"decode", "decode_adjusted_forward", ""}, items(p, kLocal),
              cost_of(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.skeleton.means, a.skeleton.scales,
              a.skeleton.quats, a.skeleton.opacities, a.out.means, a.out.scales, a.out.quats, a.out.opacities, a.out.sh,
              static_cast<int>(p), static_cast<int>(sh), static_cast<int>(a.row0));

@@ -24,7 +24,7 @@ void gather_forward(Context& ctx, const GatherForward& a) {
     fail(Status::internal, "gather: columns {} to {} of {}", a.column, a.column + c, a.out.describe());
   }
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
-  ctx.launch({"gather", "gather_rows", ""}, range, {0, 8.0 * static_cast<double>(p) * static_cast<double>(c)}, a.x,
+  ctx.launch({"gather", "gather_forward", ""}, range, {0, 8.0 * static_cast<double>(p) * static_cast<double>(c)}, a.x,
              a.index, a.out, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w), static_cast<int>(a.column));
 }
 
@@ -36,7 +36,7 @@ void gather_backward(Context& ctx, const GatherBackward& a) {
     fail(Status::internal, "gather_backward: columns {} to {} of {}", a.column, a.column + c, a.dout.describe());
   }
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
-  ctx.launch({"gather", "gather_rows_backward", ""}, range,
+  ctx.launch({"gather", "gather_backward", ""}, range,
              {static_cast<double>(p) * static_cast<double>(c), 12.0 * static_cast<double>(p) * static_cast<double>(c)},
              a.dout, a.index, a.dx, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w),
              static_cast<int>(a.column));

@@ -43,7 +43,7 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
     const auto reduce = [&](const Tensor& x, long width, long channel) {
       const double count = static_cast<double>(n) * static_cast<double>(width);
       const Range range = cpu ? groups(chunks, 1) : groups((width + 31) / 32, 32, chunks);
-      ctx.launch({"groupnorm", cpu ? "groupnorm_chunks_cpu" : "groupnorm_chunks_gpu", ""}, range,
+      ctx.launch({"groupnorm", cpu ? "groupnorm_forward_chunks_cpu" : "groupnorm_forward_chunks_gpu", ""}, range,
                  {3 * count, 4 * count}, x, mean, m2, ni, static_cast<int>(width), static_cast<int>(channel), ci,
                  static_cast<int>(rows));
     };
@@ -52,11 +52,11 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
     channel_mean = ctx.tensor({c}, Type::f32, "groupnorm.channel_mean");
     channel_m2 = ctx.tensor({c}, Type::f32, "groupnorm.channel_m2");
     const double partials = static_cast<double>(chunks) * static_cast<double>(c);
-    ctx.launch({"groupnorm", "groupnorm_channels", ""}, items(c, 16), {8 * partials, 8 * partials}, mean, m2,
+    ctx.launch({"groupnorm", "groupnorm_forward_channels", ""}, items(c, 16), {8 * partials, 8 * partials}, mean, m2,
                channel_mean, channel_m2, ni, ci, static_cast<int>(rows), static_cast<int>(chunks));
   }
-  ctx.launch({"groupnorm", "groupnorm_scale", ""}, items(c, 16), {}, channel_mean, channel_m2, a.gamma, a.beta, a.scale,
-             a.shift, a.mean, a.rstd, ni, ci, a.groups, a.eps);
+  ctx.launch({"groupnorm", "groupnorm_forward_scale", ""}, items(c, 16), {}, channel_mean, channel_m2, a.gamma, a.beta,
+             a.scale, a.shift, a.mean, a.rstd, ni, ci, a.groups, a.eps);
 }
 
 void groupnorm_silu_backward(Context& ctx, const GroupNormSiluBackward& a) {

@@ -15,9 +15,9 @@ void launch(Context& ctx, const Tensor& x, const Tensor& gamma, const Tensor& be
   if (rows == 0 || c == 0) return;
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const double values = static_cast<double>(rows) * static_cast<double>(c);
-  ctx.launch({"layernorm", cpu ? "layernorm_cpu" : "layernorm_gpu", ""}, cpu ? groups(rows, 1) : groups(rows, 64),
-             {(film ? 11.0 : 8.0) * values, (film ? 16.0 : 8.0) * values}, x, gamma, beta, film, out,
-             static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, eps);
+  ctx.launch({"layernorm", cpu ? "layernorm_forward_cpu" : "layernorm_forward_gpu", ""},
+             cpu ? groups(rows, 1) : groups(rows, 64), {(film ? 11.0 : 8.0) * values, (film ? 16.0 : 8.0) * values}, x,
+             gamma, beta, film, out, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, eps);
 }
 
 constexpr long kRows = 64;  // ROWS of cl/layernorm.cl
@@ -40,7 +40,8 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
   const long sums = (rows + kRows - 1) / kRows;
   const Tensor by_gamma = ctx.tensor({sums, c}, Type::f32, "partial sums");
   const Tensor by_beta = ctx.tensor({sums, c}, Type::f32, "partial sums");
-  ctx.launch({"layernorm", cpu ? "layernorm_columns_cpu" : "layernorm_columns", "", "layernorm_columns"},
+  ctx.launch({"layernorm", cpu ? "layernorm_backward_columns_cpu" : "layernorm_backward_columns_gpu", "",
+              "layernorm_backward_columns"},
              cpu ? groups(sums, 1) : groups((c + 63) / 64, 64, sums),
              {(a.film ? 7.0 : 5.0) * values, (a.film ? 12.0 : 8.0) * values}, a.x, a.film, a.dy, stats, by_gamma,
              by_beta, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip);

@@ -47,8 +47,9 @@ void lift_variance_forward(Context& ctx, const LiftVarianceForward& a) {
   d.bind("maps", a.maps, {"texels", "C"}).bind("index", a.index, {"n", "V", "4"}, Type::i32);
   d.bind("weight", a.weight, {"n", "V", "4"}).bind("out", a.out, {"n", "C"});
   const Launch shape = shape_of(ctx.flavour(), d["n"]);
-  ctx.launch({"lift", "lift_variance", shape.defines}, shape.range, cost_of(a.maps, d["n"], d["V"], d["C"], 14), a.maps,
-             a.index, a.weight, a.out, static_cast<int>(d["n"]), static_cast<int>(d["V"]), static_cast<int>(d["C"]));
+  ctx.launch({"lift", "lift_variance_forward", shape.defines}, shape.range, cost_of(a.maps, d["n"], d["V"], d["C"], 14),
+             a.maps, a.index, a.weight, a.out, static_cast<int>(d["n"]), static_cast<int>(d["V"]),
+             static_cast<int>(d["C"]));
 }
 
 void lift_mean_forward(Context& ctx, const LiftMeanForward& a) {
@@ -58,8 +59,8 @@ void lift_mean_forward(Context& ctx, const LiftMeanForward& a) {
   if (a.first < 0 || a.first + d["n"] > d["rows"])
     fail(Status::internal, "lift_mean: rows {} to {} of {}", a.first, a.first + d["n"], d["rows"]);
   const Launch shape = shape_of(ctx.flavour(), d["n"]);
-  ctx.launch({"lift", "lift_mean", shape.defines}, shape.range, cost_of(a.maps, d["n"], d["V"], d["C"], 9), a.maps,
-             a.index, a.weight, a.bias, a.out, static_cast<int>(a.first), static_cast<int>(d["n"]),
+  ctx.launch({"lift", "lift_mean_forward", shape.defines}, shape.range, cost_of(a.maps, d["n"], d["V"], d["C"], 9),
+             a.maps, a.index, a.weight, a.bias, a.out, static_cast<int>(a.first), static_cast<int>(d["n"]),
              static_cast<int>(d["V"]), static_cast<int>(d["C"]));
 }
 

@@ -101,10 +101,10 @@ class Loss {
     Scale& s = scales_[i];
     const long v3 = 3 * s.valid_width(), padded = v3 + 6 * kLost;
     const Tensor spread = field({3, n_, s.height, padded}, "loss.spread");
-    launch("loss_spread", padded, s.height, 3 * n_, 22, 2,
+    launch("loss_backward_spread", padded, s.height, 3 * n_, 22, 2,
            {s.slopes, spread, static_cast<int>(v3), static_cast<int>(s.height)});
     const Tensor out = i == 0 ? a_.gradient : field({n_, s.height, s.width, 3}, "loss.gradient");
-    launch("loss_gradient", 3 * s.width, s.height, n_, 75, 8,
+    launch("loss_backward", 3 * s.width, s.height, n_, 75, 8,
            {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), out, static_cast<int>(s.height),
             static_cast<int>(s.width), static_cast<int>(n_), static_cast<int>(3 * n_ * static_cast<long>(i)),
             2.0f * a_.gradient_scale / static_cast<float>(a_.pictures.count())});

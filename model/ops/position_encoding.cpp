@@ -18,8 +18,9 @@ void position_encoding_forward(Context& ctx, const PositionEncodingForward& a) {
   d.bind("points", a.points, {"P", "3"}).bind("out", a.out, {"P", "W"});
   check_columns("position encoding", a.column, a.out);
   const auto count = static_cast<double>(d["P"]);
-  ctx.launch({"position_encoding", "position_encoding_fwd", ""}, items(d["P"], 16), {60 * 20 * count, 4 * 66 * count},
-             a.points, a.out, static_cast<int>(d["P"]), static_cast<int>(d["W"]), static_cast<int>(a.column));
+  ctx.launch({"position_encoding", "position_encoding_forward", ""}, items(d["P"], 16),
+             {60 * 20 * count, 4 * 66 * count}, a.points, a.out, static_cast<int>(d["P"]), static_cast<int>(d["W"]),
+             static_cast<int>(a.column));
 }
 
 void position_encoding_backward(Context& ctx, const PositionEncodingBackward& a) {
@@ -27,9 +28,9 @@ void position_encoding_backward(Context& ctx, const PositionEncodingBackward& a)
   d.bind("points", a.points, {"P", "3"}).bind("dout", a.dout, {"P", "W"}).bind("dpoints", a.dpoints, {"P", "3"});
   check_columns("position encoding, backward", a.column, a.dout);
   const auto count = static_cast<double>(d["P"]);
-  ctx.launch({"position_encoding", "position_encoding_bwd", ""}, items(d["P"], 16), {60 * 22 * count, 4 * 72 * count},
-             a.points, a.dout, a.dpoints, static_cast<int>(d["P"]), static_cast<int>(d["W"]),
-             static_cast<int>(a.column));
+  ctx.launch({"position_encoding", "position_encoding_backward", ""}, items(d["P"], 16),
+             {60 * 22 * count, 4 * 72 * count}, a.points, a.dout, a.dpoints, static_cast<int>(d["P"]),
+             static_cast<int>(d["W"]), static_cast<int>(a.column));
 }
 
 }  // namespace vsplat

@@ -92,7 +92,7 @@ void position_resample_forward(Context& ctx, const PositionResampleForward& a) {
   const Tensor first = ctx.upload({t}, axis.first, Type::i32, "position_resample.first");
   const Tensor weight = ctx.upload({t, axis.taps}, axis.weight, Type::f32, "position_resample.weight");
   const double taps = static_cast<double>(axis.taps) * axis.taps;
-  ctx.launch({"position_resample", "position_resample", ""}, groups((c + 63) / 64, 64, 1 + t * t),
+  ctx.launch({"position_resample", "position_resample_forward", ""}, groups((c + 63) / 64, 64, 1 + t * t),
              {2.0 * taps * static_cast<double>(a.out.count()), static_cast<double>(a.out.bytes() + a.stored.bytes())},
              a.stored, a.class_token, first, weight, a.out, a.from, a.to, axis.taps, static_cast<int>(c));
 }

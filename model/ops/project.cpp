@@ -105,9 +105,9 @@ void project(Context& ctx, const DeviceGaussians& g, long base, const Tensor& vi
   if (from < 0 || from + n > d["N"]) fail(Status::internal, "project: {} from {} of {}", n, from, d["N"]);
   const Launch l = launch_of(ctx);
   const double count = static_cast<double>(n), s = static_cast<double>(d["S"]);
-  ctx.launch({"project", "project", l.defines}, range_of(l, n), {count * (180 + 8 * s), count * (96 + 12 * s)}, g.means,
-             g.scales, g.quats, g.opacities, g.sh, views, static_cast<int>(view), ids, records, static_cast<int>(base),
-             static_cast<int>(from), static_cast<int>(n), static_cast<int>(d["S"]));
+  ctx.launch({"project", "project_forward", l.defines}, range_of(l, n), {count * (180 + 8 * s), count * (96 + 12 * s)},
+             g.means, g.scales, g.quats, g.opacities, g.sh, views, static_cast<int>(view), ids, records,
+             static_cast<int>(base), static_cast<int>(from), static_cast<int>(n), static_cast<int>(d["S"]));
 }
 
 }  // namespace vsplat

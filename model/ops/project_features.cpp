@@ -24,7 +24,7 @@ void project_features_forward(Context& ctx, const ProjectFeaturesForward& a) {
   const long p = d["P"], v = d["V"], c = d["C"];
   const double count = static_cast<double>(p) * static_cast<double>(c);
   const bool cpu = ctx.flavour() == Flavour::cpu;
-  ctx.launch({"project_features", cpu ? "project_features_cpu" : "project_features_gpu", ""},
+  ctx.launch({"project_features", cpu ? "project_features_forward_cpu" : "project_features_forward_gpu", ""},
              cpu ? items(p, 1) : groups(1, 64, p),
              {8 * count * static_cast<double>(v), 4 * count * static_cast<double>(4 * v + 1)}, a.features, a.points,
              a.cameras->w2c, a.cameras->c2w, a.cameras->intrinsics, a.out, static_cast<int>(p), static_cast<int>(v),
@@ -43,19 +43,19 @@ void project_features_backward(Context& ctx, const ProjectFeaturesBackward& a) {
   const double pairs = static_cast<double>(p * v), terms = pairs * static_cast<double>(c);
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const Tensor dots = ctx.tensor({p, v, 4}, Type::f32, "dots with the texels");
-  ctx.launch({"project_features", cpu ? "project_features_dots_cpu" : "project_features_dots_gpu", ""},
-             cpu ? items(p * v, 1) : groups(p * v, 64), {8 * terms, 20 * terms}, f.features, f.points, f.cameras->w2c,
-             f.cameras->intrinsics, a.dout, dots, P, V, t, static_cast<int>(c), static_cast<float>(f.image),
-             half_of(f));
-  ctx.launch({"project_features", "project_features_points", ""}, items(p, cpu ? 1 : 64), {200 * pairs, 16 * pairs},
-             f.points, f.cameras->w2c, f.cameras->c2w, f.cameras->intrinsics, dots, a.dpoints, P, V, t,
-             static_cast<float>(f.image), half_of(f), static_cast<int>(f.by_distance));
+  ctx.launch(
+      {"project_features", cpu ? "project_features_backward_dots_cpu" : "project_features_backward_dots_gpu", ""},
+      cpu ? items(p * v, 1) : groups(p * v, 64), {8 * terms, 20 * terms}, f.features, f.points, f.cameras->w2c,
+      f.cameras->intrinsics, a.dout, dots, P, V, t, static_cast<int>(c), static_cast<float>(f.image), half_of(f));
+  ctx.launch({"project_features", "project_features_backward_points", ""}, items(p, cpu ? 1 : 64),
+             {200 * pairs, 16 * pairs}, f.points, f.cameras->w2c, f.cameras->c2w, f.cameras->intrinsics, dots,
+             a.dpoints, P, V, t, static_cast<float>(f.image), half_of(f), static_cast<int>(f.by_distance));
 
   const Tensor index = ctx.tensor({p, v, 4}, Type::i32, "texels"),
                weight = ctx.tensor({p, v, 4}, Type::f32, "texels' shares");
-  ctx.launch({"project_features", "project_features_texels", ""}, items(p, cpu ? 1 : 64), {100 * pairs, 32 * pairs},
-             f.points, f.cameras->w2c, f.cameras->c2w, f.cameras->intrinsics, index, weight, P, V, t,
-             static_cast<float>(f.image), half_of(f), static_cast<int>(f.by_distance));
+  ctx.launch({"project_features", "project_features_backward_texels", ""}, items(p, cpu ? 1 : 64),
+             {100 * pairs, 32 * pairs}, f.points, f.cameras->w2c, f.cameras->c2w, f.cameras->intrinsics, index, weight,
+             P, V, t, static_cast<float>(f.image), half_of(f), static_cast<int>(f.by_distance));
   const ScatterPlan plan = make_scatter_plan(ctx, index, weight, v * t * t);
   scatter_rows(ctx, {&plan, a.dout, 0, 4 * v, 1, a.dfeatures.reshaped({v * t * t, c})});
 }

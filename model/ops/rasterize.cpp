@@ -12,7 +12,7 @@ constexpr long kBatch = 64;  // of a tile's Gaussians on a CPU
 KernelId gpu_kernel(Context& ctx, long& group) {
   for (long pixels = 1; pixels <= kTile; pixels *= 2) {
     group = kTile * kTile / pixels;
-    const KernelId id{"rasterize", "rasterize_gpu", "-DPIXELS=" + std::to_string(pixels)};
+    const KernelId id{"rasterize", "rasterize_forward_gpu", "-DPIXELS=" + std::to_string(pixels)};
     if (group > static_cast<long>(ctx.device().max_work_group)) continue;
     if (static_cast<std::size_t>(group) * 48 + 64 > ctx.device().local_memory) continue;
     if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return id;
@@ -53,7 +53,7 @@ void rasterize(Context& ctx, const Projected& p, const Binned& b, const Part& pa
                static_cast<int>(tiles), background[0], background[1], background[2]);
   };
   if (ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4) {
-    run({"rasterize", "rasterize_cpu", "-DBATCH=" + std::to_string(kBatch)}, groups(tiles, 1));
+    run({"rasterize", "rasterize_forward_cpu", "-DBATCH=" + std::to_string(kBatch)}, groups(tiles, 1));
   } else {
     long group = 0;
     const KernelId id = gpu_kernel(ctx, group);

@@ -30,7 +30,7 @@ void select_forward(Context& ctx, const SelectForward& a) {
   check_temperature(a.selection, a.temperature);
   const long n = d["n"];
   const auto count = static_cast<double>(n);
-  ctx.launch({"select", "select_fwd", ""}, items(n, 64), {10 * count, 24 * count}, a.logits, a.noise, a.opacities,
+  ctx.launch({"select", "select_forward", ""}, items(n, 64), {10 * count, 24 * count}, a.logits, a.noise, a.opacities,
              a.factor, a.refined, a.flags, static_cast<int>(n), static_cast<int>(a.selection), a.temperature,
              a.opacity_threshold);
 }

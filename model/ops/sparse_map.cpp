@@ -12,7 +12,7 @@ void sparse_map_forward(Context& ctx, const SparseMapForward& a) {
   ctx.fill_zero(grid);
   const auto count = static_cast<double>(p);
   ctx.launch({"sparse_map", "sparse_map_grid", ""}, items(p, 64), {0, 8 * count}, a.index, grid, static_cast<int>(p));
-  ctx.launch({"sparse_map", "sparse_map_fwd", ""}, items(p, 64), {0, 220 * count}, a.index, grid, a.map,
+  ctx.launch({"sparse_map", "sparse_map_forward", ""}, items(p, 64), {0, 220 * count}, a.index, grid, a.map,
              static_cast<int>(p), static_cast<int>(r));
 }
 

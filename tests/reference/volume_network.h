@@ -8,7 +8,7 @@
 #include "model/params/config.h"
 #include "tests/reference/gemm.h"
 #include "tests/reference/groupnorm.h"
-#include "tests/reference/resample3d.h"
+#include "tests/reference/upsample3d.h"
 
 namespace vsplat::ref {
 

@@ -8,7 +8,7 @@
 #include "winograd.clh"
 
 // v of x [X, Y, Z, C]. Work-groups of one work-item: (z, tile).
-kernel void winograd_gradient_in(global const float* x, int C, int X, int Y, int tile0, global float* v) {
+kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int tile0, global float* v) {
   const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY) - 1, y0 = 4 * ((tile0 + t) % TY) - 1;
   const size_t step = (size_t)get_num_groups(1) * Z * C;
@@ -30,7 +30,7 @@ kernel void winograd_gradient_in(global const float* x, int C, int X, int Y, int
 }
 
 // e of dy [X, Y, Z, N]. Work-groups of one work-item: (z, tile).
-kernel void winograd_gradient_out(global const float* dy, int N, int X, int Y, int tile0, global float* e) {
+kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, int tile0, global float* e) {
   const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY), y0 = 4 * ((tile0 + t) % TY), NP = DIV_UP(N, TILE_COLS) * TILE_COLS;
   const size_t step = (size_t)get_num_groups(1) * Z * NP;
@@ -53,7 +53,7 @@ kernel void winograd_gradient_out(global const float* dy, int N, int X, int Y, i
 
 // m of so many tiles, or with `add` m and that. Behind v there are 12 numbers more, which are read and not used.
 // Work-groups of one work-item: (12 channels, 32 outputs, coefficient).
-kernel void winograd_gradient_tile(global const float* v, global const float* e, int C, int N, int Z, int tiles,
+kernel void winograd_backward_tile(global const float* v, global const float* e, int C, int N, int Z, int tiles,
                                    int add, global float* m) {
   const int c0 = get_group_id(0) * TILE_ROWS, n0 = get_group_id(1) * TILE_COLS, i = get_group_id(2);
   const int NP = DIV_UP(N, TILE_COLS) * TILE_COLS,
@@ -86,7 +86,7 @@ kernel void winograd_gradient_tile(global const float* v, global const float* e,
 }
 
 // dw [N, C, 27] += the weights' gradient of m. Work-groups of one work-item: (16 outputs, channel).
-kernel void winograd_gradient_sum(global const float* m, int C, int N, global float* dw) {
+kernel void winograd_backward_sum(global const float* m, int C, int N, global float* dw) {
   const int n0 = get_group_id(0) * 16, c = get_group_id(1), width = min(16, N - n0);
   float taps[27 * 16];
   for (int dz = 0; dz < 3; ++dz) {

@@ -1,4 +1,4 @@
-#include "model/ops/resample3d.h"
+#include "model/ops/upsample3d.h"
 
 #include "runtime/shape_check.h"
 
@@ -16,7 +16,7 @@ void upsample3d_forward(Context& ctx, const Upsample3dForward& a) {
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const Range range = cpu ? items(4 * a.depth * a.height, 1) : groups((c + 127) / 128, 32, 8 * voxels);
   if (voxels == 0 || c == 0) return;
-  ctx.launch({"resample3d", cpu ? "resample3d_up_cpu" : "resample3d_up_gpu", ""}, range,
+  ctx.launch({"upsample3d", cpu ? "upsample3d_forward_cpu" : "upsample3d_forward_gpu", ""}, range,
              {8 * 14 * count, 4 * 9 * count}, a.x, a.y, static_cast<int>(a.depth), static_cast<int>(a.height),
              static_cast<int>(a.width), static_cast<int>(c));
 }
@@ -33,7 +33,7 @@ void upsample3d_backward(Context& ctx, const Upsample3dBackward& a) {
   const double count = static_cast<double>(voxels) * static_cast<double>(c);
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const Range range = cpu ? items(a.depth * a.height, 1) : groups((c + 31) / 32, 32, voxels);
-  ctx.launch({"resample3d", cpu ? "resample3d_up_backward_cpu" : "resample3d_up_backward_gpu", ""}, range,
+  ctx.launch({"upsample3d", cpu ? "upsample3d_backward_cpu" : "upsample3d_backward_gpu", ""}, range,
              {120 * count, 4 * 9 * count}, a.dy, a.dx, a.add ? 1 : 0, static_cast<int>(a.depth),
              static_cast<int>(a.height), static_cast<int>(a.width), static_cast<int>(c));
 }

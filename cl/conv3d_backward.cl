@@ -2,8 +2,8 @@
 
 // The end of a 3x3x3 convolution's weight gradient: partial [chunks, 27, C, N], each of some voxels, are added in order,
 // and to dw [N, C, 27]. A work-item per element of a partial sum.
-kernel void conv3d_weight_sum(global const float* restrict partial, global float* restrict dw, int chunks, int C,
-                              int N) {
+kernel void conv3d_backward_weights_sum(global const float* restrict partial, global float* restrict dw, int chunks,
+                                        int C, int N) {
   const size_t i = get_global_id(0), count = (size_t)27 * C * N;
   if (i >= count) return;
   float sum = 0.0f;
@@ -22,7 +22,7 @@ kernel void conv3d_down_order(global const float* restrict w, global float* rest
 }
 
 // dordered [N, 8, C] is added to dw [N, C, 8].
-kernel void conv3d_down_add(global const float* restrict dordered, global float* restrict dw, int C, int N) {
+kernel void conv3d_down_backward_add(global const float* restrict dordered, global float* restrict dw, int C, int N) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)8 * C * N) return;
   const size_t t = i % 8, c = i / 8 % C, n = i / 8 / C;

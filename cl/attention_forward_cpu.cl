@@ -7,7 +7,7 @@
 //   stats [V, H, T, 2] or null: for the backward, each query's largest score, in units of ln 2, and one over the sum of
 //                      2^(score - largest)
 // HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1.
-// attention_pack writes kt and vp; then one work-item of attention_cpu owns ROWS queries of a head. Work-groups of one
+// attention_forward_pack writes kt and vp; then one work-item of attention_forward_cpu owns ROWS queries of a head. Work-groups of one
 // work-item: the register tiles are explicit float16, and neighbouring groups share a head's panels in cache.
 #include "attention_tile.clh"
 
@@ -25,7 +25,8 @@ static inline float sum_of(float16 v) {
   return c.x + c.y;
 }
 
-kernel void attention_pack(global const float* qkv, global float* kt, global float* vp, int V, int T, int H, int D) {
+kernel void attention_forward_pack(global const float* qkv, global float* kt, global float* vp, int V, int T, int H,
+                                   int D) {
   const int n = get_global_id(0), vh = get_global_id(1);
   const int panels = DIV_UP(T, KEYS);
   if (n >= panels || vh >= V * H) return;
@@ -51,8 +52,8 @@ kernel void attention_pack(global const float* qkv, global float* kt, global flo
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column) * decay[i]; \
   float16 hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16) * decay[i];
 
-kernel void attention_cpu(global const float* qkv, global const float* kt, global const float* vp, global float* out,
-                          global float* stats, int V, int T, int H, int D, float scale) {
+kernel void attention_forward_cpu(global const float* qkv, global const float* kt, global const float* vp,
+                                  global float* out, global float* stats, int V, int T, int H, int D, float scale) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
   if (t0 >= T || vh >= V * H) return;
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);

@@ -27,7 +27,8 @@ static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1
 #define LOAD16(p, c) vload16(0, (p) + (c))
 
 // A work-item per line of the output along z.
-kernel void resample3d_up_cpu(global const float* restrict x, global float* restrict y, int D, int H, int W, int C) {
+kernel void upsample3d_forward_cpu(global const float* restrict x, global float* restrict y, int D, int H, int W,
+                                   int C) {
   const int line = get_global_id(0);
   if (line >= 4 * D * H) return;
   const int i = line / (2 * H), j = line % (2 * H);
@@ -41,7 +42,8 @@ kernel void resample3d_up_cpu(global const float* restrict x, global float* rest
 }
 
 // A work-item per four channels (direction 0) of an output voxel (direction 1).
-kernel void resample3d_up_gpu(global const float* restrict x, global float* restrict y, int D, int H, int W, int C) {
+kernel void upsample3d_forward_gpu(global const float* restrict x, global float* restrict y, int D, int H, int W,
+                                   int C) {
   const int c = get_global_id(0) * 4, voxel = get_global_id(1);
   if (c >= C || voxel >= 8 * D * H * W) return;
   const int i = voxel / (4 * H * W), j = voxel / (2 * W) % (2 * H), k = voxel % (2 * W);
@@ -74,8 +76,8 @@ kernel void resample3d_up_gpu(global const float* restrict x, global float* rest
   }
 
 // A work-item per line of the input along z.
-kernel void resample3d_up_backward_cpu(global const float* restrict dy, global float* restrict dx, int add, int D,
-                                       int H, int W, int C) {
+kernel void upsample3d_backward_cpu(global const float* restrict dy, global float* restrict dx, int add, int D, int H,
+                                    int W, int C) {
   const int line = get_global_id(0);
   if (line >= D * H) return;
   const int i = line / H, j = line % H;
@@ -96,8 +98,8 @@ kernel void resample3d_up_backward_cpu(global const float* restrict dy, global f
 }
 
 // A work-item per channel (direction 0) of an input voxel (direction 1).
-kernel void resample3d_up_backward_gpu(global const float* restrict dy, global float* restrict dx, int add, int D,
-                                       int H, int W, int C) {
+kernel void upsample3d_backward_gpu(global const float* restrict dy, global float* restrict dx, int add, int D, int H,
+                                    int W, int C) {
   const int c = get_global_id(0), voxel = get_global_id(1);
   if (c >= C || voxel >= D * H * W) return;
   const int i = voxel / (H * W), j = voxel / W % H, k = voxel % W;

@@ -20,9 +20,10 @@
 #define MINE (HEAD_PAD / 16)
 #define LOG2E 1.44269504088896341f
 
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_gpu(global const float* qkv, global float* out,
-                                                                             global float* stats, int V, int T, int H,
-                                                                             int D, float scale) {
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_forward_gpu(global const float* qkv,
+                                                                                     global float* out,
+                                                                                     global float* stats, int V, int T,
+                                                                                     int H, int D, float scale) {
   local float qs[DEPTH][ROWS + 1], ks[DEPTH][KEYS + 1], ws[ROWS][KEYS + 1], vs[KEYS][64], part[4][ROWS];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
