@@ -13,7 +13,7 @@ struct Data {
   ConvShape shape;
   std::vector<float> x0, x1, scale, shift, w, bias, residual;
   ConvWeights weights;
-  Conv3d conv;
+  Conv3dForward conv;
 
   long channels() const { return shape.cin + shape.c1; }
 
@@ -48,7 +48,7 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
   d->x1 = random_floats(voxels * s.c1, 2);
   d->w = random_floats(27 * channels * s.cout, 3);
   d->bias = random_floats(s.cout, 4);
-  Conv3d& c = d->conv;
+  Conv3dForward& c = d->conv;
   c.in.x0 = ctx.upload({voxels, s.cin}, d->x0);
   if (s.c1) c.in.x1 = ctx.upload({voxels, s.c1}, d->x1);
   if (s.prologue) {
@@ -71,7 +71,7 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
   const double v = static_cast<double>(voxels), ci = static_cast<double>(channels), co = static_cast<double>(s.cout);
   p.cost = {2 * 27 * v * ci * co, 4 * (v * ci + 27 * ci * co + v * co * (s.residual ? 2 : 1))};
   p.performed_flops = conv3d_flops(d->weights, s.side, s.side, s.side);
-  p.run = [&ctx, d] { conv3d(ctx, d->conv); };
+  p.run = [&ctx, d] { conv3d_forward(ctx, d->conv); };
   p.error = [&ctx, d] {
     const auto got = ctx.read<float>(d->conv.out);
     return worst_error(

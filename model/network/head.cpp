@@ -18,9 +18,9 @@ CoarseHeads::Output CoarseHeads::forward(Context& ctx, const Tensor& volume, Sav
   Tensor raw;
   {
     const Stage stage(ctx, "heads");
-    out.logits =
-        mlp3(ctx, act_predictor_, volume, "act_predictor", saved ? &saved->act_predictor : nullptr).reshaped({voxels});
-    raw = mlp3(ctx, coarse_predictor_, volume, "coarse_predictor", saved ? &saved->coarse_predictor : nullptr);
+    out.logits = mlp3_forward(ctx, act_predictor_, volume, "act_predictor", saved ? &saved->act_predictor : nullptr)
+                     .reshaped({voxels});
+    raw = mlp3_forward(ctx, coarse_predictor_, volume, "coarse_predictor", saved ? &saved->coarse_predictor : nullptr);
   }
   if (saved) saved->raw = raw;
   const Stage stage(ctx, "decode");
@@ -57,8 +57,9 @@ DeviceGaussians FineHeads::forward(Context& ctx, const Tensor& refined, const De
   Tensor raw, update;
   {
     const Stage stage(ctx, "heads");
-    raw = mlp3(ctx, fine_predictor_, refined, "fine_predictor", saved ? &saved->fine_predictor : nullptr);
-    update = mlp3(ctx, update_predictor_, refined, "update_predictor", saved ? &saved->update_predictor : nullptr);
+    raw = mlp3_forward(ctx, fine_predictor_, refined, "fine_predictor", saved ? &saved->fine_predictor : nullptr);
+    update =
+        mlp3_forward(ctx, update_predictor_, refined, "update_predictor", saved ? &saved->update_predictor : nullptr);
   }
   if (saved) saved->raw = raw, saved->update = update, saved->opacities = skeleton.opacities;
   const Stage stage(ctx, "decode");

@@ -37,7 +37,7 @@ Linear load_pointwise(const WeightLoader& weights, const std::string& name, long
   return load(weights, name, {out, in, 1, 1, 1});
 }
 
-Tensor linear(Context& ctx, const Linear& layer, const RowSource& in, const char* name, Activation activation) {
+Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, const char* name, Activation activation) {
   Gemm g;
   g.a = in;
   g.b = &layer.w;
@@ -87,7 +87,7 @@ GroupNorm load_group_norm(const WeightLoader& weights, const std::string& name, 
           weights.gradient(name + ".weight"), weights.gradient(name + ".bias")};
 }
 
-RowSource norm_silu(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1, NormSaved* saved) {
+RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1, NormSaved* saved) {
   const Shape channels{norm.gamma.dim(0)};
   GroupNormForward f;
   f.x0 = x0;
@@ -114,7 +114,7 @@ RowSource norm_silu(Context& ctx, const GroupNorm& norm, const Tensor& x0, const
 
 void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
                         const Tensor& dx0, const Tensor& dx1, bool add) {
-  GroupNormSiluBackward b;
+  GroupNormBackward b;
   b.x0 = saved.rows.x0;
   b.x1 = saved.rows.x1;
   b.gamma = norm.gamma;
@@ -129,7 +129,7 @@ void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& sa
   b.add = add;
   b.dgamma = norm.dgamma;
   b.dbeta = norm.dbeta;
-  groupnorm_silu_backward(ctx, b);
+  groupnorm_backward(ctx, b);
 }
 
 Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, long out) {
@@ -137,17 +137,17 @@ Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, lo
           load_linear(weights, name + ".4", in, out)};
 }
 
-Tensor mlp3(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved) {
+Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved) {
   RowSource in;
   in.x0 = x;
   if (saved) {
-    const Tensor h1 = linear(ctx, mlp.first, in, name), h2 = linear(ctx, mlp.second, silu_of(h1), name);
+    const Tensor h1 = linear_forward(ctx, mlp.first, in, name), h2 = linear_forward(ctx, mlp.second, silu_of(h1), name);
     *saved = {x, h1, h2};
-    return linear(ctx, mlp.third, silu_of(h2), name);
+    return linear_forward(ctx, mlp.third, silu_of(h2), name);
   }
-  in.x0 = linear(ctx, mlp.first, in, name, Activation::silu);
-  in.x0 = linear(ctx, mlp.second, in, name, Activation::silu);
-  return linear(ctx, mlp.third, in, name);
+  in.x0 = linear_forward(ctx, mlp.first, in, name, Activation::silu);
+  in.x0 = linear_forward(ctx, mlp.second, in, name, Activation::silu);
+  return linear_forward(ctx, mlp.third, in, name);
 }
 
 void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,

@@ -17,10 +17,10 @@ struct Linear {
 Linear load_linear(const WeightLoader& weights, const std::string& name, long in, long out);
 // Also a 1x1x1 convolution, whose weight is [out, in, 1, 1, 1].
 Linear load_pointwise(const WeightLoader& weights, const std::string& name, long in, long out);
-Tensor linear(Context& ctx, const Linear& layer, const RowSource& in, const char* name,
-              Activation activation = Activation::none);
+Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, const char* name,
+                      Activation activation = Activation::none);
 
-// The backward of linear() without an activation. `in` as the forward had it, without a map.
+// The backward of linear_forward() without an activation. `in` as the forward had it, without a map.
 struct LinearBackward {
   RowSource in;
   Tensor dy;  // [rows, out]
@@ -47,13 +47,13 @@ struct GroupNorm {
 };
 GroupNorm load_group_norm(const WeightLoader& weights, const std::string& name, long channels, int groups);
 struct NormSaved {
-  RowSource rows;     // what norm_silu() gave
+  RowSource rows;     // what norm_silu_forward() gave
   Tensor mean, rstd;  // [C]
 };
 // SiLU(GroupNorm([x0, x1])), to be made by whoever loads it. Computes the statistics over all rows. What `saved` holds
 // is for the backward.
-RowSource norm_silu(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1 = {},
-                    NormSaved* saved = nullptr);
+RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1 = {},
+                            NormSaved* saved = nullptr);
 // dy [rows, C0 + C1] by the composed rows -> dx0, dx1 by the inputs: written, or with `add` added to. dx0 may be dy
 // where there is no x1.
 void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
@@ -67,7 +67,7 @@ struct Mlp3Saved {
   Tensor x, h1, h2;  // input, and the hidden rows before their SiLU
 };
 Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, long out);
-Tensor mlp3(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved = nullptr);
+Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved = nullptr);
 // dy [rows, out] -> dx [rows, in]: written, or with `add` added to.
 void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,
                    const char* name);

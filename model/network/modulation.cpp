@@ -33,9 +33,10 @@ Tensor PoseModulation::forward(Context& ctx, const Tensor& tokens, const DeviceC
     const Tensor rays = ctx.tensor({v, t, t, 32}, Type::f32, "modulation.rays");
     plucker_forward(ctx, {cameras, config_.patch, rays});
     const Tensor rows = rays.reshaped({v * t * t, 32});
-    const Tensor hidden =
-        linear(ctx, first_, rows_of(rows, false), "dir_norm.mlp.0", saved ? Activation::none : Activation::silu);
-    film = linear(ctx, second_, rows_of(hidden, saved != nullptr), "dir_norm.mlp.2").reshaped({v, t * t, 2 * c});
+    const Tensor hidden = linear_forward(ctx, first_, rows_of(rows, false), "dir_norm.mlp.0",
+                                         saved ? Activation::none : Activation::silu);
+    film =
+        linear_forward(ctx, second_, rows_of(hidden, saved != nullptr), "dir_norm.mlp.2").reshaped({v, t * t, 2 * c});
     if (saved) *saved = {tokens, rows, hidden, film};
   }
   const Tensor features = ctx.tensor({v, t, t, c}, Type::f32, "features");

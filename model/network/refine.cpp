@@ -14,15 +14,14 @@ namespace {
 // out may be the same.
 void convolve(Context& ctx, const Conv& conv, RowSource in, const Tensor& map, const char* name, const Tensor& out,
               const Tensor& residual = {}) {
-  Gemm g;
-  g.a = std::move(in);
-  g.a.map = map;
-  g.b = &conv.w.w;
-  g.bias = conv.w.bias;
-  g.residual = residual;
-  g.out = out;
-  g.name = name;
-  gemm(ctx, g);
+  SubmanifoldForward a;
+  a.in = std::move(in);
+  a.in.map = map;
+  a.weights = &conv.w;
+  a.residual = residual;
+  a.out = out;
+  a.name = name;
+  submanifold_forward(ctx, a);
 }
 
 // Writes dx, by the composed rows.
@@ -104,7 +103,7 @@ Refinement::Output Refinement::forward(Context& ctx, const Input& in, Saved* sav
     const Tensor own = rows(c + kPositionEncoding, "volume and position");
     gather_forward(ctx, {in.volume, in.index, own});
     position_encoding_forward(ctx, {in.means, own, c});
-    h = linear(ctx, comp_linear_, beside(out.projected, own), "comp_linear");
+    h = linear_forward(ctx, comp_linear_, beside(out.projected, own), "comp_linear");
     const DeviceCameras cameras = in.cameras ? *in.cameras : DeviceCameras();
     if (saved) *saved = {in.features, in.means, in.index, cameras, own, out.projected, map, h, {}, {}};
   }
@@ -121,13 +120,13 @@ Refinement::Output Refinement::forward(Context& ctx, const Input& in, Saved* sav
       norms[0] = &kept.norm1, norms[1] = &kept.norm2;
     }
     const Tensor inner = rows(config_.voxel_ch, "res.conv1");
-    convolve(ctx, block.conv1, norm_silu(ctx, block.norm1, h, {}, norms[0]), map, "res.conv1", inner);
+    convolve(ctx, block.conv1, norm_silu_forward(ctx, block.norm1, h, {}, norms[0]), map, "res.conv1", inner);
     const Tensor sum = saved ? rows(config_.voxel_ch, "res.conv2") : h;
-    convolve(ctx, block.conv2, norm_silu(ctx, block.norm2, inner, {}, norms[1]), map, "res.conv2", sum, h);
+    convolve(ctx, block.conv2, norm_silu_forward(ctx, block.norm2, inner, {}, norms[1]), map, "res.conv2", sum, h);
     h = sum;
   }
   out.refined = rows(config_.fine_dim, "conv_out");
-  convolve(ctx, conv_out_, norm_silu(ctx, norm_out_, h, out.projected, saved ? &saved->norm_out : nullptr),
+  convolve(ctx, conv_out_, norm_silu_forward(ctx, norm_out_, h, out.projected, saved ? &saved->norm_out : nullptr),
            config_.refine_out_kernel == 1 ? Tensor() : map, "conv_out", out.refined);
   return out;
 }

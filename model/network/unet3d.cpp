@@ -11,44 +11,47 @@ namespace {
 
 Tensor convolve(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
                 const Tensor& residual = {}, const Tensor& out = {}) {
-  Conv3d c;
+  Conv3dForward c;
   c.in = in;
   c.x = c.y = c.z = edge;
   c.weights = &conv.w;
   c.residual = residual;
   c.out = out ? out : ctx.tensor({edge * edge * edge, conv.w.cout}, Type::f32, name);
   c.name = name;
-  conv3d(ctx, c);
+  conv3d_forward(ctx, c);
   return c.out;
 }
 
 Tensor downsample(Context& ctx, const Conv& conv, const Tensor& x, long edge) {
-  Conv3dDown c;
+  Conv3dDownForward c;
   c.in.x0 = x;
   c.in.map = conv3d_down_map(ctx, edge, edge, edge);
   c.weights = &conv.w;
   c.out = ctx.tensor({edge / 2 * (edge / 2) * (edge / 2), conv.w.cout}, Type::f32, "downsample.conv");
   c.name = "downsample.conv";
-  conv3d_down(ctx, c);
+  conv3d_down_forward(ctx, c);
   return c.out;
 }
 
 // -> by the composed rows of `in`.
 Tensor convolve_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
                          const char* name) {
-  Conv3dWeightGradient g;
+  Conv3dBackwardWeights g;
   g.in = in;
   g.x = g.y = g.z = edge;
   g.dy = dy;
   g.dw = conv.dweight;
   g.dbias = conv.dbias;
   g.name = name;
-  conv3d_weight_gradient(ctx, g);
-  Conv back;
-  back.w = pack_conv3d_backward(ctx, conv.plain, name);
-  RowSource rows;
-  rows.x0 = dy;
-  return convolve(ctx, back, rows, edge, name);
+  conv3d_backward_weights(ctx, g);
+  Conv3dBackwardInputs i;
+  i.w = conv.plain;
+  i.x = i.y = i.z = edge;
+  i.dy = dy;
+  i.dx = ctx.tensor({edge * edge * edge, conv.w.cin}, Type::f32, name);
+  i.name = name;
+  conv3d_backward_inputs(ctx, i);
+  return i.dx;
 }
 
 // By x at edge^3 voxels, added to dx.
@@ -134,16 +137,17 @@ VolumeNetwork::ResBlock VolumeNetwork::load_res(const WeightLoader& weights, con
 }
 
 Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge, ResSaved* saved) const {
-  const Tensor h = convolve(ctx, block.conv1, norm_silu(ctx, block.norm1, x0, x1, saved ? &saved->norm1 : nullptr),
-                            edge, "res.conv1");
+  const Tensor h =
+      convolve(ctx, block.conv1, norm_silu_forward(ctx, block.norm1, x0, x1, saved ? &saved->norm1 : nullptr), edge,
+               "res.conv1");
   Tensor residual = x0, out;
   if (block.shortcut.bias) {
     RowSource x;
     x.x0 = std::move(x0);
     x.x1 = std::move(x1);
-    residual = out = linear(ctx, block.shortcut, x, "res.nin_shortcut");
+    residual = out = linear_forward(ctx, block.shortcut, x, "res.nin_shortcut");
   }
-  return convolve(ctx, block.conv2, norm_silu(ctx, block.norm2, h, {}, saved ? &saved->norm2 : nullptr), edge,
+  return convolve(ctx, block.conv2, norm_silu_forward(ctx, block.norm2, h, {}, saved ? &saved->norm2 : nullptr), edge,
                   "res.conv2", residual, out);
 }
 
@@ -156,9 +160,9 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
   };
   if (saved) *saved = {};
   long edge = config_.volume;
-  Tensor h = convolve(ctx, conv_in_,
-                      norm_silu(ctx, norm_in_, std::exchange(volume, {}), {}, saved ? &saved->norm_in : nullptr), edge,
-                      "conv_in.3");
+  Tensor h = convolve(
+      ctx, conv_in_, norm_silu_forward(ctx, norm_in_, std::exchange(volume, {}), {}, saved ? &saved->norm_in : nullptr),
+      edge, "conv_in.3");
   std::vector<Tensor> skips = {h};
   for (const Down& level : down_) {
     h = res(ctx, level.res, std::move(h), {}, edge, keep(&Saved::down));
@@ -180,7 +184,7 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
     }
   }
   return convolve(ctx, conv_out_,
-                  norm_silu(ctx, norm_out_, std::exchange(h, {}), {}, saved ? &saved->norm_out : nullptr), edge,
+                  norm_silu_forward(ctx, norm_out_, std::exchange(h, {}), {}, saved ? &saved->norm_out : nullptr), edge,
                   "conv_out");
 }
 

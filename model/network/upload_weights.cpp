@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include "model/ops/sparse_conv.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
@@ -90,15 +91,13 @@ Conv WeightLoader::conv3d_down(const std::string& name, long out, long in) const
 
 Conv WeightLoader::submanifold(const std::string& name, long out, long kernel, long in) const {
   const Shape shape{out, kernel, kernel, kernel, in};
-  const long taps = kernel * kernel * kernel;
   Conv conv = learnt_conv(name);
   if (weights_.learnt_) {
-    const Tensor& w = find_learnt(name + ".weight", shape).value;
-    conv.w = {pack_matrix(ctx_, w, taps * in, out, 1, taps * in, prefix_ + name), tensor(name + ".bias", {out}), in,
-              out, false};
+    conv.w = pack_submanifold(ctx_, find_learnt(name + ".weight", shape).value, tensor(name + ".bias", {out}),
+                              prefix_ + name);
   } else {
     conv.w = pack_submanifold(ctx_, find(name + ".weight", shape).data.data(), find(name + ".bias", {out}).data.data(),
-                              out, taps, in, prefix_ + name);
+                              out, kernel * kernel * kernel, in, prefix_ + name);
   }
   return conv;
 }

@@ -78,7 +78,8 @@ Tensor Vit::forward(Context& ctx, const Layer& l, const Tensor& x, LayerSaved* s
   const auto beside = [&](const char* what) { return saved ? ctx.tensor(x.shape(), Type::f32, what) : x; };
   const Tensor middle = beside("encoder.middle");
   {
-    const Tensor qkv = linear(ctx, l.qkv, rows_of(normed(ctx, l.norm1, x)), "attn.qkv").reshaped({v, t, 3, h, c / h});
+    const Tensor qkv =
+        linear_forward(ctx, l.qkv, rows_of(normed(ctx, l.norm1, x)), "attn.qkv").reshaped({v, t, 3, h, c / h});
     const Tensor attended = ctx.tensor({v, t, c}, Type::f32, "encoder.attended");
     const Tensor stats = saved ? ctx.tensor({v, h, t, 2}, Type::f32, "encoder.stats") : Tensor();
     attention_forward(ctx, {qkv, attended, stats});
@@ -86,8 +87,8 @@ Tensor Vit::forward(Context& ctx, const Layer& l, const Tensor& x, LayerSaved* s
     if (saved) *saved = {x, qkv, attended, stats, middle, {}};
   }
   const Tensor out = beside("encoder.tokens");
-  Tensor hidden =
-      linear(ctx, l.fc1, rows_of(normed(ctx, l.norm2, middle)), "mlp.fc1", saved ? Activation::none : Activation::gelu);
+  Tensor hidden = linear_forward(ctx, l.fc1, rows_of(normed(ctx, l.norm2, middle)), "mlp.fc1",
+                                 saved ? Activation::none : Activation::gelu);
   if (saved) {
     saved->hidden = hidden;
     hidden = ctx.tensor(hidden.shape(), Type::f32, "encoder.hidden");

@@ -143,7 +143,7 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
   DeviceGaussians skeleton;
   {
     const Stage stage(ctx, "selection");
-    skeleton = gather(ctx, state.gaussians, state.selected.index);
+    skeleton = gather_forward(ctx, state.gaussians, state.selected.index);
   }
   if (config_.levels == "skeletal") return skeleton;
 

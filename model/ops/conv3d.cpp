@@ -110,7 +110,7 @@ ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const s
   return out;
 }
 
-// w [Cout, Cin, 2, 2, 2] as rows of the patches that conv3d_down() multiplies: [Cout, 8 Cin].
+// w [Cout, Cin, 2, 2, 2] as rows of the patches that conv3d_down_forward() multiplies: [Cout, 8 Cin].
 Tensor patch_order(Context& ctx, const Tensor& w, const std::string& what) {
   if (w.rank() != 5 || w.count() != w.dim(0) * w.dim(1) * 8 || w.type() != Type::f32)
     fail(Status::internal, "{}: weights are {}, [Cout, Cin, 2, 2, 2] expected", what, w.describe());
@@ -125,7 +125,7 @@ struct Shape3d {
   long c() const { return c0 + c1; }
 };
 
-Shape3d check(const Conv3d& c) {
+Shape3d check(const Conv3dForward& c) {
   if (!c.weights || !c.weights->w.data) fail(Status::internal, "{}: no weights", c.name);
   if (!c.in.x0 || c.in.x0.rank() < 2 || c.in.map) fail(Status::internal, "{}: the input is a volume", c.name);
   if (c.x < 0 || c.y < 0 || c.z < 0) fail(Status::internal, "{}: a volume of {}x{}x{}", c.name, c.x, c.y, c.z);
@@ -152,14 +152,14 @@ Shape3d check(const Conv3d& c) {
   return s;
 }
 
-Cost cost_of(const Conv3d& c, const Shape3d& s, long planes) {
+Cost cost_of(const Conv3dForward& c, const Shape3d& s, long planes) {
   const double voxels = static_cast<double>(planes * s.y * s.z), ch = static_cast<double>(s.c()),
                n = static_cast<double>(s.n);
   return {conv3d_flops(*c.weights, planes, s.y, s.z),
           4 * (voxels * ch + 27 * ch * n + voxels * n * (c.residual ? 2 : 1))};
 }
 
-void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
+void forward_cpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   check_tile_terms(ctx.device(), c.name, 27 * s.c());
   const long zt = div_up(s.z, kTileRows);
   const long plane = s.y * zt * s.c() * kPackRows;
@@ -183,7 +183,7 @@ void conv3d_cpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
   }
 }
 
-void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
+void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
   const long blocks = div_up(s.c(), 16), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
   const long step = std::clamp(kScratchFloats / std::max(1L, per_tile), 1L, tiles);
@@ -201,7 +201,7 @@ void conv3d_winograd(Context& ctx, const Conv3d& c, const Shape3d& s) {
   }
 }
 
-void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
+void forward_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const GpuTile tile = gpu_tile(ctx, s.x * s.y * s.z, s.n);
   ctx.launch({"conv3d_gpu", "conv3d_forward_gpu", tile.defines, c.name},
              groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0,
@@ -209,7 +209,7 @@ void conv3d_gpu(Context& ctx, const Conv3d& c, const Shape3d& s) {
              as_int(s.z), c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
 }
 
-void weight_gradient_direct(Context& ctx, const Conv3dWeightGradient& g, const Shape3d& s) {
+void backward_weights_direct(Context& ctx, const Conv3dBackwardWeights& g, const Shape3d& s) {
   const long voxels = s.x * s.y * s.z, k = 27 * s.c();
   // Chunks of whole lines along z: short sums, unless their partial results would take too much memory.
   const long most = std::max(1L, kScratchFloats / (k * s.n));
@@ -245,7 +245,7 @@ void weight_gradient_direct(Context& ctx, const Conv3dWeightGradient& g, const S
              as_int(chunks), as_int(s.c()), as_int(s.n));
 }
 
-void weight_gradient_winograd(Context& ctx, const Conv3dWeightGradient& g, const Shape3d& s) {
+void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, const Shape3d& s) {
   if (ctx.flavour() != Flavour::cpu) fail(Status::usage, "{}: Winograd's method is for the cpu kernels", g.name);
   Tensor x = g.in.x0;
   if (g.in.x1 || g.in.scale || g.in.silu) {
@@ -295,10 +295,6 @@ ConvWeights pack_conv3d(Context& ctx, const Tensor& w, const Tensor& bias, const
   return out;
 }
 
-ConvWeights pack_conv3d_backward(Context& ctx, const Tensor& w, const std::string& what, ConvMethod method) {
-  return pack_on_device(ctx, w, true, what, method);
-}
-
 ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, long cout, long cin,
                              const std::string& what) {
   return pack(
@@ -317,15 +313,6 @@ ConvWeights pack_conv3d_down(Context& ctx, const Tensor& w, const Tensor& bias, 
   return out;
 }
 
-ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, long cout, long taps, long cin,
-                             const std::string& what) {
-  ConvWeights out;
-  out.cin = cin, out.cout = cout;
-  out.w = pack_matrix(ctx, w, taps * cin, cout, 1, taps * cin, what);
-  if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
-  return out;
-}
-
 double conv3d_flops(const ConvWeights& weights, long x, long y, long z) {
   const double products = static_cast<double>(weights.cin) * static_cast<double>(weights.cout);
   const double tiles = static_cast<double>(div_up(x, kTileSide) * div_up(y, kTileSide));
@@ -333,18 +320,18 @@ double conv3d_flops(const ConvWeights& weights, long x, long y, long z) {
          (weights.winograd ? 3.0 * kCoefficients * tiles : 27.0 * static_cast<double>(x * y));
 }
 
-void conv3d(Context& ctx, const Conv3d& c) {
+void conv3d_forward(Context& ctx, const Conv3dForward& c) {
   const Shape3d s = check(c);
   if (s.x * s.y * s.z * s.n == 0) return;
   if (c.weights->winograd)
-    conv3d_winograd(ctx, c, s);
+    forward_winograd(ctx, c, s);
   else if (ctx.flavour() == Flavour::cpu)
-    conv3d_cpu(ctx, c, s);
+    forward_cpu(ctx, c, s);
   else
-    conv3d_gpu(ctx, c, s);
+    forward_gpu(ctx, c, s);
 }
 
-void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g) {
+void conv3d_backward_weights(Context& ctx, const Conv3dBackwardWeights& g) {
   if (!g.dy || g.dy.rank() != 2 || !g.dw || g.dw.rank() != 5)
     fail(Status::internal, "{}: dy [voxels, Cout] and dw [Cout, Cin, 3, 3, 3] are needed", g.name);
   // The shapes are those of a convolution from `in` to dy.
@@ -353,7 +340,7 @@ void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g) {
   weights.cin = g.dw.dim(1), weights.cout = g.dw.dim(0);
   weights.w.k = weights.cout == 0 ? 0 : g.dw.count() / weights.cout;
   weights.bias = g.dbias;
-  Conv3d c;
+  Conv3dForward c;
   c.in = g.in, c.x = g.x, c.y = g.y, c.z = g.z, c.weights = &weights, c.out = g.dy, c.name = g.name;
   const Shape3d s = check(c);
   const long voxels = s.x * s.y * s.z, k = 27 * s.c();
@@ -361,9 +348,21 @@ void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g) {
   if (g.dbias) column_sum(ctx, {g.dy, g.dbias, true});
 
   if (choose(ctx, g.method, s.n, s.c()) == ConvMethod::winograd)
-    weight_gradient_winograd(ctx, g, s);
+    backward_weights_winograd(ctx, g, s);
   else
-    weight_gradient_direct(ctx, g, s);
+    backward_weights_direct(ctx, g, s);
+}
+
+void conv3d_backward_inputs(Context& ctx, const Conv3dBackwardInputs& g) {
+  // What goes from voxel i through a tap to voxel j comes back through the opposite one.
+  const ConvWeights mirrored = pack_on_device(ctx, g.w, true, g.name, g.method);
+  Conv3dForward c;
+  c.in.x0 = g.dy;
+  c.x = g.x, c.y = g.y, c.z = g.z;
+  c.weights = &mirrored;
+  c.out = g.dx;
+  c.name = g.name;
+  conv3d_forward(ctx, c);
 }
 
 Tensor conv3d_down_map(Context& ctx, long x, long y, long z) {
@@ -378,7 +377,7 @@ Tensor conv3d_down_map(Context& ctx, long x, long y, long z) {
   return ctx.upload({hx * hy * hz, 8}, map, Type::i32, "map of a stride of 2");
 }
 
-void conv3d_down(Context& ctx, const Conv3dDown& c) {
+void conv3d_down_forward(Context& ctx, const Conv3dDownForward& c) {
   if (!c.weights || !c.in.map || c.in.map.dim(1) != 8)
     fail(Status::internal, "{}: weights and the map of conv3d_down_map() are needed", c.name);
   Gemm g;

@@ -1,5 +1,5 @@
-// Convolutions of channels-last volumes [X, Y, Z, C] (x slowest), and the weights of sparse ones.
-// A 1x1x1 convolution is gemm() alone; so is a submanifold convolution, with pack_submanifold() and a neighbour map.
+// Convolutions of channels-last volumes [X, Y, Z, C] (x slowest).
+// A 1x1x1 convolution is gemm() alone; for those of active voxels see sparse_conv.h.
 #pragma once
 #include "runtime/gemm.h"
 
@@ -16,28 +16,20 @@ struct ConvWeights {
 // sum, for four times the weights' memory and three times the rounding error (some 4e-6 of the largest value).
 enum class ConvMethod : int { auto_ = 0, direct = 1, winograd = 2 };
 
-// 3x3x3 weights as PyTorch has them, w [Cout][Cin][3][3][3] (x, y, z), repacked for conv3d(). bias [Cout] or null.
+// 3x3x3 weights as PyTorch has them, w [Cout][Cin][3][3][3] (x, y, z), repacked for conv3d_forward(). bias [Cout] or null.
 // auto_: winograd in the cpu flavour, unless the convolution is too small for it to pay.
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method = ConvMethod::auto_);
 // The same from device memory, for weights that training changes. w [Cout, Cin, 3, 3, 3]; bias [Cout] or none.
 ConvWeights pack_conv3d(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what,
                         ConvMethod method = ConvMethod::auto_);
-// Of those weights, mirrored and with their channels exchanged: conv3d() with these takes the gradients of a loss by
-// conv3d()'s outputs [X Y Z, Cout] to those by its composed inputs [X Y Z, Cin].
-ConvWeights pack_conv3d_backward(Context& ctx, const Tensor& w, const std::string& what,
-                                 ConvMethod method = ConvMethod::auto_);
-// 2x2x2 weights, w [Cout][Cin][2][2][2], for conv3d_down(). bias [Cout] or null.
+// 2x2x2 weights, w [Cout][Cin][2][2][2], for conv3d_down_forward(). bias [Cout] or null.
 ConvWeights pack_conv3d_down(Context& ctx, const float* w, const float* bias, long cout, long cin,
                              const std::string& what);
 // The same from device memory. w [Cout, Cin, 2, 2, 2]; bias [Cout] or none.
 ConvWeights pack_conv3d_down(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what);
-// Submanifold weights w [Cout][kx][ky][kz][Cin] with `taps` = kx ky kz, for gemm() with a map [P, taps] (or none where
-// taps is 1). bias [Cout] or null.
-ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, long cout, long taps, long cin,
-                             const std::string& what);
 // out = conv3x3x3(in, zero padding 1) + bias + residual.
-struct Conv3d {
+struct Conv3dForward {
   RowSource in;  // x0 [X Y Z, C0], x1, scale, shift, silu; no map. The padding is zero after all of it.
   long x = 0, y = 0, z = 0;
   const ConvWeights* weights = nullptr;
@@ -45,12 +37,13 @@ struct Conv3d {
   Tensor out;       // [X Y Z, Cout]
   const char* name = "conv3d";
 };
-void conv3d(Context& ctx, const Conv3d& c);
+void conv3d_forward(Context& ctx, const Conv3dForward& c);
 
-// Gradients of a loss by conv3d()'s weights and biases, of its inputs and of dy, the gradient by its outputs. Summed in
-// a fixed order: the same bits each time.
-struct Conv3dWeightGradient {
-  RowSource in;  // as for conv3d()
+// A convolution's gradients come in two calls, since the first takes scratch memory that the second's dx need not lie
+// beside. Of a loss by conv3d_forward()'s weights and biases, of dy, the gradient by its outputs. Summed in a fixed
+// order: the same bits each time.
+struct Conv3dBackwardWeights {
+  RowSource in;  // as for conv3d_forward()
   long x = 0, y = 0, z = 0;
   Tensor dy;     // [X Y Z, Cout]
   Tensor dw;     // [Cout, Cin, 3, 3, 3], added to
@@ -58,27 +51,38 @@ struct Conv3dWeightGradient {
   ConvMethod method = ConvMethod::auto_;
   const char* name = "conv3d.dw";
 };
-void conv3d_weight_gradient(Context& ctx, const Conv3dWeightGradient& g);
+void conv3d_backward_weights(Context& ctx, const Conv3dBackwardWeights& g);
 
-// Floating-point operations of conv3d()'s products: of the direct sum, or the fewer of Winograd's method.
+// By conv3d_forward()'s inputs, as composed.
+struct Conv3dBackwardInputs {
+  Tensor w;  // [Cout, Cin, 3, 3, 3]
+  long x = 0, y = 0, z = 0;
+  Tensor dy;  // [X Y Z, Cout]
+  Tensor dx;  // [X Y Z, Cin], written
+  ConvMethod method = ConvMethod::auto_;
+  const char* name = "conv3d.dx";
+};
+void conv3d_backward_inputs(Context& ctx, const Conv3dBackwardInputs& g);
+
+// Floating-point operations of conv3d_forward()'s products: of the direct sum, or the fewer of Winograd's method.
 double conv3d_flops(const ConvWeights& weights, long x, long y, long z);
 
 // The 2x2x2 neighbourhoods of a stride of 2: i32 [X/2 Y/2 Z/2, 8], for gemm(). An odd last plane is not looked at.
 Tensor conv3d_down_map(Context& ctx, long x, long y, long z);
 
 // out = conv2x2x2(in, stride 2) + bias.
-struct Conv3dDown {
+struct Conv3dDownForward {
   RowSource in;  // x0 [X Y Z, C0], x1, scale, shift, silu; map = conv3d_down_map()
   const ConvWeights* weights = nullptr;
   Tensor out;  // [X/2 Y/2 Z/2, Cout]
   const char* name = "conv3d_down";
 };
-void conv3d_down(Context& ctx, const Conv3dDown& c);
+void conv3d_down_forward(Context& ctx, const Conv3dDownForward& c);
 
-// Gradients of a loss by conv3d_down()'s inputs, weights and biases, of dy, the gradient by its outputs. The same bits
+// Gradients of a loss by conv3d_down_forward()'s inputs, weights and biases, of dy, the gradient by its outputs. The same bits
 // each time.
 struct Conv3dDownBackward {
-  RowSource in;  // as for conv3d_down()
+  RowSource in;  // as for conv3d_down_forward()
   Tensor w;      // [Cout, Cin, 2, 2, 2]
   Tensor dy;     // [X/2 Y/2 Z/2, Cout]
   Tensor dx;     // [X Y Z, Cin] or none, added to: by the composed inputs

@@ -42,7 +42,7 @@ void gather_backward(Context& ctx, const GatherBackward& a) {
              static_cast<int>(a.column));
 }
 
-DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
+DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
   const long p = index.dim(0);
   const auto rows = [&](const Tensor& x, const Shape& shape, const char* what) {
     const Tensor out = ctx.tensor(shape, Type::f32, what);

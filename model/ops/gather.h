@@ -22,7 +22,7 @@ struct GatherBackward {
 void gather_backward(Context& ctx, const GatherBackward& a);
 
 // The Gaussians of the given indices.
-DeviceGaussians gather(Context& ctx, const DeviceGaussians& g, const Tensor& index);
+DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index);
 // What is not none of `dout` [P, ..] is added to the rows of `dx` [N, ..] that `index` names, no two of which are
 // equal.
 void gather_backward(Context& ctx, const GaussianGradients& dout, const Tensor& index, const GaussianGradients& dx);

@@ -59,7 +59,7 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
              a.scale, a.shift, a.mean, a.rstd, ni, ci, a.groups, a.eps);
 }
 
-void groupnorm_silu_backward(Context& ctx, const GroupNormSiluBackward& a) {
+void groupnorm_backward(Context& ctx, const GroupNormBackward& a) {
   Dims d;
   d.bind("x0", a.x0, {"N", "C0"}).bind_optional("x1", a.x1, {"N", "C1"}).bind("dx0", a.dx0, {"N", "C0"});
   if (a.x1) d.bind("dx1", a.dx1, {"N", "C1"});

@@ -17,7 +17,7 @@ struct GroupNormForward {
 void groupnorm_forward(Context& ctx, const GroupNormForward& a);
 
 // Of y = SiLU(GroupNorm([x0, x1])), as RowSource composes it.
-struct GroupNormSiluBackward {
+struct GroupNormBackward {
   Tensor x0, x1;                    // [N, C0], [N, C1] or none: as given to the forward
   Tensor gamma;                     // [C0 + C1]
   Tensor scale, shift, mean, rstd;  // [C0 + C1]: as the forward made them
@@ -28,6 +28,6 @@ struct GroupNormSiluBackward {
   Tensor dgamma, dbeta;  // [C0 + C1], always added to
 };
 
-void groupnorm_silu_backward(Context& ctx, const GroupNormSiluBackward& a);
+void groupnorm_backward(Context& ctx, const GroupNormBackward& a);
 
 }  // namespace vsplat

@@ -26,7 +26,7 @@ constexpr long kRows = 64;  // ROWS of cl/layernorm.cl
 void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c, long run, int skip) {
   if (c == 0) return;
   if (rows == 0) {
-    if (!a.add_to_dx) ctx.fill_zero(a.dx);
+    if (!a.add) ctx.fill_zero(a.dx);
     return;
   }
   const bool cpu = ctx.flavour() == Flavour::cpu;
@@ -36,7 +36,7 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
              cpu ? groups(rows, 1) : groups(rows, 64),
              {(a.film ? 20.0 : 16.0) * values, (a.film ? 28.0 : 12.0) * values}, a.x, a.gamma, a.beta, a.film, a.dy,
              a.dx, a.dfilm, stats, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, a.eps,
-             a.add_to_dx ? 1 : 0);
+             a.add ? 1 : 0);
   const long sums = (rows + kRows - 1) / kRows;
   const Tensor by_gamma = ctx.tensor({sums, c}, Type::f32, "partial sums");
   const Tensor by_beta = ctx.tensor({sums, c}, Type::f32, "partial sums");
@@ -61,7 +61,7 @@ void layernorm_backward(Context& ctx, const LayerNormBackward& a) {
   Dims d;
   d.bind("x", a.x, {"R", "C"}).bind("gamma", a.gamma, {"C"}).bind("dy", a.dy, {"R", "C"}).bind("dx", a.dx, {"R", "C"});
   d.bind("dgamma", a.dgamma, {"C"}).bind("dbeta", a.dbeta, {"C"});
-  launch_backward(ctx, {a.x, a.gamma, {}, {}, a.eps, a.dy, a.dx, {}, a.dgamma, a.dbeta, a.add_to_dx}, d["R"], d["C"],
+  launch_backward(ctx, {a.x, a.gamma, {}, {}, a.eps, a.dy, a.dx, {}, a.dgamma, a.dbeta, a.add}, d["R"], d["C"],
                   std::max(1L, d["R"]), 0);
 }
 

@@ -19,9 +19,9 @@ struct LayerNormBackward {
   Tensor gamma;  // [C]
   float eps = 1e-6f;
   Tensor dy;             // [R, C]: the loss by forward's out
-  Tensor dx;             // [R, C], neither x nor dy; written, or with add_to_dx added to
+  Tensor dx;             // [R, C], neither x nor dy; written, or with `add` added to
   Tensor dgamma, dbeta;  // [C], added to
-  bool add_to_dx = false;
+  bool add = false;
 };
 
 void layernorm_backward(Context& ctx, const LayerNormBackward& a);
@@ -43,10 +43,10 @@ struct ModulateBackward {
   Tensor film;         // [V, P, 2 C]
   float eps = 1e-6f;
   Tensor dy;             // [V, P, C]
-  Tensor dx;             // [V, 1 + P, C], not x; written (class tokens: 0), or with add_to_dx added to
+  Tensor dx;             // [V, 1 + P, C], not x; written (class tokens: 0), or with `add` added to
   Tensor dfilm;          // [V, P, 2 C], not film; written
   Tensor dgamma, dbeta;  // [C], added to
-  bool add_to_dx = false;
+  bool add = false;
 };
 
 void modulate_backward(Context& ctx, const ModulateBackward& a);

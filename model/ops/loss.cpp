@@ -40,7 +40,7 @@ class Loss {
     ctx_.launch({"loss", "loss_value", ""}, items(1, 1), {}, means_, a_.out, by_, static_cast<int>(scales_[0].height),
                 static_cast<int>(scales_[0].width), static_cast<int>(3 * n_), static_cast<int>(scales_.size()),
                 a_.ssim_weight, a_.gradient_scale);
-    if (!a_.gradient) return;
+    if (!a_.dpictures) return;
     Tensor coarser;
     for (std::size_t i = scales_.size(); i-- > 0;) coarser = gradient(i, coarser);
   }
@@ -78,7 +78,7 @@ class Loss {
     const Tensor blurred = field({4, rows, v3}, "loss.rows");
     launch("loss_rows", v3, rows, 1, 110, 6, {s.m, s.d, blurred, static_cast<int>(v3), static_cast<int>(rows)});
     const Tensor off = field({n_, s.valid_height(), v3}, "loss.off");
-    if (a_.gradient) s.slopes = field({3, n_, s.valid_height(), v3}, "loss.slopes");
+    if (a_.dpictures) s.slopes = field({3, n_, s.valid_height(), v3}, "loss.slopes");
     const bool structure = i + 1 < scales_.size();
     launch("loss_maps", v3, s.valid_height(), n_, 130, 8,
            {blurred, off, s.slopes, static_cast<int>(v3), static_cast<int>(s.height), static_cast<int>(n_),
@@ -103,7 +103,7 @@ class Loss {
     const Tensor spread = field({3, n_, s.height, padded}, "loss.spread");
     launch("loss_backward_spread", padded, s.height, 3 * n_, 22, 2,
            {s.slopes, spread, static_cast<int>(v3), static_cast<int>(s.height)});
-    const Tensor out = i == 0 ? a_.gradient : field({n_, s.height, s.width, 3}, "loss.gradient");
+    const Tensor out = i == 0 ? a_.dpictures : field({n_, s.height, s.width, 3}, "loss.gradient");
     launch("loss_backward", 3 * s.width, s.height, n_, 75, 8,
            {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), out, static_cast<int>(s.height),
             static_cast<int>(s.width), static_cast<int>(n_), static_cast<int>(3 * n_ * static_cast<long>(i)),
@@ -123,7 +123,7 @@ class Loss {
 void picture_loss(Context& ctx, const PictureLoss& a) {
   Dims d;
   d.bind("pictures", a.pictures, {"N", "H", "W", "3"}).bind("target", a.target, {"N", "H", "W", "3"});
-  d.bind("out", a.out, {"3"}).bind_optional("gradient", a.gradient, {"N", "H", "W", "3"});
+  d.bind("out", a.out, {"3"}).bind_optional("dpictures", a.dpictures, {"N", "H", "W", "3"});
   if (d["N"] < 1 || std::min(d["H"], d["W"]) <= kLost)
     fail(Status::internal, "loss: {} found, at least one picture of {} x {} pixels expected", a.pictures.describe(),
          kLost + 1, kLost + 1);

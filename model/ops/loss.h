@@ -1,4 +1,5 @@
-// The loss of a training on pictures: the mean squared error + ssim_weight * (1 - SSIM), with its gradient.
+// The loss of a training on pictures: the mean squared error + ssim_weight * (1 - SSIM), with its gradient:
+// forward and backward in one, since training wants both and they share what takes the most memory.
 #pragma once
 #include "runtime/context.h"
 
@@ -12,11 +13,10 @@ struct PictureLoss {
   Tensor pictures;  // [N, H, W, 3], H and W from 11
   Tensor target;    // [N, H, W, 3], in [0, 1]
   float ssim_weight = 0.5f;
-  Tensor out;  // [3]: the loss, the mean squared error, the similarity
-  Tensor
-      gradient;  // [N, H, W, 3]: of the loss by the pictures, 0 where those are outside of [0, 1]; none: not computed
-  float gradient_scale =
-      1;  // the gradient is multiplied by this: that of a mean over several calls is the sum of theirs
+  Tensor out;        // [3]: the loss, the mean squared error, the similarity
+  Tensor dpictures;  // [N, H, W, 3]: the loss by the pictures, 0 where those are outside of [0, 1]; none: not computed
+  // dpictures is multiplied by this: the gradient of a mean over several calls is the sum of theirs.
+  float gradient_scale = 1;
 };
 
 void picture_loss(Context& ctx, const PictureLoss& a);

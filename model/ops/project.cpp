@@ -9,6 +9,7 @@ namespace vsplat {
 namespace {
 
 constexpr long kViewFloats = 32;
+constexpr long kSumBlock = 512;  // Gaussians whose twists one work-item sums
 
 // A position as a float and what rounding took from it: differences of nearby positions far from the origin stay exact.
 void put_split(float* out, const Eigen::Vector3d& p) {
@@ -67,10 +68,10 @@ Launch launch_of(const Context& ctx) {
 
 Range range_of(const Launch& l, long n) { return items((n + l.width - 1) / l.width, l.width == 1 ? 64 : 16); }
 
-// Of the scene's arrays; S goes into `d`.
-void bind(Dims& d, const DeviceGaussians& g) {
-  d.bind("means", g.means, {"n", "3"}).bind("scales", g.scales, {"n", "3"}).bind("quats", g.quats, {"n", "4"});
-  d.bind("opacities", g.opacities, {"n"}).bind("sh", g.sh, {"n", "S", "3"});
+// Of the scene's arrays, of Gaussians that are counted by the label `n`; S goes into `d`, too.
+void bind(Dims& d, const DeviceGaussians& g, const char* n) {
+  d.bind("means", g.means, {n, "3"}).bind("scales", g.scales, {n, "3"}).bind("quats", g.quats, {n, "4"});
+  d.bind("opacities", g.opacities, {n}).bind("sh", g.sh, {n, "S", "3"});
   const long s = d["S"];
   if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project: {} spherical harmonics", s);
 }
@@ -80,7 +81,7 @@ void bind(Dims& d, const DeviceGaussians& g) {
 void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, int width,
                   int height, const Culled& out) {
   Dims d;
-  bind(d, g);
+  bind(d, g, "n");
   d.bind("views", views, {"V", "32"}).bind("rects", out.rects, {"K", "2"}, Type::u32);
   d.bind("keys", out.keys, {"K"}, Type::u32);
   const long n = d["n"];
@@ -97,17 +98,54 @@ void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tenso
              static_cast<int>(n), static_cast<int>(tiles_along(width)), static_cast<int>(tiles_along(height)));
 }
 
-void project(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, const Tensor& ids,
-             long from, long n, const Tensor& records) {
+void project_forward(Context& ctx, const ProjectForward& a) {
+  const DeviceGaussians& g = a.chunk;
   Dims d;
-  bind(d, g);
-  d.bind("views", views, {"V", "32"}).bind("ids", ids, {"N"}, Type::u32).bind("records", records, {"N", "12"});
-  if (from < 0 || from + n > d["N"]) fail(Status::internal, "project: {} from {} of {}", n, from, d["N"]);
+  bind(d, g, "n");
+  d.bind("views", a.views, {"V", "32"}).bind("ids", a.ids, {"N"}, Type::u32).bind("records", a.records, {"N", "12"});
+  if (a.from < 0 || a.from + a.n > d["N"]) fail(Status::internal, "project: {} from {} of {}", a.n, a.from, d["N"]);
   const Launch l = launch_of(ctx);
-  const double count = static_cast<double>(n), s = static_cast<double>(d["S"]);
-  ctx.launch({"project", "project_forward", l.defines}, range_of(l, n), {count * (180 + 8 * s), count * (96 + 12 * s)},
-             g.means, g.scales, g.quats, g.opacities, g.sh, views, static_cast<int>(view), ids, records,
-             static_cast<int>(base), static_cast<int>(from), static_cast<int>(n), static_cast<int>(d["S"]));
+  const double count = static_cast<double>(a.n), s = static_cast<double>(d["S"]);
+  ctx.launch({"project", "project_forward", l.defines}, range_of(l, a.n),
+             {count * (180 + 8 * s), count * (96 + 12 * s)}, g.means, g.scales, g.quats, g.opacities, g.sh, a.views,
+             static_cast<int>(a.view), a.ids, a.records, static_cast<int>(a.base), static_cast<int>(a.from),
+             static_cast<int>(a.n), static_cast<int>(d["S"]));
+}
+
+void project_backward(Context& ctx, const ProjectBackward& a) {
+  const DeviceGaussians& g = a.chunk;
+  Dims d;
+  bind(d, g, "K");
+  d.bind("views", a.views, {"V", "32"});
+  d.bind("ids", a.visible.ids, {"N"}, Type::u32).bind("records", a.visible.records, {"N", "12"});
+  d.bind("rows", a.intersections.rows, {"M", "10"});
+  d.bind("touched", a.intersections.touched, {"M"}, Type::u8);
+  const long n = d["N"], s = d["S"];
+  d.set("N + 1", n + 1).bind("offsets", a.offsets, {"N + 1"}, Type::u32);
+  d.bind("dchunk.means", a.dchunk.means, {"K", "3"}).bind("dchunk.scales", a.dchunk.scales, {"K", "3"});
+  d.bind("dchunk.quats", a.dchunk.quats, {"K", "4"}).bind("dchunk.opacities", a.dchunk.opacities, {"K"});
+  d.bind("dchunk.sh", a.dchunk.sh, {"K", "S", "3"});
+  if (a.view < 0 || a.view >= d["V"]) fail(Status::internal, "project_backward: view {} of {}", a.view, d["V"]);
+  d.bind_optional("twists", a.twists, {"N", "6"});
+  const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
+  ctx.launch({"project_backward", "project_backward", ""}, items(n),
+             {count * (450.0 + 20.0 * sh) + rows * 10, count * (180.0 + 36.0 * sh) + rows * 41}, g.means, g.scales,
+             g.quats, g.opacities, g.sh, a.views, static_cast<int>(a.view), static_cast<int>(a.mirrored), a.visible.ids,
+             a.visible.records, a.intersections.rows, a.intersections.touched, a.offsets, a.dchunk.means,
+             a.dchunk.scales, a.dchunk.quats, a.dchunk.opacities, a.dchunk.sh, a.twists, static_cast<int>(n),
+             static_cast<int>(d["K"]), static_cast<int>(a.base), static_cast<int>(s));
+}
+
+Tensor sum_twists(Context& ctx, Tensor twists) {
+  while (twists.dim(0) != 1) {
+    const long n = twists.dim(0), blocks = std::max(1L, (n + kSumBlock - 1) / kSumBlock);
+    const Tensor sums = ctx.tensor({blocks, 6}, Type::f32, "project_backward.pose");
+    const double values = 6.0 * static_cast<double>(n);
+    ctx.launch({"project_backward", "project_backward_pose", ""}, items(blocks * 6), {values, 4 * values}, twists, sums,
+               static_cast<int>(n), static_cast<int>(kSumBlock), static_cast<int>(blocks));
+    twists = sums;
+  }
+  return twists.reshaped({6});
 }
 
 }  // namespace vsplat

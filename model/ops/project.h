@@ -1,4 +1,4 @@
-// Gaussians to the picture: 2D Gaussians, colours, depths and the tiles they may touch.
+// Gaussians to the picture: 2D Gaussians, colours, depths and the tiles they may touch; and its derivative.
 #pragma once
 #include <array>
 #include <optional>
@@ -38,8 +38,41 @@ struct Projected {
 void project_cull(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view, int width,
                   int height, const Culled& out);
 
-// The records of `n` Gaussians from `from` on, all of whose ids are in the chunk.
-void project(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view, const Tensor& ids,
-             long from, long n, const Tensor& records);
+// The records of some of those that are seen, all of which are in the chunk.
+struct ProjectForward {
+  DeviceGaussians chunk;
+  long base = 0;  // the scene's index of the chunk's first
+  Tensor views;   // [V,32]
+  long view = 0;
+  Tensor ids;            // u32 [N]: see Projected
+  long from = 0, n = 0;  // the n from `from` on
+  Tensor records;        // [N,12], of which those are written
+};
+void project_forward(Context& ctx, const ProjectForward& a);
+
+// What a picture's gradient says of each Gaussian in each tile: a row per intersection of the two, where Binned::slots
+// puts it. See cl/rasterize_backward.cl for the columns.
+struct IntersectionGradients {
+  Tensor rows;     // f32 [M,10]
+  Tensor touched;  // u8 [M]: 1 where a row was written; the others are zeros, and not written
+};
+
+// Gradients of a chunk's Gaussians, and of the camera's pose.
+struct ProjectBackward {
+  DeviceGaussians chunk;
+  long base = 0;  // the scene's index of the chunk's first
+  Tensor views;   // [V,32]
+  long view = 0;
+  bool mirrored = false;  // whether upload_views() was given a mirror point
+  Projected visible;      // N of them
+  Tensor offsets;         // u32 [N + 1]: as Binned has them
+  IntersectionGradients intersections;
+  GaussianGradients dchunk;  // of the chunk, added to
+  Tensor twists;             // [N,6] or none: a row for each visible Gaussian, of which the chunk's are written
+};
+void project_backward(Context& ctx, const ProjectBackward& a);
+
+// f32 [6]: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
+Tensor sum_twists(Context& ctx, Tensor twists);
 
 }  // namespace vsplat

@@ -43,7 +43,7 @@ void by_inputs(Context& ctx, const SubmanifoldBackward& a, const Sizes& s) {
   g.a.x0 = a.dy;
   g.a.map = a.in.map;
   g.b = &packed;
-  if (a.add_to_dx) g.residual = a.dx;
+  if (a.add) g.residual = a.dx;
   g.out = a.dx;
   g.name = a.name;
   gemm(ctx, g);
@@ -77,6 +77,32 @@ void by_weights(Context& ctx, const SubmanifoldBackward& a, const Sizes& s) {
 }
 
 }  // namespace
+
+ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, long cout, long taps, long cin,
+                             const std::string& what) {
+  ConvWeights out;
+  out.cin = cin, out.cout = cout;
+  out.w = pack_matrix(ctx, w, taps * cin, cout, 1, taps * cin, what);
+  if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
+  return out;
+}
+
+ConvWeights pack_submanifold(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what) {
+  const long cout = w.dim(0), cin = w.shape().back(), k = w.count() / cout;
+  return {pack_matrix(ctx, w, k, cout, 1, k, what), bias, cin, cout};
+}
+
+void submanifold_forward(Context& ctx, const SubmanifoldForward& a) {
+  if (!a.weights) fail(Status::internal, "{}: no weights", a.name);
+  Gemm g;
+  g.a = a.in;
+  g.b = &a.weights->w;
+  g.bias = a.weights->bias;
+  g.residual = a.residual;
+  g.out = a.out;
+  g.name = a.name;
+  gemm(ctx, g);
+}
 
 void submanifold_backward(Context& ctx, const SubmanifoldBackward& a) {
   const Sizes s = check(a);

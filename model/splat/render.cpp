@@ -62,7 +62,7 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
     };
     const long from = seen_before(i * scene.chunk), to = seen_before(i * scene.chunk + scene.size_of(i));
     if (from < to)
-      project(ctx, scene.get(ctx, i), i * scene.chunk, view.camera, 0, out.ids, from, to - from, out.records);
+      project_forward(ctx, {scene.get(ctx, i), i * scene.chunk, view.camera, 0, out.ids, from, to - from, out.records});
   }
   return out;
 }
@@ -115,7 +115,7 @@ DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& ca
   const DevicePicture out = make_picture(ctx, camera.width, camera.height);
   for_each_part(ctx, scene, camera, options, false,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
-                  rasterize(c, projected, binned, part, options.background, out);
+                  rasterize_forward(c, {projected, binned, part, options.background, out});
                 });
   return out;
 }

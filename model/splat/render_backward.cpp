@@ -40,10 +40,10 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const Tensor& view
                    const Part& part, const Projected& projected, const Binned& binned, const DevicePicture& picture,
                    const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists) {
   const IntersectionGradients rows =
-      rasterize_backward(ctx, projected, binned, part, picture, gradient, options.background);
+      rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient});
   for (long i = 0; i < scene.chunks(); ++i)
-    project_backward(ctx, scene.get(ctx, i), i * scene.chunk, views, 0, options.mirror.has_value(), projected,
-                     binned.offsets, rows, out.at(static_cast<std::size_t>(i)), twists);
+    project_backward(ctx, {scene.get(ctx, i), i * scene.chunk, views, 0, options.mirror.has_value(), projected,
+                           binned.offsets, rows, out.at(static_cast<std::size_t>(i)), twists});
 }
 
 DevicePicture picture_in_room(Context& ctx, const Camera& camera) {
@@ -61,7 +61,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
   std::vector<Tensor> poses;  // of each part
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
-                  rasterize(c, projected, binned, part, options.background, picture);
+                  rasterize_forward(c, {projected, binned, part, options.background, picture});
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
                   part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
                   if (!pose) return;
@@ -85,7 +85,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
   bool done = false;
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
-                  rasterize(c, projected, binned, part, options.background, picture);
+                  rasterize_forward(c, {projected, binned, part, options.background, picture});
                   if (&c == &ctx) drawn.intersections += static_cast<std::uint64_t>(binned.ids.count());
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);

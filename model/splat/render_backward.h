@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "model/ops/project_backward.h"
+#include "model/ops/rasterize.h"
 #include "model/splat/render.h"
 
 namespace vsplat {

@@ -37,9 +37,9 @@ struct GroupNormGradient {
 
 // Of y = silu(groupnorm(x)), for a loss whose derivative by y is dy [n,c].
 template <class T>
-GroupNormGradient groupnorm_silu_backward(const std::vector<T>& x, std::size_t n, std::size_t c, std::size_t groups,
-                                          const std::vector<T>& gamma, const std::vector<T>& beta, double eps,
-                                          const std::vector<T>& dy) {
+GroupNormGradient groupnorm_backward(const std::vector<T>& x, std::size_t n, std::size_t c, std::size_t groups,
+                                     const std::vector<T>& gamma, const std::vector<T>& beta, double eps,
+                                     const std::vector<T>& dy) {
   const std::vector<double> z = groupnorm(x, n, c, groups, gamma, beta, eps);
   const std::vector<double> u =
       groupnorm(x, n, c, groups, std::vector<T>(c, T(1)), std::vector<T>(c, T(0)), eps);  // normalised

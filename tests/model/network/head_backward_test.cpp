@@ -183,8 +183,8 @@ TEST_P(HeadBackward, OfFineHeadsMatchesTheSpecification) {
     const FineHeads heads(ctx(), golden.config(), learnt);
     const std::vector<int> index = test::golden_index(golden);
     const long p = static_cast<long>(index.size());
-    const DeviceGaussians skeleton = gather(ctx(), test::golden_gaussians(ctx(), golden, "stage.coarse"),
-                                            ctx().upload({p}, index, Type::i32, "index"));
+    const DeviceGaussians skeleton = gather_forward(ctx(), test::golden_gaussians(ctx(), golden, "stage.coarse"),
+                                                    ctx().upload({p}, index, Type::i32, "index"));
     FineHeads::Saved saved;
     heads.forward(ctx(), test::golden_upload(ctx(), golden, "stage.refined"), skeleton, &saved);
     heads.backward(ctx(), saved, cotangents(golden, "cotangent.final"), ctx().tensor({p, golden.config().fine_dim}),

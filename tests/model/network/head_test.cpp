@@ -43,7 +43,7 @@ TEST_P(HeadStages, CoarseGaussiansAndSelectionMatchTheSpecification) {
       EXPECT_EQ(selected.count, static_cast<long>(test::golden_index(golden).size()));
       coarse.gaussians.opacities = selected.opacities;
       if (config.levels == "skeletal") {
-        expect_gaussians(gather(ctx(), coarse.gaussians, selected.index), golden, "stage.final");
+        expect_gaussians(gather_forward(ctx(), coarse.gaussians, selected.index), golden, "stage.final");
       }
     }
     expect_gaussians(coarse.gaussians, golden, "stage.coarse");
@@ -58,7 +58,8 @@ TEST_P(HeadStages, FineGaussiansMatchTheSpecification) {
     const FineHeads heads(ctx(), golden.config(), golden.weights());
     const std::vector<int> index = test::golden_index(golden);
     const Tensor selected = ctx().upload({static_cast<long>(index.size())}, index, Type::i32);
-    const DeviceGaussians skeleton = gather(ctx(), test::golden_gaussians(ctx(), golden, "stage.coarse"), selected);
+    const DeviceGaussians skeleton =
+        gather_forward(ctx(), test::golden_gaussians(ctx(), golden, "stage.coarse"), selected);
     expect_gaussians(heads.forward(ctx(), test::golden_upload(ctx(), golden, "stage.refined"), skeleton), golden,
                      "stage.final");
   }
@@ -110,7 +111,7 @@ TEST_P(HeadStages, RunInAPlan) {
     options.seed = 3;
     const SelectedVoxels selected = select_voxels(*plan, config, coarse.logits, coarse.gaussians.opacities, options);
     EXPECT_EQ(selected.count, planned);
-    const DeviceGaussians skeleton = gather(*plan, coarse.gaussians, selected.index);
+    const DeviceGaussians skeleton = gather_forward(*plan, coarse.gaussians, selected.index);
     EXPECT_EQ(fine_heads.forward(*plan, plan->tensor({planned, config.fine_dim}), skeleton).count(),
               planned * (config.fine_count + 1));
   }

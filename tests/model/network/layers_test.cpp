@@ -138,9 +138,9 @@ TEST_P(Layers, Mlp3AgreesWithDifferences) {
 
   Mlp3Saved saved;
   const Tensor on_device = ctx().upload({rows, in}, x);
-  const Tensor y = mlp3(ctx(), mlp, on_device, "mlp", &saved);
+  const Tensor y = mlp3_forward(ctx(), mlp, on_device, "mlp", &saved);
   EXPECT_TRUE(test::close(ctx().read<float>(y), value(), 1e-5));
-  EXPECT_TRUE(test::close(ctx().read<float>(mlp3(ctx(), mlp, on_device, "mlp")), value(), 1e-5));
+  EXPECT_TRUE(test::close(ctx().read<float>(mlp3_forward(ctx(), mlp, on_device, "mlp")), value(), 1e-5));
   const Tensor dx = ctx().upload({rows, in}, test::nans(x.size()));
   mlp3_backward(ctx(), mlp, saved, ctx().upload({rows, out}, dy), dx, false, "mlp");
   EXPECT_TRUE(test::close(ctx().read<float>(dx), differences(input, loss), 2e-5));
@@ -181,7 +181,7 @@ TEST_P(Layers, NormSiluOfTwoInputsAgreesWithDifferences) {
   };
 
   NormSaved saved;
-  norm_silu(ctx(), norm, ctx().upload({rows, c0}, x0), ctx().upload({rows, c - c0}, x1), &saved);
+  norm_silu_forward(ctx(), norm, ctx().upload({rows, c0}, x0), ctx().upload({rows, c - c0}, x1), &saved);
   const Tensor dx0 = ctx().upload({rows, c0}, x0), dx1 = ctx().upload({rows, c - c0}, x1);
   norm_silu_backward(ctx(), norm, saved, ctx().upload({rows, c}, dy), dx0, dx1, true);  // added to x0 and x1
   auto want0 = differences(a, loss), want1 = differences(b, loss);

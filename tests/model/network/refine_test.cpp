@@ -28,7 +28,7 @@ TEST_P(RefinementStage, MatchesTheSpecification) {
     in.features = test::golden_upload(ctx(), golden, "stage.features");
     in.cameras = &cameras;
     in.index = ctx().upload({p}, index, Type::i32);
-    in.means = gather(ctx(), test::golden_gaussians(ctx(), golden, "stage.coarse"), in.index).means;
+    in.means = gather_forward(ctx(), test::golden_gaussians(ctx(), golden, "stage.coarse"), in.index).means;
     const Refinement::Output out = refinement.forward(ctx(), in);
     EXPECT_EQ(out.refined.shape(), (Shape{p, config.fine_dim}));
     EXPECT_TRUE(test::close(ctx().read<float>(out.refined), golden.floats("stage.refined"), 1e-4));

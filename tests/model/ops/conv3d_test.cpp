@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/ops/sparse_conv.h"
 #include "tests/reference/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -55,7 +56,7 @@ const float* or_null(const std::vector<float>& v) { return v.empty() ? nullptr :
 
 struct OnDevice {
   ConvWeights weights;
-  Conv3d c;
+  Conv3dForward c;
 };
 
 std::unique_ptr<OnDevice> upload_case(Context& ctx, const ref::ConvCase& c, ConvMethod method) {
@@ -90,7 +91,7 @@ class Conv3dTest : public ::testing::TestWithParam<Way> {
                              t.size[2], t.cin, t.c1, t.cout, t.affine, t.silu, t.bias, t.residual));
     const ref::ConvCase c = make_case(t);
     const auto d = upload(ctx(), c);
-    conv3d(ctx(), d->c);
+    conv3d_forward(ctx(), d->c);
     EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
   }
 };
@@ -122,7 +123,7 @@ TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
   t.affine = t.silu = true;
   const ref::ConvCase c = make_case(t);
   const auto d = upload(ctx(), c);
-  conv3d(ctx(), d->c);
+  conv3d_forward(ctx(), d->c);
   const auto got = ctx().read<float>(d->c.out);
   std::vector<float> some;
   std::vector<double> want;
@@ -156,21 +157,20 @@ TEST_P(Conv3dTest, PacksTheSameOnTheDevice) {
   }
 }
 
-TEST_P(Conv3dTest, DataGradientMatchesReference) {
+TEST_P(Conv3dTest, BackwardByInputsMatchesReference) {
   for (const std::array<long, 3>& size :
        {std::array<long, 3>{1, 1, 1}, {2, 3, 1}, {3, 5, 13}, {4, 1, 12}, {7, 4, 2}, {5, 9, 65}})
     for (const auto& [cin, cout] : {std::pair{1L, 1L}, {7L, 5L}, {33L, 17L}, {16L, 32L}, {5L, 65L}}) {
       const ref::ConvCase c = make_case({size, cin, cout});
       const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * cout), 71);
-      const ConvWeights mirrored =
-          pack_conv3d_backward(ctx(), ctx().upload({cout, cin, 3, 3, 3}, c.w), "weight", GetParam().method);
-      Conv3d g;
-      g.in.x0 = ctx().upload({c.in.rows, cout}, dy);
+      Conv3dBackwardInputs g;
+      g.w = ctx().upload({cout, cin, 3, 3, 3}, c.w);
       g.x = size[0], g.y = size[1], g.z = size[2];
-      g.weights = &mirrored;
-      g.out = ctx().upload({c.in.rows, cin}, test::nans(static_cast<std::size_t>(c.in.rows * cin)));
-      conv3d(ctx(), g);
-      EXPECT_TRUE(test::close(ctx().read<float>(g.out), ref::conv_backward(c, dy).dx, tolerance()))
+      g.dy = ctx().upload({c.in.rows, cout}, dy);
+      g.dx = ctx().upload({c.in.rows, cin}, test::nans(static_cast<std::size_t>(c.in.rows * cin)));
+      g.method = GetParam().method;
+      conv3d_backward_inputs(ctx(), g);
+      EXPECT_TRUE(test::close(ctx().read<float>(g.dx), ref::conv_backward(c, dy).dx, tolerance()))
           << size[0] << "x" << size[1] << "x" << size[2] << " " << cin << " -> " << cout;
     }
 }
@@ -178,7 +178,12 @@ TEST_P(Conv3dTest, DataGradientMatchesReference) {
 TEST_P(Conv3dTest, RejectsWeightsOfAnotherShape) {
   for (const Shape& shape : {Shape{4, 5, 27}, Shape{4, 5, 3, 3, 2}, Shape{4, 5, 2, 2, 2}}) {
     EXPECT_THROW(pack_conv3d(ctx(), ctx().tensor(shape), Tensor(), "weight", GetParam().method), Error);
-    EXPECT_THROW(pack_conv3d_backward(ctx(), ctx().tensor(shape), "weight", GetParam().method), Error);
+    Conv3dBackwardInputs g;
+    g.w = ctx().tensor(shape);
+    g.x = g.y = g.z = 1;
+    g.dy = ctx().tensor({1, 4}), g.dx = ctx().tensor({1, 5});
+    g.method = GetParam().method;
+    EXPECT_THROW(conv3d_backward_inputs(ctx(), g), Error);
   }
 }
 
@@ -188,14 +193,14 @@ TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
   const ref::ConvCase c = make_case(t);
   const auto d = upload(ctx(), c);
   d->c.out = d->c.residual;
-  conv3d(ctx(), d->c);
+  conv3d_forward(ctx(), d->c);
   EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
 }
 
 TEST_P(Conv3dTest, EmptyIsNothing) {
   const ref::ConvCase c = make_case({{0, 3, 4}, 5, 6});
   const auto d = upload(ctx(), c);
-  conv3d(ctx(), d->c);
+  conv3d_forward(ctx(), d->c);
   EXPECT_EQ(ctx().read<float>(d->c.out).size(), 0u);
 }
 
@@ -207,13 +212,13 @@ TEST_P(Conv3dTest, DownMatchesReference) {
       const ref::ConvCase c = make_case(t, 2);
       const auto out = c.out_size();
       const long rows = out[0] * out[1] * out[2];
-      Conv3dDown d;
+      Conv3dDownForward d;
       const ConvWeights weights = pack_conv3d_down(ctx(), c.w.data(), c.bias.data(), c.cout, cin, "weight");
       d.weights = &weights;
       d.in = upload_rows(ctx(), c.in);
       d.in.map = conv3d_down_map(ctx(), size[0], size[1], size[2]);
       d.out = ctx().upload({rows, c.cout}, test::nans(static_cast<std::size_t>(rows * c.cout)));
-      conv3d_down(ctx(), d);
+      conv3d_down_forward(ctx(), d);
       EXPECT_TRUE(test::close(ctx().read<float>(d.out), c.all(), tolerance()));
       const ConvWeights on_device =
           pack_conv3d_down(ctx(), ctx().upload({c.cout, cin, 2, 2, 2}, c.w), weights.bias, "weight");
@@ -241,13 +246,12 @@ TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
       map.push_back(inside ? static_cast<int>((x * 4 + y) * 5 + z) : static_cast<int>(voxels));
     }
   const ConvWeights weights = pack_submanifold(ctx(), w.data(), c.bias.data(), c.cout, 27, cin, "weight");
-  Gemm g;
-  g.a = upload_rows(ctx(), c.in);
-  g.a.map = ctx().upload({voxels, 27}, map, Type::i32);
-  g.b = &weights.w;
-  g.bias = weights.bias;
+  SubmanifoldForward g;
+  g.in = upload_rows(ctx(), c.in);
+  g.in.map = ctx().upload({voxels, 27}, map, Type::i32);
+  g.weights = &weights;
   g.out = ctx().tensor({voxels, c.cout});
-  gemm(ctx(), g);
+  submanifold_forward(ctx(), g);
   EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), tolerance()));
 }
 
@@ -256,10 +260,10 @@ TEST_P(Conv3dTest, SameBitsTwice) {
   t.affine = t.silu = t.residual = true;
   const ref::ConvCase c = make_case(t);
   const auto d = upload(ctx(), c);
-  conv3d(ctx(), d->c);
+  conv3d_forward(ctx(), d->c);
   const auto first = ctx().read<float>(d->c.out);
   ctx().write(d->c.out, test::nans(first.size()).data());
-  conv3d(ctx(), d->c);
+  conv3d_forward(ctx(), d->c);
   EXPECT_EQ(ctx().read<float>(d->c.out), first);
 }
 
@@ -267,7 +271,7 @@ TEST_P(Conv3dTest, PlanTakesTheSameMemory) {
   const ref::ConvCase c = make_case({{11, 40, 12}, 40, 6});
   const auto own = test::open_context(GetParam().flavour);
   const auto plan = own->planner();
-  for (Context* at : {plan.get(), own.get()}) conv3d(*at, upload(*at, c)->c);
+  for (Context* at : {plan.get(), own.get()}) conv3d_forward(*at, upload(*at, c)->c);
   EXPECT_EQ(own->memory().peak_live(), plan->memory().peak_live());
 }
 
@@ -275,18 +279,18 @@ TEST_P(Conv3dTest, RejectsBadShapes) {
   const ref::ConvCase c = make_case({{3, 4, 5}, 6, 7});
   const auto d = upload(ctx(), c);
   const auto rejects = [&](auto change) {
-    Conv3d bad = d->c;
+    Conv3dForward bad = d->c;
     change(bad);
-    EXPECT_THROW(conv3d(ctx(), bad), Error);
+    EXPECT_THROW(conv3d_forward(ctx(), bad), Error);
   };
-  rejects([](Conv3d& b) { b.weights = nullptr; });
-  rejects([](Conv3d& b) { b.in.x0 = Tensor(); });
-  rejects([](Conv3d& b) { b.z = 6; });
-  rejects([&](Conv3d& b) { b.in.x1 = ctx().tensor({60, 1}); });
-  rejects([&](Conv3d& b) { b.in.scale = ctx().tensor({6}); });
-  rejects([&](Conv3d& b) { b.residual = ctx().tensor({60, 6}); });
-  rejects([&](Conv3d& b) { b.out = ctx().tensor({59, 7}); });
-  rejects([](Conv3d& b) { b.out = Tensor(); });
+  rejects([](Conv3dForward& b) { b.weights = nullptr; });
+  rejects([](Conv3dForward& b) { b.in.x0 = Tensor(); });
+  rejects([](Conv3dForward& b) { b.z = 6; });
+  rejects([&](Conv3dForward& b) { b.in.x1 = ctx().tensor({60, 1}); });
+  rejects([&](Conv3dForward& b) { b.in.scale = ctx().tensor({6}); });
+  rejects([&](Conv3dForward& b) { b.residual = ctx().tensor({60, 6}); });
+  rejects([&](Conv3dForward& b) { b.out = ctx().tensor({59, 7}); });
+  rejects([](Conv3dForward& b) { b.out = Tensor(); });
 }
 
 class Conv3dDownBackwardTest : public test::FlavourTest {};
@@ -349,8 +353,8 @@ class Conv3dWeights : public ::testing::TestWithParam<Way> {
   double tolerance() const { return GetParam().method == ConvMethod::winograd ? 2e-5 : 1e-5; }
   static std::vector<float> zeros(std::size_t count) { return std::vector<float>(count, 0.0f); }
 
-  Conv3dWeightGradient upload(Context& on, const ref::ConvCase& c, const std::vector<float>& dy) {
-    Conv3dWeightGradient g;
+  Conv3dBackwardWeights upload(Context& on, const ref::ConvCase& c, const std::vector<float>& dy) {
+    Conv3dBackwardWeights g;
     g.in = upload_rows(on, c.in);
     g.x = c.size[0], g.y = c.size[1], g.z = c.size[2];
     g.dy = on.upload({c.in.rows, c.cout}, dy);
@@ -365,8 +369,8 @@ class Conv3dWeights : public ::testing::TestWithParam<Way> {
                              t.cout, t.affine, t.silu));
     const ref::ConvCase c = make_case(t);
     const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * t.cout), 73);
-    const Conv3dWeightGradient g = upload(ctx(), c, dy);
-    conv3d_weight_gradient(ctx(), g);
+    const Conv3dBackwardWeights g = upload(ctx(), c, dy);
+    conv3d_backward_weights(ctx(), g);
     const ref::ConvGradient want = ref::conv_backward(c, dy);
     EXPECT_TRUE(test::close(ctx().read<float>(g.dw), want.dw, tolerance()));
     EXPECT_TRUE(test::close(ctx().read<float>(g.dbias), want.dbias, 1e-5));
@@ -400,17 +404,17 @@ TEST_P(Conv3dWeights, ManyVoxelsMatchReference) {
 TEST_P(Conv3dWeights, AddsAndRepeats) {
   const ref::ConvCase c = make_case({{12, 12, 16}, 9, 10});
   const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * 10), 74);
-  Conv3dWeightGradient g = upload(ctx(), c, dy);
-  conv3d_weight_gradient(ctx(), g);
+  Conv3dBackwardWeights g = upload(ctx(), c, dy);
+  conv3d_backward_weights(ctx(), g);
   const std::vector<float> once = ctx().read<float>(g.dw), bias = ctx().read<float>(g.dbias);
-  conv3d_weight_gradient(ctx(), g);
+  conv3d_backward_weights(ctx(), g);
   std::vector<float> twice = once;
   for (float& v : twice) v += v;
   EXPECT_EQ(ctx().read<float>(g.dw), twice);
   g = upload(ctx(), c, dy);
   const Tensor untouched = g.dbias;
   g.dbias = Tensor();
-  conv3d_weight_gradient(ctx(), g);
+  conv3d_backward_weights(ctx(), g);
   EXPECT_EQ(ctx().read<float>(g.dw), once);
   EXPECT_EQ(ctx().read<float>(untouched), zeros(10));
   EXPECT_NE(bias, zeros(10));
@@ -418,8 +422,8 @@ TEST_P(Conv3dWeights, AddsAndRepeats) {
 
 TEST_P(Conv3dWeights, EmptyAddsNothing) {
   const ref::ConvCase c = make_case({{0, 3, 4}, 5, 6});
-  const Conv3dWeightGradient g = upload(ctx(), c, {});
-  conv3d_weight_gradient(ctx(), g);
+  const Conv3dBackwardWeights g = upload(ctx(), c, {});
+  conv3d_backward_weights(ctx(), g);
   EXPECT_EQ(ctx().read<float>(g.dw), zeros(c.w.size()));
   EXPECT_EQ(ctx().read<float>(g.dbias), zeros(6));
 }
@@ -429,25 +433,25 @@ TEST_P(Conv3dWeights, PlanTakesTheSameMemory) {
   const std::vector<float> dy = random_floats(static_cast<std::size_t>(c.in.rows * 6), 75);
   const auto own = test::open_context(GetParam().flavour);
   const auto plan = own->planner();
-  for (Context* at : {plan.get(), own.get()}) conv3d_weight_gradient(*at, upload(*at, c, dy));
+  for (Context* at : {plan.get(), own.get()}) conv3d_backward_weights(*at, upload(*at, c, dy));
   EXPECT_EQ(own->memory().peak_live(), plan->memory().peak_live());
 }
 
 TEST_P(Conv3dWeights, RejectsBadShapes) {
   const ref::ConvCase c = make_case({{3, 4, 5}, 6, 7});
-  const Conv3dWeightGradient good = upload(ctx(), c, random_floats(420, 76));
+  const Conv3dBackwardWeights good = upload(ctx(), c, random_floats(420, 76));
   const auto rejects = [&](auto change) {
-    Conv3dWeightGradient bad = good;
+    Conv3dBackwardWeights bad = good;
     change(bad);
-    EXPECT_THROW(conv3d_weight_gradient(ctx(), bad), Error);
+    EXPECT_THROW(conv3d_backward_weights(ctx(), bad), Error);
   };
-  rejects([](Conv3dWeightGradient& b) { b.dw = Tensor(); });
-  rejects([](Conv3dWeightGradient& b) { b.dy = Tensor(); });
-  rejects([](Conv3dWeightGradient& b) { b.z = 6; });
-  rejects([&](Conv3dWeightGradient& b) { b.dw = ctx().tensor({7, 5, 3, 3, 3}); });
-  rejects([&](Conv3dWeightGradient& b) { b.dw = ctx().tensor({7, 6, 3, 3, 2}); });
-  rejects([&](Conv3dWeightGradient& b) { b.dy = ctx().tensor({60, 6}); });
-  rejects([&](Conv3dWeightGradient& b) { b.dbias = ctx().tensor({6}); });
+  rejects([](Conv3dBackwardWeights& b) { b.dw = Tensor(); });
+  rejects([](Conv3dBackwardWeights& b) { b.dy = Tensor(); });
+  rejects([](Conv3dBackwardWeights& b) { b.z = 6; });
+  rejects([&](Conv3dBackwardWeights& b) { b.dw = ctx().tensor({7, 5, 3, 3, 3}); });
+  rejects([&](Conv3dBackwardWeights& b) { b.dw = ctx().tensor({7, 6, 3, 3, 2}); });
+  rejects([&](Conv3dBackwardWeights& b) { b.dy = ctx().tensor({60, 6}); });
+  rejects([&](Conv3dBackwardWeights& b) { b.dbias = ctx().tensor({6}); });
 }
 
 const auto kWays = ::testing::Values(Way{Flavour::cpu, ConvMethod::direct}, Way{Flavour::cpu, ConvMethod::winograd},

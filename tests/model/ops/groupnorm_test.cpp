@@ -137,13 +137,13 @@ TEST(GroupNormReference, GradientsAreDifferences) {
     }
     return out;
   };
-  const ref::GroupNormGradient g = ref::groupnorm_silu_backward(x, n, c, groups, gamma, beta, 1e-6, dy);
+  const ref::GroupNormGradient g = ref::groupnorm_backward(x, n, c, groups, gamma, beta, 1e-6, dy);
   EXPECT_TRUE(test::close(g.dx, differences(x), 1e-8));
   EXPECT_TRUE(test::close(g.dgamma, differences(gamma), 1e-8));
   EXPECT_TRUE(test::close(g.dbeta, differences(beta), 1e-8));
 }
 
-class GroupNormBackward : public test::FlavourTest {
+class GroupNormGradient : public test::FlavourTest {
  protected:
   struct Problem {
     long n, c0, c1;
@@ -158,8 +158,8 @@ class GroupNormBackward : public test::FlavourTest {
       return out;
     }
     ref::GroupNormGradient want() const {
-      return ref::groupnorm_silu_backward(x, static_cast<std::size_t>(n), static_cast<std::size_t>(c()),
-                                          static_cast<std::size_t>(groups), gamma, beta, 1e-6, dy);
+      return ref::groupnorm_backward(x, static_cast<std::size_t>(n), static_cast<std::size_t>(c()),
+                                     static_cast<std::size_t>(groups), gamma, beta, 1e-6, dy);
     }
   };
 
@@ -178,7 +178,7 @@ class GroupNormBackward : public test::FlavourTest {
   }
 
   // Runs the forward; every output as NaN, dgamma and dbeta as zeros.
-  GroupNormSiluBackward upload(const Problem& p) {
+  GroupNormBackward upload(const Problem& p) {
     const auto c = static_cast<std::size_t>(p.c());
     GroupNormForward f;
     f.x0 = ctx().upload({p.n, p.c0}, p.part(p.x, false));
@@ -188,7 +188,7 @@ class GroupNormBackward : public test::FlavourTest {
     f.groups = p.groups;
     for (Tensor* t : {&f.scale, &f.shift, &f.mean, &f.rstd}) *t = ctx().upload({p.c()}, test::nans(c));
     groupnorm_forward(ctx(), f);
-    GroupNormSiluBackward b;
+    GroupNormBackward b;
     b.x0 = f.x0, b.x1 = f.x1, b.gamma = f.gamma, b.groups = p.groups;
     b.scale = f.scale, b.shift = f.shift, b.mean = f.mean, b.rstd = f.rstd;
     b.dy = ctx().upload({p.n, p.c()}, p.dy);
@@ -200,7 +200,7 @@ class GroupNormBackward : public test::FlavourTest {
   }
 
   // Both sources' columns side by side.
-  std::vector<float> gradient(const Problem& p, const GroupNormSiluBackward& b) {
+  std::vector<float> gradient(const Problem& p, const GroupNormBackward& b) {
     const std::vector<float> d0 = ctx().read<float>(b.dx0), d1 = b.dx1 ? ctx().read<float>(b.dx1) : d0;
     std::vector<float> out;
     for (long i = 0; i < p.n; ++i) {
@@ -212,17 +212,17 @@ class GroupNormBackward : public test::FlavourTest {
 
   void check(const Problem& p) {
     SCOPED_TRACE(fmt::format("{} x ({} + {}), {} groups", p.n, p.c0, p.c1, p.groups));
-    const GroupNormSiluBackward b = upload(p);
-    groupnorm_silu_backward(ctx(), b);
+    const GroupNormBackward b = upload(p);
+    groupnorm_backward(ctx(), b);
     const ref::GroupNormGradient want = p.want();
     EXPECT_TRUE(test::close(gradient(p, b), want.dx, 1e-5));
     EXPECT_TRUE(test::close(ctx().read<float>(b.dgamma), want.dgamma, 1e-5));
     EXPECT_TRUE(test::close(ctx().read<float>(b.dbeta), want.dbeta, 1e-5));
   }
 };
-VSPLAT_FLAVOURS(GroupNormBackward);
+VSPLAT_FLAVOURS(GroupNormGradient);
 
-TEST_P(GroupNormBackward, MatchesReferenceAtEverySizeThatBreaksThings) {
+TEST_P(GroupNormGradient, MatchesReferenceAtEverySizeThatBreaksThings) {
   for (const long n : {1L, 3L, 7L, 8L, 9L, 31L, 33L, 101L, 517L}) {
     for (const auto& [c, g] : {std::pair{6L, 1}, {6L, 3}, {16L, 4}, {17L, 1}, {66L, 11}}) {
       // Of two numbers nothing is left but rounding: all their gradient is along their mean and their difference.
@@ -232,7 +232,7 @@ TEST_P(GroupNormBackward, MatchesReferenceAtEverySizeThatBreaksThings) {
   check(make(40000, 5, 0, 1));
 }
 
-TEST_P(GroupNormBackward, TwoSourcesWithAGroupAcrossBoth) {
+TEST_P(GroupNormGradient, TwoSourcesWithAGroupAcrossBoth) {
   for (const long n : {1L, 50L, 700L}) {
     check(make(n, 20, 40, 4));
     check(make(n, 23, 1, 3));
@@ -240,11 +240,11 @@ TEST_P(GroupNormBackward, TwoSourcesWithAGroupAcrossBoth) {
 }
 
 // Of one number, or of two, the output does not depend on them but through eps.
-TEST_P(GroupNormBackward, FewerNumbersThanDegreesOfFreedomHaveNoGradient) {
+TEST_P(GroupNormGradient, FewerNumbersThanDegreesOfFreedomHaveNoGradient) {
   for (const auto& [n, c] : {std::pair{1L, 2L}, {2L, 2L}}) {
     const Problem p = make(n, c, 0, static_cast<int>(n));
-    const GroupNormSiluBackward b = upload(p);
-    groupnorm_silu_backward(ctx(), b);
+    const GroupNormBackward b = upload(p);
+    groupnorm_backward(ctx(), b);
     const std::vector<float> rstd = ctx().read<float>(b.rstd), got = ctx().read<float>(b.dx0);
     const std::vector<double> want = p.want().dx;
     for (std::size_t i = 0; i < got.size(); ++i)
@@ -252,9 +252,9 @@ TEST_P(GroupNormBackward, FewerNumbersThanDegreesOfFreedomHaveNoGradient) {
   }
 }
 
-TEST_P(GroupNormBackward, AddsWhereAsked) {
+TEST_P(GroupNormGradient, AddsWhereAsked) {
   const Problem p = make(37, 20, 4, 4);
-  GroupNormSiluBackward b = upload(p);
+  GroupNormBackward b = upload(p);
   const auto plus = [](std::vector<double> v, double by) {
     for (double& e : v) e += by;
     return v;
@@ -264,51 +264,51 @@ TEST_P(GroupNormBackward, AddsWhereAsked) {
   ctx().write(b.dx1, std::vector<float>(37 * 4, 2.0f).data());
   ctx().write(b.dgamma, std::vector<float>(24, 3.0f).data());
   ctx().write(b.dbeta, std::vector<float>(24, 4.0f).data());
-  groupnorm_silu_backward(ctx(), b);
+  groupnorm_backward(ctx(), b);
   const ref::GroupNormGradient want = p.want();
   EXPECT_TRUE(test::close(gradient(p, b), plus(want.dx, 2), 1e-5));
   EXPECT_TRUE(test::close(ctx().read<float>(b.dgamma), plus(want.dgamma, 3), 1e-5));
   EXPECT_TRUE(test::close(ctx().read<float>(b.dbeta), plus(want.dbeta, 4), 1e-5));
 }
 
-TEST_P(GroupNormBackward, InPlaceAndTheSameBitsEachTime) {
+TEST_P(GroupNormGradient, InPlaceAndTheSameBitsEachTime) {
   const Problem p = make(999, 33, 0, 3);
-  GroupNormSiluBackward first = upload(p);
-  groupnorm_silu_backward(ctx(), first);
-  GroupNormSiluBackward second = upload(p);
+  GroupNormBackward first = upload(p);
+  groupnorm_backward(ctx(), first);
+  GroupNormBackward second = upload(p);
   second.dx0 = second.dy;
-  groupnorm_silu_backward(ctx(), second);
+  groupnorm_backward(ctx(), second);
   EXPECT_EQ(ctx().read<float>(second.dx0), ctx().read<float>(first.dx0));
   EXPECT_EQ(ctx().read<float>(second.dgamma), ctx().read<float>(first.dgamma));
   EXPECT_EQ(ctx().read<float>(second.dbeta), ctx().read<float>(first.dbeta));
 }
 
 // Where SiLU's exponential is beyond what floats hold.
-TEST_P(GroupNormBackward, LargeValuesStayFinite) {
+TEST_P(GroupNormGradient, LargeValuesStayFinite) {
   Problem p = make(50, 18, 0, 2);
   for (std::size_t i = 0; i < 18; ++i) p.gamma[i] = 100.0f, p.beta[i] = i % 2 ? -300.0f : 300.0f;
   check(p);
 }
 
-TEST_P(GroupNormBackward, NoRowsAddNothing) {
+TEST_P(GroupNormGradient, NoRowsAddNothing) {
   const Problem p = make(0, 4, 0, 2);
-  const GroupNormSiluBackward b = upload(p);
-  groupnorm_silu_backward(ctx(), b);
+  const GroupNormBackward b = upload(p);
+  groupnorm_backward(ctx(), b);
   EXPECT_EQ(ctx().read<float>(b.dgamma), std::vector<float>(4, 0.0f));
   EXPECT_EQ(ctx().read<float>(b.dbeta), std::vector<float>(4, 0.0f));
 }
 
-TEST_P(GroupNormBackward, RejectsBadShape) {
-  const GroupNormSiluBackward good = upload(make(3, 4, 2, 2));
-  const auto rejects = [&](const std::function<void(GroupNormSiluBackward&)>& change) {
-    GroupNormSiluBackward bad = good;
+TEST_P(GroupNormGradient, RejectsBadShape) {
+  const GroupNormBackward good = upload(make(3, 4, 2, 2));
+  const auto rejects = [&](const std::function<void(GroupNormBackward&)>& change) {
+    GroupNormBackward bad = good;
     change(bad);
-    EXPECT_THROW(groupnorm_silu_backward(ctx(), bad), Error);
+    EXPECT_THROW(groupnorm_backward(ctx(), bad), Error);
   };
-  rejects([](GroupNormSiluBackward& b) { b.groups = 4; });
-  rejects([](GroupNormSiluBackward& b) { b.dx1 = Tensor(); });
-  rejects([](GroupNormSiluBackward& b) { b.dy = b.x0; });
-  rejects([](GroupNormSiluBackward& b) { b.rstd = Tensor(); });
+  rejects([](GroupNormBackward& b) { b.groups = 4; });
+  rejects([](GroupNormBackward& b) { b.dx1 = Tensor(); });
+  rejects([](GroupNormBackward& b) { b.dy = b.x0; });
+  rejects([](GroupNormBackward& b) { b.rstd = Tensor(); });
 }
 
 TEST_P(GroupNorm, RejectsBadShape) {

@@ -40,8 +40,8 @@ class Loss : public test::FlavourTest {
     PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), weight, ctx().upload({3}, test::nans(3)),
                   ctx().upload(shape, test::nans(pictures.size()))};
     picture_loss(ctx(), a);
-    Result result{ctx().read<float>(a.out), ctx().read<float>(a.gradient)};
-    a.gradient = {};
+    Result result{ctx().read<float>(a.out), ctx().read<float>(a.dpictures)};
+    a.dpictures = {};
     a.out = ctx().upload({3}, test::nans(3));
     picture_loss(ctx(), a);
     EXPECT_EQ(ctx().read<float>(a.out), result.out) << "without the gradient";
@@ -190,7 +190,7 @@ TEST_P(Loss, OneByOneWithAScaleIsAllTogether) {
       PictureLoss a{part(pictures), part(target), 0.5f, ctx().tensor({3}), ctx().tensor({1, edge, edge, 3}), 0.5f};
       picture_loss(ctx(), a);
       loss += 0.5 * static_cast<double>(ctx().read<float>(a.out)[0]);
-      for (const float v : ctx().read<float>(a.gradient)) gradient.push_back(v);
+      for (const float v : ctx().read<float>(a.dpictures)) gradient.push_back(v);
     }
     EXPECT_NEAR(loss, all.out[0], 1e-6);
     EXPECT_TRUE(test::close(gradient, all.gradient, 1e-5));
@@ -214,7 +214,7 @@ TEST_P(Loss, NanStaysNan) {
                 ctx().tensor(shape)};
   picture_loss(ctx(), a);
   EXPECT_TRUE(std::isnan(ctx().read<float>(a.out)[0]));
-  EXPECT_TRUE(std::isnan(ctx().read<float>(a.gradient)[300]));
+  EXPECT_TRUE(std::isnan(ctx().read<float>(a.dpictures)[300]));
 }
 
 TEST_P(Loss, RejectsWhatDoesNotFit) {

@@ -1,5 +1,3 @@
-#include "model/ops/project_backward.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +6,7 @@
 #include <random>
 
 #include "bench/reference/splat.h"
+#include "model/ops/project.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"
@@ -130,7 +129,7 @@ class ProjectBackward : public test::FlavourTest {
     const GaussianGradients out = zero_gradients(ctx(), g.count(), p.g.sh_degree);
     const Device d = to_device(p);
     const Tensor twists = ctx().tensor({d.visible.ids.dim(0), 6});
-    project_backward(ctx(), g, 0, views, 1, mirror.has_value(), d.visible, d.offsets, d.intersections, out, twists);
+    project_backward(ctx(), {g, 0, views, 1, mirror.has_value(), d.visible, d.offsets, d.intersections, out, twists});
     return {download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh}),
             ctx().read<float>(sum_twists(ctx(), twists))};
   }
@@ -244,7 +243,7 @@ TEST_P(ProjectBackward, AddsToWhatIsThere) {
   const GaussianGradients out = zero_gradients(ctx(), g.count(), 1);
   const Device d = to_device(p);
   const auto all = [&] {
-    project_backward(ctx(), g, 0, views, 0, false, d.visible, d.offsets, d.intersections, out, Tensor());
+    project_backward(ctx(), {g, 0, views, 0, false, d.visible, d.offsets, d.intersections, out, Tensor()});
     const Gaussians got = download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh});
     std::vector<float> values;
     for (const auto* v : {&got.means, &got.scales, &got.quats, &got.opacities, &got.sh})
@@ -275,8 +274,8 @@ TEST_P(ProjectBackward, TakesAChunkOfTheScene) {
     part.means = cut(p.g.means, 3), part.scales = cut(p.g.scales, 3), part.quats = cut(p.g.quats, 4);
     part.opacities = cut(p.g.opacities, 1), part.sh = cut(p.g.sh, 12);
     const GaussianGradients out = zero_gradients(ctx(), static_cast<long>(size), 1);
-    project_backward(ctx(), upload(ctx(), part), static_cast<long>(base), views, 0, false, d.visible, d.offsets,
-                     d.intersections, out, twists);
+    project_backward(ctx(), {upload(ctx(), part), static_cast<long>(base), views, 0, false, d.visible, d.offsets,
+                             d.intersections, out, twists});
     const auto got = ctx().read<float>(out.means);
     means.insert(means.end(), got.begin(), got.end());
   }
@@ -295,7 +294,7 @@ TEST_P(ProjectBackward, RejectsBadShape) {
   d.offsets = ctx().tensor({3}, Type::u32);
   d.intersections = {ctx().tensor({7, 10}), ctx().tensor({7}, Type::u8)};
   const auto run_with = [&](long view, const Tensor& twists) {
-    project_backward(ctx(), g, 0, views, view, false, d.visible, d.offsets, d.intersections, out, twists);
+    project_backward(ctx(), {g, 0, views, view, false, d.visible, d.offsets, d.intersections, out, twists});
   };
   EXPECT_THROW(run_with(1, Tensor()), Error);
   EXPECT_THROW(run_with(0, ctx().tensor({3, 6})), Error);

@@ -40,8 +40,8 @@ Result run(Context& ctx, const Gaussians& g, const Camera& cam,
   const long n = static_cast<long>(ids.size()), first = n / 3;
   const Tensor on_device = ctx.upload({n}, ids, Type::u32);
   const Tensor records = ctx.upload({n, 12}, std::vector<float>(12 * ids.size(), NAN));
-  project(ctx, d, 0, views, 1, on_device, 0, first, records);
-  project(ctx, d, 0, views, 1, on_device, first, n - first, records);
+  project_forward(ctx, {d, 0, views, 1, on_device, 0, first, records});
+  project_forward(ctx, {d, 0, views, 1, on_device, first, n - first, records});
   const auto got = ctx.read<float>(records);
   for (std::size_t v = 0; v < ids.size(); ++v)
     std::copy_n(got.begin() + static_cast<std::ptrdiff_t>(12 * v), 12,
@@ -152,7 +152,7 @@ TEST_P(Project, TakesTheSceneInChunks) {
         ctx().upload({n, 4}, part(g.quats, 4, first, n)), ctx().upload({n}, part(g.opacities, 1, first, n)),
         ctx().upload({n, 9, 3}, part(g.sh, 27, first, n))};
     project_cull(ctx(), chunk, first, views, 0, cam.width, cam.height, culled);
-    project(ctx(), chunk, first, views, 0, on_device, first, n, records);
+    project_forward(ctx(), {chunk, first, views, 0, on_device, first, n, records});
     first += n;
   }
   ASSERT_EQ(first, 101);
@@ -173,9 +173,9 @@ TEST_P(Project, RejectsBadShape) {
   EXPECT_THROW(project_cull(ctx(), g, 1, views, 0, 32, 32, culled), Error);
   EXPECT_THROW(project_cull(ctx(), g, 0, views, 0, 2000000, 32, culled), Error);
   const Tensor ids = ctx().tensor({4}, Type::u32), records = ctx().tensor({4, 12});
-  EXPECT_THROW(project(ctx(), g, 0, views, 0, ids, 1, 4, records), Error);
+  EXPECT_THROW(project_forward(ctx(), {g, 0, views, 0, ids, 1, 4, records}), Error);
   g.scales = ctx().tensor({5, 3});
-  EXPECT_THROW(project(ctx(), g, 0, views, 0, ids, 0, 4, records), Error);
+  EXPECT_THROW(project_forward(ctx(), {g, 0, views, 0, ids, 0, 4, records}), Error);
   g.scales = ctx().tensor({4, 3});
   g.sh = ctx().tensor({4, 5, 3});
   EXPECT_THROW(project_cull(ctx(), g, 0, views, 0, 32, 32, culled), Error);

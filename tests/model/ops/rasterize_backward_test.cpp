@@ -1,4 +1,4 @@
-#include "model/ops/rasterize_backward.h"
+#include "bench/reference/rasterize_backward.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <numeric>
 #include <random>
 
-#include "bench/reference/rasterize_backward.h"
+#include "model/ops/rasterize.h"
 #include "tests/reference/rasterize.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -43,11 +43,15 @@ class RasterizeBackward : public test::FlavourTest {
     b.slots = upload_u32(slots);
     const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
     const DevicePicture picture = make_picture(ctx(), width, height);
-    rasterize(ctx(), p, b, whole, background, picture);
-    const IntersectionGradients got = rasterize_backward(
-        ctx(), p, b, whole, picture,
-        {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}), upload(up.depth, {height, width})},
-        background);
+    rasterize_forward(ctx(), {p, b, whole, background, picture});
+    const IntersectionGradients got =
+        rasterize_backward(ctx(), {p,
+                                   b,
+                                   whole,
+                                   background,
+                                   picture,
+                                   {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}),
+                                    upload(up.depth, {height, width})}});
     const auto rows = ctx().read<float>(got.rows);
     const auto touched = ctx().read<std::uint8_t>(got.touched);
     std::vector<float> out(rows.size(), 0.0f);
@@ -130,7 +134,7 @@ TEST_P(RasterizeBackward, RejectsBadShape) {
   const DevicePicture picture{ctx().tensor({16, 16, 3}), ctx().tensor({16, 16}), ctx().tensor({16, 16})};
   const Part whole{0, 0, 1, 1};
   const auto run_with = [&](const PictureGradient& gradient, const Part& part) {
-    rasterize_backward(ctx(), p, b, part, picture, gradient, background);
+    rasterize_backward(ctx(), {p, b, part, background, picture, gradient});
   };
   b.slots = ctx().tensor({4}, Type::u32);
   EXPECT_THROW(run_with({}, whole), Error);

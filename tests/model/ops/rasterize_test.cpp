@@ -54,7 +54,7 @@ class Rasterize : public test::FlavourTest {
     const DevicePicture out = make_picture(ctx(), width, height);
     for (const Tensor& t : {out.colour, out.alpha, out.depth})
       ctx().write(t, std::vector<float>(static_cast<std::size_t>(t.count()), NAN).data());
-    rasterize(ctx(), p, b, part, background, out);
+    rasterize_forward(ctx(), {p, b, part, background, out});
     return out;
   }
 
@@ -109,11 +109,11 @@ TEST_P(Rasterize, RejectsBadShape) {
   b.ids = ctx().tensor({3}, Type::u32);
   b.starts = ctx().tensor({3}, Type::u32);
   const DevicePicture picture = make_picture(ctx(), 16, 16);
-  EXPECT_THROW(rasterize(ctx(), p, b, {0, 0, 1, 1}, {0, 0, 0}, picture), Error);
+  EXPECT_THROW(rasterize_forward(ctx(), {p, b, {0, 0, 1, 1}, {0, 0, 0}, picture}), Error);
   b.starts = ctx().tensor({2}, Type::u32);
-  EXPECT_THROW(rasterize(ctx(), p, b, {0, 1, 1, 2}, {0, 0, 0}, picture), Error);
+  EXPECT_THROW(rasterize_forward(ctx(), {p, b, {0, 1, 1, 2}, {0, 0, 0}, picture}), Error);
   p.records = ctx().tensor({3, 11});
-  EXPECT_THROW(rasterize(ctx(), p, b, {0, 0, 1, 1}, {0, 0, 0}, picture), Error);
+  EXPECT_THROW(rasterize_forward(ctx(), {p, b, {0, 0, 1, 1}, {0, 0, 0}, picture}), Error);
 }
 
 VSPLAT_FLAVOURS(Rasterize);

@@ -86,7 +86,7 @@ class SparseConv : public test::FlavourTest {
 
     const std::vector<float> dx = random_floats(want.dx.size(), 11);
     ctx().write(a.dx, dx.data());
-    a.add_to_dx = true;
+    a.add = true;
     submanifold_backward(ctx(), a);
     for (std::size_t i = 0; i < dx.size(); ++i) want.dx[i] += dx[i];
     EXPECT_TRUE(test::close(ctx().read<float>(a.dx), want.dx, 1e-5)) << "dx, added";
@@ -100,12 +100,11 @@ TEST_P(SparseConv, ForwardMatchesReference) {
     const SubmanifoldBackward a = upload(c, random_floats(count(c.in.rows, t.cout), 9), c.w);
     const ConvWeights packed =
         pack_submanifold(ctx(), c.w.data(), c.bias.data(), t.cout, c.taps(), t.cin + t.c1, "weight");
-    Gemm g;
-    g.a = a.in;
-    g.b = &packed.w;
-    g.bias = packed.bias;
+    SubmanifoldForward g;
+    g.in = a.in;
+    g.weights = &packed;
     g.out = ctx().upload(a.dy.shape(), test::nans(count(c.in.rows, t.cout)));
-    gemm(ctx(), g);
+    submanifold_forward(ctx(), g);
     EXPECT_TRUE(test::close(ctx().read<float>(g.out), ref::sparse_conv(c), 1e-5));
   }
 }
