@@ -16,7 +16,8 @@ struct ConvWeights {
 // sum, for four times the weights' memory and three times the rounding error (some 4e-6 of the largest value).
 enum class ConvMethod : int { auto_ = 0, direct = 1, winograd = 2 };
 
-// 3x3x3 weights as PyTorch has them, w [Cout][Cin][3][3][3] (x, y, z), repacked for conv3d_forward(). bias [Cout] or null.
+// 3x3x3 weights as PyTorch has them, w [Cout][Cin][3][3][3] (x, y, z), repacked for conv3d_forward(). bias [Cout] or
+// null.
 // auto_: winograd in the cpu flavour, unless the convolution is too small for it to pay.
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method = ConvMethod::auto_);
@@ -79,8 +80,8 @@ struct Conv3dDownForward {
 };
 void conv3d_down_forward(Context& ctx, const Conv3dDownForward& c);
 
-// Gradients of a loss by conv3d_down_forward()'s inputs, weights and biases, of dy, the gradient by its outputs. The same bits
-// each time.
+// Gradients of a loss by conv3d_down_forward()'s inputs, weights and biases, of dy, the gradient by its outputs. The
+// same bits each time.
 struct Conv3dDownBackward {
   RowSource in;  // as for conv3d_down_forward()
   Tensor w;      // [Cout, Cin, 2, 2, 2]

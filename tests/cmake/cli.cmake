@@ -13,6 +13,10 @@ add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/lin
 set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
+# Operations: a forward for every backward, and files of one stem.
+add_test(NAME pairs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/pairs_test.py)
+set_tests_properties(pairs PROPERTIES LABELS unit TIMEOUT 60 ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")
+
 # The numbers of an evaluation, by the PyTorch specification where PyTorch is there.
 add_test(NAME evaluate_numbers COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh check_evaluate.py)
 set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 SKIP_RETURN_CODE 77

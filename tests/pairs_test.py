@@ -1,0 +1,144 @@
+"""Operations: every *_forward and *_backward of model/ops and model/network/layers.h is one of a pair in one header, the forward first,
+and so are the kernels; an operation's files go by one stem. Exceptions stand here, each with its reason."""
+import pathlib
+import re
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+OPS = ROOT / "model" / "ops"
+LAYERS = ROOT / "model" / "network" / "layers.h"
+
+FORWARD_ALONE = {
+    "plucker": "cameras have no gradient",
+    "sparse_map": "indices have no derivative",
+}
+# Operations that are not named after their header.
+IN_HEADER = {
+    "modulate": "layernorm",  # a LayerNorm with a scale and a shift for each token, by the same kernels
+    "submanifold": "sparse_conv",  # beside sparse_map, the other half of sparse convolutions
+}
+KERNELS_BACKWARD_ALONE = {
+    "conv3d_down": "the forward is a GEMM over patches",
+    "loss": "loss_value and those before it are the forward, of which the backward takes most",
+    "submanifold": "the forward is a GEMM over a map",
+}
+# Files of a stem that are not there.
+WITHOUT = {
+    "add_columns": {"reference": "a sum, which the test writes down"},
+    "compact": {"test": "the last step of scan: scan_test.cpp", "reference": "as the test"},
+    "gather": {"reference": "rows by index, which the test takes from the input"},
+    "project": {"reference": "bench/reference/splat.h: that of whole pictures, which benchmarks are checked with, too"},
+    "radix_sort": {"reference": "std::stable_sort"},
+    "tile_bin": {"reference": "what a tile sees, which the test tells from the rectangles"},
+    "visible": {"reference": "what is counted, which the test counts"},
+}
+
+DECLARATION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)_(forward|backward)(?:_\w+)?\(Context& ctx", re.M)
+STRUCT = re.compile(r"^struct (\w+?)(Forward|Backward)\w* \{", re.M)
+KERNEL = re.compile(r"\bkernel\s+(?:__attribute__\(\(.*?\)\)\s+)?void\s+(\w+)\(")
+
+
+def without_comments(text):
+    return re.sub(r"//[^\n]*", "", text)
+
+
+def pair_problems(headers):
+    """headers {name: text} -> what is wrong with the pairs that they declare, a line each."""
+    found, problems = {}, []
+    for header, text in headers.items():
+        text = without_comments(text)
+        for pattern in (DECLARATION, STRUCT):
+            for match in pattern.finditer(text):
+                key = (pattern is STRUCT, match[1])
+                found.setdefault(key, {}).setdefault(match[2].lower(), []).append((header, match.start()))
+    for (is_struct, name), sides in sorted(found.items()):
+        forward, backward = (f"{name}{side.capitalize()}" if is_struct else f"{name}_{side}()" for side in ("forward", "backward"))
+        if "forward" not in sides:
+            if not is_struct or sides["backward"][0][0] != LAYERS.name:  # layers' forwards take their few arguments one by one
+                problems.append(f"{sides['backward'][0][0]}: {backward} without {forward}")
+        elif "backward" not in sides:
+            if name.lower().replace("_", "") not in {one.replace("_", "") for one in FORWARD_ALONE}:
+                problems.append(f"{sides['forward'][0][0]}: {forward} without {backward}, and no reason for it in {pathlib.Path(__file__).name}")
+        else:
+            if name in FORWARD_ALONE:
+                problems.append(f"{sides['backward'][0][0]}: {backward}, which FORWARD_ALONE says there is none of")
+            for header, at in sides["backward"]:
+                before = [place for other, place in sides["forward"] if other == header and place < at]
+                if not before:
+                    problems.append(f"{header}: {backward} without {forward} above it")
+    return problems
+
+
+def kernel_problems(sources):
+    """sources {name: text of cl/*.cl} -> what is wrong with the names of their kernels."""
+    kernels = {kernel: source for source, text in sources.items() for kernel in KERNEL.findall(without_comments(text))}
+    problems = []
+    for kernel, source in sorted(kernels.items()):
+        if re.search(r"_(fwd|bwd|gradient)(_|$)", kernel) or re.search(r"_(cpu|gpu)_", kernel):
+            problems.append(f"{source}: kernel {kernel}: its suffix is _forward or _backward, and the flavour after it")
+        match = re.match(r"(\w+?)_backward", kernel)
+        if match and match[1] not in KERNELS_BACKWARD_ALONE and not any(other.startswith(match[1] + "_forward") for other in kernels):
+            problems.append(f"{source}: kernel {kernel} without a {match[1]}_forward")
+    return problems
+
+
+def read(paths):
+    return {path.name: path.read_text() for path in paths}
+
+
+class Pairs(unittest.TestCase):
+    def test_every_forward_has_its_backward(self):
+        headers = read([*sorted(OPS.glob("*.h")), LAYERS])
+        self.assertGreater(sum(len(DECLARATION.findall(without_comments(text))) for text in headers.values()), 40)
+        self.assertEqual(pair_problems(headers), [])
+
+    def test_kernels_are_named_alike(self):
+        sources = read(sorted((ROOT / "cl").glob("*.cl")))
+        self.assertGreater(sum(len(KERNEL.findall(text)) for text in sources.values()), 80)
+        self.assertEqual(kernel_problems(sources), [])
+
+    def test_operations_are_named_after_their_header(self):
+        for header in sorted(OPS.glob("*.h")):
+            for name, _ in DECLARATION.findall(without_comments(header.read_text())):
+                with self.subTest(operation=name, header=header.name):
+                    self.assertTrue(name == header.stem or name.startswith(header.stem + "_") or IN_HEADER.get(name) == header.stem)
+
+    def test_one_stem_everywhere(self):
+        for header in sorted(OPS.glob("*.h")):
+            stem = header.stem
+            files = {"source": [OPS / f"{stem}.cpp"], "kernel": list((ROOT / "cl").glob(f"{stem}*.cl")),
+                     "test": [ROOT / "tests" / "model" / "ops" / f"{stem}_test.cpp"],
+                     "reference": [ROOT / "tests" / "reference" / f"{stem}.h"]}
+            for what, paths in files.items():
+                with self.subTest(stem=stem, file=what):
+                    there = bool(paths) and all(path.is_file() for path in paths)
+                    self.assertNotEqual(there, what in WITHOUT.get(stem, {}), f"{what} of {stem}: {[str(p) for p in paths]}")
+
+
+class Faults(unittest.TestCase):
+    """What this test is there to find, it finds."""
+    GOOD = ("struct TurnForward {\n};\nvoid turn_forward(Context& ctx, const TurnForward& a);\n"
+            "struct TurnBackward {\n};\nvoid turn_backward(Context& ctx, const TurnBackward& a);\n")
+
+    def problems(self, old, new):
+        return pair_problems({"turn.h": self.GOOD.replace(old, new)})
+
+    def test_pairs(self):
+        self.assertEqual(self.problems("", ""), [])
+        self.assertEqual(self.problems("turn_forward", "turn"), ["turn.h: turn_backward() without turn_forward()"])
+        self.assertEqual(len(self.problems("turn_backward", "turn_gradient")), 1)
+        self.assertEqual(len(self.problems("TurnForward", "Turn")), 1)
+        forward, backward = self.GOOD[:len(self.GOOD) // 2 - 2], self.GOOD[len(self.GOOD) // 2 - 2:]
+        self.assertEqual(len(pair_problems({"turn.h": backward + forward})), 2)
+        self.assertEqual(len(pair_problems({"turn.h": forward, "turn_backward.h": backward})), 2)
+
+    def test_kernels(self):
+        good = "kernel void turn_forward_cpu(int n) {}\nkernel __attribute__((reqd_work_group_size(1, 1, 1))) void turn_backward(int n) {}"
+        self.assertEqual(kernel_problems({"turn.cl": good}), [])
+        for old, new in (("forward", "fwd"), ("forward_cpu", "cpu_forward"), ("turn_forward", "turn"), ("backward", "gradient")):
+            with self.subTest(new=new):
+                self.assertNotEqual(kernel_problems({"turn.cl": good.replace(old, new)}), [])
+
+
+if __name__ == "__main__":
+    unittest.main()
