@@ -62,7 +62,7 @@ double measure_gflops(Context& ctx) {
   const Tensor out = ctx.tensor({work_items, width});
   const Cost cost{2.0 * width * chains * steps * static_cast<double>(work_items), 0};
   const KernelId kernel{"peak", "peak_fma", fmt::format("-DWIDTH={} -DCHAINS={}", width, chains)};
-  const auto run = [&] { ctx.launch(kernel, items(work_items, cpu ? 1 : 64), cost, steps, 0.9f, out); };
+  const auto run = [&] { ctx.launch(kernel, items(work_items, cpu ? 1 : 64), cost, steps, 0.9f, written(out)); };
   return cost.flops / time(ctx, run, 0.2).least / 1e9;
 }
 
@@ -73,7 +73,7 @@ double measure_gbs(Context& ctx) {
   const Tensor a = ctx.upload({n, width}, ones), b = ctx.upload({n, width}, ones), y = ctx.tensor({n, width});
   const Cost cost{0, 3.0 * static_cast<double>(a.bytes())};
   const KernelId kernel{"peak", "peak_stream", fmt::format("-DWIDTH={}", width)};
-  const auto run = [&] { ctx.launch(kernel, items(n, cpu ? 256 : 64), cost, n, 0.5f, a, b, y); };
+  const auto run = [&] { ctx.launch(kernel, items(n, cpu ? 256 : 64), cost, n, 0.5f, a, b, written(y)); };
   return cost.bytes / time(ctx, run, 0.2).least / 1e9;
 }
 

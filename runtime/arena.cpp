@@ -7,6 +7,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/opencl.h"
+#include "runtime/rounding.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -44,8 +45,6 @@ struct Slab {
   }
 };
 
-std::size_t round_up(std::size_t n, std::size_t to) { return (n + to - 1) / to * to; }
-
 // Slabs without a plan are at least this large, so that small tensors share one.
 constexpr std::size_t least_slab = std::size_t{4} << 20;
 
@@ -58,6 +57,7 @@ struct ArenaState {
   std::vector<Slab> slabs;
   std::size_t live = 0, peak = 0, peak_live = 0;
   bool rounded = false;
+  std::map<std::pair<std::size_t, std::size_t>, const Block*> guarded;  // by slab and offset
 
   std::size_t reserved() const {
     std::size_t sum = 0;
@@ -96,24 +96,36 @@ struct ArenaState {
   }
 };
 
-Block::Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size)
-    : arena_(std::move(arena)), slab_(slab), offset_(offset), size_(size) {
+Block::Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size,
+             std::size_t bytes, const std::string& what)
+    : arena_(std::move(arena)), slab_(slab), guard_(arena_->limits.guard), bytes_(bytes) {
+  offset_ = offset + guard_;
+  size_ = size - 2 * guard_;
   Slab& home = arena_->slabs[slab];
   ++home.blocks;
   arena_->live += size;
   arena_->note_peaks();
   if (!home.buffer) return;
   try {
-    const cl_buffer_region region{offset, size};
+    const cl_buffer_region region{offset_, size_};
     buffer_ = std::make_unique<cl::Buffer>(
         home.buffer->createSubBuffer(CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region));
   } catch (const cl::Error& e) {
     arena_->release(slab, offset, size);
-    fail_cl(e, fmt::format("a sub-buffer of {} bytes at {}", size, offset));
+    fail_cl(e, fmt::format("a sub-buffer of {} bytes at {}", size_, offset_));
+  }
+  if (guard_) {
+    what_ = what;
+    arena_->guarded[{slab_, offset_}] = this;
   }
 }
 
-Block::~Block() { arena_->release(slab_, offset_, size_); }
+Block::~Block() {
+  if (guard_) arena_->guarded.erase({slab_, offset_});
+  arena_->release(slab_, offset_ - guard_, size_ + 2 * guard_);
+}
+
+const cl::Buffer* Block::slab() const { return arena_->slabs[slab_].buffer.get(); }
 
 Arena::Arena(const cl::Context* context, ArenaLimits limits) : state_(std::make_shared<ArenaState>()) {
   state_->context = context;
@@ -127,6 +139,10 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
   std::size_t size = round_up(std::max<std::size_t>(bytes, 1), std::max(s.limits.align, eighth));
   if (size > s.limits.max_alloc) size = round_up(bytes, s.limits.align);
   if (bytes > s.limits.max_alloc) s.refuse(bytes, what);
+  size += 2 * s.limits.guard;
+  const auto piece = [&](std::size_t slab, std::size_t offset) {
+    return std::make_shared<Block>(state_, slab, offset, size, bytes, what);
+  };
 
   // Best fit over all slabs; the first of equals, so that a plan and its run choose alike.
   std::size_t best_slab = 0, best_offset = 0, best_size = 0;
@@ -137,7 +153,7 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
     auto& free = s.slabs[best_slab].free;
     free.erase(best_offset);
     if (best_size > size) free.emplace(best_offset + size, best_size - size);
-    return std::make_shared<Block>(state_, best_slab, best_offset, size);
+    return piece(best_slab, best_offset);
   }
 
   for (std::size_t i = 0; i < s.slabs.size(); ++i) {
@@ -146,7 +162,7 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
     if (offset + size > (slab.growing ? s.limits.max_alloc : slab.capacity)) continue;
     slab.top = offset + size;
     slab.capacity = std::max(slab.capacity, slab.top);
-    return std::make_shared<Block>(state_, i, offset, size);
+    return piece(i, offset);
   }
 
   if (s.is_virtual) {
@@ -154,7 +170,7 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
     slab.growing = true;
     slab.capacity = slab.top = size;
     s.slabs.push_back(std::move(slab));
-    return std::make_shared<Block>(state_, s.slabs.size() - 1, 0, size);
+    return piece(s.slabs.size() - 1, 0);
   }
 
   std::size_t capacity = std::max(size, least_slab);
@@ -165,7 +181,7 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
   slab.top = size;
   s.make_buffer(slab);
   s.slabs.push_back(std::move(slab));
-  return std::make_shared<Block>(state_, s.slabs.size() - 1, 0, size);
+  return piece(s.slabs.size() - 1, 0);
 }
 
 Arena Arena::plan() const {
@@ -217,6 +233,11 @@ void Arena::reset_peak() {
 }
 bool Arena::is_virtual() const { return state_->is_virtual; }
 const ArenaLimits& Arena::limits() const { return state_->limits; }
+std::vector<const Block*> Arena::guarded() const {
+  std::vector<const Block*> out;
+  for (const auto& [place, block] : state_->guarded) out.push_back(block);
+  return out;
+}
 
 RoundedSizes::RoundedSizes(Arena& arena) : arena_(arena.state_), before_(arena_->rounded) { arena_->rounded = true; }
 RoundedSizes::~RoundedSizes() { arena_->rounded = before_; }

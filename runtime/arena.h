@@ -21,7 +21,9 @@ struct ArenaState;
 // A piece of device memory; gives itself back when destroyed.
 class Block {
  public:
-  Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size);
+  // `size`, red zones with it, is taken at `offset` already; `bytes` of it were asked for, by `what`.
+  Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size, std::size_t bytes,
+        const std::string& what);
   ~Block();
   Block(const Block&) = delete;
   Block& operator=(const Block&) = delete;
@@ -29,9 +31,17 @@ class Block {
   const cl::Buffer* buffer() const { return buffer_.get(); }  // null in a virtual arena
   std::size_t size() const { return size_; }
 
+  // Of a piece between red zones: where it lies, without them, and who asked for how much.
+  const cl::Buffer* slab() const;
+  std::size_t offset() const { return offset_; }
+  std::size_t guard() const { return guard_; }
+  std::size_t bytes() const { return bytes_; }
+  const std::string& what() const { return what_; }
+
  private:
   std::shared_ptr<ArenaState> arena_;
-  std::size_t slab_, offset_, size_;
+  std::size_t slab_, offset_, size_, guard_, bytes_;
+  std::string what_;  // kept between red zones only
   std::unique_ptr<cl::Buffer> buffer_;
 };
 
@@ -39,6 +49,9 @@ struct ArenaLimits {
   std::size_t total = 0;      // bytes in all that may be used
   std::size_t max_alloc = 0;  // bytes of the largest slab
   std::size_t align = 128;    // bytes
+  // Bytes on either side of a piece that belong to nobody: red zones, for debugging (runtime/launch_checks.h). A
+  // multiple of `align`.
+  std::size_t guard = 0;
 };
 
 class Arena {
@@ -65,6 +78,8 @@ class Arena {
   void reset_peak();
   bool is_virtual() const;
   const ArenaLimits& limits() const;
+  // The pieces between red zones, in the order in which they lie.
+  std::vector<const Block*> guarded() const;
 
  private:
   friend class RoundedSizes;

@@ -1,6 +1,7 @@
 #include "runtime/column_sum.h"
 
 #include "runtime/fail.h"
+#include "runtime/rounding.h"
 
 namespace vsplat {
 namespace {
@@ -22,14 +23,14 @@ void column_sum(Context& ctx, const ColumnSum& a) {
     return;
   }
   for (Tensor from = a.x; rows > 0;) {
-    const long sums = (rows + kRows - 1) / kRows;
+    const long sums = div_up(rows, kRows);
     const Tensor to = sums == 1 ? a.out : ctx.tensor({sums, columns}, Type::f32, "partial sums");
     const double read = static_cast<double>(rows) * static_cast<double>(columns);
     const bool cpu = ctx.flavour() == Flavour::cpu;
     ctx.launch({"column_sum", cpu ? "column_sum_cpu" : "column_sum", "", "column_sum"},
-               cpu ? groups(sums, 1) : groups((columns + 63) / 64, 64, sums),
-               {read, 4 * (read + static_cast<double>(to.count()))}, from, to, static_cast<int>(rows),
-               static_cast<int>(columns), sums == 1 && a.add ? 1 : 0);
+               cpu ? groups(sums, 1) : groups(div_up(columns, 64L), 64, sums),
+               {read, 4 * (read + static_cast<double>(to.count()))}, from, written(to), rows, columns,
+               sums == 1 && a.add ? 1 : 0);
     from = to;
     rows = sums == 1 ? 0 : sums;
   }

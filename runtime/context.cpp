@@ -1,38 +1,26 @@
 #include "runtime/context.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <chrono>
+#include <climits>
 #include <cstdlib>
-#include <map>
+#include <optional>
 
+#include "runtime/clock.h"
 #include "runtime/device_handles.h"
 #include "runtime/fail.h"
+#include "runtime/launch_checks.h"
 #include "runtime/log.h"
 #include "runtime/program.h"
+#include "runtime/rounding.h"
 
 namespace vsplat {
 
 const char* name_of(Flavour flavour) { return flavour == Flavour::cpu ? "cpu" : "gpu"; }
 
-Range items(long n, long local) {
-  const auto l = static_cast<std::size_t>(local);
-  return {{(static_cast<std::size_t>(n) + l - 1) / l * l, 1, 1}, {l, 1, 1}};
-}
-
-Range groups(long n, long local, long n2, long n3) {
-  return {{static_cast<std::size_t>(n * local), static_cast<std::size_t>(n2), static_cast<std::size_t>(n3)},
-          {static_cast<std::size_t>(local), 1, 1}};
-}
-
 namespace {
-
-std::uint64_t now_ns() {
-  return static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-          .count());
-}
 
 Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
   std::string name = asked;
@@ -49,6 +37,80 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
                                                                 : Flavour::cpu;
 }
 
+ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
+  ArenaLimits limits;
+  constexpr double most_gib = 1ull << 32;  // more than any device has; sums of sizes stay within 64 bits
+  limits.total =
+      max_memory_gib > 0 ? static_cast<std::size_t>(std::min(max_memory_gib, most_gib) * (1ull << 30)) : device.memory;
+  limits.max_alloc = std::min<std::size_t>(device.max_alloc, limits.total);
+  limits.align = static_cast<std::size_t>(device.align);
+  if (guard_is_wanted()) limits.guard = round_up<std::size_t>(256, limits.align);
+  return limits;
+}
+
+// The work-items of one work-group; fails where the device cannot run them so.
+std::size_t check_range(const KernelId& id, const Range& range, const DeviceInfo& device) {
+  std::size_t group = 1;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t local = range.local[i];
+    if (local == 0) continue;
+    group *= local;
+    if (range.global[i] % local != 0)
+      fail(Status::internal, "{}: global size {} is no multiple of local size {} in direction {}", id.name,
+           range.global[i], local, i);
+  }
+  if (group > device.max_work_group)
+    fail(Status::device, "{}: work-groups of {} items asked for, the device allows {}", id.name, group,
+         device.max_work_group);
+  return group;
+}
+
+// One argument as the kernel takes it.
+class Setter {
+ public:
+  Setter(const cl::Kernel& kernel, const char* name, cl_uint index, std::size_t local_memory)
+      : kernel_(kernel), name_(name), index_(index), local_memory_(local_memory) {}
+
+  cl_int operator()(const Tensor& tensor) const {
+    const cl_mem mem = tensor ? (*tensor.block()->buffer())() : nullptr;
+    return set(sizeof mem, mem ? &mem : nullptr);
+  }
+  cl_int operator()(const Written& out) const { return (*this)(out.tensor); }
+  cl_int operator()(long value) const {
+    if (value < INT_MIN || value > INT_MAX)
+      fail(Status::internal, "{}: argument {} is {}, which is no int", name_, index_, value);
+    const cl_int narrow = static_cast<cl_int>(value);
+    return set(sizeof narrow, &narrow);
+  }
+  cl_int operator()(unsigned value) const { return set(sizeof value, &value); }
+  cl_int operator()(float value) const { return set(sizeof value, &value); }
+  cl_int operator()(const Local& local) const {
+    if (local.bytes > local_memory_)
+      fail(Status::device, "{}: {} bytes of local memory asked for, the device has {}", name_, local.bytes,
+           local_memory_);
+    return set(local.bytes, nullptr);
+  }
+
+ private:
+  cl_int set(std::size_t bytes, const void* value) const { return clSetKernelArg(kernel_(), index_, bytes, value); }
+
+  const cl::Kernel& kernel_;
+  const char* name_;
+  cl_uint index_;
+  std::size_t local_memory_;
+};
+
+void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,
+                   const DeviceInfo& device) {
+  const auto expected = kernel.getInfo<CL_KERNEL_NUM_ARGS>();
+  if (expected != args.size())
+    fail(Status::internal, "{}: {} arguments given, {} expected", name, args.size(), expected);
+  for (cl_uint i = 0; i < args.size(); ++i) {
+    const cl_int status = std::visit(Setter(kernel, name, i, device.local_memory), args[i]);
+    if (status != CL_SUCCESS) fail(Status::internal, "{}: argument {} refused: {}", name, i, cl_error_name(status));
+  }
+}
+
 }  // namespace
 
 struct Context::Impl {
@@ -56,6 +118,7 @@ struct Context::Impl {
   Flavour flavour = Flavour::cpu;
   GemmChoice gemm = GemmChoice::auto_;
   bool planning = false;
+  bool checks_nan = false, guards = false;  // see launch_checks.h
   cl::Context context;
   cl::CommandQueue queue;
   std::unique_ptr<ProgramCache> programs;
@@ -116,6 +179,31 @@ struct Context::Impl {
     profiler.add_host(name, stage, cost, start, now_ns());
   }
 
+  // Builds at first use; for check_marks() so that the driver tells what each argument is.
+  cl::Kernel& kernel(const KernelId& id) {
+    const double before = programs->build_seconds();
+    cl::Kernel& kernel =
+        programs->kernel(id.file, id.name, checks_nan ? id.defines + " -cl-kernel-arg-info" : id.defines);
+    profiler.exclude_from_span(programs->build_seconds() - before);
+    return kernel;
+  }
+
+  void enqueue(const cl::Kernel& kernel, const KernelId& id, const Range& range, Cost cost) {
+    const auto at_least_1 = [](std::size_t size) { return std::max<std::size_t>(size, 1); };
+    const cl::NDRange global(range.global[0], range.global[1], range.global[2]);
+    const cl::NDRange local = range.local[0]
+                                  ? cl::NDRange(range.local[0], at_least_1(range.local[1]), at_least_1(range.local[2]))
+                                  : cl::NullRange;
+    record(id.label ? id.label : id.name, cost,
+           [&](cl::Event* event) { queue.enqueueNDRangeKernel(kernel, cl::NullRange, global, local, nullptr, event); });
+  }
+
+  // What is looked at after each launch where the environment asks for it. Red zones first: a NaN may come of them.
+  void check_launch(const std::string& name, const std::vector<KernelArg>& args) {
+    if (guards) check_red_zones(queue, *arena, name, args);
+    if (checks_nan) check_for_nan(queue, name, args);
+  }
+
   template <class F>
   void transfer(const std::string& name, double bytes, const F& enqueue) {
     const std::string before = stage;
@@ -147,13 +235,9 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   }
   impl_->programs = std::make_unique<ProgramCache>(impl_->context, device, impl_->info);
   impl_->programs->on_compile = options.on_compile;
-  ArenaLimits limits;
-  constexpr double most_gib = 1ull << 32;  // more than any device has; sums of sizes stay within 64 bits
-  limits.total = options.max_memory_gib > 0
-                     ? static_cast<std::size_t>(std::min(options.max_memory_gib, most_gib) * (1ull << 30))
-                     : impl_->info.memory;
-  limits.max_alloc = std::min<std::size_t>(impl_->info.max_alloc, limits.total);
-  limits.align = static_cast<std::size_t>(impl_->info.align);
+  const ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
+  impl_->checks_nan = nan_check_is_wanted();
+  impl_->guards = limits.guard > 0;
   impl_->arena = std::make_unique<Arena>(&impl_->context, limits);
 }
 
@@ -192,8 +276,10 @@ Tensor Context::tensor(const Shape& shape, Type type, const std::string& what) {
   for (const long size : shape) bytes *= static_cast<std::size_t>(size);
   std::string where = what;
   if (!impl_->stage.empty()) where += " (stage " + impl_->stage + ")";
+  if (impl_->guards) where = fmt::format("{} [{}], {}", name_of(type), fmt::join(shape, ", "), where);
   Tensor out(impl_->arena->allocate(bytes, where), shape, type);
   impl_->note_stage_memory();
+  if (impl_->guards && !impl_->planning) fill_red_zones(impl_->queue, *out.block());
   return out;
 }
 
@@ -242,52 +328,13 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
   for (const std::size_t size : range.global)
     if (size == 0) return;
   if (impl_->planning) return;
-
-  const double built_before = impl_->programs->build_seconds();
-  cl::Kernel& kernel = impl_->programs->kernel(id.file, id.name, id.defines);
-  impl_->profiler.exclude_from_span(impl_->programs->build_seconds() - built_before);
-
-  std::size_t group = 1;
-  for (int i = 0; i < 3; ++i) {
-    const std::size_t local = range.local[i];
-    if (local == 0) continue;
-    group *= local;
-    if (range.global[i] % local != 0)
-      fail(Status::internal, "{}: global size {} is no multiple of local size {} in direction {}", id.name,
-           range.global[i], local, i);
-  }
-  if (group > impl_->info.max_work_group)
-    fail(Status::device, "{}: work-groups of {} items asked for, the device allows {}", id.name, group,
-         impl_->info.max_work_group);
-
+  cl::Kernel& kernel = impl_->kernel(id);
+  const std::size_t group = check_range(id, range, impl_->info);
   try {
-    const auto expected = kernel.getInfo<CL_KERNEL_NUM_ARGS>();
-    if (expected != args.size())
-      fail(Status::internal, "{}: {} arguments given, {} expected", id.name, args.size(), expected);
-    for (cl_uint i = 0; i < args.size(); ++i) {
-      cl_int status = CL_SUCCESS;
-      if (const auto* tensor = std::get_if<Tensor>(&args[i])) {
-        const cl_mem mem = *tensor ? (*tensor->block()->buffer())() : nullptr;
-        status = clSetKernelArg(kernel(), i, sizeof(cl_mem), mem ? &mem : nullptr);
-      } else if (const auto* local = std::get_if<Local>(&args[i])) {
-        if (local->bytes > impl_->info.local_memory)
-          fail(Status::device, "{}: {} bytes of local memory asked for, the device has {}", id.name, local->bytes,
-               impl_->info.local_memory);
-        status = clSetKernelArg(kernel(), i, local->bytes, nullptr);
-      } else {
-        const void* value = std::visit([](const auto& v) { return static_cast<const void*>(&v); }, args[i]);
-        status = clSetKernelArg(kernel(), i, 4, value);
-      }
-      if (status != CL_SUCCESS)
-        fail(Status::internal, "{}: argument {} refused: {}", id.name, i, cl_error_name(status));
-    }
-    const cl::NDRange global(range.global[0], range.global[1], range.global[2]);
-    const cl::NDRange local = range.local[0] ? cl::NDRange(range.local[0], std::max<std::size_t>(range.local[1], 1),
-                                                           std::max<std::size_t>(range.local[2], 1))
-                                             : cl::NullRange;
-    impl_->record(id.label ? id.label : id.name, cost, [&](cl::Event* event) {
-      impl_->queue.enqueueNDRangeKernel(kernel, cl::NullRange, global, local, nullptr, event);
-    });
+    set_arguments(kernel, id.name, args, impl_->info);
+    if (impl_->checks_nan) check_marks(kernel, id.name, args);
+    impl_->enqueue(kernel, id, range, cost);
+    impl_->check_launch(id.name, args);
   } catch (const cl::Error& e) {
     fail_cl(e, fmt::format("kernel {} over {}x{}x{} in groups of {}", id.name, range.global[0], range.global[1],
                            range.global[2], group));
@@ -296,7 +343,7 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
 
 std::size_t Context::max_work_group(const KernelId& id) {
   if (impl_->planning) return impl_->info.max_work_group;
-  cl::Kernel& kernel = impl_->programs->kernel(id.file, id.name, id.defines);
+  const cl::Kernel& kernel = impl_->kernel(id);
   try {
     const auto device = impl_->queue.getInfo<CL_QUEUE_DEVICE>();
     return std::min(impl_->info.max_work_group, kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device));
@@ -311,17 +358,17 @@ void* Context::raw_buffer(const Tensor& tensor) {
   return tensor && tensor.block()->buffer() ? (*tensor.block()->buffer())() : nullptr;
 }
 
-void Context::record_foreign(const std::string& name, Cost cost, void* event) {
+void Context::record_foreign(const std::string& name, Cost cost, void* event, const Written& out) {
   cl::Event owned(static_cast<cl_event>(event));  // takes over the reference
   impl_->profiler.begin_span();
-  if (!impl_->profiler.enabled()) return;
-  if (impl_->event_times()) {
+  if (impl_->profiler.enabled() && impl_->event_times()) {
     impl_->profiler.add_event(name, impl_->stage, cost, owned);
-    return;
+  } else if (impl_->profiler.enabled()) {
+    const std::uint64_t start = now_ns();
+    owned.wait();
+    impl_->profiler.add_host(name, impl_->stage, cost, start, now_ns());
   }
-  const std::uint64_t start = now_ns();
-  owned.wait();
-  impl_->profiler.add_host(name, impl_->stage, cost, start, now_ns());
+  impl_->check_launch(name, {out});
 }
 
 void Context::finish() {

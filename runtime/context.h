@@ -1,17 +1,18 @@
 // The one object passed around: a device with its queue, kernels, memory and profile.
 // Not thread-safe: one thread at a time uses a context.
+//
+// Debugging: VSPLAT_CHECK=nan looks for NaN in what each launch has written, VSPLAT_ARENA=guard for what it has written
+// beside its tensors (runtime/launch_checks.h); a context asks the environment once, when it is made.
 #pragma once
-#include <array>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "runtime/arena.h"
 #include "runtime/device.h"
 #include "runtime/error.h"
+#include "runtime/launch.h"
 #include "runtime/profiler.h"
 #include "runtime/tensor.h"
 
@@ -34,36 +35,11 @@ struct ContextOptions {
   std::function<void(const std::string&, int)> on_compile;
 };
 
-// Local memory as a kernel's argument.
-struct Local {
-  std::size_t bytes;
-};
-
-// Global and local sizes; a local size of 0 leaves the choice to the driver. A global size of 0 launches nothing.
-struct Range {
-  std::array<std::size_t, 3> global{1, 1, 1};
-  std::array<std::size_t, 3> local{0, 0, 0};
-};
-// At least n work-items in groups of `local`: kernels guard the tail.
-Range items(long n, long local = 64);
-// n work-groups (of n2 and n3 in the other directions) of `local` work-items each, in the first direction.
-Range groups(long n, long local, long n2 = 1, long n3 = 1);
-
-// A kernel by file and function, with the defines its program is built with ("-DTILE=4 -DSILU").
-struct KernelId {
-  const char* file;  // "layernorm" for cl/layernorm.cl
-  const char* name;
-  std::string defines;
-  const char* label = nullptr;  // what the profile calls it, if not by its name
-};
-
 // Device memory while a stage ran: bytes of slabs, and of tensors alive in them.
 struct StageMemory {
   std::string stage;
   std::size_t peak_reserved = 0, peak_live = 0;
 };
-
-using KernelArg = std::variant<Tensor, int, unsigned, float, Local>;
 
 class Context {
  public:
@@ -107,7 +83,8 @@ class Context {
   }
 
   // The one place that enqueues kernels of ours. Checks the number and sizes of arguments and the work-group against
-  // the device's limits before the driver does, names the launch for the profile, and records its event.
+  // the device's limits before the driver does, names the launch for the profile, and records its event. What the
+  // kernel writes is given as written(): ctx.launch(kernel, range, cost, x, rows, columns, written(y)).
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
     launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
@@ -116,10 +93,11 @@ class Context {
   // Largest work-group that this kernel can run in, and no more than the device's.
   std::size_t max_work_group(const KernelId& kernel);
 
-  // For libraries that enqueue by themselves (CLBlast; runtime/ only): raw handles, and their event under our name.
+  // For libraries that enqueue by themselves (CLBlast; runtime/ only): raw handles, and their event under our name with
+  // what they write.
   void* raw_queue();
   void* raw_buffer(const Tensor& tensor);
-  void record_foreign(const std::string& name, Cost cost, void* event);
+  void record_foreign(const std::string& name, Cost cost, void* event, const Written& out);
 
   // Waits for the queue and gathers the profile.
   void finish();

@@ -1,10 +1,11 @@
 // Compiled kernels on disk, for drivers that keep no cache of their own.
 //
 //   where   $VSPLAT_CACHE_DIR ("off" disables), else $XDG_CACHE_HOME/vsplat, else ~/.cache/vsplat; made at first use
-//   key     SHA-256 of the expanded source, the options, device, driver and platform versions and the entry's format
-//   version entry   "vsplat-kernel-1\n", the payload's SHA-256 as 64 digits, a line end, the payload safety  written
-//   under another name and renamed; an entry that is damaged or foreign is removed and counts as absent;
-//           a folder that cannot be written is not an error
+//   key     SHA-256 of the format's version, the expanded source, the options, and the names and versions of the
+//           device, its driver and its platform
+//   entry   "vsplat-kernel-1\n", the payload's SHA-256 as 64 digits, a line end, the payload
+//   safety  written under another name and renamed; an entry that is damaged or foreign is removed and counts as
+//           absent; a folder that cannot be written is not an error
 #pragma once
 #include <optional>
 #include <string>

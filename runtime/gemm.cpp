@@ -9,6 +9,7 @@
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/rounding.h"
 
 namespace vsplat {
 
@@ -22,17 +23,9 @@ constexpr long kScratchFloats = 2 << 20;
 // What one work-item multiplies each panel of B with: this much of A stays in the first caches meanwhile.
 constexpr long kBlockFloats = 32 << 10;
 
-long div_up(long a, long b) { return (a + b - 1) / b; }
-
 struct Sizes {
   long m, n, k, c0, c1, taps, src_rows, row0, out_row0;
 };
-
-long rows_of(const Tensor& x) {
-  long rows = 1;
-  for (std::size_t i = 0; i + 1 < x.rank(); ++i) rows *= x.dim(i);
-  return rows;
-}
 
 [[noreturn]] void mismatch(const Gemm& g, const std::string& what, const Tensor& t, const std::string& expected) {
   fail(Status::internal, "{}: {} is {}, {} expected", g.name, what, t.describe(), expected);
@@ -44,10 +37,10 @@ Sizes check(const Gemm& g) {
   if (!g.a.x0 || g.a.x0.rank() < 2) mismatch(g, "x0", g.a.x0, "[rows, C0]");
   s.n = g.b->n;
   s.c0 = g.a.x0.shape().back();
-  s.src_rows = rows_of(g.a.x0);
+  s.src_rows = g.a.x0.rows();
   if (g.a.x1) {
     s.c1 = g.a.x1.rank() < 2 ? 0 : g.a.x1.shape().back();
-    if (g.a.x1.rank() < 2 || rows_of(g.a.x1) != s.src_rows)
+    if (g.a.x1.rank() < 2 || g.a.x1.rows() != s.src_rows)
       mismatch(g, "x1", g.a.x1, fmt::format("[{}, C1]", s.src_rows));
   }
   s.taps = 1;
@@ -86,7 +79,7 @@ Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
   return {2 * m * n * k, 4 * (m * k + n * k + m * n * (g.residual ? 2 : 1))};
 }
 
-int as_int(long v) { return static_cast<int>(v); }
+Written written_rows(const Gemm& g, const Sizes& s) { return written(g.out, s.out_row0 * s.n, s.m * s.n); }
 
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
@@ -101,12 +94,12 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
     const long count = div_up(rows, kTileRows);
     const double packed = 4.0 * static_cast<double>(rows) * static_cast<double>(s.k);
     ctx.launch({"gemm_cpu", "gemm_pack_a", tile_defines(ctx.device())}, groups(s.taps, 1, count), {0, 2 * packed},
-               g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map,
-               as_int(s.taps), as_int(s.src_rows), as_int(s.row0 + p * kTileRows), as_int(rows), scratch);
+               g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows,
+               s.row0 + p * kTileRows, rows, written(scratch, count * s.k * kTileRows));
     ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name},
-               groups(div_up(s.n, kTileCols), 1, div_up(count, block)), cost_of(g, s, rows), scratch, g.b->data,
-               as_int(block), as_int(rows), as_int(s.n), as_int(s.k), g.bias, static_cast<int>(g.activation),
-               g.residual, g.out, as_int(s.out_row0 + p * kTileRows));
+               groups(div_up(s.n, kTileCols), 1, div_up(count, block)), cost_of(g, s, rows), scratch, g.b->data, block,
+               rows, s.n, s.k, g.bias, static_cast<int>(g.activation), g.residual,
+               written(g.out, (s.out_row0 + p * kTileRows) * s.n, rows * s.n), s.out_row0 + p * kTileRows);
   }
 }
 
@@ -114,9 +107,9 @@ void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
   const GpuTile shape = gpu_tile(ctx, s.m, s.n);
   const long tile = shape.side;
   ctx.launch({"gemm_gpu", "gemm_tile_gpu", shape.defines, g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
-             cost_of(g, s, s.m), g.a.x0, as_int(s.c0), g.a.x1, as_int(s.c1), g.a.scale, g.a.shift, g.a.silu ? 1 : 0,
-             g.a.map, as_int(s.taps), as_int(s.src_rows), as_int(s.row0), g.b->data, as_int(s.m), as_int(s.n), g.bias,
-             static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
+             cost_of(g, s, s.m), g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps,
+             s.src_rows, s.row0, g.b->data, s.m, s.n, g.bias, static_cast<int>(g.activation), g.residual,
+             written_rows(g, s), s.out_row0);
 }
 
 // A map that reads each row many times would compose it as often: then the composed rows are worth keeping.
@@ -169,7 +162,8 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
     status = clblast::Gemm(Layout::kRowMajor, Transpose::kNo, Transpose::kNo, u(s.m), u(s.n), u(s.k), 1.0f,
                            memory(g.a.x0), u(s.row0 * s.k), u(s.k), memory(b), 0, u(s.n), 0.0f, memory(product),
                            u(product_row0 * s.n), u(s.n), &queue, &event, memory(scratch));
-    if (status == clblast::StatusCode::kSuccess) ctx.record_foreign(g.name, cost_of(g, s, s.m), event);
+    if (status == clblast::StatusCode::kSuccess)
+      ctx.record_foreign(g.name, cost_of(g, s, s.m), event, written(product, product_row0 * s.n, s.m * s.n));
   }
   if (status != clblast::StatusCode::kSuccess) {
     const std::string what = fmt::format("{}: CLBlast refuses {} x {} x {} on {} with status {}", g.name, s.m, s.n, s.k,
@@ -181,8 +175,8 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   }
   if (epilogue)
     ctx.launch({"gemm_gpu", "gemm_epilogue", ""}, items(s.m * s.n),
-               {0, 4.0 * static_cast<double>(s.m * s.n) * (g.residual ? 3 : 2)}, product, as_int(product_row0),
-               as_int(s.m), as_int(s.n), g.bias, static_cast<int>(g.activation), g.residual, g.out, as_int(s.out_row0));
+               {0, 4.0 * static_cast<double>(s.m * s.n) * (g.residual ? 3 : 2)}, product, product_row0, s.m, s.n,
+               g.bias, static_cast<int>(g.activation), g.residual, written_rows(g, s), s.out_row0);
   return true;
 }
 
@@ -192,8 +186,8 @@ void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k,
                  long width, const Tensor& out) {
   constexpr long rows = 64;  // ROWS of cl/gemm_cpu.cl
   ctx.launch({"gemm_cpu", "gemm_pack_panels", tile_defines(ctx.device())}, groups(div_up(n, width), 1, div_up(k, rows)),
-             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(offset), as_int(first), as_int(k), as_int(n),
-             as_int(k_stride), as_int(n_stride), as_int(width), out);
+             {0, 8.0 * static_cast<double>(k * n)}, w, offset, first, k, n, k_stride, n_stride, width,
+             written(out, div_up(n, width) * width * k));
 }
 
 // The same as [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin with w's `first`.
@@ -202,8 +196,8 @@ void pack_plain(Context& ctx, const Tensor& w, long offset, long first, long k, 
   constexpr long side = 16;  // PACK_SIDE of cl/gemm_gpu.cl
   ctx.launch({"gemm_gpu", "gemm_pack_plain", ""},
              groups(div_up(std::min(piece, n), side), side * side, div_up(k, side), div_up(n, piece)),
-             {0, 8.0 * static_cast<double>(k * n)}, w, as_int(offset), as_int(first), as_int(k), as_int(n),
-             as_int(k_stride), as_int(n_stride), as_int(piece), out);
+             {0, 8.0 * static_cast<double>(k * n)}, w, offset, first, k, n, k_stride, n_stride, piece,
+             written(out, k * n));
 }
 
 constexpr long kSumRows = 1024;  // terms of a sum that is not made of shorter ones (the cpu flavour's are, of 256)
@@ -229,8 +223,8 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     pack_panels(ctx, g.a, 0, row, terms, s.m, s.m, 1, kTileRows, a);
     pack_panels(ctx, g.b, 0, row, terms, s.n, s.n, 1, kTileCols, b);
     ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name}, groups(div_up(s.n, kTileCols), 1, panels),
-               cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, 1, as_int(s.m), as_int(s.n), as_int(terms), Tensor(),
-               static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), g.out, 0);
+               cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, 1, s.m, s.n, terms, Tensor(),
+               static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
   }
 }
 
@@ -248,8 +242,8 @@ void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     pack_plain(ctx, g.a, 0, row, s.m, rows, 1, s.m, kSumRows, a);
     ctx.launch({"gemm_gpu", "gemm_transposed_gpu", shape.defines, g.name},
                groups(div_up(s.n, shape.side), 256, div_up(s.m, shape.side), sums),
-               cost_of(s, rows, sums + (add && !parts ? 1 : 0)), a, g.b, as_int(row), as_int(rows), as_int(kSumRows),
-               as_int(s.m), as_int(s.n), add && !parts ? g.out : Tensor(), parts ? parts : g.out);
+               cost_of(s, rows, sums + (add && !parts ? 1 : 0)), a, g.b, row, rows, kSumRows, s.m, s.n,
+               add && !parts ? g.out : Tensor(), parts ? written(parts, sums * s.m * s.n) : written(g.out));
     if (parts) column_sum(ctx, {parts.first(sums), g.out, add});
   }
 }
@@ -353,8 +347,8 @@ void transposed_gemm(Context& ctx, const TransposedGemm& g) {
   for (const Tensor& t : {g.a, g.b, g.out})
     if (!t || t.rank() < 2 || t.type() != Type::f32)
       fail(Status::internal, "{}: {} found, an f32 matrix expected", g.name, t.describe());
-  const TransposedSizes s{rows_of(g.a), g.a.shape().back(), g.b.shape().back()};
-  if (rows_of(g.b) != s.rows || g.out.shape() != Shape{s.m, s.n})
+  const TransposedSizes s{g.a.rows(), g.a.shape().back(), g.b.shape().back()};
+  if (g.b.rows() != s.rows || g.out.shape() != Shape{s.m, s.n})
     fail(Status::internal, "{}: {} and {} give [{}, {}] where their rows are as many; out is {}", g.name,
          g.a.describe(), g.b.describe(), s.m, s.n, g.out.describe());
   if (s.m == 0 || s.n == 0) return;

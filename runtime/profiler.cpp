@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "runtime/clock.h"
 #include "runtime/opencl.h"
 
 namespace vsplat {
@@ -18,12 +18,6 @@ struct Launch {
   std::size_t row;
   std::uint64_t start, end;  // ns, the device's clock or the host's
 };
-
-std::uint64_t now_ns() {
-  return static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-          .count());
-}
 
 }  // namespace
 

@@ -58,6 +58,8 @@ std::string Tensor::describe() const {
   return fmt::format("{} [{}]", name_of(type_), fmt::join(shape_, ", "));
 }
 
+long Tensor::rows() const { return shape_.empty() ? 0 : product(Shape(shape_.begin(), shape_.end() - 1)); }
+
 Tensor Tensor::reshaped(Shape shape) const {
   Tensor out(block_, std::move(shape), type_);
   if (out.count_ != count_) fail(Status::internal, "{} cannot become {}", describe(), out.describe());

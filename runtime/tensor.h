@@ -28,6 +28,7 @@ class Tensor {
   long dim(std::size_t i) const { return shape_.at(i); }
   std::size_t rank() const { return shape_.size(); }
   long count() const { return count_; }  // elements
+  long rows() const;                     // the product of all sizes but the last; 0 of none
   std::size_t bytes() const { return static_cast<std::size_t>(count_) * size_of(type_); }
   Type type() const { return type_; }
   std::string describe() const;  // "f32 [4, 1025, 768]"

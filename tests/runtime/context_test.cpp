@@ -69,7 +69,7 @@ TEST(Context, ProfilesTimesThatCanBe) {
   const Tensor out = ctx->tensor({n, 16});
   const Cost cost{2.0 * 16 * 8 * 20000 * n, 0};
   const auto run = [&] {
-    ctx->launch({"peak", "peak_fma", "-DWIDTH=16 -DCHAINS=8"}, items(n, 1), cost, 20000, 0.9f, out);
+    ctx->launch({"peak", "peak_fma", "-DWIDTH=16 -DCHAINS=8"}, items(n, 1), cost, 20000, 0.9f, written(out));
     ctx->finish();
   };
   run();  // compiles

@@ -1,0 +1,18 @@
+// Rounding up to whole steps.
+#pragma once
+
+namespace vsplat {
+
+// How many steps of `step` hold n. Both are at least 0, and step is not 0.
+template <class T>
+constexpr T div_up(T n, T step) {
+  return (n + step - 1) / step;
+}
+
+// The least multiple of `step` that is not less than n.
+template <class T>
+constexpr T round_up(T n, T step) {
+  return div_up(n, step) * step;
+}
+
+}  // namespace vsplat
