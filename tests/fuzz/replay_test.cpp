@@ -31,7 +31,7 @@ class Replay : public ::testing::TestWithParam<Target> {
 };
 
 TEST_P(Replay, Corpus) {
-  EXPECT_GE(files("corpus").size(), 4u);
+  ASSERT_GE(files("corpus").size(), 4u);
   for (const std::string& path : files("corpus")) {
     SCOPED_TRACE(path);
     EXPECT_NO_THROW(GetParam().run(test::contents_of(path)));
@@ -39,6 +39,7 @@ TEST_P(Replay, Corpus) {
 }
 
 TEST_P(Replay, WhatOnceBroke) {
+  ASSERT_FALSE(files("regressions").empty());
   for (const std::string& path : files("regressions")) {
     SCOPED_TRACE(path);
     EXPECT_NO_THROW(GetParam().run(test::contents_of(path)));
@@ -47,6 +48,7 @@ TEST_P(Replay, WhatOnceBroke) {
 
 // Cut off and with bytes changed, as a fuzzer would.
 TEST_P(Replay, DamagedCorpus) {
+  ASSERT_GE(files("corpus").size(), 4u);
   for (const std::string& path : files("corpus")) {
     SCOPED_TRACE(path);
     const std::string good = test::contents_of(path);

@@ -112,16 +112,21 @@ TEST_P(EvaluateTest, ACoarseModelHasOneLevel) {
 }
 
 TEST_P(EvaluateTest, RandomViewsGoByTheSeed) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 2 + 2 * 10, kSide);  // two inputs, and twice as many others as are compared
+  const DataSet set = open_data_set({folder.string()});
   const Model model(ctx());
-  EvaluateOptions options;
-  options.request.protocol = Protocol::random10;
-  const Evaluation first = evaluate(ctx(), model.network, data(), options);
-  const Evaluation again = evaluate(ctx(), model.network, data(), options);
-  EXPECT_EQ(first.mean.psnr, again.mean.psnr);
-  // Eleven views, two of them inputs: nine are compared whatever the seed.
-  options.request.seed = 1;
-  EXPECT_EQ(evaluate(ctx(), model.network, data(), options).mean.psnr, first.mean.psnr);
-  EXPECT_NE(evaluate(ctx(), model.network, data(), {}).mean.psnr, first.mean.psnr);
+  const auto psnr = [&](Protocol protocol, std::uint64_t seed) {
+    EvaluateOptions options;
+    options.request.protocol = protocol;
+    options.request.seed = seed;
+    return evaluate(ctx(), model.network, set, options).mean.psnr;
+  };
+  const double first = psnr(Protocol::random10, 0);
+  EXPECT_EQ(psnr(Protocol::random10, 0), first);
+  EXPECT_NE(psnr(Protocol::random10, 1), first);
+  EXPECT_NE(psnr(Protocol::kmeans, 0), first);
+  EXPECT_EQ(psnr(Protocol::kmeans, 1), psnr(Protocol::kmeans, 0)) << "the seed is of random views alone";
 }
 
 TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {

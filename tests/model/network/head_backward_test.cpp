@@ -15,6 +15,7 @@ namespace vsplat {
 namespace {
 
 using test::close;
+using test::close_by_channel;
 
 std::vector<double> random_doubles(std::size_t n, std::uint32_t seed, float low = -1, float high = 1) {
   const std::vector<float> x = test::random_floats(n, seed, low, high);
@@ -115,13 +116,13 @@ TEST_P(HeadBackward, OfCoarseHeadsAgreesWithDifferences) {
   const auto dgaussians = upload<GaussianGradients>(d);
   heads.backward(ctx(), saved, upload({config_.voxels()}, dlogits), dgaussians, dvolume, false);
   const std::vector<double> whole = by_volume(true);
-  EXPECT_TRUE(close(ctx().read<float>(dvolume), whole, 1e-5));
+  EXPECT_TRUE(close_by_channel(ctx().read<float>(dvolume), whole, channels, 1e-5));
   std::vector<double> sum = by_volume(false);
   for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += whole[i];
   const std::string name = "predictor.act_predictor.4.weight";
   const std::vector<float> before = ctx().read<float>(learnt.at(name).gradient);
   heads.backward(ctx(), saved, {}, dgaussians, dvolume, true);
-  EXPECT_TRUE(close(ctx().read<float>(dvolume), sum, 1e-5)) << "without logits, added";
+  EXPECT_TRUE(close_by_channel(ctx().read<float>(dvolume), sum, channels, 1e-5)) << "without logits, added";
   EXPECT_EQ(ctx().read<float>(learnt.at(name).gradient), before);
 }
 
@@ -143,7 +144,8 @@ TEST_P(HeadBackward, OfFineHeadsAgreesWithDifferences) {
     auto dskeleton = upload<GaussianGradients>(before);
     dskeleton.sh = {};
     heads.backward(ctx(), saved, upload<GaussianGradients>(d), drefined, dskeleton);
-    EXPECT_TRUE(close(ctx().read<float>(drefined), differences(refined, loss), 1e-5));
+    EXPECT_TRUE(close_by_channel(ctx().read<float>(drefined), differences(refined, loss),
+                                 static_cast<std::size_t>(config_.fine_dim), 1e-5));
     const auto expect = [&](const Tensor& got, std::vector<double>& x, const std::vector<double>& added) {
       std::vector<double> want = differences(x, loss);
       for (std::size_t i = 0; i < want.size(); ++i) want[i] += added[i];

@@ -46,14 +46,23 @@ TEST(ContactSheet, HasEveryPictureInItsPlace) {
 }
 
 TEST(ContactSheet, CentresSmallerPicturesAndEnlargesNone) {
-  ContactSheet sheet({});
-  sheet.add(filled(100, 60, 0, 0, 0));
-  sheet.add(filled(1, 1, 1, 0, 0));
+  SheetOptions options;
+  options.columns = 2;
+  ContactSheet sheet(options);
+  sheet.add(filled(101, 61, 0, 0, 0));
+  sheet.add(filled(5, 3, 1, 0, 0));
   const Image out = sheet.sheet();
-  EXPECT_EQ(out.width % (100 + margin), margin);
-  int red = 0;
-  for (std::size_t i = 0; i < out.data.size(); i += 3) red += out.data[i] == 1.0f && out.data[i + 1] == 0.0f;
-  EXPECT_EQ(red, 1);
+  EXPECT_EQ(out.width, 2 * 101 + 3 * margin);
+  EXPECT_EQ(out.height, 61 + 2 * margin);
+  // The middle of the second cell; as much paper to its left as to its right, and above as below.
+  const int left = 2 * margin + 101 + (101 - 5) / 2, top = margin + (61 - 3) / 2;
+  for (int y = 0; y < out.height; ++y)
+    for (int x = 0; x < out.width; ++x) {
+      const bool first = x >= margin && x < margin + 101 && y >= margin && y < margin + 61;
+      const bool second = x >= left && x < left + 5 && y >= top && y < top + 3;
+      ASSERT_EQ(out.at(x, y)[0], first ? 0.0f : second ? 1.0f : ContactSheet::paper) << x << " " << y;
+      ASSERT_EQ(out.at(x, y)[1], first || second ? 0.0f : ContactSheet::paper) << x << " " << y;
+    }
 }
 
 TEST(ContactSheet, IsBalancedAndBounded) {
