@@ -1,6 +1,14 @@
-// GELU (exact) and SiLU by themselves, where the input is kept for the backward, and their derivatives. act: 1 GELU, 2 SiLU.
-//   x, out, dy, dx [N]; out may be x, dx may be dy.   out = act(x)   dx = dy act'(x)
-// _cpu: a work-item per BLOCK elements, float16. _gpu: a work-item per element.
+// GELU (exact) and SiLU by themselves, where the input is kept for the backward, and their derivatives.
+// ```
+// argument      type  shape  what
+// x             f32   [N]    input
+// out           f32   [N]    written: act(x); may be x
+// dy            f32   [N]    backward: gradient of out
+// dx            f32   [N]    backward, written: dy act'(x); may be dy
+// act           int          1 GELU, 2 SiLU
+// define BLOCK  1024         elements of a work-item in the cpu flavour
+// work-items    cpu: one per BLOCK elements; gpu: one per element
+// ```
 #include "tile_cpu.clh"
 
 #ifndef BLOCK
@@ -10,8 +18,9 @@
 #define SQRT_HALF 0.70710678118654752f
 #define SQRT_TWO_PI_INVERSE 0.39894228040143268f
 
-// GELU: the normal distribution's cumulative function, and x times its density. SiLU with s = sigmoid(x): s (1 + x (1 - s)).
-// Beyond 40 either is 0 or 1 in float; exp_16 is never 0, and times a large x not small.
+// act'(x). GELU: the normal distribution's cumulative function, plus x times its density. SiLU: s (1 + x (1 - s)), s =
+// sigmoid(x). x is held within 40: beyond, either derivative is 0 or 1 in float, but exp_16 never returns 0, which a
+// large x would magnify.
 static inline float16 slope_16(float16 v, int act) {
   const float16 x = clamp(v, -40.0f, 40.0f);
   if (act == 1) return 0.5f * (1.0f + erf_16(x * SQRT_HALF)) + x * SQRT_TWO_PI_INVERSE * exp_16(-0.5f * x * x);

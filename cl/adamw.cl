@@ -1,15 +1,22 @@
-// The optimiser: AdamW, the norm of all gradients together with the factor that clips it, and a moving average of weights.   (f32)
+// The optimiser: AdamW, the norm of all gradients together with the factor that clips it, and a moving average of the
+// weights.
+// ```
+// define        default  what
+// define GROUP  64       work-items of a group, a power of two
+// define EACH   32       elements of a work-item in adamw_squares
+// ```
 #include "common.clh"
 #include "vector16.clh"
 
 #ifndef GROUP
-#define GROUP 64  // work-items of a group, a power of two
+#define GROUP 64
 #endif
 #ifndef EACH
-#define EACH 32  // elements of a work-item in adamw_squares
+#define EACH 32
 #endif
 
-// Sum over the group in a fixed order; every item must come here.
+// The sum over the group in a fixed order. It holds a barrier, so every work-item must call it. part [GROUP]: local
+// memory.
 static float group_sum(float mine, local float* part) {
   const int item = get_local_id(0);
   part[item] = mine;
@@ -21,7 +28,13 @@ static float group_sum(float mine, local float* part) {
   return part[0];
 }
 
-// Sums of squares of grad [n] in blocks of GROUP * EACH: those go to sums[first ...]. gpu flavour: a work-group per block.
+// Sums of squares of one tensor's gradient, in blocks of GROUP * EACH elements.
+// ```
+// argument    type  shape  what
+// grad        f32   [n]    gradient
+// sums        f32   [..]   written: one number per block, from sums[first] on
+// work-items  gpu: groups of GROUP, one per block; cpu (below): groups of one, one per block
+// ```
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(global const float* restrict grad,
                                                                              global float* restrict sums, int n,
                                                                              int first) {
@@ -35,7 +48,6 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(glo
   if (get_local_id(0) == 0) sums[first + block] = sum;
 }
 
-// cpu flavour: work-groups of one work-item, per block.
 kernel void adamw_squares_cpu(global const float* restrict grad, global float* restrict sums, int n, int first) {
   const int block = get_group_id(0), from = block * (GROUP * EACH), left = min(n - from, GROUP * EACH);
   float16 a = 0.0f, b = 0.0f;
@@ -47,8 +59,15 @@ kernel void adamw_squares_cpu(global const float* restrict grad, global float* r
   sums[first + block] = sum_of(a + b);
 }
 
-// sums [count] of all tensors -> out [2]: norm = scale * sqrt(total), and the factor for the gradients as they are stored,
-// scale * min(1, max_norm / (norm + 1e-6)). One work-group; Kahan's summation, so that the error does not grow with count.
+// ```
+// argument    type   shape    what
+// sums        f32    [count]  sums of squares of all tensors
+// out         f32    [2]      written: norm = scale * sqrt(total), and the factor for the gradients as they are stored,
+//                             scale * min(1, max_norm / (norm + 1e-6))
+// scale       float           what the stored gradients are multiplied by to be the gradients that are meant
+// work-items  one group of GROUP
+// ```
+// Kahan's summation, so that the error does not grow with count.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(global const float* restrict sums,
                                                                           global float* restrict out, int count,
                                                                           float scale, float max_norm) {
@@ -69,10 +88,21 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(global
   }
 }
 
-// One step of AdamW on param, m, v [n] by grad [n] (null: zeros) times clip[1] (null: 1). A work-item per element.
+// One step of AdamW:
 //   m += (1 - beta1) (g - m)   v += (1 - beta2) (g^2 - v)   param -= decay * param + rate * m / (root * sqrt(v) + eps)
-// new1 = 1 - beta1, new2 = 1 - beta2, decay = lr * weight decay, rate = lr / (1 - beta1^t), root = 1 / sqrt(1 - beta2^t). The
-// decay is subtracted with the update: param * (1 - decay) first would round the small decay to 24 bits of 1.
+// ```
+// argument     type   shape  what
+// param, m, v  f32    [n]    in place: the weights and the two moments
+// grad         f32    [n]    gradient as stored; null: zeros
+// clip         f32    [2]    of adamw_clip, of which clip[1] is the factor; null: 1
+// new1, new2   float         1 - beta1, 1 - beta2
+// decay        float         learning rate times weight decay
+// rate         float         learning rate / (1 - beta1^t), t: the number of the step from 1
+// root         float         1 / sqrt(1 - beta2^t)
+// work-items   one per element
+// ```
+// The decay is subtracted together with the update: param * (1 - decay) first would round the small decay to 24 bits of
+// 1.
 kernel void adamw_step(global float* restrict param, global const float* restrict grad, global float* restrict m,
                        global float* restrict v, global const float* restrict clip, int n, float new1, float new2,
                        float eps, float decay, float rate, float root) {
@@ -86,7 +116,12 @@ kernel void adamw_step(global float* restrict param, global const float* restric
   param[i] -= FMA(decay, param[i], rate * first / FMA(root, sqrt(second), eps));
 }
 
-// average [n] += part * (param - average)
+// ```
+// argument    type  shape  what
+// average     f32   [n]    in place: += part * (param - average)
+// param       f32   [n]    weights
+// work-items  one per element
+// ```
 kernel void adamw_average(global float* restrict average, global const float* restrict param, int n, float part) {
   const int i = get_global_id(0);
   if (i < n) average[i] = FMA(part, param[i] - average[i], average[i]);

@@ -1,5 +1,10 @@
-// Sums in place: out [R, W], to columns column .. column + C - 1 of which x [R, C] is added; the others stay. W = C adds two
-// tensors. Work-items (lane, row): the lanes of a row share its channels.
+// Adds one tensor to some columns of another, in place. With W = C it adds two tensors.
+// ```
+// argument    type  shape  what
+// x           f32   [R,C]  what is added
+// out         f32   [R,W]  columns column .. column + C - 1 are added to; the others stay
+// work-items  (lane, row): the lanes of a row share its channels, any number of them
+// ```
 kernel void add_columns(global const float* restrict x, global float* restrict out, int R, int C, int W, int column) {
   const int r = get_global_id(1);
   if (r >= R) return;

@@ -1,19 +1,32 @@
-// Gradients of multi-head self-attention without a T x T matrix, cpu flavour. With s = q . k / sqrt(D) and the weights p of a query's
-// softmax, from the gradient g of the output:
-//   dv = sum over queries of p g    ds = p (g . v - delta), delta = g . out    dq = sum over keys of ds k / sqrt(D)
-//   dk = sum over queries of ds q / sqrt(D)
-// Twice the scores are made again, and p from them and the statistics that the forward kept: once by query, for dq, and once by key, for
-// dk and dv. So every sum has an owner and an order.
-//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_forward_cpu.cl writes them
-//   across [4, V H, N, D, 32]          q (scaled by log2(e) / sqrt(D)), k, v and dout, by panels of 32 tokens, transposed; N = ceil(T/32)
-//   along  [3, V H, 32 N, HEAD_PAD]    q (as scaled), k and dout, token by token; tokens beyond T and channels beyond D are zero
-//   terms  [V H, N, 3, 32]             largest score, inverse sum and delta of each query; zeros beyond T
-// HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1. Work-groups of one work-item.
+// Gradients of multi-head self-attention without a T x T matrix, cpu flavour. With the scores s = q . k / sqrt(D), the
+// weights p of a query's softmax, and the gradient g of the output:
+//   dv = sum over queries of p g          ds = p (g . v - delta), delta = g . out
+//   dq = sum over keys of ds k / sqrt(D)  dk = sum over queries of ds q / sqrt(D)
+// The scores are computed twice again, and p from them and from the statistics that the forward kept: once by query,
+// for dq, and once by key, for dk and dv. So every sum has one owner and one order.
+// ```
+// argument         type   shape                  what
+// qkv              f32    [V,T,3,H,D]            as the forward took it; any sizes >= 1
+// out              f32    [V,T,H D]              as the forward wrote it
+// stats            f32    [V,H,T,2]              as the forward wrote it
+// dout             f32    [V,T,H D]              gradient of out
+// across           f32    [4,V H,N,D,32]         written by the packing: q (times log2(e) / sqrt(D)), k, v and dout by
+//                                                panels of 32 tokens, transposed; N = ceil(T/32); zero beyond T
+// along            f32    [3,V H,32 N,HEAD_PAD]  written by the packing: q (scaled likewise), k and dout, token by
+//                                                token; zero beyond T and beyond channel D
+// terms            f32    [V H,N,3,32]           written by the packing: each query's largest score, inverse sum and
+//                                                delta; zero beyond T
+// dqkv             f32    [V,T,3,H,D]            written: dq by attention_backward_by_query, dk and dv by
+//                                                attention_backward_by_key
+// scale            float                         1 / sqrt(D)
+// define HEAD_PAD  64                            D rounded up to a multiple of 32
+// work-items       groups of one
+// ```
 #include "attention_tile.clh"
 
 #define LN2 0.69314718055994531f
 
-// A work-item per (panel, head of a view, one of q, k, v, dout).
+// Work-items (panel, v H + h, one of q, k, v, dout).
 kernel void attention_backward_pack(global const float* qkv, global const float* out, global const float* stats,
                                     global const float* dout, global float* across, global float* along,
                                     global float* terms, int V, int T, int H, int D, float scale) {
@@ -46,7 +59,8 @@ kernel void attention_backward_pack(global const float* qkv, global const float*
   }
 }
 
-// [D, ROWS] of the tile's tokens, from `along` of their head. Tokens beyond T repeat the last; nobody stores theirs.
+// a [D, ROWS] of ROWS tokens from t0 on, out of `along` of their head. Tokens beyond T repeat the last one; their
+// results are not stored.
 static inline void load_rows(global const float* along, int t0, int T, int D, float* a) {
   for (int i = 0; i < ROWS; ++i) {
     global const float* from = along + (size_t)min(t0 + i, T - 1) * HEAD_PAD;
@@ -54,7 +68,7 @@ static inline void load_rows(global const float* along, int t0, int T, int D, fl
   }
 }
 
-// to [ROWS, STEP], from `column` on = a^T b, for a [D, ROWS] and a panel b [D, KEYS].
+// to [ROWS, STEP], columns column .. column + 31: a^T b, for a [D, ROWS] and a panel b [D, KEYS].
 static inline void tile_product(const float* a, global const float* b, int D, float* to, int column) {
   EACH_ROW(TILE_ZERO)
   for (int d = 0; d < D; ++d) {
@@ -69,7 +83,7 @@ static inline void tile_product(const float* a, global const float* b, int D, fl
   EACH_ROW(TILE_PUT)
 }
 
-// o [ROWS, HEAD_PAD] += w b, for w [ROWS, STEP], of which `count` columns, and b [count, HEAD_PAD].
+// o [ROWS, HEAD_PAD] += w b, for the first `count` columns of w [ROWS, STEP], and b [count, HEAD_PAD].
 static inline void tile_add(const float* w, global const float* b, int count, float* o) {
   for (int column = 0; column < HEAD_PAD; column += 32) {
 #define TILE_TAKE(i) \
@@ -85,7 +99,7 @@ static inline void tile_add(const float* w, global const float* b, int count, fl
   }
 }
 
-// dq. A work-item per (ROWS queries, head of a view).
+// dq. Work-items (ROWS queries, v H + h).
 kernel void attention_backward_by_query(global const float* across, global const float* along,
                                         global const float* terms, global float* dqkv, int V, int T, int H, int D,
                                         float scale) {
@@ -113,7 +127,7 @@ kernel void attention_backward_by_query(global const float* across, global const
       for (int j = 0; j < here * KEYS; j += 16) {
         const float16 p = exp2_16(vload16(0, s + i * STEP + j) - top) * inverse;
         const float16 ds = p * (vload16(0, dp + i * STEP + j) - delta);
-        // A key that is not there has score 0, which may be far above the others.
+        // A key beyond T has score 0, which may be far above the others: its gradient is set to 0.
         const int16 gone = lane >= (float)(T - n0 * KEYS - j);
         vstore16(select(ds, (float16)(0.0f), gone), 0, s + i * STEP + j);
       }
@@ -126,7 +140,7 @@ kernel void attention_backward_by_query(global const float* across, global const
   }
 }
 
-// dk and dv. A work-item per (ROWS keys, head of a view).
+// dk and dv. Work-items (ROWS keys, v H + h).
 kernel void attention_backward_by_key(global const float* across, global const float* along, global const float* terms,
                                       global float* dqkv, int V, int T, int H, int D) {
   const int t0 = get_global_id(0) * ROWS, vh = get_global_id(1);
@@ -150,7 +164,7 @@ kernel void attention_backward_by_key(global const float* across, global const f
       tile_product(k, across + panel, D, p, n * KEYS);
       tile_product(values, across + 3 * wide + panel, D, ds, n * KEYS);
     }
-    // Queries that are not there have an inverse sum of 0.
+    // Queries beyond T have an inverse sum of 0, and so weight 0.
     global const float* of = terms + ((size_t)vh * panels + n0) * 3 * KEYS;
     for (int j = 0; j < here * KEYS; j += 16) {
       global const float* term = of + (j / KEYS) * 3 * KEYS + j % KEYS;

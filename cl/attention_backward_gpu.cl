@@ -1,10 +1,20 @@
-// Gradients of multi-head self-attention without a T x T matrix, gpu flavour: the mathematics of attention_backward_cpu.cl.
-//   qkv, dqkv [V, T, 3, H, D], out, dout [V, T, H D], stats [V, H, T, 2]: as attention_forward_gpu.cl writes them; any V, T, H, D >= 1
-//   delta [V, H, T]  dout . out
-// HEAD_PAD (a -D) is D rounded up to a multiple of 64.
-// A work-group of 256 owns 64 tokens of a head, queries (attention_backward_by_query) or keys (attention_backward_by_key), groups: (tile of tokens, V H),
-// and walks over blocks of 32 of the others. A work-item has rows 4y .. 4y+3, of the products columns x and x + 16, of the sums channels
-// x + 16 i. Weights go through local memory. Local memory: 25 KB.
+// Gradients of multi-head self-attention without a T x T matrix, gpu flavour: the mathematics of
+// attention_backward_cpu.cl.
+// ```
+// argument         type   shape        what
+// qkv              f32    [V,T,3,H,D]  as the forward took it; any sizes >= 1
+// stats            f32    [V,H,T,2]    as the forward wrote it
+// out              f32    [V,T,H D]    as the forward wrote it
+// dout             f32    [V,T,H D]    gradient of out
+// delta            f32    [V,H,T]      written by attention_backward_delta: dout . out
+// dqkv             f32    [V,T,3,H,D]  written: dq by attention_backward_by_query, dk and dv by
+//                                      attention_backward_by_key
+// scale            float               1 / sqrt(D)
+// define HEAD_PAD  64                  D rounded up to a multiple of 64
+// work-items       groups of 256: (tile of 64 tokens, v H + h), the tokens being queries or keys
+// ```
+// A group goes through the other tokens (keys or queries) in blocks of 32. A work-item has rows 4y .. 4y+3: of the
+// products the columns x and x + 16, of the sums the channels x + 16 i. Weights go through local memory, 25 KB in all.
 #include "common.clh"
 
 #ifndef HEAD_PAD
@@ -17,7 +27,7 @@
 #define MINE (HEAD_PAD / 16)
 #define LOG2E 1.44269504088896341f
 
-// A work-item per (token, head of a view).
+// Work-items (token, v H + h).
 kernel void attention_backward_delta(global const float* out, global const float* dout, global float* delta, int V,
                                      int T, int H, int D) {
   const int t = get_global_id(0), vh = get_global_id(1);
@@ -28,7 +38,8 @@ kernel void attention_backward_delta(global const float* out, global const float
   delta[(size_t)vh * T + t] = sum;
 }
 
-// s = (by_a a) (by_b b)^T: token r of a is at a + r a_step. stage [DEPTH * (ROWS + 1 + COLS + 1)].
+// s = (by_a a) (by_b b)^T for this work-item's rows and columns. Token r of a begins at a + r a_step; a_count of them
+// are there. stage: local memory [DEPTH * (ROWS + 1 + COLS + 1)].
 static void products(global const float* a, size_t a_step, int a_count, float by_a, global const float* b,
                      size_t b_step, int b_count, float by_b, int D, local float* stage, float s[4][2]) {
   const int item = get_local_id(0), x = item % 16, y = item / 16;
@@ -57,7 +68,8 @@ static void products(global const float* a, size_t a_step, int a_count, float by
   }
 }
 
-// acc += w b: w [ROWS, COLS + 1], token r of b at b + r step. stage [COLS * 64].
+// acc += w b for this work-item's rows and channels. w [ROWS, COLS + 1]; token r of b begins at b + r step; `count` of
+// them are there. stage: local memory [COLS * 64].
 static void add_up(local const float* w, global const float* b, size_t step, int count, int D, local float* stage,
                    float acc[4][MINE]) {
   const int item = get_local_id(0), x = item % 16, y = item / 16;
@@ -76,7 +88,6 @@ static void add_up(local const float* w, global const float* b, size_t step, int
   }
 }
 
-// dq.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_query(
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
@@ -115,7 +126,6 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backwar
     }
 }
 
-// dk and dv.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_key(
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {

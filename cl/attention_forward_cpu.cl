@@ -1,14 +1,22 @@
-// Multi-head self-attention without a T x T matrix, cpu flavour: out = softmax(Q K^T / sqrt(D)) V by blocks of keys,
-// the softmax carried along (online). Rows of qkv are tokens, and hold q, k and v of every head.
-//   qkv [V, T, 3, H, D]
-//   kt  [V H, N, D, 32]        keys of panel n, transposed; N = ceil(T/32); keys beyond T are zero
-//   vp  [V H, 32 N, HEAD_PAD]  values; keys beyond T and channels beyond D are zero
-//   out [V, T, H D]
-//   stats [V, H, T, 2] or null: for the backward, each query's largest score, in units of ln 2, and one over the sum of
-//                      2^(score - largest)
-// HEAD_PAD (a -D) is D rounded up to a multiple of 32; any V, T, H, D >= 1.
-// attention_forward_pack writes kt and vp; then one work-item of attention_forward_cpu owns ROWS queries of a head. Work-groups of one
-// work-item: the register tiles are explicit float16, and neighbouring groups share a head's panels in cache.
+// Multi-head self-attention without a T x T matrix, cpu flavour: out = softmax(Q K^T / sqrt(D)) V, by blocks of keys,
+// with the softmax carried along from block to block (its sum and its largest score so far). attention_forward_pack
+// lays out keys and values first. The register tiles are explicit float16, and neighbouring groups share a head's keys
+// in cache.
+// ```
+// argument         type   shape                what
+// qkv              f32    [V,T,3,H,D]          queries, keys and values of T tokens in V views, H heads of D channels;
+//                                              any sizes >= 1
+// kt               f32    [V H,N,D,32]         written by attention_forward_pack: keys by panels of 32, transposed; N =
+//                                              ceil(T/32); zero beyond T
+// vp               f32    [V H,32 N,HEAD_PAD]  written by attention_forward_pack: values; zero beyond T and beyond
+//                                              channel D
+// out              f32    [V,T,H D]            written
+// stats            f32    [V,H,T,2]            written for the backward: each query's largest score, in units of ln 2,
+//                                              and one over the sum of 2^(score - largest); null: not wanted
+// scale            float                       1 / sqrt(D)
+// define HEAD_PAD  64                          D rounded up to a multiple of 32
+// work-items       groups of one; attention_forward_pack: (panel, v H + h); then (ROWS queries, v H + h)
+// ```
 #include "attention_tile.clh"
 
 static inline float max_of(float16 v) {

@@ -1,13 +1,20 @@
-// Multi-head self-attention without a T x T matrix, gpu flavour: out = softmax(Q K^T / sqrt(D)) V by blocks of keys,
-// the softmax carried along (online).
-//   qkv [V, T, 3, H, D], out [V, T, H D]; any V, T, H, D >= 1
-//   stats [V, H, T, 2] or null: for the backward, each query's largest score, in units of ln 2, and one over the sum of
-//                      2^(score - largest)
-// HEAD_PAD (a -D) is D rounded up to a multiple of 64.
-// A work-group of 256 owns 64 queries of a head (groups: (query tile, V H)) and walks over blocks of 32 keys. Scores: a
-// work-item has rows 4y .. 4y+3 and keys x, x + 16. Weights go through local memory; the softmax of a row is shared by
-// the 4 work-items of its quarter rows. Output: rows 4y .. 4y+3, channels x + 16 i, in registers. Local memory: 24.5
-// KB.
+// Multi-head self-attention without a T x T matrix, gpu flavour: out = softmax(Q K^T / sqrt(D)) V, by blocks of keys,
+// with the softmax carried along from block to block (its sum and its largest score so far).
+// ```
+// argument         type   shape        what
+// qkv              f32    [V,T,3,H,D]  queries, keys and values of T tokens in V views, H heads of D channels; any
+//                                      sizes >= 1
+// out              f32    [V,T,H D]    written
+// stats            f32    [V,H,T,2]    written for the backward: each query's largest score, in units of ln 2, and one
+//                                      over the sum of 2^(score - largest); null: not wanted
+// scale            float               1 / sqrt(D)
+// define HEAD_PAD  64                  D rounded up to a multiple of 64
+// work-items       groups of 256: (tile of 64 queries, v H + h)
+// ```
+// A group goes through the keys in blocks of 32. Of the scores, a work-item has queries 4y .. 4y+3 and keys x, x + 16.
+// Weights go through local memory (24.5 KB in all); the softmax of a query is shared by 4 work-items, which take a
+// quarter of the block's keys each. Of the output, a work-item has queries 4y .. 4y+3 and channels x + 16 i, in
+// registers.
 #include "common.clh"
 
 #ifndef HEAD_PAD
@@ -34,8 +41,8 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_forward
   float acc[4][MINE];
   for (int i = 0; i < 4; ++i)
     for (int c = 0; c < MINE; ++c) acc[i][c] = 0.0f;
-  // Row `item % 64` is this work-item's in the softmax, of which it takes keys 8 (item / 64) onwards. All four keep the
-  // same state.
+  // In the softmax this work-item has query item % 64, of which it takes 8 keys of the block, from 8 (item / 64) on.
+  // The four work-items of a query keep the same state.
   const int mine = item % ROWS, quarter = item / ROWS;
   float largest = -INFINITY, total = 0.0f;
   for (int k0 = 0; k0 < T; k0 += KEYS) {

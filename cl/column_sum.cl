@@ -1,6 +1,12 @@
-// Sums over the rows of x [R, C], a few at a time: out [ceil(R / ROWS), C] holds the sums of ROWS rows each, taken in order, and is the
-// next step's x until one row is left. So no sum has more than ROWS terms, and all have a fixed order, the same in both flavours.
-// add (with one row left): out is added to.
+// Sums over the rows of a tensor, ROWS rows at a time: the result is the next step's input until one row is left. So no
+// sum has more than ROWS terms, and all are taken in a fixed order, the same in both flavours.
+// ```
+// argument     type  shape             what
+// x            f32   [R,C]             rows
+// out          f32   [ceil(R/ROWS),C]  written: the sums of ROWS rows each, taken in order
+// add          int                     where not 0, out is added to (for the last step)
+// define ROWS  64                      rows of a sum
+// ```
 #include "common.clh"
 #include "vector16.clh"
 
@@ -8,7 +14,7 @@
 #define ROWS 64
 #endif
 
-// gpu flavour: a work-item per (column, ROWS rows).
+// gpu flavour: work-items (column, block of ROWS rows).
 kernel void column_sum(global const float* x, global float* out, int R, int C, int add) {
   const int c = get_global_id(0), chunk = get_global_id(1);
   if (c >= C) return;
@@ -18,7 +24,7 @@ kernel void column_sum(global const float* x, global float* out, int R, int C, i
   out[at] = add ? out[at] + sum : sum;
 }
 
-// cpu flavour: work-groups of one work-item, per ROWS rows.
+// cpu flavour: work-groups of one work-item, one per block of ROWS rows.
 kernel void column_sum_cpu(global const float* x, global float* out, int R, int C, int add) {
   const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
   for (int c = 0; c < C; c += 16) {

@@ -1,5 +1,12 @@
-// Stable compaction: where flags are set, in ascending order.   A work-item per element.
-//   flags [n] (u32, 0 or 1)   positions [n+1], their exclusive prefix sum   indices [positions[n]] (i32)   total [1] (u32)
+// Stable compaction: the places where flags are set, in ascending order.
+// ```
+// argument    type  shape           what
+// flags       u32   [n]             0 or 1
+// positions   u32   [n+1]           exclusive prefix sum of the flags; positions[n] is how many are set
+// indices     i32   [positions[n]]  written: where flags are set
+// total       u32   [1]             written by compact_total: positions[n]
+// work-items  one per element
+// ```
 
 kernel void compact_indices(global const uint* restrict flags, global const uint* restrict positions,
                             global int* restrict indices, uint n) {
@@ -7,7 +14,7 @@ kernel void compact_indices(global const uint* restrict flags, global const uint
   if (i < n && flags[i]) indices[positions[i]] = (int)i;
 }
 
-// A copy of the count where the host can read it by itself. One work-item.
+// The count, copied to where the host reads it without the rest. One work-item.
 kernel void compact_total(global const uint* restrict positions, global uint* restrict total, uint n) {
   if (get_global_id(0) == 0) total[0] = positions[n];
 }

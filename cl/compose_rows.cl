@@ -1,11 +1,26 @@
-// A GEMM's rows, composed in memory: for a map that reads every row many times, and for sums over rows of what a layer was given.
+// Composed rows, written to memory: for a GEMM whose map reads every row many times, and for sums over the rows of what
+// a layer got.
+//
+// "Composed" means the same in all dense kernels (gemm, conv3d, Winograd). Row m in [0, M) of A has, for each of T
+// taps, the channels of one source row: row map[row0 + m, t] or, without a map, row row0 + m.
+//   1. x0's c0 channels, then x1's c1;
+//   2. with scale and shift, v * scale[c] + shift[c];
+//   3. with silu, v / (1 + exp(-v)).
+// A source row that is absent (outside [0, src_rows)) is zero after all that.
+// ```
+// argument    type  shape          what
+// x0          f32   [src_rows,c0]  first source
+// x1          f32   [src_rows,c1]  second source; null: none, c1 = 0
+// scale       f32   [c0+c1]        per channel; null: neither scale nor shift
+// shift       f32   [c0+c1]        per channel
+// silu_a      int                  whether SiLU is applied
+// map         i32   [..,T]         source rows; null: row row0 + m itself, T = 1
+// out         f32   [M,T,c0+c1]    written
+// work-items  one per 16 channels of each source, tap and row
+// ```
 #include "common.clh"
 #include "vector16.clh"
 
-// Row m in [0, M) of `out` [M, T (c0 + c1)] is, for each of T taps, the source row map[row0 + m, t] (row0 + m where map is null): x0's c0
-// channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu v / (1 + exp(-v)). A source row outside [0, src_rows) is zero.
-//   x0 [src_rows, c0]; x1 [src_rows, c1] or null; scale, shift [c0 + c1] or null; map [.., T] or null
-// One work-item per 16 channels of each source, tap and row.
 kernel void compose_rows(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
                          global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0,
                          int M, global float* out) {

@@ -1,7 +1,12 @@
-// Around the products of convolutions' gradients, both flavours.
+// What stands around the products of the convolutions' gradients, in both flavours.
 
-// The end of a 3x3x3 convolution's weight gradient: partial [chunks, 27, C, N], each of some voxels, are added in order,
-// and to dw [N, C, 27]. A work-item per element of a partial sum.
+// The end of a 3x3x3 convolution's weight gradient.
+// ```
+// argument    type  shape            what
+// partial     f32   [chunks,27,C,N]  sums over some voxels each, which are added in order
+// dw          f32   [N,C,27]         added to
+// work-items  one per element of one chunk's sum
+// ```
 kernel void conv3d_backward_weights_sum(global const float* restrict partial, global float* restrict dw, int chunks,
                                         int C, int N) {
   const size_t i = get_global_id(0), count = (size_t)27 * C * N;
@@ -12,8 +17,13 @@ kernel void conv3d_backward_weights_sum(global const float* restrict partial, gl
   dw[(n * C + c) * 27 + t] += sum;
 }
 
-// A 2x2x2 convolution with stride 2 is a GEMM over patches [8, C], and its weights are w [N, C, 8]. A work-item per weight.
-// ordered [N, 8, C]: the weights as the patches have them.
+// A 2x2x2 convolution with stride 2 is a GEMM over patches [8,C]. Its weights in the patches' order:
+// ```
+// argument    type  shape    what
+// w           f32   [N,C,8]  weights as PyTorch has them
+// ordered     f32   [N,8,C]  written
+// work-items  one per weight
+// ```
 kernel void conv3d_down_order(global const float* restrict w, global float* restrict ordered, int C, int N) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)8 * C * N) return;
@@ -21,7 +31,13 @@ kernel void conv3d_down_order(global const float* restrict w, global float* rest
   ordered[i] = w[(n * C + c) * 8 + t];
 }
 
-// dordered [N, 8, C] is added to dw [N, C, 8].
+// The way back, of the weights' gradient:
+// ```
+// argument    type  shape    what
+// dordered    f32   [N,8,C]  gradient in the patches' order
+// dw          f32   [N,C,8]  added to
+// work-items  one per weight
+// ```
 kernel void conv3d_down_backward_add(global const float* restrict dordered, global float* restrict dw, int C, int N) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)8 * C * N) return;

@@ -1,14 +1,18 @@
-// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour.
-// Planes of constant x are packed into a ring of R planes (conv3d_forward_pack), so that scratch memory is a few planes whatever X is; then
-// each work-item owns 12 outputs along z times 32 channels (conv3d_forward_cpu), whose 14 inputs along z lie side by side.
-//   ring [R, Y, ZT, C, 14]      ZT = ceil(Z/12); entry j of tile zt is z = 12 zt - 1 + j; zero outside the volume; plane x at x % R
-//   b    [ceil(N/32), 9, C, 3, 32]  weights: (dx, dy), channel, dz, 32 output channels; zero beyond N
-//   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
+// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X,Y,Z,C], cpu flavour. Planes of constant x
+// are packed into a ring of R planes (conv3d_forward_pack), so that scratch memory is a few planes whatever X is. Then
+// each work-item computes 12 outputs along z times 32 channels (conv3d_forward_cpu); their 14 inputs along z lie side
+// by side. The inputs are composed (compose_rows.cl); the padding is zero after that.
 #define PACK_ROWS 14
 #include "conv3d.clh"
 #include "pack_cpu.clh"
 
-// b of w (see conv3d.clh). A work-item per element.
+// ```
+// argument    type  shape                  what
+// w           f32   [N,C,27]               weights as PyTorch has them; see conv3d.clh for mirrored
+// b           f32   [ceil(N/32),9,C,3,32]  written: panel, (dx, dy), input channel, dz, 32 output channels; zero beyond
+//                                          N
+// work-items  one per element of b
+// ```
 kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int N, global float* b) {
   const size_t i = get_global_id(0);
   const int column = i % TILE_COLS, dz = i / TILE_COLS % 3, c = i / (3 * TILE_COLS) % C;
@@ -17,10 +21,18 @@ kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int 
   b[i] = weight_of(w, mirrored, N, C, panel * TILE_COLS + column, c, plane * 3 + dz);
 }
 
-// Planes [plane0, plane0 + planes) composed and packed: x0's c0 channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu
-// v / (1 + exp(-v)); the padding is zero after all that.
-//   x0 [X, Y, Z, c0]; x1 [X, Y, Z, c1] or null; scale, shift [c0 + c1] or null
-// Work-groups of one work-item: (zt, y, plane).
+// ```
+// argument      type  shape          what
+// x0            f32   [X,Y,Z,c0]     first source
+// x1            f32   [X,Y,Z,c1]     second source; null: none, c1 = 0
+// scale, shift  f32   [c0+c1]        null: neither
+// silu          int                  whether SiLU is applied
+// R             int                  planes of the ring
+// plane0        int                  the first plane that is packed
+// ring          f32   [R,Y,ZT,C,14]  written: ZT = ceil(Z/12); entry j of tile zt is z = 12 zt - 1 + j, zero outside
+//                                    the volume; plane x of the volume is plane x % R of the ring
+// work-items    groups of one: (zt, y, plane from plane0 on)
+// ```
 kernel void conv3d_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
                                 global const float* scale, global const float* shift, int silu, int Y, int Z, int R,
                                 int plane0, global float* ring) {
@@ -35,7 +47,16 @@ kernel void conv3d_forward_pack(global const float* x0, int c0, global const flo
   pack_sources(x0, c0, x1, c1, row, scale, shift, silu, ring + tile * (c0 + c1) * PACK_ROWS);
 }
 
-// Planes [plane0, ..) of out. Work-groups of one work-item: (zt + ZT y, plane, panel of b).
+// ```
+// argument    type  shape                  what
+// ring        f32   [R,Y,ZT,C,14]          from conv3d_forward_pack: the planes around those that are computed
+// b           f32   [ceil(N/32),9,C,3,32]  weights, from conv3d_pack_weights
+// plane0      int                          the first plane that is computed
+// bias        f32   [N]                    null: none
+// residual    f32   [X,Y,Z,N]              null: none; may be out
+// out         f32   [X,Y,Z,N]              written: the planes from plane0 on
+// work-items  groups of one: (zt + ZT y, plane from plane0 on, panel of b)
+// ```
 kernel void conv3d_forward_cpu(global const float* ring, global const float* b, int C, int N, int X, int Y, int Z,
                                int R, int plane0, global const float* bias, global const float* residual,
                                global float* out) {
@@ -65,14 +86,19 @@ kernel void conv3d_forward_cpu(global const float* ring, global const float* b, 
   TILE_FINISH(min(TILE_ROWS, Z - z0), n0, N, bias, 0, residual ? residual + at : residual, out + at);
 }
 
-// Columns of rows side by side, for the weight gradient: to [ceil(C/width), voxels, width], composed as by conv3d_forward_pack; zero beyond
-// C = c0 + c1. A work-item per voxel.
+// For the weight gradient: a tensor's rows (one per voxel), composed, as panels of `width` columns.
+// ```
+// argument    type  shape                         what
+// x0 .. silu                                      as in conv3d_forward_pack
+// to          f32   [ceil(C/width),voxels,width]  written, C = c0 + c1; zero beyond C
+// work-items  one per voxel
+// ```
 kernel void conv3d_backward_panels(global const float* x0, int c0, global const float* x1, int c1,
                                    global const float* scale, global const float* shift, int silu, int voxels,
                                    int width, global float* to) {
   const int v = get_global_id(0), C = c0 + c1;
   if (v >= voxels) return;
-  int at = 0;  // of C
+  int at = 0;  // which of the C columns
   for (int part = 0; part < 2; ++part) {
     const int count = part ? c1 : c0, first = part ? c0 : 0;
     for (int c = 0; c < count; c += 16) {
@@ -88,10 +114,14 @@ kernel void conv3d_backward_panels(global const float* x0, int c0, global const 
   for (; at < DIV_UP(C, width) * width; ++at) to[((size_t)(at / width) * voxels + v) * width + at % width] = 0.0f;
 }
 
-// The weight gradient's sum over one chunk of `lines` lines along z (x slowest), as a product of columns: partial
-// [chunks, 27, C, N] = the sum over voxels p of in[p + tap - 1, c] dy[p, n].
-//   in [ceil(C/12), XYZ, 12], dy [ceil(N/32), XYZ, 32]: of conv3d_backward_panels
-// Work-groups of one work-item: (tap + 27 panel of in, panel of dy, chunk).
+// The weight gradient's sum over one chunk of `lines` lines along z (x slowest), as a product of columns.
+// ```
+// argument    type  shape                what
+// in          f32   [ceil(C/12),XYZ,12]  the convolution's input, from conv3d_backward_panels
+// dy          f32   [ceil(N/32),XYZ,32]  gradient of out, from conv3d_backward_panels
+// partial     f32   [chunks,27,C,N]      written: the sum over the chunk's voxels p of in[p + tap - 1, c] dy[p, n]
+// work-items  groups of one: (tap + 27 panel of in, panel of dy, chunk)
+// ```
 kernel void conv3d_backward_weights_cpu(global const float* in, global const float* dy, int C, int N, int X, int Y,
                                         int Z, int lines, global float* partial) {
   const int tap = get_group_id(0) % 27, c_first = get_group_id(0) / 27 * TILE_ROWS;

@@ -1,7 +1,5 @@
-// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], gpu flavour: a GEMM whose rows are gathered by
-// their coordinates. Composition as in gemm_gpu.cl; the padding is zero after it.
-//   x0 [X, Y, Z, c0]; x1 [X, Y, Z, c1] or null; scale, shift [c0 + c1] or null; b [27 (dx, dy, dz), c0 + c1, N]
-//   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
+// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X,Y,Z,C], gpu flavour: a GEMM whose rows are
+// gathered by their coordinates. The inputs are composed (compose_rows.cl); the padding is zero after that.
 struct Rows {
   int X, Y, Z;
 };
@@ -13,13 +11,30 @@ static inline int source_row(const struct Rows* r, int m, int t) {
 #include "conv3d.clh"
 #include "tile_gpu.clh"
 
-// b of w (see conv3d.clh). A work-item per element.
+// ```
+// argument    type  shape     what
+// w           f32   [N,C,27]  weights as PyTorch has them; see conv3d.clh for mirrored
+// b           f32   [27,C,N]  written: by tap (dx, dy, dz), input channel, output channel
+// work-items  one per element
+// ```
 kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int N, global float* b) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)27 * C * N) return;
   b[i] = weight_of(w, mirrored, N, C, i % N, i / N % C, i / ((size_t)C * N));
 }
 
+// ```
+// argument      type  shape         what
+// x0            f32   [X,Y,Z,c0]    first source
+// x1            f32   [X,Y,Z,c1]    second source; null: none, c1 = 0
+// scale, shift  f32   [c0+c1]       null: neither
+// silu_a        int                 whether SiLU is applied
+// b             f32   [27,c0+c1,N]  weights, from conv3d_pack_weights
+// bias          f32   [N]           null: none
+// residual      f32   [X,Y,Z,N]     null: none; may be out
+// out           f32   [X,Y,Z,N]     written
+// work-items    groups of SIDE SIDE = 256: (tile of channels, tile of voxels), see tile_gpu.clh
+// ```
 kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_forward_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, int X, int Y, int Z, global const float* b, int N, global const float* bias,
@@ -30,9 +45,15 @@ kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_forw
            0);
 }
 
-// The weight gradient's sum over one chunk of `rows` voxels: partial [chunks, 27, C, N] = the sum over voxels p of
-// in[p + tap - 1, c] dy[p, n], as a product of BM rows (tap, c) and BN columns. Work-groups: (columns, rows, chunk).
-//   in: x0, x1, scale, shift as above; dy [X, Y, Z, N]
+// The weight gradient's sum over one chunk of `rows` voxels, as a product with BM rows (tap, c) and BN columns a tile.
+// ```
+// argument      type  shape            what
+// x0 .. silu_a                         the convolution's inputs, as in conv3d_forward_gpu
+// dy            f32   [X,Y,Z,N]        gradient of out
+// rows          int                    voxels of a chunk
+// partial       f32   [chunks,27,C,N]  written: the sum over the chunk's voxels p of in[p + tap - 1, c] dy[p, n]
+// work-items    groups of SIDE SIDE = 256: (tile of columns, tile of rows, chunk)
+// ```
 kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_backward_weights_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, int X, int Y, int Z, global const float* dy, int N, int rows,

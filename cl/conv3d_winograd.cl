@@ -1,18 +1,21 @@
-// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X, Y, Z, C], cpu flavour, by Winograd's F(4x4, 3x3) over x and y
-// and directly along z: 36 products where the direct sum needs 144.
-// A tile is 4 x 4 columns of outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before.
-//   v [tiles, ZT, 36, ceil(C/16), 14, 16]  B^T d B; ZT = ceil(Z/12); row j of zt is z = 12 zt - 1 + j, zero outside the volume; 16
-//                                    channels side by side, of the last block those below C alone (winograd_forward_pack)
-//   u [ceil(N/32), 36, C, 3, 32]     G g G^T: coefficient, channel, dz, 32 output channels; zero beyond N
-//   bias [N] or null; residual, out [X, Y, Z, N]; residual may be null or out itself
-// Tile t of the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4).
+// 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X,Y,Z,C], cpu flavour, by Winograd's F(4x4,
+// 3x3) over x and y and directly along z: 36 products where the direct sum needs 144. A tile is 4 x 4 columns of
+// outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before. Tile t of
+// the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4). Along z a tile is cut in ZT = ceil(Z/12) parts of
+// 12 outputs; part zt has the inputs z = 12 zt - 1 + j, j = 0 .. 13.
 #define PACK_ROWS 14
 #define TILE_STRIDE 16
 #include "conv3d.clh"
 #include "tile_cpu.clh"
 #include "winograd.clh"
 
-// u of w (see conv3d.clh). Work-groups of one work-item: (panel, input channel).
+// ```
+// argument    type  shape                   what
+// w           f32   [N,C,27]                weights as PyTorch has them; see conv3d.clh for mirrored
+// u           f32   [ceil(N/32),36,C,3,32]  written: G g G^T; panel, coefficient, channel, dz, 32 output channels; zero
+//                                           beyond N
+// work-items  groups of one: (panel, input channel)
+// ```
 kernel void winograd_pack_weights(global const float* w, int mirrored, int C, int N, global float* u) {
   const int n0 = get_group_id(0) * TILE_COLS, c = get_group_id(1);
   float taps[27 * TILE_COLS];  // tap, output channel
@@ -35,7 +38,16 @@ kernel void winograd_pack_weights(global const float* w, int mirrored, int C, in
   }
 }
 
-// Channels [0, count) of x [X, Y, Z, count] around one tile, composed and transformed: to [36][blocks][14][16], from channel `first` on.
+// One source around one tile, composed and transformed.
+// ```
+// argument            type  shape              what
+// x                   f32   [X,Y,Z,count]      source
+// scale, shift        f32   [count]            null: neither
+// x_first .. z_first  int                      the corner of the tile's inputs; may lie outside the volume
+// blocks              int                      ceil(C/16)
+// first               int                      the source's first channel of the C
+// to                  f32   [36,blocks,14,16]  written: channels first .. first + count - 1
+// ```
 static inline void pack_source(global const float* x, int count, global const float* scale, global const float* shift,
                                int silu, int X, int Y, int Z, int x_first, int y_first, int z_first, int blocks,
                                int first, global float* to) {
@@ -74,8 +86,17 @@ static inline void pack_source(global const float* x, int count, global const fl
   }
 }
 
-// Tiles from tile0 on. x0 [X, Y, Z, c0], then x1 [X, Y, Z, c1] or null; with scale, shift [c0 + c1] v * scale + shift; with silu
-// v / (1 + exp(-v)); the padding is zero after all that. Work-groups of one work-item: (zt, tile).
+// ```
+// argument      type  shape                           what
+// x0            f32   [X,Y,Z,c0]                      first source
+// x1            f32   [X,Y,Z,c1]                      second source; null: none, c1 = 0
+// scale, shift  f32   [c0+c1]                         composed as compose_rows.cl says; null: neither
+// silu          int                                   whether SiLU is applied; the padding is zero after all that
+// tile0         int                                   the first tile that is packed
+// v             f32   [tiles,ZT,36,ceil(C/16),14,16]  written: B^T d B; 16 channels side by side, of the last block
+//                                                     those below C alone
+// work-items    groups of one: (zt, tile from tile0 on)
+// ```
 kernel void winograd_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
                                   global const float* scale, global const float* shift, int silu, int X, int Y, int Z,
                                   int tile0, global float* v) {
@@ -89,7 +110,17 @@ kernel void winograd_forward_pack(global const float* x0, int c0, global const f
     pack_source(x1, c1, scale ? scale + c0 : scale, scale ? shift + c0 : shift, silu, X, Y, Z, x, y, z, blocks, c0, to);
 }
 
-// Work-groups of one work-item: (zt + ZT tile, panel of u): 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
+// 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
+// ```
+// argument    type  shape                           what
+// v           f32   [tiles,ZT,36,ceil(C/16),14,16]  from winograd_forward_pack
+// u           f32   [ceil(N/32),36,C,3,32]          from winograd_pack_weights
+// tile0       int                                   the first tile of v
+// bias        f32   [N]                             null: none
+// residual    f32   [X,Y,Z,N]                       null: none; may be out
+// out         f32   [X,Y,Z,N]                       written: the tiles of v
+// work-items  groups of one: (zt + ZT tile, panel of u)
+// ```
 kernel void winograd_forward_tile(global const float* v, global const float* u, int C, int N, int X, int Y, int Z,
                                   int tile0, global const float* bias, global const float* residual,
                                   global float* out) {

@@ -1,13 +1,15 @@
-// The gradient of a 3x3x3 convolution by its weights, cpu flavour, by Winograd's F(4x4, 3x3) over x and y and directly along z (see
-// conv3d_winograd.cl): dg = G^T [sum over tiles of (A dy A^T) . (B^T d B)] G, 36 products where the direct sum needs 144.
-// Some tiles of the volume at a time, tile t of them being tile0 + t:
-//   v [36, tiles, Z, C]    B^T d B of the composed inputs
-//   e [36, tiles, Z, NP]   A dy A^T; NP is N made a multiple of 32, with zeros
-//   m [36, 3, C, N]        the sums, by dz
+// The gradient of a 3x3x3 convolution by its weights, cpu flavour, by Winograd's F(4x4, 3x3) over x and y and directly
+// along z (see conv3d_winograd.cl): dg = G^T [sum over tiles of (A dy A^T) . (B^T d B)] G, 36 products where the direct
+// sum needs 144. Some tiles of the volume come at a time; tile t of them is the volume's tile tile0 + t.
 #include "tile_cpu.clh"
 #include "winograd.clh"
 
-// v of x [X, Y, Z, C]. Work-groups of one work-item: (z, tile).
+// ```
+// argument    type  shape           what
+// x           f32   [X,Y,Z,C]       the convolution's input, composed
+// v           f32   [36,tiles,Z,C]  written: B^T d B
+// work-items  groups of one: (z, tile), Z and `tiles` of them
+// ```
 kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int tile0, global float* v) {
   const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY) - 1, y0 = 4 * ((tile0 + t) % TY) - 1;
@@ -29,7 +31,12 @@ kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int
   }
 }
 
-// e of dy [X, Y, Z, N]. Work-groups of one work-item: (z, tile).
+// ```
+// argument    type  shape            what
+// dy          f32   [X,Y,Z,N]        gradient of the convolution's output
+// e           f32   [36,tiles,Z,NP]  written: A dy A^T; NP is N made a multiple of 32, with zeros
+// work-items  groups of one: (z, tile), Z and `tiles` of them
+// ```
 kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, int tile0, global float* e) {
   const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY), y0 = 4 * ((tile0 + t) % TY), NP = DIV_UP(N, TILE_COLS) * TILE_COLS;
@@ -51,8 +58,16 @@ kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, i
   }
 }
 
-// m of so many tiles, or with `add` m and that. Behind v there are 12 numbers more, which are read and not used.
-// Work-groups of one work-item: (12 channels, 32 outputs, coefficient).
+// The sum over these tiles.
+// ```
+// argument    type  shape            what
+// v           f32   [36,tiles,Z,C]   from winograd_backward_in; 12 more numbers lie behind it, which are read and not
+//                                    used
+// e           f32   [36,tiles,Z,NP]  from winograd_backward_out
+// add         int                    where not 0, m is added to
+// m           f32   [36,3,C,N]       written: the sums; coefficient, dz
+// work-items  groups of one: (12 channels, 32 outputs, coefficient)
+// ```
 kernel void winograd_backward_tile(global const float* v, global const float* e, int C, int N, int Z, int tiles,
                                    int add, global float* m) {
   const int c0 = get_group_id(0) * TILE_ROWS, n0 = get_group_id(1) * TILE_COLS, i = get_group_id(2);
@@ -85,7 +100,12 @@ kernel void winograd_backward_tile(global const float* v, global const float* e,
   }
 }
 
-// dw [N, C, 27] += the weights' gradient of m. Work-groups of one work-item: (16 outputs, channel).
+// ```
+// argument    type  shape       what
+// m           f32   [36,3,C,N]  the sums over all tiles
+// dw          f32   [N,C,27]    added to: G^T m G
+// work-items  groups of one: (16 outputs, channel)
+// ```
 kernel void winograd_backward_sum(global const float* m, int C, int N, global float* dw) {
   const int n0 = get_group_id(0) * 16, c = get_group_id(1), width = min(16, N - n0);
   float taps[27 * 16];

@@ -1,14 +1,27 @@
-// What the heads' raw numbers mean: Gaussians in the object's frame.   (f32; a work-item per Gaussian)
-//   raw row of A = 3 + 3S + 1 + 3 + 4 numbers: offset, SH (S coefficients x 3 colours), opacity, scale, rotation
-//   mean = anchor + (2 sigmoid(offset) - 1) reach     opacity = sigmoid(x - 2.1792)
-//   scale = softplus(x + scale_shift)                 quat = x / max(|x|, 1e-12)        SH as it is
-//   means, scales [K,3]  quats [K,4]  opacities [K]  sh [K,S,3]; rows row0 and up are written.
+// What the heads' raw numbers mean: Gaussians in the object's frame.
+//   mean    = anchor + (2 sigmoid(offset) - 1) reach      opacity = sigmoid(x - 2.1792)
+//   scale   = softplus(x + scale_shift)                   quat    = x / max(|x|, 1e-12)
+// The spherical harmonics (SH, S coefficients x 3 colours) are taken as they are.
+// ```
+// argument     type   shape    what
+// raw          f32    [..,A]   a Gaussian's A = 11 + 3S numbers: offset 3, SH 3S, opacity 1, scale 3, rotation 4
+// means        f32    [K,3]    written
+// scales       f32    [K,3]    written
+// quats        f32    [K,4]    written: w x y z, of length 1
+// opacities    f32    [K]      written
+// sh           f32    [K,S,3]  written
+// sh_size      int             3S
+// reach        float           how far from its anchor a mean may lie along each axis
+// scale_shift  float           what a raw scale of 0 stands for
+// work-items   one per Gaussian, in all kernels
+// ```
 #include "common.clh"
 
 #define OPACITY_SHIFT (-2.1792f)
 
 static inline float softplus(float x) { return fmax(x, 0.0f) + log1p(exp(-fabs(x))); }
 
+// One Gaussian, into row k.
 static inline void decode(global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, long k,
                           global float* means, global float* scales, global float* quats, global float* opacities,
                           global float* sh) {
@@ -27,7 +40,7 @@ static inline void decode(global const float* raw, float3 anchor, float reach, f
   vstore4(q / fmax(norm, 1e-12f), k, quats);
 }
 
-// One Gaussian per voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3, A]
+// One Gaussian for each voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3,A].
 kernel void decode_coarse_forward(global const float* restrict raw, global float* restrict means,
                                   global float* restrict scales, global float* restrict quats,
                                   global float* restrict opacities, global float* restrict sh, int R, int sh_size,
@@ -39,7 +52,13 @@ kernel void decode_coarse_forward(global const float* restrict raw, global float
          scales, quats, opacities, sh);
 }
 
-// M Gaussians for each of P voxels, around the coarse centre plus a fixed offset. raw [P, M A]   centres [P,3]   div_offset [M,3]
+// M Gaussians for each of P voxels, anchored at the coarse centre plus an offset that is one of M.
+// ```
+// argument    type  shape    what
+// raw         f32   [P,M A]  M Gaussians side by side
+// centres     f32   [P,3]    of the coarse Gaussians
+// div_offset  f32   [M,3]    the offsets, learnt
+// ```
 kernel void decode_fine_forward(global const float* restrict raw, global const float* restrict centres,
                                 global const float* restrict div_offset, global float* restrict means,
                                 global float* restrict scales, global float* restrict quats,
@@ -51,7 +70,13 @@ kernel void decode_fine_forward(global const float* restrict raw, global const f
   decode(raw + (long)k * (11 + sh_size), anchor, reach, scale_shift, sh_size, k, means, scales, quats, opacities, sh);
 }
 
-// The skeleton's P Gaussians with new SH, and opacities times sigmoid(factor), into rows row0 and up. raw [P, 3S + 1]: SH, factor.
+// The skeleton's P coarse Gaussians, with new SH and with opacities times sigmoid(factor).
+// ```
+// argument                  type  shape     what
+// raw                       f32   [P,3S+1]  SH, factor
+// in_means .. in_opacities  f32   [P,..]    the skeleton's Gaussians
+// means .. sh               f32   [K,..]    rows row0 .. row0 + P - 1 are written
+// ```
 kernel void decode_adjusted_forward(global const float* restrict raw, global const float* restrict in_means,
                                     global const float* restrict in_scales, global const float* restrict in_quats,
                                     global const float* restrict in_opacities, global float* restrict means,
@@ -69,7 +94,9 @@ kernel void decode_adjusted_forward(global const float* restrict raw, global con
   opacities[k] = sigmoid(raw[sh_size]) * in_opacities[p];
 }
 
-// Backward. d*: the loss by the Gaussians, in the forward's rows; draw: by the raw numbers, which is written; neither is raw.
+// Backward. dmeans .. dsh [K,..] are gradients of the Gaussians, in the forward's rows; draw is written: the gradient
+// of raw, and shaped as raw. draw may not be raw.
+
 static inline float sigmoid_slope(float x) { return sigmoid(x) * sigmoid(-x); }
 
 static inline void decode_backward(global const float* raw, float reach, float scale_shift, int sh_size, long k,
@@ -103,7 +130,7 @@ kernel void decode_coarse_backward(global const float* restrict raw, global cons
   decode_backward(raw + row, reach, scale_shift, sh_size, k, dmeans, dscales, dquats, dopacities, dsh, draw + row);
 }
 
-// dcentres [P,3], to which the means' gradients are added: by a voxel's first work-item, in order.
+// dcentres [P,3]: added to, the means' gradients, by a voxel's first work-item in order.
 kernel void decode_fine_backward(global const float* restrict raw, global const float* restrict dmeans,
                                  global const float* restrict dscales, global const float* restrict dquats,
                                  global const float* restrict dopacities, global const float* restrict dsh,
@@ -119,7 +146,7 @@ kernel void decode_fine_backward(global const float* restrict raw, global const 
   vstore3(vload3(k / M, dcentres) + sum, k / M, dcentres);
 }
 
-// to_*: the loss by the skeleton's Gaussians, added to.
+// to_means .. to_opacities [P,..]: gradients of the skeleton's Gaussians, added to.
 kernel void decode_adjusted_backward(global const float* restrict raw, global const float* restrict in_opacities,
                                      global const float* restrict dmeans, global const float* restrict dscales,
                                      global const float* restrict dquats, global const float* restrict dopacities,

@@ -1,6 +1,11 @@
-// Rows by index, into a part of the columns of the result.
-//   x [N,C]   index [P] (i32, each in 0..N-1)   out [P,W], of which columns column .. column + C - 1 are written   (f32)
-// Work-items (lane, p): the lanes of a row share its channels.
+// Rows taken by index, into some columns of the result.
+// ```
+// argument    type  shape  what
+// x           f32   [N,C]  rows
+// index       i32   [P]    which row of x, each in 0 .. N-1
+// out         f32   [P,W]  columns column .. column + C - 1 are written: row index[p] of x; the others stay
+// work-items  (lane, p): the lanes of a row share its channels, any number of them
+// ```
 kernel void gather_forward(global const float* restrict x, global const int* restrict index, global float* restrict out,
                            int P, int C, int W, int column) {
   const int p = get_global_id(1);
@@ -10,8 +15,14 @@ kernel void gather_forward(global const float* restrict x, global const int* res
   for (int c = get_global_id(0); c < C; c += get_global_size(0)) to[c] = from[c];
 }
 
-// Backward: dx [N,C], row index[p] of which is added columns column .. column + C - 1 of dout [P,W]'s row p; other rows stay. No two of
-// index are equal, so that no row has two writers; negative ones are passed over.
+// Backward of gather_forward.
+// ```
+// argument    type  shape  what
+// dout        f32   [P,W]  gradient of out, of which columns column .. column + C - 1 are read
+// index       i32   [P]    negative: passed over; no two others are equal, so that no row has two writers
+// dx          f32   [N,C]  row index[p] is added to; other rows stay
+// work-items  (lane, p): the lanes of a row share its channels, any number of them
+// ```
 kernel void gather_backward(global const float* restrict dout, global const int* restrict index,
                             global float* restrict dx, int P, int C, int W, int column) {
   const int p = get_global_id(1);

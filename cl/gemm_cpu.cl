@@ -1,16 +1,16 @@
-// out = act(A B + bias) + residual, cpu flavour. A is packed first (gemm_pack_a), then each work-item owns a tile of out.
-//   panels [ceil(M/12), K, 12]   A, twelve rows at a time; rows beyond M are zero
-//   b      [ceil(N/32), K, 32]   B, 32 columns at a time; columns beyond N are zero (packed on the host)
-//   bias [N] or null; residual, out [.., N] from row row0 on; residual may be out itself. act: 0 none, 1 GELU, 2 SiLU.
+// out = act(A B + bias) + residual, cpu flavour. A is packed first (gemm_pack_a), B once (gemm_pack_panels, or on the
+// host); then each work-item of gemm_tile computes tiles of 12 rows by 32 columns of out.
 #define PACK_ROWS 12
 #include "pack_cpu.clh"
 
-// A composed and packed. Row m in [0, M) is, for each of T taps, the source row map[row0 + m, t] (row0 + m where map is null): x0's c0
-// channels, then x1's c1; with scale v * scale[c] + shift[c]; with silu v / (1 + exp(-v)). A source row outside [0, src_rows) is zero
-// after all that.
-//   x0 [src_rows, c0]; x1 [src_rows, c1] or null; scale, shift [c0 + c1] or null; map [.., T] or null
-//   panels [ceil(M/12), T, c0 + c1, 12]
-// Work-groups of one work-item: (tap, panel).
+// A, composed (compose_rows.cl says how, and what the arguments are) and packed, twelve rows at a time.
+// ```
+// argument    type  shape                    what
+// x0 .. row0                                 as in compose_rows.cl; T = 1 without a map
+// M           int                            rows of A
+// panels      f32   [ceil(M/12),T,c0+c1,12]  written: A; rows beyond M are zero
+// work-items  groups of one: (tap, panel)
+// ```
 kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
                         global const float* shift, int silu, global const int* map, int T, int src_rows, int row0,
                         int M, global float* panels) {
@@ -30,9 +30,15 @@ kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, 
 #define ROWS 64
 #endif
 
-// Panels of `width` columns of any matrix [K, N] on the device: element (k, n) is w[offset + (first + k) * k_stride + n * n_stride].
-//   out [ceil(N / width), K, width], zeros beyond N
-// Work-groups of one work-item: (panel, ROWS rows).
+// Any matrix [K,N] on the device as panels of `width` columns. Its element (k, n) is w[offset + (first + k) k_stride +
+// n n_stride].
+// ```
+// argument     type  shape                    what
+// w            f32                            where the matrix lies
+// out          f32   [ceil(N/width),K,width]  written: the panels; columns beyond N are zero
+// define ROWS  64                             rows of a work-item
+// work-items   groups of one: (panel, block of ROWS rows)
+// ```
 kernel void gemm_pack_panels(global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride,
                              int width, global float* out) {
   const int n0 = get_group_id(0) * width, k0 = get_group_id(1) * ROWS;
@@ -49,7 +55,18 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
   }
 }
 
-// Work-groups of one work-item: (panel of B, block of `block` panels of A), so that a block of A stays in cache while B's panels stream by.
+// ```
+// argument    type  shape              what
+// panels      f32   [ceil(M/12),K,12]  A, from gemm_pack_a
+// b           f32   [ceil(N/32),K,32]  B, 32 columns at a time; columns beyond N are zero
+// block       int                      panels of A that a work-item goes through, which so stay in cache while B's
+//                                      panels stream by
+// bias        f32   [N]                null: none
+// act         int                      0 none, 1 GELU, 2 SiLU
+// residual    f32   [..,N]             from row row0 on; null: none; may be out
+// out         f32   [..,N]             written: rows row0 .. row0 + M - 1
+// work-items  groups of one: (panel of B, block of panels of A)
+// ```
 kernel void gemm_tile(global const float* panels, global const float* b, int block, int M, int N, int K,
                       global const float* bias, int act, global const float* residual, global float* out, int row0) {
   const int n0 = get_group_id(0) * TILE_COLS;

@@ -1,8 +1,4 @@
-// out = act(A B + bias) + residual, gpu flavour: tiles through local memory, A composed while it is loaded.
-//   Row m in [0, M) of A is, for each of T taps, the source row map[row0 + m, t] (row0 + m where map is null): x0's c0 channels, then x1's
-//   c1; with scale v * scale[c] + shift[c]; with silu v / (1 + exp(-v)). A source row outside [0, src_rows) is zero after all that.
-//   x0 [src_rows, c0]; x1 [src_rows, c1] or null; scale, shift [c0 + c1] or null; map [.., T] or null; b [T (c0 + c1), N]
-//   bias [N] or null; residual, out [.., N] from row out_row0 on; residual may be null or out itself. act: 0 none, 1 GELU, 2 SiLU.
+// out = act(A B + bias) + residual, gpu flavour: tiles through local memory; A is composed while it is loaded.
 struct Rows {
   global const int* map;
   int row0, T;
@@ -12,6 +8,17 @@ static inline int source_row(const struct Rows* r, int m, int t) {
 }
 #include "tile_gpu.clh"
 
+// ```
+// argument    type  shape         what
+// x0 .. row0                      A, composed: as in compose_rows.cl
+// b           f32   [T(c0+c1),N]  B
+// M, N        int                 rows and columns of the result
+// bias        f32   [N]           null: none
+// act         int                 0 none, 1 GELU, 2 SiLU
+// residual    f32   [..,N]        from row out_row0 on; null: none; may be out
+// out         f32   [..,N]        written: rows out_row0 .. out_row0 + M - 1
+// work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows), see tile_gpu.clh
+// ```
 kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0, global const float* b,
@@ -22,9 +29,15 @@ kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_g
            out_row0);
 }
 
-// parts[s] = the sum over rows [s chunk, (s + 1) chunk) of A^T B, + residual. Of B [.., N] the rows from `first` on are meant, `rows` in all.
-//   at: for every s in turn A's rows as columns, [M, min(chunk, rows - s chunk)]; parts [.., M, N]; residual: null, or parts with one s.
-// Work-groups: (column of tiles, row of tiles, s).
+// parts[s] = A^T B over the rows [s chunk, (s + 1) chunk) of A and B, + residual: a long sum over rows, in parts.
+// ```
+// argument    type  shape      what
+// at          f32   [s][M,..]  A's rows as columns: for every s in turn [M, min(chunk, rows - s chunk)]
+// b           f32   [..,N]     of which the rows from `first` on are meant, `rows` in all
+// residual    f32   [M,N]      null: none; else there is one part, and it may be parts
+// parts       f32   [..,M,N]   written
+// work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows, s)
+// ```
 kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
     global const float* at, global const float* b, int first, int rows, int chunk, int M, int N,
     global const float* residual, global float* parts) {
@@ -37,9 +50,15 @@ kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transp
 
 #define PACK_SIDE 16
 
-// Any matrix [K, N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower). Element (k, n) is
-// w[offset + k * k_stride + (first + n) * n_stride]. Through local memory, so that neighbours read and write neighbours where a stride is 1.
-// Work-groups of PACK_SIDE x PACK_SIDE: (columns, rows, piece).
+// Any matrix [K,N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower).
+// Its element (k, n) is w[offset + k k_stride + (first + n) n_stride]. It goes through local memory, so that
+// neighbouring work-items read and write neighbouring numbers where a stride is 1.
+// ```
+// argument    type  shape          what
+// w           f32                  where the matrix lies
+// out         f32   [K,piece], ..  written
+// work-items  groups of PACK_SIDE PACK_SIDE = 256: (16 columns, 16 rows, piece)
+// ```
 kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
     global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride, int piece,
     global float* out) {
@@ -56,8 +75,15 @@ kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void g
     out[(size_t)begin * K + (size_t)(k0 + y) * width + n0 + x] = tile[y * (PACK_SIDE + 1) + x];
 }
 
-// The epilogue alone, after a library's GEMM: out = act(x + bias) + residual. x [M, N]; residual, out [.., N] from row row0 on; x may be
-// those rows of out. One work-item per element.
+// What follows the product where a library made it: out = act(x + bias) + residual.
+// ```
+// argument    type  shape   what
+// x           f32   [..,N]  the product, from row x_row0 on; may be the rows of out
+// bias        f32   [N]     null: none
+// residual    f32   [..,N]  from row row0 on; null: none
+// out         f32   [..,N]  written: rows row0 .. row0 + M - 1
+// work-items  one per element
+// ```
 kernel void gemm_epilogue(global const float* x, int x_row0, int M, int N, global const float* bias, int act,
                           global const float* residual, global float* out, int row0) {
   const size_t i = get_global_id(0);

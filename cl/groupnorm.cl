@@ -1,19 +1,26 @@
-// GroupNorm's statistics over all rows of a channels-last tensor, folded into one scale and one shift per channel, which whoever
-// reads the tensor next applies while loading: y = x * scale + shift.
-//   x [N,C0] and, side by side with it, optionally x1 [N,C1]; C = C0 + C1 channels in G groups of consecutive ones (f32)
-//   gamma, beta [C]   scale = gamma / sqrt(var + eps), shift = beta - mean * scale, with a group's mean and biased variance
-// Three steps, each with a fixed order of additions, none of which subtracts large squares: the rows are cut in chunks; every chunk
-// and channel gets its mean and m2 = sum (x - mean)^2; these are merged over the chunks, then over a group's channels, always by
-// sum (m2_i + n_i (mean_i - mean)^2).
-//   mean, m2 [chunks, C] of the chunks; channel_mean, channel_m2 [C]
-// groupnorm_forward_chunks_cpu and _gpu compute the same; the first keeps one work-item at a chunk (it streams along rows), the second takes
-// a work-item per channel and chunk (neighbours read neighbours).
+// GroupNorm's statistics over all rows of a channels-last tensor, made into one scale and one shift per channel.
+// Whoever reads the tensor next applies them while loading (composed rows, see compose_rows.cl): y = x * scale + shift.
+// ```
+// argument                  type  shape       what
+// x                         f32   [N,width]   one of at most two tensors whose channels stand side by side; its
+//                                             channels are `channel` .. channel + width - 1 of the C, which are in G
+//                                             groups of consecutive ones
+// mean, m2                  f32   [chunks,C]  written: each chunk's mean and sum of (x - mean)^2 over its `rows` rows
+// channel_mean, channel_m2  f32   [C]         written: the same over all rows
+// gamma, beta               f32   [C]         weights
+// scale                     f32   [C]         written: gamma / sqrt(var + eps), with the biased variance of the
+//                                             channel's group
+// shift                     f32   [C]         written: beta - mean * scale, with the mean of the channel's group
+// ```
+// In three steps, each with a fixed order of additions, none of which subtracts large squares: the statistics of every
+// chunk of rows and channel; these merged over the chunks; then over a group's channels. Merging is always sum (m2_i +
+// n_i (mean_i - mean)^2).
 #include "tile_cpu.clh"
 
 // Rows that are reduced in registers before they are merged into the running mean and m2.
 #define ROWS 8
 
-// Merges ROWS rows r0..r7 of type T, seen before: n rows of the given mean and m2. `share` = ROWS / (n + ROWS).
+// Merges ROWS rows r0 .. r7 of type T into mean and m2, which n rows went into before. share = ROWS / (n + ROWS).
 #define MERGE(T, mean, m2, r0, r1, r2, r3, r4, r5, r6, r7, n, share)                                             \
   {                                                                                                              \
     const T block =                                                                                              \
@@ -26,7 +33,7 @@
           away * away * (share * n);                                                                             \
   }
 
-// One more row v after n others.
+// Merges one more row v into mean and m2, which n rows went into before.
 #define MERGE_ONE(T, mean, m2, v, n)        \
   {                                         \
     const T away = v - mean;                \
@@ -35,7 +42,7 @@
     m2 += away * away * (n * share_one);    \
   }
 
-// x [N,width] is one of the sources; its channels start at `channel` of the C. A work-item per chunk of `rows` rows.
+// cpu flavour: one work-item per chunk, which streams along the rows.
 kernel void groupnorm_forward_chunks_cpu(global const float* restrict x, global float* restrict mean,
                                          global float* restrict m2, int N, int width, int channel, int C, int rows) {
   const int chunk = get_global_id(0);
@@ -80,7 +87,7 @@ kernel void groupnorm_forward_chunks_cpu(global const float* restrict x, global 
   }
 }
 
-// A work-item per channel of the source (direction 0) and chunk (direction 1).
+// gpu flavour: work-items (channel of x, chunk), so that neighbours read neighbours.
 kernel void groupnorm_forward_chunks_gpu(global const float* restrict x, global float* restrict mean,
                                          global float* restrict m2, int N, int width, int channel, int C, int rows) {
   const int c = get_global_id(0), chunk = get_global_id(1);
@@ -101,7 +108,7 @@ kernel void groupnorm_forward_chunks_gpu(global const float* restrict x, global 
   m2[(long)chunk * C + channel + c] = b;
 }
 
-// Over the chunks: a work-item per channel. N >= 1.
+// Over the chunks: one work-item per channel. N >= 1.
 kernel void groupnorm_forward_channels(global const float* restrict mean, global const float* restrict m2,
                                        global float* restrict channel_mean, global float* restrict channel_m2, int N,
                                        int C, int rows, int chunks) {
@@ -121,8 +128,9 @@ kernel void groupnorm_forward_channels(global const float* restrict mean, global
   channel_m2[c] = sum;
 }
 
-// Over a group's channels, once more for each of them: a work-item per channel. N = 0: mean and variance count as 0.
-// out_mean, out_rstd [C] or null: a channel's group's mean and 1 / sqrt(var + eps), for the backward.
+// Over a group's channels, computed again for each of them: one work-item per channel. N = 0: mean and variance count
+// as 0. out_mean, out_rstd [C]: written for the backward, the mean and 1 / sqrt(var + eps) of the channel's group;
+// null: not wanted.
 kernel void groupnorm_forward_scale(global const float* restrict channel_mean, global const float* restrict channel_m2,
                                     global const float* restrict gamma, global const float* restrict beta,
                                     global float* restrict scale, global float* restrict shift,
@@ -153,10 +161,19 @@ kernel void groupnorm_forward_scale(global const float* restrict channel_mean, g
 // Backward of y = silu(z), z = x * scale + shift = gamma u + beta with u = (x - mean) rstd:
 //   dz = dy silu'(z);  dbeta = sum over rows of dz, dgamma = sum of dz u;
 //   dx = rstd (gamma dz - (sum over the group of gamma dbeta + u * sum of gamma dgamma) / (N C / G))
-// x [N,width] is one of the sources, its channels from `channel` on of the C of dy [N,C], scale, shift, mean, rstd, gamma [C].
-// The rows are cut in chunks; a chunk's sums are of ROWS rows each, then of these; then come the chunks, then a group's channels.
-//   sums, sums_u [chunks, C] of a chunk's dz and dz u; channel_sums, channel_sums_u [C]
-
+// ```
+// argument                      type  shape       what
+// x                             f32   [N,width]   one of the tensors, as above
+// dy                            f32   [N,C]       gradient of y
+// scale, shift                  f32   [C]         from groupnorm_forward_scale
+// mean, rstd                    f32   [C]         from groupnorm_forward_scale: its out_mean and out_rstd
+// sums, sums_u                  f32   [chunks,C]  written: sums of dz and dz u over a chunk's rows
+// channel_sums, channel_sums_u  f32   [C]         written: the same over all rows
+// dgamma, dbeta                 f32   [C]         added to
+// group_mean, group_mean_u      f32   [C]         written: means of gamma dz and gamma dz u over the channel's group
+// dx                            f32   [N,width]   written, or added to where `add` is not 0; may be dy where width is C
+// ```
+// Sums are taken over ROWS rows, then over these within a chunk, then over the chunks, then over a group's channels.
 static inline float silu_slope(float z) {
   const float s = sigmoid(z);
   return s * (1.0f + z * (1.0f - s));
@@ -166,7 +183,7 @@ static inline float16 silu_slope_16(float16 z) {
   return s * (1.0f + z * (1.0f - s));
 }
 
-// A work-item per chunk of `rows` rows.
+// cpu flavour: one work-item per chunk.
 kernel void groupnorm_backward_chunks_cpu(global const float* restrict x, global const float* restrict dy,
                                           global const float* restrict scale, global const float* restrict shift,
                                           global const float* restrict mean, global const float* restrict rstd,
@@ -198,7 +215,7 @@ kernel void groupnorm_backward_chunks_cpu(global const float* restrict x, global
   }
 }
 
-// A work-item per channel of the source (direction 0) and chunk (direction 1).
+// gpu flavour: work-items (channel of x, chunk).
 kernel void groupnorm_backward_chunks_gpu(global const float* restrict x, global const float* restrict dy,
                                           global const float* restrict scale, global const float* restrict shift,
                                           global const float* restrict mean, global const float* restrict rstd,
@@ -226,7 +243,7 @@ kernel void groupnorm_backward_chunks_gpu(global const float* restrict x, global
   sums_u[(long)chunk * C + at] = total_u;
 }
 
-// Over the chunks: a work-item per channel. Adds to dgamma and dbeta [C].
+// Over the chunks: one work-item per channel.
 kernel void groupnorm_backward_channels(global const float* restrict sums, global const float* restrict sums_u,
                                         global float* restrict channel_sums, global float* restrict channel_sums_u,
                                         global float* restrict dgamma, global float* restrict dbeta, int C,
@@ -241,7 +258,7 @@ kernel void groupnorm_backward_channels(global const float* restrict sums, globa
   dgamma[c] += sum_u;
 }
 
-// Over a group's channels, once more for each of them: means of gamma dz and of gamma dz u. A work-item per channel.
+// Over a group's channels, computed again for each of them: one work-item per channel.
 kernel void groupnorm_backward_groups(global const float* restrict channel_sums,
                                       global const float* restrict channel_sums_u, global const float* restrict gamma,
                                       global float* restrict group_mean, global float* restrict group_mean_u, int N,
@@ -258,7 +275,7 @@ kernel void groupnorm_backward_groups(global const float* restrict channel_sums,
   group_mean_u[c] = sum_u / ((float)N * (float)size);
 }
 
-// dx [N,width], which is added to where `add` says so, and may be dy where width is C. A work-item per row.
+// cpu flavour: one work-item per row.
 kernel void groupnorm_backward_cpu(global const float* x, global const float* dy, global const float* scale,
                                    global const float* shift, global const float* mean, global const float* rstd,
                                    global const float* gamma, global const float* group_mean,
@@ -280,7 +297,7 @@ kernel void groupnorm_backward_cpu(global const float* x, global const float* dy
   }
 }
 
-// As above. A work-item per element.
+// gpu flavour: one work-item per element.
 kernel void groupnorm_backward_gpu(global const float* x, global const float* dy, global const float* scale,
                                    global const float* shift, global const float* mean, global const float* rstd,
                                    global const float* gamma, global const float* group_mean,

@@ -1,16 +1,28 @@
-// LayerNorm over the last axis, biased variance in two passes, eps inside the root.
-//   x [R, C], gamma, beta [C], out [R, C]; out may be x.   out = (x - mean) / sqrt(var + eps) * gamma + beta
-// Modulated: out [V, P, C] from x [V, 1 + P, C], whose first token of each view is dropped, and shift, scale side by
-// side in
-//   film [V P, 2 C] (shift first).   out = LayerNorm(x) * (1 + scale) + shift
-// The plain call is skip = 0 with P = R and V = 1; film is null then. Row r of out is row (r / P) * (P + skip) + r % P
-// + skip of x. layernorm_forward_cpu: one work-item per row, float16 over the channels. layernorm_forward_gpu: one work-group of 64 per
-// row, sums through local memory.
-// Backward: dy [R, C], and x and gamma as they came, give dx (where skip = 1, zeros in the dropped rows; or added to what is there)
-// and, with film, dfilm [V P, 2 C]. With n = (x - mean) / sqrt(var + eps), u = dy (1 + scale) and g = u gamma:
-//   dx = (g - mean(g) - n mean(g n)) / sqrt(var + eps)   dshift = dy   dscale = dy (n gamma + beta)
-//   dgamma = sum over rows of u n   dbeta = sum over rows of u
-// The last two begin in layernorm_backward_columns_gpu: a partial sum for every ROWS rows, in order.
+// LayerNorm over the last axis, with the biased variance in two passes and eps inside the root:
+//   out = n gamma + beta, n = (x - mean) / sqrt(var + eps)
+// Modulated (where film is given): out = (n gamma + beta) (1 + scale) + shift, and the first token of each view is
+// dropped (skip = 1). Row r of out comes from row (r / P) (P + skip) + r % P + skip of x. The plain call has skip = 0
+// and P = R.
+// ```
+// argument     type  shape   what
+// x            f32   [R,C]   modulated: [V,1+P,C] with R = V P
+// gamma, beta  f32   [C]     weights
+// film         f32   [R,2C]  shift, then scale, of each row of out; null: not modulated
+// out          f32   [R,C]   written; plain: may be x
+// work-items   cpu: one per row; gpu: groups of 64, one per row
+// ```
+// Backward, with u = dy (1 + scale) or u = dy, and g = u gamma:
+//   dx     = (g - mean(g) - n mean(g n)) / sqrt(var + eps)
+//   dshift = dy                      dscale = dy (n gamma + beta)
+//   dgamma = sum over rows of u n    dbeta  = sum over rows of u
+// ```
+// argument    type  shape   what
+// dy          f32   [R,C]   gradient of out
+// dx          f32   as x    written, or added to where `add` is not 0; dropped rows get zeros where it is written
+// dfilm       f32   [R,2C]  written where film is given
+// stats       f32   [R,2]   written: each row's mean and 1 / sqrt(var + eps), for the next kernel
+// work-items  cpu: one per row; gpu: groups of 64, one per row
+// ```
 #include "common.clh"
 #include "vector16.clh"
 
@@ -57,13 +69,12 @@ kernel void layernorm_forward_cpu(global const float* x, global const float* gam
   }
 }
 
-// dy of sixteen channels from c on, times 1 + scale where there is one (null otherwise).
+// u of sixteen channels from c on: dy, times 1 + scale where scale is not null.
 static inline float16 upstream(global const float* dy, global const float* scale, int c, int width) {
   const float16 u = load_part(dy + c, width);
   return scale ? u * (1.0f + load_part(scale + c, width)) : u;
 }
 
-// stats [R, 2]: each row's mean and 1 / sqrt(var + eps), for layernorm_backward_columns_gpu. add: dx is added to. One work-item per row.
 kernel void layernorm_backward_cpu(global const float* x, global const float* gamma, global const float* beta,
                                    global const float* film, global const float* dy, global float* dx,
                                    global float* dfilm, global float* stats, int R, int C, int P, int skip, float eps,
@@ -103,6 +114,8 @@ kernel void layernorm_backward_cpu(global const float* x, global const float* ga
 
 #define GROUP 64
 
+// The sum over the group in a fixed order. It holds barriers, so every work-item must call it. part [GROUP]: local
+// memory.
 static float group_sum(float mine, local float* part) {
   const int item = get_local_id(0);
   part[item] = mine;
@@ -116,7 +129,7 @@ static float group_sum(float mine, local float* part) {
   return sum;
 }
 
-// statistics() by a work-group.
+// statistics() by a whole group.
 static float2 group_statistics(global const float* x, int C, float eps, local float* part) {
   const int item = get_local_id(0);
   float sum = 0.0f;
@@ -142,7 +155,6 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_forward
   }
 }
 
-// As layernorm_backward_cpu, one work-group per row.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backward_gpu(
     global const float* x, global const float* gamma, global const float* beta, global const float* film,
     global const float* dy, global float* dx, global float* dfilm, global float* stats, int R, int C, int P, int skip,
@@ -180,7 +192,15 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backwar
 #define ROWS 64
 #endif
 
-// dgamma, dbeta [ceil(R / ROWS), C]: the sums of ROWS rows each. gpu flavour: a work-item per (channel, ROWS rows).
+// dgamma and dbeta begin with the sums over ROWS rows each; column_sum adds these up.
+// ```
+// argument       type  shape             what
+// x, film, dy    f32                     as above
+// stats          f32   [R,2]             from layernorm's backward
+// dgamma, dbeta  f32   [ceil(R/ROWS),C]  written
+// define ROWS    64                      rows of a sum
+// work-items     gpu: (channel, ROWS rows); cpu: groups of one, one per ROWS rows
+// ```
 kernel void layernorm_backward_columns_gpu(global const float* x, global const float* film, global const float* dy,
                                            global const float* stats, global float* dgamma, global float* dbeta, int R,
                                            int C, int P, int skip) {
@@ -198,7 +218,6 @@ kernel void layernorm_backward_columns_gpu(global const float* x, global const f
   dbeta[(size_t)chunk * C + c] = by_beta;
 }
 
-// cpu flavour: work-groups of one work-item, per ROWS rows.
 kernel void layernorm_backward_columns_cpu(global const float* x, global const float* film, global const float* dy,
                                            global const float* stats, global float* dgamma, global float* dbeta, int R,
                                            int C, int P, int skip) {

@@ -1,12 +1,11 @@
-// From feature maps to the volume, for a run of n voxels from `first` on. Voxel (i R + j) R + k has its centre at
-// ((i, j, k) + 0.5) / R - 0.5, i along x.
-//   w2c [V, 4, 4], intrinsics [V, 4]: fx, fy, cx, cy in pixels
-//   index i32 [n, V, 4], weight [n, V, 4]   the texels (v t t + y t + x) around each voxel's image in each view; weight
-//   0 outside maps [V t t, C]                         features, or their projection lift_variance_forward: out [n, C] biased
-//   variance over the V views of the bilinear samples lift_mean_forward:     out [.., C], rows first .. first + n: mean over
-//   the views of the samples + bias [C]
-// lift_corners: one work-item per (voxel, view). The others: a work-group takes VOXELS voxels one after the other, and
-// its work-items share out the channels, LANES (1, 4 or 16) at a time. Any sizes >= 1.
+// From feature maps to a volume, for n voxels from voxel `first` on. Voxel (i R + j) R + k has its centre at ((i, j, k)
+// + 0.5) / R - 0.5 of the object's frame, i along x. The maps have t x t texels; texel (x, y) of view v is row (v t +
+// y) t + x.
+// ```
+// define         default  what
+// define LANES   16       channels that a work-item takes at a time: 1, 4 or 16
+// define VOXELS  8        voxels that a group takes one after the other
+// ```
 #include "sample.clh"
 
 #ifndef LANES
@@ -16,6 +15,18 @@
 #define VOXELS 8
 #endif
 
+// Where the views see each voxel.
+// ```
+// argument    type   shape    what
+// w2c         f32    [V,4,4]  object's frame to camera, row-major
+// intrinsics  f32    [V,4]    fx, fy, cx, cy in pixels
+// index       i32    [n,V,4]  written: the rows of the four texels around the voxel's place in each view
+// weight      f32    [n,V,4]  written: their bilinear weights; 0 outside of the map
+// R           int             voxels along an edge of the volume
+// image       float           edge of a picture, pixels
+// half_pixel  float           0 or 0.5, see sample.clh
+// work-items  one per (voxel, view)
+// ```
 kernel void lift_corners(global const float* w2c, global const float* intrinsics, global int4* index,
                          global float4* weight, int first, int n, int V, int R, int t, float image, float half_pixel) {
   const int id = get_global_id(0);
@@ -40,6 +51,7 @@ kernel void lift_corners(global const float* w2c, global const float* intrinsics
 #define STORE(x, p) JOIN(vstore, LANES)(x, 0, p)
 #endif
 
+// The bilinear sample of LANES channels: maps points to the first of them, at row 0. Texels of weight 0 are not read.
 static inline FLOATS sample(global const float* maps, int C, int4 at, float4 w) {
   FLOATS s = (FLOATS)(0.0f);
   if (w.x != 0.0f) s += w.x * LOAD(maps + (size_t)at.x * C);
@@ -49,6 +61,7 @@ static inline FLOATS sample(global const float* maps, int C, int4 at, float4 w) 
   return s;
 }
 
+// The same of one channel.
 static inline float sample_one(global const float* maps, int C, int4 at, float4 w) {
   float s = 0.0f;
   if (w.x != 0.0f) s += w.x * maps[(size_t)at.x * C];
@@ -58,7 +71,16 @@ static inline float sample_one(global const float* maps, int C, int4 at, float4 
   return s;
 }
 
-// Welford's recurrence: exact for equal samples, and as accurate as two passes, without keeping the samples.
+// ```
+// argument    type  shape      what
+// maps        f32   [V t t,C]  features
+// index       i32   [n,V,4]    from lift_corners
+// weight      f32   [n,V,4]    from lift_corners
+// out         f32   [n,C]      written: the biased variance of the samples over the V views
+// work-items  groups of any size, one per VOXELS voxels; a group's items share the channels, LANES at a time
+// ```
+// By Welford's recurrence, which gives exactly 0 for equal samples and is as accurate as two passes, without keeping
+// the samples.
 kernel void lift_variance_forward(global const float* maps, global const int4* index, global const float4* weight,
                                   global float* out, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
@@ -90,6 +112,15 @@ kernel void lift_variance_forward(global const float* maps, global const int4* i
   }
 }
 
+// ```
+// argument    type  shape      what
+// maps        f32   [V t t,C]  features, projected
+// index       i32   [n,V,4]    from lift_corners
+// weight      f32   [n,V,4]    from lift_corners
+// bias        f32   [C]        added to the mean
+// out         f32   [..,C]     rows first .. first + n - 1 are written: the mean of the samples over the views, + bias
+// work-items  as in lift_variance_forward
+// ```
 kernel void lift_mean_forward(global const float* maps, global const int4* index, global const float4* weight,
                               global const float* bias, global float* out, int first, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
@@ -111,7 +142,14 @@ kernel void lift_mean_forward(global const float* maps, global const int4* index
   }
 }
 
-// Backward of lift_variance_forward by the samples: dsamples [n, V, C] = 2/V (sample - mean over the views) dout [n, C].
+// Backward of lift_variance_forward by the samples, which are then scattered to the maps.
+// ```
+// argument             type  shape    what
+// maps, index, weight                 as in lift_variance_forward
+// dout                 f32   [n,C]    gradient of out
+// dsamples             f32   [n,V,C]  written: 2 / V (sample - mean over the views) dout
+// work-items           as in lift_variance_forward
+// ```
 kernel void lift_variance_backward(global const float* maps, global const int4* index, global const float4* weight,
                                    global const float* dout, global float* dsamples, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);

@@ -1,21 +1,28 @@
-// The loss on pictures, mean squared error and structural similarity, with its gradient.   (f32)
-// All are [N, H, W, 3]; a row is W3 = 3 W numbers, in which a pixel's neighbour is 3 further. Blurred fields are on the pixels
-// whose 11 x 11 window lies inside: rows of V3 = 3 (W - 10), H - 10 of them. Kernels without sums: a work-item per number, j along
-// dimension 0, guarded; y along 1; n along 2.
+// The loss on pictures, mean squared error and structural similarity (SSIM), with its gradient.
 //
-// With x clamped and the target t, everything is in m = (x + t) / 2 - 1/2 and d = x - t: 1 - SSIM is small where d is,
-// and comes out without the cancellation of nearly equal variances. With B the blur, M = B m, D = B d,
+// Pictures are [N,H,W,3]; a row is W3 = 3 W numbers, in which a pixel's neighbour is 3 further on. Blurred fields exist
+// at the pixels whose 11 x 11 window lies inside the picture: H - 10 rows of V3 = 3 (W - 10) numbers. Kernels that sum
+// nothing have work-items (j, y, n): a number of the row (guarded), row, picture.
+//
+// With the picture x clamped to [0, 1] and the target t, everything is in m = (x + t) / 2 - 1/2 and d = x - t: 1 - SSIM
+// is small where d is, and so comes out without the cancellation of nearly equal variances. With the blur B, M = B m, D
+// = B d,
 //   vm = B m^2 - M^2, vd = B d^2 - D^2, D1 = 2 (M + 1/2)^2 + D^2/2 + c1, D2 = 2 vm + vd/2 + c2 :
 //   luminance l = 1 - D^2/D1, contrast and structure cs = 1 - vd/D2, SSIM = l cs
 // which is Wang et al. 2004 with a = M + 1/2 + D/2 and b = M + 1/2 - D/2.
+// ```
+// define        default  what
+// define GROUP  64       work-items of a group that sums, a power of two
+// define EACH   32       pixels of each of them
+// ```
 #include "common.clh"
 
 #define WINDOW 11
 #ifndef GROUP
-#define GROUP 64  // work-items of a group that sums, a power of two
+#define GROUP 64
 #endif
 #ifndef EACH
-#define EACH 32  // pixels of each of them
+#define EACH 32
 #endif
 
 // exp(-k^2 / (2 1.5^2)), k = -5 ... 5, over their sum
@@ -23,7 +30,13 @@ constant float window[WINDOW] = {0.00102838008f, 0.00759875814f, 0.0360007721f, 
                                  0.213005538f,   0.266011725f,   0.213005538f,  0.10936069f,
                                  0.0360007721f,  0.00759875814f, 0.00102838008f};
 
-// m, d of the pictures and their target, count numbers.
+// ```
+// argument    type  shape    what
+// pictures    f32   [count]  pictures, not clamped
+// target      f32   [count]  targets
+// m, d        f32   [count]  written
+// work-items  one per number
+// ```
 kernel void loss_differences(global const float* restrict pictures, global const float* restrict target,
                              global float* restrict m, global float* restrict d, int count) {
   const int i = get_global_id(0);
@@ -34,7 +47,13 @@ kernel void loss_differences(global const float* restrict pictures, global const
   d[i] = x - target[i];
 }
 
-// Halves both sides: means of 2 x 2. An odd side has a row of zeros of x and t before its first, as avg_pool2d pads.
+// Halves m and d on both sides: means of 2 x 2 pixels. An odd side gets a row of x = t = 0 before its first, as
+// avg_pool2d pads.
+// ```
+// argument        type  shape     what
+// m, d            f32   [N,H,W3]  at one scale
+// half_m, half_d  f32   [N,h,3w]  written, h = ceil(H/2), w = ceil(W/2)
+// ```
 kernel void loss_halve(global const float* restrict m, global const float* restrict d, global float* restrict half_m,
                        global float* restrict half_d, int H, int W) {
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
@@ -53,7 +72,13 @@ kernel void loss_halve(global const float* restrict m, global const float* restr
   half_d[to] = 0.25f * sum_d;
 }
 
-// rows [4, N, H, V3]: m, d, m^2, d^2 blurred along x. y counts the rows of all pictures here.
+// Blurs along x.
+// ```
+// argument    type  shape     what
+// m, d        f32   [R,W3]    the rows of all pictures, R = N H
+// rows        f32   [4,R,V3]  written: m, d, m^2, d^2 blurred
+// work-items  (j, row)
+// ```
 kernel void loss_rows(global const float* restrict m, global const float* restrict d, global float* restrict rows,
                       int V3, int R) {
   const int j = get_global_id(0), y = get_global_id(1);
@@ -73,8 +98,14 @@ kernel void loss_rows(global const float* restrict m, global const float* restri
   rows[to + 3 * plane] = sdd;
 }
 
-// off [N, H - 10, V3]: 1 - SSIM, or 1 - cs where `structure`. slopes [3, N, H - 10, V3] (or null): its derivatives by
-// M and D together as x moves them (half of the one and the whole of the other), by B m^2, and by B d^2.
+// Blurs along y, and makes the similarity.
+// ```
+// argument  type  shape          what
+// rows      f32   [4,N,H,V3]     from loss_rows
+// off       f32   [N,H-10,V3]    written: 1 - SSIM, or 1 - cs where `structure` is not 0
+// slopes    f32   [3,N,H-10,V3]  written: derivatives of off by M and D together, as x moves them (half of the one and
+//                                the whole of the other), by B m^2, and by B d^2; null: not wanted
+// ```
 kernel void loss_maps(global const float* restrict rows, global float* restrict off, global float* restrict slopes,
                       int V3, int H, int N, int structure) {
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
@@ -105,8 +136,12 @@ kernel void loss_maps(global const float* restrict rows, global float* restrict 
   slopes[to + 2 * step] = by_vd;
 }
 
-// The blur's transpose along y, from slopes to [3, N, H, V3 + 60], whose rows have 30 zeros at either end. n counts the
-// pictures of all three.
+// The transpose of the blur along y.
+// ```
+// argument  type  shape         what
+// slopes    f32   [3N,H-10,V3]  from loss_maps
+// spread    f32   [3N,H,V3+60]  written; rows begin and end with 30 zeros
+// ```
 kernel void loss_backward_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H) {
   const int pad = 3 * (WINDOW - 1), valid = H - WINDOW + 1;
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
@@ -119,9 +154,18 @@ kernel void loss_backward_spread(global const float* restrict slopes, global flo
   spread[((size_t)n * H + y) * (V3 + 2 * pad) + j] = sum;
 }
 
-// dpictures [N, H, W3] at one scale: the transpose along x, by[first + 3 n + c] times the three together, and a quarter of that of
-// the next coarser scale (null: none). At the finest scale `pictures` are those that were clamped: there, + error * d, and
-// 0 where they are outside of [0, 1].
+// The gradient at one scale: the transpose of the blur along x.
+// ```
+// argument  type  shape          what
+// spread    f32   [3,N,H,V3+60]  from loss_backward_spread
+// m, d      f32   [N,H,W3]       at this scale
+// by        f32   [..]           by[first + 3 n + c] is the loss's derivative by a value of off, for plane c of picture
+//                                n
+// coarser   f32   [N,h,3w]       gradient of the next coarser scale, of which a quarter is added; null: none
+// pictures  f32   [N,H,W3]       at the finest scale the pictures as they came, else null: there error * d is added,
+//                                and the gradient is 0 where the picture is outside of [0, 1]
+// gradient  f32   [N,H,W3]       written
+// ```
 kernel void loss_backward(global const float* restrict spread, global const float* restrict m,
                           global const float* restrict d, global const float* restrict by,
                           global const float* restrict coarser, global const float* restrict pictures,
@@ -149,7 +193,14 @@ kernel void loss_backward(global const float* restrict spread, global const floa
   dpictures[at] = sum;
 }
 
-// sums [N, blocks, 3]: of x [N, pixels, 3], or of its squares, over GROUP * EACH pixels each. Groups (blocks, N).
+// Sums of a picture's planes, or of their squares, over blocks of GROUP * EACH pixels.
+// ```
+// argument    type  shape         what
+// x           f32   [N,pixels,3]  what is summed
+// sums        f32   [N,blocks,3]  written
+// squares     int                 where not 0, squares are summed
+// work-items  groups of GROUP: (block, n)
+// ```
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(global const float* restrict x,
                                                                          global float* restrict sums, int pixels,
                                                                          int squares) {
@@ -170,7 +221,13 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(global 
     for (int c = 0; c < 3; ++c) sums[((size_t)n * get_num_groups(0) + block) * 3 + c] = part[c][0];
 }
 
-// means[first + i], i = 3 n + c, from those sums. A work-item each, planes = 3 N of them; Kahan's summation.
+// Means from those sums, by Kahan's summation.
+// ```
+// argument    type  shape         what
+// sums        f32   [N,blocks,3]  from loss_sums
+// means       f32   [..]          means[first + i] is written, i = 3 n + c
+// work-items  one per plane, 3 N of them
+// ```
 kernel void loss_means(global const float* restrict sums, global float* restrict means, int planes, int blocks,
                        int pixels, int first) {
   const int i = get_global_id(0);
@@ -185,9 +242,17 @@ kernel void loss_means(global const float* restrict sums, global float* restrict
   means[first + i] = sum / pixels;
 }
 
-// From means [1 + scales, planes], of d^2 and then of `off` scale by scale: out [3] = loss, mean squared error, similarity, and
-// by [scales, planes], what loss_backward takes, times gradient_scale. H and W are those of the pictures. One work-item.
-// One scale: the mean of SSIM. Five: the mean over planes of the product of each scale's positive part to its power.
+// The loss from the means. With one scale the similarity is the mean of SSIM; with five it is the mean over planes of
+// the product, over the scales, of the positive part of each to its power.
+// ```
+// argument    type   shape              what
+// means       f32    [1+scales,planes]  of d^2, then of off scale by scale
+// out         f32    [3]                written: loss, mean squared error, similarity
+// by          f32    [scales,planes]    written: what loss_backward takes, times gradient_scale
+// H, W        int                       of the pictures at the finest scale
+// weight      float                     of the similarity in the loss
+// work-items  one
+// ```
 kernel void loss_value(global const float* restrict means, global float* restrict out, global float* restrict by, int H,
                        int W, int planes, int scales, float weight, float gradient_scale) {
   const float power[5] = {0.0448f, 0.2856f, 0.3001f, 0.2363f, 0.1333f};

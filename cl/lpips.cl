@@ -1,8 +1,15 @@
-// What LPIPS takes beside GEMMs: maps that make convolutions of pictures GEMMs, ReLU, pooling, distances of features.
-// Pictures are [H, W, C], channels last; [h, w] are the places of a window of side x side, `stride` apart. A work-item per
-// element of the output, in both flavours: next to the GEMMs this is nothing.
+// What LPIPS (a distance of pictures by the features of a network) takes beside GEMMs: maps that make GEMMs of the
+// convolutions of pictures, ReLU, pooling, distances of features. Pictures are [H,W,C], channels last. A window has
+// side x side pixels; [h,w] are its places, `stride` pixels apart. One work-item per element of the output, in both
+// flavours: beside the GEMMs this costs nothing.
 
-// map [h w, side side]: for each place the rows of the picture under the window, -1 outside of it, which begins `pad` before it.
+// ```
+// argument  type  shape           what
+// map       i32   [hw,side side]  written: for each place the rows (y W + x) of the picture under the window; -1
+//                                 outside of the picture
+// N         int                   elements of map
+// pad       int                   by how many pixels the first window begins before the picture
+// ```
 kernel void lpips_map(global int* map, int N, int H, int W, int w, int side, int stride, int pad) {
   const int i = get_global_id(0);
   if (i >= N) return;
@@ -11,13 +18,21 @@ kernel void lpips_map(global int* map, int N, int H, int W, int w, int side, int
   map[i] = y >= 0 && y < H && x >= 0 && x < W ? y * W + x : -1;
 }
 
-// x [N], in place.
+// ```
+// argument  type  shape  what
+// x         f32   [N]    in place: the larger of x and 0
+// ```
 kernel void lpips_relu(global float* x, int N) {
   const int i = get_global_id(0);
   if (i < N) x[i] = x[i] < 0.0f ? 0.0f : x[i];  // not fmax, which would hide a NaN
 }
 
-// out [h, w, C]: the largest value under each window, all of which lie in the picture.
+// ```
+// argument  type  shape    what
+// in        f32   [H,W,C]  a picture
+// out       f32   [h,w,C]  written: the largest value under each window, all of which lie in the picture
+// N         int            elements of out
+// ```
 kernel void lpips_pool(global const float* in, global float* out, int N, int W, int C, int w, int side, int stride) {
   const int i = get_global_id(0);
   if (i >= N) return;
@@ -30,10 +45,17 @@ kernel void lpips_pool(global const float* in, global float* out, int N, int W, 
   out[i] = most;
 }
 
-// Equal features have distance 0: neither product is fused with the difference.
+// No fused multiplication and addition from here on, so that equal features have distance 0: both products are rounded
+// alike.
 #pragma OPENCL FP_CONTRACT OFF
 
-// out [P]: sum over c of weight[c] (a[c] / |a| - b[c] / |b|)^2, where a, b [P, C] are a place's features and |.| has 1e-10 more.
+// ```
+// argument  type  shape  what
+// a, b      f32   [P,C]  features of P places of two pictures
+// weight    f32   [C]    of each channel
+// out       f32   [P]    written: sum over c of weight[c] (a[c] / |a| - b[c] / |b|)^2, where 1e-10 is added to |a| and
+//                        |b|
+// ```
 kernel void lpips_distance(global const float* a, global const float* b, global const float* weight, global float* out,
                            int P, int C) {
   const int p = get_global_id(0);

@@ -1,23 +1,18 @@
-// What surrounds the patch embedding's GEMM (a convolution whose stride is its size p): its rows, and the tokens'
-// positions.
-//   images [V, S, S, 3] in [0,1], t = S / p patches along an edge
-//   rows   [V (1 + t t), 3 p p]  ((image - mean) / deviation), channel, then y, then x, as PyTorch stores the weight;
-//   the class
-//                                token's row of each view is zero
-//   tokens [V, 1 + t t, C]       the GEMM's result; in place: + position [1 + t t, C]. The class token becomes its own
-//   row of
-//                                `position`, which holds class token plus position
-// Backward, from dtokens [V, 1 + t t, C]:
-//   dposition [1 + t t, C]  the sum over the views
-//   dpatches  [t t, C]      the same without the class token, whose row the GEMM's result never reached
-// patch_embed_rows: one work-item per line of a patch, (y, patch, view). patch_embed_forward_tokens: one per 4 channels, (C / 4 rounded up,
-// token, view).
-// patch_embed_backward_positions: one per (channel, token).
+// What stands around the GEMM of the patch embedding, which is a convolution whose stride is its size p: the GEMM's
+// rows before it, the tokens' positions after it. A picture has t x t patches, t = S / p.
 #include "common.clh"
 
+// The mean and standard deviation of the pictures that the encoder was trained on (ImageNet), for red, green and blue.
 constant float image_mean[3] = {0.485f, 0.456f, 0.406f};
 constant float image_deviation[3] = {0.229f, 0.224f, 0.225f};
 
+// ```
+// argument    type  shape         what
+// images      f32   [V,S,S,3]     pictures, each value in [0, 1]
+// rows        f32   [V,1+tt,3pp]  written: (image - mean) / deviation; of a row the channel is slowest, then y, then x,
+//                                 as PyTorch stores the weight; the class token's row of each view is zero
+// work-items  (y, patch, view): one per line of pixels of a patch; patch 0 is the class token's row
+// ```
 kernel void patch_embed_rows(global const float* images, global float* rows, int V, int S, int p) {
   const int y = get_global_id(0), patch = get_global_id(1), v = get_global_id(2);
   const int t = S / p;
@@ -34,6 +29,12 @@ kernel void patch_embed_rows(global const float* images, global float* rows, int
     for (int x = 0; x < p; ++x) to[(size_t)c * p * p + x] = (from[3 * x + c] - image_mean[c]) / image_deviation[c];
 }
 
+// ```
+// argument    type  shape    what
+// position    f32   [T,C]    positions of T = 1 + t t tokens; row 0 holds class token plus position
+// tokens      f32   [V,T,C]  the GEMM's result, in place: + position. The class token becomes its row of `position`
+// work-items  (4 channels, token, view)
+// ```
 kernel void patch_embed_forward_tokens(global const float* position, global float* tokens, int V, int T, int C) {
   const int c0 = get_global_id(0) * 4, token = get_global_id(1), v = get_global_id(2);
   if (c0 >= C || token >= T || v >= V) return;
@@ -43,6 +44,14 @@ kernel void patch_embed_forward_tokens(global const float* position, global floa
   for (int c = 0; c < count; ++c) to[c] = token == 0 ? from[c] : to[c] + from[c];
 }
 
+// Backward of patch_embed_forward_tokens.
+// ```
+// argument    type  shape    what
+// dtokens     f32   [V,T,C]  gradient of the tokens, T = 1 + t t
+// dposition   f32   [T,C]    written: the sum over the views
+// dpatches    f32   [T-1,C]  written: the same without the class token, whose row the GEMM's result never reached
+// work-items  (channel, token)
+// ```
 kernel void patch_embed_backward_positions(global const float* dtokens, global float* dposition, global float* dpatches,
                                            int V, int T, int C) {
   const int c = get_global_id(0), token = get_global_id(1);

@@ -1,5 +1,10 @@
-// What the device can do at the most: independent multiply-adds, and a stream through memory. Results are written so that nothing is
-// optimised away.
+// What the device can do at the most: independent multiply-adds, and a stream through memory. Results are written so
+// that the compiler cannot leave the work out.
+// ```
+// define         default  what
+// define WIDTH   4        numbers in a vector
+// define CHAINS  8        independent sums, each a vector
+// ```
 #include "common.clh"
 
 #ifndef WIDTH
@@ -14,7 +19,14 @@
 #define STORE CAT(vstore, WIDTH)
 #define LOAD CAT(vload, WIDTH)
 
-// Each work-item does steps * CHAINS * WIDTH multiply-adds. out [work-items, WIDTH]
+// Multiply-adds alone: steps * CHAINS * WIDTH of them in each work-item.
+// ```
+// argument    type   shape               what
+// steps       int                        rounds
+// a           float                      any number that the compiler does not know
+// out         f32    [work-items,WIDTH]  written
+// work-items  any number
+// ```
 kernel void peak_fma(int steps, float a, global float* out) {
   const size_t i = get_global_id(0);
   const VEC b = (VEC)(a * 0.5f), c = (VEC)(a);
@@ -31,7 +43,15 @@ kernel void peak_fma(int steps, float a, global float* out) {
   STORE(sum, i, out);
 }
 
-// y = a + s b over n vectors: two reads and a write of each. One work-item per vector.
+// Memory alone: y = a + s b, two reads and a write of each vector.
+// ```
+// argument    type   shape      what
+// n           int               vectors
+// s           float             factor
+// a, b        f32    [n,WIDTH]  read
+// y           f32    [n,WIDTH]  written
+// work-items  one per vector
+// ```
 kernel void peak_stream(int n, float s, global const float* a, global const float* b, global float* y) {
   const size_t i = get_global_id(0);
   if (i < (size_t)n) STORE(FMA(LOAD(i, b), (VEC)(s), LOAD(i, a)), i, y);

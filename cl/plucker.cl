@@ -1,9 +1,14 @@
-// The ray through the centre of every patch: its unit direction d and moment o x d (o: the camera's centre), each as
-// real spherical harmonics to degree 3, written as polynomials so that they hold off the unit sphere, too (index n (n +
-// 1) + m).
-//   c2w [V, 4, 4] row-major, OpenCV axes; intrinsics [V, 4]: fx, fy, cx, cy in pixels; patch: pixels
-//   out [V, t, t, 32]: 16 of the direction, 16 of the moment
-// One work-item per patch.
+// The camera ray through the centre of every patch, as numbers that the network reads: its unit direction d and its
+// moment o x d (o: the camera's centre), each as the 16 real spherical harmonics up to degree 3 (index n (n + 1) + m).
+// They are written as polynomials, so that they are defined off the unit sphere too.
+// ```
+// argument    type   shape       what
+// c2w         f32    [V,4,4]     camera to world, row-major, x right, y down, z forward
+// intrinsics  f32    [V,4]       fx, fy, cx, cy in pixels
+// out         f32    [V,t,t,32]  written: 16 numbers of the direction, 16 of the moment
+// patch       float              edge of a patch, pixels
+// work-items  one per patch
+// ```
 #include "common.clh"
 
 static inline void real_sh3(float3 p, global float* out) {

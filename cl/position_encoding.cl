@@ -1,6 +1,11 @@
-// x, then sin(2^i x) and cos(2^i x) for i = 0..BANDS-1, three values each: 3 + 6 BANDS columns.
-//   points [P,3]   out [P,W], written from `column` on   (f32)
-// A work-item per point. sin and cos are the accurate ones: 2^9 x is far outside the first period.
+// Positions as sines and cosines: x itself, then sin(2^i x) and cos(2^i x) for i = 0 .. BANDS-1, three values each.
+// ```
+// argument    type  shape  what
+// points      f32   [P,3]  x
+// out         f32   [P,W]  columns column .. column + 3 + 6 BANDS - 1 are written; the others stay
+// work-items  one per point
+// ```
+// sin and cos are the accurate ones, since 2^9 x is far outside the first period.
 #define BANDS 10
 
 kernel void position_encoding_forward(global const float* restrict points, global float* restrict out, int P, int W,
@@ -17,7 +22,14 @@ kernel void position_encoding_forward(global const float* restrict points, globa
   }
 }
 
-// Backward: dpoints [P,3], to row p of which is added what dout [P,W]'s columns from `column` on make of it. A work-item per point.
+// Backward.
+// ```
+// argument    type  shape  what
+// points      f32   [P,3]  x
+// dout        f32   [P,W]  gradient of out, of which the forward's columns are read
+// dpoints     f32   [P,3]  added to
+// work-items  one per point
+// ```
 kernel void position_encoding_backward(global const float* restrict points, global const float* restrict dout,
                                        global float* restrict dpoints, int P, int W, int column) {
   const int p = get_global_id(0);

@@ -1,12 +1,17 @@
-// The stored position embedding (g x g tokens) on the token grid (t x t), separably, and the class token's row.
-//   stored [1 + g g, C], class_token [C], out [1 + t t, C]
-//   first  i32 [t]     the first stored row (or column) that an output row (or column) draws on
-//   weight [t, n]      how much of each of n from there on; those beyond g have weight 0
-// out[0] = stored[0] + class_token. Backward: the same with the transposed tables, from dout to dstored, which is added to; what
-// reaches out's first row reaches both dstored's and dclass. One work-item per (channel, token).
+// The stored position embedding (a grid of g x g tokens) on the token grid of the input (t x t), along each axis by
+// itself, and the class token's row.
+// ```
+// argument     type  shape     what
+// stored       f32   [1+gg,C]  stored embedding, the class token's row first
+// class_token  f32   [C]       class token
+// first        i32   [t]       the first stored row (or column) that an output row (or column) draws on
+// weight       f32   [t,n]     how much it draws on each of n from there on; 0 for those beyond the grid
+// out          f32   [1+tt,C]  written: resampled; out[0] = stored[0] + class_token
+// work-items   (channel, token)
+// ```
 #include "common.clh"
 
-// Row `token` > 0 of what a grid of `from` x `from` tokens becomes on one of to x to.
+// Row `token` > 0 of what a grid of `from` x `from` tokens becomes on a grid of `to` x `to`.
 static inline float resampled(global const float* grid, global const int* first, global const float* weight, int token,
                               int from, int to, int n, int C, int c) {
   const int y = (token - 1) / to, x = (token - 1) % to;
@@ -32,7 +37,16 @@ kernel void position_resample_forward(global const float* stored, global const f
       token == 0 ? stored[c] + class_token[c] : resampled(stored, first, weight, token, g, t, n, C, c);
 }
 
-// first [g], weight [g, n]: the output rows (or columns) that draw on a stored one, and how much each does.
+// Backward: the same with the transposed tables, and with the grids exchanged.
+// ```
+// argument    type  shape     what
+// dout        f32   [1+tt,C]  gradient of out
+// first       i32   [g]       the first output row (or column) that draws on a stored row (or column)
+// weight      f32   [g,n]     how much each of n from there on does
+// dstored     f32   [1+gg,C]  added to
+// dclass      f32   [C]       added to, by dout's first row
+// work-items  (channel, token)
+// ```
 kernel void position_resample_backward(global const float* dout, global const int* first, global const float* weight,
                                        global float* dstored, global float* dclass, int g, int t, int n, int C) {
   const int c = get_global_id(0), token = get_global_id(1);

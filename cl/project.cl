@@ -1,20 +1,31 @@
-// Gaussians to the picture: 3D Gaussian splatting's projection, WIDTH Gaussians (1 or 16) per work-item.
-//   means [K,3], scales [K,3] (standard deviations), quats [K,4] (w x y z, any length > 0), opacities [K],
-//   sh [K,S,3], S = 1, 4, 9 or 16; world units. They may be a chunk of a larger scene, whose Gaussian `base` comes first.
-//   views [V,32], of which camera `view`: 0-8 rotation world-to-camera row-major, 9-11 camera centre and 12-14 what rounding took from it,
-//   15-18 fx fy cx cy (pixels, pixel centres at +0.5), 19-20 largest |x/z|, |y/z| in the Jacobian, 21 near (>= 0),
-//   22-24 where colours are seen from, 25-27 what rounding took from it.
-// project_cull, for every Gaussian of the chunk, at its place in the scene:
-//   rects [.,2]: x0 | x1 << 16 and y0 | y1 << 16, tiles of 16 x 16 pixels, end exclusive; 0, 0 where culled (z <= near,
-//     opacity < 1/255, outside, not finite). The square of tiles that the 3-sigma radius touches, less those in which
-//     alpha stays below 1/255 everywhere.
-//   keys [.]: z's bits, which order as z does (of those that are not culled).
-// project, for those that are seen, ids [n] (indices into the scene), writes
-//   records [n,12]: u, v (pixels), reach (pixels: alpha < 1/255 where |dy| is more), z (camera);
-//     log2(opacity), k, qx, qy with log2 alpha = log2(opacity) + qx dx^2 + qy (dy - k dx)^2: a sum of squares, in which
-//     nothing cancels however thin the Gaussian;  r, g, b, 0.
-// Here det = |s1 x s2|^2 + 0.3 (a + c) + 0.09 by the cross product of the Jacobian's rows, which is exact for needles
-// and discs where a c - b^2 is not.
+// Gaussians to the picture: the projection of 3D Gaussian splatting.
+// ```
+// argument      type  shape    what
+// means         f32   [K,3]    world units. The K Gaussians may be a chunk of a larger scene, whose Gaussian `base`
+//                              comes first
+// scales        f32   [K,3]    standard deviations, world units
+// quats         f32   [K,4]    w x y z, of any length > 0
+// opacities     f32   [K]      o, in 0 to 1
+// sh            f32   [K,S,3]  spherical harmonics, S = 1, 4, 9 or 16 coefficients
+// views         f32   [..,32]  cameras, of which `view` is meant
+// define WIDTH                 Gaussians of a work-item, 1 or 16
+// work-items    one per WIDTH Gaussians, in both kernels
+// ```
+// A camera's numbers:
+// ```
+// numbers   what
+// 0 .. 8    rotation world to camera, row-major
+// 9 .. 11   the camera's centre
+// 12 .. 14  what rounding took from the centre: the two add up to it
+// 15 .. 18  fx, fy, cx, cy in pixels; pixel centres are at + 0.5
+// 19, 20    the largest |x/z| and |y/z| that enter the Jacobian
+// 21        near plane, >= 0
+// 22 .. 24  where colours are seen from
+// 25 .. 27  what rounding took from that
+// ```
+// The covariance [a b; b c] of a Gaussian in the picture has the determinant det = |s1 x s2|^2 + 0.3 (a + c) + 0.09,
+// with a and c before 0.3 is added to them, by the cross product of the Jacobian's rows: exact for needles and discs,
+// where a c - b^2 is not.
 #include "rasterize.clh"
 
 #define DILATION 0.3f
@@ -44,8 +55,8 @@ typedef struct {
 
 static inline real dot3(real3 a, real3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// WIDTH of the chunk's Gaussians: those from `first` on, or where `ids` are given those of them (less `base`). Past the
-// last of the n the last one comes again.
+// WIDTH of the chunk's Gaussians: numbers `first` and up of the n, or of the `ids` where these are given (less `base`).
+// Beyond the n-th the last one is repeated.
 typedef struct {
   real3 mean, scale;
   real w, i, j, k, opacity;  // quaternion w + i + j + k
@@ -61,7 +72,7 @@ static inline Batch load_batch(global const float* means, global const float* sc
   return out;
 }
 #else
-// 16 rows of three, apart.
+// 16 rows of three numbers, as three vectors.
 static inline real3 load_rows(global const float* p) {
   const float16 a = vload16(0, p), b = vload16(1, p), c = vload16(2, p);
   const real3 out = {(float16)(a.s0369, a.scf, b.s258b, b.se, c.s147a, c.sd),
@@ -104,7 +115,8 @@ static inline Batch load_batch(global const float* means, global const float* sc
 }
 #endif
 
-// The 2D Gaussian: covariance [a b; b c] in pixels^2 about (u, v), its determinant, and a0 - c0 without rounding's loss.
+// The Gaussian in the picture: covariance [a b; b c] in pixels^2 about (u, v), its determinant, and (a - c) / 2 without
+// the rounding of the 0.3 that is added to both.
 typedef struct {
   real u, v, z, a, b, c, det, half_diff;
 } Shape;
@@ -128,7 +140,7 @@ static inline Shape shape_of(Batch g, global const float* camera) {
   const real3 j2 = {fyz * (w3 - sy * w6), fyz * (w4 - sy * w7), fyz * (w5 - sy * w8)};
   const real3 jn = {fn * (sx * w0 + sy * w3 + w6), fn * (sx * w1 + sy * w4 + w7), fn * (sx * w2 + sy * w5 + w8)};
   const real q2 = g.w * g.w + g.i * g.i + g.j * g.j + g.k * g.k;
-  // With the quaternion as long as it is, half of it scaled by 2 / |q|^2: none at all is no rotation.
+  // The rotation of a quaternion of any length has products of its numbers times 2 / |q|^2; length 0 is no rotation.
   const real n = select((real)(0.0f), 2.0f / q2, q2 > 0.0f);
   const real3 r0 = {1.0f - n * (g.j * g.j + g.k * g.k), n * (g.i * g.j + g.w * g.k), n * (g.i * g.k - g.w * g.j)};
   const real3 r1 = {n * (g.i * g.j - g.w * g.k), 1.0f - n * (g.i * g.i + g.k * g.k), n * (g.j * g.k + g.w * g.i)};
@@ -146,8 +158,8 @@ static inline Shape shape_of(Batch g, global const float* camera) {
   return s;
 }
 
-// log2 of a normal number > 0: x = 2^e m with m within sqrt(2) of 1, and log m = 2 atanh((m - 1) / (m + 1)) by its series,
-// 1e-7 off at the most. (A driver's own may take vectors apart.)
+// log2 of a normal number > 0, wrong by 1e-7 at the most: x = 2^e m with m between 1 / sqrt(2) and sqrt(2), and log m =
+// 2 atanh((m - 1) / (m + 1)) by its series. (A driver's own log2 may take vectors apart.)
 static inline real log2_of(real x) {
   const ireal bits = AS_IREAL(x) - 0x3f3504f3;
   const real m = AS_REAL((bits & 0x007fffff) + 0x3f3504f3), s = (m - 1.0f) / (m + 1.0f), s2 = s * s;
@@ -157,13 +169,15 @@ static inline real log2_of(real x) {
   return FMA(2.0f * LOG2E * s, series, TO_REAL(bits >> 23));
 }
 
-// alpha >= 1/255 within sqrt(2 ln(255 o)) standard deviations; a little more, so that rounding cannot matter.
+// How many standard deviations from its middle a Gaussian's alpha can reach 1/255: sqrt(2 ln(255 o)), and a little
+// more, so that rounding cannot matter.
 static inline real sigmas_of(real log2_opacity) {
   return sqrt(max((2.0f / LOG2E) * (log2_opacity + LOG2_255), 0.0f) + 1e-5f) * 1.001f;
 }
 
-// Tiles from x0 to x1 along one axis, of `tiles`, as x0 | x1 << 16: those of the reference's square (about u - 0.5, cut
-// off, not rounded down), and of them those with a pixel centre within `reach` of u. 0 if there is none.
+// Tiles from x0 to x1 along one axis, of `tiles`, as x0 | x1 << 16: those of the original rasteriser's square (about u
+// - 0.5; fractions are cut off towards 0, not rounded down), and of them those with a pixel centre within `reach` of u.
+// 0 if there is none.
 static inline ureal tile_span(real u, real radius, real reach, float tiles) {
   const real ud = u - 0.5f, none = 0.0f, most = tiles;
   const real x0 = clamp((ud - radius) * (1.0f / TILE), none, most);
@@ -174,6 +188,18 @@ static inline ureal tile_span(real u, real radius, real reach, float tiles) {
   return select((ureal)(0), from | to << 16, from < to);
 }
 
+// For every Gaussian of the chunk, at its place in the scene:
+// ```
+// argument          type  shape   what
+// rects             u32   [..,2]  written: x0 | x1 << 16 and y0 | y1 << 16 of the tiles of 16 x 16 pixels that it may
+//                                 touch, ends exclusive; 0, 0 where it is culled (z <= near, opacity < 1/255, outside,
+//                                 not finite). They are the square of tiles that the 3-sigma radius touches, less those
+//                                 in which alpha stays below 1/255 everywhere
+// keys              u32   [..]    written: the bits of its camera z, which order as z does (of those that are not
+//                                 culled)
+// n                 int           Gaussians of the chunk
+// tiles_x, tiles_y  int           tiles of the picture
+// ```
 kernel void project_cull(global const float* means, global const float* scales, global const float* quats,
                          global const float* opacities, global const float* views, int view, global uint* rects,
                          global uint* keys, int base, int n, int tiles_x, int tiles_y) {
@@ -186,7 +212,7 @@ kernel void project_cull(global const float* means, global const float* scales, 
       ceil(3.0f * sqrt(0.5f * (s.a + s.c) + sqrt(max(s.half_diff * s.half_diff + s.b * s.b, (real)(0.1f)))));
   const real sigmas = sigmas_of(log2_of(g.opacity));
   const real reach_x = sigmas * sqrt(s.a) + 0.01f, reach_y = sigmas * sqrt(s.c) + 0.01f;
-  // Far outside, or not a number at all: sums of these are neither.
+  // Not finite where any of them is infinite or no number.
   const real finite = (s.u + s.v) + (s.det + radius) + (reach_x + reach_y);
   const ireal seen = (s.z > camera[21]) & (g.opacity >= MIN_ALPHA) & isfinite(finite);
   const ureal x = tile_span(s.u, radius, reach_x, tiles_x), y = tile_span(s.v, radius, reach_y, tiles_y);
@@ -246,6 +272,23 @@ static inline void sh_basis(real3 d, int count, real* basis) {
   }
 }
 
+// For the n Gaussians ids[from] .. ids[from + n - 1] (indices into the scene):
+// ```
+// argument  type  shape    what
+// ids       u32   [..]     those that are seen
+// records   f32   [..,12]  written: rows from .. from + n - 1
+// ```
+// A record is:
+// ```
+// numbers  what
+// 0, 1     u, v: where the middle is, pixels
+// 2        reach: alpha < 1/255 where |dy| is more, pixels
+// 3        z in the camera
+// 4 .. 7   log2 o, k, qx, qy, with log2 alpha = log2 o + qx dx^2 + qy (dy - k dx)^2 (o: opacity): a sum of squares, in
+//          which nothing cancels however thin the Gaussian is
+// 8 .. 10  red, green, blue
+// 11       0
+// ```
 kernel void project_forward(global const float* means, global const float* scales, global const float* quats,
                             global const float* opacities, global const float* sh, global const float* views, int view,
                             global const uint* ids, global float* records, int base, int from, int n, int S) {
@@ -288,9 +331,8 @@ kernel void project_forward(global const float* means, global const float* scale
   const int end = min(n - first, 16);
   for (int l = 0; l < end; ++l) {
     global const float* c = sh + (size_t)(ids[first + l] - base) * S * 3;
-   private
-    const float* b = (private const float*)basis + l;
-    // Four at a time; the next coefficient's red comes along and goes unused.
+    const float* b = (const float*)basis + l;
+    // Four numbers at a time: the next coefficient's red comes along and is not used.
     float4 even = 0.5f, odd = 0.0f;
     int i = 0;
     for (; i + 2 < S; i += 2) {

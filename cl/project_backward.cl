@@ -1,26 +1,39 @@
-// Projection (project.cl) differentiated: from the rows of rasterize_backward.cl to gradients of the Gaussians, one work-item
-// per visible Gaussian, and of the camera's pose.
-//   means [K,3], scales [K,3], quats [K,4], opacities [K], sh [K,S,3], views [V,32], view: as project.cl takes them, a chunk of a
-//   larger scene whose Gaussian `base` comes first; mirrored: whether colours are seen from the camera's mirror image.
-//   ids [N]: which of the scene each of the N visible ones is, those that are not of the chunk are left to others; records [N,12]; rows [M,10], touched [M], of which those of visible
-//   Gaussian i are offsets[i] to offsets[i + 1] (offsets [N+1]).
-//   Adds to dmeans, dscales, dquats (by the quaternion as given, of whatever length), dopacities, dsh, shaped as above.
-//   twists [N,6], where it is not null: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
-// What is constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
+// Projection (project.cl) differentiated: from the rows of rasterize_backward.cl to gradients of the Gaussians and of
+// the camera's pose.
+// ```
+// argument         type  shape    what
+// means .. view                   as in project.cl: a chunk of a larger scene, whose Gaussian `base` comes first
+// mirrored         int            whether colours are seen from the camera's mirror image
+// ids              u32   [N]      the visible Gaussians, as indices into the scene; those that are not of the chunk are
+//                                 left to other launches
+// records          f32   [N,12]   of the visible Gaussians, as project.cl writes them
+// rows             f32   [M,10]   of the intersections, as rasterize_backward.cl writes them
+// touched          u8    [M]      whether a row was written
+// offsets          u32   [N+1]    visible Gaussian i has the rows offsets[i] .. offsets[i + 1] - 1
+// dmeans, dscales  f32   [K,3]    added to
+// dquats           f32   [K,4]    added to: by the quaternion as given, of whatever length
+// dopacities       f32   [K]      added to
+// dsh              f32   [K,S,3]  added to
+// twists           f32   [N,6]    written: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times
+//                                 world to camera; null: not wanted
+// work-items       one per visible Gaussian
+// ```
+// Constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
 #include "common.clh"
 
 #define COLUMNS 10
 #define LN2 0.693147180559945309f
 
-// Of coefficient i, with its basis function and the function's gradient: adds to the coefficient's gradient, returns the
-// direction's.
+// For coefficient i, with the value of its basis function and that function's gradient: adds to the coefficient's
+// gradient, and returns the direction's.
 static inline float3 sh_term(global const float* sh, global float* dsh, int i, float3 by_colour, float basis,
                              float3 slope) {
   vstore3(vload3(i, dsh) + basis * by_colour, i, dsh);
   return dot(vload3(i, sh), by_colour) * slope;
 }
 
-// project.cl's sh_colour; returns the gradient by the unit direction d.
+// Backward of project.cl's colour: adds to the gradients of the coefficients, and returns the gradient by the unit
+// direction d.
 static inline float3 sh_backward(global const float* sh, global float* dsh, int count, float3 d, float3 by_colour) {
 #define TERM(i, scale, basis, sx, sy, sz) \
   sum += sh_term(sh, dsh, i, by_colour, (scale) * (basis), (scale) * (float3)(sx, sy, sz))
@@ -52,7 +65,8 @@ static inline float3 sh_backward(global const float* sh, global float* dsh, int 
   return sum;
 }
 
-// From the gradient by a unit quaternion's rotation matrix, of which c0, c1, c2 are the columns, to the quaternion's (w x y z).
+// From the gradient by the rotation matrix of a unit quaternion q (c0, c1, c2: its columns) to the gradient by q (w x y
+// z).
 static inline float4 rotation_backward(float4 q, float3 c0, float3 c1, float3 c2) {
   const float w = q.x, x = q.y, y = q.z, z = q.w;
   return 2.0f * (float4)(x * (c1.z - c2.y) + y * (c2.x - c0.z) + z * (c0.y - c1.x),
@@ -85,8 +99,8 @@ kernel void project_backward(global const float* means, global const float* scal
     for (int i = 0; i < 6; ++i) twists[(size_t)n * 6 + i] = 0.0f;
   if (!seen) return;
 
-  // With p = covariance^-1 (place - pixel), which is linear in dx and t: the sums of h p and of h p p^T, from which the
-  // loss's derivative by the place is the one negated, and that by the covariance half of the other.
+  // With p = covariance^-1 (place - pixel), which is linear in dx and t, these are the sums of h p and of h p p^T. The
+  // loss's derivative by the place is the first, negated; that by the covariance is half of the second.
   const float4 form = vload4(1, records + (size_t)n * 12), tint = vload4(2, records + (size_t)n * 12);
   const float k = form.y, X = -2.0f * LN2 * form.z, Y = -2.0f * LN2 * form.w;
   const float py = Y * low.s2, px = X * low.s1 - k * py;
@@ -142,7 +156,7 @@ kernel void project_backward(global const float* means, global const float* scal
   add3(by_mean + by_from, i, dmeans);
 
   if (twists) {
-    // A turn moves the place and turns J W; a shift by tau moves the place and, by -W^T tau, the camera's centre.
+    // A turn moves the place and turns J W. A shift by tau moves the place and, by -W^T tau, the camera's centre.
     const float3 place = (float3)(dot(W0, d), dot(W1, d), z);
     const float3 c1 = (float3)(dot(W0, by_j1), dot(W1, by_j1), dot(W2, by_j1));
     const float3 c2 = (float3)(dot(W0, by_j2), dot(W1, by_j2), dot(W2, by_j2));
@@ -153,7 +167,13 @@ kernel void project_backward(global const float* means, global const float* scal
   }
 }
 
-// sums [ceil(N / block), 6] of twists [N,6]: in order, so that they are the same every time.
+// The gradient by the pose: sums of the twists, in order, so that they are the same every time.
+// ```
+// argument    type  shape       what
+// twists      f32   [N,6]       from project_backward
+// sums        f32   [blocks,6]  written: sums over `block` Gaussians each, blocks = ceil(N / block)
+// work-items  one per number of sums
+// ```
 kernel void project_backward_pose(global const float* twists, global float* sums, int N, int block, int blocks) {
   const int at = get_global_id(0);
   if (at >= blocks * 6) return;

@@ -1,17 +1,29 @@
-// The selected voxels' features as the views see them: each point's bilinear samples, averaged with weights that fall with the
-// distance to the view.
-//   features [V,t,t,C]   points [P,3]   w2c, c2w [V,4,4]   intrinsics [V,4]   out [P,C]   (f32)
-//   out[p] = sum_v a_v sample_v(p) / sum_v a_v with a_v = 1 / (d + 1e-6), d the camera's depth, or with by_distance the distance.
-// _cpu: a work-item per point. _gpu: work-items (lane, p), the lanes of a point share its channels. Both add up in `out`, view by view.
+// The selected voxels' features as the views see them: the bilinear samples of each point, averaged over the views,
+//   out[p] = sum_v a_v sample_v(p) / sum_v a_v,   a_v = 1 / (d + 1e-6),
+// where d is the point's depth in the camera or, with by_distance, its distance from the camera.
+// ```
+// argument    type   shape      what
+// features    f32    [V,t,t,C]  feature maps
+// points      f32    [P,3]      in the object's frame
+// w2c         f32    [V,4,4]    object's frame to camera, row-major
+// c2w         f32    [V,4,4]    camera to object's frame, row-major
+// intrinsics  f32    [V,4]      fx, fy, cx, cy in pixels
+// out         f32    [P,C]      written
+// image       float             edge of a picture, pixels
+// half_pixel  float             0 or 0.5, see sample.clh
+// work-items  cpu: one per point; gpu: (lane, point), where the lanes of a point share its channels
+// ```
+// Both flavours sum in `out`, view by view.
 #include "sample.clh"
 #include "vector16.clh"
 
+// a_v of a point, for the view whose c2w is given.
 static inline float view_weight(float3 point, global const float* c2w, float depth, int by_distance) {
   const float d = by_distance ? length(point - (float3)(c2w[3], c2w[7], c2w[11])) : depth;
   return 1.0f / (d + 1e-6f);
 }
 
-// The views' weights of a point, added up.
+// The sum of a_v over the views.
 static inline float weight_of_views(float3 point, global const float* w2c, global const float* c2w, int V,
                                     int by_distance) {
   float total = 0.0f;
@@ -22,7 +34,7 @@ static inline float weight_of_views(float3 point, global const float* w2c, globa
   return total;
 }
 
-// Where view v sees the point: p0..p3 at the first channel of its four texels, with their weights.
+// What view v adds to a point: p0 .. p3 point to the first channels of its four texels, a holds their weights.
 #define TEXELS(v)                                                                                  \
   const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t); \
   const float4 a = f.weight * (view_weight(point, c2w + 16 * v, f.depth, by_distance) / total);    \
@@ -69,14 +81,14 @@ kernel void project_features_forward_gpu(global const float* restrict features, 
   }
 }
 
-// Backward, for a loss whose derivatives by out are dout [P,C]. With n_v = a_v / sum a:
-//   by texel k of view v                 n_v weight_k dout[p], which whoever scatters adds to the features' gradient:
-//   index i32 [P,V,4], weight [P,V,4]    the texel's row of features as [V t t, C], and n_v weight_k
-//   by the point                         through the bilinear weights, which are linear between texels, and through n_v; both need only
-//   dots [P,V,4]                         sum_c dout[p, c] texel_k[c], 0 for a texel outside the map
-//   dpoints [P,3]                        added to
-
-// A work-item per point.
+// Backward. With n_v = a_v / sum a, the gradient by texel k of view v is n_v weight_k dout[p], which scatter_rows adds
+// to the features' gradient from index and weight.
+// ```
+// argument    type  shape    what
+// index       i32   [P,V,4]  written: the texel's row of the features as [V t t, C]
+// weight      f32   [P,V,4]  written: n_v weight_k
+// work-items  one per point
+// ```
 kernel void project_features_backward_texels(global const float* restrict points, global const float* restrict w2c,
                                              global const float* restrict c2w, global const float* restrict intrinsics,
                                              global int4* restrict index, global float4* restrict weight, int P, int V,
@@ -92,7 +104,14 @@ kernel void project_features_backward_texels(global const float* restrict points
   }
 }
 
-// A work-item per point and view.
+// The gradient by the point goes through the bilinear weights, which are linear between texels, and through n_v. Both
+// need only these dot products.
+// ```
+// argument    type  shape    what
+// dout        f32   [P,C]    gradient of out
+// dots        f32   [P,V,4]  written: sum_c dout[p, c] texel_k[c]; 0 for a texel outside the map
+// work-items  cpu: one per (point, view); gpu: groups of DOT_LANES, one per (point, view)
+// ```
 kernel void project_features_backward_dots_cpu(global const float* restrict features,
                                                global const float* restrict points, global const float* restrict w2c,
                                                global const float* restrict intrinsics,
@@ -117,7 +136,6 @@ kernel void project_features_backward_dots_cpu(global const float* restrict feat
   dots[(long)p * V + v] = (float4)(dot_of[0], dot_of[1], dot_of[2], dot_of[3]);
 }
 
-// A work-group of DOT_LANES work-items per point and view.
 #define DOT_LANES 64
 kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_features_backward_dots_gpu(
     global const float* restrict features, global const float* restrict points, global const float* restrict w2c,
@@ -143,7 +161,7 @@ kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_featu
   if (lane == 0) dots[pair] = part[0];
 }
 
-// A work-item per point.
+// dpoints [P,3]: added to. One work-item per point.
 kernel void project_features_backward_points(global const float* restrict points, global const float* restrict w2c,
                                              global const float* restrict c2w, global const float* restrict intrinsics,
                                              global const float4* restrict dots, global float* restrict dpoints, int P,
@@ -152,7 +170,7 @@ kernel void project_features_backward_points(global const float* restrict points
   if (p >= P) return;
   const float3 point = vload3(p, points);
   const float total = weight_of_views(point, w2c, c2w, V, by_distance);
-  // The loss is sum_v n_v g_v, g_v = sum_c dout[p, c] sample_v[c], plus what the point has no part in.
+  // As a function of the point, the loss is sum_v n_v g_v with g_v = sum_c dout[p, c] sample_v[c].
   float mean = 0.0f;
   for (int v = 0; v < V; ++v) {
     const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
@@ -165,7 +183,8 @@ kernel void project_features_backward_points(global const float* restrict points
     const Footprint f = footprint(point, m, k, image, half_pixel, t);
     const float a = view_weight(point, c2w + 16 * v, f.depth, by_distance), n = a / total;
 
-    // da_v = -a_v^2 dd_v, and sum_v g_v dn_v = sum_v (g_v - mean) da_v / total. At the camera itself the distance has no derivative: 0.
+    // Through n_v: da_v = -a_v^2 dd_v, and sum_v g_v dn_v = sum_v (g_v - mean) da_v / total. At the camera itself the
+    // distance has no derivative, which counts as 0.
     float3 slope = (float3)(m[8], m[9], m[10]);
     if (by_distance) {
       const float3 from = point - (float3)(c2w[16 * v + 3], c2w[16 * v + 7], c2w[16 * v + 11]);
@@ -176,7 +195,8 @@ kernel void project_features_backward_points(global const float* restrict points
 
     if (!(f.inside.x || f.inside.y || f.inside.z || f.inside.w)) continue;
     const float by_x = mix(h.y - h.x, h.w - h.z, f.fraction.y), by_y = mix(h.z - h.x, h.w - h.y, f.fraction.x);
-    // The map's column is fx t / image * X / Z plus a constant, the row fy t / image * Y / Z, of camera coordinates X, Y, Z.
+    // Through the bilinear weights: with the point at (X, Y, Z) in the camera, the map's column is fx t / image * X / Z
+    // plus a constant, its row fy t / image * Y / Z plus another.
     const float4 at = (float4)(point, 1.0f);
     const float x = dot(vload4(0, m), at) / f.depth, y = dot(vload4(1, m), at) / f.depth;
     const float by_cx = n * by_x * k.x * (float)t / image / f.depth,

@@ -1,11 +1,22 @@
-// Stable radix sort, least significant digit first: one pass orders by a digit, the bits of `mask` after `shift`.
-//   keys [n] u32 (u64 with -DKEY64), values [n] u32 (none: the index itself); out_keys, out_values [n] elsewhere.
-//   A pass is histogram -> exclusive scan of histogram [mask + 1, blocks] -> scatter. Blocks are runs of `block`
-//   keys, read in order by their owner, so equal digits keep their order and nothing depends on timing.
-// cpu: a work-item owns a block, its counters are private.
-// gpu: a work-group of WG items owns a block, each item a run of block / WG keys; counters [digit][item] in local memory.
+// Stable radix sort, least significant digit first. One pass orders by one digit, the bits of `mask` after `shift`:
+// histogram, exclusive scan of the histogram, scatter. A block is a run of `block` keys that its owner reads in order,
+// so equal digits keep their order, and nothing depends on timing.
+// ```
+// argument           type     shape            what
+// keys               u32      [n]              u64 with -DKEY64
+// values             u32      [n]              carried along; null: each key's index
+// histogram          u32      [mask+1,blocks]  written by the histogram: how many keys of each digit each block has
+// offsets            u32      [mask+1,blocks]  the histogram's exclusive scan
+// out_keys           as keys  [n]              written by the scatter; not keys itself
+// out_values         u32      [n]              written by the scatter; not values itself
+// define DIGIT_BITS  8                         bits of the largest digit: mask < 2^DIGIT_BITS
+// define KEY64                                 keys of 64 bits
+// define WG                                    gpu flavour: work-items of a group
+// work-items         cpu: one per block, with its counters in private memory; gpu: groups of WG, one per block, each
+//                    item a run of block / WG keys, with counters [digit][item] in local memory
+// ```
 #ifndef DIGIT_BITS
-#define DIGIT_BITS 8  // of the largest digit: mask < 2^DIGIT_BITS
+#define DIGIT_BITS 8
 #endif
 #define DIGITS (1 << DIGIT_BITS)
 #ifdef KEY64
@@ -45,7 +56,7 @@ kernel void radix_scatter_cpu(global const key_type* keys, global const uint* va
 }
 #else
 
-// count [mask + 1][WG]: how many keys of each digit each item's run has. Ends with a barrier.
+// count [mask + 1][WG]: how many keys of each digit are in each item's run. Ends with a barrier.
 static inline void count_runs(global const key_type* keys, local uint* count, uint begin, uint end, int shift,
                               uint mask) {
   const uint item = get_local_id(0);

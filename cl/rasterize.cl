@@ -1,22 +1,34 @@
-// Blending, near to far, as the original rasteriser defines it: alpha = min(0.99, o exp(power)), nothing below 1/255, and a
-// pixel ends before the Gaussian that would bring its transmittance under 1e-4.
-//   records [V,12] as project.cl writes them; ids [N] Gaussians tile by tile, near to far; starts [tiles + 1].
-//   colour [H,W,3] = sum of weight x colour + what is left x background; alpha [H,W] = sum of weights;
-//   depth [H,W] = sum of weight x camera z, not divided by alpha. Tiles are 16 x 16 pixels: those of a part of the
-//   picture, tiles_x in a row, which begins with tile (tile_x0, tile_y0).
-// cpu: a work-item owns a tile, a float16 a block of 4 x 4 pixels. gpu: a work-group of 16 x 16 / PIXELS items owns a tile,
-// each item PIXELS rows of one column, and records pass through local memory.
+// Blending, near to far, as the original rasteriser defines it: alpha = min(0.99, o exp(power)), nothing below 1/255,
+// and a pixel ends before the Gaussian that would bring its transmittance under 1e-4.
+// ```
+// argument              type   shape      what
+// records               f32    [V,12]     as project.cl writes them
+// ids                   u32    [N]        which records the tiles see, tile by tile, near to far
+// starts                u32    [tiles+1]  where each tile's run of ids begins
+// colour                f32    [H,W,3]    written: sum of weight x colour, + what is left x background
+// alpha                 f32    [H,W]      written: sum of weights
+// depth                 f32    [H,W]      written: sum of weight x camera z, not divided by alpha
+// width, height         int               of the picture, pixels
+// tile_x0, tile_y0      int               the first tile of the part of the picture that is drawn; tiles are 16 x 16
+//                                         pixels
+// tiles_x, tile_count   int               tiles in a row of the part, and in all
+// background_r, _g, _b  float             colour behind the scene
+// define BATCH                            cpu flavour: Gaussians that are taken at a time, a multiple of 16
+// define PIXELS                           gpu flavour: pixels of a work-item, every (16 / PIXELS)th row of one column
+// work-items            cpu: one per tile, a float16 being a block of 4 x 4 pixels; gpu: groups of 256 / PIXELS, one
+//                       per tile, with records going through local memory
+// ```
 #include "rasterize.clh"
 
 #ifdef BATCH
-// A tile's Gaussians come in batches. First, 16 Gaussians at a time, each is held against the tile's 16 blocks; then it is
-// blended into those that it can reach and that have pixels left to finish.
+// A tile's Gaussians come in batches. First each is held against the tile's 16 blocks, 16 Gaussians at a time; then it
+// is blended into those blocks that it can reach and that have unfinished pixels.
 #define BLOCKS 16
 
-// masks [BATCH]: of each Gaussian's blocks (bit 4 row + column). A block's pixel centres lie within 1.5 of its middle, dx and
-// t within 1.5 and 1.5 (1 + |k|) of theirs: where even the nearest of these leave log2 alpha < log2(1/255), the block is
-// left out, and nothing is lost. The margin is rounding's. (rasterize.clh's least_fall leaves out a few more, but costs more
-// than it saves here.)
+// masks [BATCH]: the blocks that each Gaussian can reach (bit 4 row + column). A block's pixel centres lie within 1.5
+// of its middle, so dx and t lie within 1.5 and 1.5 (1 + |k|) of what they are there. Where even the nearest of these
+// leave log2 alpha < log2(1/255), the block is left out, and nothing is lost. What is more than 1.5 is for rounding.
+// (rasterize.clh's least_fall leaves out a few more blocks, but costs more than it saves here.)
 static inline void reach_blocks(const float* records, uint n, float corner_x, float corner_y, uint* masks) {
   for (uint first = 0; first < n; first += 16) {
     float part[7][16];
@@ -45,7 +57,7 @@ static inline void reach_blocks(const float* records, uint n, float corner_x, fl
   }
 }
 
-// Four pixels side by side, as far as they are in the picture.
+// Writes four pixels side by side, as far as they are in the picture.
 static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, global float* colour,
                              global float* alpha, global float* depth, int width, int height, int x, int y) {
   if (y >= height) return;
@@ -108,7 +120,7 @@ kernel void rasterize_forward_cpu(global const float* records, global const uint
         const uint b = 31 - clz(rest & -rest);
         const float16 dx = u - column[b], dy = v - row[b];
         const float16 a = min(exp2_rows(LOG2_ALPHA(form, dx, SHEARED(form, dx, dy))), MAX_ALPHA);
-        // Transmittance as a product: T - T a would round across the threshold.
+        // The transmittance is a product: T - T a might round across the threshold.
         const float16 before = T[b], after = before * (1.0f - a);
         const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
         const float16 w = select((float16)(0.0f), before * a, live & ~skip);

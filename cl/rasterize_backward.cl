@@ -1,18 +1,25 @@
 // What a picture's gradient says of each Gaussian in each tile: blending (rasterize.cl) differentiated.
-//   records [V,12] as project.cl writes them; ids [N] records tile by tile, near to far; starts [tiles + 1]; slots [N]: where an
-//   intersection's row goes. Tiles are those of a part of the picture, tiles_x in a row, which begins with tile (tile_x0,
-//   tile_y0). colour [H,W,3], alpha [H,W], depth [H,W]: what blending made of them; dcolour, dalpha, ddepth:
-//   the loss's derivatives by those, of which any may be null (zeros).
-//   rows [N,10], each the sum over the tile's pixels of
-//     h, h dx, h t, h dx^2, h dx t, h t^2, w dcolour (3), w ddepth
-//   with w the weight, h the loss's derivative by ln alpha (0 where alpha is held at 0.99), and dx, t as rasterize.clh has them.
-//   touched [N] bytes: 1 where a row was written. Those of Gaussians that no pixel of the tile sees are left as they are, and
-//   so are their rows.
-// With s = colour . dcolour + z ddepth + dalpha - background . dcolour, a Gaussian's derivative by alpha is
+// ```
+// argument               type  shape    what
+// records, ids, starts                  as in rasterize.cl
+// slots                  u32   [N]      the row that each intersection's sums go to
+// colour, alpha, depth   f32            what blending made of them, as in rasterize.cl
+// dcolour                f32   [H,W,3]  gradient of colour; null: zeros
+// dalpha, ddepth         f32   [H,W]    gradients of alpha and depth; null: zeros
+// rows                   f32   [N,10]   written: sums over the tile's pixels of h, h dx, h t, h dx^2, h dx t, h t^2, w
+//                                       dcolour (3), w ddepth
+// touched                u8    [N]      written: 1 where a row was written. Rows and bytes of Gaussians that no pixel
+//                                       of the tile sees stay as they are
+// width .. background_b                 as in rasterize.cl
+// define BATCH, PIXELS                  cpu and gpu flavour, as in rasterize.cl
+// work-items             as in rasterize.cl
+// ```
+// w is the weight of a Gaussian in a pixel, h the loss's derivative by ln alpha (0 where alpha is held at 0.99); dx, t
+// as in rasterize.clh. With s = colour . dcolour + z ddepth + dalpha - background . dcolour, the derivative by a
+// Gaussian's alpha is
 //   T s - (sum of w s behind it) / (1 - alpha);
-// the sum over all is known from the picture, so that walking near to far, with blending's own decisions, suffices.
-// cpu: a work-item owns a tile, a float16 a block of 4 x 4 pixels. gpu: a work-group of 16 x 16 / PIXELS items owns a tile,
-// each item PIXELS rows of one column. Sums are taken in a fixed order.
+// the sum over all Gaussians is known from the picture, so that walking near to far, with blending's own decisions,
+// suffices. Sums are taken in a fixed order.
 #include "rasterize.clh"
 
 #define COLUMNS 10
@@ -56,7 +63,8 @@ static inline void load_colours(global const float* picture, int x, int y, int w
   for (int c = 0; c < 3; ++c) channels[c] = vload16(0, values[c]);
 }
 
-// Sums of pairs of lanes, of a in the lower half and of b in the upper.
+// Ten sums over 16 lanes, side by side: each fold adds lanes in pairs and puts the sums of a before those of b; four
+// folds in a row leave one lane for each sum.
 static inline float16 fold8(float16 a, float16 b) { return (float16)(a.lo, b.lo) + (float16)(a.hi, b.hi); }
 static inline float16 fold4(float16 a, float16 b) {
   return (float16)(a.s012389ab, b.s012389ab) + (float16)(a.s4567cdef, b.s4567cdef);
@@ -118,7 +126,8 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
     }
     for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i) u[i] = v[i] = lo[i] = k[i] = qx[i] = qy[i] = 0.0f;
 
-    // Which blocks each one can reach: a block's pixel centres lie in a square 3 pixels wide. The margins are rounding's.
+    // Which blocks each one can reach: a block's pixel centres lie in a square 3 pixels wide. The margins are for
+    // rounding.
     uint masks[BATCH];
     for (int i = 0; i < n; i += LANES) {
       const float16 us = vload16(0, u + i), vs = vload16(0, v + i), ks = vload16(0, k + i);

@@ -1,16 +1,26 @@
-// Exclusive prefix sum of n unsigned integers, in levels: blocks of GROUP * EACH elements are summed, the sums are scanned by the
-// same kernels one level up, and every block is then scanned from its sum's place.
-//   in [n]   out [n+1], out[i] = in[0] + ... + in[i-1], so out[n] is the total (modulo 2^32)   (u32)
-// Work-groups of exactly GROUP items, one per block; n >= 1. The order of additions is fixed (and of no matter for integers).
+// Exclusive prefix sum of unsigned integers, in levels. Blocks of GROUP * EACH elements are summed (scan_sums); the
+// sums are scanned by the same kernels one level up; then every block is scanned from where its sum stands
+// (scan_blocks).
+// ```
+// argument      type  shape       what
+// in            u32   [n]         n >= 1
+// sums          u32   [blocks]    written by scan_sums: the sum of each block
+// before        u32   [blocks+1]  exclusive scan of the sums; not read where there is one block
+// out           u32   [n+1]       written: out[i] = in[0] + ... + in[i-1], so that out[n] is the total (modulo 2^32)
+// define GROUP  64                work-items of a group, a power of two
+// define EACH   32                consecutive elements of a work-item, a multiple of 16
+// work-items    groups of exactly GROUP items, one group per block
+// ```
+// The order of the additions is fixed, and of no matter for integers.
 
 #ifndef GROUP
-#define GROUP 64  // work-items of a group, a power of two
+#define GROUP 64
 #endif
 #ifndef EACH
-#define EACH 32  // consecutive elements of a work-item, a multiple of 16
+#define EACH 32
 #endif
 
-// Sum of the EACH elements from `first` on, those past n counting as 0.
+// The sum of the EACH elements from `first` on; those past n count as 0.
 static inline uint sum_of_each(global const uint* in, uint first, uint n) {
   uint total = 0;
   if (first + EACH <= n) {
@@ -25,7 +35,6 @@ static inline uint sum_of_each(global const uint* in, uint first, uint n) {
   return total;
 }
 
-// sums [number of blocks]: the sum of each block.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_sums(global const uint* restrict in,
                                                                          global uint* restrict sums, uint n) {
   local uint part[GROUP];
@@ -38,7 +47,6 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_sums(global 
   if (item == 0) sums[get_group_id(0)] = part[0];
 }
 
-// before [number of blocks + 1]: the exclusive scan of the sums; with one block it is not read.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_blocks(global const uint* restrict in,
                                                                            global const uint* restrict before,
                                                                            global uint* restrict out, uint n) {

@@ -1,24 +1,36 @@
-// The transposed of sampling: weighted rows added to the rows they were sampled from.
-//   index [E] (i32: a row of out; negative: passed over)   weight [E] (0: passed over)   d [D, C]   out [rows, C]
-//   out[index[e]] += scale * weight[e] * d[first + e / per_row], for each row of out in the order of e.
-// A plan has the entries in order of the rows they go to: from [E] (u32, which entry), keys [E] (u32, its row),
-// sorted_weight [E], and starts [rows + 1] (u32), where each row's run begins. Entries passed over come after the last run.
-// Sums are made of WINDOW sorted entries at the most, then of those: rows may have any number of entries, and all share
-// out evenly. Work-items (channel, ..): LANES channels each while there are as many, then one each.
+// The reverse of sampling: weighted rows are added to the rows that they were sampled from,
+//   out[index[e]] += scale * weight[e] * d[first + e / per_row], for each row of out in the order of the entries e.
+// A plan holds the entries in the order of the rows that they go to. Sums are made of at most WINDOW sorted entries,
+// then of those sums: so a row may have any number of entries, and the work is shared out evenly.
+// ```
+// argument       type  shape          what
+// index          i32   [E]            the row of out that an entry goes to; negative: passed over
+// weight         f32   [E]            0: passed over (scatter_windows takes it sorted)
+// keys           u32   [E]            the plan: each entry's row, `rows` for those passed over; sorted, they come last
+// from           u32   [E]            the plan: which entry each of the sorted ones is
+// sorted_weight  f32   [E]            the plan: their weights
+// starts         u32   [rows+1]       the plan: where each row's run of sorted entries begins
+// d              f32   [D,C]          rows that are added: entry e has row first + e / per_row
+// edges          f32   [windows,2,C]  of each window, the sum 0 of the run that began in an earlier window, and the sum
+//                                     1 of the run that begins here and goes on in the next
+// out            f32   [rows,C]       added to
+// define LANES   16                   channels of a work-item, 4 or 16
+// define WINDOW  64                   sorted entries of a window
+// ```
 #ifndef LANES
-#define LANES 16  // 4 or 16
+#define LANES 16
 #endif
 #ifndef WINDOW
 #define WINDOW 64
 #endif
 
-// keys [E]: what the plan is sorted by.
+// Makes the keys that the plan is sorted by. One work-item per entry.
 kernel void scatter_keys(global const int* index, global const float* weight, global uint* keys, uint E, uint rows) {
   const uint e = get_global_id(0);
   if (e < E) keys[e] = index[e] < 0 || weight[e] == 0.0f ? rows : (uint)index[e];
 }
 
-// One work-item per entry and one more. keys [E]: sorted, as from is.
+// Finishes a plan from its sorted keys and from: writes sorted_weight and starts. One work-item per entry and one more.
 kernel void scatter_plan(global const uint* keys, global const uint* from, global const float* weight,
                          global float* sorted_weight, global uint* starts, uint E, uint rows) {
   const uint i = get_global_id(0);
@@ -34,7 +46,8 @@ kernel void scatter_plan(global const uint* keys, global const uint* from, globa
 #define LOAD(p) JOIN(vload, LANES)(0, p)
 #define STORE(x, p) JOIN(vstore, LANES)(x, 0, p)
 
-// The channels of a work-item: one from c on, or LANES; none where c is C.
+// The channels of a work-item: LANES of them from c on, or one (the rest of C, where it is no multiple of LANES); none
+// where c is C.
 typedef struct {
   int c, one;
 } Channels;
@@ -45,7 +58,7 @@ static inline Channels channels_of(int item, int C) {
   return out;
 }
 
-// The sum over sorted entries i .. stop - 1.
+// The sum over the sorted entries i .. stop - 1.
 static inline FLOATS sum_of(global const float* d, global const uint* from, global const float* weight, uint i,
                             uint stop, uint first, uint per_row, int C, Channels at) {
   FLOATS sum = (FLOATS)(0.0f);
@@ -59,6 +72,7 @@ static inline FLOATS sum_of(global const float* d, global const uint* from, glob
   return sum;
 }
 
+// Adds a work-item's channels to a row.
 static inline void add_to(FLOATS sum, global float* to, Channels at) {
   if (at.one)
     to[at.c] += sum.s0;
@@ -66,8 +80,7 @@ static inline void add_to(FLOATS sum, global float* to, Channels at) {
     STORE(LOAD(to + at.c) + sum, to + at.c);
 }
 
-// Work-items (channel, window). Runs within the window are added to out. Those that cross its ends go to
-// edges [windows, 2, C]: 0 what began in an earlier window, 1 what begins here and goes on in the next.
+// Runs that lie within the window are added to out; the others go to edges. Work-items (channels, window).
 kernel void scatter_windows(global const float* d, global const uint* from, global const uint* keys,
                             global const float* weight, global const uint* starts, global float* edges,
                             global float* out, uint E, uint rows, int C, uint first, uint per_row, float scale) {
@@ -90,7 +103,7 @@ kernel void scatter_windows(global const float* d, global const uint* from, glob
   }
 }
 
-// Work-items (channel, row). The rows whose runs crossed a window's end.
+// Adds the rows whose runs crossed a window's end. Work-items (channels, row).
 kernel void scatter_edges(global const uint* starts, global const float* edges, global float* out, uint rows, int C) {
   const uint row = get_global_id(1);
   const Channels at = channels_of(get_global_id(0), C);

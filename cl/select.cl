@@ -1,10 +1,19 @@
-// Which voxels are refined, and by how much every coarse opacity counts.   (f32; a work-item per voxel)
-//   logits, noise, opacities, factor, refined [n]   flags [n] (u32, 0 or 1)
-//   variant 1 gumbel   factor = sigmoid((logit + noise) / temperature), flag = factor > 0.5; noise may be null
-//           2 sigmoid  factor = sigmoid(logit), flag = factor > 0.5
-//           3 ste      factor = flag = sigmoid(logit) > 0.5
-//           4 opacity  factor = 1, flag = opacity > threshold
-//   refined = opacity * factor
+// Which voxels are refined, and by how much the coarse opacity of each counts. The variants:
+//   1 gumbel            factor = sigmoid((logit + noise) / temperature), flag = factor > 0.5
+//   2 sigmoid           factor = sigmoid(logit), flag = factor > 0.5
+//   3 straight-through  factor = flag = sigmoid(logit) > 0.5
+//   4 opacity           factor = 1, flag = opacity > threshold
+// ```
+// argument    type  shape  what
+// logits      f32   [n]    the network's vote for each voxel
+// noise       f32   [n]    added to the logits in variant 1; null: none
+// opacities   f32   [n]    of the coarse Gaussians
+// factor      f32   [n]    written: see the variants
+// refined     f32   [n]    written: opacity * factor
+// flags       u32   [n]    written: 1 where the voxel is refined, else 0
+// variant     int          1 to 4
+// work-items  one per voxel
+// ```
 #include "common.clh"
 #include "rng.clh"
 
@@ -28,8 +37,14 @@ kernel void select_forward(global const float* restrict logits, global const flo
   flags[i] = chosen ? 1u : 0u;
 }
 
-// Backward: drefined is the loss by refined; dlogits [n] (may be null) and dopacities are written; dopacities may be drefined.
-// Variant 3's factor has its own derivative taken for that of sigmoid(logit); variant 4 has none by the logit.
+// Backward. Variant 3's factor is given the derivative of sigmoid(logit); variant 4 has none by the logit.
+// ```
+// argument    type  shape  what
+// drefined    f32   [n]    gradient of refined
+// dlogits     f32   [n]    written; null: not wanted
+// dopacities  f32   [n]    written; may be drefined
+// work-items  one per voxel
+// ```
 kernel void select_backward(global const float* restrict logits, global const float* restrict noise,
                             global const float* restrict opacities, global const float* drefined,
                             global float* restrict dlogits, global float* dopacities, int n, int variant,
@@ -50,7 +65,14 @@ kernel void select_backward(global const float* restrict logits, global const fl
   dopacities[i] = d * factor;
 }
 
-// The difference of two Gumbel variables, which is logistic: log(u) - log(1 - u) with u of counter {voxel, step, stream, 0}.
+// Noise for variant 1: the difference of two Gumbel variables, which is logistic, log(u) - log(1 - u), where u is a
+// random number of the counter {voxel, step, stream, 0}.
+// ```
+// argument           type  shape  what
+// noise              f32   [n]    written
+// key_low, key_high  u32          the halves of the seed
+// work-items         one per voxel
+// ```
 kernel void select_noise(global float* restrict noise, int n, uint step, uint stream, uint key_low, uint key_high) {
   const int i = get_global_id(0);
   if (i >= n) return;

@@ -1,4 +1,11 @@
-// w [N,T,C] with its taps in reverse order, as rows of a GEMM: m [T,N,C], m[k, n] = w[n, T - 1 - k]. A work-item per element.
+// The weights of a submanifold convolution with its taps in reverse order, as rows of a GEMM: the backward multiplies
+// by them.
+// ```
+// argument    type  shape    what
+// w           f32   [N,T,C]  weights: output channel, tap, input channel
+// m           f32   [T,N,C]  written: m[k,n,c] = w[n, T-1-k, c]
+// work-items  one per element
+// ```
 kernel void submanifold_backward_mirror(global const float* restrict w, global float* restrict m, int N, int T, int C) {
   const size_t i = get_global_id(0);
   if (i >= (size_t)N * T * C) return;

@@ -1,14 +1,19 @@
-// Neighbours of active voxels, for submanifold convolutions.
-//   index [P] (i32): active voxels (i R + j) R + k, no two equal
-//   grid [R^3] (i32): row + 1 of the active voxel there, 0 where there is none; zeros before sparse_map_grid
-//   map [P,27] (i32): row of the voxel at offset (a-1, b-1, c-1), tap (3a + b) 3 + c, a along x; -1 where none is active
+// Which active voxels are neighbours, for submanifold convolutions.
+// ```
+// argument    type  shape   what
+// index       i32   [P]     active voxels as (i R + j) R + k, no two equal
+// grid        i32   [R^3]   the active voxel's row + 1, 0 where the voxel is not active; zeros before sparse_map_grid
+//                           writes it
+// map         i32   [P,27]  written: the row of the voxel at offset (a-1, b-1, c-1) for tap (3a + b) 3 + c, where a
+//                           goes along x; -1 where that voxel is not active or outside the grid
+// work-items  one per active voxel, in both kernels
+// ```
 
 kernel void sparse_map_grid(global const int* restrict index, global int* restrict grid, int P) {
   const int p = get_global_id(0);
   if (p < P) grid[index[p]] = p + 1;
 }
 
-// A work-item per active voxel.
 kernel void sparse_map_forward(global const int* restrict index, global const int* restrict grid,
                                global int* restrict map, int P, int R) {
   const int p = get_global_id(0);

@@ -1,13 +1,23 @@
-// Which Gaussians each tile of a part of the picture sees, near to far.
-//   order [V]: Gaussians by depth. rects [V,2]: x0 | x1 << 16 and y0 | y1 << 16, the tiles that each touches. An
-//   intersection is a pair of a tile (row-major, tiles_x in a row) and a Gaussian, N of them in all.
-//   offsets [V+1], where given: exclusive scan of the tiles that each touches, in the Gaussians' own order; slots [N]
-//   then gets, for each sorted intersection, its place in that order: offsets[v] + its number among v's tiles.
-// cpu: a counting sort by tile in one pass. Blocks of consecutive Gaussians, one per work-item, count and then place
-// their intersections by themselves. gpu: intersections are written out and sorted by radix_sort.
+// Which Gaussians each tile of a part of the picture sees, near to far. An intersection is a pair of a tile (row-major,
+// tiles_x in a row) and a Gaussian that touches it; there are N of them.
+// ```
+// argument      type  shape  what
+// order         u32   [V]    the Gaussians by depth, near to far
+// rects         u32   [V,2]  x0 | x1 << 16 and y0 | y1 << 16: the rectangle of tiles that each one touches, ends
+//                            exclusive
+// masks         u64   [V]    which parts of its rectangle each one touches (Span.mask); read where EXACT is defined
+// offsets       u32   [V+1]  exclusive scan of the numbers of tiles that each one touches, in the Gaussians' own order;
+//                            null: no slots are wanted
+// slots         u32   [N]    written where offsets are given: of each sorted intersection the place in that order,
+//                            offsets[v] + its number among v's tiles
+// define EXACT               masks are given
+// ```
+// cpu: a counting sort by tile in one pass. Blocks of `block` consecutive Gaussians, one per work-item, count their
+// intersections and then place them, independently of each other. gpu: intersections are written out (tile_bin_emit)
+// and sorted by radix_sort.
 #include "rasterize.clh"
 
-// The tiles that a Gaussian touches: a rectangle of them, less those whose bit in a mask is 0. A bit stands for a square of
+// The tiles that a Gaussian touches: a rectangle of them, less those whose bit in a mask is 0. A bit stands for
 // 2^shift_x x 2^shift_y tiles, so that 8 x 8 bits are enough for any rectangle.
 typedef struct {
   uint first, width, height;  // tile, how many in a row, and rows
@@ -21,19 +31,23 @@ typedef struct {
 #define MASK(i) (~(ulong)0)
 #endif
 
+// The least shift that makes n tiles at most 8 squares.
 static inline uint shift_for(uint n) { return n <= 8 ? 0 : 29 - clz(n - 1); }
 
+// The tiles of a rect; only its `first` depends on tiles_x.
 static inline Span span_of(uint2 rect, ulong mask, int tiles_x) {
   const uint x = rect.x & 0xffff, y = rect.y & 0xffff, width = (rect.x >> 16) - x, height = (rect.y >> 16) - y;
   const Span out = {y * tiles_x + x, width, height, shift_for(width), shift_for(height), mask};
   return out;
 }
 
+// 1 where the Gaussian touches tile (x, y) of its rectangle, else 0.
 static inline uint touches(Span s, uint x, uint y) {
   return (uint)(s.mask >> ((y >> s.shift_y) * 8 + (x >> s.shift_x))) & 1;
 }
 
-// From one tile of a span to the next: one loop over all of them is left, and mispredicted, once.
+// A tile of a span. Going from one to the next makes one loop of all of them, whose end the processor mispredicts once,
+// not once per row.
 typedef struct {
   uint tile, x, y;
 } Place;
@@ -44,6 +58,7 @@ static inline Place next_place(Place p, uint width, int tiles_x) {
   return out;
 }
 
+// How many tiles the Gaussian touches.
 static inline uint count_of(Span s) {
   if (s.mask == ~(ulong)0) return s.width * s.height;
   uint count = 0;
@@ -52,8 +67,14 @@ static inline uint count_of(Span s) {
   return count;
 }
 
-// masks [V]: where in its rectangle alpha reaches 1/255 at all (exact but for a margin for rounding). records [V,12];
-// rectangles count from tile (x0, y0).
+// Where in its rectangle a Gaussian's alpha reaches 1/255 at all, exactly but for a margin for rounding.
+// ```
+// argument    type  shape   what
+// records     f32   [V,12]  as project.cl writes them
+// masks       u64   [V]     written
+// x0, y0      int           the tile that rectangles count from
+// work-items  one per Gaussian
+// ```
 kernel void tile_bin_masks(global const float* records, global const uint* rects, global ulong* masks, int V, int x0,
                            int y0) {
   const int i = get_global_id(0);
@@ -63,7 +84,7 @@ kernel void tile_bin_masks(global const float* records, global const uint* rects
   const Span s = span_of(rect, ~(ulong)0, 0);
   const float room = (form.x + LOG2_255) * 1.0001f + 1e-3f;
   const float wide = 16 << s.shift_x, high = 16 << s.shift_y;
-  // Pixel centres, a little more than all of them.
+  // The rectangle of pixel centres, a hundredth of a pixel larger on every side.
   const float left = place.x - (16.0f * (float)(x0 + (int)(rect.x & 0xffff)) + 0.49f);
   const float top = place.y - (16.0f * (float)(y0 + (int)(rect.y & 0xffff)) + 0.49f);
   ulong mask = 0;
@@ -77,7 +98,8 @@ kernel void tile_bin_masks(global const float* records, global const uint* rects
   masks[i] = mask;
 }
 
-// counts [V]: the tiles that each touches; in order of depth where `order` is given. masks [V] where EXACT is defined.
+// counts [V]: written, the tiles that each Gaussian touches; in order of depth where `order` is given. One work-item
+// per Gaussian.
 kernel void tile_bin_counts(global const uint* rects, global const ulong* masks, global const uint* order,
                             global uint* counts, int V) {
   const int i = get_global_id(0);
@@ -86,7 +108,8 @@ kernel void tile_bin_counts(global const uint* rects, global const ulong* masks,
   counts[i] = count_of(span_of(vload2(id, rects), MASK(id), 0));
 }
 
-// ordered [V,2], ordered_masks [V]: rects, and with EXACT masks, in order of depth, as counting and placing read them.
+// ordered [V,2], ordered_masks [V]: written, rects and (with EXACT) masks in order of depth, as counting and placing
+// read them. One work-item per Gaussian.
 kernel void tile_bin_order(global const uint* rects, global const ulong* masks, global const uint* order,
                            global uint* ordered, global ulong* ordered_masks, int V) {
   const int i = get_global_id(0);
@@ -97,7 +120,7 @@ kernel void tile_bin_order(global const uint* rects, global const ulong* masks, 
 #endif
 }
 
-// histogram [blocks, tiles]: each block's intersections with each tile.
+// histogram [blocks,tiles]: written, each block's intersections with each tile. One work-item per block.
 kernel void tile_bin_count(global const uint* ordered, global const ulong* masks, global uint* histogram, int V,
                            int block, int blocks, int tiles_x, int tiles) {
   const int b = get_global_id(0);
@@ -125,7 +148,7 @@ kernel void tile_bin_count(global const uint* ordered, global const ulong* masks
   }
 }
 
-// totals [tiles]: sums over the blocks.
+// totals [tiles]: written, the sums over the blocks. One work-item per tile.
 kernel void tile_bin_totals(global const uint* histogram, global uint* totals, int blocks, int tiles) {
   const int t = get_global_id(0);
   if (t >= tiles) return;
@@ -134,7 +157,8 @@ kernel void tile_bin_totals(global const uint* histogram, global uint* totals, i
   totals[t] = sum;
 }
 
-// Counts become places: a tile's run begins at starts[t] and holds the blocks' parts in order.
+// Makes places of the counts in histogram: a tile's run begins at starts[t] and holds the blocks' parts in order. One
+// work-item per tile.
 kernel void tile_bin_place(global uint* histogram, global const uint* starts, int blocks, int tiles) {
   const int t = get_global_id(0);
   if (t >= tiles) return;
@@ -146,10 +170,18 @@ kernel void tile_bin_place(global uint* histogram, global const uint* starts, in
   }
 }
 
-// a where which is 1, b where it is 0; never a branch.
+// a where `which` is 1, b where it is 0, never by a branch.
 static inline uint either(uint a, uint b, uint which) { return b ^ ((a ^ b) & -which); }
 
-// gaussians [N + blocks]: what comes after N is scratch.
+// Places the intersections. One work-item per block.
+// ```
+// argument   type  shape           what
+// ordered    u32   [V,2]           from tile_bin_order
+// masks      u64   [V]             from tile_bin_order
+// histogram  u32   [blocks,tiles]  places, from tile_bin_place; counted up
+// gaussians  u32   [N+blocks]      written: the sorted intersections' Gaussians; what comes after N is scratch, where a
+//                                  block writes what touches no tile
+// ```
 kernel void tile_bin_scatter(global const uint* ordered, global const ulong* masks, global const uint* order,
                              global uint* histogram, global const uint* offsets, global uint* gaussians,
                              global uint* slots, int V, int block, int blocks, int tiles_x, int tiles, uint N) {
@@ -189,9 +221,15 @@ kernel void tile_bin_scatter(global const uint* ordered, global const ulong* mas
   }
 }
 
-// tiles [N], gaussians [N], slots [N]: in order of depth, so that a stable sort by tile leaves each tile near to far. emitted
-// [V+1]: exclusive scan of the tiles in each one's rectangle, in order of depth. What a mask leaves out comes, too, as the
-// tile after the last.
+// Writes the intersections in order of depth, so that a stable sort by tile leaves each tile's near to far.
+// ```
+// argument    type  shape  what
+// emitted     u32   [V+1]  exclusive scan of the numbers of tiles in each one's rectangle, in order of depth
+// tiles       u32   [N]    written; what a mask leaves out comes too, as tile tile_count, which is after the last
+// gaussians   u32   [N]    written
+// slots       u32   [N]    written where offsets are given
+// work-items  one per Gaussian
+// ```
 kernel void tile_bin_emit(global const uint* rects, global const ulong* masks, global const uint* order,
                           global const uint* emitted, global const uint* offsets, global uint* tiles,
                           global uint* gaussians, global uint* slots, int V, int tiles_x, int tile_count) {
@@ -212,7 +250,8 @@ kernel void tile_bin_emit(global const uint* rects, global const ulong* masks, g
   }
 }
 
-// starts [tiles + 1]: where each tile's run begins in the sorted intersections. One work-item per intersection and one more.
+// starts [tiles + 1]: written, where each tile's run begins in the sorted intersections. One work-item per intersection
+// and one more.
 kernel void tile_bin_ranges(global const uint* tiles, global uint* starts, uint N, uint tile_count) {
   const uint i = get_global_id(0);
   if (i > N) return;
@@ -220,7 +259,8 @@ kernel void tile_bin_ranges(global const uint* tiles, global uint* starts, uint 
   for (uint t = first; t <= last; ++t) starts[t] = i;
 }
 
-// What was sorted along as its place before the sort, looked up there: out [N] = values[from[i]].
+// out [N]: written, values[from[i]]. For values that were not sorted along: the sort carried their places (from)
+// instead. One work-item per intersection.
 kernel void tile_bin_pick(global const uint* from, global const uint* values, global uint* out, uint N) {
   const uint i = get_global_id(0);
   if (i < N) out[i] = values[from[i]];

@@ -1,14 +1,21 @@
-// Trilinear upsampling of a volume by two along every axis, sample centres as in align_corners = False.
-//   x [D,H,W,C] -> y [2D,2H,2W,C]   (f32, channels last)
-// Output o lies at (o + 0.5) / 2 - 0.5 of the input: 3/4 of input o >> 1 and 1/4 of its neighbour on the side of o's parity, which
-// at the border is input o >> 1 itself.
+// Trilinear upsampling of a volume by two along every axis, with sample centres as align_corners = False has them.
+// Output o lies at (o + 0.5) / 2 - 0.5 of the input: it is 3/4 of input o >> 1 and 1/4 of the neighbour on the side of
+// o's parity, which at the border is input o >> 1 itself.
+// ```
+// argument    type  shape         what
+// x           f32   [D,H,W,C]     volume
+// y           f32   [2D,2H,2W,C]  written
+// work-items  cpu: one per line of the output along its third axis; gpu: (4 channels, output voxel)
+// ```
 
-// Linear combination along one axis, of the near input (weight 3/4) and the far one (1/4).
+// Of two neighbours along one axis: 3/4 of the near input and 1/4 of the far one.
 #define MIX(near, far) ((near)*0.75f + (far)*0.25f)
 
+// The far input of output o along an axis of `size` inputs.
 static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1 : -1), 0, size - 1); }
 
-// Rows of the input's eight voxels around output (i,j,k), near before far along every axis, z fastest.
+// Where the input's eight voxels around output (i,j,k) begin, p0 .. p7: near before far along every axis, the third
+// axis fastest.
 #define CORNERS(i, j, k)                                                                                               \
   const int in = (i) >> 1, jn = (j) >> 1, kn = (k) >> 1, ifar = far_of(i, D), jfar = far_of(j, H),                     \
             kfar = far_of(k, W);                                                                                       \
@@ -18,6 +25,7 @@ static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1
   global const float *p6 = x + (((long)ifar * H + jfar) * W + kn) * C,                                                 \
                      *p7 = x + (((long)ifar * H + jfar) * W + kfar) * C;
 
+// The eight voxels blended, at channel c. LOAD says how many channels at a time.
 #define BLEND(LOAD, c)                                                   \
   MIX(MIX(MIX(LOAD(p0, c), LOAD(p1, c)), MIX(LOAD(p2, c), LOAD(p3, c))), \
       MIX(MIX(LOAD(p4, c), LOAD(p5, c)), MIX(LOAD(p6, c), LOAD(p7, c))))
@@ -26,7 +34,6 @@ static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1
 #define LOAD4(p, c) vload4(0, (p) + (c))
 #define LOAD16(p, c) vload16(0, (p) + (c))
 
-// A work-item per line of the output along z.
 kernel void upsample3d_forward_cpu(global const float* restrict x, global float* restrict y, int D, int H, int W,
                                    int C) {
   const int line = get_global_id(0);
@@ -41,7 +48,6 @@ kernel void upsample3d_forward_cpu(global const float* restrict x, global float*
   }
 }
 
-// A work-item per four channels (direction 0) of an output voxel (direction 1).
 kernel void upsample3d_forward_gpu(global const float* restrict x, global float* restrict y, int D, int H, int W,
                                    int C) {
   const int c = get_global_id(0) * 4, voxel = get_global_id(1);
@@ -56,12 +62,18 @@ kernel void upsample3d_forward_gpu(global const float* restrict x, global float*
   }
 }
 
-// Backward: dy [2D,2H,2W,C] -> dx [D,H,W,C], which is added to where `add` says so. Along an axis input i is in outputs 2i and 2i + 1
-// with 3/4, in 2i - 1 and 2i + 2 with 1/4; at the border these are outputs 0 and 2 size - 1, which have both parts of it.
+// Backward. Along an axis, input i is in outputs 2i and 2i + 1 with 3/4 and in outputs 2i - 1 and 2i + 2 with 1/4; at
+// the border the latter are outputs 0 and 2 size - 1, which so have both parts of it.
+// ```
+// argument    type  shape         what
+// dy          f32   [2D,2H,2W,C]  gradient of y
+// dx          f32   [D,H,W,C]     written, or added to where `add` is not 0
+// work-items  cpu: one per line of the input along its third axis; gpu: (channel, input voxel)
+// ```
 #define TAPS(i, size) \
   { max(2 * (i)-1, 0), 2 * (i), 2 * (i) + 1, min(2 * (i) + 2, 2 * (size)-1) }
 
-// Of channels from c on: the sum over the 4 x 4 x 4 outputs around input (i,j,k).
+// Defines `sum`, of channels from c on: the sum over the 4 x 4 x 4 outputs around input (i,j,k).
 #define GATHER(T, LOAD, c, sum)                                                       \
   T sum = (T)(0.0f);                                                                  \
   for (int a = 0; a < 4; ++a) {                                                       \
@@ -75,7 +87,6 @@ kernel void upsample3d_forward_gpu(global const float* restrict x, global float*
     sum += plane * (a == 0 || a == 3 ? 0.25f : 0.75f);                                \
   }
 
-// A work-item per line of the input along z.
 kernel void upsample3d_backward_cpu(global const float* restrict dy, global float* restrict dx, int add, int D, int H,
                                     int W, int C) {
   const int line = get_global_id(0);
@@ -97,7 +108,6 @@ kernel void upsample3d_backward_cpu(global const float* restrict dy, global floa
   }
 }
 
-// A work-item per channel (direction 0) of an input voxel (direction 1).
 kernel void upsample3d_backward_gpu(global const float* restrict dy, global float* restrict dx, int add, int D, int H,
                                     int W, int C) {
   const int c = get_global_id(0), voxel = get_global_id(1);

@@ -1,8 +1,19 @@
-// Which Gaussians a part of the picture sees.
-//   rects [K,2], keys [K] as project_cull writes them, in tiles of the whole picture. The part: tiles x0 to x1, y0 to y1,
-//   end exclusive. Both kernels go through blocks of `block` Gaussians, one per work-item, in order.
+// Which Gaussians a part of the picture sees. The part is the tiles x0 to x1 and y0 to y1, ends exclusive. Both kernels
+// go through blocks of `block` Gaussians in order.
+// ```
+// argument     type  shape       what
+// rects        u32   [K,2]       of all Gaussians, in tiles of the whole picture, as project_cull writes them
+// keys         u32   [K]         of all Gaussians, as project_cull writes them
+// sums         u64   [blocks,4]  written by visible_count: how many are seen, the tiles that they touch in all, their
+//                                least and their largest key
+// ids          u32   [V]         written by visible_compact: those seen, ascending
+// seen_rects   u32   [V,2]       written: their rects, clipped to the part and counted from its corner
+// seen_keys    u32   [V]         written: their keys less `least`
+// define WIDE                    16 Gaussians at a time (cpu flavour)
+// work-items   one per block
+// ```
 
-// A rect's words clipped to the part and counted from its corner; both 0 where nothing is left.
+// A rect's two words clipped to the part and counted from its corner; both are 0 where nothing is left.
 static inline uint2 clipped(uint2 rect, uint x0, uint x1, uint y0, uint y1) {
   const uint l = max(rect.x & 0xffff, x0), r = min(rect.x >> 16, x1);
   const uint t = max(rect.y & 0xffff, y0), b = min(rect.y >> 16, y1);
@@ -10,7 +21,6 @@ static inline uint2 clipped(uint2 rect, uint x0, uint x1, uint y0, uint y1) {
   return (uint2)((l - x0) | (r - x0) << 16, (t - y0) | (b - y0) << 16);
 }
 
-// sums [blocks,4]: how many are seen, the tiles they touch in all, their least and their largest key.
 kernel void visible_count(global const uint* rects, global const uint* keys, global ulong* sums, int K, int block,
                           int blocks, uint x0, uint x1, uint y0, uint y1) {
   const int b = get_global_id(0);
@@ -54,7 +64,6 @@ kernel void visible_count(global const uint* rects, global const uint* keys, glo
   vstore4((ulong4)(seen, tiles, least, largest), b, sums);
 }
 
-// ids [V]: those seen, ascending; seen_rects [V,2] clipped and counted from the part's corner; seen_keys [V] less `least`.
 kernel void visible_compact(global const uint* rects, global const uint* keys, global const ulong* sums,
                             global uint* ids, global uint* seen_rects, global uint* seen_keys, int K, int block,
                             int blocks, uint least, uint x0, uint x1, uint y0, uint y1) {
