@@ -77,6 +77,134 @@ static inline float4 rotation_backward(float4 q, float3 c0, float3 c1, float3 c2
 
 static inline void add3(float3 value, int i, global float* to) { vstore3(vload3(i, to) + value, i, to); }
 
+// The sums of a Gaussian's rows over its tiles, in their order.
+typedef struct {
+  float8 low;   // h, h dx, h t, h dx^2, h dx t, h t^2, w dcolour's red and green
+  float2 high;  // w dcolour's blue, w ddepth
+  bool seen;    // whether any pixel saw the Gaussian
+} RowSums;
+
+static inline RowSums sum_rows(global const float* rows, global const uchar* touched, uint begin, uint end) {
+  RowSums sum;
+  sum.low = 0.0f;
+  sum.high = 0.0f;
+  sum.seen = false;
+  for (uint r = begin; r < end; ++r) {
+    if (!touched[r]) continue;
+    sum.low += vload8(0, rows + (size_t)r * COLUMNS);
+    sum.high += vload2(0, rows + (size_t)r * COLUMNS + 8);
+    sum.seen = true;
+  }
+  return sum;
+}
+
+// With p = covariance^-1 (place - pixel), which is linear in dx and t: the sums of h p and of h p p^T. The loss's
+// derivative by the place in the picture is the first, negated; that by the covariance is half of the second.
+typedef struct {
+  float x, y, xx, xy, yy;
+} Ellipse;
+
+static inline Ellipse ellipse_sums(float4 form, float8 low) {
+  const float k = form.y, X = -2.0f * LN2 * form.z, Y = -2.0f * LN2 * form.w;
+  Ellipse p;
+  p.y = Y * low.s2;
+  p.x = X * low.s1 - k * p.y;
+  p.yy = Y * Y * low.s5;
+  p.xy = X * Y * low.s4 - k * p.yy;
+  p.xx = X * X * low.s3 - k * (X * Y * low.s4 + p.xy);
+  return p;
+}
+
+// What the forward computed of a Gaussian, by its names there.
+typedef struct {
+  float3 W0, W1, W2;  // rows of the rotation world to camera
+  float3 d;           // the mean seen from the camera's centre, in the world
+  float fx, fy, z, rz, xz, yz, sx, sy;
+  float3 j1, j2;      // rows of J W
+  float4 q;           // the quaternion made a unit one
+  float q1;           // one over the length that it came with
+  float3 r0, r1, r2;  // columns of its rotation
+  float3 a1, a2;      // rows of J W R
+} Seen;
+
+static inline Seen seen_from(global const float* camera, float3 mean, float4 quat) {
+  Seen f;
+  f.W0 = vload3(0, camera), f.W1 = vload3(1, camera), f.W2 = vload3(2, camera);
+  f.d = (mean - vload3(3, camera)) - vload3(4, camera);
+  f.fx = camera[15], f.fy = camera[16];
+  f.z = dot(f.W2, f.d);
+  f.rz = 1.0f / f.z;
+  f.xz = dot(f.W0, f.d) * f.rz, f.yz = dot(f.W1, f.d) * f.rz;
+  f.sx = clamp(f.xz, -camera[19], camera[19]), f.sy = clamp(f.yz, -camera[20], camera[20]);
+  f.j1 = f.fx * f.rz * (f.W0 - f.sx * f.W2), f.j2 = f.fy * f.rz * (f.W1 - f.sy * f.W2);
+  const float q2 = dot(quat, quat);
+  f.q1 = q2 > 0.0f ? rsqrt(q2) : 0.0f;
+  const float4 q = quat * f.q1;
+  f.q = q;
+  f.r0 =
+      (float3)(1.0f - 2.0f * (q.z * q.z + q.w * q.w), 2.0f * (q.y * q.z + q.x * q.w), 2.0f * (q.y * q.w - q.x * q.z));
+  f.r1 =
+      (float3)(2.0f * (q.y * q.z - q.x * q.w), 1.0f - 2.0f * (q.y * q.y + q.w * q.w), 2.0f * (q.z * q.w + q.x * q.y));
+  f.r2 =
+      (float3)(2.0f * (q.y * q.w + q.x * q.z), 2.0f * (q.z * q.w - q.x * q.y), 1.0f - 2.0f * (q.y * q.y + q.z * q.z));
+  f.a1 = (float3)(dot(f.j1, f.r0), dot(f.j1, f.r1), dot(f.j1, f.r2));
+  f.a2 = (float3)(dot(f.j2, f.r0), dot(f.j2, f.r1), dot(f.j2, f.r2));
+  return f;
+}
+
+// Gradients by the rows of J W.
+typedef struct {
+  float3 j1, j2;
+} Jacobian;
+
+// Through the covariance, which is s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s, with a = j R: adds to the gradients of
+// scale and quaternion of Gaussian i, and returns those by j = J W.
+static inline Jacobian covariance_backward(Seen f, Ellipse p, float3 s, size_t i, global float* dscales,
+                                           global float* dquats) {
+  const float3 by_s1 = (p.xx * f.a1 + p.xy * f.a2) * s, by_s2 = (p.xy * f.a1 + p.yy * f.a2) * s;
+  add3(by_s1 * f.a1 + by_s2 * f.a2, i, dscales);
+  const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
+  const float4 by_q = rotation_backward(f.q, by_a1.x * f.j1 + by_a2.x * f.j2, by_a1.y * f.j1 + by_a2.y * f.j2,
+                                        by_a1.z * f.j1 + by_a2.z * f.j2);
+  vstore4(vload4(i, dquats) + f.q1 * (by_q - dot(by_q, f.q) * f.q), i, dquats);
+  Jacobian by;
+  by.j1 = by_a1.x * f.r0 + by_a1.y * f.r1 + by_a1.z * f.r2;
+  by.j2 = by_a2.x * f.r0 + by_a2.y * f.r1 + by_a2.z * f.r2;
+  return by;
+}
+
+// The gradient by the place in the camera: through u, v, z and the Jacobian. by_z: through the depth that is drawn.
+static inline float3 place_backward(Seen f, Ellipse p, Jacobian by, float by_z) {
+  const float by_sx = -f.fx * f.rz * dot(by.j1, f.W2), by_sy = -f.fy * f.rz * dot(by.j2, f.W2);
+  const float by_xz = -f.fx * p.x + (f.sx == f.xz ? by_sx : 0.0f), by_yz = -f.fy * p.y + (f.sy == f.yz ? by_sy : 0.0f);
+  return (float3)(by_xz, by_yz, by_z * f.z - dot(by.j1, f.j1) - dot(by.j2, f.j2) - by_xz * f.xz - by_yz * f.yz) * f.rz;
+}
+
+// Through the colour: adds to the gradients of the coefficients, and returns that by where the mean lies as seen from
+// where colours are seen from.
+static inline float3 colour_backward(global const float* camera, float3 mean, global const float* sh, global float* dsh,
+                                     int S, float3 by_colour) {
+  float3 from = (mean - (float3)(camera[22], camera[23], camera[24])) - (float3)(camera[25], camera[26], camera[27]);
+  const float from2 = dot(from, from), from1 = from2 > 0.0f ? rsqrt(from2) : 0.0f;
+  from *= from1;
+  const float3 by_unit = sh_backward(sh, dsh, S, from, by_colour);
+  return from1 * (by_unit - dot(by_unit, from) * from);
+}
+
+// The gradient by the camera's pose. A turn moves the place and turns J W. A shift by tau moves the place and, by -W^T
+// tau, the camera's centre, which colours are seen from.
+static inline void pose_backward(Seen f, float3 by_place, Jacobian by, float3 by_from, int mirrored,
+                                 global float* twist) {
+  const float3 place = (float3)(dot(f.W0, f.d), dot(f.W1, f.d), f.z);
+  const float3 c1 = (float3)(dot(f.W0, by.j1), dot(f.W1, by.j1), dot(f.W2, by.j1));
+  const float3 c2 = (float3)(dot(f.W0, by.j2), dot(f.W1, by.j2), dot(f.W2, by.j2));
+  const float3 J1 = f.fx * f.rz * (float3)(1.0f, 0.0f, -f.sx), J2 = f.fy * f.rz * (float3)(0.0f, 1.0f, -f.sy);
+  const float3 by_centre =
+      (mirrored ? -1.0f : 1.0f) * (float3)(dot(f.W0, by_from), dot(f.W1, by_from), dot(f.W2, by_from));
+  vstore3(cross(place, by_place) + cross(c1, J1) + cross(c2, J2), 0, twist);
+  vstore3(by_place + by_centre, 0, twist + 3);
+}
+
 kernel void project_backward(global const float* means, global const float* scales, global const float* quats,
                              global const float* opacities, global const float* sh, global const float* views, int view,
                              int mirrored, global const uint* ids, global const float* records,
@@ -86,85 +214,28 @@ kernel void project_backward(global const float* means, global const float* scal
                              int S) {
   const int n = get_global_id(0);
   if (n >= N || ids[n] < (uint)base || ids[n] - (uint)base >= (uint)K) return;
-  float8 low = 0.0f;
-  float2 high = 0.0f;
-  bool seen = false;
-  for (uint r = offsets[n]; r < offsets[n + 1]; ++r) {
-    if (!touched[r]) continue;
-    low += vload8(0, rows + (size_t)r * COLUMNS);
-    high += vload2(0, rows + (size_t)r * COLUMNS + 8);
-    seen = true;
-  }
+  const RowSums sum = sum_rows(rows, touched, offsets[n], offsets[n + 1]);
   if (twists)
-    for (int i = 0; i < 6; ++i) twists[(size_t)n * 6 + i] = 0.0f;
-  if (!seen) return;
-
-  // With p = covariance^-1 (place - pixel), which is linear in dx and t, these are the sums of h p and of h p p^T. The
-  // loss's derivative by the place is the first, negated; that by the covariance is half of the second.
-  const float4 form = vload4(1, records + (size_t)n * 12), tint = vload4(2, records + (size_t)n * 12);
-  const float k = form.y, X = -2.0f * LN2 * form.z, Y = -2.0f * LN2 * form.w;
-  const float py = Y * low.s2, px = X * low.s1 - k * py;
-  const float pyy = Y * Y * low.s5, pxy = X * Y * low.s4 - k * pyy, pxx = X * X * low.s3 - k * (X * Y * low.s4 + pxy);
-  const float3 by_tint =
-      (float3)(tint.x > 0.0f ? low.s6 : 0.0f, tint.y > 0.0f ? low.s7 : 0.0f, tint.z > 0.0f ? high.x : 0.0f);
+    for (int c = 0; c < 6; ++c) twists[(size_t)n * 6 + c] = 0.0f;
+  if (!sum.seen) return;
 
   const size_t i = ids[n] - base;
-  dopacities[i] += low.s0 / opacities[i];
+  dopacities[i] += sum.low.s0 / opacities[i];
 
-  // The forward's quantities, by their names there.
   global const float* camera = views + (size_t)view * 32;
-  const float3 W0 = vload3(0, camera), W1 = vload3(1, camera), W2 = vload3(2, camera);
-  const float3 mean = vload3(i, means), s = vload3(i, scales);
-  const float3 d = (mean - vload3(3, camera)) - vload3(4, camera);
-  const float fx = camera[15], fy = camera[16], z = dot(W2, d), rz = 1.0f / z, xz = dot(W0, d) * rz,
-              yz = dot(W1, d) * rz;
-  const float sx = clamp(xz, -camera[19], camera[19]), sy = clamp(yz, -camera[20], camera[20]);
-  const float3 j1 = fx * rz * (W0 - sx * W2), j2 = fy * rz * (W1 - sy * W2);
-  float4 q = vload4(i, quats);
-  const float q2 = dot(q, q), q1 = q2 > 0.0f ? rsqrt(q2) : 0.0f;
-  q *= q1;
-  const float3 r0 =
-      (float3)(1.0f - 2.0f * (q.z * q.z + q.w * q.w), 2.0f * (q.y * q.z + q.x * q.w), 2.0f * (q.y * q.w - q.x * q.z));
-  const float3 r1 =
-      (float3)(2.0f * (q.y * q.z - q.x * q.w), 1.0f - 2.0f * (q.y * q.y + q.w * q.w), 2.0f * (q.z * q.w + q.x * q.y));
-  const float3 r2 =
-      (float3)(2.0f * (q.y * q.w + q.x * q.z), 2.0f * (q.z * q.w - q.x * q.y), 1.0f - 2.0f * (q.y * q.y + q.z * q.z));
-  const float3 a1 = (float3)(dot(j1, r0), dot(j1, r1), dot(j1, r2)),
-               a2 = (float3)(dot(j2, r0), dot(j2, r1), dot(j2, r2));
+  const float3 mean = vload3(i, means);
+  const Ellipse p = ellipse_sums(vload4(1, records + (size_t)n * 12), sum.low);
+  const Seen f = seen_from(camera, mean, vload4(i, quats));
+  const Jacobian by = covariance_backward(f, p, vload3(i, scales), i, dscales, dquats);
+  const float3 by_place = place_backward(f, p, by, sum.high.y);
+  const float3 by_mean = by_place.x * f.W0 + by_place.y * f.W1 + by_place.z * f.W2;
 
-  // Covariance = s1 s1, s1 s2, s2 s2 of s1 = a1 s, s2 = a2 s; then a = j R, j = J W.
-  const float3 by_s1 = (pxx * a1 + pxy * a2) * s, by_s2 = (pxy * a1 + pyy * a2) * s;
-  add3(by_s1 * a1 + by_s2 * a2, i, dscales);
-  const float3 by_a1 = by_s1 * s, by_a2 = by_s2 * s;
-  const float4 by_q =
-      rotation_backward(q, by_a1.x * j1 + by_a2.x * j2, by_a1.y * j1 + by_a2.y * j2, by_a1.z * j1 + by_a2.z * j2);
-  vstore4(vload4(i, dquats) + q1 * (by_q - dot(by_q, q) * q), i, dquats);
-  const float3 by_j1 = by_a1.x * r0 + by_a1.y * r1 + by_a1.z * r2, by_j2 = by_a2.x * r0 + by_a2.y * r1 + by_a2.z * r2;
-
-  // The place in the camera: through u, v, z and the Jacobian.
-  const float by_sx = -fx * rz * dot(by_j1, W2), by_sy = -fy * rz * dot(by_j2, W2);
-  const float by_xz = -fx * px + (sx == xz ? by_sx : 0.0f), by_yz = -fy * py + (sy == yz ? by_sy : 0.0f);
-  const float3 by_place =
-      (float3)(by_xz, by_yz, high.y * z - dot(by_j1, j1) - dot(by_j2, j2) - by_xz * xz - by_yz * yz) * rz;
-  const float3 by_mean = by_place.x * W0 + by_place.y * W1 + by_place.z * W2;
-
-  float3 from = (mean - (float3)(camera[22], camera[23], camera[24])) - (float3)(camera[25], camera[26], camera[27]);
-  const float from2 = dot(from, from), from1 = from2 > 0.0f ? rsqrt(from2) : 0.0f;
-  from *= from1;
-  const float3 by_unit = sh_backward(sh + i * S * 3, dsh + i * S * 3, S, from, by_tint);
-  const float3 by_from = from1 * (by_unit - dot(by_unit, from) * from);
+  const float4 tint = vload4(2, records + (size_t)n * 12);
+  const float3 by_colour =
+      (float3)(tint.x > 0.0f ? sum.low.s6 : 0.0f, tint.y > 0.0f ? sum.low.s7 : 0.0f, tint.z > 0.0f ? sum.high.x : 0.0f);
+  const float3 by_from = colour_backward(camera, mean, sh + i * S * 3, dsh + i * S * 3, S, by_colour);
   add3(by_mean + by_from, i, dmeans);
-
-  if (twists) {
-    // A turn moves the place and turns J W. A shift by tau moves the place and, by -W^T tau, the camera's centre.
-    const float3 place = (float3)(dot(W0, d), dot(W1, d), z);
-    const float3 c1 = (float3)(dot(W0, by_j1), dot(W1, by_j1), dot(W2, by_j1));
-    const float3 c2 = (float3)(dot(W0, by_j2), dot(W1, by_j2), dot(W2, by_j2));
-    const float3 J1 = fx * rz * (float3)(1.0f, 0.0f, -sx), J2 = fy * rz * (float3)(0.0f, 1.0f, -sy);
-    const float3 seen_from = (mirrored ? -1.0f : 1.0f) * (float3)(dot(W0, by_from), dot(W1, by_from), dot(W2, by_from));
-    vstore3(cross(place, by_place) + cross(c1, J1) + cross(c2, J2), 0, twists + (size_t)n * 6);
-    vstore3(by_place + seen_from, 0, twists + (size_t)n * 6 + 3);
-  }
+  if (twists) pose_backward(f, by_place, by, by_from, mirrored, twists + (size_t)n * 6);
 }
 
 // The gradient by the pose: sums of the twists, in order, so that they are the same every time.

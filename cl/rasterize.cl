@@ -78,30 +78,76 @@ static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, g
   }
 }
 
+// Of each of a tile's blocks:
+typedef struct {
+  float16 column[BLOCKS], row[BLOCKS];                            // pixels' places in the tile
+  float16 T[BLOCKS];                                              // transmittance, 0 where a pixel is finished
+  float16 red[BLOCKS], green[BLOCKS], blue[BLOCKS], far[BLOCKS];  // sums of weight x colour, weight x depth
+  float16 sum[BLOCKS];                                            // sums of weights
+  uint alive;                                                     // a bit for each block that has unfinished pixels
+} Tile;
+
+static inline void start_tile(Tile* tile, int x0, int y0, int width, int height) {
+  const float16 lane_x = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 lane_y = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  tile->alive = 0;
+  for (int b = 0; b < BLOCKS; ++b) {
+    const float16 column = lane_x + (float)(4 * (b & 3)), row = lane_y + (float)(4 * (b >> 2));
+    tile->column[b] = column;
+    tile->row[b] = row;
+    tile->T[b] =
+        select((float16)(0.0f), (float16)(1.0f), (column < (float)(width - x0)) & (row < (float)(height - y0)));
+    tile->red[b] = tile->green[b] = tile->blue[b] = tile->sum[b] = tile->far[b] = 0.0f;
+    if (x0 + 4 * (b & 3) < width && y0 + 4 * (b >> 2) < height) tile->alive |= 1u << b;
+  }
+}
+
+// Blends a record into the blocks of `rest`.
+static inline void blend(Tile* tile, const float* r, float corner_x, float corner_y, uint rest) {
+  const float4 form = (float4)(r[4], r[5], r[6], r[7]);
+  const float u = r[0] - corner_x, v = r[1] - corner_y;
+  for (; rest; rest &= rest - 1) {
+    const uint b = 31 - clz(rest & -rest);
+    const float16 dx = u - tile->column[b], dy = v - tile->row[b];
+    const float16 a = min(exp2_rows(LOG2_ALPHA(form, dx, SHEARED(form, dx, dy))), MAX_ALPHA);
+    // The transmittance is a product: T - T a might round across the threshold.
+    const float16 before = tile->T[b], after = before * (1.0f - a);
+    const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
+    const float16 w = select((float16)(0.0f), before * a, live & ~skip);
+    tile->T[b] = select(select((float16)(0.0f), after, live), before, skip);
+    tile->red[b] = FMA(w, (float16)(r[8]), tile->red[b]);
+    tile->green[b] = FMA(w, (float16)(r[9]), tile->green[b]);
+    tile->blue[b] = FMA(w, (float16)(r[10]), tile->blue[b]);
+    tile->far[b] = FMA(w, (float16)(r[3]), tile->far[b]);
+    tile->sum[b] += w;
+  }
+}
+
+// Writes block b, whose first pixel is (x, y), over the background.
+static inline void write_block(const Tile* tile, int b, float3 background, global float* colour, global float* alpha,
+                               global float* depth, int width, int height, int x, int y) {
+  const float16 sum = tile->sum[b], far = tile->far[b], left = 1.0f - sum;
+  const float16 r = FMA(left, (float16)(background.x), tile->red[b]);
+  const float16 g = FMA(left, (float16)(background.y), tile->green[b]);
+  const float16 bl = FMA(left, (float16)(background.z), tile->blue[b]);
+  write_row(r.s0123, g.s0123, bl.s0123, sum.s0123, far.s0123, colour, alpha, depth, width, height, x, y);
+  write_row(r.s4567, g.s4567, bl.s4567, sum.s4567, far.s4567, colour, alpha, depth, width, height, x, y + 1);
+  write_row(r.s89ab, g.s89ab, bl.s89ab, sum.s89ab, far.s89ab, colour, alpha, depth, width, height, x, y + 2);
+  write_row(r.scdef, g.scdef, bl.scdef, sum.scdef, far.scdef, colour, alpha, depth, width, height, x, y + 3);
+}
+
 kernel void rasterize_forward_cpu(global const float* records, global const uint* ids, global const uint* starts,
                                   global float* colour, global float* alpha, global float* depth, int width, int height,
                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
                                   float background_g, float background_b) {
-  const int tile = get_global_id(0);
-  if (tile >= tile_count) return;
-  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
-  const float16 lane_x = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
-  const float16 lane_y = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  const int at = get_global_id(0);
+  if (at >= tile_count) return;
+  const int x0 = (tile_x0 + at % tiles_x) * TILE, y0 = (tile_y0 + at / tiles_x) * TILE;
   const float corner_x = (float)x0 + 0.5f, corner_y = (float)y0 + 0.5f;
-  // A finished pixel has transmittance 0.
-  float16 column[BLOCKS], row[BLOCKS];  // of each block's pixels
-  float16 T[BLOCKS], red[BLOCKS], green[BLOCKS], blue[BLOCKS], sum[BLOCKS], far[BLOCKS];
-  uint alive = 0;  // blocks
-  for (int b = 0; b < BLOCKS; ++b) {
-    column[b] = lane_x + (float)(4 * (b & 3));
-    row[b] = lane_y + (float)(4 * (b >> 2));
-    T[b] =
-        select((float16)(0.0f), (float16)(1.0f), (column[b] < (float)(width - x0)) & (row[b] < (float)(height - y0)));
-    red[b] = green[b] = blue[b] = sum[b] = far[b] = 0.0f;
-    if (x0 + 4 * (b & 3) < width && y0 + 4 * (b >> 2) < height) alive |= 1u << b;
-  }
-  const uint end = starts[tile + 1];
-  for (uint first = starts[tile]; first < end && alive; first += BATCH) {
+  Tile tile;
+  start_tile(&tile, x0, y0, width, height);
+  const uint end = starts[at + 1];
+  for (uint first = starts[at]; first < end && tile.alive; first += BATCH) {
     const uint n = min(end - first, (uint)BATCH);
     float batch[12 * BATCH];
     uint masks[BATCH];
@@ -112,39 +158,14 @@ kernel void rasterize_forward_cpu(global const float* records, global const uint
       vstore4(vload4(2, r), 2, batch + 12 * j);
     }
     reach_blocks(batch, n, corner_x, corner_y, masks);
-    for (uint j = 0; j < n; ++j) {
-      const float* r = batch + 12 * j;
-      const float4 form = (float4)(r[4], r[5], r[6], r[7]);
-      const float u = r[0] - corner_x, v = r[1] - corner_y;
-      for (uint rest = masks[j] & alive; rest; rest &= rest - 1) {
-        const uint b = 31 - clz(rest & -rest);
-        const float16 dx = u - column[b], dy = v - row[b];
-        const float16 a = min(exp2_rows(LOG2_ALPHA(form, dx, SHEARED(form, dx, dy))), MAX_ALPHA);
-        // The transmittance is a product: T - T a might round across the threshold.
-        const float16 before = T[b], after = before * (1.0f - a);
-        const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
-        const float16 w = select((float16)(0.0f), before * a, live & ~skip);
-        T[b] = select(select((float16)(0.0f), after, live), before, skip);
-        red[b] = FMA(w, (float16)(r[8]), red[b]);
-        green[b] = FMA(w, (float16)(r[9]), green[b]);
-        blue[b] = FMA(w, (float16)(r[10]), blue[b]);
-        far[b] = FMA(w, (float16)(r[3]), far[b]);
-        sum[b] += w;
-      }
-    }
+    for (uint j = 0; j < n; ++j) blend(&tile, batch + 12 * j, corner_x, corner_y, masks[j] & tile.alive);
     for (uint b = 0; b < BLOCKS; ++b)
-      if (largest(T[b]) == 0.0f) alive &= ~(1u << b);
+      if (largest(tile.T[b]) == 0.0f) tile.alive &= ~(1u << b);
   }
+  const float3 background = (float3)(background_r, background_g, background_b);
   for (int b = 0; b < BLOCKS; ++b) {
     const int x = x0 + 4 * (b & 3), y = y0 + 4 * (b >> 2);
-    if (x >= width || y >= height) continue;
-    const float16 left = 1.0f - sum[b];
-    const float16 r = FMA(left, (float16)(background_r), red[b]), g = FMA(left, (float16)(background_g), green[b]);
-    const float16 bl = FMA(left, (float16)(background_b), blue[b]);
-    write_row(r.s0123, g.s0123, bl.s0123, sum[b].s0123, far[b].s0123, colour, alpha, depth, width, height, x, y);
-    write_row(r.s4567, g.s4567, bl.s4567, sum[b].s4567, far[b].s4567, colour, alpha, depth, width, height, x, y + 1);
-    write_row(r.s89ab, g.s89ab, bl.s89ab, sum[b].s89ab, far[b].s89ab, colour, alpha, depth, width, height, x, y + 2);
-    write_row(r.scdef, g.scdef, bl.scdef, sum[b].scdef, far[b].scdef, colour, alpha, depth, width, height, x, y + 3);
+    if (x < width && y < height) write_block(&tile, b, background, colour, alpha, depth, width, height, x, y);
   }
 }
 #endif
@@ -153,6 +174,37 @@ kernel void rasterize_forward_cpu(global const float* records, global const uint
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
 
+// Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
+typedef struct {
+  int x0, y0, x, y;
+  float T[PIXELS];                                              // transmittance, 0 where a pixel is finished
+  float red[PIXELS], green[PIXELS], blue[PIXELS], far[PIXELS];  // sums of weight x colour, weight x depth
+  float sum[PIXELS];                                            // sums of weights
+} Column;
+
+// Blends a record (at, f and c are its twelve numbers) into the pixels. Returns the largest transmittance left.
+static inline float blend(Column* own, float4 at, float4 f, float4 c) {
+  const float dx = (at.x - ((float)own->x0 + 0.5f)) - (float)own->x;
+  const float dy0 = (at.y - ((float)own->y0 + 0.5f)) - (float)own->y;
+  float left = 0.0f;
+  for (int p = 0; p < PIXELS; ++p) {
+    const float t = SHEARED(f, dx, dy0 - (float)(p * STEP));
+    const float a = min(exp2_scalar(LOG2_ALPHA(f, dx, t)), MAX_ALPHA);
+    if (a >= MIN_ALPHA) {
+      const float after = own->T[p] * (1.0f - a);
+      const float w = after >= MIN_TRANSMITTANCE ? own->T[p] * a : 0.0f;
+      own->T[p] = after >= MIN_TRANSMITTANCE ? after : 0.0f;
+      own->red[p] = FMA(w, c.x, own->red[p]);
+      own->green[p] = FMA(w, c.y, own->green[p]);
+      own->blue[p] = FMA(w, c.z, own->blue[p]);
+      own->far[p] = FMA(w, at.w, own->far[p]);
+      own->sum[p] += w;
+    }
+    left = max(left, own->T[p]);
+  }
+  return left;
+}
+
 kernel void rasterize_forward_gpu(global const float* records, global const uint* ids, global const uint* starts,
                                   global float* colour, global float* alpha, global float* depth, int width, int height,
                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
@@ -160,12 +212,12 @@ kernel void rasterize_forward_gpu(global const float* records, global const uint
   local float4 place[WG], form[WG], tint[WG];
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
-  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
-  const int x = item % TILE, y = item / TILE;
-  float T[PIXELS], red[PIXELS], green[PIXELS], blue[PIXELS], sum[PIXELS], far[PIXELS];
+  Column own;
+  own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
+  own.x = item % TILE, own.y = item / TILE;
   for (int p = 0; p < PIXELS; ++p) {
-    T[p] = x0 + x < width && y0 + y + p * STEP < height ? 1.0f : 0.0f;
-    red[p] = green[p] = blue[p] = sum[p] = far[p] = 0.0f;
+    own.T[p] = own.x0 + own.x < width && own.y0 + own.y + p * STEP < height ? 1.0f : 0.0f;
+    own.red[p] = own.green[p] = own.blue[p] = own.sum[p] = own.far[p] = 0.0f;
   }
   const uint end = starts[tile + 1];
   int going = 1;
@@ -180,43 +232,23 @@ kernel void rasterize_forward_gpu(global const float* records, global const uint
     if (item == 0) alive = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     float left = 0.0f;
-    for (int p = 0; p < PIXELS; ++p) left = max(left, T[p]);
-    for (uint i = 0; i < n && left > 0.0f; ++i) {
-      const float4 at = place[i], f = form[i], c = tint[i];
-      const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x;
-      const float dy0 = (at.y - ((float)y0 + 0.5f)) - (float)y;
-      left = 0.0f;
-      for (int p = 0; p < PIXELS; ++p) {
-        const float t = SHEARED(f, dx, dy0 - (float)(p * STEP));
-        const float a = min(exp2_scalar(LOG2_ALPHA(f, dx, t)), MAX_ALPHA);
-        if (a >= MIN_ALPHA) {
-          const float after = T[p] * (1.0f - a);
-          const float w = after >= MIN_TRANSMITTANCE ? T[p] * a : 0.0f;
-          T[p] = after >= MIN_TRANSMITTANCE ? after : 0.0f;
-          red[p] = FMA(w, c.x, red[p]);
-          green[p] = FMA(w, c.y, green[p]);
-          blue[p] = FMA(w, c.z, blue[p]);
-          far[p] = FMA(w, at.w, far[p]);
-          sum[p] += w;
-        }
-        left = max(left, T[p]);
-      }
-    }
+    for (int p = 0; p < PIXELS; ++p) left = max(left, own.T[p]);
+    for (uint i = 0; i < n && left > 0.0f; ++i) left = blend(&own, place[i], form[i], tint[i]);
     if (left > 0.0f) atomic_or(&alive, 1);
     barrier(CLK_LOCAL_MEM_FENCE);
     going = alive;
     barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
   }
   for (int p = 0; p < PIXELS; ++p) {
-    const int px = x0 + x, py = y0 + y + p * STEP;
+    const int px = own.x0 + own.x, py = own.y0 + own.y + p * STEP;
     if (px >= width || py >= height) continue;
     const size_t at = (size_t)py * width + px;
-    const float rest = 1.0f - sum[p];
-    colour[3 * at] = FMA(rest, background_r, red[p]);
-    colour[3 * at + 1] = FMA(rest, background_g, green[p]);
-    colour[3 * at + 2] = FMA(rest, background_b, blue[p]);
-    alpha[at] = sum[p];
-    depth[at] = far[p];
+    const float rest = 1.0f - own.sum[p];
+    colour[3 * at] = FMA(rest, background_r, own.red[p]);
+    colour[3 * at + 1] = FMA(rest, background_g, own.green[p]);
+    colour[3 * at + 2] = FMA(rest, background_b, own.blue[p]);
+    alpha[at] = own.sum[p];
+    depth[at] = own.far[p];
   }
 }
 #endif

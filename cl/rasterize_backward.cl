@@ -63,6 +63,96 @@ static inline void load_colours(global const float* picture, int x, int y, int w
   for (int c = 0; c < 3; ++c) channels[c] = vload16(0, values[c]);
 }
 
+// Pictures that blending made, and the loss's gradients by them.
+typedef struct {
+  global const float *colour, *alpha, *depth, *dcolour, *dalpha, *ddepth;
+  int width, height;
+} Pictures;
+
+// Of each of a tile's blocks:
+typedef struct {
+  float16 T[BLOCKS];                                       // transmittance, 0 where a pixel is finished
+  float16 gr[BLOCKS], gg[BLOCKS], gb[BLOCKS], gz[BLOCKS];  // gradients by red, green, blue, depth
+  float16 base[BLOCKS];                                    // what s is without the Gaussian
+  float16 rest[BLOCKS];                                    // the sum of w s that is still to come
+  float16 columns[BLOCK], lines[BLOCK];                    // pixels' places in the tile, by the block's column and row
+  uint visits[BLOCKS];                                     // Gaussians that were blended into it
+  uint alive;                                              // a bit for each block that has unfinished pixels
+} Tile;
+
+static inline void start_tile(Tile* tile, Pictures p, int x0, int y0, float background_r, float background_g,
+                              float background_b) {
+  const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  tile->alive = 0;
+  for (int b = 0; b < BLOCKS; ++b) {
+    const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
+    float16 g[3], c[3];
+    load_colours(p.dcolour, x, y, p.width, p.height, g);
+    load_colours(p.colour, x, y, p.width, p.height, c);
+    const float16 gz = load_block(p.ddepth, x, y, p.width, p.height);
+    const float16 ga = load_block(p.dalpha, x, y, p.width, p.height);
+    tile->gr[b] = g[0], tile->gg[b] = g[1], tile->gb[b] = g[2], tile->gz[b] = gz;
+    tile->base[b] = ga - (g[0] * background_r + g[1] * background_g + g[2] * background_b);
+    tile->rest[b] = g[0] * (c[0] - background_r) + g[1] * (c[1] - background_g) + g[2] * (c[2] - background_b) +
+                    gz * load_block(p.depth, x, y, p.width, p.height) +
+                    ga * load_block(p.alpha, x, y, p.width, p.height);
+    tile->T[b] =
+        select((float16)(0.0f), (float16)(1.0f), (column < (float)(p.width - x)) & (row < (float)(p.height - y)));
+    if (x < p.width && y < p.height) tile->alive |= 1u << b;
+    tile->visits[b] = 0;
+  }
+  for (int b = 0; b < BLOCK; ++b)
+    tile->columns[b] = column + (float)(b * BLOCK), tile->lines[b] = row + (float)(b * BLOCK);
+}
+
+// Some of a tile's records, number by number; u and v from the middle of the tile's first pixel.
+typedef struct {
+  float u[BATCH], v[BATCH], far[BATCH], lo[BATCH], k[BATCH], qx[BATCH], qy[BATCH], r[BATCH], g[BATCH], b[BATCH];
+} Batch;
+
+// Takes n records; those that fill up a multiple of LANES are zeros.
+static inline void load_batch(Batch* batch, global const float* records, global const uint* ids, int n, int x0,
+                              int y0) {
+  for (int i = 0; i < n; ++i) {
+    global const float* record = records + (size_t)ids[i] * 12;
+    batch->u[i] = record[0] - ((float)x0 + 0.5f);
+    batch->v[i] = record[1] - ((float)y0 + 0.5f);
+    batch->far[i] = record[3];
+    batch->lo[i] = record[4];
+    batch->k[i] = record[5];
+    batch->qx[i] = record[6];
+    batch->qy[i] = record[7];
+    batch->r[i] = record[8];
+    batch->g[i] = record[9];
+    batch->b[i] = record[10];
+  }
+  for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i)
+    batch->u[i] = batch->v[i] = batch->lo[i] = batch->k[i] = batch->qx[i] = batch->qy[i] = 0.0f;
+}
+
+// masks [BATCH]: the blocks that each of n records can reach. A block's pixel centres lie in a square 3 pixels wide.
+// The margins are for rounding.
+static inline void reach_blocks(const Batch* batch, int n, uint* masks) {
+  for (int i = 0; i < n; i += LANES) {
+    const float16 us = vload16(0, batch->u + i), vs = vload16(0, batch->v + i), ks = vload16(0, batch->k + i);
+    const float16 x2 = vload16(0, batch->qx + i), t2 = vload16(0, batch->qy + i);
+    const float16 room = vload16(0, batch->lo + i) + (LOG2_255 + 0.01f);
+    const float16 margin = 0.01f + 1e-6f * (fabs(us) + fabs(vs) + fabs(ks * us));
+    const float16 edge = (float)(BLOCK - 1) + 2.0f * margin;
+    int16 mask = 0;
+    for (int by = 0; by < BLOCK; ++by) {
+      const float16 high = vs - (float)(BLOCK * by) + margin;
+      for (int bx = 0; bx < BLOCK; ++bx) {
+        const float16 right = us - (float)(BLOCK * bx) + margin;
+        const float16 fall = least_fall_16(ks, x2, t2, right - edge, right, high - edge, high);
+        mask |= (fall <= room) & (int16)(1 << (BLOCK * by + bx));
+      }
+    }
+    vstore16(as_uint16(mask), 0, masks + i);
+  }
+}
+
 // Ten sums over 16 lanes, side by side: each fold adds lanes in pairs and puts the sums of a before those of b; four
 // folds in a row leave one lane for each sum.
 static inline float16 fold8(float16 a, float16 b) { return (float16)(a.lo, b.lo) + (float16)(a.hi, b.hi); }
@@ -74,114 +164,69 @@ static inline float16 fold2(float16 a, float16 b) {
 }
 static inline float16 fold1(float16 a, float16 b) { return (float16)(a.even, b.even) + (float16)(a.odd, b.odd); }
 
+// Blends record i into the blocks of `todo`, of which there is one at least. Returns its row: ten numbers, then zeros.
+static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint todo) {
+  float16 m = 0.0f, mx = 0.0f, mt = 0.0f, mxx = 0.0f, mxt = 0.0f, mtt = 0.0f;
+  float16 wr = 0.0f, wg = 0.0f, wb = 0.0f, wz = 0.0f;
+  const float4 form = (float4)(batch->lo[i], batch->k[i], batch->qx[i], batch->qy[i]);
+  const float u = batch->u[i], v = batch->v[i], far = batch->far[i];
+  const float red = batch->r[i], green = batch->g[i], blue = batch->b[i];
+  do {
+    const uint b = 31 - clz(todo);
+    todo ^= 1u << b;
+    const float16 gr = tile->gr[b], gg = tile->gg[b], gb = tile->gb[b], gz = tile->gz[b];
+    const float16 dx = u - tile->columns[b % BLOCK], dy = v - tile->lines[b / BLOCK];
+    const float16 t = SHEARED(form, dx, dy);
+    const float16 full = exp2_rows(LOG2_ALPHA(form, dx, t)), a = min(full, MAX_ALPHA), before = tile->T[b];
+    const float16 after = before * (1.0f - a);
+    const int16 seen = full >= MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
+    const float16 left = select(before, select((float16)(0.0f), after, live), seen);
+    tile->T[b] = left;
+    const float16 w = select((float16)(0.0f), before * a, seen & live);
+    const float16 gain = w * FMA(red, gr, FMA(green, gg, FMA(blue, gb, FMA(far, gz, tile->base[b]))));
+    const float16 behind = tile->rest[b] - gain;
+    tile->rest[b] = behind;
+    const float16 h = select((float16)(0.0f), gain - a * behind / (1.0f - a), seen & live & (full <= MAX_ALPHA));
+    const float16 hx = h * dx, ht = h * t;
+    m += h;
+    mx += hx;
+    mt += ht;
+    mxx = FMA(hx, dx, mxx);
+    mxt = FMA(hx, t, mxt);
+    mtt = FMA(ht, t, mtt);
+    wr = FMA(w, gr, wr);
+    wg = FMA(w, gg, wg);
+    wb = FMA(w, gb, wb);
+    wz = FMA(w, gz, wz);
+    if ((++tile->visits[b] & 7) == 0 && largest(left) == 0.0f) tile->alive &= ~(1u << b);
+  } while (todo);
+  return fold1(fold2(fold4(fold8(m, mx), fold8(mt, mxx)), fold4(fold8(mxt, mtt), fold8(wr, wg))),
+               fold2(fold4(fold8(wb, wz), (float16)(0.0f)), (float16)(0.0f)));
+}
+
 kernel void rasterize_backward_cpu(global const float* records, global const uint* ids, global const uint* starts,
                                    global const uint* slots, global const float* colour, global const float* alpha,
                                    global const float* depth, global const float* dcolour, global const float* dalpha,
                                    global const float* ddepth, global float* rows, global uchar* touched, int width,
                                    int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
                                    float background_r, float background_g, float background_b) {
-  const int tile = get_global_id(0);
-  if (tile >= tile_count) return;
-  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE;
-  const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
-  const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
-
-  // Per block: transmittance (0: finished), gradients, what s is without the Gaussian, and the sum of w s still to come.
-  float16 T[BLOCKS], gr[BLOCKS], gg[BLOCKS], gb[BLOCKS], gz[BLOCKS], base[BLOCKS], rest[BLOCKS];
-  uint alive = 0;
-  for (int b = 0; b < BLOCKS; ++b) {
-    const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
-    float16 g[3], c[3];
-    load_colours(dcolour, x, y, width, height, g);
-    load_colours(colour, x, y, width, height, c);
-    gr[b] = g[0], gg[b] = g[1], gb[b] = g[2];
-    gz[b] = load_block(ddepth, x, y, width, height);
-    const float16 ga = load_block(dalpha, x, y, width, height);
-    base[b] = ga - (g[0] * background_r + g[1] * background_g + g[2] * background_b);
-    rest[b] = g[0] * (c[0] - background_r) + g[1] * (c[1] - background_g) + g[2] * (c[2] - background_b) +
-              gz[b] * load_block(depth, x, y, width, height) + ga * load_block(alpha, x, y, width, height);
-    T[b] = select((float16)(0.0f), (float16)(1.0f), (column < (float)(width - x)) & (row < (float)(height - y)));
-    if (x < width && y < height) alive |= 1u << b;
-  }
-
-  float16 columns[BLOCK], lines[BLOCK];
-  for (int b = 0; b < BLOCK; ++b) columns[b] = column + (float)(b * BLOCK), lines[b] = row + (float)(b * BLOCK);
-  uint visits[BLOCKS] = {0};
-  const uint end = starts[tile + 1];
-  for (uint first = starts[tile]; first < end && alive; first += BATCH) {
+  const int at = get_global_id(0);
+  if (at >= tile_count) return;
+  const int x0 = (tile_x0 + at % tiles_x) * TILE, y0 = (tile_y0 + at / tiles_x) * TILE;
+  const Pictures pictures = {colour, alpha, depth, dcolour, dalpha, ddepth, width, height};
+  Tile tile;
+  start_tile(&tile, pictures, x0, y0, background_r, background_g, background_b);
+  const uint end = starts[at + 1];
+  for (uint first = starts[at]; first < end && tile.alive; first += BATCH) {
     const int n = min(end - first, (uint)BATCH);
-    float u[BATCH], v[BATCH], far[BATCH], lo[BATCH], k[BATCH], qx[BATCH], qy[BATCH], r[BATCH], g[BATCH], bl[BATCH];
-    for (int i = 0; i < n; ++i) {
-      global const float* record = records + (size_t)ids[first + i] * 12;
-      u[i] = record[0] - ((float)x0 + 0.5f);
-      v[i] = record[1] - ((float)y0 + 0.5f);
-      far[i] = record[3];
-      lo[i] = record[4];
-      k[i] = record[5];
-      qx[i] = record[6];
-      qy[i] = record[7];
-      r[i] = record[8];
-      g[i] = record[9];
-      bl[i] = record[10];
-    }
-    for (int i = n; i < DIV_UP(n, LANES) * LANES; ++i) u[i] = v[i] = lo[i] = k[i] = qx[i] = qy[i] = 0.0f;
-
-    // Which blocks each one can reach: a block's pixel centres lie in a square 3 pixels wide. The margins are for
-    // rounding.
+    Batch batch;
     uint masks[BATCH];
-    for (int i = 0; i < n; i += LANES) {
-      const float16 us = vload16(0, u + i), vs = vload16(0, v + i), ks = vload16(0, k + i);
-      const float16 x2 = vload16(0, qx + i), t2 = vload16(0, qy + i), room = vload16(0, lo + i) + (LOG2_255 + 0.01f);
-      const float16 margin = 0.01f + 1e-6f * (fabs(us) + fabs(vs) + fabs(ks * us)),
-                    edge = (float)(BLOCK - 1) + 2.0f * margin;
-      int16 mask = 0;
-      for (int by = 0; by < BLOCK; ++by) {
-        const float16 high = vs - (float)(BLOCK * by) + margin;
-        for (int bx = 0; bx < BLOCK; ++bx) {
-          const float16 right = us - (float)(BLOCK * bx) + margin;
-          const float16 fall = least_fall_16(ks, x2, t2, right - edge, right, high - edge, high);
-          mask |= (fall <= room) & (int16)(1 << (BLOCK * by + bx));
-        }
-      }
-      vstore16(as_uint16(mask), 0, masks + i);
-    }
-
+    load_batch(&batch, records, ids + first, n, x0, y0);
+    reach_blocks(&batch, n, masks);
     for (int i = 0; i < n; ++i) {
-      uint todo = masks[i] & alive;
+      const uint todo = masks[i] & tile.alive;
       if (!todo) continue;
-      float16 m = 0.0f, mx = 0.0f, mt = 0.0f, mxx = 0.0f, mxt = 0.0f, mtt = 0.0f;
-      float16 wr = 0.0f, wg = 0.0f, wb = 0.0f, wz = 0.0f;
-      const float4 form = (float4)(lo[i], k[i], qx[i], qy[i]);
-      do {
-        const uint b = 31 - clz(todo);
-        todo ^= 1u << b;
-        const float16 dx = u[i] - columns[b % BLOCK], dy = v[i] - lines[b / BLOCK];
-        const float16 t = SHEARED(form, dx, dy);
-        const float16 full = exp2_rows(LOG2_ALPHA(form, dx, t)), a = min(full, MAX_ALPHA), before = T[b];
-        const float16 after = before * (1.0f - a);
-        const int16 seen = full >= MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
-        T[b] = select(before, select((float16)(0.0f), after, live), seen);
-        const float16 w = select((float16)(0.0f), before * a, seen & live);
-        const float16 gain = w * FMA(r[i], gr[b], FMA(g[i], gg[b], FMA(bl[i], gb[b], FMA(far[i], gz[b], base[b]))));
-        const float16 behind = rest[b] - gain;
-        rest[b] = behind;
-        const float16 h = select((float16)(0.0f), gain - a * behind / (1.0f - a), seen & live & (full <= MAX_ALPHA));
-        const float16 hx = h * dx, ht = h * t;
-        m += h;
-        mx += hx;
-        mt += ht;
-        mxx = FMA(hx, dx, mxx);
-        mxt = FMA(hx, t, mxt);
-        mtt = FMA(ht, t, mtt);
-        wr = FMA(w, gr[b], wr);
-        wg = FMA(w, gg[b], wg);
-        wb = FMA(w, gb[b], wb);
-        wz = FMA(w, gz[b], wz);
-        if ((++visits[b] & 7) == 0 && largest(T[b]) == 0.0f) alive &= ~(1u << b);
-      } while (todo);
-      // Ten sums over lanes, side by side.
-      const float16 sums = fold1(fold2(fold4(fold8(m, mx), fold8(mt, mxx)), fold4(fold8(mxt, mtt), fold8(wr, wg))),
-                                 fold2(fold4(fold8(wb, wz), (float16)(0.0f)), (float16)(0.0f)));
+      const float16 sums = blend_backward(&tile, &batch, i, todo);
       const uint slot = slots[first + i];
       vstore8(sums.lo, 0, rows + (size_t)slot * COLUMNS);
       vstore2(sums.s89, 0, rows + (size_t)slot * COLUMNS + 8);
@@ -196,6 +241,98 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
 #define PARTS (WG / 16)       // sums of 16 items each make a column's sum
 
+// Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
+typedef struct {
+  int x0, y0, x, y;
+  float T[PIXELS];      // transmittance, 0 where a pixel is finished
+  float4 grad[PIXELS];  // gradients by red, green, blue, depth
+  float base[PIXELS];   // what s is without the Gaussian
+  float rest[PIXELS];   // the sum of w s that is still to come
+  float left;           // the largest of T
+} Column;
+
+static inline void start_column(Column* own, global const float* colour, global const float* alpha,
+                                global const float* depth, global const float* dcolour, global const float* dalpha,
+                                global const float* ddepth, int width, int height, float3 background) {
+  for (int p = 0; p < PIXELS; ++p) {
+    const int px = own->x0 + own->x, py = own->y0 + own->y + p * STEP;
+    const bool inside = px < width && py < height;
+    const size_t at = inside ? (size_t)py * width + px : 0;
+    own->T[p] = inside ? 1.0f : 0.0f;
+    float4 grad = 0.0f;
+    if (inside && dcolour) grad.xyz = vload3(at, dcolour);
+    if (inside && ddepth) grad.w = ddepth[at];
+    const float ga = inside && dalpha ? dalpha[at] : 0.0f;
+    own->grad[p] = grad;
+    own->rest[p] = inside ? dot(grad.xyz, vload3(at, colour) - background) + grad.w * depth[at] + ga * alpha[at] : 0.0f;
+    own->base[p] = ga - dot(grad.xyz, background);
+  }
+}
+
+// Blends a record (place, form and tint are its twelve numbers) into the work-item's pixels. Adds to sums [COLUMNS];
+// returns whether any pixel sees it.
+static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint, float* sums) {
+  const float4 c = (float4)(tint.xyz, at.w);
+  const float dx = (at.x - ((float)own->x0 + 0.5f)) - (float)own->x;
+  bool hit = false;
+  float left = 0.0f;
+  for (int p = 0; p < PIXELS; ++p) {
+    const float dy = (at.y - ((float)own->y0 + 0.5f)) - (float)(own->y + p * STEP), t = SHEARED(f, dx, dy);
+    const float full = exp2_scalar(LOG2_ALPHA(f, dx, t)), a = min(full, MAX_ALPHA);
+    if (full >= MIN_ALPHA) {
+      const float after = own->T[p] * (1.0f - a);
+      if (after >= MIN_TRANSMITTANCE) {
+        const float4 grad = own->grad[p];
+        const float w = own->T[p] * a, gain = w * (dot(c, grad) + own->base[p]);
+        own->rest[p] -= gain;
+        const float h = full <= MAX_ALPHA ? gain - a * own->rest[p] / (1.0f - a) : 0.0f, hx = h * dx, ht = h * t;
+        sums[0] += h;
+        sums[1] += hx;
+        sums[2] += ht;
+        sums[3] = FMA(hx, dx, sums[3]);
+        sums[4] = FMA(hx, t, sums[4]);
+        sums[5] = FMA(ht, t, sums[5]);
+        sums[6] = FMA(w, grad.x, sums[6]);
+        sums[7] = FMA(w, grad.y, sums[7]);
+        sums[8] = FMA(w, grad.z, sums[8]);
+        sums[9] = FMA(w, grad.w, sums[9]);
+        hit = true;
+        own->T[p] = after;
+      } else {
+        own->T[p] = 0.0f;
+      }
+    }
+    left = max(left, own->T[p]);
+  }
+  own->left = left;
+  return hit;
+}
+
+// Adds up the group's sums of one record, where any pixel sees it (hit), in a fixed order: of 16 items each, then of
+// these. Writes row *slot of rows and its byte of touched. values, parts: local memory, see the kernel. It holds
+// barriers, so every work-item must call it.
+static inline void write_row(const float* sums, local const int* hit, local float* values, local float* parts,
+                             global const uint* slot, global float* rows, global uchar* touched) {
+  const int item = get_local_id(0);
+  for (int q = 0; q < COLUMNS; ++q) values[q * (WG + PARTS) + item] = sums[q];
+  barrier(CLK_LOCAL_MEM_FENCE);
+  if (*hit) {
+    for (int j = item; j < COLUMNS * PARTS; j += WG) {
+      local const float* from = values + j / PARTS * (WG + PARTS) + j % PARTS;
+      float sum = 0.0f;
+      for (int k = 0; k < WG; k += PARTS) sum += from[k];
+      parts[j] = sum;
+    }
+  }
+  barrier(CLK_LOCAL_MEM_FENCE);
+  if (*hit && item < COLUMNS) {
+    float sum = 0.0f;
+    for (int k = 0; k < PARTS; ++k) sum += parts[item * PARTS + k];
+    rows[(size_t)*slot * COLUMNS + item] = sum;
+    if (item == 0) touched[*slot] = 1;
+  }
+}
+
 kernel void rasterize_backward_gpu(global const float* records, global const uint* ids, global const uint* starts,
                                    global const uint* slots, global const float* colour, global const float* alpha,
                                    global const float* depth, global const float* dcolour, global const float* dalpha,
@@ -207,24 +344,11 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
-  const int x0 = (tile_x0 + tile % tiles_x) * TILE, y0 = (tile_y0 + tile / tiles_x) * TILE, x = item % TILE,
-            y = item / TILE;
-  float T[PIXELS], base[PIXELS], rest[PIXELS];
-  float4 grad[PIXELS];  // by red, green, blue, depth
-  for (int p = 0; p < PIXELS; ++p) {
-    const int px = x0 + x, py = y0 + y + p * STEP;
-    const bool inside = px < width && py < height;
-    const size_t at = inside ? (size_t)py * width + px : 0;
-    T[p] = inside ? 1.0f : 0.0f;
-    grad[p] = 0.0f;
-    if (inside && dcolour) grad[p].xyz = vload3(at, dcolour);
-    if (inside && ddepth) grad[p].w = ddepth[at];
-    const float ga = inside && dalpha ? dalpha[at] : 0.0f;
-    const float3 background = (float3)(background_r, background_g, background_b);
-    rest[p] =
-        inside ? dot(grad[p].xyz, vload3(at, colour) - background) + grad[p].w * depth[at] + ga * alpha[at] : 0.0f;
-    base[p] = ga - dot(grad[p].xyz, background);
-  }
+  Column own;
+  own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
+  own.x = item % TILE, own.y = item / TILE;
+  start_column(&own, colour, alpha, depth, dcolour, dalpha, ddepth, width, height,
+               (float3)(background_r, background_g, background_b));
   const uint end = starts[tile + 1];
   int going = 1;
   for (uint first = starts[tile]; first < end && going; first += WG) {
@@ -238,64 +362,14 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
     hits[item] = 0;
     if (item == 0) alive = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
-    float left = 0.0f;
-    for (int p = 0; p < PIXELS; ++p) left = max(left, T[p]);
+    own.left = 0.0f;
+    for (int p = 0; p < PIXELS; ++p) own.left = max(own.left, own.T[p]);
     for (uint i = 0; i < n; ++i) {
       float sums[COLUMNS] = {0.0f};
-      bool hit = false;
-      if (left > 0.0f) {
-        const float4 at = place[i], f = form[i], c = (float4)(tint[i].xyz, at.w);
-        const float dx = (at.x - ((float)x0 + 0.5f)) - (float)x;
-        left = 0.0f;
-        for (int p = 0; p < PIXELS; ++p) {
-          const float dy = (at.y - ((float)y0 + 0.5f)) - (float)(y + p * STEP), t = SHEARED(f, dx, dy);
-          const float full = exp2_scalar(LOG2_ALPHA(f, dx, t)), a = min(full, MAX_ALPHA);
-          if (full >= MIN_ALPHA) {
-            const float after = T[p] * (1.0f - a);
-            if (after >= MIN_TRANSMITTANCE) {
-              const float w = T[p] * a, gain = w * (dot(c, grad[p]) + base[p]);
-              rest[p] -= gain;
-              const float h = full <= MAX_ALPHA ? gain - a * rest[p] / (1.0f - a) : 0.0f, hx = h * dx, ht = h * t;
-              sums[0] += h;
-              sums[1] += hx;
-              sums[2] += ht;
-              sums[3] = FMA(hx, dx, sums[3]);
-              sums[4] = FMA(hx, t, sums[4]);
-              sums[5] = FMA(ht, t, sums[5]);
-              sums[6] = FMA(w, grad[p].x, sums[6]);
-              sums[7] = FMA(w, grad[p].y, sums[7]);
-              sums[8] = FMA(w, grad[p].z, sums[8]);
-              sums[9] = FMA(w, grad[p].w, sums[9]);
-              hit = true;
-              T[p] = after;
-            } else {
-              T[p] = 0.0f;
-            }
-          }
-          left = max(left, T[p]);
-        }
-      }
-      if (hit) atomic_or(&hits[i], 1);
-      for (int q = 0; q < COLUMNS; ++q) values[q * (WG + PARTS) + item] = sums[q];
-      barrier(CLK_LOCAL_MEM_FENCE);
-      if (hits[i]) {
-        for (int j = item; j < COLUMNS * PARTS; j += WG) {
-          local const float* from = values + j / PARTS * (WG + PARTS) + j % PARTS;
-          float sum = 0.0f;
-          for (int k = 0; k < WG; k += PARTS) sum += from[k];
-          parts[j] = sum;
-        }
-      }
-      barrier(CLK_LOCAL_MEM_FENCE);
-      if (hits[i] && item < COLUMNS) {
-        float sum = 0.0f;
-        for (int k = 0; k < PARTS; ++k) sum += parts[item * PARTS + k];
-        const uint slot = slots[first + i];
-        rows[(size_t)slot * COLUMNS + item] = sum;
-        if (item == 0) touched[slot] = 1;
-      }
+      if (own.left > 0.0f && blend_backward(&own, place[i], form[i], tint[i], sums)) atomic_or(&hits[i], 1);
+      write_row(sums, hits + i, values, parts, slots + first + i, rows, touched);
     }
-    if (left > 0.0f) atomic_or(&alive, 1);
+    if (own.left > 0.0f) atomic_or(&alive, 1);
     barrier(CLK_LOCAL_MEM_FENCE);
     going = alive;
     barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
