@@ -22,7 +22,7 @@
 // define HEAD_PAD  64                            D rounded up to a multiple of 32
 // work-items       groups of one
 // ```
-#include "attention_tile.clh"
+#include "attention_tile_cpu.clh"
 
 #define LN2 0.69314718055994531f
 

@@ -13,19 +13,9 @@
 // define HEAD_PAD  64                  D rounded up to a multiple of 64
 // work-items       groups of 256: (tile of 64 tokens, v H + h), the tokens being queries or keys
 // ```
-// A group goes through the other tokens (keys or queries) in blocks of 32. A work-item has rows 4y .. 4y+3: of the
-// products the columns x and x + 16, of the sums the channels x + 16 i. Weights go through local memory, 25 KB in all.
-#include "common.clh"
-
-#ifndef HEAD_PAD
-#define HEAD_PAD 64
-#endif
-#define ROWS 64
-#define COLS 32
-#define DEPTH 16  // channels staged at a time for the products
-#define GROUP 256
-#define MINE (HEAD_PAD / 16)
-#define LOG2E 1.44269504088896341f
+// A group goes through the other tokens (keys or queries) in blocks of 32. Weights go through local memory, 25 KB in
+// all.
+#include "attention_tile_gpu.clh"
 
 // Work-items (token, v H + h).
 kernel void attention_backward_delta(global const float* out, global const float* dout, global float* delta, int V,
@@ -36,56 +26,6 @@ kernel void attention_backward_delta(global const float* out, global const float
   float sum = 0.0f;
   for (int d = 0; d < D; ++d) sum += out[at + d] * dout[at + d];
   delta[(size_t)vh * T + t] = sum;
-}
-
-// s = (by_a a) (by_b b)^T for this work-item's rows and columns. Token r of a begins at a + r a_step; a_count of them
-// are there. stage: local memory [DEPTH * (ROWS + 1 + COLS + 1)].
-static void products(global const float* a, size_t a_step, int a_count, float by_a, global const float* b,
-                     size_t b_step, int b_count, float by_b, int D, local float* stage, float s[4][2]) {
-  const int item = get_local_id(0), x = item % 16, y = item / 16;
-  local float* as = stage;
-  local float* bs = stage + DEPTH * (ROWS + 1);
-  for (int i = 0; i < 4; ++i) s[i][0] = s[i][1] = 0.0f;
-  for (int d0 = 0; d0 < D; d0 += DEPTH) {
-    for (int e = item; e < ROWS * DEPTH; e += GROUP) {
-      const int r = e / DEPTH, d = e % DEPTH;
-      as[d * (ROWS + 1) + r] = r < a_count && d0 + d < D ? a[r * a_step + d0 + d] * by_a : 0.0f;
-    }
-    for (int e = item; e < COLS * DEPTH; e += GROUP) {
-      const int r = e / DEPTH, d = e % DEPTH;
-      bs[d * (COLS + 1) + r] = r < b_count && d0 + d < D ? b[r * b_step + d0 + d] * by_b : 0.0f;
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int d = 0; d < DEPTH; ++d) {
-      const float b0 = bs[d * (COLS + 1) + x], b1 = bs[d * (COLS + 1) + x + 16];
-      for (int i = 0; i < 4; ++i) {
-        const float q = as[d * (ROWS + 1) + 4 * y + i];
-        s[i][0] = FMA(q, b0, s[i][0]);
-        s[i][1] = FMA(q, b1, s[i][1]);
-      }
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-  }
-}
-
-// acc += w b for this work-item's rows and channels. w [ROWS, COLS + 1]; token r of b begins at b + r step; `count` of
-// them are there. stage: local memory [COLS * 64].
-static void add_up(local const float* w, global const float* b, size_t step, int count, int D, local float* stage,
-                   float acc[4][MINE]) {
-  const int item = get_local_id(0), x = item % 16, y = item / 16;
-  for (int c0 = 0; c0 < HEAD_PAD; c0 += 64) {
-    for (int e = item; e < COLS * 64; e += GROUP) {
-      const int r = e / 64, d = c0 + e % 64;
-      stage[e] = r < count && d < D ? b[r * step + d] : 0.0f;
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int j = 0; j < COLS; ++j)
-      for (int i = 0; i < 4; ++i) {
-        const float by = w[(4 * y + i) * (COLS + 1) + j];
-        for (int c = 0; c < 4; ++c) acc[i][c0 / 16 + c] = FMA(by, stage[j * 64 + x + 16 * c], acc[i][c0 / 16 + c]);
-      }
-    barrier(CLK_LOCAL_MEM_FENCE);
-  }
 }
 
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_query(

@@ -17,7 +17,7 @@
 // define HEAD_PAD  64                          D rounded up to a multiple of 32
 // work-items       groups of one; attention_forward_pack: (panel, v H + h); then (ROWS queries, v H + h)
 // ```
-#include "attention_tile.clh"
+#include "attention_tile_cpu.clh"
 
 static inline float max_of(float16 v) {
   const float8 a = max(v.lo, v.hi);
@@ -52,13 +52,77 @@ kernel void attention_forward_pack(global const float* qkv, global float* kt, gl
       vpo[j * HEAD_PAD + d] = j < count && d < D ? values[(size_t)(n * KEYS + j) * row + d] : 0.0f;
 }
 
+// The running softmax of a tile's queries.
+typedef struct {
+  float16 total[ROWS];  // sums of the weights 2^(score - largest) so far, lane by lane
+  float largest[ROWS];  // score so far
+  float decay[ROWS];    // what the last step multiplied earlier sums by
+} Softmax;
+
+#define TILE_MASK(i)                                  \
+  lo##i = select(lo##i, (float16)(-INFINITY), gone0); \
+  hi##i = select(hi##i, (float16)(-INFINITY), gone1);
 #define TILE_SCORE(i)                             \
   vstore16(lo##i, 0, p + (i)*STEP + column);      \
   vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
   high[i] = max(high[i], max(lo##i, hi##i));
+
+// Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS]: to p [ROWS, STEP] from `column` on. The last
+// `beyond` keys of the panel are not there, where that is > 0, and score -infinity. high [ROWS]: the largest scores,
+// lane by lane, made larger.
+static inline void tile_scores(const float* q, global const float* b, int D, int beyond, int column, float* p,
+                               float16* high) {
+  EACH_ROW(TILE_ZERO)
+  for (int d = 0; d < D; ++d) {
+    const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
+    const float* a_ = q + d * ROWS;
+    const int a_step_ = 1;
+    EACH_ROW(TILE_FMA)
+  }
+  if (beyond > 0) {
+    const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const int16 gone0 = lane >= (float)(KEYS - beyond), gone1 = lane + 16.0f >= (float)(KEYS - beyond);
+    EACH_ROW(TILE_MASK)
+  }
+  EACH_ROW(TILE_SCORE)
+}
+
+// Makes weights of the first `count` scores of each row of p [ROWS, STEP], in place.
+static inline void softmax_step(Softmax* state, const float16* high, int count, float* p) {
+  for (int i = 0; i < ROWS; ++i) {
+    const float before = state->largest[i], top = max(before, max_of(high[i]));
+    const float decay = before == top ? 1.0f : exp2(before - top);
+    state->decay[i] = decay;
+    state->largest[i] = top;
+    float16 sum = state->total[i] * decay;
+    for (int j = 0; j < count; j += 16) {
+      const float16 e = exp2_16(vload16(0, p + i * STEP + j) - top);
+      vstore16(e, 0, p + i * STEP + j);
+      sum += e;
+    }
+    state->total[i] = sum;
+  }
+}
+
 #define TILE_OUT_LOAD(i)                                            \
   float16 lo##i = vload16(0, o + (i)*HEAD_PAD + column) * decay[i]; \
   float16 hi##i = vload16(0, o + (i)*HEAD_PAD + column + 16) * decay[i];
+
+// o [ROWS, HEAD_PAD] = decay o + p values, for the first `count` columns of p [ROWS, STEP], and values [count,
+// HEAD_PAD].
+static inline void add_values(const float* p, global const float* values, int count, const float* decay, float* o) {
+  for (int column = 0; column < HEAD_PAD; column += 32) {
+    EACH_ROW(TILE_OUT_LOAD)
+    for (int j = 0; j < count; ++j) {
+      const float16 b0_ = vload16(0, values + j * HEAD_PAD + column),
+                    b1_ = vload16(0, values + j * HEAD_PAD + column + 16);
+      const float* a_ = p + j;
+      const int a_step_ = STEP;
+      EACH_ROW(TILE_FMA)
+    }
+    EACH_ROW(TILE_KEEP)
+  }
+}
 
 kernel void attention_forward_cpu(global const float* qkv, global const float* kt, global const float* vp,
                                   global float* out, global float* stats, int V, int T, int H, int D, float scale) {
@@ -67,69 +131,28 @@ kernel void attention_forward_cpu(global const float* qkv, global const float* k
   const int v = vh / H, h = vh % H, rows = min(ROWS, T - t0), panels = DIV_UP(T, KEYS);
   float q[HEAD_PAD * ROWS];  // [D, ROWS], scaled for base 2
   float o[ROWS * HEAD_PAD], p[ROWS * STEP];
-  float16 total[ROWS];  // sums of the weights so far, lane by lane
-  float largest[ROWS], decay[ROWS];
+  Softmax state;
   for (int i = 0; i < ROWS; ++i) {
     global const float* from = qkv + ((size_t)(v * T + min(t0 + i, T - 1)) * 3 * H + h) * D;
     for (int d = 0; d < D; ++d) q[d * ROWS + i] = from[d] * (scale * LOG2E);
     for (int d = 0; d < HEAD_PAD; d += 16) vstore16((float16)(0.0f), 0, o + i * HEAD_PAD + d);
-    total[i] = (float16)(0.0f);
-    largest[i] = -INFINITY;
+    state.total[i] = (float16)(0.0f);
+    state.largest[i] = -INFINITY;
   }
   for (int n0 = 0; n0 < panels; n0 += PANELS) {
     const int here = min(PANELS, panels - n0);
+    const size_t first = (size_t)vh * panels + n0;
     float16 high[ROWS];
     for (int i = 0; i < ROWS; ++i) high[i] = (float16)(-INFINITY);
-    for (int n = 0; n < here; ++n) {
-      global const float* b = kt + ((size_t)vh * panels + n0 + n) * D * KEYS;
-      EACH_ROW(TILE_ZERO)
-      for (int d = 0; d < D; ++d) {
-        const float16 b0_ = vload16(0, b + d * KEYS), b1_ = vload16(0, b + d * KEYS + 16);
-        const float* a_ = q + d * ROWS;
-        const int a_step_ = 1;
-        EACH_ROW(TILE_FMA)
-      }
-      const int beyond = (n0 + n + 1) * KEYS - T;  // keys of this panel that are not there
-      if (beyond > 0) {
-        const float16 lane = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-        const int16 gone0 = lane >= (float)(KEYS - beyond), gone1 = lane + 16.0f >= (float)(KEYS - beyond);
-#define TILE_MASK(i)                                  \
-  lo##i = select(lo##i, (float16)(-INFINITY), gone0); \
-  hi##i = select(hi##i, (float16)(-INFINITY), gone1);
-        EACH_ROW(TILE_MASK)
-      }
-      const int column = n * KEYS;
-      EACH_ROW(TILE_SCORE)
-    }
-    for (int i = 0; i < ROWS; ++i) {
-      const float top = max(largest[i], max_of(high[i]));
-      decay[i] = largest[i] == top ? 1.0f : exp2(largest[i] - top);
-      largest[i] = top;
-      float16 sum = total[i] * decay[i];
-      for (int j = 0; j < here * KEYS; j += 16) {
-        const float16 e = exp2_16(vload16(0, p + i * STEP + j) - top);
-        vstore16(e, 0, p + i * STEP + j);
-        sum += e;
-      }
-      total[i] = sum;
-    }
-    global const float* values = vp + ((size_t)vh * panels + n0) * KEYS * HEAD_PAD;
-    for (int column = 0; column < HEAD_PAD; column += 32) {
-      EACH_ROW(TILE_OUT_LOAD)
-      for (int j = 0; j < here * KEYS; ++j) {
-        const float16 b0_ = vload16(0, values + j * HEAD_PAD + column),
-                      b1_ = vload16(0, values + j * HEAD_PAD + column + 16);
-        const float* a_ = p + j;
-        const int a_step_ = STEP;
-        EACH_ROW(TILE_FMA)
-      }
-      EACH_ROW(TILE_KEEP)
-    }
+    for (int n = 0; n < here; ++n)
+      tile_scores(q, kt + (first + n) * D * KEYS, D, (n0 + n + 1) * KEYS - T, n * KEYS, p, high);
+    softmax_step(&state, high, here * KEYS, p);
+    add_values(p, vp + first * KEYS * HEAD_PAD, here * KEYS, state.decay, o);
   }
   for (int i = 0; i < rows; ++i) {
     global float* to = out + ((size_t)(v * T + t0 + i) * H + h) * D;
-    const float inverse = 1.0f / sum_of(total[i]);
+    const float inverse = 1.0f / sum_of(state.total[i]);
     for (int d = 0; d < D; ++d) to[d] = o[i * HEAD_PAD + d] * inverse;
-    if (stats) vstore2((float2)(largest[i], inverse), (size_t)vh * T + t0 + i, stats);
+    if (stats) vstore2((float2)(state.largest[i], inverse), (size_t)vh * T + t0 + i, stats);
   }
 }

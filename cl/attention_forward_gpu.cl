@@ -11,112 +11,80 @@
 // define HEAD_PAD  64                  D rounded up to a multiple of 64
 // work-items       groups of 256: (tile of 64 queries, v H + h)
 // ```
-// A group goes through the keys in blocks of 32. Of the scores, a work-item has queries 4y .. 4y+3 and keys x, x + 16.
-// Weights go through local memory (24.5 KB in all); the softmax of a query is shared by 4 work-items, which take a
-// quarter of the block's keys each. Of the output, a work-item has queries 4y .. 4y+3 and channels x + 16 i, in
-// registers.
-#include "common.clh"
+// A group goes through the keys in blocks of 32. Weights go through local memory, 17.3 KB in all; the softmax of a
+// query is shared by 4 work-items, which take a quarter of the block's keys each.
+#include "attention_tile_gpu.clh"
 
-#ifndef HEAD_PAD
-#define HEAD_PAD 64
-#endif
-#define ROWS 64
-#define KEYS 32
-#define DEPTH 16  // channels staged at a time for the scores
-#define GROUP 256
-#define MINE (HEAD_PAD / 16)
-#define LOG2E 1.44269504088896341f
+// The running softmax of query item % ROWS, of which this work-item takes the keys of one quarter of each block. The
+// four work-items of a query keep the same state.
+typedef struct {
+  float largest, total;  // score so far, and the sum of 2^(score - largest)
+} Softmax;
+
+// Makes weights of a block's scores w [ROWS, COLS + 1], in place. part: local memory [4 * ROWS], whose first ROWS
+// numbers are left as what each query's earlier sums are to be multiplied by. Begins and ends with a barrier.
+static void softmax_step(local float* w, local float* part, Softmax* state) {
+  const int item = get_local_id(0), mine = item % ROWS, quarter = item / ROWS;
+  local float* own = w + mine * (COLS + 1) + quarter * (COLS / 4);
+  barrier(CLK_LOCAL_MEM_FENCE);
+  float top = -INFINITY;
+  for (int j = 0; j < COLS / 4; ++j) top = max(top, own[j]);
+  part[quarter * ROWS + mine] = top;
+  barrier(CLK_LOCAL_MEM_FENCE);
+  top = max(state->largest, max(max(part[mine], part[ROWS + mine]), max(part[2 * ROWS + mine], part[3 * ROWS + mine])));
+  barrier(CLK_LOCAL_MEM_FENCE);
+  float sum = 0.0f;
+  for (int j = 0; j < COLS / 4; ++j) {
+    const float weight = exp2(own[j] - top);
+    own[j] = weight;
+    sum += weight;
+  }
+  part[quarter * ROWS + mine] = sum;
+  const float decay = state->largest == top ? 1.0f : exp2(state->largest - top);
+  barrier(CLK_LOCAL_MEM_FENCE);
+  state->total =
+      state->total * decay + ((part[mine] + part[ROWS + mine]) + (part[2 * ROWS + mine] + part[3 * ROWS + mine]));
+  state->largest = top;
+  barrier(CLK_LOCAL_MEM_FENCE);
+  if (quarter == 0) part[mine] = decay;
+  barrier(CLK_LOCAL_MEM_FENCE);
+}
 
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_forward_gpu(global const float* qkv,
                                                                                      global float* out,
                                                                                      global float* stats, int V, int T,
                                                                                      int H, int D, float scale) {
-  local float qs[DEPTH][ROWS + 1], ks[DEPTH][KEYS + 1], ws[ROWS][KEYS + 1], vs[KEYS][64], part[4][ROWS];
+  local float stage[COLS * 64], w[ROWS * (COLS + 1)], part[4 * ROWS];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
-  const size_t row = (size_t)3 * H * D;
-  global const float* queries = qkv + (size_t)v * T * row + (size_t)h * D;
+  const size_t step = (size_t)3 * H * D;
+  global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
   global const float* keys = queries + (size_t)H * D;
   global const float* values = keys + (size_t)H * D;
   float acc[4][MINE];
   for (int i = 0; i < 4; ++i)
     for (int c = 0; c < MINE; ++c) acc[i][c] = 0.0f;
-  // In the softmax this work-item has query item % 64, of which it takes 8 keys of the block, from 8 (item / 64) on.
-  // The four work-items of a query keep the same state.
-  const int mine = item % ROWS, quarter = item / ROWS;
-  float largest = -INFINITY, total = 0.0f;
-  for (int k0 = 0; k0 < T; k0 += KEYS) {
-    float s[4][2] = {{0.0f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}};
-    for (int d0 = 0; d0 < D; d0 += DEPTH) {
-      for (int e = item; e < ROWS * DEPTH; e += GROUP) {
-        const int r = e / DEPTH, d = e % DEPTH;
-        qs[d][r] = t0 + r < T && d0 + d < D ? queries[(size_t)(t0 + r) * row + d0 + d] * (scale * LOG2E) : 0.0f;
-      }
-      for (int e = item; e < KEYS * DEPTH; e += GROUP) {
-        const int r = e / DEPTH, d = e % DEPTH;
-        ks[d][r] = k0 + r < T && d0 + d < D ? keys[(size_t)(k0 + r) * row + d0 + d] : 0.0f;
-      }
-      barrier(CLK_LOCAL_MEM_FENCE);
-      for (int d = 0; d < DEPTH; ++d) {
-        const float a = ks[d][x], b = ks[d][x + 16];
-        for (int i = 0; i < 4; ++i) {
-          const float q = qs[d][4 * y + i];
-          s[i][0] = FMA(q, a, s[i][0]);
-          s[i][1] = FMA(q, b, s[i][1]);
-        }
-      }
-      barrier(CLK_LOCAL_MEM_FENCE);
-    }
+  Softmax state = {-INFINITY, 0.0f};
+  for (int k0 = 0; k0 < T; k0 += COLS) {
+    float s[4][2];
+    products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage, s);
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 2; ++j) w[(4 * y + i) * (COLS + 1) + x + 16 * j] = k0 + x + 16 * j < T ? s[i][j] : -INFINITY;
+    softmax_step(w, part, &state);
     for (int i = 0; i < 4; ++i) {
-      ws[4 * y + i][x] = k0 + x < T ? s[i][0] : -INFINITY;
-      ws[4 * y + i][x + 16] = k0 + x + 16 < T ? s[i][1] : -INFINITY;
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    float top = -INFINITY;
-    for (int j = 0; j < KEYS / 4; ++j) top = max(top, ws[mine][quarter * (KEYS / 4) + j]);
-    part[quarter][mine] = top;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    top = max(largest, max(max(part[0][mine], part[1][mine]), max(part[2][mine], part[3][mine])));
-    barrier(CLK_LOCAL_MEM_FENCE);
-    float sum = 0.0f;
-    for (int j = 0; j < KEYS / 4; ++j) {
-      const float w = exp2(ws[mine][quarter * (KEYS / 4) + j] - top);
-      ws[mine][quarter * (KEYS / 4) + j] = w;
-      sum += w;
-    }
-    part[quarter][mine] = sum;
-    const float decay = largest == top ? 1.0f : exp2(largest - top);
-    barrier(CLK_LOCAL_MEM_FENCE);
-    total = total * decay + ((part[0][mine] + part[1][mine]) + (part[2][mine] + part[3][mine]));
-    largest = top;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (quarter == 0) part[0][mine] = decay;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int i = 0; i < 4; ++i) {
-      const float by = part[0][4 * y + i];
+      const float by = part[4 * y + i];
       for (int c = 0; c < MINE; ++c) acc[i][c] *= by;
     }
-    for (int c0 = 0; c0 < HEAD_PAD; c0 += 64) {
-      for (int e = item; e < KEYS * 64; e += GROUP) {
-        const int r = e / 64, d = c0 + e % 64;
-        vs[r][e % 64] = k0 + r < T && d < D ? values[(size_t)(k0 + r) * row + d] : 0.0f;
-      }
-      barrier(CLK_LOCAL_MEM_FENCE);
-      for (int j = 0; j < KEYS; ++j)
-        for (int i = 0; i < 4; ++i) {
-          const float w = ws[4 * y + i][j];
-          for (int c = 0; c < 4; ++c) acc[i][c0 / 16 + c] = FMA(w, vs[j][x + 16 * c], acc[i][c0 / 16 + c]);
-        }
-      barrier(CLK_LOCAL_MEM_FENCE);
-    }
+    add_up(w, values + k0 * step, step, T - k0, D, stage, acc);
   }
-  if (quarter == 0) part[0][mine] = total;
-  if (stats && quarter == 0 && t0 + mine < T)
-    vstore2((float2)(largest, 1.0f / total), (size_t)vh * T + t0 + mine, stats);
+  if (item < ROWS) {
+    part[item] = state.total;
+    if (stats && t0 + item < T) vstore2((float2)(state.largest, 1.0f / state.total), (size_t)vh * T + t0 + item, stats);
+  }
   barrier(CLK_LOCAL_MEM_FENCE);
   for (int i = 0; i < 4; ++i) {
     const int t = t0 + 4 * y + i;
-    const float inverse = 1.0f / part[0][4 * y + i];
+    const float inverse = 1.0f / part[4 * y + i];
     for (int c = 0; c < MINE; ++c) {
       const int d = x + 16 * c;
       if (t < T && d < D) out[((size_t)(v * T + t) * H + h) * D + d] = acc[i][c] * inverse;
