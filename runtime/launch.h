@@ -33,8 +33,8 @@ struct Local {
 };
 
 // A tensor that the kernel writes: every argument is one that the kernel takes as a pointer to what is not const. With
-// it goes which of its elements hold values after the launch, by this launch or by one before: VSPLAT_CHECK=nan looks at
-// those.
+// it goes which of its elements hold values after the launch, by this launch or by one before: VSPLAT_CHECK=nan looks
+// at those.
 struct Written {
   Tensor tensor;
   long first = 0, count = 0;  // elements; none of them where only the kernel knows which

@@ -292,7 +292,7 @@ TEST_F(Damage, ABitFlippedAnywhere) {
 }
 
 TEST_F(Damage, ABitFlippedInAHeaderWithoutHash) {
-  // Nothing tells that a setting or a harmless word changed. But no tensor comes out with another's values, or with other ones.
+  // Nothing tells that a setting or a harmless word changed. But no tensor comes out with other values than its own.
   const std::string whole = contents_of(written(draft())), path = folder_.path("x");
   std::uint64_t length = 0;
   std::memcpy(&length, whole.data(), 8);
