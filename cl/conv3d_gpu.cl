@@ -85,13 +85,7 @@ kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_back
       bs[at] = p < until && n < N ? dy[(size_t)p * N + n] : 0.0f;
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (int s = 0; s < BK; ++s) {
-      float av[RM], bv[RN];
-      for (int i = 0; i < RM; ++i) av[i] = as[s * BM + ty * RM + i];
-      for (int j = 0; j < RN; ++j) bv[j] = bs[s * BN + tx + SIDE * j];
-      for (int i = 0; i < RM; ++i)
-        for (int j = 0; j < RN; ++j) acc[i][j] = FMA(av[i], bv[j], acc[i][j]);
-    }
+    tile_gpu_add(as, BM, bs, acc);
     barrier(CLK_LOCAL_MEM_FENCE);
   }
   for (int i = 0; i < RM; ++i)

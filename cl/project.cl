@@ -272,6 +272,41 @@ static inline void sh_basis(real3 d, int count, real* basis) {
   }
 }
 
+// The unit direction from where colours are seen from to a mean; 0 where they are the same place.
+static inline real3 direction_of(real3 mean, global const float* camera) {
+  real3 d = {(mean.x - camera[22]) - camera[25], (mean.y - camera[23]) - camera[26],
+             (mean.z - camera[24]) - camera[27]};
+  const real length2 = dot3(d, d), r = select((real)(0.0f), rsqrt(length2), length2 > 0.0f);
+  d.x *= r, d.y *= r, d.z *= r;
+  return d;
+}
+
+// One Gaussian's colour, of which negative parts are not yet 0, from its S coefficients c [S,3]. basis: every WIDTH-th
+// number is its.
+static inline float3 colour_of(const float* basis, global const float* c, int S) {
+#if WIDTH == 1
+  float3 colour = 0.5f;
+  for (int i = 0; i < S; ++i) colour += basis[i] * vload3(i, c);
+  return colour;
+#else
+  // Four numbers at a time: the next coefficient's red comes along and is not used.
+  float4 even = 0.5f, odd = 0.0f;
+  int i = 0;
+  for (; i + 2 < S; i += 2) {
+    even += basis[16 * i] * vload4(0, c + 3 * i);
+    odd += basis[16 * (i + 1)] * vload4(0, c + 3 * (i + 1));
+  }
+  for (; i < S; ++i) odd.xyz += basis[16 * i] * vload3(i, c);
+  return even.xyz + odd.xyz;
+#endif
+}
+
+static inline void write_record(float4 place, float4 form, float3 colour, global float* record) {
+  vstore4(place, 0, record);
+  vstore4(form, 1, record);
+  vstore4((float4)(max(colour, 0.0f), 0.0f), 2, record);
+}
+
 // For the n Gaussians ids[from] .. ids[from + n - 1] (indices into the scene):
 // ```
 // argument  type  shape    what
@@ -301,24 +336,12 @@ kernel void project_forward(global const float* means, global const float* scale
   const Shape s = shape_of(g, camera);
   const real lo = log2_of(g.opacity), reach = sigmas_of(lo) * sqrt(s.c) + 0.01f, ra = 1.0f / s.a;
   const real k = s.b * ra, qx = -0.5f * LOG2E * ra, qy = -0.5f * LOG2E * (s.a / s.det);
-  real3 d = {(g.mean.x - camera[22]) - camera[25], (g.mean.y - camera[23]) - camera[26],
-             (g.mean.z - camera[24]) - camera[27]};
-  const real length2 = dot3(d, d), r = select((real)(0.0f), rsqrt(length2), length2 > 0.0f);
-  d.x *= r, d.y *= r, d.z *= r;
+  real basis[16];
+  sh_basis(direction_of(g.mean, camera), S, basis);
 #if WIDTH == 1
-  float basis[16];
-  sh_basis(d, S, basis);
-  global const float* c = sh + (size_t)(ids[first] - base) * S * 3;
-  float3 colour = 0.5f;
-  for (int i = 0; i < S; ++i) colour += basis[i] * vload3(i, c);
-  colour = max(colour, 0.0f);
-  global float* out = records + (size_t)first * 12;
-  vstore4((float4)(s.u, s.v, reach, s.z), 0, out);
-  vstore4((float4)(lo, k, qx, qy), 1, out);
-  vstore4((float4)(colour, 0.0f), 2, out);
+  const float3 colour = colour_of(basis, sh + (size_t)(ids[first] - base) * S * 3, S);
+  write_record((float4)(s.u, s.v, reach, s.z), (float4)(lo, k, qx, qy), colour, records + (size_t)first * 12);
 #else
-  float16 basis[16];
-  sh_basis(d, S, basis);
   float rows[8][16];
   vstore16(s.u, 0, rows[0]);
   vstore16(s.v, 0, rows[1]);
@@ -330,20 +353,9 @@ kernel void project_forward(global const float* means, global const float* scale
   vstore16(qy, 0, rows[7]);
   const int end = min(n - first, 16);
   for (int l = 0; l < end; ++l) {
-    global const float* c = sh + (size_t)(ids[first + l] - base) * S * 3;
-    const float* b = (const float*)basis + l;
-    // Four numbers at a time: the next coefficient's red comes along and is not used.
-    float4 even = 0.5f, odd = 0.0f;
-    int i = 0;
-    for (; i + 2 < S; i += 2) {
-      even += b[16 * i] * vload4(0, c + 3 * i);
-      odd += b[16 * (i + 1)] * vload4(0, c + 3 * (i + 1));
-    }
-    for (; i < S; ++i) odd.xyz += b[16 * i] * vload3(i, c);
-    global float* out = records + (size_t)(first + l) * 12;
-    vstore4((float4)(rows[0][l], rows[1][l], rows[2][l], rows[3][l]), 0, out);
-    vstore4((float4)(rows[4][l], rows[5][l], rows[6][l], rows[7][l]), 1, out);
-    vstore4((float4)(max(even.xyz + odd.xyz, 0.0f), 0.0f), 2, out);
+    const float3 colour = colour_of((const float*)basis + l, sh + (size_t)(ids[first + l] - base) * S * 3, S);
+    write_record((float4)(rows[0][l], rows[1][l], rows[2][l], rows[3][l]),
+                 (float4)(rows[4][l], rows[5][l], rows[6][l], rows[7][l]), colour, records + (size_t)(first + l) * 12);
   }
 #endif
 }
