@@ -87,7 +87,8 @@ struct ArenaState {
   [[noreturn]] void refuse(std::size_t size, const std::string& what) const {
     fail(Status::memory,
          "not enough device memory: {} needs {:.4g} GiB beside the {:.4g} GiB already reserved; {:.4g} GiB in all and "
-         "{:.4g} GiB in one buffer may be used (--max-memory, a smaller model or another device)",
+         "{:.4g} GiB in one buffer may be used (vsplat_device_options.max_memory_gib, a smaller model or another "
+         "device)",
          what, gib(size), gib(reserved()), gib(limits.total), gib(limits.max_alloc));
   }
 

@@ -30,7 +30,9 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
   }
   if (name == "cpu") return Flavour::cpu;
   if (name == "gpu") return Flavour::gpu;
-  if (name != "auto") fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (--kernels, VSPLAT_KERNELS)", name);
+  if (name != "auto")
+    fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (vsplat_device_options.kernels, VSPLAT_KERNELS)",
+         name);
   // Tiling through local memory pays where that memory is a store of its own.
   return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu
          : device.type == DeviceType::gpu                       ? Flavour::gpu

@@ -130,7 +130,7 @@ DeviceInfo choose_device(const std::string& asked) {
          "pocl-opencl-icd) "
          "and check that /etc/OpenCL/vendors or OCL_ICD_VENDORS names it");
   std::string spec = trimmed(asked);
-  const char* from = "--device";
+  const char* from = "vsplat_device_options.device";
   if (spec.empty()) {
     if (const char* env = std::getenv("VSPLAT_DEVICE")) spec = trimmed(env);
     from = "VSPLAT_DEVICE";

@@ -262,9 +262,8 @@ void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {
   constexpr long most = 65535 / (kTileRows + 1) - 64;  // a turn for each row and term, less what starts and ends a tile
   if (*tile_defines(device) && terms > most)
     fail(Status::device,
-         "{}: sums of {} terms; {} has no vectors, and its cpu kernels are right for at most {} (choose --kernels gpu "
-         "or "
-         "another device)",
+         "{}: sums of {} terms; {} has no vectors, and its cpu kernels are right for at most {} (choose "
+         "gpu as vsplat_device_options.kernels, or another device)",
          name, terms, device.name, most);
 }
 

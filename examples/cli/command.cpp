@@ -8,6 +8,7 @@
 #include <cstdio>
 
 #include "arguments.h"
+#include "flags.h"
 
 namespace command {
 namespace {
@@ -25,7 +26,7 @@ void on_signal(int number) {
 void on_log(void*, vsplat_log_level level, const char* text) {
   if (static_cast<int>(level) > log_threshold) return;
   clear_progress();
-  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", text);
+  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", with_flags(text).c_str());
 }
 
 }  // namespace

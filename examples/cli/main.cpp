@@ -8,6 +8,7 @@
 
 #include "arguments.h"
 #include "command.h"
+#include "flags.h"
 
 namespace {
 
@@ -68,7 +69,7 @@ int main(int argc, char** argv) {
     return report(exit_usage, e.what());
   } catch (const vsplat::Error& e) {
     if (e.status() == VSPLAT_ERROR_CANCELLED) return report(exit_failed, "stopped; nothing was written");
-    return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, e.what());
+    return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, command::with_flags(e.what()));
   } catch (const std::exception& e) {
     return report(exit_failed, e.what());
   }

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <charconv>
 #include <cmath>
-#include <string_view>
 
 #include "model/base/gaussians.h"
 #include "model/base/statistics.h"
@@ -58,12 +56,13 @@ std::vector<Camera> cameras_on(const Circle& circle, int count, int width, int h
 void apply(const OrbitOptions& options, Circle& circle) {
   if (options.radius) {
     if (!(*options.radius > 0) || !std::isfinite(*options.radius))
-      fail(Status::usage, "--orbit-radius is {}, a positive number is expected", *options.radius);
+      fail(Status::usage, "vsplat_orbit_options.radius is {}, a positive number is expected", *options.radius);
     circle.radius = *options.radius;
   }
   if (options.elevation_deg) {
     if (!(std::abs(*options.elevation_deg) <= 90))
-      fail(Status::usage, "--orbit-elevation is {}, -90 to 90 degrees are expected", *options.elevation_deg);
+      fail(Status::usage, "vsplat_orbit_options.elevation is {}, -90 to 90 degrees are expected",
+           *options.elevation_deg);
     circle.elevation = *options.elevation_deg * M_PI / 180;
   }
 }
@@ -72,39 +71,11 @@ std::optional<Vector3d> asked_up(const OrbitOptions& options) {
   if (!options.up) return std::nullopt;
   const double length = options.up->norm();
   if (!(length > 1e-12) || !std::isfinite(length))
-    fail(Status::usage, "--up is no direction: three numbers, not all 0, are expected");
+    fail(Status::usage, "vsplat_orbit_options.up is no direction: three numbers, not all 0, are expected");
   return *options.up / length;
 }
 
 }  // namespace
-
-CameraSpec parse_camera_spec(const std::string& text) {
-  CameraSpec out;
-  if (text.empty()) fail(Status::usage, "cameras: a file, a folder or orbit:N is expected");
-  if (!text.starts_with("orbit:")) {
-    out.path = text;
-    return out;
-  }
-  const char *begin = text.data() + 6, *end = text.data() + text.size();
-  const auto [at, error] = std::from_chars(begin, end, out.orbit);
-  if (error != std::errc() || at != end || out.orbit < 1 || out.orbit > max_orbit)
-    fail(Status::usage, "{}: orbit:N with N from 1 to {} is expected", text, max_orbit);
-  return out;
-}
-
-Vector3d parse_vector3(const std::string& option, const std::string& text) {
-  Vector3d out;
-  const char *at = text.data(), *const end = text.data() + text.size();
-  for (int i = 0; i < 3; ++i) {
-    if (at != end && *at == '+') ++at;
-    const auto [next, error] = std::from_chars(at, end, out[i]);
-    const bool last = i == 2;
-    if (error != std::errc() || !std::isfinite(out[i]) || (last ? next != end : next == end || *next != ','))
-      fail(Status::usage, "{} is \"{}\", three numbers x,y,z are expected", option, text);
-    at = next + (last ? 0 : 1);
-  }
-  return out;
-}
 
 Eigen::Matrix4d look_at(const Vector3d& eye, const Vector3d& target, const Vector3d& up) {
   Vector3d forward = target - eye;
@@ -173,8 +144,8 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& 
   circle.fov = median(fovs);
   apply(options, circle);
   if (!(circle.radius > 0))
-    fail(Status::input, "the cameras are at the object's centre {}, {}, {}: give --orbit-radius", centre.x(),
-         centre.y(), centre.z());
+    fail(Status::input, "the cameras are at the object's centre {}, {}, {}: give vsplat_orbit_options.radius",
+         centre.x(), centre.y(), centre.z());
   Vector3d start = inputs[0].centre() - centre;
   start -= start.dot(circle.up) * circle.up;
   circle.start = start.norm() > 1e-6 * circle.radius ? start.normalized() : across(circle.up);

@@ -1,9 +1,7 @@
-// Target cameras on a circle, and the argument that asks for them: CAMERAS (a file or folder) or orbit:N.
+// Target cameras on a circle.
 #pragma once
-#include <filesystem>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "model/base/camera.h"
@@ -17,16 +15,6 @@ struct OrbitOptions {
   std::optional<double> elevation_deg;  // above the middle, -90 to 90
   std::optional<Eigen::Vector3d> up;
 };
-
-struct CameraSpec {
-  int orbit = 0;               // N of orbit:N, or 0
-  std::filesystem::path path;  // otherwise
-};
-// Error(usage) for an empty text and an orbit of less than 1 or more than 9999 cameras.
-CameraSpec parse_camera_spec(const std::string& text);
-
-// x,y,z -> its three numbers; Error(usage) names `option`.
-Eigen::Vector3d parse_vector3(const std::string& option, const std::string& text);
 
 // A camera at `eye` that looks at `target`, its picture's upper side towards `up` (any other where it looks along up).
 Eigen::Matrix4d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target, const Eigen::Vector3d& up);

@@ -115,7 +115,7 @@ std::shared_ptr<const Texture> Reader::texture(const aiString& name) {
   const fs::path full = fs::path(path_).parent_path() / file;
   std::error_code ignored;
   if (!fs::exists(full, ignored))
-    fail(Status::input, "{}: its texture {} is missing; put it there, or give one with --texture", path_,
+    fail(Status::input, "{}: its texture {} is missing; put it there, or give another to vsplat_mesh_load", path_,
          printable(full.string()));
   return known = texture_of(read_image(full.string()));
 }
@@ -199,8 +199,8 @@ Mesh Reader::read() {
   refuse_unread(importer_.ApplyPostProcessing(aiProcess_RemoveComponent | aiProcess_Triangulate |
                                               aiProcess_PreTransformVertices));
   if (!missing.empty() && !everywhere_ && extension_of(missing) == ".mtl")
-    fail(Status::input, "{}: its material file {} is missing; put it there, or give a texture with --texture", path_,
-         printable(missing));
+    fail(Status::input, "{}: its material file {} is missing; put it there, or give a texture to vsplat_mesh_load",
+         path_, printable(missing));
   Mesh out;
   out.name = path_;
   for (unsigned i = 0; i < scene().mNumMaterials; ++i) out.palette.push_back(material(*scene().mMaterials[i]));

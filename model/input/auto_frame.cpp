@@ -34,8 +34,8 @@ Eigen::Vector3d nearest_point(const std::vector<Ray>& rays) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
     if (eigen.eigenvalues()[0] < 1e-4)  // directions within about half a degree of each other
       fail(Status::input,
-           "the object cannot be found from {}: the viewing directions are parallel; say where it is with --center and "
-           "--scale",
+           "the object cannot be found from {}: the viewing directions are parallel; say where it is with "
+           "vsplat_input_options.center and vsplat_input_options.scale",
            rays.size() == 1 ? "one view" : "these views");
     const Eigen::Vector3d next = A.ldlt().solve(b);
     std::vector<double> reach(rays.size()), distance(rays.size());
@@ -153,7 +153,8 @@ EstimatedPlacement auto_frame(std::span<const Camera> cameras, std::span<const s
   }
   if (!(edge.edge > 0) || !std::isfinite(edge.edge))
     fail(Status::input,
-         "the object's size cannot be found from these views: the cameras are at its centre {}; give --scale",
+         "the object's size cannot be found from these views: the cameras are at its centre {}; give "
+         "vsplat_input_options.scale",
          to_text(out.placement.centre));
   out.placement.edge = edge.edge;
   out.from += edge.from;

@@ -14,7 +14,7 @@ struct Seen {
   std::optional<MaskExtent> extent;
 };
 
-Seen look_at(LoadedPhotograph& view) { return {view.listed().camera, view.extent()}; }
+Seen see(LoadedPhotograph& view) { return {view.listed().camera, view.extent()}; }
 
 // `look` is called once for each of `views` views, and only where there is something to estimate.
 ChosenPlacement place(const ViewSet& set, const PlacementRequest& request, std::size_t views,
@@ -38,7 +38,7 @@ ChosenPlacement find_placement(const Photographs& photographs, std::span<const i
                                const PlacementRequest& request) {
   return place(photographs.set, request, views.size(), [&](std::size_t i) {
     LoadedPhotograph view(photographs, views[i]);
-    return look_at(view);
+    return see(view);
   });
 }
 
@@ -62,7 +62,7 @@ Input prepare_input(const Photographs& photographs, const Config& config, const 
 
   Input out;
   const ChosenPlacement chosen =
-      place(photographs.set, request.placement, loaded.size(), [&](std::size_t i) { return look_at(*loaded[i]); });
+      place(photographs.set, request.placement, loaded.size(), [&](std::size_t i) { return see(*loaded[i]); });
   out.placement = chosen.placement;
   info("{}", chosen.found);
   check_centre_is_seen(cameras, photographs.set.convention, out.placement, request.force);

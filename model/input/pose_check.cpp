@@ -112,7 +112,7 @@ std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Ei
 }
 
 void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const Placement& placement,
-                          bool force) {
+                          std::optional<bool> force) {
   const Seen seen = look(cameras, placement.centre);
   if (seen.missed() == 0) return;
   std::string text =
@@ -129,10 +129,12 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   if (!swaps.empty()) {
     text += fmt::format("; it would be in the picture of all if the poses were meant as {}: correct the poses", swaps);
   } else {
-    text += "; no swap of axes or of directions puts it into all of them: give --center and --scale, or --auto-frame";
+    text +=
+        "; no swap of axes or of directions puts it into all of them: give vsplat_input_options.center and "
+        "vsplat_input_options.scale, or vsplat_input_options.auto_frame";
   }
-  if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force)
-    fail(Status::input, "{} (--force goes on regardless)", text);
+  if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force.value_or(false))
+    fail(Status::input, "{}{}", text, force ? " (vsplat_input_options.force goes on regardless)" : "");
   warn("{}", text);
 }
 
@@ -141,10 +143,11 @@ void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& pl
     const Camera& c = cameras[i];
     const double nearest = c.w2c(2, 3) - 0.5 * c.w2c.row(2).head<3>().cwiseAbs().sum();
     if (nearest > 0) continue;
-    const std::string advice = c.w2c(2, 3) > 0
-                                   ? fmt::format("; an edge (--scale) under {:.4g} would leave it in front",
-                                                 placement.edge * c.w2c(2, 3) / (c.w2c(2, 3) - nearest))
-                                   : std::string("; its centre too: place it with --center, or leave this view out");
+    const std::string advice =
+        c.w2c(2, 3) > 0
+            ? fmt::format("; an edge (vsplat_input_options.scale) under {:.4g} would leave it in front",
+                          placement.edge * c.w2c(2, 3) / (c.w2c(2, 3) - nearest))
+            : std::string("; its centre too: place it with vsplat_input_options.center, or leave this view out");
     fail(Status::input,
          "view {} ({}): a corner of the object's cube, centre {} and edge {:.6g}, is behind the camera{}", i, c.file,
          to_text(placement.centre), placement.edge, advice);

@@ -14,9 +14,9 @@ std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Ei
 
 // Cameras in the user's world, intrinsics known. Error(input) where the cube's centre is behind, or outside the picture
 // of, more than half of them; it names the swap of conventions that would put it in all their pictures, if one does.
-// `force`: a warning instead, as for fewer of them.
+// `force`: a warning instead, as for fewer of them; without a value the caller's own caller has no such choice.
 void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const Placement& placement,
-                          bool force = false);
+                          std::optional<bool> force = {});
 
 // Cameras in the object's frame. Error(input) where a corner of the cube [-0.5,0.5]^3 is not in front of every camera.
 void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement);

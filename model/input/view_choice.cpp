@@ -71,7 +71,8 @@ int find_view(const ViewSet& set, const std::string& name) {
     int index = -1;
     const auto [end, error] = std::from_chars(name.data() + 1, name.data() + name.size(), index);
     if (error != std::errc() || end != name.data() + name.size() || index < 0 || index >= count)
-      fail(Status::usage, "--views {}: {} lists {} views, @0 to @{}", name, set.source.string(), count, count - 1);
+      fail(Status::usage, "vsplat_input_options.names {}: {} lists {} views, @0 to @{}", name, set.source.string(),
+           count, count - 1);
     return index;
   }
   const std::string normal = fs::path(name).lexically_normal().string();
@@ -82,24 +83,26 @@ int find_view(const ViewSet& set, const std::string& name) {
     if (found.size() == 1) return found[0];
     if (found.size() > 1)
       fail(Status::usage,
-           "--views {}: {} views of {} have that name: {} (@{}) and {} (@{}); give the path as listed, or @INDEX", name,
-           found.size(), set.source.string(), set.views[found[0]].name, found[0], set.views[found[1]].name, found[1]);
+           "vsplat_input_options.names {}: {} views of {} have that name: {} (@{}) and {} (@{}); give the path as "
+           "listed, or @INDEX",
+           name, found.size(), set.source.string(), set.views[found[0]].name, found[0], set.views[found[1]].name,
+           found[1]);
   }
-  fail(Status::usage, "--views {}: no such view among the {} that {} lists{}", name, count, set.source.string(),
-       suggestions(set, name));
+  fail(Status::usage, "vsplat_input_options.names {}: no such view among the {} that {} lists{}", name, count,
+       set.source.string(), suggestions(set, name));
 }
 
 std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>& names) {
   if (names.size() > max_views)
-    fail(Status::usage, "--views names {} views, the network takes 1 to {}", names.size(), max_views);
+    fail(Status::usage, "vsplat_input_options.names has {} views, the network takes 1 to {}", names.size(), max_views);
   std::vector<int> out;
   for (const std::string& name : names) {
     const int index = find_view(set, name);
     if (set.views[index].picture.empty())
-      fail(Status::usage, "--views {}: {} lists {} but its picture is not there", name, set.source.string(),
-           set.views[index].name);
+      fail(Status::usage, "vsplat_input_options.names {}: {} lists {} but its picture is not there", name,
+           set.source.string(), set.views[index].name);
     if (std::find(out.begin(), out.end(), index) != out.end())
-      fail(Status::usage, "--views {}: {} is named twice", name, set.views[index].name);
+      fail(Status::usage, "vsplat_input_options.names {}: {} is named twice", name, set.views[index].name);
     out.push_back(index);
   }
   return out;
@@ -144,18 +147,6 @@ std::vector<int> nearest_members(std::span<const Eigen::Vector3d> p, std::span<c
     for (const int i : g.members)
       if ((p[i] - g.mean).squaredNorm() < (p[best] - g.mean).squaredNorm()) best = i;
     out.push_back(best);
-  }
-  return out;
-}
-
-std::vector<std::string> parse_view_names(const std::string& text) {
-  std::vector<std::string> out;
-  for (std::size_t begin = 0; begin <= text.size();) {
-    const std::size_t end = std::min(text.find(',', begin), text.size());
-    out.push_back(text.substr(begin, end - begin));
-    if (out.back().empty())
-      fail(Status::usage, "--views \"{}\": a name is empty; NAME,NAME,... or @INDEX,... is expected", text);
-    begin = end + 1;
   }
   return out;
 }

@@ -24,13 +24,9 @@ std::vector<Group> kmeans(std::span<const Eigen::Vector3d> positions, int k);
 // Of each group the member nearest its mean, in the groups' order.
 std::vector<int> nearest_members(std::span<const Eigen::Vector3d> positions, std::span<const Group> groups);
 
-// The parts of "NAME,NAME,..." or "@INDEX,...": at least one, none empty.
-std::vector<std::string> parse_view_names(const std::string& text);
-
 struct ViewRequest {
-  std::vector<std::string>
-      names;       // --views: a picture's path as listed, its file name or stem, or @INDEX among all listed
-  int wanted = 4;  // the configuration's `views`, where no names are given
+  std::vector<std::string> names;  // a picture's path as listed, its file name or stem, or @INDEX among all listed
+  int wanted = 4;                  // the configuration's `views`, where no names are given
 };
 
 // Indices into `set.views`, the reference view first. Named: those, in that order. Else, with more pictures than

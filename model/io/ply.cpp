@@ -231,7 +231,8 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
       continue;
     }
     if (!skipped)
-      fail(Status::format, "{}: {} (--skip-bad leaves such Gaussians out)", path, describe(defect, layout, rows, k));
+      fail(Status::format, "{}: {} (vsplat_scene_load_options.skip_bad leaves such Gaussians out)", path,
+           describe(defect, layout, rows, k));
     if (first.empty()) first = describe(defect, layout, rows, k);
     count_defect(defect, *skipped);
   }

@@ -47,7 +47,7 @@ void find_colmap_pictures(ViewSet& set, const ReadOptions& options) {
   if (pictures.empty()) {
     if (!options.need_pictures) return;
     fail(Status::file,
-         "{}: no folder images/ beside the model or up to two folders above it; --pictures DIR says where they are",
+         "{}: no folder images/ beside the model or up to two folders above it; give vsplat_views_load their folder",
          set.source.string());
   }
   std::vector<fs::path> beside = around;
@@ -97,7 +97,7 @@ void count_pictures(const ViewSet& set) {
   }
   if (missing == 0) return;
   if (missing == set.views.size())
-    fail(Status::input, "{}: none of the {} pictures listed is there, {} first; --pictures DIR says where they are",
+    fail(Status::input, "{}: none of the {} pictures listed is there, {} first; give vsplat_views_load their folder",
          set.source.string(), missing, printable(first->name));
   warn("{}: {} of {} listed frames have no picture and are skipped ({} first)", set.source.string(), missing,
        set.views.size(), printable(first->name));

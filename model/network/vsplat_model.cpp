@@ -73,7 +73,8 @@ void refuse_unless_fits(const Context& plan, const std::string& what) {
   const ArenaLimits& limits = plan.memory().limits();
   if (plan.memory().peak() <= limits.total) return;
   fail(Status::memory,
-       "not enough device memory for {}: {:.4g} GiB needed, {:.4g} GiB may be used (--max-memory, fewer views, a "
+       "not enough device memory for {}: {:.4g} GiB needed, {:.4g} GiB may be used "
+       "(vsplat_device_options.max_memory_gib, fewer views, a "
        "smaller "
        "model or another device)",
        what, gib(plan.memory().peak()), gib(limits.total));
@@ -178,7 +179,8 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   if (whole.peak > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: with {} of {} voxels selected the run needs {:.3f} GiB, {:.3f} GiB may be used "
-         "(--max-memory, --assume-selected, fewer views, a smaller model or another device)",
+         "(vsplat_device_options.max_memory_gib, vsplat_reconstruct_options.assume_selected, fewer views, a smaller "
+         "model or another device)",
          whole.selected, config_.voxels(), gib(whole.peak), gib(ctx.memory().limits().total));
 
   {

@@ -17,8 +17,8 @@ std::span<const std::byte> built_in_model() {
 SafetensorsFile open_built_in_model() {
   if (built_in_model().empty())
     fail(Status::file,
-         "no model file is named, and this vsplat was built without a model of its own (model/weights had none): name "
-         "one (--model on the command line); `vsplat train` makes one, `vsplat init` one with random weights");
+         "no model file is named, and this vsplat was built without a model of its own (model/weights had none): give "
+         "one to vsplat_model_load; vsplat_train makes one, vsplat_model_init one with random weights");
   return {"the built-in model", built_in_model()};
 }
 

@@ -106,7 +106,8 @@ bool is_head(std::string_view name) { return name.starts_with("head.") || name.s
 void compare_sizes(const SafetensorsFile& file, const std::string& prefix, const Config& config) {
   const auto need = [&](const char* field, long found, long expected) {
     if (found != expected)
-      fail(Status::format, "{}: an encoder with {} = {}, but the configuration has {} (--set {}={} makes it fit)",
+      fail(Status::format,
+           "{}: an encoder with {} = {}, but the configuration has {} (vsplat_model_options.fields {}={} makes it fit)",
            file.path(), field, found, expected, field, found);
   };
   const auto shape_of = [&](const char* name, std::size_t rank) {

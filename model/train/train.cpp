@@ -67,7 +67,8 @@ Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
   if (fs::exists(options.output)) found = newest_checkpoint(options.output);
   if (found && !options.resume)
     fail(Status::usage,
-         "{}: a training's checkpoints are there already (step {}): --resume goes on from them; or name another folder",
+         "{}: a training's checkpoints are there already (step {}): vsplat_train_options.resume goes on from them; or "
+         "name another folder",
          options.output, found->step);
   if (found) {
     if (without_habits(found->config) != without_habits(config))
@@ -93,7 +94,8 @@ void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
   fail(Status::memory,
        "not enough device memory for training: its network alone takes {:.3f} GiB of the {:.3f} GiB that may be used "
-       "(--max-memory, --assume-selected, fewer views, a smaller model or another device; --dry-run tells more){}",
+       "(vsplat_device_options.max_memory_gib, vsplat_train_options.assume_selected, fewer views, a smaller model or "
+       "another device; vsplat_train_plan tells more){}",
        gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
 }
 

@@ -44,7 +44,7 @@ Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start) {
   if (planner->memory().peak() > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: the weights, their gradients and the optimiser's state take {:.3f} GiB, {:.3f} GiB "
-         "may be used (--max-memory, a smaller model or another device)",
+         "may be used (vsplat_device_options.max_memory_gib, a smaller model or another device)",
          gib(planner->memory().peak()), gib(ctx.memory().limits().total));
   ctx.memory().commit(planner->memory());
   return ctx;

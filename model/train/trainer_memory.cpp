@@ -74,7 +74,7 @@ void Trainer::make_room_for(Context& ctx, const VsplatModel& model, const Item& 
     run(*planner);
     fail(Status::memory,
          "not enough device memory: with {} of {} voxels selected and {} views a step needs {:.3f} GiB, {:.3f} GiB may "
-         "be used (--max-memory, fewer views, a smaller model or another device)",
+         "be used (vsplat_device_options.max_memory_gib, fewer views, a smaller model or another device)",
          room.selected, config_.model.voxels(), count, gib(planner->memory().peak()), gib(ctx.memory().limits().total));
   }
   room.made_for = count;

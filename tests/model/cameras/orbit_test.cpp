@@ -68,9 +68,10 @@ TEST(Orbit, OptionsWin) {
   const auto bad = [&](OrbitOptions options) {
     return [&inputs, options] { orbit_about(inputs, {0, 0, 0}, 3, 64, 64, options); };
   };
-  expect_error(Status::usage, {"--orbit-radius"}, bad({.radius = 0, .elevation_deg = {}, .up = {}}));
-  expect_error(Status::usage, {"--orbit-elevation"}, bad({.radius = {}, .elevation_deg = 91, .up = {}}));
-  expect_error(Status::usage, {"--up"}, bad({.radius = {}, .elevation_deg = {}, .up = Vector3d(0, 0, 0)}));
+  expect_error(Status::usage, {"vsplat_orbit_options.radius"}, bad({.radius = 0, .elevation_deg = {}, .up = {}}));
+  expect_error(Status::usage, {"vsplat_orbit_options.elevation"}, bad({.radius = {}, .elevation_deg = 91, .up = {}}));
+  expect_error(Status::usage, {"vsplat_orbit_options.up"},
+               bad({.radius = {}, .elevation_deg = {}, .up = Vector3d(0, 0, 0)}));
   expect_error(Status::usage, {"no camera"}, [] { orbit_about({}, {0, 0, 0}, 3, 64, 64); });
 }
 
@@ -162,21 +163,6 @@ TEST(OrbitAboutScene, NoneOrOneGaussian) {
     EXPECT_NEAR((c.centre() - Vector3d(1, 2, 3)).norm(), 1, 1e-6);
   for (const Camera& c : orbit_about_scene(one, 4, 64, 64, {.radius = 3, .elevation_deg = 20, .up = Vector3d(0, 0, 1)}))
     EXPECT_NEAR(c.centre().z(), 3 + 3 * std::sin(20 * M_PI / 180), 1e-6);
-}
-
-TEST(CameraSpec, FilesAndOrbits) {
-  EXPECT_EQ(parse_camera_spec("orbit:12").orbit, 12);
-  EXPECT_EQ(parse_camera_spec("some/cameras.json").path, "some/cameras.json");
-  EXPECT_EQ(parse_camera_spec("some/cameras.json").orbit, 0);
-  for (const char* text :
-       {"", "orbit:", "orbit:0", "orbit:-3", "orbit:x", "orbit:3x", "orbit:100000", "orbit:99999999999999"})
-    expect_error(Status::usage, {text}, [&] { parse_camera_spec(text); });
-}
-
-TEST(ParseVector3, ThreeNumbers) {
-  EXPECT_EQ(parse_vector3("--center", "-1,+2.5,3e-1"), Vector3d(-1, 2.5, 0.3));
-  for (const char* text : {"", "1", "1,2", "1,2,", "1,2,3,4", "1,2,x", "1 2 3", "1,,3", "nan,0,0", "1,2,inf", "1,2,3 "})
-    expect_error(Status::usage, {"--center", "x,y,z"}, [&] { parse_vector3("--center", text); });
 }
 
 }  // namespace

@@ -50,8 +50,9 @@ TEST(PoseCheck, MissingTheCentreByManyDegreesIsNoError) {
 TEST(PoseCheck, NamesTheSwapInTransformsJson) {  // read as c2w = L flip, L what the file holds
   const auto convention = PoseConvention::opengl_c2w;
   const auto read = [](const Eigen::Matrix4d& listed) -> Eigen::Matrix4d { return (listed * flip).inverse(); };
-  expect_error(Status::input, {"OpenCV axes (y down, z forward) where", "--force"}, [&] {
-    check_centre_is_seen(changed(rig(), [&](const auto& w2c) { return read(w2c.inverse()); }), convention, cube());
+  expect_error(Status::input, {"OpenCV axes (y down, z forward) where", "vsplat_input_options.force"}, [&] {
+    check_centre_is_seen(changed(rig(), [&](const auto& w2c) { return read(w2c.inverse()); }), convention, cube(),
+                         false);
   });
   expect_error(Status::input, {"world-to-camera matrices (w2c) where"}, [&] {
     check_centre_is_seen(changed(rig(), [&](const auto& w2c) { return read(flip * w2c); }), convention, cube());
@@ -75,10 +76,11 @@ TEST(PoseCheck, NamesTheSwapInOpenCvFormats) {  // read as w2c = L
 }
 
 TEST(PoseCheck, NamesNoSwapWhereNoneHelps) {
-  expect_error(Status::input, {"behind 3 and outside the picture of 2 of 6", "no swap", "--center"}, [] {
-    auto cameras = test::ring(6);
-    check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {{0, 0, 40}, 1});
-  });
+  expect_error(Status::input, {"behind 3 and outside the picture of 2 of 6", "no swap", "vsplat_input_options.center"},
+               [] {
+                 auto cameras = test::ring(6);
+                 check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {{0, 0, 40}, 1});
+               });
 }
 
 TEST(PoseCheck, ForceAndMinoritiesWarn) {

@@ -147,11 +147,5 @@ TEST(ViewChoice, AMaskThatIsListedMustBeThere) {
   EXPECT_EQ(choose_views(set, {{"1"}, 4}), Indices{1});
 }
 
-TEST(ViewChoice, ParsesItsOption) {
-  EXPECT_EQ(parse_view_names("a,@2,b c"), (std::vector<std::string>{"a", "@2", "b c"}));
-  for (const char* text : {"", ",", "a,", ",a", "a,,b"})
-    expect_error(Status::usage, {"empty"}, [&] { parse_view_names(text); });
-}
-
 }  // namespace
 }  // namespace vsplat

@@ -1,0 +1,80 @@
+#include "flags.h"
+
+#include <vsplat/dataset.h>
+#include <vsplat/train.h>
+#include <vsplat/vsplat.h>
+
+#include <string_view>
+
+namespace command {
+namespace {
+
+struct Flag {
+  std::string_view name, flag;
+};
+
+// The name as messages have it; what the library does not have does not compile.
+template <auto>
+constexpr Flag flag(const char* name, const char* flag) {
+  return {name, flag};
+}
+#define FIELD(options, field, text) flag<&options::field>(#options "." #field, text)
+#define FUNCTION(name, text) flag<&name>(#name, text)
+
+constexpr Flag flags[] = {
+    FIELD(vsplat_device_options, device, "--device"),
+    FIELD(vsplat_device_options, kernels, "--kernels"),
+    FIELD(vsplat_device_options, max_memory_gib, "--max-memory"),
+    FIELD(vsplat_input_options, auto_frame, "--auto-frame"),
+    FIELD(vsplat_input_options, center, "--center"),
+    FIELD(vsplat_input_options, force, "--force"),
+    FIELD(vsplat_input_options, names, "--views"),
+    FIELD(vsplat_input_options, scale, "--scale"),
+    FIELD(vsplat_model_options, fields, "--set"),
+    FIELD(vsplat_orbit_options, elevation, "--orbit-elevation"),
+    FIELD(vsplat_orbit_options, radius, "--orbit-radius"),
+    FIELD(vsplat_orbit_options, up, "--up"),
+    FIELD(vsplat_reconstruct_options, assume_selected, "--assume-selected"),
+    FIELD(vsplat_scene_load_options, skip_bad, "--skip-bad"),
+    FIELD(vsplat_train_options, assume_selected, "--assume-selected"),
+    FIELD(vsplat_train_options, resume, "--resume"),
+    FUNCTION(vsplat_mesh_load, "--texture"),
+    FUNCTION(vsplat_model_init, "`vsplat init`"),
+    FUNCTION(vsplat_model_load, "--model"),
+    FUNCTION(vsplat_train, "`vsplat train`"),
+    FUNCTION(vsplat_train_plan, "--dry-run"),
+    FUNCTION(vsplat_views_load, "--pictures"),
+};
+#undef FIELD
+#undef FUNCTION
+
+// What a name is made of; where one is followed by more of it, or comes after some, it is another name or a path.
+bool in_name(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
+         c == '/' || c == '-';
+}
+
+std::string_view flag_of(std::string_view name) {
+  for (const Flag& known : flags)
+    if (name == known.name) return known.flag;
+  return {};
+}
+
+}  // namespace
+
+std::string with_flags(const std::string& text) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    std::size_t end = at;
+    while (end < text.size() && in_name(text[end])) ++end;
+    std::size_t name_end = end;
+    while (name_end > at && text[name_end - 1] == '.') --name_end;  // of a sentence
+    const std::string_view name(text.data() + at, name_end - at), flag = flag_of(name);
+    out += flag.empty() ? name : flag;
+    out.append(text, name_end, end - name_end);
+    for (at = end; at < text.size() && !in_name(text[at]); ++at) out += text[at];
+  }
+  return out;
+}
+
+}  // namespace command

@@ -1,0 +1,63 @@
+"""The library's messages name fields and functions of its interface; the command line says its own options instead."""
+import glob
+import os
+import re
+import unittest
+
+import support
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+
+
+def library_literals():
+    """-> (file and line, text) of every string in the library's sources"""
+    for folder in ("model", "runtime"):
+        for path in sorted(glob.glob(os.path.join(ROOT, folder, "**", "*.*"), recursive=True)):
+            if not path.endswith((".cpp", ".h")):
+                continue
+            text = re.sub(r'"\s*\n\s*"', "", open(path).read())
+            for number, line in enumerate(text.split("\n"), 1):
+                if line.lstrip().startswith(("//", "#include")):
+                    continue
+                for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', line):
+                    yield f"{os.path.relpath(path, ROOT)}, about line {number}", literal
+
+
+class Flags(support.Case):
+    def test_the_library_names_no_option_of_the_command_line(self):
+        for where, text in library_literals():
+            self.assertIsNone(re.search(r"--[a-z]", text), f"{where}: {text}")
+
+    def test_every_name_has_its_option(self):
+        known = set()
+        for line in open(os.path.join(ROOT, "examples", "cli", "flags.cpp")):
+            if found := re.match(r" *FIELD\((\w+), (\w+),", line):
+                known.add(".".join(found.groups()))
+            if found := re.match(r" *FUNCTION\((\w+),", line):
+                known.add(found.group(1))
+        named = set()
+        for where, text in library_literals():
+            if " " not in text:  # a name alone is no message
+                continue
+            for name in re.findall(r"\bvsplat_\w+\.\w+|\bvsplat_(?:train|model|views|mesh)_\w+\b(?!\.)", text):
+                self.assertIn(name, known, f"{where}: {text}")
+                named.add(name)
+        self.assertEqual(known - named - {"vsplat_device_options.device", "vsplat_train"}, set(), "no message names these")
+
+    def test_the_user_reads_the_option(self):
+        err = self.refuses(1, ["no device", "(--device)"], *self.reconstruct("--device", "quantum"))
+        self.assertNotIn("vsplat_", err)
+        aside = self.reconstruct("--center", "0,500,0")  # in no view's picture
+        err = self.refuses(1, ["outside", "--center and --scale, or --auto-frame", "(--force goes on"], *aside)
+        self.assertNotIn("vsplat_", err)
+        self.refuses(2, "--views nobody", *self.reconstruct("--views", "0,nobody"))
+        err = self.refuses(1, "(--max-memory, ", *self.reconstruct("--max-memory", "0.0005"))
+        self.assertNotIn("vsplat_", err)
+        _, err = self.succeeds(*aside, "--force")
+        self.assertIn("warning: the centre", err)
+        self.assertIn("--center and --scale", err)
+        self.assertNotIn("vsplat_", err)
+
+
+if __name__ == "__main__":
+    support.main()
