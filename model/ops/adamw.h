@@ -1,6 +1,6 @@
 // The optimiser's steps on the device: clipping the norm of all gradients, AdamW (Loshchilov and Hutter 2019), and a
-// moving average of weights. Tensors are f32 and of any shape; nothing here waits for the device. The same bits each
-// run.
+// moving average of weights. Tensors are f32 and of any shape. Nothing here waits for the device, and every run gives
+// the same bits.
 #pragma once
 #include <vector>
 
@@ -14,7 +14,7 @@ namespace vsplat {
 // tensor it was asks again with one gradient at a time.
 struct GradientClip {
   std::vector<Tensor> grads;  // those that are none count as zero
-  float scale = 1;            // what is meant is scale * grads: one over the number of accumulated batches
+  float scale = 1;            // the gradients proper are scale * grads: one over the number of accumulated batches
   float max_norm = 0.5f;
   Tensor out;  // [2]: the norm of scale * grads; the factor, which has scale in it
 };

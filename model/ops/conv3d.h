@@ -40,9 +40,9 @@ struct Conv3dForward {
 };
 void conv3d_forward(Context& ctx, const Conv3dForward& c);
 
-// A convolution's gradients come in two calls, since the first takes scratch memory that the second's dx need not lie
-// beside. Of a loss by conv3d_forward()'s weights and biases, of dy, the gradient by its outputs. Summed in a fixed
-// order: the same bits each time.
+// A convolution's gradients come in two calls, so that the first's scratch memory is free again when the second makes
+// dx. The first: gradients by conv3d_forward()'s weights and biases, from dy, the gradient by its outputs. Summed in a
+// fixed order: the same bits each time.
 struct Conv3dBackwardWeights {
   RowSource in;  // as for conv3d_forward()
   long x = 0, y = 0, z = 0;
@@ -54,7 +54,7 @@ struct Conv3dBackwardWeights {
 };
 void conv3d_backward_weights(Context& ctx, const Conv3dBackwardWeights& g);
 
-// By conv3d_forward()'s inputs, as composed.
+// The second: the gradient by conv3d_forward()'s inputs as they are after composing (scale, shift and SiLU).
 struct Conv3dBackwardInputs {
   Tensor w;  // [Cout, Cin, 3, 3, 3]
   long x = 0, y = 0, z = 0;
@@ -80,8 +80,8 @@ struct Conv3dDownForward {
 };
 void conv3d_down_forward(Context& ctx, const Conv3dDownForward& c);
 
-// Gradients of a loss by conv3d_down_forward()'s inputs, weights and biases, of dy, the gradient by its outputs. The
-// same bits each time.
+// Gradients by conv3d_down_forward()'s inputs, weights and biases, from dy, the gradient by its outputs. The same bits
+// each time.
 struct Conv3dDownBackward {
   RowSource in;  // as for conv3d_down_forward()
   Tensor w;      // [Cout, Cin, 2, 2, 2]

@@ -13,7 +13,7 @@ struct LayerNormForward {
 
 void layernorm_forward(Context& ctx, const LayerNormForward& a);
 
-// From what forward had, nothing of which it has to save: means and deviations are made again.
+// Takes what the forward was given, and nothing that it would have to save: means and deviations are computed again.
 struct LayerNormBackward {
   Tensor x;      // [R, C], as forward had it
   Tensor gamma;  // [C]

@@ -1,4 +1,5 @@
-// Feature maps sampled at voxel centres, for a run of voxels at a time: the volume of all views' samples never exists.
+// Feature maps sampled at voxel centres, some voxels at a time, so that the volume of all views' samples is never
+// stored.
 #pragma once
 #include "model/base/device_cameras.h"
 #include "model/ops/scatter_rows.h"

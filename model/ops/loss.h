@@ -5,10 +5,13 @@
 
 namespace vsplat {
 
-// Pictures are clamped to [0, 1] first. SSIM has Gaussian windows of 11 x 11, sigma 1.5, that lie inside, K1 = 0.01, K2
-// = 0.03, the mean over windows, channels and pictures. Where both sides exceed 160 pixels it is MS-SSIM: five scales,
-// each half the last, means over windows by picture and channel, negative ones as 0 (whose gradient is 0, too). Takes
-// memory for about ten times the pictures while it runs. Never waits; the same bits each run.
+// Pictures are clamped to [0, 1] first. SSIM has Gaussian windows of 11 x 11 with sigma 1.5 that lie inside the
+// picture, K1 = 0.01 and K2 = 0.03; it is the mean over windows, channels and pictures. Where both sides exceed 160
+// pixels it is MS-SSIM: five scales, each half the size of the last, with means over the windows for each picture and
+// channel, of which negative ones count as 0 (and so does their gradient).
+//
+// Takes memory for about ten times the pictures while it runs. Never waits for the device; every run gives the same
+// bits.
 struct PictureLoss {
   Tensor pictures;  // [N, H, W, 3], H and W from 11
   Tensor target;    // [N, H, W, 3], in [0, 1]

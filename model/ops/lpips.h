@@ -1,4 +1,5 @@
-// What LPIPS takes beside GEMMs. Pictures are f32 [H, W, C], channels last.
+// What LPIPS (a distance of pictures by a network's features) takes beside GEMMs. Pictures are f32 [H, W, C], channels
+// last.
 #pragma once
 #include "runtime/context.h"
 
@@ -22,11 +23,11 @@ void relu(Context& ctx, const Tensor& x);
 // The largest value under the window, which has no padding: [places, places, C].
 Tensor max_pool(Context& ctx, const Tensor& picture, const Window2d& window);
 
-// Per place of two pictures' features: the weighted squares of the difference of their unit vectors.
+// For each place of two pictures' features: the weighted sum of squares of the difference of their unit vectors.
 struct FeatureDistance {
   Tensor a, b;    // [.., C]
   Tensor weight;  // [C]
-  Tensor out;     // one for each of a's leading dimensions' places
+  Tensor out;     // one number for each place: a's elements over C
 };
 
 void feature_distance(Context& ctx, const FeatureDistance& d);

@@ -8,8 +8,8 @@ inline constexpr long kPositionEncoding = 63;
 
 struct PositionEncodingForward {
   Tensor points;  // [P, 3]
-  Tensor out;     // [P, W]; columns column .. column + 62 are written: x, then sin(2^i x), cos(2^i x), i = 0..9, three
-                  // values each
+  // [P, W]; columns column .. column + 62 are written: x, then sin(2^i x) and cos(2^i x) for i = 0 .. 9, 3 values each
+  Tensor out;
   long column = 0;
 };
 void position_encoding_forward(Context& ctx, const PositionEncodingForward& a);

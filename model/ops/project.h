@@ -72,7 +72,7 @@ struct ProjectBackward {
 };
 void project_backward(Context& ctx, const ProjectBackward& a);
 
-// f32 [6]: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
+// f32 [6]: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
 Tensor sum_twists(Context& ctx, Tensor twists);
 
 }  // namespace vsplat

@@ -23,8 +23,8 @@ struct SelectForward {
 };
 void select_forward(Context& ctx, const SelectForward& a);
 
-// Which voxels are selected has no derivative. "ste", whose factor is 0 or 1, takes that of sigmoid(logit) for the
-// factor's.
+// Which voxels are selected has no derivative. The factor of "ste" (straight-through), 0 or 1, is given the derivative
+// of sigmoid(logit).
 struct SelectBackward {
   Tensor logits, noise, opacities;  // [n], as forward had them
   Selection selection = Selection::gumbel;

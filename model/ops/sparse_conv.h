@@ -20,7 +20,7 @@ struct SubmanifoldForward {
 };
 void submanifold_forward(Context& ctx, const SubmanifoldForward& a);
 
-// Of a loss by the convolution's inputs, weights and biases, of dy, the gradient by its outputs. Summed in a fixed
+// Gradients by the convolution's inputs, weights and biases, from dy, the gradient by its outputs. Summed in a fixed
 // order: the same bits each time.
 struct SubmanifoldBackward {
   RowSource in;                      // as for the forward; the map's taps are symmetric

@@ -16,13 +16,12 @@ struct Binned {
 
 struct BinOptions {
   bool slots = false;  // whether offsets and slots are wanted, for a backward
-  // Whether the tiles of a Gaussian's rectangle in which its alpha stays below 1/255 are left out: of thin, slanted
-  // ones most. No picture is another one for it, since nothing below 1/255 is drawn.
+  // Whether the tiles of a Gaussian's rectangle in which its alpha stays below 1/255 are left out; of thin, slanted
+  // Gaussians that is most of them. It changes no picture, since nothing below 1/255 is drawn.
   bool exact = false;
 };
 
-// `count`: the pairs, as count_visible tells them; with `exact` there are as many at the most. Uses projected.keys as
-// scratch.
+// count: the number of pairs, from count_visible; with `exact` there are at most that many. Overwrites projected.keys.
 Binned tile_bin(Context& ctx, const Projected& projected, std::uint64_t count, const Part& part,
                 const BinOptions& options = {});
 
