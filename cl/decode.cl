@@ -94,8 +94,16 @@ kernel void decode_adjusted_forward(global const float* restrict raw, global con
   opacities[k] = sigmoid(raw[sh_size]) * in_opacities[p];
 }
 
-// Backward. dmeans .. dsh [K,..] are gradients of the Gaussians, in the forward's rows; draw is written: the gradient
-// of raw, and shaped as raw. draw may not be raw.
+// Backward.
+// ```
+// argument                  type  shape   what
+// dmeans .. dsh             f32   [K,..]  gradients of the Gaussians, in the forward's rows
+// draw                      f32   as raw  written: the gradient of raw; may not be raw
+// dcentres                  f32   [P,3]   of decode_fine: added to, the means' gradients, by a voxel's first work-item
+//                                         in order
+// to_means .. to_opacities  f32   [P,..]  of decode_adjusted: gradients of the skeleton's Gaussians, added to
+// work-items                one per Gaussian, in all kernels
+// ```
 
 static inline float sigmoid_slope(float x) { return sigmoid(x) * sigmoid(-x); }
 
@@ -130,7 +138,6 @@ kernel void decode_coarse_backward(global const float* restrict raw, global cons
   decode_backward(raw + row, reach, scale_shift, sh_size, k, dmeans, dscales, dquats, dopacities, dsh, draw + row);
 }
 
-// dcentres [P,3]: added to, the means' gradients, by a voxel's first work-item in order.
 kernel void decode_fine_backward(global const float* restrict raw, global const float* restrict dmeans,
                                  global const float* restrict dscales, global const float* restrict dquats,
                                  global const float* restrict dopacities, global const float* restrict dsh,
@@ -146,7 +153,6 @@ kernel void decode_fine_backward(global const float* restrict raw, global const 
   vstore3(vload3(k / M, dcentres) + sum, k / M, dcentres);
 }
 
-// to_means .. to_opacities [P,..]: gradients of the skeleton's Gaussians, added to.
 kernel void decode_adjusted_backward(global const float* restrict raw, global const float* restrict in_opacities,
                                      global const float* restrict dmeans, global const float* restrict dscales,
                                      global const float* restrict dquats, global const float* restrict dopacities,

@@ -156,15 +156,15 @@ kernel void loss_backward_spread(global const float* restrict slopes, global flo
 
 // The gradient at one scale: the transpose of the blur along x.
 // ```
-// argument  type  shape          what
-// spread    f32   [3,N,H,V3+60]  from loss_backward_spread
-// m, d      f32   [N,H,W3]       at this scale
-// by        f32   [..]           by[first + 3 n + c] is the loss's derivative by a value of off, for plane c of picture
-//                                n
-// coarser   f32   [N,h,3w]       gradient of the next coarser scale, of which a quarter is added; null: none
-// pictures  f32   [N,H,W3]       at the finest scale the pictures as they came, else null: there error * d is added,
-//                                and the gradient is 0 where the picture is outside of [0, 1]
-// gradient  f32   [N,H,W3]       written
+// argument   type  shape          what
+// spread     f32   [3,N,H,V3+60]  from loss_backward_spread
+// m, d       f32   [N,H,W3]       at this scale
+// by         f32   [..]           by[first + 3 n + c] is the loss's derivative by a value of off, for plane c of
+//                                 picture n
+// coarser    f32   [N,h,3w]       gradient of the next coarser scale, of which a quarter is added; null: none
+// pictures   f32   [N,H,W3]       at the finest scale the pictures as they came: there error * d is added, and the
+//                                 gradient is 0 where a picture is outside of [0, 1]; null at the others
+// dpictures  f32   [N,H,W3]       written
 // ```
 kernel void loss_backward(global const float* restrict spread, global const float* restrict m,
                           global const float* restrict d, global const float* restrict by,
