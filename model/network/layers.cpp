@@ -8,7 +8,7 @@
 namespace vsplat {
 namespace {
 
-long rows_of(const RowSource& a) { return a.map ? a.map.dim(0) : a.x0.count() / a.x0.shape().back(); }
+long count_of(const RowSource& a) { return a.map ? a.map.dim(0) : a.x0.rows(); }
 
 Linear load(const WeightLoader& weights, const std::string& name, const Shape& shape) {
   const std::string weight = name + ".weight", bias = name + ".bias";
@@ -20,14 +20,14 @@ Linear load(const WeightLoader& weights, const std::string& name, const Shape& s
   return out;
 }
 
-RowSource silu_of(const Tensor& x) {
+}  // namespace
+
+RowSource rows_of(const Tensor& x, bool silu) {
   RowSource out;
   out.x0 = x;
-  out.silu = true;
+  out.silu = silu;
   return out;
 }
-
-}  // namespace
 
 Linear load_linear(const WeightLoader& weights, const std::string& name, long in, long out) {
   return load(weights, name, {out, in});
@@ -43,14 +43,14 @@ Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, co
   g.b = &layer.w;
   g.bias = layer.bias;
   g.activation = activation;
-  g.out = ctx.tensor({rows_of(in), layer.w.n}, Type::f32, name);
+  g.out = ctx.tensor({count_of(in), layer.w.n}, Type::f32, name);
   g.name = name;
   gemm(ctx, g);
   return g.out;
 }
 
 void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b) {
-  const long out = layer.w.n, in = layer.w.k, rows = rows_of(b.in);
+  const long out = layer.w.n, in = layer.w.k, rows = count_of(b.in);
   {
     Tensor x = b.in.x0;
     if (b.in.x1 || b.in.scale || b.in.silu) {
@@ -138,12 +138,12 @@ Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, lo
 }
 
 Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved) {
-  RowSource in;
-  in.x0 = x;
+  RowSource in = rows_of(x);
   if (saved) {
-    const Tensor h1 = linear_forward(ctx, mlp.first, in, name), h2 = linear_forward(ctx, mlp.second, silu_of(h1), name);
+    const Tensor h1 = linear_forward(ctx, mlp.first, in, name),
+                 h2 = linear_forward(ctx, mlp.second, rows_of(h1, true), name);
     *saved = {x, h1, h2};
-    return linear_forward(ctx, mlp.third, silu_of(h2), name);
+    return linear_forward(ctx, mlp.third, rows_of(h2, true), name);
   }
   in.x0 = linear_forward(ctx, mlp.first, in, name, Activation::silu);
   in.x0 = linear_forward(ctx, mlp.second, in, name, Activation::silu);
@@ -153,14 +153,12 @@ Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* 
 void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,
                    const char* name) {
   const Tensor d2 = ctx.tensor(saved.h2.shape(), Type::f32, "mlp gradient");
-  linear_backward(ctx, mlp.third, {silu_of(saved.h2), dy, d2, {}, false, name});
+  linear_backward(ctx, mlp.third, {rows_of(saved.h2, true), dy, d2, {}, false, name});
   activation_backward(ctx, {saved.h2, Activation::silu, d2, d2});
   const Tensor d1 = ctx.tensor(saved.h1.shape(), Type::f32, "mlp gradient");
-  linear_backward(ctx, mlp.second, {silu_of(saved.h1), d2, d1, {}, false, name});
+  linear_backward(ctx, mlp.second, {rows_of(saved.h1, true), d2, d1, {}, false, name});
   activation_backward(ctx, {saved.h1, Activation::silu, d1, d1});
-  RowSource x;
-  x.x0 = saved.x;
-  linear_backward(ctx, mlp.first, {x, d1, dx, {}, add, name});
+  linear_backward(ctx, mlp.first, {rows_of(saved.x), d1, dx, {}, add, name});
 }
 
 }  // namespace vsplat

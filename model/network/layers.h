@@ -8,6 +8,9 @@
 
 namespace vsplat {
 
+// The rows of x, or of SiLU(x).
+RowSource rows_of(const Tensor& x, bool silu = false);
+
 // "<name>.weight" [out, in] and "<name>.bias".
 struct Linear {
   PackedMatrix w;

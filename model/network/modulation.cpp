@@ -6,16 +6,6 @@
 #include "runtime/fail.h"
 
 namespace vsplat {
-namespace {
-
-RowSource rows_of(const Tensor& x, bool silu) {
-  RowSource out;
-  out.x0 = x;
-  out.silu = silu;
-  return out;
-}
-
-}  // namespace
 
 PoseModulation::PoseModulation(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
   const WeightLoader load(ctx, weights, "dir_norm.");
@@ -33,8 +23,8 @@ Tensor PoseModulation::forward(Context& ctx, const Tensor& tokens, const DeviceC
     const Tensor rays = ctx.tensor({v, t, t, 32}, Type::f32, "modulation.rays");
     plucker_forward(ctx, {cameras, config_.patch, rays});
     const Tensor rows = rays.reshaped({v * t * t, 32});
-    const Tensor hidden = linear_forward(ctx, first_, rows_of(rows, false), "dir_norm.mlp.0",
-                                         saved ? Activation::none : Activation::silu);
+    const Tensor hidden =
+        linear_forward(ctx, first_, rows_of(rows), "dir_norm.mlp.0", saved ? Activation::none : Activation::silu);
     film =
         linear_forward(ctx, second_, rows_of(hidden, saved != nullptr), "dir_norm.mlp.2").reshaped({v, t * t, 2 * c});
     if (saved) *saved = {tokens, rows, hidden, film};
@@ -55,7 +45,7 @@ Tensor PoseModulation::backward(Context& ctx, const Saved& s, const Tensor& dfea
   const Tensor by_row = dfilm.reshaped({s.hidden.dim(0), dfilm.shape().back()});
   linear_backward(ctx, second_, {rows_of(s.hidden, true), by_row, dhidden, {}, false, "dir_norm.mlp.2"});
   activation_backward(ctx, {s.hidden, Activation::silu, dhidden, dhidden});
-  linear_backward(ctx, first_, {rows_of(s.rays, false), dhidden, {}, {}, false, "dir_norm.mlp.0"});
+  linear_backward(ctx, first_, {rows_of(s.rays), dhidden, {}, {}, false, "dir_norm.mlp.0"});
   return dtokens;
 }
 

@@ -10,12 +10,6 @@
 namespace vsplat {
 namespace {
 
-RowSource rows_of(const Tensor& x) {
-  RowSource out;
-  out.x0 = x;
-  return out;
-}
-
 // x [.., C] as [rows, C].
 Tensor flat(const Tensor& x) { return x.reshaped({x.count() / x.shape().back(), x.shape().back()}); }
 
