@@ -282,6 +282,7 @@ Tensor Context::tensor(const Shape& shape, Type type, const std::string& what) {
   Tensor out(impl_->arena->allocate(bytes, where), shape, type);
   impl_->note_stage_memory();
   if (impl_->guards && !impl_->planning) fill_red_zones(impl_->queue, *out.block());
+  if (impl_->checks_nan && !impl_->planning) fill_with_nan(impl_->queue, out);
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 
 #include "runtime/fail.h"
 
@@ -84,6 +85,11 @@ void check_marks(const cl::Kernel& kernel, const std::string& name, const std::v
            may_write ? "no pointer to const and is not given as written()"
                      : "a pointer to const and is given as written()");
   }
+}
+
+void fill_with_nan(const cl::CommandQueue& queue, const Tensor& tensor) {
+  if (tensor.type() == Type::f32 && tensor.count() > 0)
+    queue.enqueueFillBuffer(*tensor.block()->buffer(), std::numeric_limits<float>::quiet_NaN(), 0, tensor.bytes());
 }
 
 void check_for_nan(const cl::CommandQueue& queue, const std::string& name, const std::vector<KernelArg>& args) {

@@ -29,7 +29,7 @@ void activation_forward(Context& ctx, const ActivationForward& a) {
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto values = static_cast<double>(n);
   ctx.launch({"activation", cpu ? "activation_forward_cpu" : "activation_forward_gpu", ""}, range(cpu, n),
-             {0, 8 * values}, a.x, a.out, static_cast<int>(n), static_cast<int>(a.activation));
+             {0, 8 * values}, a.x, written(a.out), n, static_cast<int>(a.activation));
 }
 
 void activation_backward(Context& ctx, const ActivationBackward& a) {
@@ -38,7 +38,7 @@ void activation_backward(Context& ctx, const ActivationBackward& a) {
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto values = static_cast<double>(n);
   ctx.launch({"activation", cpu ? "activation_backward_cpu" : "activation_backward_gpu", ""}, range(cpu, n),
-             {0, 12 * values}, a.x, a.dy, a.dx, static_cast<int>(n), static_cast<int>(a.activation));
+             {0, 12 * values}, a.x, a.dy, written(a.dx), n, static_cast<int>(a.activation));
 }
 
 }  // namespace vsplat

@@ -42,13 +42,13 @@ void gradient_clip(Context& ctx, const GradientClip& a) {
     const auto n = static_cast<double>(grad.count());
     const bool cpu = ctx.flavour() == Flavour::cpu;
     ctx.launch({"adamw", cpu ? "adamw_squares_cpu" : "adamw_squares", "", "adamw_squares"},
-               groups(blocks_of(grad.count()), cpu ? 1 : kGroup), {2 * n, 4 * n}, grad, sums,
-               static_cast<int>(grad.count()), static_cast<int>(first));
+               groups(blocks_of(grad.count()), cpu ? 1 : kGroup), {2 * n, 4 * n}, grad,
+               written(sums, first, blocks_of(grad.count())), grad.count(), first);
     first += blocks_of(grad.count());
   }
   ctx.launch({"adamw", "adamw_clip", ""}, groups(1, kGroup),
-             {4.0 * static_cast<double>(blocks), 4.0 * static_cast<double>(blocks)}, sums, a.out,
-             static_cast<int>(blocks), a.scale, a.max_norm);
+             {4.0 * static_cast<double>(blocks), 4.0 * static_cast<double>(blocks)}, sums, written(a.out), blocks,
+             a.scale, a.max_norm);
 }
 
 void adamw_step(Context& ctx, const AdamwStep& a) {
@@ -62,16 +62,17 @@ void adamw_step(Context& ctx, const AdamwStep& a) {
   const auto t = static_cast<double>(a.step);
   const double rate = a.lr / (1 - std::pow(a.beta1, t));
   const double root = 1 / std::sqrt(1 - std::pow(a.beta2, t));
-  ctx.launch({"adamw", "adamw_step", ""}, items(count), {15.0 * count, 28.0 * count}, a.param, a.grad, a.m, a.v, a.clip,
-             count, static_cast<float>(1 - a.beta1), static_cast<float>(1 - a.beta2), static_cast<float>(a.eps),
-             static_cast<float>(a.lr * a.weight_decay), static_cast<float>(rate), static_cast<float>(root));
+  ctx.launch({"adamw", "adamw_step", ""}, items(count), {15.0 * count, 28.0 * count}, written(a.param), a.grad,
+             written(a.m), written(a.v), a.clip, count, static_cast<float>(1 - a.beta1),
+             static_cast<float>(1 - a.beta2), static_cast<float>(a.eps), static_cast<float>(a.lr * a.weight_decay),
+             static_cast<float>(rate), static_cast<float>(root));
 }
 
 void average_step(Context& ctx, const Tensor& average, const Tensor& param, double decay) {
   const int count = count_of("param", param);
   expect_like("average", average, param);
   if (count == 0) return;
-  ctx.launch({"adamw", "adamw_average", ""}, items(count), {3.0 * count, 12.0 * count}, average, param, count,
+  ctx.launch({"adamw", "adamw_average", ""}, items(count), {3.0 * count, 12.0 * count}, written(average), param, count,
              static_cast<float>(1 - decay));
 }
 

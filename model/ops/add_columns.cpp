@@ -13,8 +13,7 @@ void add_columns(Context& ctx, const AddColumns& a) {
     fail(Status::internal, "add_columns: columns {} to {} of {}", a.column, a.column + c, a.out.describe());
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, r) : groups(1, 32, r);
   const double count = static_cast<double>(a.x.count());
-  ctx.launch({"add_columns", "add_columns", ""}, range, {count, 12 * count}, a.x, a.out, static_cast<int>(r),
-             static_cast<int>(c), static_cast<int>(w), static_cast<int>(a.column));
+  ctx.launch({"add_columns", "add_columns", ""}, range, {count, 12 * count}, a.x, written(a.out), r, c, w, a.column);
 }
 
 }  // namespace vsplat

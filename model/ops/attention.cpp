@@ -4,12 +4,11 @@
 
 #include <cmath>
 
+#include "runtime/rounding.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
 namespace {
-
-long round_up(long value, long step) { return (value + step - 1) / step * step; }
 
 // What both directions are told about a call.
 struct Sizes {
@@ -25,40 +24,38 @@ struct Sizes {
   static long rows(const Context& ctx) { return ctx.device().native_float_width >= 4 ? 12 : 2; }
 };
 
-int as_int(long n) { return static_cast<int>(n); }
-
 void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
-  const long pad = round_up(s.c, 32), panels = (s.t + 31) / 32, heads = s.v * s.h, rows = s.rows(ctx);
-  const int v = as_int(s.v), t = as_int(s.t), h = as_int(s.h), c = as_int(s.c);
+  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), heads = s.v * s.h, rows = s.rows(ctx);
+  const long v = s.v, t = s.t, h = s.h, c = s.c;
   const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
   const Tensor across = ctx.tensor({4, heads, panels, s.c, 32}, Type::f32, "attention.across");
   const Tensor along = ctx.tensor({3, heads, panels * 32, pad}, Type::f32, "attention.along");
   const Tensor terms = ctx.tensor({heads, panels, 3, 32}, Type::f32, "attention.terms");
   const double io = static_cast<double>(a.qkv.bytes()), tiles = static_cast<double>(across.bytes() + along.bytes());
   ctx.launch({"attention_backward_cpu", "attention_backward_pack", defines}, groups(panels, 1, heads, 4),
-             {2.0 * static_cast<double>(a.out.count()), 5.0 / 3.0 * io + tiles}, a.qkv, a.out, a.stats, a.dout, across,
-             along, terms, v, t, h, c, s.scale());
-  const Range range = groups((s.t + rows - 1) / rows, 1, heads);
+             {2.0 * static_cast<double>(a.out.count()), 5.0 / 3.0 * io + tiles}, a.qkv, a.out, a.stats, a.dout,
+             written(across), written(along), written(terms), v, t, h, c, s.scale());
+  const Range range = groups(div_up(s.t, rows), 1, heads);
   ctx.launch({"attention_backward_cpu", "attention_backward_by_query", defines}, range, {3 * s.product, tiles}, across,
-             along, terms, a.dqkv, v, t, h, c, s.scale());
+             along, terms, written_somewhere(a.dqkv), v, t, h, c, s.scale());
   ctx.launch({"attention_backward_cpu", "attention_backward_by_key", defines}, range, {4 * s.product, tiles}, across,
-             along, terms, a.dqkv, v, t, h, c);
+             along, terms, written(a.dqkv), v, t, h, c);
 }
 
 void backward_gpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
-  const int v = as_int(s.v), t = as_int(s.t), h = as_int(s.h), c = as_int(s.c);
-  const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64));
+  const long v = s.v, t = s.t, h = s.h, c = s.c;
+  const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64L));
   const Tensor delta = ctx.tensor({s.v, s.h, s.t}, Type::f32, "attention.delta");
   const double io = static_cast<double>(a.qkv.bytes() + a.dout.bytes());
-  ctx.launch({"attention_backward_gpu", "attention_backward_delta", defines}, groups((s.t + 63) / 64, 64, s.v * s.h),
-             {2.0 * static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.out, a.dout, delta,
-             v, t, h, c);
-  const Range range = groups((s.t + 63) / 64, 256, s.v * s.h);
+  ctx.launch({"attention_backward_gpu", "attention_backward_delta", defines}, groups(div_up(s.t, 64L), 64, s.v * s.h),
+             {2.0 * static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.out, a.dout,
+             written(delta), v, t, h, c);
+  const Range range = groups(div_up(s.t, 64L), 256, s.v * s.h);
   for (const bool by_key : {false, true})
     ctx.launch(
         {"attention_backward_gpu", by_key ? "attention_backward_by_key" : "attention_backward_by_query", defines},
         range, {(by_key ? 4 : 3) * s.product, io + (by_key ? 2.0 : 1.0) * static_cast<double>(a.out.bytes())}, a.qkv,
-        a.stats, delta, a.dout, a.dqkv, v, t, h, c, s.scale());
+        a.stats, delta, a.dout, by_key ? written(a.dqkv) : written_somewhere(a.dqkv), v, t, h, c, s.scale());
 }
 
 }  // namespace
@@ -70,23 +67,23 @@ void attention_forward(Context& ctx, const AttentionForward& a) {
   d.bind_optional("stats", a.stats, {"V", "H", "T", "2"});
   if (a.out.count() == 0) return;
   const Sizes s(d);
-  const int v = as_int(s.v), t = as_int(s.t), h = as_int(s.h), c = as_int(s.c);
+  const long v = s.v, t = s.t, h = s.h, c = s.c;
   const double io = static_cast<double>(a.qkv.bytes());
   const Cost cost{2 * s.product, io + static_cast<double>(a.out.bytes())};
   if (ctx.flavour() == Flavour::gpu) {
-    const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64));
-    ctx.launch({"attention_forward_gpu", "attention_forward_gpu", defines}, groups((s.t + 63) / 64, 256, s.v * s.h),
-               cost, a.qkv, a.out, a.stats, v, t, h, c, s.scale());
+    const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64L));
+    ctx.launch({"attention_forward_gpu", "attention_forward_gpu", defines}, groups(div_up(s.t, 64L), 256, s.v * s.h),
+               cost, a.qkv, written(a.out), written(a.stats), v, t, h, c, s.scale());
     return;
   }
-  const long pad = round_up(s.c, 32), panels = (s.t + 31) / 32, rows = Sizes::rows(ctx);
+  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), rows = Sizes::rows(ctx);
   const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
   const Tensor kt = ctx.tensor({s.v * s.h, panels, s.c, 32}, Type::f32, "attention.keys");
   const Tensor vp = ctx.tensor({s.v * s.h, panels * 32, pad}, Type::f32, "attention.values");
   ctx.launch({"attention_forward_cpu", "attention_forward_pack", defines}, groups(panels, 1, s.v * s.h),
-             {0, 4.0 / 3.0 * io}, a.qkv, kt, vp, v, t, h, c);
-  ctx.launch({"attention_forward_cpu", "attention_forward_cpu", defines}, groups((s.t + rows - 1) / rows, 1, s.v * s.h),
-             cost, a.qkv, kt, vp, a.out, a.stats, v, t, h, c, s.scale());
+             {0, 4.0 / 3.0 * io}, a.qkv, written(kt), written(vp), v, t, h, c);
+  ctx.launch({"attention_forward_cpu", "attention_forward_cpu", defines}, groups(div_up(s.t, rows), 1, s.v * s.h), cost,
+             a.qkv, kt, vp, written(a.out), written(a.stats), v, t, h, c, s.scale());
 }
 
 void attention_backward(Context& ctx, const AttentionBackward& a) {

@@ -6,6 +6,7 @@
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
+#include "runtime/rounding.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
@@ -16,9 +17,6 @@ constexpr long kTileRows = 12, kTileCols = 32, kPackRows = 14;  // of cl/tile_cp
 // Packed planes at a time: few launches, yet they stay in a CPU's last-level cache and scratch memory stays bounded.
 constexpr long kScratchFloats = 4 << 20;
 constexpr long kTileSide = 4, kCoefficients = 36;  // of cl/conv3d_winograd.cl
-
-long div_up(long a, long b) { return (a + b - 1) / b; }
-int as_int(long v) { return static_cast<int>(v); }
 
 // Element k of the rows that a kernel multiplies with: which tap, which input channel.
 struct TapChannel {
@@ -102,11 +100,11 @@ ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const s
   out.w.data = ctx.tensor(cpu ? Shape{panels, out.w.k, kTileCols} : Shape{out.w.k, n}, Type::f32, what);
   const Cost cost{0, static_cast<double>(w.bytes()) + static_cast<double>(out.w.data.bytes())};
   if (out.winograd)
-    ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, 1, c), cost, w, mirrored ? 1 : 0,
-               as_int(c), as_int(n), out.w.data);
+    ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, 1, c), cost, w, mirrored ? 1 : 0, c, n,
+               written(out.w.data));
   else
     ctx.launch({cpu ? "conv3d_cpu" : "conv3d_gpu", "conv3d_pack_weights", cpu ? tile_defines(ctx.device()) : ""},
-               items(out.w.data.count()), cost, w, mirrored ? 1 : 0, as_int(c), as_int(n), out.w.data);
+               items(out.w.data.count()), cost, w, mirrored ? 1 : 0, c, n, written(out.w.data));
   return out;
 }
 
@@ -116,7 +114,7 @@ Tensor patch_order(Context& ctx, const Tensor& w, const std::string& what) {
     fail(Status::internal, "{}: weights are {}, [Cout, Cin, 2, 2, 2] expected", what, w.describe());
   const Tensor out = ctx.tensor({w.dim(0), 8 * w.dim(1)}, Type::f32, what);
   ctx.launch({"conv3d_backward", "conv3d_down_order", ""}, items(w.count()), {0, 8.0 * static_cast<double>(w.count())},
-             w, out, as_int(w.dim(1)), as_int(w.dim(0)));
+             w, written(out), w.dim(1), w.dim(0));
   return out;
 }
 
@@ -173,19 +171,19 @@ void forward_cpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
     const long until = std::min(s.x, p + planes + 1);
     const double bytes = 4.0 * static_cast<double>((until - packed) * (s.y * s.z * s.c() + plane));
     ctx.launch({"conv3d_cpu", "conv3d_forward_pack", tile_defines(ctx.device())}, groups(zt, 1, s.y, until - packed),
-               {0, bytes}, c.in.x0, as_int(s.c0), c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0,
-               as_int(s.y), as_int(s.z), as_int(ring_planes), as_int(packed), ring);
+               {0, bytes}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.y, s.z,
+               ring_planes, packed, written(ring, std::min(until, ring_planes) * plane));
     packed = until;
     ctx.launch({"conv3d_cpu", "conv3d_forward_cpu", tile_defines(ctx.device()), c.name},
                groups(zt * s.y, 1, planes, div_up(s.n, kTileCols)), cost_of(c, s, planes), ring, c.weights->w.data,
-               as_int(s.c()), as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(ring_planes), as_int(p),
-               c.weights->bias, c.residual, c.out);
+               s.c(), s.n, s.x, s.y, s.z, ring_planes, p, c.weights->bias, c.residual,
+               written(c.out, p * s.y * s.z * s.n, planes * s.y * s.z * s.n));
   }
 }
 
 void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
-  const long blocks = div_up(s.c(), 16), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
+  const long blocks = div_up(s.c(), 16L), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
   const long step = std::clamp(kScratchFloats / std::max(1L, per_tile), 1L, tiles);
   const Tensor v = ctx.tensor({step, zt, kCoefficients, blocks, kPackRows, 16}, Type::f32, "transformed tiles");
   const Cost whole = cost_of(c, s, s.x);
@@ -193,27 +191,28 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
     const long count = std::min(step, tiles - t);
     const double share = static_cast<double>(count) / static_cast<double>(tiles);
     ctx.launch({"conv3d_winograd", "winograd_forward_pack", ""}, groups(zt, 1, count),
-               {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, as_int(s.c0), c.in.x1, as_int(s.c1),
-               c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), as_int(t), v);
+               {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift,
+               c.in.silu ? 1 : 0, s.x, s.y, s.z, t,
+               s.c() % 16 == 0 ? written(v, count * per_tile) : written_somewhere(v));
     ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
-               {whole.flops * share, whole.bytes * share}, v, c.weights->w.data, as_int(s.c()), as_int(s.n),
-               as_int(s.x), as_int(s.y), as_int(s.z), as_int(t), c.weights->bias, c.residual, c.out);
+               {whole.flops * share, whole.bytes * share}, v, c.weights->w.data, s.c(), s.n, s.x, s.y, s.z, t,
+               c.weights->bias, c.residual, t + count == tiles ? written(c.out) : written_somewhere(c.out));
   }
 }
 
 void forward_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const GpuTile tile = gpu_tile(ctx, s.x * s.y * s.z, s.n);
   ctx.launch({"conv3d_gpu", "conv3d_forward_gpu", tile.defines, c.name},
-             groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0,
-             as_int(s.c0), c.in.x1, as_int(s.c1), c.in.scale, c.in.shift, c.in.silu ? 1 : 0, as_int(s.x), as_int(s.y),
-             as_int(s.z), c.weights->w.data, as_int(s.n), c.weights->bias, c.residual, c.out);
+             groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0, s.c0,
+             c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z, c.weights->w.data, s.n,
+             c.weights->bias, c.residual, written(c.out));
 }
 
 void backward_weights_direct(Context& ctx, const Conv3dBackwardWeights& g, const Shape3d& s) {
   const long voxels = s.x * s.y * s.z, k = 27 * s.c();
   // Chunks of whole lines along z: short sums, unless their partial results would take too much memory.
   const long most = std::max(1L, kScratchFloats / (k * s.n));
-  const long lines = std::max(div_up(1024, s.z), div_up(s.x * s.y, most)), chunks = div_up(s.x * s.y, lines);
+  const long lines = std::max(div_up(1024L, s.z), div_up(s.x * s.y, most)), chunks = div_up(s.x * s.y, lines);
   const Tensor partial = ctx.tensor({chunks, k, s.n}, Type::f32, "partial weight gradients");
   const Cost cost{54 * static_cast<double>(voxels) * static_cast<double>(s.c()) * static_cast<double>(s.n),
                   4 * static_cast<double>(voxels * (s.c() + s.n)) + static_cast<double>(partial.bytes())};
@@ -223,26 +222,25 @@ void backward_weights_direct(Context& ctx, const Conv3dBackwardWeights& g, const
     const auto panels = [&](const RowSource& of, long c0, long c1, long width) {
       const Tensor to = ctx.tensor({div_up(c0 + c1, width), voxels, width}, Type::f32, "columns");
       ctx.launch({"conv3d_cpu", "conv3d_backward_panels", defines}, items(voxels, 1),
-                 {0, 8 * static_cast<double>(voxels * (c0 + c1))}, of.x0, as_int(c0), of.x1, as_int(c1), of.scale,
-                 of.shift, of.silu ? 1 : 0, as_int(voxels), as_int(width), to);
+                 {0, 8 * static_cast<double>(voxels * (c0 + c1))}, of.x0, c0, of.x1, c1, of.scale, of.shift,
+                 of.silu ? 1 : 0, voxels, width, written(to));
       return to;
     };
     RowSource dy;
     dy.x0 = g.dy;
     const Tensor in = panels(g.in, s.c0, s.c1, kTileRows), out = panels(dy, s.n, 0, kTileCols);
     ctx.launch({"conv3d_cpu", "conv3d_backward_weights_cpu", defines, g.name},
-               groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, as_int(s.c()),
-               as_int(s.n), as_int(s.x), as_int(s.y), as_int(s.z), as_int(lines), partial);
+               groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, s.c(), s.n, s.x,
+               s.y, s.z, lines, written(partial));
   } else {
     constexpr long side = 64;  // of cl/tile_gpu.clh, as it is without defines
     ctx.launch({"conv3d_gpu", "conv3d_backward_weights_gpu", "", g.name},
-               groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, as_int(s.c0), g.in.x1,
-               as_int(s.c1), g.in.scale, g.in.shift, g.in.silu ? 1 : 0, as_int(s.x), as_int(s.y), as_int(s.z), g.dy,
-               as_int(s.n), as_int(lines * s.z), partial);
+               groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, s.c0, g.in.x1, s.c1, g.in.scale,
+               g.in.shift, g.in.silu ? 1 : 0, s.x, s.y, s.z, g.dy, s.n, lines * s.z, written(partial));
   }
   ctx.launch({"conv3d_backward", "conv3d_backward_weights_sum", ""}, items(k * s.n),
-             {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, g.dw,
-             as_int(chunks), as_int(s.c()), as_int(s.n));
+             {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, written(g.dw),
+             chunks, s.c(), s.n);
 }
 
 void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, const Shape3d& s) {
@@ -255,7 +253,7 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
   const long tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide), np = div_up(s.n, kTileCols) * kTileCols;
   // As many tiles at a time as make sums of some 1024 terms.
   const long most = std::max(1L, 2 * kScratchFloats / (kCoefficients * s.z * (s.c() + np)));
-  const long step = std::min({tiles, most, div_up(1024, s.z)});
+  const long step = std::min({tiles, most, div_up(1024L, s.z)});
   const Tensor v = ctx.tensor({kCoefficients * step * s.z * s.c() + kTileRows}, Type::f32, "transformed tiles");
   const Tensor e = ctx.tensor({kCoefficients, step, s.z, np}, Type::f32, "transformed gradients");
   const Tensor m = ctx.tensor({kCoefficients, 3, s.c(), s.n}, Type::f32, "transformed weight gradients");
@@ -264,16 +262,18 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
     const long count = std::min(step, tiles - t);
     const double rows = static_cast<double>(kCoefficients * count * s.z);
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_in", ""}, groups(s.z, 1, count),
-               {0, 4 * rows * static_cast<double>(s.c())}, x, as_int(s.c()), as_int(s.x), as_int(s.y), as_int(t), v);
+               {0, 4 * rows * static_cast<double>(s.c())}, x, s.c(), s.x, s.y, t,
+               written(v, kCoefficients * count * s.z * s.c()));
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_out", ""}, groups(s.z, 1, count),
-               {0, 4 * rows * static_cast<double>(np)}, g.dy, as_int(s.n), as_int(s.x), as_int(s.y), as_int(t), e);
+               {0, 4 * rows * static_cast<double>(np)}, g.dy, s.n, s.x, s.y, t,
+               written(e, kCoefficients * count * s.z * np));
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_tile", "", g.name},
                groups(div_up(s.c(), kTileRows), 1, np / kTileCols, kCoefficients),
-               {6 * rows * cn, 4 * (rows * static_cast<double>(s.c() + np) + 3 * kCoefficients * cn)}, v, e,
-               as_int(s.c()), as_int(s.n), as_int(s.z), as_int(count), t > 0 ? 1 : 0, m);
+               {6 * rows * cn, 4 * (rows * static_cast<double>(s.c() + np) + 3 * kCoefficients * cn)}, v, e, s.c(), s.n,
+               s.z, count, t > 0 ? 1 : 0, written(m));
   }
-  ctx.launch({"conv3d_winograd_backward", "winograd_backward_sum", ""}, groups(div_up(s.n, 16), 1, s.c()),
-             {0, 4.0 * static_cast<double>(m.count() + 2 * g.dw.count())}, m, as_int(s.c()), as_int(s.n), g.dw);
+  ctx.launch({"conv3d_winograd_backward", "winograd_backward_sum", ""}, groups(div_up(s.n, 16L), 1, s.c()),
+             {0, 4.0 * static_cast<double>(m.count() + 2 * g.dw.count())}, m, s.c(), s.n, written(g.dw));
 }
 
 }  // namespace
@@ -372,7 +372,7 @@ Tensor conv3d_down_map(Context& ctx, long x, long y, long z) {
   for (long i = 0; i < hx * hy * hz; ++i)
     for (long t = 0; t < 8; ++t) {
       const long px = 2 * (i / (hy * hz)) + t / 4, py = 2 * (i / hz % hy) + t / 2 % 2, pz = 2 * (i % hz) + t % 2;
-      map.push_back(as_int((px * y + py) * z + pz));
+      map.push_back(static_cast<int>((px * y + py) * z + pz));
     }
   return ctx.upload({hx * hy * hz, 8}, map, Type::i32, "map of a stride of 2");
 }
@@ -405,8 +405,8 @@ void conv3d_down_backward(Context& ctx, const Conv3dDownBackward& g) {
     compose_rows(ctx, g.in, patches);
     transposed_gemm(ctx, {g.dy, patches, dordered, false, "conv3d_down.dw"});
     ctx.launch({"conv3d_backward", "conv3d_down_backward_add", ""}, items(g.dw.count()),
-               {static_cast<double>(g.dw.count()), 12.0 * static_cast<double>(g.dw.count())}, dordered, g.dw,
-               as_int(cin), as_int(cout));
+               {static_cast<double>(g.dw.count()), 12.0 * static_cast<double>(g.dw.count())}, dordered, written(g.dw),
+               cin, cout);
   }
   if (!g.dx) return;
   const PackedMatrix transposed = pack_matrix(ctx, patch_order(ctx, g.w, name), cout, 8 * cin, 8 * cin, 1, name);

@@ -46,8 +46,8 @@ void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a) {
   const long sh = 3 * d["S"];
   d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"});
   ctx.launch({"decode", "decode_coarse_forward", ""}, items(n, kLocal),
-             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.out.means, a.out.scales,
-             a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(r), static_cast<int>(sh),
+             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, written(a.out.means),
+             written(a.out.scales), written(a.out.quats), written(a.out.opacities), written(a.out.sh), r, sh,
              0.25f / static_cast<float>(r), scale_shift(r));
 }
 
@@ -60,8 +60,8 @@ void decode_coarse_backward(Context& ctx, const DecodeCoarseBackward& a) {
   d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"}).bind("draw", a.draw, {"R^3", "A"});
   ctx.launch({"decode", "decode_coarse_backward", ""}, items(n, kLocal),
              backward_cost(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.dout.means, a.dout.scales,
-             a.dout.quats, a.dout.opacities, a.dout.sh, a.draw, static_cast<int>(r), static_cast<int>(sh),
-             0.25f / static_cast<float>(r), scale_shift(r));
+             a.dout.quats, a.dout.opacities, a.dout.sh, written(a.draw), r, sh, 0.25f / static_cast<float>(r),
+             scale_shift(r));
 }
 
 void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {
@@ -72,9 +72,10 @@ void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {
   d.set("M A", m * (11 + sh)).bind("raw", a.raw, {"P", "M A"});
   if (d["K"] < n) fail(Status::internal, "decode: {} Gaussians do not fit in {}", n, a.out.means.describe());
   ctx.launch({"decode", "decode_fine_forward", ""}, items(n, kLocal),
-             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.centres, a.div_offset, a.out.means,
-             a.out.scales, a.out.quats, a.out.opacities, a.out.sh, static_cast<int>(p), static_cast<int>(m),
-             static_cast<int>(sh), 0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
+             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.centres, a.div_offset,
+             written(a.out.means, 3 * n), written(a.out.scales, 3 * n), written(a.out.quats, 4 * n),
+             written(a.out.opacities, n), written(a.out.sh, sh * n), p, m, sh, 0.125f / static_cast<float>(a.volume),
+             scale_shift(a.volume));
 }
 
 void decode_fine_backward(Context& ctx, const DecodeFineBackward& a) {
@@ -86,8 +87,8 @@ void decode_fine_backward(Context& ctx, const DecodeFineBackward& a) {
   if (d["K"] < n) fail(Status::internal, "decode: gradients of {} Gaussians expected, {} found", n, d["K"]);
   ctx.launch({"decode", "decode_fine_backward", ""}, items(n, kLocal),
              backward_cost(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.dout.means, a.dout.scales,
-             a.dout.quats, a.dout.opacities, a.dout.sh, a.draw, a.dcentres, static_cast<int>(p), static_cast<int>(m),
-             static_cast<int>(sh), 0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
+             a.dout.quats, a.dout.opacities, a.dout.sh, written(a.draw), written(a.dcentres), p, m, sh,
+             0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
 }
 
 void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a) {
@@ -101,8 +102,9 @@ void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a) {
   }
   ctx.launch({"decode", "decode_adjusted_forward", ""}, items(p, kLocal),
              cost_of(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.skeleton.means, a.skeleton.scales,
-             a.skeleton.quats, a.skeleton.opacities, a.out.means, a.out.scales, a.out.quats, a.out.opacities, a.out.sh,
-             static_cast<int>(p), static_cast<int>(sh), static_cast<int>(a.row0));
+             a.skeleton.quats, a.skeleton.opacities, written(a.out.means, 3 * a.row0, 3 * p),
+             written(a.out.scales, 3 * a.row0, 3 * p), written(a.out.quats, 4 * a.row0, 4 * p),
+             written(a.out.opacities, a.row0, p), written(a.out.sh, sh * a.row0, sh * p), p, sh, a.row0);
 }
 
 void decode_adjusted_backward(Context& ctx, const DecodeAdjustedBackward& a) {
@@ -118,9 +120,8 @@ void decode_adjusted_backward(Context& ctx, const DecodeAdjustedBackward& a) {
   }
   ctx.launch({"decode", "decode_adjusted_backward", ""}, items(p, kLocal),
              backward_cost(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.opacities, a.dout.means,
-             a.dout.scales, a.dout.quats, a.dout.opacities, a.dout.sh, a.draw, a.dskeleton.means, a.dskeleton.scales,
-             a.dskeleton.quats, a.dskeleton.opacities, static_cast<int>(p), static_cast<int>(sh),
-             static_cast<int>(a.row0));
+             a.dout.scales, a.dout.quats, a.dout.opacities, a.dout.sh, written(a.draw), written(a.dskeleton.means),
+             written(a.dskeleton.scales), written(a.dskeleton.quats), written(a.dskeleton.opacities), p, sh, a.row0);
 }
 
 }  // namespace vsplat

@@ -25,7 +25,7 @@ void gather_forward(Context& ctx, const GatherForward& a) {
   }
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
   ctx.launch({"gather", "gather_forward", ""}, range, {0, 8.0 * static_cast<double>(p) * static_cast<double>(c)}, a.x,
-             a.index, a.out, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w), static_cast<int>(a.column));
+             a.index, c == w ? written(a.out) : written_somewhere(a.out), p, c, w, a.column);
 }
 
 void gather_backward(Context& ctx, const GatherBackward& a) {
@@ -38,8 +38,7 @@ void gather_backward(Context& ctx, const GatherBackward& a) {
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
   ctx.launch({"gather", "gather_backward", ""}, range,
              {static_cast<double>(p) * static_cast<double>(c), 12.0 * static_cast<double>(p) * static_cast<double>(c)},
-             a.dout, a.index, a.dx, static_cast<int>(p), static_cast<int>(c), static_cast<int>(w),
-             static_cast<int>(a.column));
+             a.dout, a.index, written(a.dx), p, c, w, a.column);
 }
 
 DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index) {

@@ -33,7 +33,6 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
       .bind_optional("mean", a.mean, {"C"})
       .bind_optional("rstd", a.rstd, {"C"});
   check_groups(c, a.groups);
-  const int ni = static_cast<int>(n), ci = static_cast<int>(c);
   Tensor channel_mean, channel_m2;
   if (n > 0) {
     const bool cpu = ctx.flavour() == Flavour::cpu;
@@ -43,9 +42,9 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
     const auto reduce = [&](const Tensor& x, long width, long channel) {
       const double count = static_cast<double>(n) * static_cast<double>(width);
       const Range range = cpu ? groups(chunks, 1) : groups((width + 31) / 32, 32, chunks);
+      const auto so_far = [&](const Tensor& t) { return channel + width == c ? written(t) : written_somewhere(t); };
       ctx.launch({"groupnorm", cpu ? "groupnorm_forward_chunks_cpu" : "groupnorm_forward_chunks_gpu", ""}, range,
-                 {3 * count, 4 * count}, x, mean, m2, ni, static_cast<int>(width), static_cast<int>(channel), ci,
-                 static_cast<int>(rows));
+                 {3 * count, 4 * count}, x, so_far(mean), so_far(m2), n, width, channel, c, rows);
     };
     reduce(a.x0, c0, 0);
     if (a.x1) reduce(a.x1, c1, c0);
@@ -53,10 +52,10 @@ void groupnorm_forward(Context& ctx, const GroupNormForward& a) {
     channel_m2 = ctx.tensor({c}, Type::f32, "groupnorm.channel_m2");
     const double partials = static_cast<double>(chunks) * static_cast<double>(c);
     ctx.launch({"groupnorm", "groupnorm_forward_channels", ""}, items(c, 16), {8 * partials, 8 * partials}, mean, m2,
-               channel_mean, channel_m2, ni, ci, static_cast<int>(rows), static_cast<int>(chunks));
+               written(channel_mean), written(channel_m2), n, c, rows, chunks);
   }
   ctx.launch({"groupnorm", "groupnorm_forward_scale", ""}, items(c, 16), {}, channel_mean, channel_m2, a.gamma, a.beta,
-             a.scale, a.shift, a.mean, a.rstd, ni, ci, a.groups, a.eps);
+             written(a.scale), written(a.shift), written(a.mean), written(a.rstd), n, c, a.groups, a.eps);
 }
 
 void groupnorm_backward(Context& ctx, const GroupNormBackward& a) {
@@ -76,16 +75,16 @@ void groupnorm_backward(Context& ctx, const GroupNormBackward& a) {
   check_groups(c, a.groups);
   if (n == 0) return;
   const bool cpu = ctx.flavour() == Flavour::cpu;
-  const int ni = static_cast<int>(n), ci = static_cast<int>(c);
   const long rows = chunk_rows(ctx.flavour(), n), chunks = (n + rows - 1) / rows;
   const Tensor sums = ctx.tensor({chunks, c}, Type::f32, "groupnorm.sums");
   const Tensor sums_u = ctx.tensor({chunks, c}, Type::f32, "groupnorm.sums_u");
   const auto reduce = [&](const Tensor& x, long width, long channel) {
     const double count = static_cast<double>(n) * static_cast<double>(width);
     const Range range = cpu ? groups(chunks, 1) : groups((width + 31) / 32, 32, chunks);
+    const auto so_far = [&](const Tensor& t) { return channel + width == c ? written(t) : written_somewhere(t); };
     ctx.launch({"groupnorm", cpu ? "groupnorm_backward_chunks_cpu" : "groupnorm_backward_chunks_gpu", ""}, range,
-               {30 * count, 8 * count}, x, a.dy, a.scale, a.shift, a.mean, a.rstd, sums, sums_u, ni,
-               static_cast<int>(width), static_cast<int>(channel), ci, static_cast<int>(rows));
+               {30 * count, 8 * count}, x, a.dy, a.scale, a.shift, a.mean, a.rstd, so_far(sums), so_far(sums_u), n,
+               width, channel, c, rows);
   };
   reduce(a.x0, c0, 0);
   if (a.x1) reduce(a.x1, c1, c0);
@@ -96,15 +95,15 @@ void groupnorm_backward(Context& ctx, const GroupNormBackward& a) {
   const Tensor group_mean_u = ctx.tensor({c}, Type::f32, "groupnorm.group_mean_u");
   const double partials = static_cast<double>(chunks) * static_cast<double>(c);
   ctx.launch({"groupnorm", "groupnorm_backward_channels", ""}, items(c, 16), {2 * partials, 8 * partials}, sums, sums_u,
-             channel_sums, channel_sums_u, a.dgamma, a.dbeta, ci, static_cast<int>(chunks));
+             written(channel_sums), written(channel_sums_u), written(a.dgamma), written(a.dbeta), c, chunks);
   ctx.launch({"groupnorm", "groupnorm_backward_groups", ""}, items(c, 16), {}, channel_sums, channel_sums_u, a.gamma,
-             group_mean, group_mean_u, ni, ci, a.groups);
+             written(group_mean), written(group_mean_u), n, c, a.groups);
 
   const auto finish = [&](const Tensor& x, const Tensor& dx, long width, long channel) {
     const double count = static_cast<double>(n) * static_cast<double>(width);
     ctx.launch({"groupnorm", cpu ? "groupnorm_backward_cpu" : "groupnorm_backward_gpu", ""}, items(cpu ? n : n * width),
                {30 * count, 12 * count}, x, a.dy, a.scale, a.shift, a.mean, a.rstd, a.gamma, group_mean, group_mean_u,
-               dx, a.add ? 1 : 0, ni, static_cast<int>(width), static_cast<int>(channel), ci);
+               written(dx), a.add ? 1 : 0, n, width, channel, c);
   };
   finish(a.x0, a.dx0, c0, 0);
   if (a.x1) finish(a.x1, a.dx1, c1, c0);

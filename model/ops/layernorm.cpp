@@ -17,7 +17,7 @@ void launch(Context& ctx, const Tensor& x, const Tensor& gamma, const Tensor& be
   const double values = static_cast<double>(rows) * static_cast<double>(c);
   ctx.launch({"layernorm", cpu ? "layernorm_forward_cpu" : "layernorm_forward_gpu", ""},
              cpu ? groups(rows, 1) : groups(rows, 64), {(film ? 11.0 : 8.0) * values, (film ? 16.0 : 8.0) * values}, x,
-             gamma, beta, film, out, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, eps);
+             gamma, beta, film, written(out), rows, c, run, skip, eps);
 }
 
 constexpr long kRows = 64;  // ROWS of cl/layernorm.cl
@@ -35,16 +35,15 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
   ctx.launch({"layernorm", cpu ? "layernorm_backward_cpu" : "layernorm_backward_gpu", ""},
              cpu ? groups(rows, 1) : groups(rows, 64),
              {(a.film ? 20.0 : 16.0) * values, (a.film ? 28.0 : 12.0) * values}, a.x, a.gamma, a.beta, a.film, a.dy,
-             a.dx, a.dfilm, stats, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip, a.eps,
-             a.add ? 1 : 0);
+             written(a.dx), written(a.dfilm), written(stats), rows, c, run, skip, a.eps, a.add ? 1 : 0);
   const long sums = (rows + kRows - 1) / kRows;
   const Tensor by_gamma = ctx.tensor({sums, c}, Type::f32, "partial sums");
   const Tensor by_beta = ctx.tensor({sums, c}, Type::f32, "partial sums");
   ctx.launch({"layernorm", cpu ? "layernorm_backward_columns_cpu" : "layernorm_backward_columns_gpu", "",
               "layernorm_backward_columns"},
              cpu ? groups(sums, 1) : groups((c + 63) / 64, 64, sums),
-             {(a.film ? 7.0 : 5.0) * values, (a.film ? 12.0 : 8.0) * values}, a.x, a.film, a.dy, stats, by_gamma,
-             by_beta, static_cast<int>(rows), static_cast<int>(c), static_cast<int>(run), skip);
+             {(a.film ? 7.0 : 5.0) * values, (a.film ? 12.0 : 8.0) * values}, a.x, a.film, a.dy, stats,
+             written(by_gamma), written(by_beta), rows, c, run, skip);
   column_sum(ctx, {by_gamma, a.dgamma, true});
   column_sum(ctx, {by_beta, a.dbeta, true});
 }

@@ -38,8 +38,8 @@ void lift_corners(Context& ctx, const LiftCorners& a) {
   const long count = d["n"] * d["V"];
   ctx.launch({"lift", "lift_corners", shape_of(ctx.flavour(), 1).defines}, items(count),
              {40.0 * static_cast<double>(count), 32.0 * static_cast<double>(count)}, a.cameras.w2c,
-             a.cameras.intrinsics, a.index, a.weight, static_cast<int>(a.first), static_cast<int>(d["n"]),
-             static_cast<int>(d["V"]), a.volume, a.tokens, static_cast<float>(a.image), a.half_pixel ? 0.5f : 0.0f);
+             a.cameras.intrinsics, written(a.index), written(a.weight), a.first, d["n"], d["V"], a.volume, a.tokens,
+             static_cast<float>(a.image), a.half_pixel ? 0.5f : 0.0f);
 }
 
 void lift_variance_forward(Context& ctx, const LiftVarianceForward& a) {
@@ -48,8 +48,7 @@ void lift_variance_forward(Context& ctx, const LiftVarianceForward& a) {
   d.bind("weight", a.weight, {"n", "V", "4"}).bind("out", a.out, {"n", "C"});
   const Launch shape = shape_of(ctx.flavour(), d["n"]);
   ctx.launch({"lift", "lift_variance_forward", shape.defines}, shape.range, cost_of(a.maps, d["n"], d["V"], d["C"], 14),
-             a.maps, a.index, a.weight, a.out, static_cast<int>(d["n"]), static_cast<int>(d["V"]),
-             static_cast<int>(d["C"]));
+             a.maps, a.index, a.weight, written(a.out), d["n"], d["V"], d["C"]);
 }
 
 void lift_mean_forward(Context& ctx, const LiftMeanForward& a) {
@@ -60,8 +59,8 @@ void lift_mean_forward(Context& ctx, const LiftMeanForward& a) {
     fail(Status::internal, "lift_mean: rows {} to {} of {}", a.first, a.first + d["n"], d["rows"]);
   const Launch shape = shape_of(ctx.flavour(), d["n"]);
   ctx.launch({"lift", "lift_mean_forward", shape.defines}, shape.range, cost_of(a.maps, d["n"], d["V"], d["C"], 9),
-             a.maps, a.index, a.weight, a.bias, a.out, static_cast<int>(a.first), static_cast<int>(d["n"]),
-             static_cast<int>(d["V"]), static_cast<int>(d["C"]));
+             a.maps, a.index, a.weight, a.bias, written(a.out, a.first * d["C"], d["n"] * d["C"]), a.first, d["n"],
+             d["V"], d["C"]);
 }
 
 void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a) {
@@ -74,7 +73,7 @@ void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a) {
   Cost cost = cost_of(a.maps, n, v, c, 12);
   cost.bytes += 2.0 * static_cast<double>(dsamples.bytes());
   ctx.launch({"lift", "lift_variance_backward", shape.defines}, shape.range, cost, a.maps, a.index, a.weight, a.dout,
-             dsamples, static_cast<int>(n), static_cast<int>(v), static_cast<int>(c));
+             written(dsamples), n, v, c);
   scatter_rows(ctx, {a.plan, dsamples, 0, 4, 1, a.dmaps});
 }
 

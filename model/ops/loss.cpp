@@ -37,9 +37,8 @@ class Loss {
       if (i == 0) mean(scales_[0].d, scales_[0].height * scales_[0].width, 0, true);
       similarity(i);
     }
-    ctx_.launch({"loss", "loss_value", ""}, items(1, 1), {}, means_, a_.out, by_, static_cast<int>(scales_[0].height),
-                static_cast<int>(scales_[0].width), static_cast<int>(3 * n_), static_cast<int>(scales_.size()),
-                a_.ssim_weight, a_.gradient_scale);
+    ctx_.launch({"loss", "loss_value", ""}, items(1, 1), {}, means_, written(a_.out), written(by_), scales_[0].height,
+                scales_[0].width, 3 * n_, static_cast<long>(scales_.size()), a_.ssim_weight, a_.gradient_scale);
     if (!a_.dpictures) return;
     Tensor coarser;
     for (std::size_t i = scales_.size(); i-- > 0;) coarser = gradient(i, coarser);
@@ -63,12 +62,12 @@ class Loss {
     s.d = field({n_, s.height, s.width, 3}, "loss.d");
     if (i == 0) {
       const long count = s.m.count();
-      launch("loss_differences", count, 1, 1, 4, 4, {a_.pictures, a_.target, s.m, s.d, static_cast<int>(count)});
+      launch("loss_differences", count, 1, 1, 4, 4, {a_.pictures, a_.target, written(s.m), written(s.d), count});
       return;
     }
     const Scale& finer = scales_[i - 1];
     launch("loss_halve", 3 * s.width, s.height, n_, 10, 10,
-           {finer.m, finer.d, s.m, s.d, static_cast<int>(finer.height), static_cast<int>(finer.width)});
+           {finer.m, finer.d, written(s.m), written(s.d), finer.height, finer.width});
   }
 
   // The means of what scale i lacks in similarity, and its slopes.
@@ -76,13 +75,12 @@ class Loss {
     Scale& s = scales_[i];
     const long v3 = 3 * s.valid_width(), rows = n_ * s.height;
     const Tensor blurred = field({4, rows, v3}, "loss.rows");
-    launch("loss_rows", v3, rows, 1, 110, 6, {s.m, s.d, blurred, static_cast<int>(v3), static_cast<int>(rows)});
+    launch("loss_rows", v3, rows, 1, 110, 6, {s.m, s.d, written(blurred), v3, rows});
     const Tensor off = field({n_, s.valid_height(), v3}, "loss.off");
     if (a_.dpictures) s.slopes = field({3, n_, s.valid_height(), v3}, "loss.slopes");
     const bool structure = i + 1 < scales_.size();
     launch("loss_maps", v3, s.valid_height(), n_, 130, 8,
-           {blurred, off, s.slopes, static_cast<int>(v3), static_cast<int>(s.height), static_cast<int>(n_),
-            structure ? 1 : 0});
+           {blurred, written(off), written(s.slopes), v3, s.height, n_, structure ? 1 : 0});
     mean(off, s.valid_height() * s.valid_width(), static_cast<long>(i) + 1, false);
   }
 
@@ -91,23 +89,21 @@ class Loss {
     const long blocks = (pixels + kBlock - 1) / kBlock;
     const Tensor sums = field({n_, blocks, 3}, "loss.sums");
     const auto count = static_cast<double>(x.count());
-    ctx_.launch({"loss", "loss_sums", ""}, groups(blocks, kGroup, n_), {2 * count, 4 * count}, x, sums,
-                static_cast<int>(pixels), squares ? 1 : 0);
-    ctx_.launch({"loss", "loss_means", ""}, items(3 * n_), {}, sums, means_, static_cast<int>(3 * n_),
-                static_cast<int>(blocks), static_cast<int>(pixels), static_cast<int>(3 * n_ * row));
+    ctx_.launch({"loss", "loss_sums", ""}, groups(blocks, kGroup, n_), {2 * count, 4 * count}, x, written(sums), pixels,
+                squares ? 1 : 0);
+    ctx_.launch({"loss", "loss_means", ""}, items(3 * n_), {}, sums, written(means_, 3 * n_ * row, 3 * n_), 3 * n_,
+                blocks, pixels, 3 * n_ * row);
   }
 
   Tensor gradient(std::size_t i, const Tensor& coarser) {
     Scale& s = scales_[i];
     const long v3 = 3 * s.valid_width(), padded = v3 + 6 * kLost;
     const Tensor spread = field({3, n_, s.height, padded}, "loss.spread");
-    launch("loss_backward_spread", padded, s.height, 3 * n_, 22, 2,
-           {s.slopes, spread, static_cast<int>(v3), static_cast<int>(s.height)});
+    launch("loss_backward_spread", padded, s.height, 3 * n_, 22, 2, {s.slopes, written(spread), v3, s.height});
     const Tensor out = i == 0 ? a_.dpictures : field({n_, s.height, s.width, 3}, "loss.gradient");
     launch("loss_backward", 3 * s.width, s.height, n_, 75, 8,
-           {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), out, static_cast<int>(s.height),
-            static_cast<int>(s.width), static_cast<int>(n_), static_cast<int>(3 * n_ * static_cast<long>(i)),
-            2.0f * a_.gradient_scale / static_cast<float>(a_.pictures.count())});
+           {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), written(out), s.height, s.width, n_,
+            3 * n_ * static_cast<long>(i), 2.0f * a_.gradient_scale / static_cast<float>(a_.pictures.count())});
     return out;
   }
 

@@ -21,9 +21,8 @@ Tensor picture_map(Context& ctx, long height, long width, const Window2d& w) {
     fail(Status::internal, "picture_map: no place for a window of {} in {} x {}", w.side, width, height);
   Tensor map = ctx.tensor({rows * columns, taps}, Type::i32, "picture map");
   const int n = as_int("picture_map", map.count());
-  ctx.launch({"lpips", "lpips_map", ""}, items(n), {0, 4.0 * n}, map, n, static_cast<int>(height),
-             static_cast<int>(width), static_cast<int>(columns), static_cast<int>(w.side), static_cast<int>(w.stride),
-             static_cast<int>(w.pad));
+  ctx.launch({"lpips", "lpips_map", ""}, items(n), {0, 4.0 * n}, written(map), n, height, width, columns, w.side,
+             w.stride, w.pad);
   return map;
 }
 
@@ -31,7 +30,7 @@ void relu(Context& ctx, const Tensor& x) {
   if (!x || x.type() != Type::f32) fail(Status::internal, "relu: x is {}, f32 expected", x.describe());
   const int n = as_int("relu", x.count());
   if (n == 0) return;
-  ctx.launch({"lpips", "lpips_relu", ""}, items(n), {0, 8.0 * n}, x, n);
+  ctx.launch({"lpips", "lpips_relu", ""}, items(n), {0, 8.0 * n}, written(x), n);
 }
 
 Tensor max_pool(Context& ctx, const Tensor& picture, const Window2d& w) {
@@ -46,9 +45,8 @@ Tensor max_pool(Context& ctx, const Tensor& picture, const Window2d& w) {
   Tensor out = ctx.tensor({rows, columns, channels}, Type::f32, "pooled");
   const int n = as_int("max_pool", out.count());
   if (n == 0) return out;
-  ctx.launch({"lpips", "lpips_pool", ""}, items(n), {0, 4.0 * (static_cast<double>(picture.count()) + n)}, picture, out,
-             n, static_cast<int>(width), static_cast<int>(channels), static_cast<int>(columns),
-             static_cast<int>(w.side), static_cast<int>(w.stride));
+  ctx.launch({"lpips", "lpips_pool", ""}, items(n), {0, 4.0 * (static_cast<double>(picture.count()) + n)}, picture,
+             written(out), n, width, channels, columns, w.side, w.stride);
   return out;
 }
 
@@ -61,8 +59,8 @@ void feature_distance(Context& ctx, const FeatureDistance& d) {
          d.a.describe());
   if (places == 0) return;
   const auto values = static_cast<double>(d.a.count());
-  ctx.launch({"lpips", "lpips_distance", ""}, items(places), {10 * values, 16 * values}, d.a, d.b, d.weight, d.out,
-             as_int("feature_distance", places), static_cast<int>(channels));
+  ctx.launch({"lpips", "lpips_distance", ""}, items(places), {10 * values, 16 * values}, d.a, d.b, d.weight,
+             written(d.out), as_int("feature_distance", places), channels);
 }
 
 }  // namespace vsplat

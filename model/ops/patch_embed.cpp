@@ -12,8 +12,8 @@ Tensor patch_rows(Context& ctx, const Tensor& images, int p, long tokens) {
   const long v = images.dim(0), s = images.dim(1);
   const Tensor rows = ctx.tensor({v * tokens, 3L * p * p}, Type::f32, "patch_embed.rows");
   ctx.launch({"patch_embed", "patch_embed_rows", ""}, groups((p + 15) / 16, 16, tokens, v),
-             {2.0 * static_cast<double>(rows.count()), 2.0 * static_cast<double>(rows.bytes())}, images, rows,
-             static_cast<int>(v), static_cast<int>(s), p);
+             {2.0 * static_cast<double>(rows.count()), 2.0 * static_cast<double>(rows.bytes())}, images, written(rows),
+             v, s, p);
   return rows;
 }
 
@@ -45,8 +45,8 @@ void patch_embed_forward(Context& ctx, const PatchEmbedForward& a) {
   g.name = "patch_embed";
   gemm(ctx, g);
   ctx.launch({"patch_embed", "patch_embed_forward_tokens", ""}, groups((c + 255) / 256, 64, tokens, v),
-             {static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.position, a.out,
-             static_cast<int>(v), static_cast<int>(tokens), static_cast<int>(c));
+             {static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.position, written(a.out),
+             v, tokens, c);
 }
 
 void patch_embed_backward(Context& ctx, const PatchEmbedBackward& a) {
@@ -67,7 +67,7 @@ void patch_embed_backward(Context& ctx, const PatchEmbedBackward& a) {
   const Tensor dpatches = ctx.tensor({tokens - 1, c}, Type::f32, "patch_embed.dpatches");
   ctx.launch({"patch_embed", "patch_embed_backward_positions", ""}, groups((c + 63) / 64, 64, tokens),
              {static_cast<double>(a.dtokens.count()), static_cast<double>(a.dtokens.bytes() + 2 * a.dposition.bytes())},
-             a.dtokens, a.dposition, dpatches, static_cast<int>(v), static_cast<int>(tokens), static_cast<int>(c));
+             a.dtokens, written(a.dposition), written(dpatches), v, tokens, c);
   column_sum(ctx, {dpatches, a.dbias, true});
 }
 

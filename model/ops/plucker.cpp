@@ -11,8 +11,7 @@ void plucker_forward(Context& ctx, const PluckerForward& a) {
   const long patches = d["V"] * d["t"] * d["t"];
   ctx.launch({"plucker", "plucker", ""}, items(patches),
              {120.0 * static_cast<double>(patches), static_cast<double>(a.out.bytes())}, a.cameras.c2w,
-             a.cameras.intrinsics, a.out, static_cast<int>(d["V"]), static_cast<int>(d["t"]),
-             static_cast<float>(a.patch));
+             a.cameras.intrinsics, written(a.out), d["V"], d["t"], static_cast<float>(a.patch));
 }
 
 }  // namespace vsplat

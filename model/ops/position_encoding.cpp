@@ -19,8 +19,8 @@ void position_encoding_forward(Context& ctx, const PositionEncodingForward& a) {
   check_columns("position encoding", a.column, a.out);
   const auto count = static_cast<double>(d["P"]);
   ctx.launch({"position_encoding", "position_encoding_forward", ""}, items(d["P"], 16),
-             {60 * 20 * count, 4 * 66 * count}, a.points, a.out, static_cast<int>(d["P"]), static_cast<int>(d["W"]),
-             static_cast<int>(a.column));
+             {60 * 20 * count, 4 * 66 * count}, a.points,
+             d["W"] == kPositionEncoding ? written(a.out) : written_somewhere(a.out), d["P"], d["W"], a.column);
 }
 
 void position_encoding_backward(Context& ctx, const PositionEncodingBackward& a) {
@@ -29,8 +29,7 @@ void position_encoding_backward(Context& ctx, const PositionEncodingBackward& a)
   check_columns("position encoding, backward", a.column, a.dout);
   const auto count = static_cast<double>(d["P"]);
   ctx.launch({"position_encoding", "position_encoding_backward", ""}, items(d["P"], 16),
-             {60 * 22 * count, 4 * 72 * count}, a.points, a.dout, a.dpoints, static_cast<int>(d["P"]),
-             static_cast<int>(d["W"]), static_cast<int>(a.column));
+             {60 * 22 * count, 4 * 72 * count}, a.points, a.dout, written(a.dpoints), d["P"], d["W"], a.column);
 }
 
 }  // namespace vsplat

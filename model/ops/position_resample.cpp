@@ -94,7 +94,7 @@ void position_resample_forward(Context& ctx, const PositionResampleForward& a) {
   const double taps = static_cast<double>(axis.taps) * axis.taps;
   ctx.launch({"position_resample", "position_resample_forward", ""}, groups((c + 63) / 64, 64, 1 + t * t),
              {2.0 * taps * static_cast<double>(a.out.count()), static_cast<double>(a.out.bytes() + a.stored.bytes())},
-             a.stored, a.class_token, first, weight, a.out, a.from, a.to, axis.taps, static_cast<int>(c));
+             a.stored, a.class_token, first, weight, written(a.out), a.from, a.to, axis.taps, c);
 }
 
 void position_resample_backward(Context& ctx, const PositionResampleBackward& a) {
@@ -111,7 +111,7 @@ void position_resample_backward(Context& ctx, const PositionResampleBackward& a)
   ctx.launch({"position_resample", "position_resample_backward", ""}, groups((c + 63) / 64, 64, 1 + g * g),
              {2.0 * taps * static_cast<double>(a.dstored.count()),
               static_cast<double>(a.dout.bytes() + 2 * a.dstored.bytes())},
-             a.dout, first, weight, a.dstored, a.dclass_token, a.from, a.to, axis.taps, static_cast<int>(c));
+             a.dout, first, weight, written(a.dstored), written(a.dclass_token), a.from, a.to, axis.taps, c);
 }
 
 }  // namespace vsplat

@@ -94,8 +94,8 @@ void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tenso
   const Launch l = launch_of(ctx);
   const double count = static_cast<double>(n);
   ctx.launch({"project", "project_cull", l.defines}, range_of(l, n), {count * 190, count * 56}, g.means, g.scales,
-             g.quats, g.opacities, views, static_cast<int>(view), out.rects, out.keys, static_cast<int>(base),
-             static_cast<int>(n), static_cast<int>(tiles_along(width)), static_cast<int>(tiles_along(height)));
+             g.quats, g.opacities, views, view, written(out.rects), written(out.keys), base, n, tiles_along(width),
+             tiles_along(height));
 }
 
 void project_forward(Context& ctx, const ProjectForward& a) {
@@ -108,8 +108,7 @@ void project_forward(Context& ctx, const ProjectForward& a) {
   const double count = static_cast<double>(a.n), s = static_cast<double>(d["S"]);
   ctx.launch({"project", "project_forward", l.defines}, range_of(l, a.n),
              {count * (180 + 8 * s), count * (96 + 12 * s)}, g.means, g.scales, g.quats, g.opacities, g.sh, a.views,
-             static_cast<int>(a.view), a.ids, a.records, static_cast<int>(a.base), static_cast<int>(a.from),
-             static_cast<int>(a.n), static_cast<int>(d["S"]));
+             a.view, a.ids, written(a.records, 12 * a.from, 12 * a.n), a.base, a.from, a.n, d["S"]);
 }
 
 void project_backward(Context& ctx, const ProjectBackward& a) {
@@ -130,10 +129,10 @@ void project_backward(Context& ctx, const ProjectBackward& a) {
   const double count = static_cast<double>(n), rows = static_cast<double>(d["M"]), sh = static_cast<double>(s);
   ctx.launch({"project_backward", "project_backward", ""}, items(n),
              {count * (450.0 + 20.0 * sh) + rows * 10, count * (180.0 + 36.0 * sh) + rows * 41}, g.means, g.scales,
-             g.quats, g.opacities, g.sh, a.views, static_cast<int>(a.view), static_cast<int>(a.mirrored), a.visible.ids,
-             a.visible.records, a.intersections.rows, a.intersections.touched, a.offsets, a.dchunk.means,
-             a.dchunk.scales, a.dchunk.quats, a.dchunk.opacities, a.dchunk.sh, a.twists, static_cast<int>(n),
-             static_cast<int>(d["K"]), static_cast<int>(a.base), static_cast<int>(s));
+             g.quats, g.opacities, g.sh, a.views, a.view, static_cast<int>(a.mirrored), a.visible.ids,
+             a.visible.records, a.intersections.rows, a.intersections.touched, a.offsets, written(a.dchunk.means),
+             written(a.dchunk.scales), written(a.dchunk.quats), written(a.dchunk.opacities), written(a.dchunk.sh),
+             written_somewhere(a.twists), n, d["K"], a.base, s);
 }
 
 Tensor sum_twists(Context& ctx, Tensor twists) {
@@ -141,8 +140,8 @@ Tensor sum_twists(Context& ctx, Tensor twists) {
     const long n = twists.dim(0), blocks = std::max(1L, (n + kSumBlock - 1) / kSumBlock);
     const Tensor sums = ctx.tensor({blocks, 6}, Type::f32, "project_backward.pose");
     const double values = 6.0 * static_cast<double>(n);
-    ctx.launch({"project_backward", "project_backward_pose", ""}, items(blocks * 6), {values, 4 * values}, twists, sums,
-               static_cast<int>(n), static_cast<int>(kSumBlock), static_cast<int>(blocks));
+    ctx.launch({"project_backward", "project_backward_pose", ""}, items(blocks * 6), {values, 4 * values}, twists,
+               written(sums), n, kSumBlock, blocks);
     twists = sums;
   }
   return twists.reshaped({6});

@@ -52,12 +52,12 @@ Sorted radix_sort(Context& ctx, Tensor keys, Tensor values, int bits) {
     const int shift = pass * digit;
     const long here = 1L << std::min(digit, bits - shift);  // the last digit may be shorter
     const auto mask = static_cast<unsigned>(here - 1);
-    ctx.launch(count, range, {0, key_bytes}, keys, histogram, static_cast<unsigned>(n), static_cast<unsigned>(block),
-               static_cast<unsigned>(blocks), shift, mask);
+    ctx.launch(count, range, {0, key_bytes}, keys, written(histogram), static_cast<unsigned>(n),
+               static_cast<unsigned>(block), static_cast<unsigned>(blocks), shift, mask);
     exclusive_scan(ctx, histogram.first(here * blocks), offsets.first(here * blocks + 1));
-    ctx.launch(scatter, range, {0, 2 * key_bytes + 8.0 * static_cast<double>(n)}, keys, values, offsets, other.keys,
-               other.values, static_cast<unsigned>(n), static_cast<unsigned>(block), static_cast<unsigned>(blocks),
-               shift, mask);
+    ctx.launch(scatter, range, {0, 2 * key_bytes + 8.0 * static_cast<double>(n)}, keys, values, offsets,
+               written(other.keys), written(other.values), static_cast<unsigned>(n), static_cast<unsigned>(block),
+               static_cast<unsigned>(blocks), shift, mask);
     if (!values && pass + 1 < passes) values = ctx.tensor({n}, Type::u32, "radix_sort.values");
     std::swap(keys, other.keys);
     std::swap(values, other.values);

@@ -66,11 +66,12 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // How much of it is blended is known only when it is done: what must move at the least counts alone.
   const Cost cost{0, n * 52.0 + pixels * 20.0};
+  const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
+  const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
   const auto run = [&](const KernelId& id, const Range& range) {
-    ctx.launch(id, range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.picture.colour, a.picture.alpha,
-               a.picture.depth, static_cast<int>(d["W"]), static_cast<int>(d["H"]), part.x0, part.y0,
-               static_cast<int>(part.tiles_x()), static_cast<int>(tiles), a.background[0], a.background[1],
-               a.background[2]);
+    ctx.launch(id, range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(a.picture.colour),
+               drawn(a.picture.alpha), drawn(a.picture.depth), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
+               a.background[0], a.background[1], a.background[2]);
   };
   if (wide_cpu(ctx)) {
     run({"rasterize", "rasterize_forward_cpu", "-DBATCH=" + std::to_string(kBatch)}, groups(tiles, 1));
@@ -99,9 +100,9 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0};
   const auto run = [&](const KernelId& id, const Range& range) {
     ctx.launch(id, range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.binned.slots, a.picture.colour,
-               a.picture.alpha, a.picture.depth, dp.colour, dp.alpha, dp.depth, out.rows, out.touched,
-               static_cast<int>(d["W"]), static_cast<int>(d["H"]), part.x0, part.y0, static_cast<int>(part.tiles_x()),
-               static_cast<int>(tiles), a.background[0], a.background[1], a.background[2]);
+               a.picture.alpha, a.picture.depth, dp.colour, dp.alpha, dp.depth, written_somewhere(out.rows),
+               written(out.touched), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles, a.background[0],
+               a.background[1], a.background[2]);
   };
   if (wide_cpu(ctx)) {
     run({"rasterize_backward", "rasterize_backward_cpu", "-DBATCH=" + std::to_string(kBatch)}, groups(tiles, 1));

@@ -24,11 +24,12 @@ void exclusive_scan(Context& ctx, const Tensor& in, const Tensor& out) {
   if (blocks > 1) {
     const Tensor sums = ctx.tensor({blocks}, Type::u32, "scan.sums");
     before = ctx.tensor({blocks + 1}, Type::u32, "scan.before");
-    ctx.launch({"scan", "scan_sums", ""}, groups(blocks, kGroup), {0, 4.0 * static_cast<double>(n)}, in, sums, count);
+    ctx.launch({"scan", "scan_sums", ""}, groups(blocks, kGroup), {0, 4.0 * static_cast<double>(n)}, in, written(sums),
+               count);
     exclusive_scan(ctx, sums, before);
   }
-  ctx.launch({"scan", "scan_blocks", ""}, groups(blocks, kGroup), {0, 8.0 * static_cast<double>(n)}, in, before, out,
-             count);
+  ctx.launch({"scan", "scan_blocks", ""}, groups(blocks, kGroup), {0, 8.0 * static_cast<double>(n)}, in, before,
+             written(out), count);
 }
 
 }  // namespace vsplat

@@ -25,7 +25,7 @@ ScatterPlan make_scatter_plan(Context& ctx, const Tensor& index, const Tensor& w
   const double e = static_cast<double>(entries);
   const auto E = static_cast<unsigned>(entries), R = static_cast<unsigned>(rows);
   Tensor keys = ctx.tensor({entries}, Type::u32, "scatter.keys");
-  ctx.launch({"scatter_rows", "scatter_keys", ""}, items(entries), {0, 12 * e}, index, weight, keys, E, R);
+  ctx.launch({"scatter_rows", "scatter_keys", ""}, items(entries), {0, 12 * e}, index, weight, written(keys), E, R);
   const int bits = std::bit_width(static_cast<std::uint64_t>(rows));  // those passed over have the key `rows`
   const Sorted sorted = radix_sort(ctx, std::move(keys), Tensor(), bits);
   ScatterPlan plan;
@@ -35,7 +35,7 @@ ScatterPlan make_scatter_plan(Context& ctx, const Tensor& index, const Tensor& w
   plan.weight = ctx.tensor({entries}, Type::f32, "scatter.weight");
   plan.starts = ctx.tensor({rows + 1}, Type::u32, "scatter.starts");
   ctx.launch({"scatter_rows", "scatter_plan", ""}, items(entries + 1), {0, 16 * e + 4.0 * static_cast<double>(rows)},
-             plan.keys, plan.from, weight, plan.weight, plan.starts, E, R);
+             plan.keys, plan.from, weight, written(plan.weight), written(plan.starts), E, R);
   return plan;
 }
 
@@ -60,11 +60,11 @@ void scatter_rows(Context& ctx, const ScatterRows& a) {
   const Tensor edges = ctx.tensor({windows, 2, c}, Type::f32, "scatter.edges");
   ctx.launch({"scatter_rows", "scatter_windows", defines}, range(windows),
              {2 * terms, 4 * terms + 2.0 * static_cast<double>(a.out.bytes())}, a.d, a.plan->from, a.plan->keys,
-             a.plan->weight, a.plan->starts, edges, a.out, static_cast<unsigned>(entries),
-             static_cast<unsigned>(a.plan->rows), static_cast<int>(c), static_cast<unsigned>(a.first),
-             static_cast<unsigned>(a.per_row), a.scale);
+             a.plan->weight, a.plan->starts, written_somewhere(edges), written(a.out), static_cast<unsigned>(entries),
+             static_cast<unsigned>(a.plan->rows), c, static_cast<unsigned>(a.first), static_cast<unsigned>(a.per_row),
+             a.scale);
   ctx.launch({"scatter_rows", "scatter_edges", defines}, range(a.plan->rows), {0, static_cast<double>(edges.bytes())},
-             a.plan->starts, edges, a.out, static_cast<unsigned>(a.plan->rows), static_cast<int>(c));
+             a.plan->starts, edges, written(a.out), static_cast<unsigned>(a.plan->rows), c);
 }
 
 }  // namespace vsplat

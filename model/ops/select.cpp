@@ -31,7 +31,7 @@ void select_forward(Context& ctx, const SelectForward& a) {
   const long n = d["n"];
   const auto count = static_cast<double>(n);
   ctx.launch({"select", "select_forward", ""}, items(n, 64), {10 * count, 24 * count}, a.logits, a.noise, a.opacities,
-             a.factor, a.refined, a.flags, static_cast<int>(n), static_cast<int>(a.selection), a.temperature,
+             written(a.factor), written(a.refined), written(a.flags), n, static_cast<int>(a.selection), a.temperature,
              a.opacity_threshold);
 }
 
@@ -44,14 +44,14 @@ void select_backward(Context& ctx, const SelectBackward& a) {
   const long n = d["n"];
   const auto count = static_cast<double>(n);
   ctx.launch({"select", "select_backward", ""}, items(n, 64), {12 * count, 24 * count}, a.logits, a.noise, a.opacities,
-             a.drefined, a.dlogits, a.dopacities, static_cast<int>(n), static_cast<int>(a.selection), a.temperature);
+             a.drefined, written(a.dlogits), written(a.dopacities), n, static_cast<int>(a.selection), a.temperature);
 }
 
 void logistic_noise(Context& ctx, const Tensor& noise, std::uint64_t seed, std::uint32_t step, std::uint32_t stream) {
   const long n = Dims().bind("noise", noise, {"n"})["n"];
   const auto key = rng_key(seed);
   const auto count = static_cast<double>(n);
-  ctx.launch({"select", "select_noise", ""}, items(n, 64), {100 * count, 4 * count}, noise, static_cast<int>(n),
+  ctx.launch({"select", "select_noise", ""}, items(n, 64), {100 * count, 4 * count}, written(noise), n,
              static_cast<unsigned>(step), static_cast<unsigned>(stream), static_cast<unsigned>(key[0]),
              static_cast<unsigned>(key[1]));
 }

@@ -34,8 +34,7 @@ void by_inputs(Context& ctx, const SubmanifoldBackward& a, const Sizes& s) {
   if (s.taps > 1) {
     mirrored = ctx.tensor({s.taps, s.cout, s.cin}, Type::f32, "mirrored weights");
     ctx.launch({"sparse_conv", "submanifold_backward_mirror", ""}, items(a.w.count()),
-               {0, 8.0 * static_cast<double>(a.w.count())}, a.w, mirrored, static_cast<int>(s.cout),
-               static_cast<int>(s.taps), static_cast<int>(s.cin));
+               {0, 8.0 * static_cast<double>(a.w.count())}, a.w, written(mirrored), s.cout, s.taps, s.cin);
   }
   const PackedMatrix packed =
       pack_matrix(ctx, mirrored, s.taps * s.cout, s.cin, s.cin, 1, std::string(a.name) + " mirrored");

@@ -11,9 +11,9 @@ void sparse_map_forward(Context& ctx, const SparseMapForward& a) {
   const Tensor grid = ctx.tensor({r * r * r}, Type::i32, "sparse_map.grid");
   ctx.fill_zero(grid);
   const auto count = static_cast<double>(p);
-  ctx.launch({"sparse_map", "sparse_map_grid", ""}, items(p, 64), {0, 8 * count}, a.index, grid, static_cast<int>(p));
-  ctx.launch({"sparse_map", "sparse_map_forward", ""}, items(p, 64), {0, 220 * count}, a.index, grid, a.map,
-             static_cast<int>(p), static_cast<int>(r));
+  ctx.launch({"sparse_map", "sparse_map_grid", ""}, items(p, 64), {0, 8 * count}, a.index, written(grid), p);
+  ctx.launch({"sparse_map", "sparse_map_forward", ""}, items(p, 64), {0, 220 * count}, a.index, grid, written(a.map), p,
+             r);
 }
 
 }  // namespace vsplat

@@ -17,7 +17,7 @@ Tensor counts_of(Context& ctx, const Tensor& rects, const Tensor& masks, const T
   const long v = rects.dim(0);
   Tensor out = ctx.tensor({v}, Type::u32, "tile_bin.counts");
   ctx.launch({"tile_bin", "tile_bin_counts", defines_for(masks)}, items(v), {0, 16.0 * static_cast<double>(v)}, rects,
-             masks, order, out, static_cast<int>(v));
+             masks, order, written(out), v);
   return out;
 }
 
@@ -43,24 +43,25 @@ void count_and_place(const Job& j, Binned& out) {
   const long block = std::max((j.v + most - 1) / most, 256L), blocks = std::max((j.v + block - 1) / block, 1L);
   const double v = static_cast<double>(j.v), n = static_cast<double>(j.n);
   const double table = 4.0 * static_cast<double>(blocks) * static_cast<double>(tiles);
-  const int V = static_cast<int>(j.v), step = static_cast<int>(block), B = static_cast<int>(blocks);
-  const int tiles_x = static_cast<int>(j.part.tiles_x()), T = static_cast<int>(tiles);
+  const long tiles_x = j.part.tiles_x();
   const Tensor histogram = ctx.tensor({most, tiles}, Type::u32, "tile_bin.histogram").first(blocks);
   const Tensor ordered = ctx.tensor({j.v, 2}, Type::u32, "tile_bin.ordered");
   const Tensor masks = j.masks ? ctx.tensor({j.v}, Type::u64, "tile_bin.ordered_masks") : Tensor();
   ctx.launch({"tile_bin", "tile_bin_order", defines_for(j.masks)}, items(j.v, 256), {0, 20 * v}, j.rects, j.masks,
-             j.order, ordered, masks, V);
+             j.order, written(ordered), written(masks), j.v);
   {
     const Tensor totals = ctx.tensor({tiles}, Type::u32, "tile_bin.totals");
     ctx.launch({"tile_bin", "tile_bin_count", defines_for(j.masks)}, items(blocks, 1), {0, 8 * v + table}, ordered,
-               masks, histogram, V, step, B, tiles_x, T);
-    ctx.launch({"tile_bin", "tile_bin_totals", ""}, items(tiles), {0, table}, histogram, totals, B, T);
+               masks, written(histogram), j.v, block, blocks, tiles_x, tiles);
+    ctx.launch({"tile_bin", "tile_bin_totals", ""}, items(tiles), {0, table}, histogram, written(totals), blocks,
+               tiles);
     exclusive_scan(ctx, totals, out.starts);
   }
-  ctx.launch({"tile_bin", "tile_bin_place", ""}, items(tiles), {0, 2 * table}, histogram, out.starts, B, T);
+  ctx.launch({"tile_bin", "tile_bin_place", ""}, items(tiles), {0, 2 * table}, written(histogram), out.starts, blocks,
+             tiles);
   ctx.launch({"tile_bin", "tile_bin_scatter", defines_for(j.masks)}, items(blocks, 1), {0, 12 * v + 4 * n + table},
-             ordered, masks, j.order, histogram, out.offsets, out.ids, out.slots, V, step, B, tiles_x, T,
-             static_cast<unsigned>(j.n));
+             ordered, masks, j.order, written(histogram), out.offsets, written(out.ids), written(out.slots), j.v, block,
+             blocks, tiles_x, tiles, static_cast<unsigned>(j.n));
 }
 
 // Pairs are written out near to far and sorted, stably, by tile alone.
@@ -75,14 +76,14 @@ void emit_and_sort(const Job& j, Binned& out) {
     const Tensor emitted = ctx.tensor({j.v + 1}, Type::u32, "tile_bin.emitted");
     exclusive_scan(ctx, counts_of(ctx, j.rects, Tensor(), j.order), emitted);
     ctx.launch({"tile_bin", "tile_bin_emit", defines_for(j.masks)}, items(j.v), {0, 16 * v + 8 * n}, j.rects, j.masks,
-               j.order, emitted, out.offsets, keys, gaussians, slots, static_cast<int>(j.v),
-               static_cast<int>(j.part.tiles_x()), static_cast<int>(tiles));
+               j.order, emitted, out.offsets, written(keys), written(gaussians), written(slots), j.v, j.part.tiles_x(),
+               tiles);
   }
   const int bits = std::bit_width(static_cast<std::uint64_t>(std::max(tiles - (j.masks ? 0 : 1), 0L)));
   // With two things to sort along, what is sorted is where they stand.
   const Sorted sorted = radix_sort(ctx, std::move(keys), slots ? Tensor() : gaussians, bits);
   const auto pick = [&](const Tensor& values, const Tensor& to) {
-    ctx.launch({"tile_bin", "tile_bin_pick", ""}, items(j.n), {0, 12 * n}, sorted.values, values, to, N);
+    ctx.launch({"tile_bin", "tile_bin_pick", ""}, items(j.n), {0, 12 * n}, sorted.values, values, written(to), N);
   };
   if (slots) {
     pick(gaussians, out.ids);
@@ -91,7 +92,7 @@ void emit_and_sort(const Job& j, Binned& out) {
     out.ids = sorted.values;
   }
   ctx.launch({"tile_bin", "tile_bin_ranges", ""}, items(j.n + 1), {0, 4 * n + 4.0 * static_cast<double>(tiles)},
-             sorted.keys, out.starts, N, static_cast<unsigned>(tiles));
+             sorted.keys, written(out.starts), N, static_cast<unsigned>(tiles));
 }
 
 }  // namespace
@@ -110,8 +111,8 @@ Binned tile_bin(Context& ctx, const Projected& p, std::uint64_t count, const Par
     d.bind("records", p.records, {"V", "12"});
     masks = ctx.tensor({v}, Type::u64, "tile_bin.masks");
     ctx.launch({"tile_bin", "tile_bin_masks", ""}, items(v),
-               {30 * static_cast<double>(count), 64 * static_cast<double>(v)}, p.records, p.rects, masks,
-               static_cast<int>(v), part.x0, part.y0);
+               {30 * static_cast<double>(count), 64 * static_cast<double>(v)}, p.records, p.rects, written(masks), v,
+               part.x0, part.y0);
   }
   const Job job{ctx, p.rects, masks, order, part, v, static_cast<long>(count)};
   Binned out;

@@ -17,8 +17,7 @@ void upsample3d_forward(Context& ctx, const Upsample3dForward& a) {
   const Range range = cpu ? items(4 * a.depth * a.height, 1) : groups((c + 127) / 128, 32, 8 * voxels);
   if (voxels == 0 || c == 0) return;
   ctx.launch({"upsample3d", cpu ? "upsample3d_forward_cpu" : "upsample3d_forward_gpu", ""}, range,
-             {8 * 14 * count, 4 * 9 * count}, a.x, a.y, static_cast<int>(a.depth), static_cast<int>(a.height),
-             static_cast<int>(a.width), static_cast<int>(c));
+             {8 * 14 * count, 4 * 9 * count}, a.x, written(a.y), a.depth, a.height, a.width, c);
 }
 
 void upsample3d_backward(Context& ctx, const Upsample3dBackward& a) {
@@ -34,8 +33,7 @@ void upsample3d_backward(Context& ctx, const Upsample3dBackward& a) {
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const Range range = cpu ? items(a.depth * a.height, 1) : groups((c + 31) / 32, 32, voxels);
   ctx.launch({"upsample3d", cpu ? "upsample3d_backward_cpu" : "upsample3d_backward_gpu", ""}, range,
-             {120 * count, 4 * 9 * count}, a.dy, a.dx, a.add ? 1 : 0, static_cast<int>(a.depth),
-             static_cast<int>(a.height), static_cast<int>(a.width), static_cast<int>(c));
+             {120 * count, 4 * 9 * count}, a.dy, written(a.dx), a.add ? 1 : 0, a.depth, a.height, a.width, c);
 }
 
 }  // namespace vsplat

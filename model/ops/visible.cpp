@@ -32,9 +32,9 @@ VisibleCount count_visible(Context& ctx, const Culled& culled, const Part& part)
   const long blocks = (k + out.block - 1) / out.block;
   out.before.assign(static_cast<std::size_t>(blocks) + 1, 0);
   ctx.launch({"visible", "visible_count", ctx.device().native_float_width >= 4 ? "-DWIDE" : ""}, items(blocks, 1),
-             {0, 12.0 * static_cast<double>(k)}, culled.rects, culled.keys, culled.sums, static_cast<int>(k),
-             static_cast<int>(out.block), static_cast<int>(blocks), static_cast<unsigned>(part.x0),
-             static_cast<unsigned>(part.x1), static_cast<unsigned>(part.y0), static_cast<unsigned>(part.y1));
+             {0, 12.0 * static_cast<double>(k)}, culled.rects, culled.keys, written(culled.sums), k, out.block, blocks,
+             static_cast<unsigned>(part.x0), static_cast<unsigned>(part.x1), static_cast<unsigned>(part.y0),
+             static_cast<unsigned>(part.y1));
   const auto sums = ctx.read<std::uint64_t>(culled.sums);
   out.least_key = 0xffffffffu;
   for (std::size_t b = 0; b < static_cast<std::size_t>(blocks); ++b) {
@@ -60,7 +60,7 @@ Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, 
   out.key_bits = std::bit_width(count.largest_key - count.least_key);
   ctx.launch({"visible", "visible_compact", ""}, items(blocks, 1),
              {0, 8.0 * static_cast<double>(k) + 20.0 * static_cast<double>(n)}, culled.rects, culled.keys, culled.sums,
-             out.ids, out.rects, out.keys, static_cast<int>(k), static_cast<int>(count.block), static_cast<int>(blocks),
+             written(out.ids), written(out.rects), written(out.keys), k, count.block, blocks,
              static_cast<unsigned>(count.least_key), static_cast<unsigned>(part.x0), static_cast<unsigned>(part.x1),
              static_cast<unsigned>(part.y0), static_cast<unsigned>(part.y1));
   return out;
