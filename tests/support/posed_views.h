@@ -11,8 +11,7 @@
 
 #include "model/base/camera.h"
 #include "model/cameras/orbit.h"
-#include "runtime/error.h"
-#include "runtime/log.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat::test {
@@ -46,32 +45,5 @@ inline std::vector<Camera> ring(int count, const Eigen::Vector3d& centre = Eigen
   }
   return out;
 }
-
-// The Error that `call` throws: its status, and its message must hold every one of `words`.
-template <class Call>
-void expect_error(Status status, const std::vector<std::string>& words, Call&& call) {
-  try {
-    call();
-    ADD_FAILURE() << "no error; expected one with " << (words.empty() ? "" : words[0]);
-  } catch (const Error& e) {
-    EXPECT_EQ(static_cast<int>(e.status()), static_cast<int>(status)) << e.what();
-    for (const std::string& word : words)
-      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << "\"" << word << "\" is not in: " << e.what();
-  }
-}
-
-// Collects warnings while it lives.
-class Warnings {
- public:
-  Warnings() {
-    set_log_sink([this](LogLevel level, const std::string& text) {
-      if (level == LogLevel::warning) all.push_back(text);
-    });
-  }
-  ~Warnings() { set_log_sink({}); }
-  Warnings(const Warnings&) = delete;
-  Warnings& operator=(const Warnings&) = delete;
-  std::vector<std::string> all;
-};
 
 }  // namespace vsplat::test

@@ -10,9 +10,9 @@
 #include "model/reconstruct/reconstruct.h"
 #include "model/splat/render.h"
 #include "runtime/fail.h"
-#include "runtime/log.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/device.h"
+#include "tests/support/refusal.h"
 
 namespace vsplat {
 namespace {
@@ -159,20 +159,6 @@ TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
   EXPECT_GT(cell(2, object.pictures[object.inputs]), 1e-2);
 }
 
-class Warnings {
- public:
-  Warnings() {
-    set_log_sink([this](LogLevel level, const std::string& text) {
-      if (level == LogLevel::warning) all_ += text + "\n";
-    });
-  }
-  ~Warnings() { set_log_sink({}); }
-  const std::string& all() const { return all_; }
-
- private:
-  std::string all_;
-};
-
 TEST_P(EvaluateTest, BadDataAreNamedOrPassedOver) {
   const Model model(ctx());
   const std::string picture = folder_ / "solid_1/images/0000.png";  // the first input
@@ -180,23 +166,17 @@ TEST_P(EvaluateTest, BadDataAreNamedOrPassedOver) {
   nlohmann::json views = test::read_transforms(folder_ / "solid_2");
   for (auto& frame : views["frames"]) frame["transform_matrix"][0][0] = 7;
   test::write_transforms(folder_ / "solid_2", views);
-  try {
-    evaluate(ctx(), model.network, data(), {});
-    ADD_FAILURE() << "nothing was refused";
-  } catch (const Error& e) {
-    const std::string text = e.what();
-    EXPECT_NE(text.find("object solid_1: view 0"), std::string::npos) << text;
-    EXPECT_NE(text.find("0000.png"), std::string::npos) << text;
-  }
+  test::expect_error(Status::format, {"object solid_1: view 0", "0000.png"},
+                     [&] { evaluate(ctx(), model.network, data(), {}); });
   EvaluateOptions options;
   options.skip_bad = true;
-  const Warnings warnings;
+  const test::Warnings warnings;
   const Evaluation got = evaluate(ctx(), model.network, data(), options);
   ASSERT_EQ(got.objects.size(), 2u);
   EXPECT_EQ(got.objects[1].name, "solid_1");
   EXPECT_EQ(got.skipped, 1u);
-  EXPECT_NE(warnings.all().find("a view is left out: object solid_1: view 0"), std::string::npos) << warnings.all();
-  EXPECT_NE(warnings.all().find("an object is left out: object solid_2"), std::string::npos) << warnings.all();
+  EXPECT_NE(warnings.text().find("a view is left out: object solid_1: view 0"), std::string::npos) << warnings.text();
+  EXPECT_NE(warnings.text().find("an object is left out: object solid_2"), std::string::npos) << warnings.text();
 
   std::filesystem::remove_all(folder_ / "solid_0");
   std::filesystem::remove_all(folder_ / "solid_1");

@@ -9,7 +9,7 @@
 
 #include "model/io/image_file.h"
 #include "runtime/error.h"
-#include "runtime/log.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -177,12 +177,10 @@ TEST(Views, ACubeThatCannotBeFramedIsRefused) {
 }
 
 TEST(Views, AMaskWithoutWhiteIsWarnedOf) {
-  std::string heard;
-  set_log_sink([&](LogLevel, const std::string& text) { heard += text; });
+  const test::Warnings warnings;
   const Image mask(16, 16, 1, 1.0f / 255);
   prepare_view(test_camera(16, 16), random_picture(16, 16, 3, 10), &mask, {.size = 16});
-  set_log_sink({});
-  EXPECT_NE(heard.find("white is the object"), std::string::npos) << heard;
+  EXPECT_NE(warnings.text().find("white is the object"), std::string::npos) << warnings.text();
 }
 
 TEST(Views, ReadsFilesAndNamesThem) {

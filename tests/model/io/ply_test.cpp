@@ -13,30 +13,16 @@
 
 #include "runtime/error.h"
 #include "runtime/file.h"
-#include "runtime/log.h"
+#include "tests/support/refusal.h"
 #include "tests/support/scenes.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
 
-// A folder that goes with the test.
 class Ply : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() /
-              (std::string("vsplat_ply_") + info->name() + std::to_string(std::random_device()()));
-    std::filesystem::create_directories(folder_);
-    set_log_sink([this](LogLevel level, const std::string& text) {
-      if (level == LogLevel::warning) warnings_ += text + "\n";
-    });
-  }
-  void TearDown() override {
-    set_log_sink({});
-    std::filesystem::remove_all(folder_);
-  }
-
-  std::string path(const std::string& name = "scene.ply") const { return (folder_ / name).string(); }
+  std::string path(const std::string& name = "scene.ply") const { return folder_ / name; }
   std::string put(const std::string& bytes) const {
     std::ofstream(path(), std::ios::binary) << bytes;
     return path();
@@ -45,7 +31,7 @@ class Ply : public ::testing::Test {
     const auto data = read_file(path());
     return {data.begin(), data.end()};
   }
-  // The message of the error that reading these bytes gives, of the status expected.
+  // The message of the error that reading these bytes gives, of the status expected; "" where there is none.
   std::string complaint(const std::string& content, Status status = Status::format) const {
     put(content);
     try {
@@ -58,8 +44,8 @@ class Ply : public ::testing::Test {
     return "";
   }
 
-  std::filesystem::path folder_;
-  std::string warnings_;
+  test::TemporaryFolder folder_;
+  test::Warnings warnings_;
 };
 
 std::string floats(const std::vector<float>& values) {
@@ -102,7 +88,7 @@ TEST_F(Ply, RoundTripsEveryDegree) {
         EXPECT_EQ(b.opacities[i], a.opacities[i]);
       }
     }
-    EXPECT_EQ(warnings_, "");
+    EXPECT_EQ(warnings_.text(), "");
   }
 }
 
@@ -137,7 +123,7 @@ TEST_F(Ply, WritesTheStandardLayout) {
 TEST_F(Ply, EmptyScenesAreLegal) {
   write_ply(path(), Scene());
   EXPECT_EQ(read_ply(path()).gaussians.count, 0u);
-  EXPECT_EQ(warnings_, "");
+  EXPECT_EQ(warnings_.text(), "");
 }
 
 TEST_F(Ply, ReadsAnyOrderAndSkipsTheRest) {
@@ -188,7 +174,7 @@ TEST_F(Ply, SkipsElementsBeforeAndAfter) {
   head.insert(head.find("end_header"), "element face 2\nproperty list uchar int vertex_indices\n");
   put(head + std::string(30, 'c') + floats(kRow) + "\x01" + std::string(4, 'f') + std::string(1, '\0'));
   EXPECT_EQ(read_ply(path()).gaussians.means, (std::vector<float>{1, 2, 3}));
-  EXPECT_EQ(warnings_, "");
+  EXPECT_EQ(warnings_.text(), "");
 }
 
 TEST_F(Ply, InfiniteOpacityIsAllOrNothing) {
@@ -274,7 +260,7 @@ TEST_F(Ply, RefusesByName) {
 TEST_F(Ply, WarnsOfBytesBeyond) {
   put(header(1, kPlain) + floats(kRow) + "abc");
   EXPECT_EQ(read_ply(path()).gaussians.count, 1u);
-  EXPECT_NE(warnings_.find("3 bytes"), std::string::npos) << warnings_;
+  EXPECT_NE(warnings_.text().find("3 bytes"), std::string::npos) << warnings_.text();
 }
 
 // A count that nothing could hold: refused before anything is made for it.
@@ -309,14 +295,14 @@ TEST_F(Ply, SkipsBadOnesAndCountsThem) {
   EXPECT_EQ(skipped.not_finite, 3u);
   EXPECT_EQ(skipped.huge_scale, 1u);
   EXPECT_EQ(skipped.zero_rotation, 1u);
-  EXPECT_NE(warnings_.find("5 of 8 Gaussians are left out: 3 "), std::string::npos) << warnings_;
-  EXPECT_NE(warnings_.find("Gaussian 1, z (byte " + std::to_string(head.size() + 64) + ")"), std::string::npos);
+  EXPECT_NE(warnings_.text().find("5 of 8 Gaussians are left out: 3 "), std::string::npos) << warnings_.text();
+  EXPECT_NE(warnings_.text().find("Gaussian 1, z (byte " + std::to_string(head.size() + 64) + ")"), std::string::npos);
 
-  warnings_.clear();
+  warnings_.all.clear();
   put(header(1, kPlain) + floats(kRow));
   EXPECT_EQ(read_ply(path(), &skipped).gaussians.count, 1u);
   EXPECT_EQ(skipped.total(), 0u);
-  EXPECT_EQ(warnings_, "");
+  EXPECT_EQ(warnings_.text(), "");
 }
 
 // Damage to the file as a whole is an error whatever may be skipped.
@@ -336,7 +322,7 @@ TEST_F(Ply, ReadsBigEndian) {
   EXPECT_EQ(g.means, (std::vector<float>{1, 2, 3, 1, 2, 3}));
   EXPECT_EQ(g.sh, (std::vector<float>{0.1f, 0.2f, 0.3f, 0.1f, 0.2f, 0.3f}));
   EXPECT_FLOAT_EQ(g.scales[5], std::exp(-3.0f));
-  EXPECT_EQ(warnings_, "");
+  EXPECT_EQ(warnings_.text(), "");
 }
 
 // The same scene as text: nine digits tell every float.
@@ -349,12 +335,12 @@ TEST_F(Ply, ReadsText) {
   EXPECT_EQ(g.means, (std::vector<float>{1, 2, 3, 1, 2, 3}));
   EXPECT_EQ(g.sh, (std::vector<float>{0.1f, 0.2f, 0.3f, 0.1f, 0.2f, 0.3f}));
   EXPECT_FLOAT_EQ(g.scales[5], std::exp(-3.0f));
-  EXPECT_EQ(warnings_, "");
+  EXPECT_EQ(warnings_.text(), "");
   put(head + "0\n0\n" + row + "\n" + row);  // without an end of the last line
   EXPECT_EQ(read_ply(path()).gaussians.count, 2u);
   put(head + "0\n0\n" + row + "\n" + row + "\n\nmore");
   EXPECT_EQ(read_ply(path()).gaussians.count, 2u);
-  EXPECT_NE(warnings_.find("5 bytes after the last element"), std::string::npos) << warnings_;
+  EXPECT_NE(warnings_.text().find("5 bytes after the last element"), std::string::npos) << warnings_.text();
 }
 
 TEST_F(Ply, RefusesDamagedTextByName) {
@@ -413,7 +399,7 @@ TEST_F(Ply, WritesNothingThatIsNoNumber) {
   scene.gaussians.scales[4] = 1;
   scene.gaussians.opacities[4] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THROW(write_ply(path(), scene), Error);
-  EXPECT_TRUE(std::filesystem::is_empty(folder_));
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.string()));
 }
 
 TEST_F(Ply, RefusesAFolderThatIsNotThere) { EXPECT_THROW(write_ply(path("no/scene.ply"), Scene()), Error); }

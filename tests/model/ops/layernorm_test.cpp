@@ -197,10 +197,15 @@ TEST_P(LayerNormGradient, OfModulationAndOfDroppedTokens) {
   }
 }
 
+// Nothing is computed, and nothing is added to the parameters' gradients.
 TEST_P(LayerNorm, EmptyInput) {
-  const Tensor none = ctx().tensor({0, 4}), four = ctx().tensor({4});
-  layernorm_forward(ctx(), {none, four, four, 1e-6f, none});
-  layernorm_backward(ctx(), {none, four, 1e-6f, none, none, four, four});
+  const std::vector<float> before{1, -2, 3, 4};
+  const Tensor none = ctx().tensor({0, 4}), gamma = ctx().upload({4}, before);
+  layernorm_forward(ctx(), {none, gamma, gamma, 1e-6f, none});
+  const Tensor dgamma = ctx().upload({4}, before), dbeta = ctx().upload({4}, before);
+  for (const bool add : {false, true}) layernorm_backward(ctx(), {none, gamma, 1e-6f, none, none, dgamma, dbeta, add});
+  EXPECT_EQ(ctx().read<float>(dgamma), before);
+  EXPECT_EQ(ctx().read<float>(dbeta), before);
 }
 
 TEST_P(LayerNorm, RejectsBadShape) {

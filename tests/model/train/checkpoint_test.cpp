@@ -15,7 +15,6 @@
 #include "model/params/init.h"
 #include "model/params/model_file.h"
 #include "model/params/params.h"
-#include "runtime/log.h"
 #include "runtime/safetensors.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
@@ -27,6 +26,7 @@ using test::contents_of;
 using test::put_file;
 using test::refusal;
 using test::TemporaryFolder;
+using test::Warnings;
 
 void expect_equal(const Weights& a, const Weights& b) {
   ASSERT_EQ(a.all().size(), b.all().size());
@@ -66,21 +66,6 @@ Checkpoint sample(long step, double ema = 0.99) {
   c.state = {{"rng", "12345"}, {"best", "step 3\n\"21 dB\""}};
   return c;
 }
-
-// Warnings said while it lives.
-class Warnings {
- public:
-  Warnings() {
-    set_log_sink([this](LogLevel level, const std::string& text) {
-      if (level == LogLevel::warning) texts_.push_back(text);
-    });
-  }
-  ~Warnings() { set_log_sink({}); }
-  const std::vector<std::string>& texts() const { return texts_; }
-
- private:
-  std::vector<std::string> texts_;
-};
 
 TEST(Checkpoint, ComesBackToTheBit) {
   const TemporaryFolder folder;
@@ -205,21 +190,21 @@ TEST(Checkpoint, TheNewestGoodOneIsFound) {
   {
     const Warnings warnings;
     expect_equal(*newest_checkpoint(folder.string()), sample(123456789));
-    EXPECT_TRUE(warnings.texts().empty());
+    EXPECT_TRUE(warnings.all.empty());
   }
   const std::string newest = checkpoint_path(folder.string(), 123456789);
   put_file(newest, contents_of(newest).substr(0, 5000));
   {
     const Warnings warnings;
     expect_equal(*newest_checkpoint(folder.string()), sample(1000));
-    ASSERT_EQ(warnings.texts().size(), 1u);
-    EXPECT_NE(warnings.texts()[0].find(newest), std::string::npos);
+    ASSERT_EQ(warnings.all.size(), 1u);
+    EXPECT_NE(warnings.all[0].find(newest), std::string::npos);
   }
   for (const long step : {900L, 1000L}) put_file(checkpoint_path(folder.string(), step), "");
   const Warnings warnings;
   EXPECT_NE(refusal([&] { newest_checkpoint(folder.string()); }, Status::format).find("none of its 3"),
             std::string::npos);
-  EXPECT_EQ(warnings.texts().size(), 3u);
+  EXPECT_EQ(warnings.all.size(), 3u);
   refusal([&] { newest_checkpoint(folder / "none"); }, Status::file);
 }
 
