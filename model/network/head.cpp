@@ -5,11 +5,8 @@
 
 namespace vsplat {
 
-CoarseHeads::CoarseHeads(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "predictor.");
-  act_predictor_ = load_mlp3(load, "act_predictor", config.volume_ch, 1);
-  coarse_predictor_ = load_mlp3(load, "coarse_predictor", config.volume_ch, config.primitive_size());
-}
+CoarseHeads::CoarseHeads(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 CoarseHeads::Output CoarseHeads::forward(Context& ctx, const Tensor& volume, Saved* saved) const {
   const long voxels = config_.voxels();
@@ -18,9 +15,11 @@ CoarseHeads::Output CoarseHeads::forward(Context& ctx, const Tensor& volume, Sav
   Tensor raw;
   {
     const Stage stage(ctx, "heads");
-    out.logits = mlp3_forward(ctx, act_predictor_, volume, "act_predictor", saved ? &saved->act_predictor : nullptr)
-                     .reshaped({voxels});
-    raw = mlp3_forward(ctx, coarse_predictor_, volume, "coarse_predictor", saved ? &saved->coarse_predictor : nullptr);
+    out.logits =
+        mlp3_forward(ctx, layers_.act_predictor, volume, "act_predictor", saved ? &saved->act_predictor : nullptr)
+            .reshaped({voxels});
+    raw = mlp3_forward(ctx, layers_.coarse_predictor, volume, "coarse_predictor",
+                       saved ? &saved->coarse_predictor : nullptr);
   }
   if (saved) saved->raw = raw;
   const Stage stage(ctx, "decode");
@@ -37,18 +36,14 @@ void CoarseHeads::backward(Context& ctx, const Saved& saved, const Tensor& dlogi
     decode_coarse_backward(ctx, {saved.raw, config_.volume, dgaussians, draw});
   }
   const Stage stage(ctx, "heads");
-  mlp3_backward(ctx, coarse_predictor_, saved.coarse_predictor, draw, dvolume, add, "coarse_predictor");
+  mlp3_backward(ctx, layers_.coarse_predictor, saved.coarse_predictor, draw, dvolume, add, "coarse_predictor");
   if (!dlogits) return;
-  mlp3_backward(ctx, act_predictor_, saved.act_predictor, dlogits.reshaped({config_.voxels(), 1}), dvolume, true,
+  mlp3_backward(ctx, layers_.act_predictor, saved.act_predictor, dlogits.reshaped({config_.voxels(), 1}), dvolume, true,
                 "act_predictor");
 }
 
-FineHeads::FineHeads(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "predictor.");
-  fine_predictor_ = load_mlp3(load, "fine_predictor", config.fine_dim, config.fine_count * config.primitive_size());
-  update_predictor_ = load_mlp3(load, "update_predictor", config.fine_dim, 1 + 3 * config.sh_count());
-  div_offset_ = WeightLoader(ctx, weights, "").tensor("div_offset", {config.fine_count, 3});
-}
+FineHeads::FineHeads(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config), places_(layers_of(ctx, weights), config) {}
 
 DeviceGaussians FineHeads::forward(Context& ctx, const Tensor& refined, const DeviceGaussians& skeleton,
                                    Saved* saved) const {
@@ -57,14 +52,15 @@ DeviceGaussians FineHeads::forward(Context& ctx, const Tensor& refined, const De
   Tensor raw, update;
   {
     const Stage stage(ctx, "heads");
-    raw = mlp3_forward(ctx, fine_predictor_, refined, "fine_predictor", saved ? &saved->fine_predictor : nullptr);
-    update =
-        mlp3_forward(ctx, update_predictor_, refined, "update_predictor", saved ? &saved->update_predictor : nullptr);
+    raw =
+        mlp3_forward(ctx, layers_.fine_predictor, refined, "fine_predictor", saved ? &saved->fine_predictor : nullptr);
+    update = mlp3_forward(ctx, layers_.update_predictor, refined, "update_predictor",
+                          saved ? &saved->update_predictor : nullptr);
   }
   if (saved) saved->raw = raw, saved->update = update, saved->opacities = skeleton.opacities;
   const Stage stage(ctx, "decode");
   DeviceGaussians out = make_gaussians(ctx, m * p + p, config_.sh_count(), "final");
-  decode_fine_forward(ctx, {raw, skeleton.means, div_offset_, config_.volume, out});
+  decode_fine_forward(ctx, {raw, skeleton.means, places_.div_offset, config_.volume, out});
   decode_adjusted_forward(ctx, {update, skeleton, m * p, out});
   return out;
 }
@@ -80,8 +76,8 @@ void FineHeads::backward(Context& ctx, const Saved& saved, const GaussianGradien
     decode_adjusted_backward(ctx, {saved.update, saved.opacities, fine, dfinal, dupdate, dskeleton});
   }
   const Stage stage(ctx, "heads");
-  mlp3_backward(ctx, fine_predictor_, saved.fine_predictor, draw, drefined, false, "fine_predictor");
-  mlp3_backward(ctx, update_predictor_, saved.update_predictor, dupdate, drefined, true, "update_predictor");
+  mlp3_backward(ctx, layers_.fine_predictor, saved.fine_predictor, draw, drefined, false, "fine_predictor");
+  mlp3_backward(ctx, layers_.update_predictor, saved.update_predictor, dupdate, drefined, true, "update_predictor");
 }
 
 }  // namespace vsplat

@@ -2,7 +2,7 @@
 // the coarse one.
 #pragma once
 #include "model/base/gaussians.h"
-#include "model/network/layers.h"
+#include "model/network/upload_weights.h"
 #include "model/params/config.h"
 
 namespace vsplat {
@@ -29,7 +29,7 @@ class CoarseHeads {
 
  private:
   Config config_;
-  Mlp3 act_predictor_, coarse_predictor_;
+  CoarseHeadLayers<WeightLoader> layers_;
 };
 
 class FineHeads {
@@ -54,8 +54,8 @@ class FineHeads {
 
  private:
   Config config_;
-  Mlp3 fine_predictor_, update_predictor_;
-  Tensor div_offset_;  // [M, 3]
+  FineHeadLayers<WeightLoader> layers_;
+  FinePlaceLayers<WeightLoader> places_;
 };
 
 }  // namespace vsplat

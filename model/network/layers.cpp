@@ -10,16 +10,6 @@ namespace {
 
 long count_of(const RowSource& a) { return a.map ? a.map.dim(0) : a.x0.rows(); }
 
-Linear load(const WeightLoader& weights, const std::string& name, const Shape& shape) {
-  const std::string weight = name + ".weight", bias = name + ".bias";
-  const Shape matrix{shape.at(0), shape.at(1)};
-  Linear out{weights.linear(weight, shape), weights.tensor(bias, {shape.at(0)}), weights.plain(weight),
-             weights.gradient(weight), weights.gradient(bias)};
-  if (out.plain) out.plain = out.plain.reshaped(matrix);
-  if (out.dweight) out.dweight = out.dweight.reshaped(matrix);
-  return out;
-}
-
 }  // namespace
 
 RowSource rows_of(const Tensor& x, bool silu) {
@@ -27,14 +17,6 @@ RowSource rows_of(const Tensor& x, bool silu) {
   out.x0 = x;
   out.silu = silu;
   return out;
-}
-
-Linear load_linear(const WeightLoader& weights, const std::string& name, long in, long out) {
-  return load(weights, name, {out, in});
-}
-
-Linear load_pointwise(const WeightLoader& weights, const std::string& name, long in, long out) {
-  return load(weights, name, {out, in, 1, 1, 1});
 }
 
 Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, const char* name, Activation activation) {
@@ -75,16 +57,6 @@ void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b)
     g.name = b.name;
     gemm(ctx, g);
   }
-}
-
-LayerNorm load_layer_norm(const WeightLoader& weights, const std::string& name, long channels) {
-  return {weights.tensor(name + ".weight", {channels}), weights.tensor(name + ".bias", {channels}),
-          weights.gradient(name + ".weight"), weights.gradient(name + ".bias")};
-}
-
-GroupNorm load_group_norm(const WeightLoader& weights, const std::string& name, long channels, int groups) {
-  return {weights.tensor(name + ".weight", {channels}), weights.tensor(name + ".bias", {channels}), groups,
-          weights.gradient(name + ".weight"), weights.gradient(name + ".bias")};
 }
 
 RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1, NormSaved* saved) {
@@ -130,11 +102,6 @@ void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& sa
   b.dgamma = norm.dgamma;
   b.dbeta = norm.dbeta;
   groupnorm_backward(ctx, b);
-}
-
-Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, long out) {
-  return {load_linear(weights, name + ".0", in, in), load_linear(weights, name + ".2", in, in),
-          load_linear(weights, name + ".4", in, out)};
 }
 
 Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved) {

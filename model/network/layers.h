@@ -1,9 +1,7 @@
-// The layers that several stages are made of, by the names of their parameters. Backwards add to the gradients by
-// weights, which are there in training only (see LearntWeights).
+// The layers that the stages are made of, and what several of them do with those. Backwards add to the gradients by
+// weights, which are there in training only (see LearntWeights). Layers are made by WeightLoader.
 #pragma once
-#include <string>
-
-#include "model/network/upload_weights.h"
+#include "model/ops/conv3d.h"
 #include "runtime/gemm.h"
 
 namespace vsplat {
@@ -11,15 +9,12 @@ namespace vsplat {
 // The rows of x, or of SiLU(x).
 RowSource rows_of(const Tensor& x, bool silu = false);
 
-// "<name>.weight" [out, in] and "<name>.bias".
+// A Linear, a 1x1x1 convolution or a convolution of patches.
 struct Linear {
   PackedMatrix w;
   Tensor bias;
   Tensor plain, dweight, dbias;  // in training: [out, in], and the gradients
 };
-Linear load_linear(const WeightLoader& weights, const std::string& name, long in, long out);
-// Also a 1x1x1 convolution, whose weight is [out, in, 1, 1, 1].
-Linear load_pointwise(const WeightLoader& weights, const std::string& name, long in, long out);
 Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, const char* name,
                       Activation activation = Activation::none);
 
@@ -35,20 +30,17 @@ struct LinearBackward {
 };
 void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b);
 
-// "<name>.weight" and "<name>.bias" of a LayerNorm (model/ops/layernorm.h).
+// See model/ops/layernorm.h.
 struct LayerNorm {
   Tensor gamma, beta;
   Tensor dgamma, dbeta;  // in training
 };
-LayerNorm load_layer_norm(const WeightLoader& weights, const std::string& name, long channels);
 
-// "<name>.weight" and "<name>.bias" of a GroupNorm.
 struct GroupNorm {
   Tensor gamma, beta;
   int groups = 1;
   Tensor dgamma, dbeta;  // in training
 };
-GroupNorm load_group_norm(const WeightLoader& weights, const std::string& name, long channels, int groups);
 struct NormSaved {
   RowSource rows;     // what norm_silu_forward() gave
   Tensor mean, rstd;  // [C]
@@ -62,14 +54,33 @@ RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x
 void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
                         const Tensor& dx0, const Tensor& dx1 = {}, bool add = false);
 
-// Three linear layers with SiLU between them: "<name>.0", "<name>.2", "<name>.4".
+// A Linear on channels of two kinds, each of which is multiplied apart.
+struct SplitLinear {
+  PackedMatrix first, rest;
+  Tensor bias;
+  Tensor plain, dweight, dbias;  // in training: [out, in], and the gradients
+};
+
+// A convolution's weights. In training: as PyTorch has them, and the gradients by them and the bias.
+struct Conv {
+  ConvWeights w;
+  Tensor plain, dweight, dbias;
+};
+
+// The encoder's position embedding, resampled to the grid of its tokens, with the class token.
+struct Positions {
+  int from = 0, to = 0;          // g, t
+  Tensor resampled;              // [1 + t t, C], the class token added to its own
+  Tensor dstored, dclass_token;  // in training, by what is stored: [1 + g g, C], [C]
+};
+
+// Three linear layers with SiLU between them.
 struct Mlp3 {
   Linear first, second, third;
 };
 struct Mlp3Saved {
   Tensor x, h1, h2;  // input, and the hidden rows before their SiLU
 };
-Mlp3 load_mlp3(const WeightLoader& weights, const std::string& name, long in, long out);
 Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved = nullptr);
 // dy [rows, out] -> dx [rows, in]: written, or with `add` added to.
 void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,

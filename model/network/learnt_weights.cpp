@@ -1,17 +1,15 @@
 #include "model/network/learnt_weights.h"
 
-#include "model/network/upload_weights.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
 
 LearntWeights::LearntWeights(Context& ctx, const Config& config, const Weights& weights) {
-  const WeightLoader load(ctx, weights, "");
   for (const Parameter& p : parameters(config)) {
     names_.push_back(p.name);
     LearntTensor& t = tensors_[p.name];
-    t.value = load.tensor(p.name, p.shape);
+    t.value = ctx.upload(p.shape, weights.of(p).data, Type::f32, p.name);
     if (!p.trained) continue;
     t.gradient = ctx.tensor(p.shape, Type::f32, "gradient of " + p.name);
     ctx.fill_zero(t.gradient);

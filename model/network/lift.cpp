@@ -24,27 +24,20 @@ Tensor zeros(Context& ctx, const Shape& shape, const char* what) {
 
 }  // namespace
 
-Lifting::Lifting(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "volume_network.conv_in.0.");
-  const long c = config.vit_dim, wide = 4L * config.volume_ch;
-  mean_ = load.linear_part("weight", {wide, 2 * c, 1, 1, 1}, 0, c);
-  variance_ = load.linear_part("weight", {wide, 2 * c, 1, 1, 1}, c, c);
-  bias_ = load.tensor("bias", {wide});
-  plain_ = load.plain("weight");
-  dweight_ = load.gradient("weight");
-  dbias_ = load.gradient("bias");
-  if (dweight_) dweight_ = dweight_.reshaped({wide, 2 * c});
-}
+Lifting::Lifting(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 Tensor Lifting::forward(Context& ctx, const Tensor& features, const DeviceCameras& cameras, Saved* saved) const {
   const Stage stage(ctx, "lifting");
   if (saved) *saved = {features, cameras};
-  const long v = features.dim(0), t = config_.tokens(), c = config_.vit_dim, wide = mean_.n, voxels = config_.voxels();
+  const SplitLinear& conv = layers_.mean_and_variance;
+  const long v = features.dim(0), t = config_.tokens(), c = config_.vit_dim, wide = 4L * config_.volume_ch;
+  const long voxels = config_.voxels();
   const Tensor maps = features.reshaped({v * t * t, c});
   const Tensor projected = ctx.tensor({v * t * t, wide}, Type::f32, "lifting.projected");
   Gemm project;
   project.a.x0 = maps;
-  project.b = &mean_;
+  project.b = &conv.first;
   project.out = projected;
   project.name = "lift.project";
   gemm(ctx, project);
@@ -60,10 +53,10 @@ Tensor Lifting::forward(Context& ctx, const Tensor& features, const DeviceCamera
     lift_corners(ctx, {cameras, config_.volume, config_.tokens(), config_.image, config_.sample_half_pixel, first,
                        index, weight});
     lift_variance_forward(ctx, {maps, index, weight, variance});
-    lift_mean_forward(ctx, {projected, index, weight, bias_, first, out});
+    lift_mean_forward(ctx, {projected, index, weight, conv.bias, first, out});
     Gemm add;
     add.a.x0 = variance;
-    add.b = &variance_;
+    add.b = &conv.rest;
     add.residual = out;
     add.out = out;
     add.row0 = 0;
@@ -77,15 +70,16 @@ Tensor Lifting::forward(Context& ctx, const Tensor& features, const DeviceCamera
 
 void Lifting::backward(Context& ctx, const Saved& saved, const Tensor& dout, const Tensor& dfeatures) const {
   const Stage stage(ctx, "lifting");
-  const long v = saved.features.dim(0), t = config_.tokens(), c = config_.vit_dim, wide = mean_.n;
+  const SplitLinear& conv = layers_.mean_and_variance;
+  const long v = saved.features.dim(0), t = config_.tokens(), c = config_.vit_dim, wide = 4L * config_.volume_ch;
   const long voxels = config_.voxels(), texels = v * t * t;
   Dims().set("R^3", voxels).set("W", wide).bind("dout", dout, {"R^3", "W"});
   const Tensor maps = saved.features.reshaped({texels, c}), dmaps = dfeatures.reshaped({texels, c});
   const Tensor dprojected = zeros(ctx, {texels, wide}, "lifting.dprojected");
-  column_sum(ctx, {dout, dbias_, true});
+  column_sum(ctx, {dout, conv.dbias, true});
   {
     const Tensor dweight = zeros(ctx, {wide, c}, "lifting.dweight");
-    const PackedMatrix back = pack_matrix(ctx, plain_, wide, c, 2 * c, 1, "lifting.variance_back", c);
+    const PackedMatrix back = pack_matrix(ctx, conv.plain, wide, c, 2 * c, 1, "lifting.variance_back", c);
     const long block = std::min(std::clamp(kBackwardFloats / (v * c), 64L, kBlock), voxels);
     const Tensor all_index = ctx.tensor({block, v, 4}, Type::i32, "lifting.index");
     const Tensor all_weight = ctx.tensor({block, v, 4}, Type::f32, "lifting.weight");
@@ -112,12 +106,12 @@ void Lifting::backward(Context& ctx, const Saved& saved, const Tensor& dout, con
       gemm(ctx, g);
       lift_variance_backward(ctx, {maps, index, weight, &plan, variance, dmaps});
     }
-    add_columns(ctx, {dweight, dweight_, c});
+    add_columns(ctx, {dweight, conv.dweight, c});
   }
   const Tensor dweight = ctx.tensor({wide, c}, Type::f32, "lifting.dweight");
   transposed_gemm(ctx, {dprojected, maps, dweight, false, "lift.project.dw"});
-  add_columns(ctx, {dweight, dweight_, 0});
-  const PackedMatrix back = pack_matrix(ctx, plain_, wide, c, 2 * c, 1, "lifting.mean_back");
+  add_columns(ctx, {dweight, conv.dweight, 0});
+  const PackedMatrix back = pack_matrix(ctx, conv.plain, wide, c, 2 * c, 1, "lifting.mean_back");
   Gemm g;
   g.a.x0 = dprojected;
   g.b = &back;

@@ -25,9 +25,7 @@ class Lifting {
 
  private:
   Config config_;
-  PackedMatrix mean_, variance_;  // [C, 4 C~] each
-  Tensor bias_;
-  Tensor plain_, dweight_, dbias_;  // in training: [4 C~, 2 C], mean before variance, and the gradients
+  LiftingLayers<WeightLoader> layers_;
 };
 
 }  // namespace vsplat

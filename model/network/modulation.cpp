@@ -7,45 +7,41 @@
 
 namespace vsplat {
 
-PoseModulation::PoseModulation(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "dir_norm.");
-  const long c = config.vit_dim;
-  norm_ = load_layer_norm(load, "norm", c);
-  first_ = load_linear(load, "mlp.0", 32, c);
-  second_ = load_linear(load, "mlp.2", c, 2 * c);
-}
+PoseModulation::PoseModulation(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 Tensor PoseModulation::forward(Context& ctx, const Tensor& tokens, const DeviceCameras& cameras, Saved* saved) const {
   const Stage stage(ctx, "modulation");
   const long v = tokens.dim(0), t = config_.tokens(), c = config_.vit_dim;
   Tensor film;
   {
-    const Tensor rays = ctx.tensor({v, t, t, 32}, Type::f32, "modulation.rays");
+    const Tensor rays = ctx.tensor({v, t, t, kRayValues}, Type::f32, "modulation.rays");
     plucker_forward(ctx, {cameras, config_.patch, rays});
-    const Tensor rows = rays.reshaped({v * t * t, 32});
-    const Tensor hidden =
-        linear_forward(ctx, first_, rows_of(rows), "dir_norm.mlp.0", saved ? Activation::none : Activation::silu);
-    film =
-        linear_forward(ctx, second_, rows_of(hidden, saved != nullptr), "dir_norm.mlp.2").reshaped({v, t * t, 2 * c});
+    const Tensor rows = rays.reshaped({v * t * t, kRayValues});
+    const Tensor hidden = linear_forward(ctx, layers_.first, rows_of(rows), "dir_norm.mlp.0",
+                                         saved ? Activation::none : Activation::silu);
+    film = linear_forward(ctx, layers_.second, rows_of(hidden, saved != nullptr), "dir_norm.mlp.2")
+               .reshaped({v, t * t, 2 * c});
     if (saved) *saved = {tokens, rows, hidden, film};
   }
   const Tensor features = ctx.tensor({v, t, t, c}, Type::f32, "features");
-  modulate_forward(ctx, {tokens, norm_.gamma, norm_.beta, film, 1e-6f, features.reshaped({v, t * t, c})});
+  modulate_forward(ctx, {tokens, layers_.norm.gamma, layers_.norm.beta, film, 1e-6f, features.reshaped({v, t * t, c})});
   return features;
 }
 
 Tensor PoseModulation::backward(Context& ctx, const Saved& s, const Tensor& dfeatures) const {
   const Stage stage(ctx, "modulation");
-  if (!norm_.dgamma) fail(Status::internal, "the modulation's weights have no gradients: it was made for inference");
+  if (!layers_.norm.dgamma)
+    fail(Status::internal, "the modulation's weights have no gradients: it was made for inference");
   const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "modulation.gradient"); };
   const Tensor dtokens = like(s.tokens), dfilm = like(s.film), dhidden = like(s.hidden);
-  const Tensor dy = dfeatures.reshaped({s.film.dim(0), s.film.dim(1), norm_.gamma.dim(0)});
-  modulate_backward(
-      ctx, {s.tokens, norm_.gamma, norm_.beta, s.film, 1e-6f, dy, dtokens, dfilm, norm_.dgamma, norm_.dbeta, false});
+  const Tensor dy = dfeatures.reshaped({s.film.dim(0), s.film.dim(1), layers_.norm.gamma.dim(0)});
+  modulate_backward(ctx, {s.tokens, layers_.norm.gamma, layers_.norm.beta, s.film, 1e-6f, dy, dtokens, dfilm,
+                          layers_.norm.dgamma, layers_.norm.dbeta, false});
   const Tensor by_row = dfilm.reshaped({s.hidden.dim(0), dfilm.shape().back()});
-  linear_backward(ctx, second_, {rows_of(s.hidden, true), by_row, dhidden, {}, false, "dir_norm.mlp.2"});
+  linear_backward(ctx, layers_.second, {rows_of(s.hidden, true), by_row, dhidden, {}, false, "dir_norm.mlp.2"});
   activation_backward(ctx, {s.hidden, Activation::silu, dhidden, dhidden});
-  linear_backward(ctx, first_, {rows_of(s.rays), dhidden, {}, {}, false, "dir_norm.mlp.0"});
+  linear_backward(ctx, layers_.first, {rows_of(s.rays), dhidden, {}, {}, false, "dir_norm.mlp.0"});
   return dtokens;
 }
 

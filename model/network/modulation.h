@@ -1,7 +1,7 @@
 // Pose modulation: an adaptive layer norm that tells every token which ray it saw.
 #pragma once
 #include "model/base/device_cameras.h"
-#include "model/network/layers.h"
+#include "model/network/upload_weights.h"
 #include "model/params/config.h"
 
 namespace vsplat {
@@ -28,8 +28,7 @@ class PoseModulation {
 
  private:
   Config config_;
-  LayerNorm norm_;
-  Linear first_, second_;
+  ModulationLayers<WeightLoader> layers_;
 };
 
 }  // namespace vsplat

@@ -10,6 +10,8 @@
 namespace vsplat {
 namespace {
 
+static_assert(kPositionEncoding == kPositionValues);
+
 // A submanifold convolution of `in`, whose rows are the active voxels, into `out`; `map` none for a 1x1x1. residual and
 // out may be the same.
 void convolve(Context& ctx, const Conv& conv, RowSource in, const Tensor& map, const char* name, const Tensor& out,
@@ -62,22 +64,8 @@ ProjectFeaturesForward projection(const Config& config, const Tensor& features, 
 
 }  // namespace
 
-Refinement::Refinement(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "voxel_network.");
-  const long ch = config.voxel_ch, extra = config.projected_ch(), k = config.refine_out_kernel;
-  comp_linear_ = load_linear(load, "comp_linear", extra + config.volume_ch + kPositionEncoding, ch);
-  conv_in_ = load.submanifold("conv_in", ch, 3, ch);
-  for (int i = 0; i < config.voxel_levels; ++i) {
-    for (int j = 0; j < 2; ++j) {
-      const std::string name = "conv_blocks." + std::to_string(i) + ".res." + std::to_string(j);
-      blocks_.push_back({load_group_norm(load, name + ".norm1.group_norm", ch, config.groups),
-                         load_group_norm(load, name + ".norm2.group_norm", ch, config.groups),
-                         load.submanifold(name + ".conv1", ch, 3, ch), load.submanifold(name + ".conv2", ch, 3, ch)});
-    }
-  }
-  norm_out_ = load_group_norm(load, "norm_out.group_norm", ch + extra, config.groups);
-  conv_out_ = load.submanifold("conv_out", config.fine_dim, k, ch + extra);
-}
+Refinement::Refinement(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 Refinement::Output Refinement::forward(Context& ctx, const Input& in, Saved* saved) const {
   const Stage stage(ctx, "refinement");
@@ -103,7 +91,7 @@ Refinement::Output Refinement::forward(Context& ctx, const Input& in, Saved* sav
     const Tensor own = rows(c + kPositionEncoding, "volume and position");
     gather_forward(ctx, {in.volume, in.index, own});
     position_encoding_forward(ctx, {in.means, own, c});
-    h = linear_forward(ctx, comp_linear_, beside(out.projected, own), "comp_linear");
+    h = linear_forward(ctx, layers_.comp_linear, beside(out.projected, own), "comp_linear");
     const DeviceCameras cameras = in.cameras ? *in.cameras : DeviceCameras();
     if (saved) *saved = {in.features, in.means, in.index, cameras, own, out.projected, map, h, {}, {}};
   }
@@ -111,9 +99,9 @@ Refinement::Output Refinement::forward(Context& ctx, const Input& in, Saved* sav
     RowSource x;
     x.x0 = std::move(h);
     h = rows(config_.voxel_ch, "conv_in");
-    convolve(ctx, conv_in_, x, map, "conv_in", h);
+    convolve(ctx, layers_.conv_in, x, map, "conv_in", h);
   }
-  for (const ResBlock& block : blocks_) {
+  for (const auto& block : layers_.blocks) {
     NormSaved* norms[2] = {};
     if (saved) {
       Saved::Block& kept = saved->blocks.emplace_back();
@@ -126,7 +114,8 @@ Refinement::Output Refinement::forward(Context& ctx, const Input& in, Saved* sav
     h = sum;
   }
   out.refined = rows(config_.fine_dim, "conv_out");
-  convolve(ctx, conv_out_, norm_silu_forward(ctx, norm_out_, h, out.projected, saved ? &saved->norm_out : nullptr),
+  convolve(ctx, layers_.conv_out,
+           norm_silu_forward(ctx, layers_.norm_out, h, out.projected, saved ? &saved->norm_out : nullptr),
            config_.refine_out_kernel == 1 ? Tensor() : map, "conv_out", out.refined);
   return out;
 }
@@ -141,14 +130,14 @@ void Refinement::backward(Context& ctx, const Saved& saved, const Tensor& drefin
   const Tensor dprojected = saved.projected ? rows(config_.vit_dim, "gradient by projected") : Tensor();
   {
     const Tensor both = rows(ch + config_.projected_ch(), "gradient");
-    convolve_backward(ctx, conv_out_, saved.norm_out.rows, config_.refine_out_kernel == 1 ? Tensor() : saved.map,
+    convolve_backward(ctx, layers_.conv_out, saved.norm_out.rows, config_.refine_out_kernel == 1 ? Tensor() : saved.map,
                       "conv_out", drefined, both);
-    norm_silu_backward(ctx, norm_out_, saved.norm_out, both, dh, dprojected);
+    norm_silu_backward(ctx, layers_.norm_out, saved.norm_out, both, dh, dprojected);
   }
   {
     const Tensor inside = rows(ch, "gradient"), next = rows(ch, "gradient");
-    for (std::size_t i = blocks_.size(); i-- > 0;) {
-      const ResBlock& block = blocks_[i];
+    for (std::size_t i = layers_.blocks.size(); i-- > 0;) {
+      const auto& block = layers_.blocks[i];
       const Saved::Block& kept = saved.blocks[i];
       convolve_backward(ctx, block.conv2, kept.norm2.rows, saved.map, "res.conv2", dh, inside);
       norm_silu_backward(ctx, block.norm2, kept.norm2, inside, inside);
@@ -160,7 +149,7 @@ void Refinement::backward(Context& ctx, const Saved& saved, const Tensor& drefin
   linear_out.x0 = saved.linear;
   {
     const Tensor dlinear = rows(ch, "gradient");
-    convolve_backward(ctx, conv_in_, linear_out, saved.map, "conv_in", dh, dlinear);
+    convolve_backward(ctx, layers_.conv_in, linear_out, saved.map, "conv_in", dh, dlinear);
     dh = dlinear;
   }
 
@@ -174,7 +163,7 @@ void Refinement::backward(Context& ctx, const Saved& saved, const Tensor& drefin
   if (dprojected) b.dx1 = down;
   b.add = true;
   b.name = "comp_linear";
-  linear_backward(ctx, comp_linear_, b);
+  linear_backward(ctx, layers_.comp_linear, b);
   gather_backward(ctx, {down, saved.index, out.volume});
   position_encoding_backward(ctx, {saved.means, down, out.means, config_.volume_ch});
   if (dprojected) {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "model/base/device_cameras.h"
-#include "model/network/layers.h"
+#include "model/network/upload_weights.h"
 #include "model/params/config.h"
 
 namespace vsplat {
@@ -54,17 +54,8 @@ class Refinement {
   void backward(Context& ctx, const Saved& saved, const Tensor& drefined, const Gradients& out) const;
 
  private:
-  // norm-SiLU-conv, norm-SiLU-conv, plus x.
-  struct ResBlock {
-    GroupNorm norm1, norm2;
-    Conv conv1, conv2;
-  };
-
   Config config_;
-  Linear comp_linear_;
-  Conv conv_in_, conv_out_;
-  std::vector<ResBlock> blocks_;
-  GroupNorm norm_out_;
+  RefinementLayers<WeightLoader> layers_;
 };
 
 }  // namespace vsplat

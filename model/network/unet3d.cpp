@@ -90,51 +90,8 @@ T take_last(std::vector<T>& from) {
 
 }  // namespace
 
-VolumeNetwork::VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "volume_network.");
-  const long ch = config.volume_ch;
-  const auto levels = config.volume_mult.size();
-  norm_in_ = load_group_norm(load, "conv_in.1", 4 * ch, config.groups);
-  conv_in_ = load.conv3d("conv_in.3", ch, 4 * ch);
-  std::vector<long> skips = {ch};
-  long width = ch;
-  for (std::size_t i = 0; i < levels; ++i) {
-    const std::string name = "down_blocks." + std::to_string(i);
-    Down level{load_res(load, name + ".res.0", width, ch * config.volume_mult[i]), {}};
-    width = ch * config.volume_mult[i];
-    skips.push_back(width);
-    if (i + 1 < levels) {
-      level.downsample = load.conv3d_down(name + ".downsample.conv", width, width);
-      skips.push_back(width);
-    }
-    down_.push_back(level);
-  }
-  mid_ = load_res(load, "mid.0", width, width);
-  for (std::size_t i = 0; i < levels; ++i) {
-    const long out = ch * config.volume_mult[levels - 1 - i];
-    Up level;
-    for (int j = 0; j < 2; ++j) {
-      const std::string name = "up_blocks." + std::to_string(i) + ".res." + std::to_string(j);
-      level.res[j] = load_res(load, name, width + skips.back(), out);
-      skips.pop_back();
-      width = out;
-    }
-    up_.push_back(level);
-  }
-  norm_out_ = load_group_norm(load, "norm_out", width, config.groups);
-  conv_out_ = load.conv3d("conv_out", ch, width);
-}
-
-VolumeNetwork::ResBlock VolumeNetwork::load_res(const WeightLoader& weights, const std::string& name, long in,
-                                                long out) const {
-  ResBlock block;
-  block.norm1 = load_group_norm(weights, name + ".norm1", in, config_.groups);
-  block.conv1 = weights.conv3d(name + ".conv1", out, in);
-  block.norm2 = load_group_norm(weights, name + ".norm2", out, config_.groups);
-  block.conv2 = weights.conv3d(name + ".conv2", out, out);
-  if (in != out) block.shortcut = load_pointwise(weights, name + ".nin_shortcut", in, out);
-  return block;
-}
+VolumeNetwork::VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge, ResSaved* saved) const {
   const Tensor h =
@@ -161,10 +118,11 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
   if (saved) *saved = {};
   long edge = config_.volume;
   Tensor h = convolve(
-      ctx, conv_in_, norm_silu_forward(ctx, norm_in_, std::exchange(volume, {}), {}, saved ? &saved->norm_in : nullptr),
-      edge, "conv_in.3");
+      ctx, layers_.conv_in,
+      norm_silu_forward(ctx, layers_.norm_in, std::exchange(volume, {}), {}, saved ? &saved->norm_in : nullptr), edge,
+      "conv_in.3");
   std::vector<Tensor> skips = {h};
-  for (const Down& level : down_) {
+  for (const auto& level : layers_.down) {
     h = res(ctx, level.res, std::move(h), {}, edge, keep(&Saved::down));
     skips.push_back(h);
     if (level.downsample.w.bias) {
@@ -174,18 +132,19 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
       skips.push_back(h);
     }
   }
-  h = res(ctx, mid_, std::move(h), {}, edge, saved ? &saved->mid : nullptr);
-  for (std::size_t i = 0; i < up_.size(); ++i) {
-    for (const ResBlock& block : up_[i].res)
+  h = res(ctx, layers_.mid, std::move(h), {}, edge, saved ? &saved->mid : nullptr);
+  for (std::size_t i = 0; i < layers_.up.size(); ++i) {
+    for (const ResBlock& block : layers_.up[i].res)
       h = res(ctx, block, std::move(h), take_last(skips), edge, keep(&Saved::up));
-    if (i + 1 < up_.size()) {
+    if (i + 1 < layers_.up.size()) {
       h = upsample(ctx, h, edge);
       edge *= 2;
     }
   }
-  return convolve(ctx, conv_out_,
-                  norm_silu_forward(ctx, norm_out_, std::exchange(h, {}), {}, saved ? &saved->norm_out : nullptr), edge,
-                  "conv_out");
+  return convolve(
+      ctx, layers_.conv_out,
+      norm_silu_forward(ctx, layers_.norm_out, std::exchange(h, {}), {}, saved ? &saved->norm_out : nullptr), edge,
+      "conv_out");
 }
 
 std::pair<Tensor, Tensor> VolumeNetwork::res_backward(Context& ctx, const ResBlock& block, ResSaved saved, Tensor dy,
@@ -211,12 +170,12 @@ Tensor VolumeNetwork::backward(Context& ctx, Saved saved, Tensor dout) const {
   const Stage stage(ctx, "volume");
   Dims().set("R^3", config_.voxels()).set("C~", config_.volume_ch).bind("dout", dout, {"R^3", "C~"});
   long edge = config_.volume;
-  Tensor d = convolve_backward(ctx, conv_out_, saved.norm_out.rows, std::exchange(dout, {}), edge, "conv_out");
-  norm_silu_backward(ctx, norm_out_, std::exchange(saved.norm_out, {}), d, d);
+  Tensor d = convolve_backward(ctx, layers_.conv_out, saved.norm_out.rows, std::exchange(dout, {}), edge, "conv_out");
+  norm_silu_backward(ctx, layers_.norm_out, std::exchange(saved.norm_out, {}), d, d);
   std::vector<Tensor> dskips;  // the first skip's gradient comes first, as it was the last to be used
-  for (std::size_t i = up_.size(); i-- > 0;) {
+  for (std::size_t i = layers_.up.size(); i-- > 0;) {
     for (const int j : {1, 0}) {
-      auto [dx, dskip] = res_backward(ctx, up_[i].res[j], take_last(saved.up), std::move(d), edge);
+      auto [dx, dskip] = res_backward(ctx, layers_.up[i].res[j], take_last(saved.up), std::move(d), edge);
       d = std::move(dx);
       dskips.push_back(std::move(dskip));
     }
@@ -225,20 +184,20 @@ Tensor VolumeNetwork::backward(Context& ctx, Saved saved, Tensor dout) const {
       d = upsample_backward(ctx, d, edge);
     }
   }
-  d = res_backward(ctx, mid_, std::exchange(saved.mid, {}), std::move(d), edge).first;
-  for (std::size_t i = down_.size(); i-- > 0;) {
+  d = res_backward(ctx, layers_.mid, std::exchange(saved.mid, {}), std::move(d), edge).first;
+  for (std::size_t i = layers_.down.size(); i-- > 0;) {
     add_columns(ctx, {take_last(dskips), d});
-    if (down_[i].downsample.w.bias) {
+    if (layers_.down[i].downsample.w.bias) {
       edge *= 2;
       const Tensor dx = take_last(dskips);
-      downsample_backward(ctx, down_[i].downsample, take_last(saved.downsampled), d, dx, edge);
+      downsample_backward(ctx, layers_.down[i].downsample, take_last(saved.downsampled), d, dx, edge);
       d = dx;
     }
-    d = res_backward(ctx, down_[i].res, take_last(saved.down), std::move(d), edge).first;
+    d = res_backward(ctx, layers_.down[i].res, take_last(saved.down), std::move(d), edge).first;
   }
   add_columns(ctx, {take_last(dskips), d});
-  d = convolve_backward(ctx, conv_in_, saved.norm_in.rows, d, edge, "conv_in.3");
-  norm_silu_backward(ctx, norm_in_, saved.norm_in, d, d);
+  d = convolve_backward(ctx, layers_.conv_in, saved.norm_in.rows, d, edge, "conv_in.3");
+  norm_silu_backward(ctx, layers_.norm_in, saved.norm_in, d, d);
   return d;
 }
 

@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "model/network/layers.h"
+#include "model/network/upload_weights.h"
 #include "model/params/config.h"
 
 namespace vsplat {
@@ -31,21 +31,8 @@ class VolumeNetwork {
   Tensor backward(Context& ctx, Saved saved, Tensor dout) const;
 
  private:
-  // norm-SiLU-conv, norm-SiLU-conv, plus x or a 1x1x1 of x.
-  struct ResBlock {
-    GroupNorm norm1, norm2;
-    Conv conv1, conv2;
-    Linear shortcut;  // nin_shortcut; none where the width stays
-  };
-  struct Down {
-    ResBlock res;
-    Conv downsample;  // none at the last level
-  };
-  struct Up {
-    ResBlock res[2];
-  };
+  using ResBlock = VolumeResBlock<WeightLoader>;
 
-  ResBlock load_res(const WeightLoader& weights, const std::string& name, long in, long out) const;
   // Of [x0, x1] at edge^3 voxels.
   Tensor res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge, ResSaved* saved) const;
   // dy, which is written over -> by x0, and by x1 where there was one.
@@ -53,11 +40,7 @@ class VolumeNetwork {
                                          long edge) const;
 
   Config config_;
-  GroupNorm norm_in_, norm_out_;
-  Conv conv_in_, conv_out_;
-  std::vector<Down> down_;
-  ResBlock mid_;
-  std::vector<Up> up_;
+  VolumeLayers<WeightLoader> layers_;
 };
 
 }  // namespace vsplat

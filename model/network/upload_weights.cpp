@@ -1,105 +1,92 @@
 #include "model/network/upload_weights.h"
 
-#include <fmt/ranges.h>
-
+#include "model/ops/position_resample.h"
 #include "model/ops/sparse_conv.h"
-#include "runtime/fail.h"
 
 namespace vsplat {
+namespace {
 
-WeightLoader::WeightLoader(Context& ctx, const WeightSource& weights, std::string prefix)
-    : ctx_(ctx), weights_(weights), prefix_(std::move(prefix)) {}
-
-void WeightLoader::check_shape(const std::string& name, const Shape& found, const Shape& expected) const {
-  if (found != expected)
-    fail(Status::format, "{}{} is [{}], the configuration makes it [{}]", prefix_, name, fmt::join(found, ", "),
-         fmt::join(expected, ", "));
+// A weight [N, ...] as a matrix [N, K], of a tensor that may be none.
+Tensor as_matrix(const Tensor& weight) {
+  return weight ? weight.reshaped({weight.dim(0), weight.count() / weight.dim(0)}) : weight;
 }
 
-const HostTensor& WeightLoader::find(const std::string& name, const Shape& shape) const {
-  const HostTensor& found = weights_.host_->at(prefix_ + name);
-  check_shape(name, found.shape, shape);
+}  // namespace
+
+const std::vector<float>& WeightLoader::host(const Parameter& p) const { return weights_.host_->of(p).data; }
+
+const LearntTensor& WeightLoader::learnt(const Parameter& p) const {
+  const LearntTensor& found = weights_.learnt_->at(p.name);
+  require_shape(p, found.value.shape());
   return found;
 }
 
-const LearntTensor& WeightLoader::find_learnt(const std::string& name, const Shape& shape) const {
-  const LearntTensor& found = weights_.learnt_->at(prefix_ + name);
-  check_shape(name, found.value.shape(), shape);
-  return found;
+Tensor WeightLoader::value(const Parameter& p) const {
+  return weights_.learnt_ ? learnt(p).value : ctx_->upload(p.shape, host(p), Type::f32, p.name);
 }
 
-Tensor WeightLoader::tensor(const std::string& name, const Shape& shape) const {
-  if (weights_.learnt_) return find_learnt(name, shape).value;
-  return ctx_.upload(shape, find(name, shape).data, Type::f32, prefix_ + name);
+Tensor WeightLoader::plain(const Parameter& p) const { return weights_.learnt_ ? learnt(p).value : Tensor(); }
+
+Tensor WeightLoader::gradient(const Parameter& p) const { return weights_.learnt_ ? learnt(p).gradient : Tensor(); }
+
+PackedMatrix WeightLoader::columns(const Parameter& p, long k0, long k) const {
+  const long n = p.shape.at(0), stride = p.count() / n;
+  if (weights_.learnt_) return pack_matrix(*ctx_, learnt(p).value, k, n, 1, stride, p.name, k0);
+  return pack_matrix(*ctx_, host(p).data() + k0, k, n, 1, stride, p.name);
 }
 
-Tensor WeightLoader::gradient(const std::string& name) const {
-  return weights_.learnt_ ? weights_.learnt_->at(prefix_ + name).gradient : Tensor();
-}
-
-Tensor WeightLoader::plain(const std::string& name) const {
-  return weights_.learnt_ ? weights_.learnt_->at(prefix_ + name).value : Tensor();
-}
-
-PackedMatrix WeightLoader::linear(const std::string& name, const Shape& shape) const {
-  long k = 1;
-  for (std::size_t i = 1; i < shape.size(); ++i) k *= shape[i];
-  return linear_part(name, shape, 0, k);
-}
-
-PackedMatrix WeightLoader::linear_part(const std::string& name, const Shape& shape, long k0, long k) const {
-  long stride = 1;
-  for (std::size_t i = 1; i < shape.size(); ++i) stride *= shape[i];
-  if (weights_.learnt_)
-    return pack_matrix(ctx_, find_learnt(name, shape).value, k, shape.at(0), 1, stride, prefix_ + name, k0);
-  return pack_matrix(ctx_, find(name, shape).data.data() + k0, k, shape.at(0), 1, stride, prefix_ + name);
-}
-
-Conv WeightLoader::learnt_conv(const std::string& name) const {
-  Conv out;
-  out.plain = plain(name + ".weight");
-  out.dweight = gradient(name + ".weight");
-  out.dbias = gradient(name + ".bias");
+Positions WeightLoader::positions(const Parameter& class_token, const Parameter& stored, int from, int to) const {
+  const long rows = stored.shape.at(1), dim = stored.shape.at(2);
+  Positions out;
+  out.from = from;
+  out.to = to;
+  out.resampled = ctx_->tensor({1 + static_cast<long>(to) * to, dim}, Type::f32, "encoder.position");
+  position_resample_forward(
+      *ctx_, {value(stored).reshaped({rows, dim}), value(class_token).reshaped({dim}), from, to, out.resampled});
+  if (const Tensor d = gradient(stored)) out.dstored = d.reshaped({rows, dim});
+  if (const Tensor d = gradient(class_token)) out.dclass_token = d.reshaped({dim});
   return out;
 }
 
-Conv WeightLoader::conv3d(const std::string& name, long out, long in) const {
-  const Shape shape{out, in, 3, 3, 3};
-  Conv conv = learnt_conv(name);
-  if (weights_.learnt_) {
-    conv.w =
-        pack_conv3d(ctx_, find_learnt(name + ".weight", shape).value, tensor(name + ".bias", {out}), prefix_ + name);
-  } else {
-    conv.w = pack_conv3d(ctx_, find(name + ".weight", shape).data.data(), find(name + ".bias", {out}).data.data(), out,
-                         in, prefix_ + name);
-  }
-  return conv;
+Linear WeightLoader::linear(const LayerParameters& p) const {
+  return {columns(p.weight, 0, p.weight.count() / p.weight.shape.at(0)), value(p.bias), as_matrix(plain(p.weight)),
+          as_matrix(gradient(p.weight)), gradient(p.bias)};
 }
 
-Conv WeightLoader::conv3d_down(const std::string& name, long out, long in) const {
-  const Shape shape{out, in, 2, 2, 2};
-  Conv conv = learnt_conv(name);
-  if (weights_.learnt_) {
-    conv.w = pack_conv3d_down(ctx_, find_learnt(name + ".weight", shape).value, tensor(name + ".bias", {out}),
-                              prefix_ + name);
-  } else {
-    conv.w = pack_conv3d_down(ctx_, find(name + ".weight", shape).data.data(), find(name + ".bias", {out}).data.data(),
-                              out, in, prefix_ + name);
-  }
-  return conv;
+SplitLinear WeightLoader::split_linear(const LayerParameters& p, long first) const {
+  const long all = p.weight.count() / p.weight.shape.at(0);
+  return {columns(p.weight, 0, first), columns(p.weight, first, all - first), value(p.bias),
+          as_matrix(plain(p.weight)),  as_matrix(gradient(p.weight)),         gradient(p.bias)};
 }
 
-Conv WeightLoader::submanifold(const std::string& name, long out, long kernel, long in) const {
-  const Shape shape{out, kernel, kernel, kernel, in};
-  Conv conv = learnt_conv(name);
-  if (weights_.learnt_) {
-    conv.w = pack_submanifold(ctx_, find_learnt(name + ".weight", shape).value, tensor(name + ".bias", {out}),
-                              prefix_ + name);
-  } else {
-    conv.w = pack_submanifold(ctx_, find(name + ".weight", shape).data.data(), find(name + ".bias", {out}).data.data(),
-                              out, kernel * kernel * kernel, in, prefix_ + name);
-  }
-  return conv;
+Conv WeightLoader::conv(const LayerParameters& p, ConvWeights weights) const {
+  return {std::move(weights), plain(p.weight), gradient(p.weight), gradient(p.bias)};
+}
+
+Conv WeightLoader::conv3d(const LayerParameters& p) const {
+  if (weights_.learnt_) return conv(p, pack_conv3d(*ctx_, learnt(p.weight).value, value(p.bias), p.name));
+  const long out = p.weight.shape.at(0), in = p.weight.shape.at(1);
+  return conv(p, pack_conv3d(*ctx_, host(p.weight).data(), host(p.bias).data(), out, in, p.name));
+}
+
+Conv WeightLoader::conv3d_down(const LayerParameters& p) const {
+  if (weights_.learnt_) return conv(p, pack_conv3d_down(*ctx_, learnt(p.weight).value, value(p.bias), p.name));
+  const long out = p.weight.shape.at(0), in = p.weight.shape.at(1);
+  return conv(p, pack_conv3d_down(*ctx_, host(p.weight).data(), host(p.bias).data(), out, in, p.name));
+}
+
+Conv WeightLoader::submanifold(const LayerParameters& p) const {
+  const long out = p.weight.shape.at(0), in = p.weight.shape.at(4), taps = p.weight.count() / (out * in);
+  if (weights_.learnt_) return conv(p, pack_submanifold(*ctx_, learnt(p.weight).value, value(p.bias), p.name));
+  return conv(p, pack_submanifold(*ctx_, host(p.weight).data(), host(p.bias).data(), out, taps, in, p.name));
+}
+
+LayerNorm WeightLoader::layer_norm(const LayerParameters& p) const {
+  return {value(p.weight), value(p.bias), gradient(p.weight), gradient(p.bias)};
+}
+
+GroupNorm WeightLoader::group_norm(const LayerParameters& p, int groups) const {
+  return {value(p.weight), value(p.bias), groups, gradient(p.weight), gradient(p.bias)};
 }
 
 }  // namespace vsplat

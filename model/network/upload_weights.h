@@ -1,11 +1,10 @@
-// Weights as the stages' constructors take them, each checked against the shape that the configuration makes of it.
+// What makes layers on the device of what model/params/network_layers.h declares: each weight is checked against the
+// shape that the configuration makes of it.
 #pragma once
-#include <string>
-
+#include "model/network/layers.h"
 #include "model/network/learnt_weights.h"
-#include "model/ops/conv3d.h"
+#include "model/params/network_layers.h"
 #include "model/params/weights.h"
-#include "runtime/gemm.h"
 
 namespace vsplat {
 
@@ -22,44 +21,50 @@ class WeightSource {
   const LearntWeights* learnt_ = nullptr;
 };
 
-// A convolution's weights. In training: as PyTorch has them, and the gradients by them and the bias.
-struct Conv {
-  ConvWeights w;
-  Tensor plain, dweight, dbias;
-};
-
+// As LayerBuilder takes it.
 class WeightLoader {
  public:
-  // `prefix` is put before every name.
-  WeightLoader(Context& ctx, const WeightSource& weights, std::string prefix);
+  using Fixed = Tensor;
+  using Positions = vsplat::Positions;
+  using Linear = vsplat::Linear;
+  using SplitLinear = vsplat::SplitLinear;
+  using Conv = vsplat::Conv;
+  using LayerNorm = vsplat::LayerNorm;
+  using GroupNorm = vsplat::GroupNorm;
+  using Mlp3 = vsplat::Mlp3;
 
-  // As it is.
-  Tensor tensor(const std::string& name, const Shape& shape) const;
-  // In training the gradient by such a tensor, which is added to; else none.
-  Tensor gradient(const std::string& name) const;
-  // In training the tensor itself, for what only the backward wants; else none.
-  Tensor plain(const std::string& name) const;
-  // A Linear's or a 1x1 or patch convolution's weight [N, ...] as the K x N matrix of a GEMM, K the product of the
-  // rest.
-  PackedMatrix linear(const std::string& name, const Shape& shape) const;
-  // Columns [k0, k0 + k) of such a weight's K.
-  PackedMatrix linear_part(const std::string& name, const Shape& shape, long k0, long k) const;
+  WeightLoader(Context& ctx, const WeightSource& weights) : ctx_(&ctx), weights_(weights) {}
 
-  // "<name>.weight" and "<name>.bias" of a 3x3x3 convolution, of a 2x2x2 one with stride 2, and of a submanifold one of
-  // kernel^3 taps, whose weight is [out, kernel, kernel, kernel, in].
-  Conv conv3d(const std::string& name, long out, long in) const;
-  Conv conv3d_down(const std::string& name, long out, long in) const;
-  Conv submanifold(const std::string& name, long out, long kernel, long in) const;
+  Tensor fixed(const Parameter& p) const { return value(p); }
+  Positions positions(const Parameter& class_token, const Parameter& stored, int from, int to) const;
+  Linear linear(const LayerParameters& p) const;
+  SplitLinear split_linear(const LayerParameters& p, long first) const;
+  Conv conv3d(const LayerParameters& p) const;
+  Conv conv3d_down(const LayerParameters& p) const;
+  Conv submanifold(const LayerParameters& p) const;
+  LayerNorm layer_norm(const LayerParameters& p) const;
+  GroupNorm group_norm(const LayerParameters& p, int groups) const;
 
  private:
-  const HostTensor& find(const std::string& name, const Shape& shape) const;
-  const LearntTensor& find_learnt(const std::string& name, const Shape& shape) const;
-  void check_shape(const std::string& name, const Shape& found, const Shape& expected) const;
-  Conv learnt_conv(const std::string& name) const;
+  const std::vector<float>& host(const Parameter& p) const;
+  const LearntTensor& learnt(const Parameter& p) const;
+  // As it is.
+  Tensor value(const Parameter& p) const;
+  // In training the tensor itself, for what only the backward wants, and the gradient by it, which is added to; else
+  // none.
+  Tensor plain(const Parameter& p) const;
+  Tensor gradient(const Parameter& p) const;
+  // Columns [k0, k0 + k) of a weight [N, ...], as the k x N matrix of a GEMM.
+  PackedMatrix columns(const Parameter& p, long k0, long k) const;
+  Conv conv(const LayerParameters& p, ConvWeights weights) const;
 
-  Context& ctx_;
+  Context* ctx_;
   WeightSource weights_;
-  std::string prefix_;
 };
+
+// For the stages' constructors: `EncoderLayers<WeightLoader>(layers_of(ctx, weights), config)`.
+inline LayerBuilder<WeightLoader> layers_of(Context& ctx, const WeightSource& weights) {
+  return LayerBuilder<WeightLoader>(WeightLoader(ctx, weights));
+}
 
 }  // namespace vsplat

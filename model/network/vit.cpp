@@ -39,35 +39,11 @@ void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tens
 
 }  // namespace
 
-Vit::Vit(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  const WeightLoader load(ctx, weights, "encoder.model.");
-  const long c = config.vit_dim, g = config.vit_pos_grid, t = config.tokens(), p = config.patch;
-  const std::string patch = "patch_embed.proj.";
-  patch_.w = load.linear(patch + "weight", {c, 3, p, p});
-  patch_.bias = load.tensor(patch + "bias", {c});
-  patch_.dweight = load.gradient(patch + "weight");
-  patch_.dbias = load.gradient(patch + "bias");
-  position_ = ctx.tensor({1 + t * t, c}, Type::f32, "encoder.position");
-  PositionResampleForward resample;
-  resample.stored = load.tensor("pos_embed", {1, 1 + g * g, c}).reshaped({1 + g * g, c});
-  resample.class_token = load.tensor("cls_token", {1, 1, c}).reshaped({c});
-  resample.from = config.vit_pos_grid;
-  resample.to = config.tokens();
-  resample.out = position_;
-  position_resample_forward(ctx, resample);
-  if (const Tensor d = load.gradient("pos_embed")) dposition_ = d.reshaped({1 + g * g, c});
-  if (const Tensor d = load.gradient("cls_token")) dclass_ = d.reshaped({c});
-  for (int i = 0; i < config.vit_depth; ++i) {
-    const std::string at = "blocks." + std::to_string(i) + ".";
-    layers_.push_back({load_layer_norm(load, at + "norm1", c), load_layer_norm(load, at + "norm2", c),
-                       load_linear(load, at + "attn.qkv", c, 3 * c), load_linear(load, at + "attn.proj", c, c),
-                       load_linear(load, at + "mlp.fc1", c, 4 * c), load_linear(load, at + "mlp.fc2", 4 * c, c)});
-  }
-  norm_ = load_layer_norm(load, "norm", c);
-}
+Vit::Vit(Context& ctx, const Config& config, const WeightSource& weights)
+    : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 // y = x + attention(norm1(x)), then y + mlp(norm2(y)); in x's memory where nothing is saved.
-Tensor Vit::forward(Context& ctx, const Layer& l, const Tensor& x, LayerSaved* saved) const {
+Tensor Vit::forward(Context& ctx, const Block& l, const Tensor& x, BlockSaved* saved) const {
   const long v = x.dim(0), t = x.dim(1), c = x.dim(2), h = config_.vit_heads;
   const auto beside = [&](const char* what) { return saved ? ctx.tensor(x.shape(), Type::f32, what) : x; };
   const Tensor middle = beside("encoder.middle");
@@ -96,19 +72,21 @@ Tensor Vit::forward(Context& ctx, const Tensor& images, Saved* saved) const {
   const Stage stage(ctx, "encoder");
   const long v = images.dim(0), t = config_.tokens(), c = config_.vit_dim;
   Tensor x = ctx.tensor({v, 1 + t * t, c}, Type::f32, "encoder.tokens");
-  patch_embed_forward(ctx, {images, config_.patch, &patch_.w, patch_.bias, position_, x});
-  if (saved) *saved = {images, std::vector<LayerSaved>(layers_.size()), {}};
-  for (std::size_t i = 0; i < layers_.size(); ++i) x = forward(ctx, layers_[i], x, saved ? &saved->layers[i] : nullptr);
+  patch_embed_forward(
+      ctx, {images, config_.patch, &layers_.patches.w, layers_.patches.bias, layers_.positions.resampled, x});
+  if (saved) *saved = {images, std::vector<BlockSaved>(layers_.blocks.size()), {}};
+  for (std::size_t i = 0; i < layers_.blocks.size(); ++i)
+    x = forward(ctx, layers_.blocks[i], x, saved ? &saved->blocks[i] : nullptr);
   if (!saved) {
-    layernorm_forward(ctx, {flat(x), norm_.gamma, norm_.beta, 1e-6f, flat(x)});
+    layernorm_forward(ctx, {flat(x), layers_.norm.gamma, layers_.norm.beta, 1e-6f, flat(x)});
     return x;
   }
   saved->last = x;
-  return normed(ctx, norm_, x).reshaped(x.shape());
+  return normed(ctx, layers_.norm, x).reshaped(x.shape());
 }
 
-// dx [V T, C]: by the layer's result before, by its input after.
-void Vit::backward(Context& ctx, const Layer& l, const LayerSaved& s, const Tensor& dx) const {
+// dx [V T, C]: by the block's result before, by its input after.
+void Vit::backward(Context& ctx, const Block& l, const BlockSaved& s, const Tensor& dx) const {
   const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "encoder.gradient"); };
   const Tensor dnormed = like(dx);
   {
@@ -135,14 +113,18 @@ void Vit::backward(Context& ctx, const Layer& l, const LayerSaved& s, const Tens
 
 void Vit::backward(Context& ctx, const Saved& saved, const Tensor& dtokens) const {
   const Stage stage(ctx, "encoder");
-  if (!patch_.dweight) fail(Status::internal, "the encoder's weights have no gradients: it was made for inference");
+  const LayerNorm& norm = layers_.norm;
+  const Positions& positions = layers_.positions;
+  if (!norm.dgamma) fail(Status::internal, "the encoder's weights have no gradients: it was made for inference");
   const Tensor dx = ctx.tensor(flat(saved.last).shape(), Type::f32, "encoder.gradient");
-  layernorm_backward(ctx, {flat(saved.last), norm_.gamma, 1e-6f, flat(dtokens), dx, norm_.dgamma, norm_.dbeta, false});
-  for (std::size_t i = layers_.size(); i-- > 0;) backward(ctx, layers_[i], saved.layers[i], dx);
-  const Tensor dposition = ctx.tensor(position_.shape(), Type::f32, "encoder.gradient");
+  layernorm_backward(ctx, {flat(saved.last), norm.gamma, 1e-6f, flat(dtokens), dx, norm.dgamma, norm.dbeta, false});
+  for (std::size_t i = layers_.blocks.size(); i-- > 0;) backward(ctx, layers_.blocks[i], saved.blocks[i], dx);
+  const Tensor dposition = ctx.tensor(positions.resampled.shape(), Type::f32, "encoder.gradient");
+  const long p = config_.patch;
   patch_embed_backward(
-      ctx, {saved.images, config_.patch, dx.reshaped(saved.last.shape()), patch_.dweight, patch_.dbias, dposition});
-  position_resample_backward(ctx, {dposition, config_.vit_pos_grid, config_.tokens(), dposition_, dclass_});
+      ctx, {saved.images, config_.patch, dx.reshaped(saved.last.shape()),
+            layers_.patches.dweight.reshaped({config_.vit_dim, 3, p, p}), layers_.patches.dbias, dposition});
+  position_resample_backward(ctx, {dposition, positions.from, positions.to, positions.dstored, positions.dclass_token});
 }
 
 }  // namespace vsplat

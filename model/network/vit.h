@@ -2,7 +2,7 @@
 #pragma once
 #include <vector>
 
-#include "model/network/layers.h"
+#include "model/network/upload_weights.h"
 #include "model/params/config.h"
 
 namespace vsplat {
@@ -12,16 +12,16 @@ class Vit {
   // Takes "encoder.model.*". Resamples the positions once, here.
   Vit(Context& ctx, const Config& config, const WeightSource& weights);
 
-  // What the backward wants of a forward; norms and GELU it makes again. 10 values a layer, token and channel.
-  struct LayerSaved {
-    Tensor x;                     // [V, T, C], the layer's input
+  // What the backward wants of a forward; norms and GELU it makes again. 10 values a block, token and channel.
+  struct BlockSaved {
+    Tensor x;                     // [V, T, C], the block's input
     Tensor qkv, attended, stats;  // see model/ops/attention.h
     Tensor middle;                // [V, T, C], between attention and MLP
     Tensor hidden;                // [V T, 4 C], before GELU
   };
   struct Saved {
     Tensor images;
-    std::vector<LayerSaved> layers;
+    std::vector<BlockSaved> blocks;
     Tensor last;  // [V, T, C], before the final norm
   };
 
@@ -31,19 +31,12 @@ class Vit {
   void backward(Context& ctx, const Saved& saved, const Tensor& dtokens) const;
 
  private:
-  struct Layer {
-    LayerNorm norm1, norm2;
-    Linear qkv, proj, fc1, fc2;
-  };
-  Tensor forward(Context& ctx, const Layer& layer, const Tensor& x, LayerSaved* saved) const;
-  void backward(Context& ctx, const Layer& layer, const LayerSaved& saved, const Tensor& dx) const;
+  using Block = EncoderLayers<WeightLoader>::Block;
+  Tensor forward(Context& ctx, const Block& block, const Tensor& x, BlockSaved* saved) const;
+  void backward(Context& ctx, const Block& block, const BlockSaved& saved, const Tensor& dx) const;
 
   Config config_;
-  Linear patch_;
-  Tensor position_;            // [1 + t t, C], the class token added to its own
-  Tensor dposition_, dclass_;  // in training, as stored: [1 + g g, C], [C]
-  std::vector<Layer> layers_;
-  LayerNorm norm_;
+  EncoderLayers<WeightLoader> layers_;
 };
 
 }  // namespace vsplat

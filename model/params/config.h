@@ -1,48 +1,12 @@
-// One model: its sizes, and the choices in which the paper, the published code and the paper's ablations differ.
-// The defaults are the paper's sizes with the published code's choices. Stored as JSON in every model file.
+// Configurations: by name, checked, and as the JSON that every model file holds.
 #pragma once
 #include <string>
 #include <vector>
 
+#include "model/params/config_fields.h"
 #include "runtime/error.h"
 
 namespace vsplat {
-
-struct Config {
-  int image = 512;  // input and render resolution, square, pixels
-  int views = 4;    // how many views are picked by default; the network takes 1 to 16
-  int patch = 16;
-  int vit_dim = 768;
-  int vit_depth = 12;
-  int vit_heads = 12;
-  int vit_pos_grid = 14;  // side of the stored position embedding
-  int volume = 48;        // R, voxels along an edge
-  int volume_ch = 128;    // C~, also the U-Net's width
-  std::vector<int> volume_mult = {1, 2};
-  int voxel_ch = 256;    // width of the refinement's sparse blocks
-  int voxel_levels = 2;  // each with two residual blocks
-  int fine_dim = 512;
-  int fine_count = 16;  // M
-  int sh_degree = 1;
-  int groups = 32;                   // of every GroupNorm
-  std::string levels = "fine";       // fine, skeletal, coarse
-  std::string selection = "gumbel";  // gumbel, sigmoid, ste, opacity
-  double opacity_threshold = 0.005;  // of selection "opacity"
-  bool use_projected = true;
-  std::string view_weight = "depth";  // depth, distance
-  int refine_out_kernel = 1;          // 1, 3
-  bool sample_half_pixel = true;
-  bool negate_camera_centre = false;
-  std::string rebase = "rotate";  // rotate, move
-
-  int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
-  int tokens() const { return image / patch; }                           // along an edge
-  int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation
-  int projected_ch() const { return use_projected ? vit_dim : 0; }
-  long voxels() const { return static_cast<long>(volume) * volume * volume; }
-
-  bool operator==(const Config&) const = default;
-};
 
 // paper, small (what two CPU cores train), tiny and micro (for tests), in this order.
 const std::vector<std::string>& config_names();

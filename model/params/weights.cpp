@@ -10,4 +10,10 @@ const HostTensor& Weights::at(const std::string& name) const {
   return it->second;
 }
 
+const HostTensor& Weights::of(const Parameter& parameter) const {
+  const HostTensor& found = at(parameter.name);
+  require_shape(parameter, found.shape);
+  return found;
+}
+
 }  // namespace vsplat

@@ -68,8 +68,8 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, double assumed_selected)
       average_[p.name] =
           ctx.upload(p.shape, (start.average.has(p.name) ? start.average : start.parameters).at(p.name).data, Type::f32,
                      "average of " + p.name);
-    if (p.trained && is_used(config_.model, p.name) && !is_frozen(config_, p.name))
-      moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of ")};
+    if (p.trained && p.used && !is_frozen(config_, p.name))
+      moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of "), p.decays};
   }
   room_ = {rounded(assumed_)};
   if (ctx.planning()) return;
@@ -171,7 +171,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
     a.beta1 = config_.beta1;
     a.beta2 = config_.beta2;
     a.eps = config_.eps;
-    a.weight_decay = decays(name) ? config_.weight_decay : 0;
+    a.weight_decay = moments.decays ? config_.weight_decay : 0;
     adamw_step(ctx_, a);
   }
   for (const auto& [name, average] : average_) average_step(ctx_, average, weights_.at(name).value, config_.ema);

@@ -73,6 +73,7 @@ class Trainer {
  private:
   struct Moments {
     Tensor m, v;
+    bool decays = true;  // as Parameter has it
   };
   // What an object is given.
   struct Room {

@@ -5,6 +5,7 @@
 
 #include <functional>
 
+#include "model/network/upload_weights.h"
 #include "model/params/init.h"
 #include "tests/reference/gemm.h"
 #include "tests/support/compare.h"
@@ -73,7 +74,7 @@ class Layers : public test::FlavourTest {
     }
     learnt_ = std::make_unique<LearntWeights>(ctx(), config_, host_);
   }
-  WeightLoader loader() { return {ctx(), *learnt_, ""}; }
+  LayerBuilder<WeightLoader> layers() { return layers_of(ctx(), *learnt_); }
   Layer layer(const std::string& name) const {
     return {doubles(host_.at(name + ".weight").data), doubles(host_.at(name + ".bias").data)};
   }
@@ -93,7 +94,7 @@ TEST_P(Layers, LinearOfTwoInputs) {
     learnt_->zero_gradients(ctx());
     const long in = config_.projected_ch() + config_.volume_ch + 63, out = config_.voxel_ch,
                c0 = config_.projected_ch();
-    const Linear linear = load_linear(loader(), name, in, out);
+    const Linear linear = layers().linear(name, in, out);
     const auto x0 = random_floats(u(rows * c0), 1), x1 = random_floats(u(rows * (in - c0)), 2);
     const auto dy = random_floats(u(rows * out), 3);
     LinearBackward b;
@@ -129,7 +130,7 @@ TEST_P(Layers, Mlp3AgreesWithDifferences) {
   const std::string name = "predictor.coarse_predictor";
   constexpr long rows = 5;
   const long in = config_.volume_ch, out = config_.primitive_size();
-  const Mlp3 mlp = load_mlp3(loader(), name, in, out);
+  const Mlp3 mlp = layers().mlp3(name, in, out);
   const auto x = random_floats(u(rows * in), 1), dy = random_floats(u(rows * out), 2);
   Layer first = layer(name + ".0"), second = layer(name + ".2"), third = layer(name + ".4");
   Matrix input = doubles(x);
@@ -156,7 +157,7 @@ TEST_P(Layers, NormSiluOfTwoInputsAgreesWithDifferences) {
   const std::string name = "voxel_network.norm_out.group_norm";
   constexpr long rows = 7;
   const long c0 = config_.voxel_ch, c = c0 + config_.projected_ch();
-  const GroupNorm norm = load_group_norm(loader(), name, c, config_.groups);
+  const GroupNorm norm = layers().group_norm(name, c, config_.groups);
   const auto x0 = random_floats(u(rows * c0), 1), x1 = random_floats(u(rows * (c - c0)), 2);
   const auto dy = random_floats(u(rows * c), 3);
   Matrix a = doubles(x0), b = doubles(x1);

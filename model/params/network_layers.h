@@ -1,0 +1,209 @@
+// The network, written once: each stage's layers with their names and sizes, in the order of the state dict. The stages
+// (model/network) hold them loaded; parameters() lists them. `Make` is as LayerBuilder has it.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "model/params/config_fields.h"
+#include "model/params/layer_builder.h"
+
+namespace vsplat {
+
+inline constexpr int kPositionValues = 63;  // x, then sine and cosine of 10 octaves, three values each
+inline constexpr int kRayValues = 32;       // spherical harmonics to degree 3 of a ray's direction and moment
+
+// The encoder: a DINO vision transformer.
+template <class Make>
+struct EncoderLayers {
+  struct Block {
+    typename Make::LayerNorm norm1;
+    typename Make::Linear qkv, proj;
+    typename Make::LayerNorm norm2;
+    typename Make::Linear fc1, fc2;
+  };
+  typename Make::Positions positions;
+  typename Make::Linear patches;
+  std::vector<Block> blocks;
+  typename Make::LayerNorm norm;
+
+  EncoderLayers(const LayerBuilder<Make>& network, const Config& c) {
+    const LayerBuilder<Make> build = network.in("encoder").in("model");
+    const long dim = c.vit_dim;
+    positions = build.positions("cls_token", "pos_embed", c.vit_pos_grid, c.tokens(), dim);
+    patches = build.patches("patch_embed.proj", 3, dim, c.patch);
+    for (int i = 0; i < c.vit_depth; ++i) {
+      const LayerBuilder<Make> block = build.in("blocks").in(std::to_string(i));
+      blocks.push_back({block.layer_norm("norm1", dim), block.linear("attn.qkv", dim, 3 * dim),
+                        block.linear("attn.proj", dim, dim), block.layer_norm("norm2", dim),
+                        block.linear("mlp.fc1", dim, 4 * dim), block.linear("mlp.fc2", 4 * dim, dim)});
+    }
+    norm = build.layer_norm("norm", dim);
+  }
+};
+
+// The modulation of the encoder's tokens by their rays.
+template <class Make>
+struct ModulationLayers {
+  typename Make::LayerNorm norm;
+  typename Make::Linear first, second;
+
+  ModulationLayers(const LayerBuilder<Make>& network, const Config& c) {
+    const LayerBuilder<Make> build = network.in("dir_norm");
+    const long dim = c.vit_dim;
+    norm = build.layer_norm("norm", dim);
+    first = build.linear("mlp.0", kRayValues, dim);
+    second = build.linear("mlp.2", dim, 2 * dim);
+  }
+};
+
+// The convolution of what is lifted: of the mean and the variance over the views.
+template <class Make>
+struct LiftingLayers {
+  typename Make::SplitLinear mean_and_variance;
+
+  LiftingLayers(const LayerBuilder<Make>& network, const Config& c) {
+    mean_and_variance =
+        network.in("volume_network").split_pointwise("conv_in.0", c.vit_dim, c.vit_dim, 4L * c.volume_ch);
+  }
+};
+
+// norm-SiLU-conv, norm-SiLU-conv, plus x or a 1x1x1 of x.
+template <class Make>
+struct VolumeResBlock {
+  typename Make::GroupNorm norm1;
+  typename Make::Conv conv1;
+  typename Make::GroupNorm norm2;
+  typename Make::Conv conv2;
+  typename Make::Linear shortcut;  // none where the width stays
+
+  VolumeResBlock() = default;
+  VolumeResBlock(const LayerBuilder<Make>& build, long in, long out, int groups) {
+    norm1 = build.group_norm("norm1", in, groups);
+    conv1 = build.conv3d("conv1", in, out);
+    norm2 = build.group_norm("norm2", out, groups);
+    conv2 = build.conv3d("conv2", out, out);
+    if (in != out) shortcut = build.pointwise("nin_shortcut", in, out);
+  }
+};
+
+// The light 3D U-Net.
+template <class Make>
+struct VolumeLayers {
+  using ResBlock = VolumeResBlock<Make>;
+  struct Down {
+    ResBlock res;
+    typename Make::Conv downsample;  // none at the last level
+  };
+  struct Up {
+    ResBlock res[2];
+  };
+  typename Make::GroupNorm norm_in;
+  typename Make::Conv conv_in;
+  std::vector<Down> down;
+  ResBlock mid;
+  std::vector<Up> up;
+  typename Make::GroupNorm norm_out;
+  typename Make::Conv conv_out;
+
+  VolumeLayers(const LayerBuilder<Make>& network, const Config& c) {
+    const LayerBuilder<Make> build = network.in("volume_network");
+    const long ch = c.volume_ch;
+    norm_in = build.group_norm("conv_in.1", 4 * ch, c.groups);
+    conv_in = build.conv3d("conv_in.3", 4 * ch, ch);
+    const std::size_t levels = c.volume_mult.size();
+    std::vector<long> skips = {ch};
+    long width = ch;
+    for (std::size_t i = 0; i < levels; ++i) {
+      const LayerBuilder<Make> level = build.in("down_blocks").in(std::to_string(i));
+      const long out = ch * c.volume_mult[i];
+      down.push_back({ResBlock(level.in("res.0"), width, out, c.groups), {}});
+      skips.push_back(width = out);
+      if (i + 1 < levels) {
+        down.back().downsample = level.conv3d_down("downsample.conv", width, width);
+        skips.push_back(width);
+      }
+    }
+    mid = ResBlock(build.in("mid.0"), width, width, c.groups);
+    for (std::size_t i = 0; i < levels; ++i) {
+      const LayerBuilder<Make> level = build.in("up_blocks").in(std::to_string(i)).in("res");
+      const long out = ch * c.volume_mult[levels - 1 - i];
+      Up& blocks = up.emplace_back();
+      for (int j = 0; j < 2; ++j) {
+        blocks.res[j] = ResBlock(level.in(std::to_string(j)), width + skips.back(), out, c.groups);
+        skips.pop_back();
+        width = out;
+      }
+    }
+    norm_out = build.group_norm("norm_out", width, c.groups);
+    conv_out = build.conv3d("conv_out", width, ch);
+  }
+};
+
+// The sparse network over the selected voxels.
+template <class Make>
+struct RefinementLayers {
+  // norm-SiLU-conv, norm-SiLU-conv, plus x.
+  struct ResBlock {
+    typename Make::GroupNorm norm1;
+    typename Make::Conv conv1;
+    typename Make::GroupNorm norm2;
+    typename Make::Conv conv2;
+  };
+  typename Make::Linear comp_linear;
+  typename Make::Conv conv_in;
+  std::vector<ResBlock> blocks;
+  typename Make::GroupNorm norm_out;
+  typename Make::Conv conv_out;
+
+  RefinementLayers(const LayerBuilder<Make>& network, const Config& c) {
+    const LayerBuilder<Make> build = network.in("voxel_network").used_if(c.levels == "fine");
+    const long ch = c.voxel_ch, projected = c.projected_ch();
+    comp_linear = build.linear("comp_linear", projected + c.volume_ch + kPositionValues, ch);
+    conv_in = build.submanifold("conv_in", ch, ch, 3);
+    for (int i = 0; i < 2 * c.voxel_levels; ++i) {
+      const LayerBuilder<Make> level = build.in("conv_blocks").in(std::to_string(i / 2));
+      const LayerBuilder<Make> block = level.in("res").in(std::to_string(i % 2));
+      blocks.push_back({block.group_norm("norm1.group_norm", ch, c.groups), block.submanifold("conv1", ch, ch, 3),
+                        block.group_norm("norm2.group_norm", ch, c.groups), block.submanifold("conv2", ch, ch, 3)});
+    }
+    norm_out = build.group_norm("norm_out.group_norm", ch + projected, c.groups);
+    conv_out = build.submanifold("conv_out", ch + projected, c.fine_dim, c.refine_out_kernel);
+  }
+};
+
+// Per voxel a confidence and a coarse primitive.
+template <class Make>
+struct CoarseHeadLayers {
+  typename Make::Mlp3 act_predictor, coarse_predictor;
+
+  CoarseHeadLayers(const LayerBuilder<Make>& network, const Config& c) {
+    const LayerBuilder<Make> build = network.in("predictor");
+    const bool asks_confidence = c.levels != "coarse" && c.selection != "opacity";
+    act_predictor = build.used_if(asks_confidence).mlp3("act_predictor", c.volume_ch, 1);
+    coarse_predictor = build.mlp3("coarse_predictor", c.volume_ch, c.primitive_size());
+  }
+};
+
+// Per selected voxel M fine primitives and a correction of the coarse one.
+template <class Make>
+struct FineHeadLayers {
+  typename Make::Mlp3 fine_predictor, update_predictor;
+
+  FineHeadLayers(const LayerBuilder<Make>& network, const Config& c) {
+    const LayerBuilder<Make> build = network.in("predictor").used_if(c.levels == "fine");
+    fine_predictor = build.mlp3("fine_predictor", c.fine_dim, static_cast<long>(c.fine_count) * c.primitive_size());
+    update_predictor = build.mlp3("update_predictor", c.fine_dim, 1 + 3L * c.sh_count());
+  }
+};
+
+// Where the fine primitives begin within their voxel: the state dict's first entry, apart from the heads that use it.
+template <class Make>
+struct FinePlaceLayers {
+  typename Make::Fixed div_offset;  // [M, 3]
+
+  FinePlaceLayers(const LayerBuilder<Make>& network, const Config& c) {
+    div_offset = network.fixed("div_offset", {c.fine_count, 3}, Init::sobol);
+  }
+};
+
+}  // namespace vsplat
