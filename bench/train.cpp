@@ -157,7 +157,7 @@ struct Network {
     ForwardOptions options;
     options.temperature = 1;
     options.selection = &data->selection;
-    return of.forward_in_training(ctx, pictures, cameras, options, {});
+    return of.fine_in_training(ctx, of.coarse_in_training(ctx, pictures, cameras, options, false), options);
   }
 
   GaussianGradients gradient(Context& ctx, std::size_t level) const {

@@ -30,12 +30,12 @@ CoarseHeads::Output CoarseHeads::forward(Context& ctx, const Tensor& volume, Sav
 
 void CoarseHeads::backward(Context& ctx, const Saved& saved, const Tensor& dlogits, const GaussianGradients& dgaussians,
                            const Tensor& dvolume, bool add) const {
+  const Stage stage(ctx, "heads");
   const Tensor draw = ctx.tensor(saved.raw.shape(), Type::f32, "coarse_predictor gradient");
   {
-    const Stage stage(ctx, "decode");
+    const Stage decode(ctx, "decode");
     decode_coarse_backward(ctx, {saved.raw, config_.volume, dgaussians, draw});
   }
-  const Stage stage(ctx, "heads");
   mlp3_backward(ctx, layers_.coarse_predictor, saved.coarse_predictor, draw, dvolume, add, "coarse_predictor");
   if (!dlogits) return;
   mlp3_backward(ctx, layers_.act_predictor, saved.act_predictor, dlogits.reshaped({config_.voxels(), 1}), dvolume, true,

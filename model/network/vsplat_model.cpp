@@ -102,23 +102,26 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
   const auto tap = [&](const char* name, const Tensor& t) {
     if (options.tap && !ctx.planning()) options.tap(name, t);
   };
-  Saved* const all = saved && !saved->again ? saved : nullptr;  // else their inputs are kept, below
+  Vit::Saved* const encoder = saved ? saved->encoder.place() : nullptr;
+  PoseModulation::Saved* const modulation = saved ? saved->modulation.place() : nullptr;
+  Saved::Volume* const volume = saved ? saved->volume.place() : nullptr;
+  CoarseHeads::Saved* const coarse_heads = saved ? saved->coarse_heads.place() : nullptr;
 
   Coarse out;
   progress.begin("encoder", work.encoder);
-  Tensor tokens = m.encoder.forward(ctx, images, all ? &all->encoder : nullptr);
+  Tensor tokens = m.encoder.forward(ctx, images, encoder);
   progress.begin("modulation", work.modulation);
-  out.features = m.modulation.forward(ctx, tokens, cameras, all ? &all->modulation : nullptr);
-  if (saved && saved->again) saved->again->tokens = tokens;
+  out.features = m.modulation.forward(ctx, tokens, cameras, modulation);
+  if (saved) out.tokens = tokens;
   tokens = {};
   tap("features", out.features);
   progress.begin("lifting", work.lifting);
-  Tensor lifted = m.lifting.forward(ctx, out.features, cameras, all ? &all->lifting : nullptr);
+  Tensor lifted = m.lifting.forward(ctx, out.features, cameras, volume ? &volume->lifting : nullptr);
   progress.begin("volume", work.volume);
-  out.volume = m.volume.forward(ctx, std::move(lifted), all ? &all->volume_network : nullptr);
+  out.volume = m.volume.forward(ctx, std::move(lifted), volume ? &volume->network : nullptr);
   tap("volume", out.volume);
   progress.begin("heads", work.heads);
-  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume, all ? &all->coarse_heads : nullptr);
+  CoarseHeads::Output heads = m.coarse_heads.forward(ctx, out.volume, coarse_heads);
   tap("logits", heads.logits);
   out.gaussians = heads.gaussians;
 
@@ -155,19 +158,16 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
   Progress progress(ctx, options, work.total());
   progress.skip(work.total() - work.fine);
   progress.begin("refinement", work.fine);
-  Saved* const all = saved && !saved->again ? saved : nullptr;
-  if (saved && saved->again) {
-    saved->again->skeleton = skeleton;
-    saved->again->index = state.selected.index;
-  }
+  Saved::Fine* const kept = saved ? saved->fine.place() : nullptr;
+  if (saved && !kept) hold_fine_inputs(*saved, state, skeleton);
   Refinement::Output refined =
       modules_->refinement.forward(ctx, {state.volume, state.features, &cameras, skeleton.means, state.selected.index},
-                                   all ? &all->refinement : nullptr);
+                                   kept ? &kept->refinement : nullptr);
   tap("projected", refined.projected);
   tap("refined", refined.refined);
   refined.projected = {};
   progress.begin("decode", 0);
-  return modules_->fine_heads.forward(ctx, refined.refined, skeleton, all ? &all->fine_heads : nullptr);
+  return modules_->fine_heads.forward(ctx, refined.refined, skeleton, kept ? &kept->heads : nullptr);
 }
 
 ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,

@@ -59,21 +59,26 @@ class VsplatModel {
   ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                         const ForwardOptions& options) const;
 
-  // In training: forward that keeps what backward needs, without a plan of its memory. `ctx` may be a planner.
-  struct KeepOptions {
-    // Stages keep their inputs alone, and backward runs each once more before its own: the same bits from less memory.
-    bool recompute = false;
-    // Called with the number of selected voxels, as soon as it is known. May throw to end the forward there.
-    std::function<void(long)> on_selected;
-  };
+  // A training's forward, in two calls: what memory the second takes is known after the first. Both keep what backward
+  // needs, and plan no memory; `ctx` may be a planner.
+  struct Coarse;
   struct Saved;
+  struct CoarseHalf {
+    long selected = 0;  // voxels; 0 where `levels` is "coarse"
+    DeviceCameras cameras;
+    std::shared_ptr<Coarse> coarse;
+    std::shared_ptr<Saved> saved;
+  };
   struct Trained {
     DeviceGaussians coarse, final;
     Tensor selected;               // i32 [P]; none where `levels` is "coarse"
     std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
   };
-  Trained forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
-                              const ForwardOptions& options, const KeepOptions& keep) const;
+  // `recompute`: of most stages the inputs alone are kept, and backward runs each once more before its own: the same
+  // bits from less memory.
+  CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
+                                const ForwardOptions& options, bool recompute) const;
+  Trained fine_in_training(Context& ctx, CoarseHalf half, const ForwardOptions& options) const;
   // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
   // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level.
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
@@ -90,14 +95,17 @@ class VsplatModel {
   static long most_gaussians(const Config& config);
 
  private:
-  struct Coarse;
   struct Modules;
   Coarse coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras, const ForwardOptions& options,
                 Saved* saved) const;
   DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras, const ForwardOptions& options,
                        Saved* saved) const;
-  void run_fine_again(Context& ctx, Saved& saved) const;
-  void run_volume_again(Context& ctx, Saved& saved) const;
+  // What either half is run from once more, where its stages do not keep what backward needs.
+  void hold_coarse_inputs(Saved& saved, const Tensor& images, const DeviceCameras& cameras, const Coarse& state) const;
+  void hold_fine_inputs(Saved& saved, const Coarse& state, const DeviceGaussians& skeleton) const;
+  // From the final Gaussians, or the skeletal ones, to what the coarse half gave; all added to.
+  void fine_backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
+                     const Tensor& dvolume, const Tensor& dfeatures) const;
 
   Config config_;
   std::unique_ptr<Modules> modules_;

@@ -1,6 +1,7 @@
 // The network's stages, and what passes between its two halves: for the sources of VsplatModel alone.
 #pragma once
 #include "model/network/head.h"
+#include "model/network/kept.h"
 #include "model/network/lift.h"
 #include "model/network/modulation.h"
 #include "model/network/refine.h"
@@ -32,32 +33,36 @@ struct VsplatModel::Modules {
 
 // What the coarse half leaves to the fine one.
 struct VsplatModel::Coarse {
+  Tensor tokens;              // [V,1+t t,C]; in training alone
   Tensor features;            // [V,t,t,C]
   Tensor volume;              // [R^3,C~]
   DeviceGaussians gaussians;  // R^3, opacities refined by the confidence
   SelectedVoxels selected;    // none where `levels` is "coarse"
 };
 
-// What each stage keeps.
+// What the backward wants of each stage: of lifting and volume network together, since what is between them is larger
+// than the inputs of both, and of refinement and fine heads together.
 struct VsplatModel::Saved {
-  // What stages are run again from; nothing else is then kept of them, but of the selection.
-  struct Inputs {
-    Tensor images, tokens, features, volume;
-    DeviceCameras cameras;
-    DeviceGaussians skeleton;  // where `levels` is "fine", as is `index`
-    Tensor index;
+  struct Volume {
+    Lifting::Saved lifting;
+    VolumeNetwork::Saved network;
   };
-  std::optional<Inputs> again;
+  struct Fine {
+    Refinement::Saved refinement;
+    FineHeads::Saved heads;
+  };
 
-  Vit::Saved encoder;
-  PoseModulation::Saved modulation;
-  Lifting::Saved lifting;
-  VolumeNetwork::Saved volume_network;
-  CoarseHeads::Saved coarse_heads;
+  explicit Saved(bool recompute)
+      : encoder(recompute), modulation(recompute), volume(recompute), coarse_heads(recompute), fine(recompute) {}
+
+  Kept<Vit::Saved> encoder;
+  Kept<PoseModulation::Saved> modulation;
+  Kept<Volume> volume;
+  Kept<CoarseHeads::Saved> coarse_heads;
   SelectionSaved selection;
-  Refinement::Saved refinement;
-  FineHeads::Saved fine_heads;
-  Shape features, volume;  // whose gradients are sums
+  Kept<Fine> fine;
+  DeviceCameras cameras;               // for the stages that run once more
+  Shape features_shape, volume_shape;  // whose gradients are sums
 };
 
 }  // namespace vsplat

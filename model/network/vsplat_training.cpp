@@ -6,107 +6,96 @@
 
 namespace vsplat {
 
-VsplatModel::Trained VsplatModel::forward_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
-                                                      const ForwardOptions& options, const KeepOptions& keep) const {
-  Trained out;
-  out.saved = std::make_shared<Saved>();
-  Saved& saved = *out.saved;
-  if (keep.recompute) saved.again.emplace();
-  const Coarse state = coarse(ctx, images, cameras, options, &saved);
-  if (keep.on_selected && config_.levels != "coarse") keep.on_selected(state.selected.count);
-  out.coarse = state.gaussians;
-  out.selected = state.selected.index;
-  saved.features = state.features.shape();
-  saved.volume = state.volume.shape();
-  if (saved.again) {
-    Saved::Inputs& inputs = *saved.again;
-    inputs.images = images;
-    inputs.cameras = cameras;
-    inputs.features = state.features;
-    inputs.volume = state.volume;
-  }
-  out.final = fine(ctx, state, cameras, options, &saved);
+VsplatModel::CoarseHalf VsplatModel::coarse_in_training(Context& ctx, const Tensor& images,
+                                                        const DeviceCameras& cameras, const ForwardOptions& options,
+                                                        bool recompute) const {
+  CoarseHalf out;
+  out.cameras = cameras;
+  out.saved = std::make_shared<Saved>(recompute);
+  out.coarse = std::make_shared<Coarse>(coarse(ctx, images, cameras, options, out.saved.get()));
+  out.selected = out.coarse->selected.count;
+  out.saved->features_shape = out.coarse->features.shape();
+  out.saved->volume_shape = out.coarse->volume.shape();
+  if (recompute) hold_coarse_inputs(*out.saved, images, cameras, *out.coarse);
   return out;
 }
 
-void VsplatModel::run_fine_again(Context& ctx, Saved& saved) const {
-  Saved::Inputs& inputs = *saved.again;
-  const DeviceGaussians skeleton = std::exchange(inputs.skeleton, {});
-  const Stage stage(ctx, "refinement");
-  const Refinement::Output refined = modules_->refinement.forward(
-      ctx, {inputs.volume, inputs.features, &inputs.cameras, skeleton.means, std::exchange(inputs.index, {})},
-      &saved.refinement);
-  modules_->fine_heads.forward(ctx, refined.refined, skeleton, &saved.fine_heads);
+VsplatModel::Trained VsplatModel::fine_in_training(Context& ctx, CoarseHalf half, const ForwardOptions& options) const {
+  const Coarse& state = *half.coarse;
+  Trained out;
+  out.coarse = state.gaussians;
+  out.selected = state.selected.index;
+  out.final = fine(ctx, state, half.cameras, options, half.saved.get());
+  out.saved = std::move(half.saved);
+  return out;
 }
 
-void VsplatModel::run_volume_again(Context& ctx, Saved& saved) const {
-  const Saved::Inputs& inputs = *saved.again;
-  modules_->volume.forward(ctx, modules_->lifting.forward(ctx, inputs.features, inputs.cameras, &saved.lifting),
-                           &saved.volume_network);
+void VsplatModel::hold_coarse_inputs(Saved& saved, const Tensor& images, const DeviceCameras& cameras,
+                                     const Coarse& state) const {
+  const Modules& m = *modules_;
+  const DeviceCameras& held = saved.cameras = cameras;
+  saved.encoder.made_by([&m, images](Context& ctx, Vit::Saved& out) { m.encoder.forward(ctx, images, &out); });
+  saved.modulation.made_by([&m, &held, tokens = state.tokens](Context& ctx, PoseModulation::Saved& out) {
+    m.modulation.forward(ctx, tokens, held, &out);
+  });
+  saved.volume.made_by([&m, &held, features = state.features](Context& ctx, Saved::Volume& out) {
+    m.volume.forward(ctx, m.lifting.forward(ctx, features, held, &out.lifting), &out.network);
+  });
+  saved.coarse_heads.made_by([&m, volume = state.volume](Context& ctx, CoarseHeads::Saved& out) {
+    m.coarse_heads.forward(ctx, volume, &out);
+  });
 }
 
+void VsplatModel::hold_fine_inputs(Saved& saved, const Coarse& state, const DeviceGaussians& skeleton) const {
+  const Modules& m = *modules_;
+  saved.fine.made_by([&m, &held = saved.cameras, skeleton, volume = state.volume, features = state.features,
+                      index = state.selected.index](Context& ctx, Saved::Fine& out) {
+    const Refinement::Output refined =
+        m.refinement.forward(ctx, {volume, features, &held, skeleton.means, index}, &out.refinement);
+    m.fine_heads.forward(ctx, refined.refined, skeleton, &out.heads);
+  });
+}
+
+// What each stage kept goes back to the arena as soon as its backward is done.
 void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
                            const GaussianGradients& dfinal) const {
   const Modules& m = *modules_;
   Saved& saved = *trained.saved;
-  Saved::Inputs* const again = saved.again ? &*saved.again : nullptr;
   const auto zeros = [&](const Shape& shape, const char* what) {
     Tensor out = ctx.tensor(shape, Type::f32, what);
     ctx.fill_zero(out);
     return out;
   };
-  // What each stage kept goes back to the arena as soon as its backward is done.
-  const Tensor dfeatures = zeros(saved.features, "gradient by features");
-  Tensor dvolume = zeros(saved.volume, "gradient by volume");
-  if (config_.levels == "fine") {
-    if (again) run_fine_again(ctx, saved);
-    const long p = trained.selected.dim(0);
-    const GaussianGradients dskeleton = zero_gradients(ctx, p, config_.sh_degree);
-    {
-      const Stage stage(ctx, "decode");
-      const Tensor drefined = ctx.tensor({p, config_.fine_dim}, Type::f32, "gradient by refined");
-      m.fine_heads.backward(ctx, std::exchange(saved.fine_heads, {}), dfinal, drefined, dskeleton);
-      const Stage refinement(ctx, "refinement");
-      m.refinement.backward(ctx, std::exchange(saved.refinement, {}), drefined, {dvolume, dfeatures, dskeleton.means});
-    }
-    const Stage stage(ctx, "selection");
-    gather_backward(ctx, dskeleton, trained.selected, dcoarse);
-  } else if (config_.levels == "skeletal") {
-    const Stage stage(ctx, "selection");
-    gather_backward(ctx, dfinal, trained.selected, dcoarse);
-  }
-  Tensor dlogits;
+  const Tensor dfeatures = zeros(saved.features_shape, "gradient by features");
+  Tensor dvolume = zeros(saved.volume_shape, "gradient by volume"), dlogits;
+
   if (config_.levels != "coarse") {
-    const Stage stage(ctx, "selection");
+    fine_backward(ctx, trained, dcoarse, dfinal, dvolume, dfeatures);
     dlogits = select_voxels_backward(ctx, saved.selection, dcoarse.opacities);
   }
-  {
-    const Stage stage(ctx, "heads");
-    if (again) m.coarse_heads.forward(ctx, std::exchange(again->volume, {}), &saved.coarse_heads);
-    m.coarse_heads.backward(ctx, std::exchange(saved.coarse_heads, {}), dlogits, dcoarse, dvolume, true);
+  m.coarse_heads.backward(ctx, saved.coarse_heads.take(ctx), dlogits, dcoarse, dvolume, true);
+  Saved::Volume volume = saved.volume.take(ctx);
+  Tensor dlifted = m.volume.backward(ctx, std::exchange(volume.network, {}), std::exchange(dvolume, {}));
+  m.lifting.backward(ctx, std::exchange(volume.lifting, {}), std::exchange(dlifted, {}), dfeatures);
+  const Tensor dtokens = m.modulation.backward(ctx, saved.modulation.take(ctx), dfeatures);
+  m.encoder.backward(ctx, saved.encoder.take(ctx), dtokens);
+}
+
+void VsplatModel::fine_backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
+                                const GaussianGradients& dfinal, const Tensor& dvolume, const Tensor& dfeatures) const {
+  GaussianGradients dskeleton = dfinal;  // where `levels` is "skeletal"
+  if (config_.levels == "fine") {
+    const Modules& m = *modules_;
+    Saved::Fine kept = trained.saved->fine.take(ctx);
+    const long p = trained.selected.dim(0);
+    dskeleton = zero_gradients(ctx, p, config_.sh_degree);
+    const Stage stage(ctx, "decode");
+    const Tensor drefined = ctx.tensor({p, config_.fine_dim}, Type::f32, "gradient by refined");
+    m.fine_heads.backward(ctx, std::exchange(kept.heads, {}), dfinal, drefined, dskeleton);
+    m.refinement.backward(ctx, kept.refinement, drefined, {dvolume, dfeatures, dskeleton.means});
   }
-  if (again) run_volume_again(ctx, saved);
-  Tensor dlifted;
-  {
-    const Stage stage(ctx, "volume");
-    dlifted = m.volume.backward(ctx, std::exchange(saved.volume_network, {}), std::exchange(dvolume, {}));
-  }
-  {
-    const Stage stage(ctx, "lifting");
-    m.lifting.backward(ctx, std::exchange(saved.lifting, {}), std::exchange(dlifted, {}), dfeatures);
-  }
-  Tensor dtokens;
-  {
-    const Stage stage(ctx, "modulation");
-    if (again) {
-      again->features = {};
-      m.modulation.forward(ctx, std::exchange(again->tokens, {}), again->cameras, &saved.modulation);
-    }
-    dtokens = m.modulation.backward(ctx, std::exchange(saved.modulation, {}), dfeatures);
-  }
-  const Stage stage(ctx, "encoder");
-  if (again) m.encoder.forward(ctx, again->images, &saved.encoder);
-  m.encoder.backward(ctx, std::exchange(saved.encoder, {}), dtokens);
+  const Stage stage(ctx, "selection");
+  gather_backward(ctx, dskeleton, trained.selected, dcoarse);
 }
 
 }  // namespace vsplat

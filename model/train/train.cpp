@@ -150,9 +150,11 @@ class Log {
   double seconds_ = 0;  // of the runs before
 };
 
-// Means of reports; counts are the largest, step and rates the last.
-class Sum {
+// What is told of the steps: means of reports, of which counts are the largest, step and rates the last; and the pace.
+class Telling {
  public:
+  explicit Telling(long steps) : steps_(steps) {}
+
   void add(const StepReport& r) {
     const StepReport before = sum_;
     sum_ = r;
@@ -165,18 +167,30 @@ class Sum {
     sum_.intersections = std::max(sum_.intersections, before.intersections);
     ++count_;
   }
-  long count() const { return count_; }
-  StepReport take() {
-    StepReport out = sum_;
-    const double share = 1.0 / static_cast<double>(count_);
-    for (double* value : {&out.loss, &out.psnr, &out.psnr_coarse, &out.selected, &out.gradient_norm}) *value *= share;
-    *this = {};
+
+  // Of the steps since the last time, each of so many objects.
+  TrainProgress take(std::size_t objects) {
+    TrainProgress out;
+    const double share = 1.0 / static_cast<double>(count_), pace = seconds_since(told_) * share;
+    told_ = Clock::now();
+    out.report = sum_;
+    StepReport& r = out.report;
+    for (double* value : {&r.loss, &r.psnr, &r.psnr_coarse, &r.selected, &r.gradient_norm}) *value *= share;
+    out.steps = steps_;
+    out.seconds = seconds_since(began_);
+    out.objects_per_second = static_cast<double>(objects) / pace;
+    out.seconds_left = pace * static_cast<double>(steps_ - r.step);
+    sum_ = {};
+    count_ = 0;
     return out;
   }
 
  private:
+  long steps_;  // of the whole training
   StepReport sum_;
   long count_ = 0;
+  const Clock::time_point began_ = Clock::now();
+  Clock::time_point told_ = began_;
 };
 
 // What writes left that a kill cut short.
@@ -210,91 +224,112 @@ std::string draw_sheet(Context& ctx, const VsplatModel& model, const TrainingVie
   return "sheet " + path;
 }
 
+// The run's folder and what is written into it.
+class RunFolder {
+ public:
+  // Makes it, for a training that begins after so many steps.
+  RunFolder(const TrainConfig& config, const TrainOptions& options, long step)
+      : config_(config), options_(options), folder_(options.output), saved_(step > 0 ? step : -1) {
+    std::error_code problem;
+    fs::create_directories(folder_ / "sheets", problem);
+    if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
+    remove_unfinished(folder_);
+    remove_unfinished(folder_ / "sheets");
+    const std::string text = to_json(config);
+    write_file((folder_ / "config.json").string(), text.data(), text.size());
+    log_.emplace((folder_ / "log.csv").string(), step);
+  }
+
+  void tell(const TrainProgress& progress) {
+    log_->add(progress);
+    if (options_.on_progress) options_.on_progress(progress);
+  }
+
+  void add_sheet(Context& ctx, const Trainer& trainer, const TrainingViews& views, double temperature) const {
+    const std::string path = (folder_ / "sheets" / step_name("step", trainer.step(), ".png")).string();
+    say(draw_sheet(ctx, VsplatModel(ctx, config_.model, trainer.weights()), views, temperature, path));
+  }
+
+  // A checkpoint and the model for inference, unless they are there already.
+  void save(const Trainer& trainer) {
+    if (saved_ == trainer.step()) return;
+    const Checkpoint now = trainer.checkpoint();
+    const std::string path = checkpoint_path(options_.output, now.step);
+    save_checkpoint(path, now);
+    prune_checkpoints(options_.output, config_.keep_checkpoints);
+    model_ = (folder_ / "model.safetensors").string();
+    save_model(model_, now);
+    saved_ = now.step;
+    say("checkpoint " + path);
+  }
+
+  void say(const std::string& text) const {
+    if (options_.on_message) options_.on_message(text);
+  }
+
+  // Where the last checkpoint is; "" where there is none.
+  std::string checkpoint() const { return saved_ < 0 ? "" : checkpoint_path(options_.output, saved_); }
+  // As save() wrote it; "" before.
+  const std::string& model() const { return model_; }
+
+ private:
+  const TrainConfig& config_;
+  const TrainOptions& options_;
+  fs::path folder_;
+  std::optional<Log> log_;
+  long saved_;  // the step of the last checkpoint; -1: there is none
+  std::string model_;
+};
+
+// A step on those objects; an error of it names the last good checkpoint.
+StepReport step(Trainer& trainer, const std::vector<TrainingViews>& views,
+                const std::optional<std::vector<int>>& selection, const RunFolder& folder) {
+  std::vector<StepItem> items;
+  for (const TrainingViews& v : views) {
+    items.push_back({&v});
+    if (selection) items.back().selection = &*selection;
+  }
+  try {
+    return trainer.step(items);
+  } catch (const Error& e) {
+    if (folder.checkpoint().empty()) throw;
+    fail(e.status(), "{}; the last good checkpoint is {}", e.what(), folder.checkpoint());
+  }
+}
+
+// Whether something that is done every `period` steps, and after the last, is due.
+bool is_due(long period, long step, long steps) { return step == steps || (period > 0 && step % period == 0); }
+
 }  // namespace
 
 TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options) {
-  const auto say = [&](const std::string& text) {
-    if (options.on_message) options.on_message(text);
-  };
-  const fs::path run(options.output);
   const Checkpoint start = begin(config, options);
   const std::optional<std::vector<int>> selection = forced(config, options.selection);
   Trainer trainer(ctx, start, share_of(config, selection, options.assumed_selected));
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
-  std::error_code problem;
-  fs::create_directories(run / "sheets", problem);
-  if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
-  remove_unfinished(run);
-  remove_unfinished(run / "sheets");
-  const std::string text = to_json(config);
-  write_file((run / "config.json").string(), text.data(), text.size());
+  RunFolder folder(config, options, start.step);
   TrainingReader reader(data, reading(config, options.skip_bad));
-  Log log((run / "log.csv").string(), start.step);
-  if (start.step > 0) say(fmt::format("going on from step {}", start.step));
+  if (start.step > 0) folder.say(fmt::format("going on from step {}", start.step));
 
   TrainResult result;
-  result.step = start.step;
-  long saved = start.step > 0 ? start.step : -1;
-  const auto save = [&] {
-    if (saved == trainer.step()) return;
-    const Checkpoint now = trainer.checkpoint();
-    const std::string path = checkpoint_path(options.output, now.step);
-    save_checkpoint(path, now);
-    prune_checkpoints(options.output, config.keep_checkpoints);
-    result.model = (run / "model.safetensors").string();
-    save_model(result.model, now);
-    saved = now.step;
-    say("checkpoint " + path);
-  };
-  const auto every = [&](long period) {
-    return trainer.step() == config.schedule.steps || (period > 0 && trainer.step() % period == 0);
-  };
-
-  Sum sum;
-  const Clock::time_point began = Clock::now();
-  Clock::time_point told = began;
-  while (trainer.step() < config.schedule.steps) {
+  const long steps = config.schedule.steps;
+  Telling telling(steps);
+  while (trainer.step() < steps && !result.stopped) {
     std::vector<TrainingViews> views;
     for (long i = 0; i < config.batch * config.accumulate; ++i)
       views.push_back(reader.at(trainer.step(), static_cast<int>(i)));
-    std::vector<StepItem> items;
-    for (const TrainingViews& v : views) {
-      items.push_back({&v});
-      if (selection) items.back().selection = &*selection;
-    }
-    StepReport report;
-    try {
-      report = trainer.step(items);
-    } catch (const Error& e) {
-      if (saved < 0) throw;
-      fail(e.status(), "{}; the last good checkpoint is {}", e.what(), checkpoint_path(options.output, saved));
-    }
-    sum.add(report);
-    result.step = trainer.step();
+    const StepReport report = step(trainer, views, selection, folder);
+    telling.add(report);
     const bool stop = options.stop && options.stop();
-    if (every(config.log_every) || stop) {
-      TrainProgress progress;
-      const double pace = seconds_since(told) / static_cast<double>(sum.count());
-      told = Clock::now();
-      progress.report = sum.take();
-      progress.steps = config.schedule.steps;
-      progress.seconds = seconds_since(began);
-      progress.objects_per_second = static_cast<double>(items.size()) / pace;
-      progress.seconds_left = pace * static_cast<double>(config.schedule.steps - trainer.step());
-      log.add(progress);
-      if (options.on_progress) options.on_progress(progress);
-    }
-    if (config.sheet_every > 0 && every(config.sheet_every)) {
-      const std::string path = (run / "sheets" / step_name("step", trainer.step(), ".png")).string();
-      say(draw_sheet(ctx, VsplatModel(ctx, config.model, trainer.weights()), views.front(), report.temperature, path));
-    }
-    if (every(config.checkpoint_every) || stop) save();
-    if (stop && trainer.step() < config.schedule.steps) {
-      result.stopped = true;
-      break;
-    }
+    if (is_due(config.log_every, report.step, steps) || stop) folder.tell(telling.take(views.size()));
+    if (config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps))
+      folder.add_sheet(ctx, trainer, views.front(), report.temperature);
+    if (is_due(config.checkpoint_every, report.step, steps) || stop) folder.save(trainer);
+    result.stopped = stop && report.step < steps;
   }
-  save();
+  folder.save(trainer);
+  result.step = trainer.step();
+  result.model = folder.model();
   result.bad = reader.bad();
   result.peak = ctx.memory().peak();
   return result;

@@ -71,14 +71,14 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, double assumed_selected)
     if (p.trained && p.used && !is_frozen(config_, p.name))
       moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of "), p.decays};
   }
-  room_ = {rounded(assumed_)};
+  memory_ = {rounded(assumed_)};
   if (ctx.planning()) return;
   const Plan most = bound();
-  room_.kept_between = most.fits && most.peak <= ctx.memory().limits().total / 2;
+  memory_.kept_between = most.fits && most.peak <= ctx.memory().limits().total / 2;
 }
 
-PassViews Trainer::upload(Context& ctx, const Item& item, PassOptions& options) const {
-  const TrainingViews& views = *item.given.views;
+PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& options) const {
+  const TrainingViews& views = *object.given.views;
   const long s = config_.model.image, n = views.inputs, all = static_cast<long>(views.cameras.size());
   const auto pixels = static_cast<std::size_t>(s * s * 3);
   if (n < 1 || n > all || views.pictures.size() != pixels * views.cameras.size())
@@ -90,13 +90,13 @@ PassViews Trainer::upload(Context& ctx, const Item& item, PassOptions& options) 
   for (long v = 0; v < all; ++v) {
     out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + static_cast<std::size_t>(v) * pixels,
                                      Type::f32, "target picture"));
-    out.backgrounds.push_back(v < n ? item.given.input_background : views.background);
+    out.backgrounds.push_back(v < n ? object.given.input_background : views.background);
   }
   const Tensor noise = options.forward.noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
-  if (item.given.noise)
-    ctx.write(noise, item.given.noise->data());
+  if (object.given.noise)
+    ctx.write(noise, object.given.noise->data());
   else
-    logistic_noise(ctx, noise, config_.seed, item.draw, kNoiseStream);
+    logistic_noise(ctx, noise, config_.seed, object.noise_draw, kNoiseStream);
   return out;
 }
 
@@ -116,9 +116,9 @@ StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute
     options.forward.selection = items[i].selection;
     options.forward.temperature = report.temperature;
     options.scale = static_cast<float>(share);
-    const Item item{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
-    if (!room_.kept_between) room_ = {rounded(assumed_), recompute};
-    const PassResult result = finish_pass(ctx_, model, draw_in_room(ctx_, model, item, options, room_, -1));
+    const StepObject object{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
+    if (!memory_.kept_between) memory_ = {rounded(assumed_), recompute};
+    const PassResult result = finish_pass(ctx_, model, draw_in_memory(ctx_, model, object, options, memory_, -1));
     const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
     const Means coarse = read_means(ctx_, result.coarse, inputs);
     const Means fine = result.final.empty() ? coarse : read_means(ctx_, result.final, inputs);
@@ -150,7 +150,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
     report = gradients(items, false);
   } catch (const Error& e) {
     if (e.status() != Status::memory) throw;
-    room_ = {};  // nothing has moved: once more, as small as it goes
+    memory_ = {};  // nothing has moved: once more, as small as it goes
     report = gradients(items, true);
   }
   const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");

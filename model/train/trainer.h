@@ -71,43 +71,46 @@ class Trainer {
   Plan bound() const;
 
  private:
+  // What the optimiser has of a parameter.
   struct Moments {
     Tensor m, v;
     bool decays = true;  // as Parameter has it
   };
-  // What an object is given.
-  struct Room {
-    long selected = 0;       // voxels
-    bool recompute = false;  // as KeepOptions have it
-    long made_for = 0;       // views for which memory was made already; 0: none was
+  // The memory that an object is given.
+  struct ObjectMemory {
+    long selected = 0;       // voxels that it is made for
+    bool recompute = false;  // as PassOptions have it
+    long views = 0;          // that it was made for already; 0: it is still to be made
     // Whether it stays for the next object: only where there is more than enough, so that what fits does not depend on
     // what was made before.
     bool kept_between = false;
   };
   static Context& with_slabs(Context& ctx, const Checkpoint& start);
-  struct Item {
+  struct StepObject {
     const StepItem& given;
-    std::uint32_t draw = 0;  // of the noise
+    std::uint32_t noise_draw = 0;  // which of the draws from the seed its noise is
   };
   // With the noise in `options`.
-  PassViews upload(Context& ctx, const Item& item, PassOptions& options) const;
+  PassViews upload(Context& ctx, const StepObject& object, PassOptions& options) const;
   void clip(Context& ctx, const Tensor& out) const;
   // Means over the objects; the gradients are those of the weights then.
   StepReport gradients(const std::vector<StepItem>& items, bool recompute);
-  // Forward and drawing in memory that was made for it; `room` becomes what it took. `planned`: selected voxels, on a
+  // Forward and drawing in memory that was made for it; `memory` becomes what it took. `planned`: selected voxels, on a
   // context that plans.
-  DrawnPass draw_in_room(Context& ctx, const VsplatModel& model, const Item& item, PassOptions options, Room& room,
-                         long planned) const;
-  void make_room_for(Context& ctx, const VsplatModel& model, const Item& item, PassOptions options, Room& room) const;
+  DrawnPass draw_in_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+                           ObjectMemory& memory, long planned) const;
+  void make_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+                   ObjectMemory& memory) const;
   long rounded(long selected) const;
-  void run_planned(Plan& out, Room room, long selected, std::optional<std::uint64_t> intersections,
+  // Whether an object fits; `out` becomes what it takes, also where it does not.
+  bool plan_object(Plan& out, ObjectMemory memory, long selected, std::optional<std::uint64_t> intersections,
                    bool network_alone) const;
   [[noreturn]] void refuse(double loss) const;
 
   Context& ctx_;
   TrainConfig config_;
   long assumed_;  // voxels
-  Room room_;
+  ObjectMemory memory_;
   long step_ = 0;
   LearntWeights weights_;
   std::map<std::string, Moments> moments_;  // of what is trained

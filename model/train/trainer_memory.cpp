@@ -13,28 +13,6 @@ namespace {
 
 constexpr long kMargin = 1 << 16;  // elements for what drawing asks for beside the plans of its own
 
-// More voxels are selected than there is room for.
-struct MoreSelected {};
-
-// What the attempts on an object allow, one after the other.
-enum class Attempt { as_before, kept, recomputed };
-
-// Whatever a plan came to, also where it ended early.
-struct Noted {
-  const Context& ctx;
-  std::size_t& peak;
-  std::vector<StageMemory>& stages;
-
-  Noted(const Context& of, std::size_t& to_peak, std::vector<StageMemory>& to_stages)
-      : ctx(of), peak(to_peak), stages(to_stages) {}
-  ~Noted() {
-    peak = ctx.memory().peak();
-    stages = ctx.stage_memory();
-  }
-  Noted(const Noted&) = delete;
-  Noted& operator=(const Noted&) = delete;
-};
-
 // A share with which a plan comes to exactly that many voxels.
 double share_of(long selected, long voxels) {
   return (static_cast<double>(selected) + 0.5) / static_cast<double>(voxels);
@@ -48,19 +26,19 @@ long Trainer::rounded(long selected) const {
   return std::min(voxels, (selected + unit - 1) / unit * unit);
 }
 
-void Trainer::make_room_for(Context& ctx, const VsplatModel& model, const Item& item, PassOptions options,
-                            Room& room) const {
-  const auto count = static_cast<long>(item.given.views->cameras.size());
-  if (room.made_for >= count) return;
+void Trainer::make_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+                          ObjectMemory& memory) const {
+  const auto count = static_cast<long>(object.given.views->cameras.size());
+  if (memory.views >= count) return;
   options.forward.selection = nullptr;
-  options.forward.assumed_selected = share_of(room.selected, config_.model.voxels());
-  options.keep = {room.recompute, {}};
+  options.forward.assumed_selected = share_of(memory.selected, config_.model.voxels());
+  options.recompute = memory.recompute;
   options.assumed_intersections = {};
   const auto run = [&](Context& c) {
-    const PassViews views = upload(c, item, options);
+    const PassViews views = upload(c, object, options);
     training_pass(c, model, views, options);
   };
-  if (!room.recompute) {  // what is kept must not be in the way of drawing
+  if (!memory.recompute) {  // what is kept must not be in the way of drawing
     options.whole = true;
     run(*ctx.planner());
   }
@@ -75,48 +53,47 @@ void Trainer::make_room_for(Context& ctx, const VsplatModel& model, const Item& 
     fail(Status::memory,
          "not enough device memory: with {} of {} voxels selected and {} views a step needs {:.3f} GiB, {:.3f} GiB may "
          "be used (vsplat_device_options.max_memory_gib, fewer views, a smaller model or another device)",
-         room.selected, config_.model.voxels(), count, gib(planner->memory().peak()), gib(ctx.memory().limits().total));
+         memory.selected, config_.model.voxels(), count, gib(planner->memory().peak()),
+         gib(ctx.memory().limits().total));
   }
-  room.made_for = count;
+  memory.views = count;
 }
 
-DrawnPass Trainer::draw_in_room(Context& ctx, const VsplatModel& model, const Item& item, PassOptions options,
-                                Room& room, long planned) const {
-  long selected = config_.model.levels == "coarse" ? 0 : -1;  // not known yet
-  Attempt attempt = Attempt::as_before;
+// Tries with the memory of the object before, as long as no more voxels are selected; where that does not fit, with as
+// much as this object's voxels take, and then with activations computed a second time.
+DrawnPass Trainer::draw_in_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+                                  ObjectMemory& memory, long planned) const {
+  std::optional<long> selected;  // known once the coarse half has run
+  if (config_.model.levels == "coarse") selected = 0;
+  bool to_measure = false;
   options.forward.assumed_selected = share_of(planned, config_.model.voxels());
-  const auto begin_anew = [&] {
-    room.made_for = 0;
-    ctx.memory().trim();
-  };
-  if (room.made_for == 0) begin_anew();
+  if (memory.views == 0) ctx.memory().trim();
   for (;;) {
-    options.keep.recompute = room.recompute;
-    options.keep.on_selected = [&](long count) {
-      selected = count;
-      if (count > room.selected) throw MoreSelected();
-    };
+    options.recompute = memory.recompute;
     try {
-      make_room_for(ctx, model, item, options, room);
-      const PassViews views = upload(ctx, item, options);
-      return draw_pass(ctx, model, views, options);
-    } catch (const MoreSelected&) {
-      room.selected = rounded(selected);
+      make_memory(ctx, model, object, options, memory);
+      const PassViews views = upload(ctx, object, options);
+      VsplatModel::CoarseHalf half = begin_pass(ctx, model, views, options);
+      if (config_.model.levels != "coarse") selected = half.selected;
+      if (half.selected <= memory.selected) return draw_pass(ctx, model, views, options, std::move(half));
+      memory.selected = rounded(half.selected);
     } catch (const Error& e) {
-      if (e.status() != Status::memory || attempt == Attempt::recomputed) throw;
-      if (selected < 0 && room.selected > 0) {
-        room.selected = 0;  // the coarse half tells
+      const bool smallest = to_measure && memory.recompute;
+      if (e.status() != Status::memory || smallest) throw;
+      if (!selected && memory.selected > 0) {
+        memory.selected = 0;  // the coarse half tells
       } else {
-        room.selected = rounded(std::max(selected, 0L));
-        attempt = static_cast<Attempt>(static_cast<int>(attempt) + 1);
-        room.recompute = attempt == Attempt::recomputed;
+        memory.selected = rounded(selected.value_or(0));
+        memory.recompute = to_measure;
+        to_measure = true;
       }
     }
-    begin_anew();
+    memory.views = 0;
+    ctx.memory().trim();
   }
 }
 
-void Trainer::run_planned(Plan& out, Room room, long selected, std::optional<std::uint64_t> intersections,
+bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::optional<std::uint64_t> intersections,
                           bool network_alone) const {
   const long s = config_.model.image, all = config_.inputs_max + config_.novel;
   TrainingViews views;
@@ -128,37 +105,42 @@ void Trainer::run_planned(Plan& out, Room room, long selected, std::optional<std
     camera.cx = camera.cy = static_cast<double>(s) / 2;
   }
   views.pictures.resize(static_cast<std::size_t>(all * s * s * 3));
-  const auto first = ctx_.planner();
-  const VsplatModel model(*first, config_.model, weights_);
-  const auto second = first->planner();  // in which the model's slabs stand, as in a step
-  Context& ctx = *second;
-  const Noted noted{ctx, out.peak, out.stages};
+  const StepItem given{&views};
+  const StepObject object{given};
   PassOptions options;
   options.assumed_intersections = intersections;
-  const StepItem item{&views};
-  if (network_alone) {
-    options.network_alone = true;
-    options.keep.recompute = room.recompute;
-    options.forward.assumed_selected = share_of(selected, config_.model.voxels());
-    const PassViews uploaded = upload(ctx, {item}, options);
-    training_pass(ctx, model, uploaded, options);
-  } else {
-    finish_pass(ctx, model, draw_in_room(ctx, model, {item}, options, room, selected));
+  options.network_alone = network_alone;
+  std::unique_ptr<Context> for_model, ctx;
+  bool ran = false;
+  try {
+    for_model = ctx_.planner();
+    const VsplatModel model(*for_model, config_.model, weights_);
+    ctx = for_model->planner();  // in which the model's slabs stand, as in a step
+    if (network_alone) {
+      options.recompute = memory.recompute;
+      options.forward.assumed_selected = share_of(selected, config_.model.voxels());
+      const PassViews uploaded = upload(*ctx, object, options);
+      training_pass(*ctx, model, uploaded, options);
+    } else {
+      finish_pass(*ctx, model, draw_in_memory(*ctx, model, object, options, memory, selected));
+    }
+    clip(*ctx, ctx->tensor({2}, Type::f32, "gradient norm"));
+    ran = true;
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    out.problem = e.what();
   }
-  clip(ctx, ctx.tensor({2}, Type::f32, "gradient norm"));
+  if (ctx) {
+    out.peak = ctx->memory().peak();
+    out.stages = ctx->stage_memory();
+  }
+  return ran && out.peak <= ctx_.memory().limits().total;
 }
 
 Trainer::Plan Trainer::plan(long selected, std::optional<std::uint64_t> intersections) const {
   Plan out;
   const auto fits = [&](bool recompute, bool network_alone) {
-    try {
-      run_planned(out, {rounded(selected), recompute}, selected, intersections, network_alone);
-      return out.peak <= ctx_.memory().limits().total;
-    } catch (const Error& e) {
-      if (e.status() != Status::memory) throw;
-      out.problem = e.what();
-      return false;
-    }
+    return plan_object(out, {rounded(selected), recompute}, selected, intersections, network_alone);
   };
   out.fits = fits(false, false) || fits(true, false);
   if (!out.fits) fits(true, true);

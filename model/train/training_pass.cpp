@@ -65,12 +65,17 @@ class Level {
 
 }  // namespace
 
-DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
-  const Config& config = model.config();
+VsplatModel::CoarseHalf begin_pass(Context& ctx, const VsplatModel& model, const PassViews& views,
+                                   const PassOptions& options) {
   const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + views.input_views());
+  return model.coarse_in_training(ctx, views.inputs, upload_cameras(ctx, inputs), options.forward, options.recompute);
+}
+
+DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options,
+                    VsplatModel::CoarseHalf half) {
+  const Config& config = model.config();
   DrawnPass out;
-  out.trained =
-      model.forward_in_training(ctx, views.inputs, upload_cameras(ctx, inputs), options.forward, options.keep);
+  out.trained = model.fine_in_training(ctx, std::move(half), options.forward);
   PassResult& result = out.result;
   if (out.trained.selected) result.selected = out.trained.selected.dim(0);
   {
@@ -92,7 +97,7 @@ PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass) {
 }
 
 PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
-  return finish_pass(ctx, model, draw_pass(ctx, model, views, options));
+  return finish_pass(ctx, model, draw_pass(ctx, model, views, options, begin_pass(ctx, model, views, options)));
 }
 
 }  // namespace vsplat

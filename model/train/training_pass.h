@@ -21,7 +21,7 @@ struct PassViews {
 
 struct PassOptions {
   ForwardOptions forward;
-  VsplatModel::KeepOptions keep;
+  bool recompute = false;  // as VsplatModel::coarse_in_training() has it
   float ssim_weight = 0.5f;
   float scale = 1;  // of the gradients: the object's share in a step
   // A plan without drawing, which makes room for itself as soon as it knows what it draws.
@@ -42,16 +42,22 @@ struct PassResult {
   std::uint64_t intersections = 0;  // the most in a picture
 };
 
-// A pass as far as its backward through the network: no gradient by a weight has changed yet.
+// A pass in three parts, since what memory the second takes is known after the first. The coarse half of the network:
+VsplatModel::CoarseHalf begin_pass(Context& ctx, const VsplatModel& model, const PassViews& views,
+                                   const PassOptions& options);
+
+// As far as the backward through the network: no gradient by a weight has changed yet.
 struct DrawnPass {
   PassResult result;
   VsplatModel::Trained trained;
   GaussianGradients dcoarse, dfinal;
 };
-DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
+DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options,
+                    VsplatModel::CoarseHalf half);
+
 PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass);
 
-// Both. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
+// All three. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
 // levels of the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone. The same bits
 // every time.
 PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);

@@ -73,6 +73,16 @@ TEST(Params, NamesAreDistinctAndGradientsCoverThem) {
   }
 }
 
+TEST(Params, AllButBiasesAndLayerNormsDecay) {
+  for (const Parameter& p : parameters(named_config("paper"))) {
+    const bool layer_norms = p.name.starts_with("encoder.") || p.name.starts_with("dir_norm.");
+    const bool norm = p.name.find("norm.") != std::string::npos || p.name.find("norm1.") != std::string::npos ||
+                      p.name.find("norm2.") != std::string::npos;
+    const bool of_layer_norm = layer_norms && norm && !p.name.starts_with("dir_norm.mlp.");
+    EXPECT_EQ(p.decays, !p.name.ends_with(".bias") && !of_layer_norm) << p.name;
+  }
+}
+
 TEST(Params, FanInIsWhatFeedsOneOutput) {
   for (const Parameter& p : parameters(named_config("paper"))) {
     if (p.init == Init::zeros || p.init == Init::ones || p.init == Init::position || p.init == Init::sobol) continue;

@@ -68,15 +68,17 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
   const LearntWeights weights(ctx, golden.config(), golden.weights());
   const VsplatModel model(ctx, golden.config(), weights);
   const PassViews views = upload(ctx, golden);
-  const auto run = [&] {
+  const auto run = [&](bool recompute) {
     weights.zero_gradients(ctx);
-    VsplatModel::Trained trained = model.forward_in_training(
-        ctx, views.inputs, upload_cameras(ctx, test::golden_cameras(golden)), options_of(ctx, golden), {});
+    const ForwardOptions options = options_of(ctx, golden);
+    const DeviceCameras cameras = upload_cameras(ctx, test::golden_cameras(golden));
+    VsplatModel::Trained trained =
+        model.fine_in_training(ctx, model.coarse_in_training(ctx, views.inputs, cameras, options, recompute), options);
     const bool one_level = golden.config().levels == "coarse";
     model.backward(ctx, trained, cotangent(ctx, golden, "coarse"),
                    one_level ? GaussianGradients() : cotangent(ctx, golden, "final"));
   };
-  run();
+  run(false);
   int compared = 0;
   std::map<std::string, std::vector<float>> first;
   for (const Parameter& p : parameters(golden.config())) {
@@ -95,9 +97,12 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
     ++compared;
   }
   EXPECT_GT(compared, 30);
-  run();
-  for (const auto& [parameter, values] : first)
-    EXPECT_EQ(ctx.read<float>(weights.at(parameter).gradient), values) << parameter << ", run again";
+  for (const bool recompute : {false, true}) {
+    run(recompute);
+    for (const auto& [parameter, values] : first)
+      EXPECT_EQ(ctx.read<float>(weights.at(parameter).gradient), values)
+          << parameter << (recompute ? ", recomputed" : ", run again");
+  }
 }
 
 // Of the loss, through the rasteriser of both levels: taken together, since a flipped pixel moves single ones.
