@@ -210,7 +210,8 @@ struct Step {
   std::shared_ptr<Data> data;
   Trainer trainer;
 
-  Step(Context& ctx, const std::shared_ptr<Data>& given) : data(given), trainer(ctx, start(*given)) {}
+  Step(Context& ctx, const std::shared_ptr<Data>& given)
+      : data(given), trainer(ctx, start(*given), given->config.voxels() / 4) {}
   static Checkpoint start(const Data& data) {
     Checkpoint out;
     out.config.model = data.config;

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <limits>
 #include <numeric>
+#include <sstream>
 
 #include "command.h"
 
@@ -78,6 +79,12 @@ double voxel_share(const std::string& option, const std::string& text) {
   const double value = number(option, text);
   if (!(value > 0 && value <= 1)) wrong(option, text, "a share of the voxels, above 0 and up to 1,");
   return value;
+}
+
+std::string share_text(double share) {
+  std::ostringstream out;
+  out << share;
+  return out.str();
 }
 
 CLI::Validator positive() {

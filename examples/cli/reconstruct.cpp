@@ -61,7 +61,7 @@ void dry_run(const Options& o, const Request& request) {
   size_t listed = 0;
   vsplat::check(vsplat_views_count(vsplat::Views::load(o.views, o.picture_folder).get(), &listed));
   const size_t views = request.names.empty() ? std::min(listed, static_cast<size_t>(info.views)) : request.names.size();
-  const double share = request.run.assume_selected > 0 ? request.run.assume_selected : 0.1;
+  const double share = request.run.assume_selected > 0 ? request.run.assume_selected : VSPLAT_ASSUME_SELECTED;
   std::vector<Plan> plans;
   for (const double selected : {share, 1.0}) {
     vsplat_plan plan = VSPLAT_PLAN_INIT;
@@ -166,7 +166,8 @@ void add_extras(CLI::App& sub, Options& o) {
       ->group(group);
   sub.add_option("--dump", o.dump, "Write every stage's result as safetensors")->type_name("DIR")->group(group);
   sub.add_flag("--dry-run", o.dry_run, "Only say how much memory each stage would take")->group(group);
-  sub.add_option("--assume-selected", o.assume_selected, "Share of the voxels to plan with (default 0.1)")
+  sub.add_option("--assume-selected", o.assume_selected,
+                 "Share of the voxels to plan with (default " + share_text(VSPLAT_ASSUME_SELECTED) + ")")
       ->type_name("F")
       ->group(group);
 }

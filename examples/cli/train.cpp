@@ -66,7 +66,8 @@ void dry_run(const Options& o, const std::string& config) {
   char title[256];
   std::string selected = "the voxels of " + o.selection;
   if (o.selection.empty()) {
-    std::snprintf(title, sizeof title, "%.4g %% of the voxels", options.selected > 0 ? 100 * options.selected : 25.0);
+    std::snprintf(title, sizeof title, "%.4g %% of the voxels",
+                  100 * (options.selected > 0 ? options.selected : VSPLAT_TRAIN_ASSUME_SELECTED));
     selected = title;
   }
   std::snprintf(title, sizeof title, " selected, %s intersections a picture",
@@ -144,7 +145,8 @@ void add_train(CLI::App& app, Run& run) {
   const char* memory = "Memory";
   sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes; needs no data")->group(memory);
   sub->add_option("--assume-selected", o->assume_selected,
-                  "Share of the voxels that memory is made for at first (default 0.25)")
+                  "Share of the voxels that memory is made for at first (default " +
+                      share_text(VSPLAT_TRAIN_ASSUME_SELECTED) + ")")
       ->type_name("F")
       ->group(memory);
   sub->add_option("--assume-intersections", o->assume_intersections,

@@ -6,6 +6,7 @@
 #include "model/api/model.h"
 #include "model/api/plan.h"
 #include "model/api/scene.h"
+#include "model/api/selected.h"
 #include "model/io/selection_file.h"
 #include "runtime/fail.h"
 
@@ -13,12 +14,6 @@ using namespace vsplat;
 using namespace vsplat::api;
 
 namespace {
-
-double share_of(double asked) {
-  constexpr double usual = 0.1;
-  if (!(asked >= 0 && asked <= 1)) fail(Status::usage, "{} of the voxels selected: 0 to 1 expected", asked);
-  return asked > 0 ? asked : usual;
-}
 
 std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o, long voxels) {
   need_array(o.voxels, o.num_voxels, "options.voxels");
@@ -45,7 +40,8 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     ReconstructOptions how;
     how.near = o.near_plane;
     how.dump = o.dump ? o.dump : "";
-    how.forward.assumed_selected = share_of(o.assume_selected);
+    how.forward.planned_selected =
+        voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, model->file->config, "options.assume_selected");
     if (o.has_seed) how.forward.selection_seed = o.seed;
     const std::optional<std::vector<int>> selection = selection_of(o, model->file->config.voxels());
     if (selection) how.forward.selection = &*selection;
@@ -69,9 +65,10 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     need(model, "model");
     if (views < 1 || views > max_views) fail(Status::usage, "{} views: 1 to {} expected", views, max_views);
     const Context& ctx = device->context;
+    const Config& config = model->file->config;
+    const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, config, "selected");
     MemoryPlan plan;
-    const bool fits = fits_within(
-        [&] { plan = VsplatModel::plan(ctx, model->file->config, model->file->weights, views, share_of(selected)); });
+    const bool fits = fits_within([&] { plan = VsplatModel::plan(ctx, config, model->file->weights, views, planned); });
     give(out_plan, plan_of(plan.stages, plan.peak, ctx.memory().limits().total, fits), "out_plan");
   });
 }

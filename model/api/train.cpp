@@ -3,6 +3,7 @@
 
 #include "model/api/device.h"
 #include "model/api/plan.h"
+#include "model/api/selected.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -29,12 +30,6 @@ vsplat_train_progress progress_of(const TrainProgress& p) {
   out.objects_per_second = p.objects_per_second;
   out.seconds_left = p.seconds_left;
   return out;
-}
-
-// A share of the voxels; 0: the default.
-double share_of(double asked, const char* what) {
-  if (!(asked >= 0) || asked > 1) fail(Status::usage, "{} is {}: a share of 0 to 1 expected", what, asked);
-  return asked > 0 ? asked : 0.25;
 }
 
 std::optional<std::uint64_t> known(uint64_t intersections) {
@@ -84,10 +79,13 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     if (o.on_message) t.on_message = [&o](const std::string& text) { o.on_message(o.user, text.c_str()); };
     if (o.go_on) t.stop = [&o] { return o.go_on(o.user) == 0; };
     if (o.selection) t.selection = o.selection;
-    t.assumed_selected = share_of(o.assume_selected, "options.assume_selected");
+    const TrainConfig whole = train_config_from_json(config);
+    t.planned_selected =
+        voxels_of(o.assume_selected, VSPLAT_TRAIN_ASSUME_SELECTED, whole.model, "options.assume_selected");
+    t.planned_in_sheet = voxels_of(0, VSPLAT_ASSUME_SELECTED, whole.model, "options.assume_selected");
     t.assumed_intersections = known(o.assume_intersections);
     clear(device);
-    const TrainResult result = train(device->context, train_config_from_json(config), open_data_set(paths_of(o)), t);
+    const TrainResult result = train(device->context, whole, open_data_set(paths_of(o)), t);
     vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
     out.step = result.step;
     out.stopped = result.stopped ? 1 : 0;
@@ -105,11 +103,12 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
     TrainPlanOptions p;
     if (o.selection) p.selection = o.selection;
-    p.selected = share_of(o.selected, "options.selected");
+    const TrainConfig whole = train_config_from_json(config);
+    p.selected = voxels_of(o.selected, VSPLAT_TRAIN_ASSUME_SELECTED, whole.model, "options.selected");
     p.intersections = known(o.intersections);
     p.bound = o.bound != 0;
     clear(device);
-    const Trainer::Plan plan = plan_train(device->context, train_config_from_json(config), p);
+    const Trainer::Plan plan = plan_train(device->context, whole, p);
     give(out_plan, plan_of(plan.stages, plan.peak, device->context.memory().limits().total, plan.fits), "out_plan");
   });
 }

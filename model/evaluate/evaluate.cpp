@@ -97,7 +97,9 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
   const Tensor input = ctx_.upload({static_cast<long>(object.inputs), edge, edge, 3}, pictures, Type::f32, "pictures");
   const std::vector<Camera> cameras(object.cameras.begin(),
                                     object.cameras.begin() + static_cast<std::ptrdiff_t>(object.inputs));
-  const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), {});
+  ForwardOptions forward;
+  forward.planned_selected = options_.planned_selected;
+  const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), forward);
   Strip truth(edge, object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   const Strip coarse = render_all(result.coarse, object);

@@ -19,7 +19,8 @@ namespace {
 struct Work {
   double encoder, modulation, lifting, volume, heads, fine;
 
-  Work(const Config& c, double views, double selected) {
+  Work(const Config& c, long view_count, long selected) {
+    const auto views = static_cast<double>(view_count);
     const double tokens = views * c.tokens() * c.tokens(), d = c.vit_dim, v = static_cast<double>(c.voxels()),
                  ch = c.volume_ch;
     encoder = c.vit_depth * tokens * (12 * d * d + 2 * tokens / views * d);
@@ -27,7 +28,8 @@ struct Work {
     lifting = (v + tokens) * d * 4 * ch;
     volume = v * 27 * ch * ch * 12;
     heads = v * 5 * ch * ch;
-    fine = selected * v * (27.0 * c.voxel_ch * c.voxel_ch * (1 + 4 * c.voxel_levels) + 3.0 * c.fine_dim * c.fine_dim);
+    fine = static_cast<double>(selected) *
+           (27.0 * c.voxel_ch * c.voxel_ch * (1 + 4 * c.voxel_levels) + 3.0 * c.fine_dim * c.fine_dim);
   }
   double total() const { return encoder + modulation + lifting + volume + heads + fine; }
 };
@@ -97,7 +99,7 @@ VsplatModel::~VsplatModel() = default;
 VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                                         const ForwardOptions& options, Saved* saved) const {
   const Modules& m = *modules_;
-  const Work work(config_, static_cast<double>(cameras.count()), options.assumed_selected);
+  const Work work(config_, cameras.count(), options.planned_selected);
   Progress progress(ctx, options, work.total());
   const auto tap = [&](const char* name, const Tensor& t) {
     if (options.tap && !ctx.planning()) options.tap(name, t);
@@ -131,7 +133,7 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
     selection.temperature = static_cast<float>(options.temperature);
     selection.seed = options.selection_seed;
     selection.forced = options.selection;
-    selection.planned = static_cast<long>(options.assumed_selected * static_cast<double>(config_.voxels()));
+    selection.planned = options.planned_selected;
     selection.noise = options.noise;
     out.selected = select_voxels(ctx, config_, heads.logits, heads.gaussians.opacities, selection,
                                  saved ? &saved->selection : nullptr);
@@ -154,7 +156,7 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
   const auto tap = [&](const char* name, const Tensor& t) {
     if (options.tap && t && !ctx.planning()) options.tap(name, t);
   };
-  const Work work(config_, static_cast<double>(cameras.count()), options.assumed_selected);
+  const Work work(config_, cameras.count(), options.planned_selected);
   Progress progress(ctx, options, work.total());
   progress.skip(work.total() - work.fine);
   progress.begin("refinement", work.fine);
@@ -174,8 +176,7 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
                                    const ForwardOptions& options) const {
   const MemoryPlan whole =
       plan(ctx, cameras.count(),
-           options.selection ? static_cast<double>(options.selection->size()) / static_cast<double>(config_.voxels())
-                             : options.assumed_selected);
+           options.selection ? static_cast<long>(options.selection->size()) : options.planned_selected);
   if (whole.peak > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: with {} of {} voxels selected the run needs {:.3f} GiB, {:.3f} GiB may be used "
@@ -215,13 +216,13 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   return out;
 }
 
-MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_share) const {
+MemoryPlan VsplatModel::plan(const Context& ctx, long views, long selected) const {
   MemoryPlan out;
   out.weights = ctx.memory().live();
   const auto first = ctx.planner();
   const long edge = config_.image;
   ForwardOptions options;
-  options.assumed_selected = selected_share;
+  options.planned_selected = selected;
   const Tensor images = first->tensor({views, edge, edge, 3}, Type::f32, "pictures");
   const DeviceCameras cameras = upload_cameras(*first, std::vector<Camera>(static_cast<std::size_t>(views)));
   const Coarse state = coarse(*first, images, cameras, options, nullptr);
@@ -237,10 +238,10 @@ MemoryPlan VsplatModel::plan(const Context& ctx, long views, double selected_sha
 }
 
 MemoryPlan VsplatModel::plan(const Context& ctx, const Config& config, const Weights& weights, long views,
-                             double selected_share) {
+                             long selected) {
   const auto planner = ctx.planner();
   const VsplatModel model(*planner, config, weights);
-  return model.plan(*planner, views, selected_share);
+  return model.plan(*planner, views, selected);
 }
 
 long VsplatModel::most_gaussians(const Config& config) {

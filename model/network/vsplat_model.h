@@ -22,7 +22,7 @@ struct ForwardOptions {
   std::optional<std::uint64_t> selection_seed;  // draw that noise from this seed instead
   Tensor noise;                                 // f32 [R^3] logistic noise on the logits; none at inference
   const std::vector<int>* selection = nullptr;  // voxel indices that replace the selected ones, ascending
-  double assumed_selected = 0.1;                // share of the voxels that a plan takes for selected
+  long planned_selected = 0;                    // voxels that a plan takes for selected
   // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...); not while
   // planning.
   std::function<void(const std::string&, const Tensor&)> tap;
@@ -54,7 +54,7 @@ class VsplatModel {
   const Config& config() const { return config_; }
 
   // images [V,S,S,3] in [0,1], composited; cameras in the object's frame. Plans and reserves the memory of each half
-  // before it runs, and refuses (Error(memory)) what does not fit: before the start at `assumed_selected`, after the
+  // before it runs, and refuses (Error(memory)) what does not fit: before the start at `planned_selected`, after the
   // selection at the true count.
   ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                         const ForwardOptions& options) const;
@@ -85,11 +85,10 @@ class VsplatModel {
                 const GaussianGradients& dfinal) const;
 
   // What forward would take for so many views. `ctx` may be a planner.
-  MemoryPlan plan(const Context& ctx, long views, double selected_share) const;
+  MemoryPlan plan(const Context& ctx, long views, long selected) const;
 
   // The same for a model not loaded yet, weights included; nothing is allocated.
-  static MemoryPlan plan(const Context& ctx, const Config& config, const Weights& weights, long views,
-                         double selected_share);
+  static MemoryPlan plan(const Context& ctx, const Config& config, const Weights& weights, long views, long selected);
 
   // No voxel can take more: every voxel selected, as a Gaussian count.
   static long most_gaussians(const Config& config);

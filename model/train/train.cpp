@@ -85,9 +85,9 @@ std::optional<std::vector<int>> forced(const TrainConfig& config, const std::str
   return read_selection(selection, config.model.voxels());
 }
 
-// The forced voxels' share, where there are any.
-double share_of(const TrainConfig& config, const std::optional<std::vector<int>>& voxels, double assumed) {
-  return voxels ? static_cast<double>(voxels->size()) / static_cast<double>(config.model.voxels()) : assumed;
+// How many voxels memory is made for: the forced ones, where there are any.
+long planned_of(const std::optional<std::vector<int>>& voxels, long planned) {
+  return voxels ? static_cast<long>(voxels->size()) : planned;
 }
 
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
@@ -214,9 +214,9 @@ std::string step_name(const char* what, long step, const char* suffix) {
 // What is to be told of it. A step may fit where a sheet does not, which refines what the network selects even where a
 // step refines given voxels; a training does not end for that.
 std::string draw_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
-                       const std::string& path) {
+                       long planned_selected, const std::string& path) {
   try {
-    write_png(path, training_sheet(ctx, model, views, temperature));
+    write_png(path, training_sheet(ctx, model, views, temperature, planned_selected));
   } catch (const Error& e) {
     if (e.status() != Status::memory) throw;
     return fmt::format("{} is left out: {}", path, e.what());
@@ -247,7 +247,8 @@ class RunFolder {
 
   void add_sheet(Context& ctx, const Trainer& trainer, const TrainingViews& views, double temperature) const {
     const std::string path = (folder_ / "sheets" / step_name("step", trainer.step(), ".png")).string();
-    say(draw_sheet(ctx, VsplatModel(ctx, config_.model, trainer.weights()), views, temperature, path));
+    say(draw_sheet(ctx, VsplatModel(ctx, config_.model, trainer.weights()), views, temperature,
+                   options_.planned_in_sheet, path));
   }
 
   // A checkpoint and the model for inference, unless they are there already.
@@ -305,7 +306,7 @@ bool is_due(long period, long step, long steps) { return step == steps || (perio
 TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options) {
   const Checkpoint start = begin(config, options);
   const std::optional<std::vector<int>> selection = forced(config, options.selection);
-  Trainer trainer(ctx, start, share_of(config, selection, options.assumed_selected));
+  Trainer trainer(ctx, start, planned_of(selection, options.planned_selected));
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
   RunFolder folder(config, options, start.step);
   TrainingReader reader(data, reading(config, options.skip_bad));
@@ -337,8 +338,7 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
 
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
   const auto planner = ctx.planner();
-  const Trainer trainer(*planner, fresh(config, ""),
-                        share_of(config, forced(config, options.selection), options.selected));
+  const Trainer trainer(*planner, fresh(config, ""), planned_of(forced(config, options.selection), options.selected));
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 

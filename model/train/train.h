@@ -13,7 +13,7 @@ namespace vsplat {
 // voxels selected and every Gaussian in every tile.
 struct TrainPlanOptions {
   std::string selection;
-  double selected = 0.25;
+  long selected = 0;  // voxels, where `selection` names no file
   std::optional<std::uint64_t> intersections;
   bool bound = false;
 };
@@ -34,7 +34,8 @@ struct TrainOptions {
   bool resume = false;    // go on from the newest good checkpoint in it; it must be of the same configuration
   bool skip_bad = false;  // data that cannot be read are passed over and counted
   std::string selection;  // a file of voxels that are refined in every step, see model/io/selection_file.h; "": none
-  double assumed_selected = 0.25;                      // as the trainer takes it, where no voxels are given
+  long planned_selected = 0;                           // voxels, as the trainer takes it, where none are given
+  long planned_in_sheet = 0;                           // the same of a sheet, which is drawn as at inference
   std::optional<std::uint64_t> assumed_intersections;  // for the check before the start, as Trainer::plan has them
   // Every `log_every` steps, and after the last.
   std::function<void(const TrainProgress&)> on_progress;

@@ -50,10 +50,10 @@ Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start) {
   return ctx;
 }
 
-Trainer::Trainer(Context& ctx, const Checkpoint& start, double assumed_selected)
+Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
     : ctx_(with_slabs(ctx, start)),
       config_(start.config),
-      assumed_(std::lround(assumed_selected * static_cast<double>(start.config.model.voxels()))),
+      planned_(planned_selected),
       step_(start.step),
       weights_(ctx, start.config.model, start.parameters),
       state_(start.state) {
@@ -71,7 +71,7 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, double assumed_selected)
     if (p.trained && p.used && !is_frozen(config_, p.name))
       moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of "), p.decays};
   }
-  memory_ = {rounded(assumed_)};
+  memory_ = {rounded(planned_)};
   if (ctx.planning()) return;
   const Plan most = bound();
   memory_.kept_between = most.fits && most.peak <= ctx.memory().limits().total / 2;
@@ -117,7 +117,7 @@ StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute
     options.forward.temperature = report.temperature;
     options.scale = static_cast<float>(share);
     const StepObject object{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
-    if (!memory_.kept_between) memory_ = {rounded(assumed_), recompute};
+    if (!memory_.kept_between) memory_ = {rounded(planned_), recompute};
     const PassResult result = finish_pass(ctx_, model, draw_in_memory(ctx_, model, object, options, memory_, -1));
     const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
     const Means coarse = read_means(ctx_, result.coarse, inputs);

@@ -38,8 +38,8 @@ struct StepReport {
 class Trainer {
  public:
   // Goes on from `start`; its step 0 has no moments. Uploads. `ctx` may be a planner, for plan().
-  // `assumed_selected`: share of the voxels that memory is made for before the first selection is known.
-  Trainer(Context& ctx, const Checkpoint& start, double assumed_selected = 0.25);
+  // `planned_selected`: voxels that memory is made for before the first selection is known.
+  Trainer(Context& ctx, const Checkpoint& start, long planned_selected = 0);
 
   const TrainConfig& config() const { return config_; }
   long step() const { return step_; }  // steps done
@@ -65,7 +65,7 @@ class Trainer {
     std::string problem;  // where it does not fit: what asked for more, if it was one thing
   };
   Plan plan(long selected, std::optional<std::uint64_t> intersections) const;
-  // The same at the assumed share of selected voxels.
+  // The same at the planned number of voxels.
   Plan plan(std::optional<std::uint64_t> intersections) const;
   // With all voxels selected and every Gaussian in every tile: no step takes more.
   Plan bound() const;
@@ -109,7 +109,7 @@ class Trainer {
 
   Context& ctx_;
   TrainConfig config_;
-  long assumed_;  // voxels
+  long planned_;  // voxels
   ObjectMemory memory_;
   long step_ = 0;
   LearntWeights weights_;

@@ -13,11 +13,6 @@ namespace {
 
 constexpr long kMargin = 1 << 16;  // elements for what drawing asks for beside the plans of its own
 
-// A share with which a plan comes to exactly that many voxels.
-double share_of(long selected, long voxels) {
-  return (static_cast<double>(selected) + 0.5) / static_cast<double>(voxels);
-}
-
 }  // namespace
 
 // Some more than were selected now, so that the next object fits, too.
@@ -31,7 +26,7 @@ void Trainer::make_memory(Context& ctx, const VsplatModel& model, const StepObje
   const auto count = static_cast<long>(object.given.views->cameras.size());
   if (memory.views >= count) return;
   options.forward.selection = nullptr;
-  options.forward.assumed_selected = share_of(memory.selected, config_.model.voxels());
+  options.forward.planned_selected = memory.selected;
   options.recompute = memory.recompute;
   options.assumed_intersections = {};
   const auto run = [&](Context& c) {
@@ -66,7 +61,7 @@ DrawnPass Trainer::draw_in_memory(Context& ctx, const VsplatModel& model, const 
   std::optional<long> selected;  // known once the coarse half has run
   if (config_.model.levels == "coarse") selected = 0;
   bool to_measure = false;
-  options.forward.assumed_selected = share_of(planned, config_.model.voxels());
+  options.forward.planned_selected = std::max(planned, 0L);
   if (memory.views == 0) ctx.memory().trim();
   for (;;) {
     options.recompute = memory.recompute;
@@ -118,7 +113,7 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
     ctx = for_model->planner();  // in which the model's slabs stand, as in a step
     if (network_alone) {
       options.recompute = memory.recompute;
-      options.forward.assumed_selected = share_of(selected, config_.model.voxels());
+      options.forward.planned_selected = selected;
       const PassViews uploaded = upload(*ctx, object, options);
       training_pass(*ctx, model, uploaded, options);
     } else {
@@ -147,7 +142,7 @@ Trainer::Plan Trainer::plan(long selected, std::optional<std::uint64_t> intersec
   return out;
 }
 
-Trainer::Plan Trainer::plan(std::optional<std::uint64_t> intersections) const { return plan(assumed_, intersections); }
+Trainer::Plan Trainer::plan(std::optional<std::uint64_t> intersections) const { return plan(planned_, intersections); }
 
 Trainer::Plan Trainer::bound() const { return plan(config_.model.voxels(), std::numeric_limits<std::uint64_t>::max()); }
 

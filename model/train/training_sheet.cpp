@@ -38,11 +38,13 @@ Image clamped(Image picture) {
 
 }  // namespace
 
-Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature) {
+Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
+                     long planned_selected) {
   const Config& config = model.config();
   const long s = config.image, n = views.inputs;
   ForwardOptions forward;
   forward.temperature = temperature;
+  forward.planned_selected = planned_selected;
   const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + n);
   const ForwardResult result =
       model.forward(ctx, ctx.upload({n, s, s, 3}, views.pictures.data()), upload_cameras(ctx, inputs), forward);

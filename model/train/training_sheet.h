@@ -7,7 +7,8 @@
 namespace vsplat {
 
 // A row for each view, the input views first: the picture, the coarse level, the fine one, and the selected voxels in
-// the colours of their places. Without noise, as at inference.
-Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature);
+// the colours of their places. Without noise, as at inference. `planned_selected`: as ForwardOptions have it.
+Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
+                     long planned_selected);
 
 }  // namespace vsplat

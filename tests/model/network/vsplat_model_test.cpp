@@ -147,8 +147,8 @@ TEST_P(Model, PlanTellsTheMemoryOfTheRun) {
   const auto plan_ctx = test::open_context(GetParam());
   std::vector<int> forced;
   for (int i = 0; i < config.voxels(); i += 3) forced.push_back(i);
-  const double share = static_cast<double>(forced.size()) / static_cast<double>(config.voxels()) + 1e-9;
-  const MemoryPlan plan = VsplatModel::plan(*plan_ctx, config, golden.weights(), golden.views(), share);
+  const MemoryPlan plan =
+      VsplatModel::plan(*plan_ctx, config, golden.weights(), golden.views(), static_cast<long>(forced.size()));
   EXPECT_EQ(plan.selected, static_cast<long>(forced.size()));
   EXPECT_EQ(plan_ctx->memory().reserved(), 0u) << "a plan allocates nothing";
 
@@ -188,7 +188,8 @@ TEST_P(Model, PlanTellsTheMemoryOfTheRun) {
 TEST_P(Model, RefusesBeforeItStartsWhatDoesNotFit) {
   const Golden golden = Golden::load("micro");
   const auto probe = test::open_context(GetParam());
-  const MemoryPlan plan = VsplatModel::plan(*probe, golden.config(), golden.weights(), 2, 0.1);
+  const MemoryPlan plan =
+      VsplatModel::plan(*probe, golden.config(), golden.weights(), 2, golden.config().voxels() / 10);
   ContextOptions tight;
   tight.max_memory_gib = 0.6 * static_cast<double>(plan.peak) / (1ull << 30);
   const auto small = test::open_context(GetParam(), tight);

@@ -165,7 +165,7 @@ TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
   start.config.model = golden.config();
   start.config.schedule = {4e-4, 2, 10, 1.0, 0.1, 9};
   start.parameters = golden.weights();
-  Trainer trainer(ctx(), start);
+  Trainer trainer(ctx(), start, golden.config().voxels() / 4);
   const TrainingViews views = views_of(golden);
   const auto voxels = static_cast<std::ptrdiff_t>(golden.config().voxels());
   for (std::size_t s = 0; s < want.size(); ++s) {

@@ -26,6 +26,9 @@ typedef struct vsplat_train_progress {
   double seconds_left;
 } vsplat_train_progress;
 
+/* The share of the voxels that a training takes for selected where nothing else is said. */
+#define VSPLAT_TRAIN_ASSUME_SELECTED 0.25
+
 typedef struct vsplat_train_options {
   size_t size;
   const char* const* data; /* data sets: folders that vsplat_object_names' objects are in */
@@ -39,7 +42,8 @@ typedef struct vsplat_train_options {
   void* user;
   const char* selection;  /* NULL, or a file of voxels as vsplat_scene_save_selection writes it: these are refined in
                              every step, whatever the network would choose */
-  double assume_selected; /* share of the voxels that memory is made for at first; 0: 0.25 */
+  double assume_selected; /* share of the voxels that memory is made for at first; 0:
+                             VSPLAT_TRAIN_ASSUME_SELECTED */
   uint64_t assume_intersections; /* in a picture, for the check before the start; 0: eight tiles for each Gaussian */
   const char* init;              /* NULL, or a model file whose weights the training begins with: its model must be the
                                     configuration's. Not read where a checkpoint is gone on from. */
@@ -72,7 +76,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train(vsplat_device device, con
 
 typedef struct vsplat_train_plan_options {
   size_t size;
-  double selected;        /* share of the voxels that are selected; 0: 0.25 */
+  double selected;        /* share of the voxels that are selected; 0: VSPLAT_TRAIN_ASSUME_SELECTED */
   const char* selection;  /* NULL, or a file of voxels, whose number counts instead */
   uint64_t intersections; /* of Gaussians with tiles in each picture; 0: eight for each Gaussian */
   int32_t bound;          /* not 0: all voxels, and every Gaussian in every tile, whatever stands above */

@@ -428,6 +428,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_selection(vsplat_sce
 
 /* ---------------------------------------------------------------------------------------------------- reconstruct */
 
+/* The share of the voxels that a reconstruction takes for selected where nothing else is said. */
+#define VSPLAT_ASSUME_SELECTED 0.1
+
 typedef struct vsplat_reconstruct_options {
   size_t size;
   const int32_t* voxels; /* [num_voxels] a list, ascending, that replaces the network's selection; NULL: none */
@@ -435,9 +438,10 @@ typedef struct vsplat_reconstruct_options {
   const char* selection; /* the same from a file; NULL: none */
   int32_t has_seed;      /* 1: the selection is drawn with noise from `seed` */
   uint64_t seed;
-  double near_plane;      /* of the scene, world units; 0: 0.2 times the cube's edge */
-  const char* dump;       /* a folder: every stage in its stages.safetensors; NULL: none */
-  double assume_selected; /* share of the voxels for which a run that does not fit is refused beforehand; 0: 0.1 */
+  double near_plane; /* of the scene, world units; 0: 0.2 times the cube's edge */
+  const char* dump;  /* a folder: every stage in its stages.safetensors; NULL: none */
+  /* Share of the voxels for which a run that does not fit is refused beforehand; 0: VSPLAT_ASSUME_SELECTED. */
+  double assume_selected;
   vsplat_progress_function progress; /* may be NULL */
   void* user;
 } vsplat_reconstruct_options;

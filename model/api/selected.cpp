@@ -1,0 +1,13 @@
+#include "model/api/selected.h"
+
+#include "runtime/fail.h"
+
+namespace vsplat::api {
+
+long voxels_of(double asked, double usual, const Config& config, const char* what) {
+  if (!(asked >= 0 && asked <= 1))
+    fail(Status::usage, "{} is {}: a share of the voxels, 0 to 1, is expected", what, asked);
+  return static_cast<long>((asked > 0 ? asked : usual) * static_cast<double>(config.voxels()));
+}
+
+}  // namespace vsplat::api

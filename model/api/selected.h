@@ -1,0 +1,10 @@
+#pragma once
+#include "model/params/config.h"
+
+namespace vsplat::api {
+
+// How many of the model's voxels a caller's share of them is, rounded down: the only place where a share becomes a count.
+// `asked` 0: `usual`. Error(usage) names `what` where it is no share.
+long voxels_of(double asked, double usual, const Config& config, const char* what);
+
+}  // namespace vsplat::api
