@@ -11,6 +11,7 @@
 #include "bench/reference/splat.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
+#include "model/base/scene.h"
 #include "model/splat/render_backward.h"
 
 namespace vsplat::bench {
@@ -176,7 +177,7 @@ double gradient_error(Context& ctx, const Data& data, const Camera& camera) {
       compare(0, got.opacities[k], rows[10 * i] / s.opacity);
       for (std::size_t c = 0; c < 3; ++c)
         compare(1, got.sh[3 * k * got.sh_count() + c],
-                s.colour[static_cast<long>(c)] > 0 ? 0.28209479177387814 * rows[10 * i + 6 + c] : 0);
+                s.colour[static_cast<long>(c)] > 0 ? kShC0 * rows[10 * i + 6 + c] : 0);
     }
   }
   return std::max(typical(errors[0], largest[0]), typical(errors[1], largest[1]));

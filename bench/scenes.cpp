@@ -10,6 +10,7 @@
 
 #include "model/base/normal_quantile.h"
 #include "model/base/rng.h"
+#include "model/base/scene.h"
 #include "model/io/ply.h"
 #include "model/io/view_set.h"
 #include "runtime/fail.h"
@@ -19,7 +20,6 @@ namespace vsplat::bench {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kShC0 = 0.28209479177387814;
 
 // Random numbers of one element: equal on every machine, and independent of how many others drew.
 class Draws {

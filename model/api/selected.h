@@ -3,7 +3,7 @@
 
 namespace vsplat::api {
 
-// How many of the model's voxels a caller's share of them is, rounded down: the only place where a share becomes a count.
+// How many of the model's voxels a caller's share of them is, rounded down: the one place where shares become counts.
 // `asked` 0: `usual`. Error(usage) names `what` where it is no share.
 long voxels_of(double asked, double usual, const Config& config, const char* what);
 

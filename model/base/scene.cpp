@@ -45,7 +45,7 @@ Similarity operator*(const Similarity& after, const Similarity& before) {
 
 Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& d) {
   const double x = d.x(), y = d.y(), z = d.z(), xx = x * x, yy = y * y, zz = z * z;
-  const double all[16] = {0.28209479177387814,
+  const double all[16] = {kShC0,
                           -0.4886025119029199 * y,
                           0.4886025119029199 * z,
                           -0.4886025119029199 * x,

@@ -8,6 +8,9 @@
 
 namespace vsplat {
 
+// The constant spherical harmonic: a colour is 0.5 + kShC0 times its first coefficient, where there are no others.
+inline constexpr double kShC0 = 0.28209479177387814;
+
 // The near plane of what is reconstructed, in units of the cube's edge.
 inline constexpr double kNearInObject = 0.2;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "model/base/rng.h"
 #include "model/data/random.h"
 #include "model/input/view_choice.h"
 #include "runtime/fail.h"
@@ -12,13 +13,6 @@ namespace {
 
 constexpr int kNovelGroups = 4, kRandomViews = 10;
 constexpr std::uint32_t kStream = 0x6576616cu;
-
-// FNV-1a: an object's views depend on its name, not on what is evaluated beside it.
-std::uint32_t number_of(const std::string& name) {
-  std::uint32_t hash = 2166136261u;
-  for (const char c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 16777619u;
-  return hash;
-}
 
 bool holds(const std::vector<int>& list, int value) { return std::find(list.begin(), list.end(), value) != list.end(); }
 
@@ -48,7 +42,7 @@ EvaluationViews evaluation_views(std::span<const Eigen::Vector3d> positions, int
   EvaluationViews out;
   for (const Group& group : kmeans(positions, inputs)) out.inputs.push_back(group.members.front());
   if (protocol == Protocol::random10)
-    out.novel = random_views(positions.size(), out.inputs, Random(seed, number_of(object), kStream));
+    out.novel = random_views(positions.size(), out.inputs, Random(seed, stream_of(object), kStream));
   else
     for (const Group& group : kmeans(positions, kNovelGroups))
       if (!holds(out.inputs, group.members.back())) out.novel.push_back(group.members.back());

@@ -19,7 +19,6 @@
 namespace vsplat {
 namespace {
 
-constexpr double kC0 = 0.28209479177387814;
 constexpr std::size_t kMostShCount = 16;
 
 PlyHeader read_header(PlyFile& in) {
@@ -134,7 +133,7 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   std::copy_n(values, 3, out.mean);
   std::copy_n(values + 3, plain - 3, out.sh);
   for (std::size_t i = 3; layout.is_rgb && i < 6; ++i) {
-    const double sh = (values[i] / colour_range(layout.columns[i]->type) - 0.5) / kC0;
+    const double sh = (values[i] / colour_range(layout.columns[i]->type) - 0.5) / kShC0;
     if (!fits(sh)) return {Defect::Kind::not_finite, i};
     out.sh[i - 3] = static_cast<float>(sh);
   }

@@ -19,13 +19,6 @@
 namespace vsplat {
 namespace {
 
-// FNV-1a: the stream of a parameter's random numbers, so that they stay when others come or go.
-std::uint32_t stream_of(const std::string& name) {
-  std::uint32_t hash = 2166136261u;
-  for (const char c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 16777619u;
-  return hash;
-}
-
 // Element i takes word i % 4 of the block whose counter is {i / 4 (two words), stream, 0}, as a number in (0,1) ->
 // make(u).
 template <class Make>

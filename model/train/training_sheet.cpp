@@ -10,8 +10,6 @@
 namespace vsplat {
 namespace {
 
-constexpr float kC0 = 0.28209479177387814f;  // the constant spherical harmonic
-
 // Balls at the centres of the voxels, red, green and blue along x, y and z.
 Gaussians balls(const std::vector<int>& voxels, int volume) {
   Gaussians out;
@@ -23,7 +21,7 @@ Gaussians balls(const std::vector<int>& voxels, int volume) {
       const float place = (static_cast<float>(i) + 0.5f) * cell;
       out.means.push_back(place - 0.5f);
       out.scales.push_back(0.3f * cell);
-      out.sh.push_back((place - 0.5f) / kC0);
+      out.sh.push_back((place - 0.5f) / static_cast<float>(kShC0));
     }
     out.quats.insert(out.quats.end(), {1, 0, 0, 0});
     out.opacities.push_back(0.95f);

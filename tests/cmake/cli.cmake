@@ -10,7 +10,7 @@ endforeach()
 
 # The documents: where their links lead, README's size, and that the options which they name exist.
 add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/links_test.py)
-set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120
+set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
 # Operations: a forward for every backward, and files of one stem.
