@@ -132,6 +132,7 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
 
 std::vector<Case> gemm_cases(const Options&) {
   std::vector<Case> cases;
+  cases.reserve(kGemmShapes.size());
   for (const GemmShape& s : kGemmShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
   return cases;
 }

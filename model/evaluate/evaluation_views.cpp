@@ -31,12 +31,6 @@ std::vector<int> random_views(std::size_t count, const std::vector<int>& inputs,
 
 }  // namespace
 
-Protocol protocol_from_name(const std::string& name) {
-  if (name == "kmeans") return Protocol::kmeans;
-  if (name == "random10") return Protocol::random10;
-  fail(Status::usage, "protocol {}: kmeans or random10 is expected", name);
-}
-
 EvaluationViews evaluation_views(std::span<const Eigen::Vector3d> positions, int inputs, Protocol protocol,
                                  std::uint64_t seed, const std::string& object) {
   EvaluationViews out;

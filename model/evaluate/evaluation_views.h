@@ -12,8 +12,6 @@ enum class Protocol {
   kmeans,   // novel views: the last of each of four k-means groups of the cameras' positions
   random10  // ten at random
 };
-// "kmeans" or "random10"; else Error(usage).
-Protocol protocol_from_name(const std::string& name);
 
 struct EvaluationViews {
   std::vector<int> inputs;  // the first of each of as many k-means groups as inputs are asked for, in their order

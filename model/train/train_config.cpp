@@ -10,7 +10,6 @@
 #include "model/base/json_fields.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
 #include "runtime/sha256.h"
 
 namespace vsplat {
@@ -165,15 +164,6 @@ TrainConfig train_config_from_json(const std::string& text) {
     fail(Status::format, "{}: {}", kWhat, e.what());
   }
   return config;
-}
-
-TrainConfig load_train_config(const std::string& path) {
-  const std::vector<unsigned char> bytes = read_file(path);
-  try {
-    return train_config_from_json({bytes.begin(), bytes.end()});
-  } catch (const Error& e) {
-    fail(e.status(), "{}: {}", path, e.what());
-  }
 }
 
 std::string hash_of(const TrainConfig& config) {

@@ -60,9 +60,6 @@ std::string to_json(const TrainConfig& config);
 // an Error(format) that names them.
 TrainConfig train_config_from_json(const std::string& text);
 
-// The same from a file, whose path errors begin with.
-TrainConfig load_train_config(const std::string& path);
-
 // SHA-256 of to_json(): equal for equal configurations, however they were written.
 std::string hash_of(const TrainConfig& config);
 

@@ -1,4 +1,4 @@
-// Prefix sum and compaction, written out.
+// The exclusive prefix sum, written out.
 #pragma once
 #include <cstddef>
 #include <cstdint>

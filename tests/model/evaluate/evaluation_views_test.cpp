@@ -90,11 +90,5 @@ TEST(EvaluationViews, NearestIsByAngleFromTheCentre) {
   EXPECT_EQ(nearest_view(positions, views, centre, centre), 0);  // no direction: none is nearer
 }
 
-TEST(EvaluationViews, ProtocolsGoByName) {
-  EXPECT_EQ(protocol_from_name("kmeans"), Protocol::kmeans);
-  EXPECT_EQ(protocol_from_name("random10"), Protocol::random10);
-  EXPECT_THROW(protocol_from_name("random"), Error);
-}
-
 }  // namespace
 }  // namespace vsplat

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/refusal.h"
-#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
@@ -189,17 +188,6 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
   TrainConfig broken;
   broken.schedule.lr = std::numeric_limits<double>::quiet_NaN();
   EXPECT_NE(refusal([&] { check(broken); }, Status::usage).find("lr must be"), std::string::npos);
-}
-
-TEST(TrainConfig, FileErrorsBeginWithItsPath) {
-  const test::TemporaryFolder folder;
-  const std::string path = folder / "config.json";
-  test::put_file(path, R"({"model": "tiny", "steps": 0})");
-  EXPECT_TRUE(refusal([&] { load_train_config(path); }, Status::format).starts_with(path + ": "));
-  EXPECT_NE(refusal([&] { load_train_config(folder / "none.json"); }, Status::file).find("none.json"),
-            std::string::npos);
-  test::put_file(path, R"({"model": "tiny", "seed": 3})");
-  EXPECT_EQ(load_train_config(path).seed, 3u);
 }
 
 }  // namespace

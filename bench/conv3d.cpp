@@ -1,9 +1,10 @@
+#include "model/ops/conv3d.h"
+
 #include <memory>
 
 #include "bench/bench.h"
 #include "bench/sample.h"
 #include "bench/shapes.h"
-#include "model/ops/conv3d.h"
 
 namespace vsplat::bench {
 
@@ -85,6 +86,7 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
 
 std::vector<Case> conv_cases(const Options&) {
   std::vector<Case> cases;
+  cases.reserve(kConvShapes.size());
   for (const ConvShape& s : kConvShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
   return cases;
 }
