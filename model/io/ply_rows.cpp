@@ -161,7 +161,7 @@ class TextRows : public PlyRows {
     const auto [end, problem] = std::from_chars(first, last, v);
     if (end != last || problem == std::errc::invalid_argument)
       fail(Status::format, "{}: Gaussian {}, {} (byte {}): \"{}\", a number is expected", file_.path(), row_,
-           element_.properties[i].name, begins_[i], printable(word));
+           printable(element_.properties[i].name), begins_[i], printable(word));
     if (problem == std::errc()) return v;
     // Out of a double's range, at one end of it or the other.
     const bool tiny = word.find("e-") != word.npos || word.find("E-") != word.npos;
