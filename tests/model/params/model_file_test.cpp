@@ -11,23 +11,16 @@
 #include "runtime/half.h"
 #include "tests/support/golden.h"
 #include "tests/support/temporary.h"
+#include "tests/support/weights.h"
 
 namespace vsplat {
 namespace {
 
 using test::contents_of;
+using test::expect_equal;
 using test::Golden;
 using test::put_file;
 using test::TemporaryFolder;
-
-void expect_equal(const Weights& a, const Weights& b) {
-  ASSERT_EQ(a.all().size(), b.all().size());
-  for (const auto& [name, tensor] : a.all()) {
-    EXPECT_EQ(tensor.shape, b.at(name).shape) << name;
-    ASSERT_EQ(tensor.data.size(), b.at(name).data.size()) << name;
-    EXPECT_EQ(std::memcmp(tensor.data.data(), b.at(name).data.data(), tensor.data.size() * 4), 0) << name;
-  }
-}
 
 class ModelFileTest : public ::testing::Test {
  protected:

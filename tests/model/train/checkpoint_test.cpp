@@ -18,24 +18,17 @@
 #include "runtime/safetensors.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
+#include "tests/support/weights.h"
 
 namespace vsplat {
 namespace {
 
 using test::contents_of;
+using test::expect_equal;
 using test::put_file;
 using test::refusal;
 using test::TemporaryFolder;
 using test::Warnings;
-
-void expect_equal(const Weights& a, const Weights& b) {
-  ASSERT_EQ(a.all().size(), b.all().size());
-  for (const auto& [name, tensor] : a.all()) {
-    EXPECT_EQ(tensor.shape, b.at(name).shape) << name;
-    ASSERT_EQ(tensor.data.size(), b.at(name).data.size()) << name;
-    EXPECT_EQ(std::memcmp(tensor.data.data(), b.at(name).data.data(), tensor.data.size() * 4), 0) << name;
-  }
-}
 
 void expect_equal(const Checkpoint& a, const Checkpoint& b) {
   EXPECT_EQ(a.config, b.config);
