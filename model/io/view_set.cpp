@@ -115,9 +115,7 @@ ViewSet read_json_views(const fs::path& path, bool need_pictures) {
 fs::path find_cameras(const fs::path& folder) {
   for (const char* name : {"transforms.json", "cameras.json"})
     if (is_file(folder / name)) return folder / name;
-  for (const char* name : {"sparse/0", "sparse", "colmap"})
-    if (is_colmap_model(folder / name)) return folder / name;
-  return is_colmap_model(folder) ? folder : fs::path();
+  return find_colmap_model(folder);
 }
 
 ViewSet read_any(const fs::path& path, bool need_pictures) {

@@ -14,7 +14,7 @@ elseif(EXISTS "${fuzzer_runtime}")
   set(fuzz ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/run.sh)
   add_test(NAME fuzz.build COMMAND ${fuzz} build)
   set_tests_properties(fuzz.build PROPERTIES LABELS fuzz TIMEOUT 600 FIXTURES_SETUP fuzz)
-  foreach(target colmap ply views_json)
+  foreach(target colmap colmap_points ply views_json)
     add_test(NAME fuzz.${target} COMMAND ${fuzz} run 4 ${target})
     set_tests_properties(fuzz.${target} PROPERTIES LABELS fuzz TIMEOUT 120 FIXTURES_REQUIRED fuzz
       ENVIRONMENT "VSPLAT_FUZZ_SEED=1")

@@ -15,6 +15,8 @@ void views_json(std::string_view bytes);
 // A COLMAP model: "b" or "t" for binary or text, the file of cameras, kColmapSplit, the file of images.
 void colmap(std::string_view bytes);
 inline constexpr std::string_view kColmapSplit = "=images=";
+// Its points: "b" or "t", the file of points.
+void colmap_points(std::string_view bytes);
 
 // A file in memory, which readers open by its path.
 class MemoryFile {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "model/base/lens.h"
+#include "model/io/colmap_points.h"
 #include "model/io/view_set.h"
 #include "tests/fuzz/targets.h"
 
@@ -84,6 +85,34 @@ class ColmapFolder {
   bool binary_ = true;
 };
 
+// A folder with a COLMAP model of which only the points are of interest.
+class PointsFolder {
+ public:
+  PointsFolder() : path_((std::filesystem::temp_directory_path() / "vsplat-fuzz-XXXXXX").string()) {
+    if (::mkdtemp(path_.data()) == nullptr) throw std::runtime_error("no temporary folder");
+    for (const char* name : {"/cameras.bin", "/images.bin"})
+      std::filesystem::create_symlink(empty.path(), path_ + name);
+  }
+  ~PointsFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  PointsFolder(const PointsFolder&) = delete;
+  PointsFolder& operator=(const PointsFolder&) = delete;
+
+  const std::string& path() const { return path_; }
+  void fill(bool binary, std::string_view bytes) {
+    namespace fs = std::filesystem;
+    for (const char* name : {"/points3D.bin", "/points3D.txt"}) fs::remove(path_ + name);
+    points.fill(bytes);
+    fs::create_symlink(points.path(), path_ + (binary ? "/points3D.bin" : "/points3D.txt"));
+  }
+
+ private:
+  std::string path_;
+  MemoryFile empty, points;
+};
+
 }  // namespace
 
 void views_json(std::string_view bytes) {
@@ -99,6 +128,22 @@ void colmap(std::string_view bytes) {
   const std::size_t split = std::min(rest.find(kColmapSplit), rest.size());
   folder.fill(bytes[0] == 'b', rest.substr(0, split), rest.substr(std::min(split + kColmapSplit.size(), rest.size())));
   read(folder.path());
+}
+
+void colmap_points(std::string_view bytes) {
+  static PointsFolder folder;
+  if (bytes.empty()) return;
+  folder.fill(bytes[0] == 'b', bytes.substr(1));
+  try {
+    const std::vector<ColoredPoint> points = read_colmap_points(folder.path());
+    hold(!points.empty() && points.size() <= bytes.size(), "there are points, no more than the file has room for");
+    for (const ColoredPoint& point : points) {
+      hold(point.position.allFinite() && point.position.cast<float>().allFinite(), "positions are finite");
+      hold(std::isfinite(point.error) && point.track <= bytes.size(), "error and track are usable");
+    }
+  } catch (const Error& e) {
+    hold_message(e, folder.path());
+  }
 }
 
 }  // namespace vsplat::fuzz
