@@ -1,4 +1,4 @@
-// The loss on pictures, mean squared error and structural similarity (SSIM), with its gradient.
+// The loss on pictures, mean squared or absolute error and structural similarity (SSIM), with its gradient.
 //
 // Pictures are [N,H,W,3]; a row is W3 = 3 W numbers, in which a pixel's neighbour is 3 further on. Blurred fields exist
 // at the pixels whose 11 x 11 window lies inside the picture: H - 10 rows of V3 = 3 (W - 10) numbers. Kernels that sum
@@ -29,6 +29,9 @@
 constant float window[WINDOW] = {0.00102838008f, 0.00759875814f, 0.0360007721f, 0.10936069f,
                                  0.213005538f,   0.266011725f,   0.213005538f,  0.10936069f,
                                  0.0360007721f,  0.00759875814f, 0.00102838008f};
+
+// sign() makes 0 of NaN, which shall stay.
+static inline float sign_of(float x) { return x > 0.0f ? 1.0f : x < 0.0f ? -1.0f : x; }
 
 // ```
 // argument    type  shape    what
@@ -165,11 +168,12 @@ kernel void loss_backward_spread(global const float* restrict slopes, global flo
 // pictures   f32   [N,H,W3]       at the finest scale the pictures as they came: there error * d is added, and the
 //                                 gradient is 0 where a picture is outside of [0, 1]; null at the others
 // dpictures  f32   [N,H,W3]       written
+// absolute   int                  where not 0, error * sign(d) is added in its place
 // ```
 kernel void loss_backward(global const float* restrict spread, global const float* restrict m,
                           global const float* restrict d, global const float* restrict by,
                           global const float* restrict coarser, global const float* restrict pictures,
-                          global float* restrict dpictures, int H, int W, int N, int first, float error) {
+                          global float* restrict dpictures, int H, int W, int N, int first, float error, int absolute) {
   const int pad = 3 * (WINDOW - 1);
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2), c = j % 3;
   if (j >= 3 * W) return;
@@ -187,30 +191,49 @@ kernel void loss_backward(global const float* restrict spread, global const floa
     sum += 0.25f * coarser[((size_t)n * h + (y + H % 2) / 2) * 3 * w + (j / 3 + W % 2) / 2 * 3 + c];
   }
   if (pictures) {
-    sum = FMA(error, d[at], sum);
+    sum = FMA(error, absolute ? sign_of(d[at]) : d[at], sum);
     if (pictures[at] < 0.0f || pictures[at] > 1.0f) sum = 0.0f;
   }
   dpictures[at] = sum;
 }
 
-// Sums of a picture's planes, or of their squares, over blocks of GROUP * EACH pixels.
+// The gradient of the error alone.
+// ```
+// argument    type  shape    what
+// d           f32   [count]  from loss_differences
+// pictures    f32   [count]  as they came
+// dpictures   f32   [count]  written: error * d, or error * sign(d); 0 where a picture is outside of [0, 1]
+// work-items  one per number
+// ```
+kernel void loss_error_slopes(global const float* restrict d, global const float* restrict pictures,
+                              global float* restrict dpictures, int count, float error, int absolute) {
+  const int i = get_global_id(0);
+  if (i >= count) return;
+  const float slope = absolute ? sign_of(d[i]) : d[i];
+  dpictures[i] = pictures[i] < 0.0f || pictures[i] > 1.0f ? 0.0f : error * slope;
+}
+
+// Sums of a picture's planes, of their squares or of their absolute values, over blocks of GROUP * EACH pixels.
 // ```
 // argument    type  shape         what
 // x           f32   [N,pixels,3]  what is summed
 // sums        f32   [N,blocks,3]  written
-// squares     int                 where not 0, squares are summed
+// of          int                 0: values are summed, 1: squares, 2: absolute values
 // work-items  groups of GROUP: (block, n)
 // ```
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(global const float* restrict x,
                                                                          global float* restrict sums, int pixels,
-                                                                         int squares) {
+                                                                         int of) {
   local float part[3][GROUP];
   const int block = get_group_id(0), n = get_group_id(1), item = get_local_id(0);
   global const float* from = x + ((size_t)n * pixels + (size_t)block * GROUP * EACH) * 3;
   const int left = min(pixels - block * (GROUP * EACH), GROUP * EACH);
   float sum[3] = {0.0f, 0.0f, 0.0f};
   for (int i = item; i < left; i += GROUP)
-    for (int c = 0; c < 3; ++c) sum[c] += squares ? from[3 * i + c] * from[3 * i + c] : from[3 * i + c];
+    for (int c = 0; c < 3; ++c) {
+      const float v = from[3 * i + c];
+      sum[c] += of == 0 ? v : of == 1 ? v * v : fabs(v);
+    }
   for (int c = 0; c < 3; ++c) part[c][item] = sum[c];
   for (int step = GROUP / 2; step > 0; step /= 2) {
     barrier(CLK_LOCAL_MEM_FENCE);
@@ -242,12 +265,12 @@ kernel void loss_means(global const float* restrict sums, global float* restrict
   means[first + i] = sum / pixels;
 }
 
-// The loss from the means. With one scale the similarity is the mean of SSIM; with five it is the mean over planes of
+// The loss from the means. Without scales there is no similarity. With one it is the mean of SSIM; with five it is the mean over planes of
 // the product, over the scales, of the positive part of each to its power.
 // ```
 // argument    type   shape              what
-// means       f32    [1+scales,planes]  of d^2, then of off scale by scale
-// out         f32    [3]                written: loss, mean squared error, similarity
+// means       f32    [1+scales,planes]  of d^2 or |d|, then of off scale by scale
+// out         f32    [3]                written: loss, mean error, similarity
 // by          f32    [scales,planes]    written: what loss_backward takes, times gradient_scale
 // H, W        int                       of the pictures at the finest scale
 // weight      float                     of the similarity in the loss
@@ -259,6 +282,7 @@ kernel void loss_value(global const float* restrict means, global float* restric
   float error = 0.0f, off = 0.0f;
   for (int i = 0; i < planes; ++i) {
     error += means[i];
+    if (scales == 0) continue;
     float product = 1.0f;
     if (scales == 1) {
       product = 1.0f - means[planes + i];
@@ -278,5 +302,5 @@ kernel void loss_value(global const float* restrict means, global float* restric
   }
   out[0] = (error + weight * off) / planes;
   out[1] = error / planes;
-  out[2] = 1.0f - off / planes;
+  out[2] = scales == 0 ? 0.0f : 1.0f - off / planes;
 }

@@ -57,14 +57,14 @@ void accumulate(float* out, const float* in, float weight) {
 class CornerMap {
  public:
   CornerMap(const Window& window, const Camera& camera)
-      : side_(window.size + 1), points_(static_cast<std::size_t>(side_) * side_) {
+      : side_(window.size + 1), points_(static_cast<std::size_t>(side_) * (window.height() + 1)) {
     const double step = window.side / window.size;
     double farthest = 0;
     for (const double u : {window.x0, window.x0 + window.side})
-      for (const double v : {window.y0, window.y0 + window.side})
+      for (const double v : {window.y0, window.y0 + window.height() * step})
         farthest = std::max(farthest, std::hypot((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy));
     const Lens lens(camera.distortion, farthest);
-    for (int j = 0; j < side_; ++j)
+    for (int j = 0; j <= window.height(); ++j)
       for (int i = 0; i < side_; ++i) {
         Point& p = points_[static_cast<std::size_t>(j) * side_ + i];
         double x = 0, y = 0;
@@ -95,7 +95,7 @@ class CornerMap {
   };
   const Point& at(int i, int j) const { return points_[static_cast<std::size_t>(j) * side_ + i]; }
 
-  int side_;
+  int side_;  // points in a row
   std::vector<Point> points_;
 };
 
@@ -125,23 +125,23 @@ Image over(const Image& premultiplied, const std::array<float, 3>& background) {
 Image on_white(const Image& premultiplied) { return over(premultiplied, {1, 1, 1}); }
 
 Image resample(const Image& in, const Window& window) {
-  const int size = window.size;
+  const int size = window.size, height = window.height();
   const double step = window.side / size;
-  std::vector<Taps> columns(static_cast<std::size_t>(size)), rows(static_cast<std::size_t>(size));
+  std::vector<Taps> columns(static_cast<std::size_t>(size)), rows(static_cast<std::size_t>(height));
   int top = in.height, bottom = 0;
-  for (int i = 0; i < size; ++i) {
-    find_taps(window.x0 + (i + 0.5) * step, step, in.width, columns[i]);
+  for (int i = 0; i < size; ++i) find_taps(window.x0 + (i + 0.5) * step, step, in.width, columns[i]);
+  for (int i = 0; i < height; ++i) {
     find_taps(window.y0 + (i + 0.5) * step, step, in.height, rows[i]);
     if (rows[i].weights.empty()) continue;
     top = std::min(top, rows[i].first);
     bottom = std::max(bottom, rows[i].first + static_cast<int>(rows[i].weights.size()));
   }
-  Image narrow(size, std::max(bottom - top, 0), 4), out(size, size, 4);
+  Image narrow(size, std::max(bottom - top, 0), 4), out(size, height, 4);
   for (int y = top; y < bottom; ++y)
     for (int i = 0; i < size; ++i)
       for (std::size_t k = 0; k < columns[i].weights.size(); ++k)
         accumulate(narrow.at(i, y - top), in.at(columns[i].first + static_cast<int>(k), y), columns[i].weights[k]);
-  for (int j = 0; j < size; ++j)
+  for (int j = 0; j < height; ++j)
     for (std::size_t k = 0; k < rows[j].weights.size(); ++k)
       for (int i = 0; i < size; ++i)
         accumulate(out.at(i, j), narrow.at(i, rows[j].first + static_cast<int>(k) - top), rows[j].weights[k]);
@@ -150,9 +150,9 @@ Image resample(const Image& in, const Window& window) {
 
 Image resample_undistorted(const Image& in, const Window& window, const Camera& camera) {
   const CornerMap map(window, camera);
-  Image out(window.size, window.size, 4);
+  Image out(window.size, window.height(), 4);
   Taps columns, rows;
-  for (int j = 0; j < window.size; ++j)
+  for (int j = 0; j < window.height(); ++j)
     for (int i = 0; i < window.size; ++i) {
       double u = 0, v = 0, width = 0, height = 0;
       if (!map.footprint(i, j, u, v, width, height)) continue;

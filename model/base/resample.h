@@ -1,4 +1,4 @@
-// A square window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
+// A window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
 #pragma once
 #include <array>
 
@@ -15,11 +15,14 @@ Image premultiplied(const Image& picture, const Image* mask);
 Image over(const Image& premultiplied, const std::array<float, 3>& background);
 Image on_white(const Image& premultiplied);
 
-// A square window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and side; `size` pixels
-// result.
+// A window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and width. `size` pixels along its
+// width result, and as many along its height, or `rows` of the same scale where that is not 0.
 struct Window {
   double x0 = 0, y0 = 0, side = 0;
   int size = 0;
+  int rows = 0;
+
+  int height() const { return rows > 0 ? rows : size; }
 };
 
 // Pixel (i, j) of the result is the picture about (x0, y0) + (i + 0.5, j + 0.5) side/size: the mean over its area where

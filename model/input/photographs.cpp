@@ -47,11 +47,20 @@ std::optional<MaskExtent> LoadedPhotograph::extent() {
   return mask_extent(picture());
 }
 
-FramedView LoadedPhotograph::framed(const Framing& framing) {
-  const Image& seen = picture();
-  if (photographs_->picture) return frame_view(listed_.camera, seen, mask(), framing);
-  const PictureNames names{listed_.picture.string(), listed_.mask ? listed_.mask->string() : ""};
-  return frame_view(listed_.camera, seen, mask(), framing, names);
+PictureNames LoadedPhotograph::names() const {
+  if (!photographs_->picture) return {listed_.picture.string(), listed_.mask ? listed_.mask->string() : ""};
+  const std::string name = listed_.camera.file.empty() ? "the picture" : listed_.camera.file;
+  return {name, "the mask of " + name};
 }
+
+FramedView LoadedPhotograph::framed(const Framing& framing) {
+  return frame_view(listed_.camera, picture(), mask(), framing, names());
+}
+
+WholeView LoadedPhotograph::whole(int longest) {
+  return whole_view(listed_.camera, picture(), mask(), longest, names());
+}
+
+bool LoadedPhotograph::is_masked() { return listed_.mask || (file_ ? info_.alpha : picture().channels == 4); }
 
 }  // namespace vsplat

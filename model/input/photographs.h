@@ -38,7 +38,13 @@ class LoadedPhotograph {
   // As the network gets it, its background still open.
   FramedView framed(const Framing& framing);
 
+  // All of it, its longer side at most `longest` pixels (0: as it is).
+  WholeView whole(int longest);
+  // Whether the picture says what of it is the object: by a mask or an alpha channel.
+  bool is_masked();
+
  private:
+  PictureNames names() const;
   const Image& picture();
   const Image* mask();  // null where none is listed
 

@@ -92,6 +92,36 @@ Window find_window(const Camera& camera, const Framing& framing, const PictureNa
   return object_window(camera, framing, names);
 }
 
+// The listed camera completed, where the pictures agree with it.
+Camera checked(const Camera& listed, const Image& picture, const Image* mask, const PictureNames& names) {
+  if (picture.empty() || (picture.channels != 3 && picture.channels != 4) || (mask && mask->channels != 1))
+    fail(Status::internal, "a view of {} channels", picture.channels);
+  check_sizes(listed, picture, mask, names);
+  if (mask) warn_of_dark_mask(*mask, names);
+  Camera camera = completed(listed, picture);
+  if (!(camera.fx > 0) || !(camera.fy > 0))
+    fail(Status::input, "{}: focal lengths {} and {}; positive ones are expected", names.picture, camera.fx, camera.fy);
+  return camera;
+}
+
+Image seen_through(const Image& source, const Window& window, const Camera& camera) {
+  return is_pinhole(camera.distortion) ? resample(source, window) : resample_undistorted(source, window, camera);
+}
+
+// The camera that sees the window alone, undistorted.
+Camera pinhole(const Camera& camera, const Window& window) {
+  Camera out = camera;
+  out.distortion = {};
+  out.width = window.size;
+  out.height = window.height();
+  const double scale = window.size / window.side;
+  out.fx = camera.fx * scale;
+  out.fy = camera.fy * scale;
+  out.cx = (camera.cx - window.x0) * scale;
+  out.cy = (camera.cy - window.y0) * scale;
+  return out;
+}
+
 PreparedView prepared(FramedView view) { return {on_white(view.image), std::move(view.camera)}; }
 
 }  // namespace
@@ -106,26 +136,29 @@ Fit fit_from_name(const std::string& name) {
 
 FramedView frame_view(const Camera& listed, const Image& picture, const Image* mask, const Framing& framing,
                       const PictureNames& names) {
-  if (framing.size < 1 || picture.empty() || (picture.channels != 3 && picture.channels != 4) ||
-      (mask && mask->channels != 1))
-    fail(Status::internal, "frame_view: {} channels, size {}", picture.channels, framing.size);
-  check_sizes(listed, picture, mask, names);
-  if (mask) warn_of_dark_mask(*mask, names);
-  const Camera camera = completed(listed, picture);
-  if (!(camera.fx > 0) || !(camera.fy > 0))
-    fail(Status::input, "{}: focal lengths {} and {}; positive ones are expected", names.picture, camera.fx, camera.fy);
+  if (framing.size < 1) fail(Status::internal, "frame_view: size {}", framing.size);
+  const Camera camera = checked(listed, picture, mask, names);
   const Window window = find_window(camera, framing, names);
-  const Image source = premultiplied(picture, mask);
-  FramedView out;
-  out.image = is_pinhole(camera.distortion) ? resample(source, window) : resample_undistorted(source, window, camera);
-  out.camera = camera;
-  out.camera.distortion = {};
-  out.camera.width = out.camera.height = framing.size;
-  const double scale = framing.size / window.side;
-  out.camera.fx = camera.fx * scale;
-  out.camera.fy = camera.fy * scale;
-  out.camera.cx = (camera.cx - window.x0) * scale;
-  out.camera.cy = (camera.cy - window.y0) * scale;
+  return {seen_through(premultiplied(picture, mask), window, camera), pinhole(camera, window)};
+}
+
+WholeView whole_view(const Camera& listed, const Image& picture, const Image* mask, int longest,
+                     const PictureNames& names) {
+  const Camera camera = checked(listed, picture, mask, names);
+  const int longer = std::max(picture.width, picture.height);
+  const double step = longest > 0 && longer > longest ? static_cast<double>(longer) / longest : 1.0;
+  // Pixels that the picture covers in part are left out.
+  const auto pixels = [&](int length) { return std::max(static_cast<int>(std::floor(length / step + 1e-9)), 1); };
+  const int columns = pixels(picture.width);
+  const Window window{0, 0, columns * step, columns, pixels(picture.height)};
+  WholeView out;
+  out.camera = pinhole(camera, window);
+  out.image = seen_through(premultiplied(picture, mask), window, camera);
+  if (is_pinhole(camera.distortion)) return out;
+  const Image covered = seen_through(premultiplied(Image(picture.width, picture.height, 3), nullptr), window, camera);
+  out.known = Image(covered.width, covered.height, 1);
+  for (std::size_t i = 0; i < out.known.data.size(); ++i)
+    out.known.data[i] = covered.data[4 * i + 3] > 0.999f ? 1.0f : 0.0f;
   return out;
 }
 

@@ -38,6 +38,13 @@ struct FramedView {
   Camera camera;
 };
 
+// All of a picture, undistorted, with the pinhole that took it.
+struct WholeView {
+  Image image;    // [H][W][4], premultiplied
+  Camera camera;  // W x H, no distortion
+  Image known;    // [H][W][1]: 0 where the lens shows nothing of the pixel; empty: all is known
+};
+
 // What messages call the picture and the mask.
 struct PictureNames {
   std::string picture, mask;
@@ -51,6 +58,10 @@ FramedView frame_view(const Camera& camera, const Image& picture, const Image* m
 FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing,
                       const PictureNames& names);
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
+
+// As frame_view(), but all of the picture; its longer side made `longest` pixels where it is longer (0: kept), by area.
+WholeView whole_view(const Camera& camera, const Image& picture, const Image* mask, int longest,
+                     const PictureNames& names);
 
 // The same from files; `mask_path` may be empty. Errors name them.
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,

@@ -22,29 +22,40 @@ struct Scale {
 class Loss {
  public:
   Loss(Context& ctx, const PictureLoss& a, long n, long h, long w) : ctx_(ctx), a_(a), n_(n) {
-    scales_.resize(std::min(h, w) > 160 ? 5 : 1);
+    scales_.resize(a.similarity == SimilarityKind::automatic && std::min(h, w) > 160 ? 5 : 1);
     for (Scale& s : scales_) {
       s.height = h, s.width = w;
       h = (h + 1) / 2, w = (w + 1) / 2;
     }
-    means_ = field({static_cast<long>(1 + scales_.size()), 3 * n_}, "loss.means");
-    by_ = field({static_cast<long>(scales_.size()), 3 * n_}, "loss.by");
+    means_ = field({1 + similarities(), 3 * n_}, "loss.means");
+    by_ = field({similarities(), 3 * n_}, "loss.by");
   }
 
   void run() {
     for (std::size_t i = 0; i < scales_.size(); ++i) {
       differences(i);
-      if (i == 0) mean(scales_[0].d, scales_[0].height * scales_[0].width, 0, true);
-      similarity(i);
+      if (i == 0) mean(scales_[0].d, scales_[0].height * scales_[0].width, 0, absolute() ? kAbsolute : kSquares);
+      if (a_.similarity != SimilarityKind::none) similarity(i);
     }
     ctx_.launch({"loss", "loss_value", ""}, items(1, 1), {}, means_, written(a_.out), written(by_), scales_[0].height,
-                scales_[0].width, 3 * n_, static_cast<long>(scales_.size()), a_.ssim_weight, a_.gradient_scale);
+                scales_[0].width, 3 * n_, similarities(), a_.ssim_weight, a_.gradient_scale);
     if (!a_.dpictures) return;
+    if (a_.similarity == SimilarityKind::none) return error_gradient();
     Tensor coarser;
     for (std::size_t i = scales_.size(); i-- > 0;) coarser = gradient(i, coarser);
   }
 
  private:
+  static constexpr int kSums = 0, kSquares = 1, kAbsolute = 2;  // as loss_sums has them
+
+  bool absolute() const { return a_.error == ErrorKind::absolute; }
+  // How many scales have a similarity.
+  long similarities() const { return a_.similarity == SimilarityKind::none ? 0 : static_cast<long>(scales_.size()); }
+  // What an error's slope, d or its sign, is multiplied by.
+  float error_scale() const {
+    return (absolute() ? 1.0f : 2.0f) * a_.gradient_scale / static_cast<float>(a_.pictures.count());
+  }
+
   Tensor field(const Shape& shape, const char* what) { return ctx_.tensor(shape, Type::f32, what); }
 
   // For `fields` numbers read and written by each of width x rows x pictures work-items, and as many flops as said.
@@ -81,16 +92,16 @@ class Loss {
     const bool structure = i + 1 < scales_.size();
     launch("loss_maps", v3, s.valid_height(), n_, 130, 8,
            {blurred, written(off), written(s.slopes), v3, s.height, n_, structure ? 1 : 0});
-    mean(off, s.valid_height() * s.valid_width(), static_cast<long>(i) + 1, false);
+    mean(off, s.valid_height() * s.valid_width(), static_cast<long>(i) + 1, kSums);
   }
 
-  // Row `row` of means_: of x [N, pixels, 3] or of its squares.
-  void mean(const Tensor& x, long pixels, long row, bool squares) {
+  // Row `row` of means_: of x [N, pixels, 3], of its squares or its absolute values.
+  void mean(const Tensor& x, long pixels, long row, int of) {
     const long blocks = (pixels + kBlock - 1) / kBlock;
     const Tensor sums = field({n_, blocks, 3}, "loss.sums");
     const auto count = static_cast<double>(x.count());
     ctx_.launch({"loss", "loss_sums", ""}, groups(blocks, kGroup, n_), {2 * count, 4 * count}, x, written(sums), pixels,
-                squares ? 1 : 0);
+                of);
     ctx_.launch({"loss", "loss_means", ""}, items(3 * n_), {}, sums, written(means_, 3 * n_ * row, 3 * n_), 3 * n_,
                 blocks, pixels, 3 * n_ * row);
   }
@@ -103,8 +114,15 @@ class Loss {
     const Tensor out = i == 0 ? a_.dpictures : field({n_, s.height, s.width, 3}, "loss.gradient");
     launch("loss_backward", 3 * s.width, s.height, n_, 75, 8,
            {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), written(out), s.height, s.width, n_,
-            3 * n_ * static_cast<long>(i), 2.0f * a_.gradient_scale / static_cast<float>(a_.pictures.count())});
+            3 * n_ * static_cast<long>(i), error_scale(), absolute() ? 1 : 0});
     return out;
+  }
+
+  // Without a similarity.
+  void error_gradient() {
+    const long count = a_.pictures.count();
+    launch("loss_error_slopes", count, 1, 1, 3, 3,
+           {scales_[0].d, a_.pictures, written(a_.dpictures), count, error_scale(), absolute() ? 1 : 0});
   }
 
   Context& ctx_;
@@ -120,9 +138,10 @@ void picture_loss(Context& ctx, const PictureLoss& a) {
   Dims d;
   d.bind("pictures", a.pictures, {"N", "H", "W", "3"}).bind("target", a.target, {"N", "H", "W", "3"});
   d.bind("out", a.out, {"3"}).bind_optional("dpictures", a.dpictures, {"N", "H", "W", "3"});
-  if (d["N"] < 1 || std::min(d["H"], d["W"]) <= kLost)
+  const long least = a.similarity == SimilarityKind::none ? 1 : kLost + 1;
+  if (d["N"] < 1 || std::min(d["H"], d["W"]) < least)
     fail(Status::internal, "loss: {} found, at least one picture of {} x {} pixels expected", a.pictures.describe(),
-         kLost + 1, kLost + 1);
+         least, least);
   if (a.pictures.count() > std::numeric_limits<int>::max() - kGroup)
     fail(Status::internal, "loss: {} found, fewer than 2^31 numbers expected", a.pictures.describe());
   Loss(ctx, a, d["N"], d["H"], d["W"]).run();

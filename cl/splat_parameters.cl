@@ -1,0 +1,72 @@
+// Gaussians from parameters that may take any value, and the way back: a scene that is fitted to pictures is moved in
+// these. Means, quaternions and spherical harmonics are their own.
+//   scale = exp(x)      opacity = min(1, raise * sigmoid(x)), or 0 where the Gaussian is left out of a step
+// ```
+// argument     type   shape  what
+// log_scales   f32    [K,3]  x of the scales
+// logits       f32    [K]    x of the opacities
+// drop_below   uint          Gaussian k is left out where word 0 of its random number is below this; 0: none is
+// draw         uint          which of the stream's draws: the counter is {k, draw, stream, 0}
+// stream       uint
+// key          uint x 2      of the seed
+// raise        float         1 / (1 - share left out): the picture stays as bright on average (DropGaussian, Park et
+//                            al. 2025)
+// work-items   one per Gaussian, in all kernels
+// ```
+#include "common.clh"
+#include "rng.clh"
+
+static inline bool is_kept(int k, uint drop_below, uint draw, uint stream, uint key0, uint key1) {
+  return drop_below == 0u || philox4x32_10((uint4)(k, draw, stream, 0u), (uint2)(key0, key1)).x >= drop_below;
+}
+
+// ```
+// argument   type   shape  what
+// scales     f32    [K,3]  written
+// opacities  f32    [K]    written
+// ```
+kernel void splat_parameters_forward(global const float* restrict log_scales, global const float* restrict logits,
+                                     global float* restrict scales, global float* restrict opacities, int K,
+                                     uint drop_below, uint draw, uint stream, uint key0, uint key1, float raise) {
+  const int k = get_global_id(0);
+  if (k >= K) return;
+  for (int i = 0; i < 3; ++i) scales[3 * k + i] = exp(log_scales[3 * k + i]);
+  const float opacity = raise * sigmoid(logits[k]);
+  opacities[k] = is_kept(k, drop_below, draw, stream, key0, key1) ? (opacity > 1.0f ? 1.0f : opacity) : 0.0f;
+}
+
+// Gradients by scales and opacities become those by x, in place; the regularisers' are added:
+//   opacity_weight sum sigmoid(x) + scale_weight sum exp(x) + pull / 2 (|mean - home|^2 + |x - home x|^2)
+// ```
+// argument        type   shape  what
+// dmeans          f32    [K,3]  the pull is added
+// dscales         f32    [K,3]  in: by scales; out: by log_scales
+// dopacities      f32    [K]    in: by opacities; out: by logits
+// means           f32    [K,3]  means
+// home_means      f32    [K,3]  where the pull leads; null: no pull
+// home_scales     f32    [K,3]  log scales there; null as home_means is
+// opacity_weight  float         of the sum of opacities
+// scale_weight    float         of the sum of scales
+// pull            float         of the squared distances
+// ```
+kernel void splat_parameters_backward(global const float* restrict log_scales, global const float* restrict logits,
+                                      global const float* restrict means, global const float* restrict home_means,
+                                      global const float* restrict home_scales, global float* restrict dmeans,
+                                      global float* restrict dscales, global float* restrict dopacities, int K,
+                                      uint drop_below, uint draw, uint stream, uint key0, uint key1, float raise,
+                                      float opacity_weight, float scale_weight, float pull) {
+  const int k = get_global_id(0);
+  if (k >= K) return;
+  for (int i = 0; i < 3; ++i) {
+    const int at = 3 * k + i;
+    float d = (dscales[at] + scale_weight) * exp(log_scales[at]);
+    if (home_means) {
+      d = FMA(pull, log_scales[at] - home_scales[at], d);
+      dmeans[at] = FMA(pull, means[at] - home_means[at], dmeans[at]);
+    }
+    dscales[at] = d;
+  }
+  const float opacity = sigmoid(logits[k]);
+  const bool moves = raise * opacity < 1.0f && is_kept(k, drop_below, draw, stream, key0, key1);
+  dopacities[k] = ((moves ? raise * dopacities[k] : 0.0f) + opacity_weight) * opacity * (1.0f - opacity);
+}

@@ -1,0 +1,196 @@
+#include "model/fit/fitter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/base/rng.h"
+#include "model/ops/picture_target.h"
+#include "model/ops/splat_adam.h"
+
+namespace vsplat {
+namespace {
+
+constexpr float kLeastLogit = -12, kMostLogit = 8;
+
+double logit(double p) {
+  const double held = std::clamp(p, 1e-5, 1 - 1e-4);
+  return std::log(held / (1 - held));
+}
+
+// Room for more rows than there are; the others are zeros.
+Tensor with_capacity(Context& ctx, const std::vector<float>& values, Shape shape, long capacity, const char* what) {
+  const long each = shape.empty() ? 1 : shape[0] > 0 ? static_cast<long>(values.size()) / shape[0] : 0;
+  shape[0] = capacity;
+  std::vector<float> data(values);
+  data.resize(static_cast<std::size_t>(each * capacity), 0.0f);
+  return ctx.upload(shape, data, Type::f32, what);
+}
+
+GaussianGradients first(const GaussianGradients& g, long n) {
+  return {g.means.first(n), g.scales.first(n), g.quats.first(n), g.opacities.first(n), g.sh.first(n)};
+}
+
+SplatParameters zeros_like(Context& ctx, const SplatParameters& x) {
+  const auto zeros = [&](const Tensor& t) {
+    const Tensor out = ctx.tensor(t.shape(), Type::f32, "moments");
+    ctx.fill_zero(out);
+    return out;
+  };
+  return {zeros(x.means), zeros(x.log_scales), zeros(x.quats), zeros(x.logits), zeros(x.sh)};
+}
+
+SplatParameters parameters_of(Context& ctx, const Gaussians& g, const FitOptions& options, long capacity) {
+  const auto n = static_cast<long>(g.count);
+  std::vector<float> log_scales(g.scales.size()), logits(g.opacities.size());
+  for (std::size_t i = 0; i < log_scales.size(); ++i)
+    log_scales[i] = std::log(std::clamp(g.scales[i], options.low_scale, options.high_scale));
+  for (std::size_t i = 0; i < logits.size(); ++i) logits[i] = static_cast<float>(logit(g.opacities[i]));
+  const auto s = static_cast<long>(g.sh_count());
+  return {with_capacity(ctx, g.means, {n, 3}, capacity, "means"),
+          with_capacity(ctx, log_scales, {n, 3}, capacity, "log scales"),
+          with_capacity(ctx, g.quats, {n, 4}, capacity, "quats"), with_capacity(ctx, logits, {n}, capacity, "logits"),
+          with_capacity(ctx, g.sh, {n, s, 3}, capacity, "sh")};
+}
+
+}  // namespace
+
+Fitter::Fitter(Context& ctx, const Gaussians& start, float near, const std::optional<std::array<float, 3>>& mirror,
+               const FitOptions& options)
+    : ctx_(ctx), options_(options), near_(near), mirror_(mirror), count_(static_cast<long>(start.count)) {
+  const long capacity = std::max(options.max_gaussians, count_);
+  all_.x = parameters_of(ctx, start, options, capacity);
+  all_.m = zeros_like(ctx, all_.x);
+  all_.v = zeros_like(ctx, all_.x);
+  dall_ = zero_gradients(ctx, capacity, start.sh_degree);
+  scales_ = ctx.tensor({capacity, 3}, Type::f32, "scales");
+  opacities_ = ctx.tensor({capacity}, Type::f32, "opacities");
+  if (options.pull > 0) {
+    home_means_ = ctx.tensor({count_, 3}, Type::f32, "home");
+    home_scales_ = ctx.tensor({count_, 3}, Type::f32, "home");
+    ctx.copy(all_.x.means.first(count_), home_means_);
+    ctx.copy(all_.x.log_scales.first(count_), home_scales_);
+  }
+  loss_ = ctx.tensor({3}, Type::f32, "loss");
+}
+
+DeviceGaussians Fitter::activate(Context& c, const Dropping& dropping) const {
+  const SplatParameters x = vsplat::first(all_, count_).x;
+  splat_parameters_forward(c, {x, dropping, scales_.first(count_), opacities_.first(count_)});
+  return {x.means, scales_.first(count_), x.quats, opacities_.first(count_), x.sh};
+}
+
+RenderOptions Fitter::drawing() const {
+  RenderOptions out;
+  out.near = near_;
+  out.mirror = mirror_;
+  out.exact_tiles = true;
+  return out;
+}
+
+void Fitter::step(const DeviceFitPicture& picture) {
+  const auto now = static_cast<std::uint32_t>(step_);
+  RenderOptions how = drawing();
+  if (picture.masked && options_.random_background && now % 2 == 1) {
+    const auto random = philox4x32_10({0, now, stream_of("fit.background"), 0}, rng_key(options_.seed));
+    for (std::size_t c = 0; c < 3; ++c) how.background[c] = uniform01(random[c]);
+  }
+  const Dropping dropping{options_.drop, options_.seed, now};
+  const DeviceGaussians gaussians = activate(ctx_, dropping);
+  const GaussianGradients gradient = first(dall_, count_);
+  const bool similar = options_.ssim_weight > 0 && step_ % options_.ssim_every == 0;
+  const auto loss = [&](Context& c, const DevicePicture& drawn) {
+    const long h = picture.camera.height, w = picture.camera.width;
+    const Tensor target = c.tensor({h, w, 3}, Type::f32, "target");
+    PictureGradient by{c.tensor({h, w, 3}, Type::f32, "loss by the picture"), {}, {}};
+    if (picture.masked && options_.alpha_weight > 0) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
+    picture_target(c, {picture.given, picture.known, how.background, drawn, options_.alpha_weight, target, by.alpha});
+    const Shape one{1, h, w, 3};
+    PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one),
+                  options_.ssim_weight * static_cast<float>(options_.ssim_every), loss_, by.colour.reshaped(one)};
+    a.error = ErrorKind::absolute;
+    a.similarity = similar && std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
+    picture_loss(c, a);
+    return by;
+  };
+  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient});
+  ++step_;
+  move();
+  if (options_.grow_every > 0 && step_ % options_.grow_every == 0 && step_ < options_.grow_until) grow();
+}
+
+void Fitter::move() {
+  const SplatState now = vsplat::first(all_, count_);
+  const GaussianGradients d = first(dall_, count_);
+  const auto done = static_cast<std::uint32_t>(step_ - 1);
+  const auto share = [&](float weight) { return weight / static_cast<float>(std::max(count_, 1L)); };
+  SplatParametersBackward back{now.x, {options_.drop, options_.seed, done}, d};
+  back.opacity_weight = share(options_.opacity_weight);
+  back.scale_weight = share(options_.scale_weight);
+  if (home_means_ && home_means_.dim(0) == count_) {
+    back.pull = share(options_.pull);
+    back.home_means = home_means_;
+    back.home_scales = home_scales_;
+  }
+  splat_parameters_backward(ctx_, back);
+  const bool shape = step_ > options_.colours_first;
+  const double fall = std::pow(options_.means_fall, static_cast<double>(step_) / static_cast<double>(options_.steps));
+  const double means = shape ? options_.rates.means * fall : 0;
+  const auto adam = [&](const Tensor& x, const Tensor& g, const Tensor& m, const Tensor& v, double rate, float low,
+                        float high, long head, double rest) {
+    SplatAdam a{x, g, m, v, step_, rate, head, rest};
+    a.low = low;
+    a.high = high;
+    splat_adam(ctx_, a);
+  };
+  constexpr float any = std::numeric_limits<float>::infinity();
+  adam(now.x.means, d.means, now.m.means, now.v.means, means, -any, any, 0, 0);
+  adam(now.x.log_scales, d.scales, now.m.log_scales, now.v.log_scales, shape ? options_.rates.log_scales : 0,
+       std::log(options_.low_scale), std::log(options_.high_scale), 0, 0);
+  adam(now.x.quats, d.quats, now.m.quats, now.v.quats, shape ? options_.rates.quats : 0, -any, any, 0, 0);
+  adam(now.x.logits, d.opacities, now.m.logits, now.v.logits, options_.rates.logits, kLeastLogit, kMostLogit, 0, 0);
+  adam(now.x.sh, d.sh, now.m.sh, now.v.sh, options_.rates.sh, -any, any, 3, options_.rates.sh_rest);
+  if (options_.noise > 0 && shape)
+    splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed, done});
+}
+
+void Fitter::grow() {
+  const long capacity = all_.x.count();
+  const long more = static_cast<long>(std::floor(options_.growth * static_cast<double>(count_)));
+  const long wanted = std::max(std::min(more, capacity), count_);
+  count_ = splat_relocate(ctx_, {all_, count_, wanted, options_.seed, static_cast<std::uint32_t>(step_)});
+}
+
+FitScore Fitter::judge(const DeviceFitPicture& picture) {
+  const DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, drawing());
+  const long h = picture.camera.height, w = picture.camera.width;
+  const Tensor target = ctx_.tensor({h, w, 3}, Type::f32, "target"), out = ctx_.tensor({3}, Type::f32, "score");
+  picture_target(ctx_, {picture.given, picture.known, {1, 1, 1}, drawn, 0, target, {}});
+  const Shape one{1, h, w, 3};
+  PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one), 1, out, {}};
+  a.similarity = std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
+  picture_loss(ctx_, a);
+  const auto values = ctx_.read<float>(out);
+  return {-10 * std::log10(std::max(static_cast<double>(values[1]), 1e-12)), static_cast<double>(values[2])};
+}
+
+Gaussians Fitter::gaussians() {
+  Gaussians g = download(ctx_, activate(ctx_, {}));
+  Gaussians out;
+  out.sh_degree = g.sh_degree;
+  const std::size_t s = 3 * g.sh_count();
+  for (std::size_t k = 0; k < g.count; ++k) {
+    if (g.opacities[k] < 1.0f / 255) continue;
+    const float* q = &g.quats[4 * k];
+    const float length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (!(length > 0)) continue;
+    out.means.insert(out.means.end(), &g.means[3 * k], &g.means[3 * k] + 3);
+    out.scales.insert(out.scales.end(), &g.scales[3 * k], &g.scales[3 * k] + 3);
+    for (int i = 0; i < 4; ++i) out.quats.push_back(q[i] / length);
+    out.opacities.push_back(g.opacities[k]);
+    out.sh.insert(out.sh.end(), &g.sh[s * k], &g.sh[s * k] + s);
+    ++out.count;
+  }
+  return out;
+}
+
+}  // namespace vsplat

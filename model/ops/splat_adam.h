@@ -1,0 +1,24 @@
+// Adam on the parameters of Gaussians, a kind at a time.
+#pragma once
+#include <limits>
+
+#include "runtime/context.h"
+
+namespace vsplat {
+
+// Bias-corrected, without decay. Moments start as zeros. The gradient is zeros afterwards. Never waits for the device;
+// every run gives the same bits.
+struct SplatAdam {
+  Tensor param, grad, m, v;  // f32 [K, ...], of one shape
+  long step = 1;             // from 1
+  double rate = 1e-3;
+  // Of each Gaussian's parameters those from `head` on have `rate_rest`; 0: none.
+  long head = 0;
+  double rate_rest = 0;
+  double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
+  float low = -std::numeric_limits<float>::infinity(), high = std::numeric_limits<float>::infinity();  // held within
+};
+
+void splat_adam(Context& ctx, const SplatAdam& a);
+
+}  // namespace vsplat
