@@ -1,4 +1,4 @@
-// A step of Adam (Kingma and Ba 2015) on one kind of parameter of all Gaussians, which clears the gradient for the next:
+// A step of Adam (Kingma and Ba 2015) on one kind of parameter of all Gaussians, which clears the gradient:
 //   m += (1 - beta1) (g - m)   v += (1 - beta2) (g^2 - v)   param -= rate m / (root sqrt(v) + eps)
 // ```
 // argument     type   shape  what

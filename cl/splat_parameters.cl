@@ -68,5 +68,6 @@ kernel void splat_parameters_backward(global const float* restrict log_scales, g
   }
   const float opacity = sigmoid(logits[k]);
   const bool moves = raise * opacity < 1.0f && is_kept(k, drop_below, draw, stream, key0, key1);
-  dopacities[k] = ((moves ? raise * dopacities[k] : 0.0f) + opacity_weight) * opacity * (1.0f - opacity);
+  const float slope = opacity * sigmoid(-logits[k]);  // 1 - opacity, not rounded near 1
+  dopacities[k] = ((moves ? raise * dopacities[k] : 0.0f) + opacity_weight) * slope;
 }
