@@ -265,8 +265,8 @@ kernel void loss_means(global const float* restrict sums, global float* restrict
   means[first + i] = sum / pixels;
 }
 
-// The loss from the means. Without scales there is no similarity. With one it is the mean of SSIM; with five it is the mean over planes of
-// the product, over the scales, of the positive part of each to its power.
+// The loss from the means. Without scales there is no similarity. With one it is the mean of SSIM; with five it is the
+// mean over planes of the product, over the scales, of the positive part of each to its power.
 // ```
 // argument    type   shape              what
 // means       f32    [1+scales,planes]  of d^2 or |d|, then of off scale by scale

@@ -15,8 +15,8 @@ Image premultiplied(const Image& picture, const Image* mask);
 Image over(const Image& premultiplied, const std::array<float, 3>& background);
 Image on_white(const Image& premultiplied);
 
-// A window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and width. `size` pixels along its
-// width result, and as many along its height, or `rows` of the same scale where that is not 0.
+// A window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and width. `size` pixels along
+// its width result, and as many along its height, or `rows` of the same scale where that is not 0.
 struct Window {
   double x0 = 0, y0 = 0, side = 0;
   int size = 0;

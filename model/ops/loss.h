@@ -10,8 +10,8 @@ namespace vsplat {
 // pixels it is MS-SSIM: five scales, each half the size of the last, with means over the windows for each picture and
 // channel, of which negative ones count as 0 (and so does their gradient). An absolute error of 0 has the slope 0.
 //
-// Takes memory for about ten times the pictures while it runs, without the similarity for twice. Never waits for the device; every run gives the same
-// bits.
+// Takes memory for about ten times the pictures while it runs, without the similarity for twice. Never waits for the
+// device; every run gives the same bits.
 enum class ErrorKind { squared, absolute };
 // automatic: SSIM or, where the picture is large enough, MS-SSIM. none: neither is computed, ssim_weight is ignored.
 enum class SimilarityKind { automatic, single_scale, none };

@@ -70,9 +70,13 @@ inline Plane halve(const Plane& p) {
   return out;
 }
 
+struct LossKind {
+  bool absolute = false, single_scale = false, similar = true;
+};
+
 // SSIM, or MS-SSIM where both sides exceed 160.
-inline double plane_similarity(Plane a, Plane b) {
-  if (std::min(a.height, a.width) <= 160) return similarity(a, b)[0];
+inline double plane_similarity(Plane a, Plane b, const LossKind& kind) {
+  if (kind.single_scale || std::min(a.height, a.width) <= 160) return similarity(a, b)[0];
   double product = 1;
   for (const double power : {0.0448, 0.2856, 0.3001, 0.2363, 0.1333}) {
     product *= std::pow(std::max(similarity(a, b)[power == 0.1333 ? 0 : 1], 0.0), power);
@@ -81,44 +85,46 @@ inline double plane_similarity(Plane a, Plane b) {
   return product;
 }
 
-// Of plane i = 3 n + c of pictures and target [N, h, w, 3]: the sum of squares, and the similarity.
+// Of plane i = 3 n + c of pictures and target [N, h, w, 3]: the sum of errors, and the similarity (1 where there is
+// none).
 inline std::array<double, 2> plane_loss(const std::vector<double>& pictures, const std::vector<float>& target, long i,
-                                        long h, long w) {
+                                        long h, long w, const LossKind& kind) {
   Plane a{h, w}, b{h, w};
-  double squares = 0;
+  double errors = 0;
   for (long p = 0; p < h * w; ++p) {
     const auto at = static_cast<std::size_t>((i / 3 * h * w + p) * 3 + i % 3);
     a.v.push_back(std::clamp(pictures[at], 0.0, 1.0));
     b.v.push_back(target[at]);
-    squares += (a.v.back() - b.v.back()) * (a.v.back() - b.v.back());
+    const double d = a.v.back() - b.v.back();
+    errors += kind.absolute ? std::abs(d) : d * d;
   }
-  return {squares, plane_similarity(a, b)};
+  return {errors, kind.similar ? plane_similarity(a, b, kind) : 1};
 }
 
-// The loss, the mean squared error, the similarity.
+// The loss, the mean error, the similarity.
 inline std::array<double, 3> loss(const std::vector<double>& pictures, const std::vector<float>& target, long h, long w,
-                                  double weight) {
+                                  double weight, const LossKind& kind = {}) {
   const long planes = static_cast<long>(pictures.size()) / (h * w);
-  double squares = 0, similar = 0;
+  double errors = 0, similar = 0;
   for (long i = 0; i < planes; ++i) {
-    const auto one = plane_loss(pictures, target, i, h, w);
-    squares += one[0], similar += one[1];
+    const auto one = plane_loss(pictures, target, i, h, w, kind);
+    errors += one[0], similar += one[1];
   }
-  squares /= static_cast<double>(pictures.size()), similar /= static_cast<double>(planes);
-  return {squares + weight * (1 - similar), squares, similar};
+  errors /= static_cast<double>(pictures.size()), similar /= static_cast<double>(planes);
+  return {errors + weight * (1 - similar), errors, kind.similar ? similar : 0};
 }
 
 // The loss's derivative by number `at` of the pictures, by central differences in its plane (the others do not depend
 // on it).
 inline double loss_slope(std::vector<double> pictures, const std::vector<float>& target, long h, long w, double weight,
-                         std::size_t at) {
+                         std::size_t at, const LossKind& kind = {}) {
   const double step = 1e-5;
   const long n = static_cast<long>(at) / (h * w * 3), plane = 3 * n + static_cast<long>(at) % 3;
   const auto count = static_cast<double>(pictures.size()), planes = count / static_cast<double>(h * w);
   pictures[at] += step;
-  const auto up = plane_loss(pictures, target, plane, h, w);
+  const auto up = plane_loss(pictures, target, plane, h, w, kind);
   pictures[at] -= 2 * step;
-  const auto down = plane_loss(pictures, target, plane, h, w);
+  const auto down = plane_loss(pictures, target, plane, h, w, kind);
   return ((up[0] - down[0]) / count - weight * (up[1] - down[1]) / planes) / (2 * step);
 }
 

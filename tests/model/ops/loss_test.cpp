@@ -18,6 +18,13 @@ std::vector<float> noisy(const std::vector<float>& target, float noise, std::uin
   return out;
 }
 
+// None within 1e-4 of their target, where the absolute value has its kink.
+std::vector<float> apart(std::vector<float> pictures, const std::vector<float>& target) {
+  for (std::size_t i = 0; i < pictures.size(); ++i)
+    if (std::abs(pictures[i] - target[i]) < 1e-4f) pictures[i] += pictures[i] < 0.5f ? 3e-4f : -3e-4f;
+  return pictures;
+}
+
 // Smooth, as pictures are, with flat white parts.
 std::vector<float> smooth(long n, long h, long w) {
   std::vector<float> out;
@@ -28,17 +35,23 @@ std::vector<float> smooth(long n, long h, long w) {
   return out;
 }
 
+struct Kind {
+  ErrorKind error = ErrorKind::squared;
+  SimilarityKind similarity = SimilarityKind::automatic;
+};
+
 class Loss : public test::FlavourTest {
  protected:
   struct Result {
     std::vector<float> out, gradient;
   };
 
-  Result run(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w,
-             float weight = 0.5f) {
+  Result run(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w, float weight = 0.5f,
+             const Kind& kind = {}) {
     const Shape shape = {static_cast<long>(pictures.size()) / (h * w * 3), h, w, 3};
     PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), weight, ctx().upload({3}, test::nans(3)),
                   ctx().upload(shape, test::nans(pictures.size()))};
+    a.error = kind.error, a.similarity = kind.similarity;
     picture_loss(ctx(), a);
     Result result{ctx().read<float>(a.out), ctx().read<float>(a.dpictures)};
     a.dpictures = {};
@@ -50,17 +63,19 @@ class Loss : public test::FlavourTest {
 
   // The value, and the gradient of every `stride`-th number, the first and the last.
   void check(const std::vector<float>& pictures, const std::vector<float>& target, long h, long w, std::size_t stride,
-             float weight = 0.5f) {
-    const Result got = run(pictures, target, h, w, weight);
+             float weight = 0.5f, const Kind& kind = {}) {
+    const Result got = run(pictures, target, h, w, weight, kind);
+    const ref::LossKind ref_kind{kind.error == ErrorKind::absolute, kind.similarity == SimilarityKind::single_scale,
+                                 kind.similarity != SimilarityKind::none};
     const std::vector<double> wide(pictures.begin(), pictures.end());
-    const auto want = ref::loss(wide, target, h, w, weight);
+    const auto want = ref::loss(wide, target, h, w, weight, ref_kind);
     for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(got.out[i], want[i], 1e-6) << h << " x " << w << ", out " << i;
     std::vector<float> slopes;
     std::vector<double> expected;
     for (std::size_t at = 0; at < pictures.size();
          at = at + 1 < pictures.size() ? std::min(at + stride, pictures.size() - 1) : at + 1) {
       slopes.push_back(got.gradient[at]);
-      expected.push_back(ref::loss_slope(wide, target, h, w, weight, at));
+      expected.push_back(ref::loss_slope(wide, target, h, w, weight, at, ref_kind));
     }
     EXPECT_TRUE(test::close(slopes, expected, 2e-5)) << h << " x " << w;
   }
@@ -94,6 +109,40 @@ TEST_P(Loss, MatchesReferenceAtManyScales) {
 TEST_P(Loss, WeightOfZeroIsMeanSquaredError) {
   const auto target = test::random_floats(12 * 14 * 3, 8, 0, 1);
   check(noisy(target, 0.3f, 9), target, 12, 14, 7, 0.0f);
+}
+
+TEST_P(Loss, AbsoluteErrorMatchesReference) {
+  for (const auto& [n, h, w] : {std::array<long, 3>{1, 11, 11}, {2, 12, 11}, {3, 21, 22}, {1, 33, 75}}) {
+    const auto target = test::random_floats(static_cast<std::size_t>(n * h * w * 3), 12, 0, 1);
+    check(apart(noisy(target, 0.3f, 13), target), target, h, w, static_cast<std::size_t>(n * h * w / 60), 0.2f,
+          {ErrorKind::absolute, SimilarityKind::automatic});
+  }
+  const auto target = smooth(1, 161, 163);  // with five scales
+  check(apart(noisy(target, 0.4f, 14), target), target, 161, 163, 6007, 0.2f,
+        {ErrorKind::absolute, SimilarityKind::automatic});
+}
+
+// Where it would be MS-SSIM otherwise, which is another number.
+TEST_P(Loss, SingleScaleMatchesReferenceOnLargePictures) {
+  const auto target = smooth(2, 167, 180);
+  const auto pictures = apart(noisy(target, 0.4f, 15), target);
+  for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
+    check(pictures, target, 167, 180, 12007, 0.3f, {error, SimilarityKind::single_scale});
+  const float many = run(pictures, target, 167, 180).out[2];
+  EXPECT_GT(
+      std::abs(run(pictures, target, 167, 180, 0.5f, {ErrorKind::squared, SimilarityKind::single_scale}).out[2] - many),
+      0.05f);
+}
+
+// Which pictures smaller than a window have, too. The weight of what is not there is ignored.
+TEST_P(Loss, ErrorAloneMatchesReferenceAtEverySize) {
+  for (const auto& [n, h, w] :
+       {std::array<long, 3>{1, 1, 1}, {1, 1, 10}, {2, 7, 3}, {1, 10, 11}, {3, 21, 22}, {1, 64, 64}, {1, 161, 162}}) {
+    const auto target = test::random_floats(static_cast<std::size_t>(n * h * w * 3), 16, 0, 1);
+    for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
+      check(apart(noisy(target, 0.3f, 17), target), target, h, w, static_cast<std::size_t>(n * h * w / 60 + 1), 0.5f,
+            {error, SimilarityKind::none});
+  }
 }
 
 // loss() of the PyTorch specification and autograd, in float64.
@@ -144,6 +193,11 @@ TEST_P(Loss, EqualPicturesHaveNone) {
     const Result got = run(target, target, h, h);
     EXPECT_EQ(got.out, (std::vector<float>{0, 0, 1}));
     EXPECT_EQ(got.gradient, std::vector<float>(target.size(), 0.0f));
+    for (const SimilarityKind similarity : {SimilarityKind::single_scale, SimilarityKind::none}) {
+      const Result other = run(target, target, h, h, 0.5f, {ErrorKind::absolute, similarity});
+      EXPECT_EQ(other.out, (std::vector<float>{0, 0, similarity == SimilarityKind::none ? 0.0f : 1.0f}));
+      EXPECT_EQ(other.gradient, got.gradient) << "an absolute error of 0 has no slope";
+    }
   }
 }
 
@@ -157,6 +211,11 @@ TEST_P(Loss, ClampsFirst) {
   EXPECT_EQ(got.gradient, std::vector<float>(white.size(), 0.0f));
   got = run(std::vector<float>(white.size(), 0.0f), white, 16, 16);  // the ends of the interval count
   for (const float g : got.gradient) EXPECT_LT(g, 0);
+  for (const SimilarityKind similarity : {SimilarityKind::automatic, SimilarityKind::none}) {
+    got = run(below, white, 16, 16, 0.5f, {ErrorKind::absolute, similarity});
+    EXPECT_NEAR(got.out[1], 1, 1e-7);
+    EXPECT_EQ(got.gradient, std::vector<float>(white.size(), 0.0f));
+  }
 }
 
 // Contrast turned round at every scale: similarity 0, and the gradient is that of the squares.
@@ -210,11 +269,16 @@ TEST_P(Loss, NanStaysNan) {
   const auto target = smooth(1, 15, 15);
   auto pictures = target;
   pictures[300] = test::nans(1)[0];
-  PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), 0.5f, ctx().tensor({3}),
-                ctx().tensor(shape)};
-  picture_loss(ctx(), a);
-  EXPECT_TRUE(std::isnan(ctx().read<float>(a.out)[0]));
-  EXPECT_TRUE(std::isnan(ctx().read<float>(a.dpictures)[300]));
+  for (const ErrorKind error : {ErrorKind::squared, ErrorKind::absolute})
+    for (const SimilarityKind similarity :
+         {SimilarityKind::automatic, SimilarityKind::single_scale, SimilarityKind::none}) {
+      PictureLoss a{ctx().upload(shape, pictures), ctx().upload(shape, target), 0.5f, ctx().tensor({3}),
+                    ctx().tensor(shape)};
+      a.error = error, a.similarity = similarity;
+      picture_loss(ctx(), a);
+      EXPECT_TRUE(std::isnan(ctx().read<float>(a.out)[0]));
+      EXPECT_TRUE(std::isnan(ctx().read<float>(a.dpictures)[300]));
+    }
 }
 
 TEST_P(Loss, RejectsWhatDoesNotFit) {
@@ -226,6 +290,10 @@ TEST_P(Loss, RejectsWhatDoesNotFit) {
   EXPECT_THROW(picture_loss(ctx(), {low, low, 0.5f, three, {}}), Error);
   EXPECT_THROW(picture_loss(ctx(), {none, none, 0.5f, three, {}}), Error);
   EXPECT_THROW(picture_loss(ctx(), {grey, grey, 0.5f, three, {}}), Error);
+  PictureLoss alone{none, none, 0.5f, three, {}, 1, ErrorKind::squared, SimilarityKind::none};
+  EXPECT_THROW(picture_loss(ctx(), alone), Error);
+  alone.pictures = alone.target = ctx().tensor({1, 0, 12, 3});
+  EXPECT_THROW(picture_loss(ctx(), alone), Error);
 }
 
 }  // namespace
