@@ -19,10 +19,11 @@ double logit(double p) {
 
 // Room for more rows than there are; the others are zeros.
 Tensor with_capacity(Context& ctx, const std::vector<float>& values, Shape shape, long capacity, const char* what) {
-  const long each = shape.empty() ? 1 : shape[0] > 0 ? static_cast<long>(values.size()) / shape[0] : 0;
   shape[0] = capacity;
+  long count = 1;
+  for (const long d : shape) count *= d;
   std::vector<float> data(values);
-  data.resize(static_cast<std::size_t>(each * capacity), 0.0f);
+  data.resize(static_cast<std::size_t>(count), 0.0f);
   return ctx.upload(shape, data, Type::f32, what);
 }
 
@@ -74,10 +75,13 @@ Fitter::Fitter(Context& ctx, const Gaussians& start, float near, const std::opti
 }
 
 DeviceGaussians Fitter::activate(Context& c, const Dropping& dropping) const {
-  const SplatParameters x = vsplat::first(all_, count_).x;
+  const SplatParameters x = parameters();
   splat_parameters_forward(c, {x, dropping, scales_.first(count_), opacities_.first(count_)});
   return {x.means, scales_.first(count_), x.quats, opacities_.first(count_), x.sh};
 }
+
+SplatParameters Fitter::parameters() const { return vsplat::first(all_, count_).x; }
+GaussianGradients Fitter::gradient() const { return first(dall_, count_); }
 
 RenderOptions Fitter::drawing() const {
   RenderOptions out;
@@ -88,6 +92,11 @@ RenderOptions Fitter::drawing() const {
 }
 
 void Fitter::step(const DeviceFitPicture& picture) {
+  differentiate(picture);
+  move();
+}
+
+void Fitter::differentiate(const DeviceFitPicture& picture) {
   const auto now = static_cast<std::uint32_t>(step_);
   RenderOptions how = drawing();
   if (picture.masked && options_.random_background && now % 2 == 1) {
@@ -96,7 +105,6 @@ void Fitter::step(const DeviceFitPicture& picture) {
   }
   const Dropping dropping{options_.drop, options_.seed, now};
   const DeviceGaussians gaussians = activate(ctx_, dropping);
-  const GaussianGradients gradient = first(dall_, count_);
   const bool similar = options_.ssim_weight > 0 && step_ % options_.ssim_every == 0;
   const auto loss = [&](Context& c, const DevicePicture& drawn) {
     const long h = picture.camera.height, w = picture.camera.width;
@@ -112,18 +120,9 @@ void Fitter::step(const DeviceFitPicture& picture) {
     picture_loss(c, a);
     return by;
   };
-  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient});
-  ++step_;
-  move();
-  if (options_.grow_every > 0 && step_ % options_.grow_every == 0 && step_ < options_.grow_until) grow();
-}
-
-void Fitter::move() {
-  const SplatState now = vsplat::first(all_, count_);
-  const GaussianGradients d = first(dall_, count_);
-  const auto done = static_cast<std::uint32_t>(step_ - 1);
+  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()});
   const auto share = [&](float weight) { return weight / static_cast<float>(std::max(count_, 1L)); };
-  SplatParametersBackward back{now.x, {options_.drop, options_.seed, done}, d};
+  SplatParametersBackward back{parameters(), dropping, gradient()};
   back.opacity_weight = share(options_.opacity_weight);
   back.scale_weight = share(options_.scale_weight);
   if (home_means_ && home_means_.dim(0) == count_) {
@@ -132,6 +131,12 @@ void Fitter::move() {
     back.home_scales = home_scales_;
   }
   splat_parameters_backward(ctx_, back);
+}
+
+void Fitter::move() {
+  ++step_;
+  const SplatState now = vsplat::first(all_, count_);
+  const GaussianGradients d = gradient();
   const bool shape = step_ > options_.colours_first;
   const double fall = std::pow(options_.means_fall, static_cast<double>(step_) / static_cast<double>(options_.steps));
   const double means = shape ? options_.rates.means * fall : 0;
@@ -150,7 +155,9 @@ void Fitter::move() {
   adam(now.x.logits, d.opacities, now.m.logits, now.v.logits, options_.rates.logits, kLeastLogit, kMostLogit, 0, 0);
   adam(now.x.sh, d.sh, now.m.sh, now.v.sh, options_.rates.sh, -any, any, 3, options_.rates.sh_rest);
   if (options_.noise > 0 && shape)
-    splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed, done});
+    splat_noise(ctx_, {now.x, options_.noise * static_cast<float>(means), options_.seed,
+                       static_cast<std::uint32_t>(step_ - 1)});
+  if (options_.grow_every > 0 && step_ % options_.grow_every == 0 && step_ < options_.grow_until) grow();
 }
 
 void Fitter::grow() {

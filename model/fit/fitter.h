@@ -55,21 +55,25 @@ class Fitter {
   long count() const { return count_; }
   long steps_done() const { return step_; }
 
-  // One step on one picture. Waits for the device as render_with_backward() does.
+  // One step on one picture: differentiate(), then move().
   void step(const DeviceFitPicture& picture);
+  // Leaves the gradient of this step's loss in gradient(). Waits for the device as render_with_backward() does.
+  void differentiate(const DeviceFitPicture& picture);
+  // Moves the parameters by the gradient, which is zeros then, and now and then relocates Gaussians.
+  void move();
   // The loss of the last step on the device, f32 [3]: as PictureLoss::out.
   const Tensor& last_loss() const { return loss_; }
+
+  SplatParameters parameters() const;
+  GaussianGradients gradient() const;  // by the parameters: its scales are by log scales, its opacities by logits
 
   FitScore judge(const DeviceFitPicture& picture);
   // As it is now, all finite; those that cannot be seen are left out.
   Gaussians gaussians();
 
  private:
-  PictureGradient loss(Context& c, const DeviceFitPicture& picture, const DevicePicture& drawn,
-                       const Tensor& out) const;
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   RenderOptions drawing() const;
-  void move();
   void grow();
 
   Context& ctx_;
