@@ -67,6 +67,9 @@ class Fitter {
   SplatParameters parameters() const;
   GaussianGradients gradient() const;  // by the parameters: its scales are by log scales, its opacities by logits
 
+  // As if it had grown as far as it may: for plans.
+  void plan_grown() { count_ = all_.x.count(); }
+
   FitScore judge(const DeviceFitPicture& picture);
   // As it is now, all finite; those that cannot be seen are left out.
   Gaussians gaussians();

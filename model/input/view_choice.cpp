@@ -93,8 +93,6 @@ int find_view(const ViewSet& set, const std::string& name) {
 }
 
 std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>& names) {
-  if (names.size() > max_views)
-    fail(Status::usage, "vsplat_input_options.names has {} views, the network takes 1 to {}", names.size(), max_views);
   std::vector<int> out;
   for (const std::string& name : names) {
     const int index = find_view(set, name);
@@ -106,6 +104,22 @@ std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>&
     out.push_back(index);
   }
   return out;
+}
+
+std::vector<int> with_pictures(const ViewSet& set) {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < set.views.size(); ++i)
+    if (!set.views[i].picture.empty()) out.push_back(static_cast<int>(i));
+  if (out.empty()) fail(Status::input, "{}: no view is left that has a picture", set.source.string());
+  return out;
+}
+
+// Error(file) where a view has a mask listed that is not there.
+void need_masks(const ViewSet& set, const std::vector<int>& views) {
+  std::error_code error;
+  for (const int i : views)
+    if (const auto& mask = set.views[i].mask; mask && !fs::is_regular_file(*mask, error))
+      fail(Status::file, "{}: no such file; it is the mask of {}", mask->string(), set.views[i].name);
 }
 
 }  // namespace
@@ -155,12 +169,13 @@ std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
   if (request.names.empty() && (request.wanted < 1 || request.wanted > max_views))
     fail(Status::usage, "{} views are asked for, the network takes 1 to {}", request.wanted, max_views);
   std::vector<int> out;
+  if (request.names.size() > max_views)
+    fail(Status::usage, "vsplat_input_options.names has {} views, the network takes 1 to {}", request.names.size(),
+         max_views);
   if (!request.names.empty()) {
     out = named_views(set, request.names);
   } else {
-    for (std::size_t i = 0; i < set.views.size(); ++i)
-      if (!set.views[i].picture.empty()) out.push_back(static_cast<int>(i));
-    if (out.empty()) fail(Status::input, "{}: no view is left that has a picture", set.source.string());
+    out = with_pictures(set);
     const int found = static_cast<int>(out.size());
     if (found > request.wanted) {
       std::vector<Eigen::Vector3d> positions;
@@ -176,10 +191,13 @@ std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
            request.wanted);
     }
   }
-  std::error_code error;
-  for (const int i : out)
-    if (const auto& mask = set.views[i].mask; mask && !fs::is_regular_file(*mask, error))
-      fail(Status::file, "{}: no such file; it is the mask of {}", mask->string(), set.views[i].name);
+  need_masks(set, out);
+  return out;
+}
+
+std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names) {
+  std::vector<int> out = names.empty() ? with_pictures(set) : named_views(set, names);
+  need_masks(set, out);
   return out;
 }
 

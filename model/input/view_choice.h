@@ -35,4 +35,7 @@ struct ViewRequest {
 // than 16 names; Error(file) where a view chosen has a mask listed that is not there; Error(input) where none is left.
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request);
 
+// Those named, as ViewRequest has them but in any number, or all that have a picture. Errors as choose_views().
+std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names);
+
 }  // namespace vsplat

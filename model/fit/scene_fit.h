@@ -67,13 +67,13 @@ struct FitResult {
   std::vector<int> suspects;
 };
 
-class Fit {
+class SceneFit {
  public:
   // Error(usage or input) for views, Error(memory) where a step would not fit. `photographs` and `ctx` must outlive it.
-  Fit(Context& ctx, const Photographs& photographs, FitStart start, FitRequest request);
-  ~Fit();
-  Fit(const Fit&) = delete;
-  Fit& operator=(const Fit&) = delete;
+  SceneFit(Context& ctx, const Photographs& photographs, FitStart start, FitRequest request);
+  ~SceneFit();
+  SceneFit(const SceneFit&) = delete;
+  SceneFit& operator=(const SceneFit&) = delete;
 
   // One step; false once there is none left. Waits for the device.
   bool step();

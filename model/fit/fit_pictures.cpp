@@ -1,0 +1,65 @@
+#include "model/fit/fit_pictures.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/input/placement.h"
+#include "runtime/fail.h"
+
+namespace vsplat {
+namespace {
+
+std::size_t bytes_of(const FitPicture& picture) { return picture.rgba.size() + picture.known.size(); }
+
+std::vector<std::uint8_t> as_bytes(const Image& image, const std::string& name) {
+  std::vector<std::uint8_t> out(image.data.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const float v = image.data[i];
+    if (!std::isfinite(v)) {
+      const std::size_t pixel = i / static_cast<std::size_t>(image.channels);
+      fail(Status::input, "{}: the pixel at {}, {} is {}, a finite number expected", name,
+           pixel % static_cast<std::size_t>(image.width), pixel / static_cast<std::size_t>(image.width), v);
+    }
+    out[i] = static_cast<std::uint8_t>(std::lround(255.0f * std::clamp(v, 0.0f, 1.0f)));
+  }
+  return out;
+}
+
+}  // namespace
+
+FitPictures::FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap)
+    : photographs_(photographs), to_world_(to_world), longest_(longest), cap_(cap) {}
+
+std::shared_ptr<const FitPicture> FitPictures::load(int view) const {
+  LoadedPhotograph photograph(photographs_, view);
+  auto out = std::make_shared<FitPicture>();
+  const std::string name = photograph.listed().name;
+  out->masked = photograph.is_masked();
+  const WholeView whole = photograph.whole(longest_);
+  out->name = name;
+  out->camera = to_frame(whole.camera, to_world_);
+  out->rgba = as_bytes(whole.image, name);
+  for (const float known : whole.known.data) out->known.push_back(known > 0.5f ? 1 : 0);
+  return out;
+}
+
+std::shared_ptr<const FitPicture> FitPictures::at(int view) {
+  const auto there = kept_.find(view);
+  if (there != kept_.end()) {
+    ages_.splice(ages_.begin(), ages_, there->second.age);
+    return there->second.picture;
+  }
+  const std::shared_ptr<const FitPicture> picture = load(view);
+  bytes_ += bytes_of(*picture);
+  while (bytes_ > cap_ && !ages_.empty()) {
+    const auto oldest = kept_.find(ages_.back());
+    bytes_ -= bytes_of(*oldest->second.picture);
+    kept_.erase(oldest);
+    ages_.pop_back();
+  }
+  ages_.push_front(view);
+  kept_.emplace(view, Kept{picture, ages_.begin()});
+  return picture;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,32 @@
+#include "model/fit/fit_plan.h"
+
+#include "runtime/fail.h"
+#include "runtime/units.h"
+
+namespace vsplat {
+
+FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                   const Camera& camera) {
+  const auto planner = ctx.planner();
+  FitOptions grown = options;
+  Fitter fitter(*planner, start, near, {}, grown);
+  fitter.plan_grown();
+  const long h = camera.height, w = camera.width;
+  fitter.step(
+      {camera, planner->tensor({h, w, 4}, Type::u8, "picture"), planner->tensor({h, w}, Type::u8, "known"), true});
+  return {planner->memory().peak(), planner->stage_memory()};
+}
+
+void expect_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                 const Camera& camera) {
+  const std::size_t limit = ctx.memory().limits().total, peak = plan_fit(ctx, start, near, options, camera).peak;
+  if (peak > limit)
+    fail(Status::memory,
+         "not enough device memory: {} Gaussians fitted to pictures of {} x {} pixels take {:.4g} GiB, {:.4g} GiB may "
+         "be used (vsplat_device_options.max_memory_gib; fewer vsplat_refine_options.max_gaussians or a smaller "
+         "vsplat_refine_options.longest take less)",
+         std::max(options.max_gaussians, static_cast<long>(start.count)), camera.width, camera.height, gib(peak),
+         gib(limit));
+}
+
+}  // namespace vsplat

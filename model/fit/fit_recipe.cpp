@@ -1,0 +1,56 @@
+#include "model/fit/fit_recipe.h"
+
+#include <algorithm>
+
+namespace vsplat {
+namespace {
+
+// No growth, and rates by the step alone, since the number of steps is yet to be found. SSIM in the loss brings nothing
+// here, leaving Gaussians out a little.
+FitRecipe for_few() {
+  FitRecipe out;
+  out.steps = 200;
+  out.judge_every = 25;
+  out.options.grow_every = 0;
+  out.options.ssim_weight = 0;
+  out.options.drop = 0.1f;
+  return out;
+}
+
+// 3DGS-MCMC's regularisers, relocation and growth; its noise is left out, since runs of some hundred steps only lose
+// by it.
+FitRecipe for_many(double object_pixels, long count) {
+  FitRecipe out;
+  out.steps = 1000;
+  out.judge_every = 100;
+  out.least_degree = 2;
+  out.options.opacity_weight = 0.01f;
+  out.options.scale_weight = 0.01f;
+  out.options.grow_every = 50;
+  out.options.growth = 1.15;
+  out.options.max_gaussians = std::max(static_cast<long>(0.8 * object_pixels), 2 * count);
+  return out;
+}
+
+}  // namespace
+
+FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count) {
+  FitRecipe out = views < kManyViews ? for_few() : for_many(object_pixels, count);
+  FitOptions& o = out.options;
+  if (request.steps > 0) out.steps = request.steps;
+  if (views >= kManyViews) o.steps = out.steps;
+  o.grow_until = out.steps * 3 / 4;
+  if (request.max_gaussians > 0) o.max_gaussians = request.max_gaussians;
+  o.max_gaussians = std::max(o.max_gaussians, count);
+  o.seed = request.seed;
+  if (request.freeze.means) o.rates.means = 0;
+  if (request.freeze.scales) o.rates.log_scales = 0;
+  if (request.freeze.rotations) o.rates.quats = 0;
+  if (request.freeze.opacities) o.rates.logits = 0;
+  if (request.freeze.sh) o.rates.sh = o.rates.sh_rest = 0;
+  // Relocation moves what is frozen.
+  if (request.freeze.means || request.freeze.scales || request.freeze.opacities) o.grow_every = 0;
+  return out;
+}
+
+}  // namespace vsplat
