@@ -81,8 +81,11 @@ struct Suite {
   const char* name;
   std::vector<Case> (*cases)(const Options&);
 };
-const std::vector<Suite> kSuites = {
-    {"gemm", gemm_cases}, {"conv", conv_cases}, {"render", render_cases}, {"train", train_cases}};
+const std::vector<Suite> kSuites = {{"gemm", gemm_cases},
+                                    {"conv", conv_cases},
+                                    {"render", render_cases},
+                                    {"train", train_cases},
+                                    {"refine", refine_cases}};
 
 // What a kernel does for a pass, from its name.
 std::string stage_of(const std::string& kernel) {
@@ -96,6 +99,9 @@ std::string stage_of(const std::string& kernel) {
                                                                  {"tile_bin", "bin"},
                                                                  {"rasterize_backward", "rasterize_backward"},
                                                                  {"rasterize", "rasterize"},
+                                                                 {"loss_", "loss"},
+                                                                 {"picture_target", "loss"},
+                                                                 {"splat_", "optimiser"},
                                                                  {"read", "transfer"},
                                                                  {"write", "transfer"},
                                                                  {"copy", "transfer"},
@@ -134,7 +140,7 @@ Profiled profile(Context& ctx, const Prepared& p, double seconds) {
     const Cost cost{(row.flops - old.flops) / p.inputs, (row.bytes - old.bytes) / p.inputs};
     out.cost.flops += cost.flops;
     out.cost.bytes += cost.bytes;
-    if (p.kind == Kind::training)
+    if (p.kind == Kind::training || p.kind == Kind::fitting)
       out.kernels.push_back({stage, row.name, static_cast<double>(row.calls - old.calls) / p.inputs, each,
                              cost.flops / each / 1e9, cost.bytes / each / 1e9});
   }
@@ -185,6 +191,8 @@ const char* name_of(Kind kind) {
       return "backward";
     case Kind::training:
       return "training";
+    case Kind::fitting:
+      return "fitting";
   }
   return "?";
 }

@@ -14,10 +14,11 @@
 
 namespace vsplat::bench {
 
-// A single kernel, named by the peak that it is held against, or a whole pass of many: of drawing, or of training.
-enum class Kind { compute, memory, forward, backward, training };
+// A single kernel, named by the peak that it is held against, or a whole pass of many: of drawing, of
+// training, or of refinement.
+enum class Kind { compute, memory, forward, backward, training, fitting };
 const char* name_of(Kind kind);
-inline bool is_pass(Kind kind) { return kind == Kind::forward || kind == Kind::backward || kind == Kind::training; }
+inline bool is_pass(Kind kind) { return kind != Kind::compute && kind != Kind::memory; }
 
 // A case that is ready to run, its data on the device.
 struct Prepared {
@@ -68,7 +69,7 @@ struct Result {
   double error = 0;
   std::map<std::string, double> reference;  // library -> median seconds
   std::map<std::string, double> stages;     // of a pass: shares of its time, "host" is what no kernel accounts for
-  std::vector<KernelTime> kernels;          // of a training pass, most time first
+  std::vector<KernelTime> kernels;          // of a step of training or refinement, most time first
 };
 
 struct Report {
@@ -89,5 +90,6 @@ std::vector<Case> gemm_cases(const Options& options);
 std::vector<Case> conv_cases(const Options& options);
 std::vector<Case> render_cases(const Options& options);
 std::vector<Case> train_cases(const Options& options);
+std::vector<Case> refine_cases(const Options& options);
 
 }  // namespace vsplat::bench

@@ -9,6 +9,7 @@
 #include "bench/bench.h"
 #include "bench/reference/rasterize_backward.h"
 #include "bench/reference/splat.h"
+#include "bench/render.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
 #include "model/base/scene.h"
@@ -183,6 +184,8 @@ double gradient_error(Context& ctx, const Data& data, const Camera& camera) {
   return std::max(typical(errors[0], largest[0]), typical(errors[1], largest[1]));
 }
 
+}  // namespace
+
 // With drawing, to begin with, as a fit does it.
 Prepared prepare_backward(Context& ctx, const std::string& name, const std::string& folder) {
   const auto d = make_data(ctx, name, folder);
@@ -205,8 +208,6 @@ Prepared prepare_backward(Context& ctx, const std::string& name, const std::stri
   p.tolerance = 1e-5;
   return p;
 }
-
-}  // namespace
 
 std::vector<Case> render_cases(const Options& options) {
   std::vector<Case> cases;

@@ -80,7 +80,7 @@ void add_bench(CLI::App& app, Run& run) {
       app.add_subcommand("bench", "Time dense kernels, drawing and training against what the device can do");
   sub->add_option("suites", o->suites, "Which suites (default: all)")
       ->check(one_of(vsplat::bench::suite_names()))
-      ->type_name("gemm|conv|render|train");
+      ->type_name("gemm|conv|render|train|refine");
   sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
   sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
   sub->add_flag("--references", o->references, "Other libraries' kernels, too (CLBlast compiles for long on a CPU)");
@@ -102,6 +102,7 @@ void add_bench(CLI::App& app, Run& run) {
       "  vsplat bench conv --run 48 --json\n"
       "  vsplat bench render --run small\n"
       "  vsplat bench train --run network\n"
+      "  vsplat bench refine --run object\n"
       "Scenes are small-5k (128 x 128 pixels), object-190k (512 x 512) and slab-1m (1280 x 720), each forward and "
       "backward\n"
       "(which draws once more). A frame is timed from the call until the device is done, by 8 cameras in turn; the "

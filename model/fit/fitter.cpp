@@ -145,6 +145,7 @@ void Fitter::move() {
     SplatAdam a{x, g, m, v, step_, rate, head, rest};
     a.low = low;
     a.high = high;
+    a.sparse = true;
     splat_adam(ctx_, a);
   };
   constexpr float any = std::numeric_limits<float>::infinity();

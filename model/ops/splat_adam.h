@@ -17,6 +17,8 @@ struct SplatAdam {
   double rate_rest = 0;
   double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
   float low = -std::numeric_limits<float>::infinity(), high = std::numeric_limits<float>::infinity();  // held within
+  // Parameters whose gradient is exactly 0 stay as they are, and so do their moments.
+  bool sparse = false;
 };
 
 void splat_adam(Context& ctx, const SplatAdam& a);

@@ -22,6 +22,10 @@ struct Drop {
   float raise;
 };
 
+constexpr long kBlock = 256;  // BLOCK of cl/splat_parameters.cl
+
+Range range(bool cpu, long count) { return cpu ? items((count + kBlock - 1) / kBlock, 1) : items(3 * count); }
+
 void bind(Dims& d, const SplatParameters& x) {
   d.bind("means", x.means, {"K", "3"}).bind("log_scales", x.log_scales, {"K", "3"}).bind("quats", x.quats, {"K", "4"});
   d.bind("logits", x.logits, {"K"}).bind("sh", x.sh, {"K", "S", "3"});
@@ -35,9 +39,10 @@ void splat_parameters_forward(Context& ctx, const SplatParametersForward& a) {
   d.bind("scales", a.scales, {"K", "3"}).bind("opacities", a.opacities, {"K"});
   const Drop drop(a.dropping);
   const auto count = static_cast<double>(d["K"]);
-  ctx.launch({"splat_parameters", "splat_parameters_forward", ""}, items(d["K"]), {40 * count, 32 * count},
-             a.x.log_scales, a.x.logits, written(a.scales), written(a.opacities), d["K"], drop.below, drop.draw,
-             drop.stream, drop.key[0], drop.key[1], drop.raise);
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  ctx.launch({"splat_parameters", cpu ? "splat_parameters_forward_cpu" : "splat_parameters_forward_gpu", ""},
+             range(cpu, d["K"]), {40 * count, 32 * count}, a.x.log_scales, a.x.logits, written(a.scales),
+             written(a.opacities), d["K"], drop.below, drop.draw, drop.stream, drop.key[0], drop.key[1], drop.raise);
 }
 
 void splat_parameters_backward(Context& ctx, const SplatParametersBackward& a) {
@@ -50,10 +55,12 @@ void splat_parameters_backward(Context& ctx, const SplatParametersBackward& a) {
     fail(Status::internal, "splat_parameters_backward: home_means and home_scales are given together or not at all");
   const Drop drop(a.dropping);
   const auto count = static_cast<double>(d["K"]);
-  ctx.launch({"splat_parameters", "splat_parameters_backward", ""}, items(d["K"]), {50 * count, 72 * count},
-             a.x.log_scales, a.x.logits, a.x.means, a.home_means, a.home_scales, written(a.dgaussians.means),
-             written(a.dgaussians.scales), written(a.dgaussians.opacities), d["K"], drop.below, drop.draw, drop.stream,
-             drop.key[0], drop.key[1], drop.raise, a.opacity_weight, a.scale_weight, a.pull);
+  const bool cpu = ctx.flavour() == Flavour::cpu;
+  ctx.launch({"splat_parameters", cpu ? "splat_parameters_backward_cpu" : "splat_parameters_backward_gpu", ""},
+             range(cpu, d["K"]), {50 * count, 72 * count}, a.x.log_scales, a.x.logits, a.x.means, a.home_means,
+             a.home_scales, written(a.dgaussians.means), written(a.dgaussians.scales), written(a.dgaussians.opacities),
+             d["K"], drop.below, drop.draw, drop.stream, drop.key[0], drop.key[1], drop.raise, a.opacity_weight,
+             a.scale_weight, a.pull);
 }
 
 }  // namespace vsplat
