@@ -5,14 +5,13 @@
 namespace vsplat {
 namespace {
 
-// No growth, and rates by the step alone, since the number of steps is yet to be found. SSIM in the loss brings nothing
-// here, leaving Gaussians out a little.
+// No growth, and rates by the step alone, since the number of steps is yet to be found. Leaving
+// Gaussians out helps a little.
 FitRecipe for_few() {
   FitRecipe out;
   out.steps = 200;
   out.judge_every = 25;
   out.options.grow_every = 0;
-  out.options.ssim_weight = 0;
   out.options.drop = 0.1f;
   return out;
 }

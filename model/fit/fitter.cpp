@@ -105,7 +105,6 @@ void Fitter::differentiate(const DeviceFitPicture& picture) {
   }
   const Dropping dropping{options_.drop, options_.seed, now};
   const DeviceGaussians gaussians = activate(ctx_, dropping);
-  const bool similar = options_.ssim_weight > 0 && step_ % options_.ssim_every == 0;
   const auto loss = [&](Context& c, const DevicePicture& drawn) {
     const long h = picture.camera.height, w = picture.camera.width;
     const Tensor target = c.tensor({h, w, 3}, Type::f32, "target");
@@ -113,10 +112,11 @@ void Fitter::differentiate(const DeviceFitPicture& picture) {
     if (picture.masked && options_.alpha_weight > 0) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
     picture_target(c, {picture.given, picture.known, how.background, drawn, options_.alpha_weight, target, by.alpha});
     const Shape one{1, h, w, 3};
-    PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one),
-                  options_.ssim_weight * static_cast<float>(options_.ssim_every), loss_, by.colour.reshaped(one)};
+    PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one), options_.ssim_weight, loss_,
+                  by.colour.reshaped(one)};
     a.error = ErrorKind::absolute;
-    a.similarity = similar && std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
+    a.similarity =
+        options_.ssim_weight > 0 && std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
     picture_loss(c, a);
     return by;
   };

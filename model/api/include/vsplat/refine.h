@@ -113,14 +113,14 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_start(vsplat_ref
 
 typedef struct vsplat_refine_result {
   size_t size;
-  int64_t steps;       /* that the result has seen */
-  double seconds;      /* spent in steps */
-  int32_t returned;    /* 0: the refined scene, 1: the start, which was better on what was held out */
-  int32_t claimed;     /* 1: `start` and `result` were judged on pictures that neither has seen */
-  int32_t num_judged;  /* pictures that it was judged on; with few views each by a scene made without it; 0: none */
+  int64_t steps;      /* that the result has seen */
+  double seconds;     /* spent in steps */
+  int32_t returned;   /* 0: the refined scene, 1: the start, which was better on what was held out */
+  int32_t claimed;    /* 1: `start` and `result` were judged on pictures that neither has seen */
+  int32_t num_judged; /* pictures that it was judged on; with few views each by a scene made without it; 0: none */
   double start_psnr, start_ssim;   /* means over them, over white; NaN where there are none */
   double result_psnr, result_ssim; /* of what would have been returned without the start to fall back on */
-  int32_t num_suspects; /* pictures that the others disagree with */
+  int32_t num_suspects;            /* pictures that the others disagree with */
 } vsplat_refine_result;
 #define VSPLAT_REFINE_RESULT_INIT \
   { sizeof(vsplat_refine_result), 0, 0.0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0 }
@@ -130,8 +130,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_result(vsplat_re
 /* The names of the pictures judged on, and of the suspects, worst first, a line each. To be freed by
    vsplat_text_free. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_judged(vsplat_refinement refinement, char** out_text);
-VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_suspects(vsplat_refinement refinement,
-                                                                         char** out_text);
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_suspects(vsplat_refinement refinement, char** out_text);
 /* View `index` of those listed, as it is fitted or judged: its camera (pinhole, scaled along, in the world, corrected
    where `poses` is 1), and its picture over white, float [height][width][3], into the caller's memory of `capacity`
    floats; either may be NULL. */
