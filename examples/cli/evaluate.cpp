@@ -5,6 +5,7 @@
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
+#include "flags.h"
 #include "outputs.h"
 #include "placement.h"
 #include "session.h"
@@ -19,6 +20,7 @@ struct Options {
   PlacementOptions placement;
   std::vector<std::string> folders;
   std::string model, protocol = "kmeans", seed = "0", lpips, sheet;
+  int size = 0;
   bool skip_bad = false;
 };
 
@@ -46,6 +48,23 @@ std::vector<Column> columns_of(const vsplat_scores& mean) {
   return out;
 }
 
+// What is told: of a whole evaluation, or of what was done before it ended early.
+struct Results {
+  std::vector<vsplat::Evaluation::Object> objects;
+  vsplat_scores mean;
+  std::string stopped;  // by what; "": whole
+};
+
+vsplat_scores mean_of(const std::vector<vsplat::Evaluation::Object>& objects) {
+  vsplat_scores out = VSPLAT_SCORES_INIT;
+  for (const Column& column : columns) {
+    double sum = 0;
+    for (const auto& object : objects) sum += object.scores.*column.value;
+    out.*column.value = sum / static_cast<double>(objects.size());
+  }
+  return out;
+}
+
 ordered_json json_of(const std::vector<Column>& shown, const vsplat_scores& scores) {
   ordered_json out = ordered_json::object();
   for (const Column& column : shown) {
@@ -55,16 +74,16 @@ ordered_json json_of(const std::vector<Column>& shown, const vsplat_scores& scor
   return out;
 }
 
-void print_json(const vsplat::Evaluation& evaluation) {
-  const vsplat_scores mean = evaluation.mean();
-  const std::vector<Column> shown = columns_of(mean);
+void print_json(const Results& results) {
+  const std::vector<Column> shown = columns_of(results.mean);
   ordered_json objects = ordered_json::array();
-  for (const auto& object : evaluation.objects()) {
+  for (const auto& object : results.objects) {
     ordered_json row = {{"name", object.name}};
     row.update(json_of(shown, object.scores));
     objects.push_back(std::move(row));
   }
-  const ordered_json out = {{"objects", objects}, {"mean", json_of(shown, mean)}};
+  ordered_json out = {{"objects", objects}, {"mean", json_of(shown, results.mean)}};
+  if (!results.stopped.empty()) out["stopped"] = results.stopped;
   std::printf("%s\n", out.dump(1, ' ', false, ordered_json::error_handler_t::replace).c_str());
 }
 
@@ -74,18 +93,50 @@ void print_row(const std::vector<Column>& shown, int width, const std::string& n
   std::printf("\n");
 }
 
-void print_table(const vsplat::Evaluation& evaluation) {
-  const vsplat_scores mean = evaluation.mean();
-  const std::vector<Column> shown = columns_of(mean);
-  const std::vector<vsplat::Evaluation::Object> objects = evaluation.objects();
+void print_table(const Results& results) {
+  const std::vector<Column> shown = columns_of(results.mean);
+  const std::vector<vsplat::Evaluation::Object>& objects = results.objects;
   std::size_t width = 6;
   for (const auto& object : objects) width = std::max(width, object.name.size());
   std::printf("%-*s", static_cast<int>(width), "object");
   for (const Column& column : shown) std::printf(" %10s", column.heading);
   std::printf("\n");
   for (const auto& object : objects) print_row(shown, static_cast<int>(width), object.name, object.scores);
-  print_row(shown, static_cast<int>(width), "mean", mean);
+  print_row(shown, static_cast<int>(width), "mean", results.mean);
 }
+
+void print(const Options& o, const Results& results) {
+  clear_progress();
+  o.common.json ? print_json(results) : print_table(results);
+}
+
+// What is done of an evaluation that an error or an interrupt ends is printed before that is told.
+class Kept {
+ public:
+  explicit Kept(const Options& options) : options_(options) {}
+
+  void add(const char* name, const vsplat_scores& scores) { objects_.push_back({name, scores}); }
+
+  [[noreturn]] void end(const vsplat::Error& error, std::size_t all) const {
+    const bool cancelled = error.status() == VSPLAT_ERROR_CANCELLED;
+    const std::string why = cancelled ? "interrupted" : with_flags(error.what());
+    if (!objects_.empty()) print(options_, {objects_, mean_of(objects_), why});
+    if (cancelled)
+      throw std::runtime_error("interrupted after " + std::to_string(objects_.size()) + " of " + std::to_string(all) +
+                               " objects");
+    throw error;
+  }
+
+ private:
+  const Options& options_;
+  std::vector<vsplat::Evaluation::Object> objects_;
+};
+
+// Of both callbacks.
+struct Listener {
+  Session& session;
+  Kept kept;
+};
 
 void evaluate(const Options& o) {
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
@@ -93,6 +144,7 @@ void evaluate(const Options& o) {
   options.seed = seed_value("--seed", o.seed);
   set_placement(o.placement, options);
   options.lpips = o.lpips.empty() ? nullptr : o.lpips.c_str();
+  options.picture_size = o.size;
   options.skip_bad = o.skip_bad;
   options.sheet = !o.sheet.empty();
   start_log(o.common);
@@ -103,15 +155,26 @@ void evaluate(const Options& o) {
   Session session(o.common);
   const vsplat::Model model = load_model(o.model);
   const vsplat::DataSet data(o.folders);
-  options.progress = Session::on_progress;
-  options.user = &session;
+  Listener listener{session, Kept(o)};
+  options.progress = [](void* user, const char* stage, double done) {
+    return Session::on_progress(&static_cast<Listener*>(user)->session, stage, done);
+  };
+  options.on_object = [](void* user, const char* name, const vsplat_scores* scores) {
+    static_cast<Listener*>(user)->kept.add(name, *scores);
+  };
+  options.user = &listener;
   session.start("evaluating");
-  const vsplat::Evaluation evaluation(session.device(), model, data, options);
+  const vsplat::Evaluation evaluation = [&] {
+    try {
+      return vsplat::Evaluation(session.device(), model, data, options);
+    } catch (const vsplat::Error& e) {
+      listener.kept.end(e, data.count());
+    }
+  }();
   if (!o.sheet.empty()) evaluation.save_sheet(outputs.begin(o.sheet));
   session.write_profile(outputs);
   outputs.commit();
-  clear_progress();
-  o.common.json ? print_json(evaluation) : print_table(evaluation);
+  print(o, {evaluation.objects(), evaluation.mean(), ""});
   const std::size_t count = evaluation.objects().size();
   say(o.common, std::to_string(count) + (count == 1 ? " object" : " objects") +
                     (evaluation.skipped() ? ", " + std::to_string(evaluation.skipped()) + " left out" : "") +
@@ -134,6 +197,11 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->check(one_of({"kmeans", "random10"}))
       ->type_name("kmeans|random10");
   sub->add_option("--seed", o->seed, "Of --protocol random10 (0)")->type_name("S");
+  sub->add_option("--size", o->size,
+                  "Compare pictures of N x N pixels: the truth resampled by area, the result drawn at N; what goes in "
+                  "stays at the model's size (default: compare at that, too)")
+      ->check(CLI::Range(11, 4096))
+      ->type_name("N");
   sub->add_option("--lpips", o->lpips, "Folder with alex.safetensors, vgg.safetensors or both: adds LPIPS")
       ->type_name("DIR");
   sub->add_option("--sheet", o->sheet, "Best, median and worst object: inputs, truth, coarse level, result in rows")
@@ -147,6 +215,7 @@ void add_evaluate(CLI::App& app, Run& run) {
       "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white.\n"
       "Examples:\n"
       "  vsplat evaluate set/ --sheet sheet.png\n"
+      "  vsplat evaluate set/ --size 128 --json\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
   sub->callback([o, &run] { run = [o] { evaluate(*o); }; });
 }

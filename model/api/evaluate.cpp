@@ -70,7 +70,11 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     need(out_evaluation, "out_evaluation");
     const vsplat_evaluate_options o = taken(options, VSPLAT_EVALUATE_OPTIONS_INIT, "options");
     EvaluateOptions how;
-    how.request = {protocol_of(o.protocol), o.seed, fit_of(o.fit),
+    if (o.picture_size < 0)
+      fail(Status::usage,
+           "vsplat_evaluate_options.picture_size is {}: a number of pixels, or 0 for the model's, is expected",
+           o.picture_size);
+    how.request = {protocol_of(o.protocol), o.seed, o.picture_size, fit_of(o.fit),
                    placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
@@ -78,6 +82,11 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     if (o.progress)
       how.progress = [&o](const std::string& object, double done) {
         if (!o.progress(o.user, object.c_str(), done)) fail(Status::cancelled, "stopped before object {}", object);
+      };
+    if (o.on_object)
+      how.on_object = [&o](const ObjectScores& object) {
+        const vsplat_scores scores = scores_of(object.scores);
+        o.on_object(o.user, object.name.c_str(), &scores);
       };
     const std::vector<Lpips> lpips = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
     for (const Lpips& each : lpips) how.lpips.push_back(&each);

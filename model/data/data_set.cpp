@@ -81,15 +81,25 @@ ListedView checked(const Photographs& photographs, int index) {
   return resolved_view(photographs, index);
 }
 
-Photographs open_folder(const fs::path& folder, const Bad& bad) {
+Photographs open_folder(const fs::path& folder, const Bad& bad, std::vector<std::string>* missing) {
   Photographs out{read_views(folder, {.pictures_dir = {}, .need_pictures = false}), {}};
   std::vector<ListedView> good;
+  std::vector<std::string> absent;
   for (std::size_t i = 0; i < out.set.views.size(); ++i) {
+    if (missing && out.set.views[i].picture.empty()) {
+      absent.push_back(printable(out.set.views[i].name));
+      continue;
+    }
     try {
       good.push_back(checked(out, static_cast<int>(i)));
     } catch (const Error& e) {
       bad(static_cast<int>(i), out.set.views[i].name, e);
     }
+  }
+  if (!absent.empty()) {
+    missing->push_back(fmt::format("{} of {} listed frames have no picture and are skipped ({} first)", absent.size(),
+                                   out.set.views.size(), absent.front()));
+    if (good.empty()) fail(Status::input, "{}", missing->back());
   }
   out.set.views = std::move(good);
   return out;
@@ -124,7 +134,8 @@ DataSet open_data_set(const std::vector<std::string>& paths) {
   return out;
 }
 
-Photographs open_object(const DataObject& object, std::vector<std::string>* skipped) {
+Photographs open_object(const DataObject& object, std::vector<std::string>* skipped,
+                        std::vector<std::string>* missing) {
   std::string first;
   const Bad bad = [&](int view, const std::string& name, const Error& e) {
     const std::string text = fmt::format("view {} ({}): {}", view, printable(name), e.what());
@@ -134,7 +145,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
   };
   try {
     Photographs out = object.layout == DataLayout::hdf5 ? open_hdf5_object({object.path.string(), object.group}, bad)
-                                                        : open_folder(object.path, bad);
+                                                        : open_folder(object.path, bad, missing);
     if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
     return out;
   } catch (const Error& e) {

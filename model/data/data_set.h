@@ -34,7 +34,10 @@ DataSet open_data_set(const std::vector<std::string>& paths);
 // The views of an object, every one with a picture and all intrinsics. What is wrong with one (no picture, no mask, a
 // size that does not fit, a pose that is none) is an Error(file, format or input) that names object, view and field; or
 // where `skipped` is given, is added to it for each view that has to be left out, while any view is left.
-Photographs open_object(const DataObject& object, std::vector<std::string>* skipped = nullptr);
+// Where `missing` is given, views of a folder's list whose picture is not there are passed over instead, as
+// reconstructing does, and told in it, all in one text; none left is an Error(input).
+Photographs open_object(const DataObject& object, std::vector<std::string>* skipped = nullptr,
+                        std::vector<std::string>* missing = nullptr);
 
 // Whether it says that data are bad, as against a defect or memory that is short.
 bool is_about_data(const Error& error);

@@ -11,7 +11,8 @@ namespace vsplat {
 struct FrameRequest {
   int image = 0;  // S, the network's
   Fit fit = Fit::automatic;
-  PlacementRequest placement;  // auto_frame estimates from all views
+  PlacementRequest placement;                   // auto_frame estimates from all views
+  std::vector<std::string>* missing = nullptr;  // as open_object() has it
 };
 
 struct FramedObject {

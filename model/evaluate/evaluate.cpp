@@ -16,6 +16,8 @@ namespace vsplat {
 namespace {
 
 constexpr std::array<float, 3> kWhite{1, 1, 1};
+constexpr int kSmallestJudged = 11;  // a window of SSIM
+constexpr int kLargestJudged = 4096;
 constexpr double Scores::*kNumbers[] = {&Scores::psnr,       &Scores::psnr_coarse,  &Scores::ssim,
                                         &Scores::psnr_white, &Scores::psnr_nearest, &Scores::selected,
                                         &Scores::lpips_alex, &Scores::lpips_vgg};
@@ -50,8 +52,12 @@ class Evaluator {
       : ctx_(ctx), model_(model), options_(options) {}
 
   void check() const;
-  EvaluationObject load(const DataObject& object, std::vector<std::string>& skipped) const {
-    return evaluation_object(object, model_.config(), options_.request, options_.skip_bad ? &skipped : nullptr);
+  // Edge in pixels of what is compared.
+  int judged() const { return options_.request.judged > 0 ? options_.request.judged : model_.config().image; }
+  EvaluationObject load(const DataObject& object, std::vector<std::string>& skipped,
+                        std::vector<std::string>& missing) const {
+    return evaluation_object(object, model_.config(), options_.request, options_.skip_bad ? &skipped : nullptr,
+                             &missing);
   }
   Scores score(const EvaluationObject& object) const;
   // Of these objects side by side: their inputs, and below, what was compared.
@@ -72,10 +78,14 @@ class Evaluator {
 };
 
 void Evaluator::check() const {
+  if (options_.request.judged > 0 && (judged() < kSmallestJudged || judged() > kLargestJudged))
+    fail(Status::usage,
+         "vsplat_evaluate_options.picture_size is {}: pictures that are compared have {} to {} pixels an edge",
+         judged(), kSmallestJudged, kLargestJudged);
   for (const Lpips* lpips : options_.lpips)
-    if (lpips->smallest() > model_.config().image)
-      fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, the model's have {}", name_of(lpips->net()),
-           lpips->smallest(), model_.config().image);
+    if (lpips->smallest() > judged())
+      fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",
+           name_of(lpips->net()), lpips->smallest(), judged());
 }
 
 Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object) const {
@@ -83,7 +93,7 @@ Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationOb
   options.background = kWhite;
   options.near = static_cast<float>(kNearInObject);
   if (model_.config().negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
-  Strip out(model_.config().image, object.novel());
+  Strip out(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i)
     out.put(i, render_picture(ctx_, gaussians, object.cameras[object.inputs + i], options).colour);
   return out;
@@ -100,7 +110,7 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
   ForwardOptions forward;
   forward.planned_selected = options_.planned_selected;
   const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), forward);
-  Strip truth(edge, object.novel());
+  Strip truth(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   const Strip coarse = render_all(result.coarse, object);
   return {truth, coarse, model_.config().levels == "coarse" ? coarse : render_all(result.final, object),
@@ -110,8 +120,8 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
 Scores Evaluator::score(const EvaluationObject& object) const {
   const Drawn drawn = draw(object);
   const Image &truth = drawn.truth.image(), &result = drawn.result.image();
-  Strip nearest(model_.config().image, object.novel());
-  for (std::size_t i = 0; i < object.novel(); ++i) nearest.put(i, object.pictures[object.nearest[i]]);
+  Strip nearest(judged(), object.novel());
+  for (std::size_t i = 0; i < object.novel(); ++i) nearest.put(i, object.input_judged(object.nearest[i]));
   Scores out;
   out.psnr = psnr(result, truth);
   out.psnr_coarse = psnr(drawn.coarse.image(), truth);
@@ -126,12 +136,11 @@ Scores Evaluator::score(const EvaluationObject& object) const {
 
 Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
   constexpr std::size_t kViews = 4;
-  const int edge = model_.config().image;
-  const Image blank(edge, edge, 3, ContactSheet::paper);
+  const Image blank(judged(), judged(), 3, ContactSheet::paper);
   std::array<std::vector<Image>, 4> rows;
   for (const DataObject* listed : objects) {
     std::vector<std::string> told;
-    const EvaluationObject object = load(*listed, told);
+    const EvaluationObject object = load(*listed, told, told);
     const Drawn drawn = draw(object);
     for (std::size_t i = 0; i < kViews; ++i) {
       rows[0].push_back(i < object.inputs ? object.pictures[i] : blank);
@@ -182,21 +191,23 @@ Evaluation evaluate(Context& ctx, const VsplatModel& model, const DataSet& data,
     if (options.progress)
       options.progress(listed.name, static_cast<double>(i) / static_cast<double>(data.objects.size()));
     EvaluationObject object;
-    std::vector<std::string> skipped;
+    std::vector<std::string> skipped, missing;
     try {
-      object = evaluator.load(listed, skipped);
+      object = evaluator.load(listed, skipped, missing);
     } catch (const Error& e) {
       if (!options.skip_bad || !is_about_data(e)) throw;
       warn("an object is left out: {}", e.what());
       ++out.skipped;
       continue;
     }
+    for (const std::string& text : missing) warn("object {}: {}", listed.name, text);
     for (const std::string& text : skipped) warn("a view is left out: {}", text);
     const Scores s = evaluator.score(object);
     verbose("{}: PSNR {:.2f} dB (coarse {:.2f}, white {:.2f}, nearest view {:.2f}), {:.1f} % of the voxels selected",
             object.name, s.psnr, s.psnr_coarse, s.psnr_white, s.psnr_nearest, 100 * s.selected);
     evaluated.push_back(&listed);
     out.objects.push_back({object.name, s});
+    if (options.on_object) options.on_object(out.objects.back());
   }
   if (out.objects.empty()) fail(Status::input, "none of the {} objects could be evaluated", data.objects.size());
   out.mean = mean_of(out.objects);

@@ -11,7 +11,8 @@
 namespace vsplat {
 
 // Of all novel views of an object on white, laid side by side. PSNR in dB for a peak of 1, from their mean squared
-// error together; SSIM in windows of 11 x 11. What is drawn is clamped to [0,1].
+// error together; SSIM in windows of 11 x 11. What is drawn is clamped to [0,1]. Pictures have EvaluationRequest's
+// judged size: the truth is resampled to it by area, and the result is drawn in it.
 struct Scores {
   double psnr = 0, psnr_coarse = 0;         // of the model's result, and of its coarse level
   double ssim = 0;                          // of the result
@@ -35,6 +36,8 @@ struct EvaluateOptions {
   std::vector<const Lpips*> lpips;  // at most one of each network
   // Called before each object with its name and the share of the work that is done. May throw to cancel.
   std::function<void(const std::string& object, double done)> progress;
+  // Called after each object: what is done stays the caller's where a later one is an error, or it is cancelled.
+  std::function<void(const ObjectScores&)> on_object;
 };
 
 struct Evaluation {

@@ -36,22 +36,32 @@ Chosen choose(const FramedObject& object, const std::vector<int>& good, int inpu
   return out;
 }
 
-void add_view(const FramedObject& object, int view, const FrameRequest& request, EvaluationObject& out) {
+// A view's picture on white, from its photograph: a size of its own is resampled from there, by area.
+std::pair<Image, Camera> view_of(const FramedObject& object, int view, const FrameRequest& request) {
   const StoredView stored = store_view(object, view, request);
   Image picture;
   picture.width = picture.height = request.image;
   picture.channels = 3;
   composite(stored, kWhite, picture.data);
+  return {std::move(picture), stored.camera};
+}
+
+void add_view(const FramedObject& object, int view, const FrameRequest& request, EvaluationObject& out) {
+  auto [picture, camera] = view_of(object, view, request);
   out.pictures.push_back(std::move(picture));
-  out.cameras.push_back(stored.camera);
+  out.cameras.push_back(std::move(camera));
 }
 
 // The first of the views that cannot be decoded; none: `out` has them all.
 std::optional<int> decode(const FramedObject& object, const Chosen& chosen, const FrameRequest& request,
                           std::vector<std::string>* skipped, EvaluationObject& out) {
+  FrameRequest judged = request;
+  judged.image = out.judged;
   for (const std::vector<int>* views : {&chosen.inputs, &chosen.novel})
     for (const int view : *views) try {
-        add_view(object, view, request, out);
+        const bool is_input = views == &chosen.inputs;
+        add_view(object, view, is_input ? request : judged, out);
+        if (is_input && judged.image != request.image) out.inputs_judged.push_back(view_of(object, view, judged).first);
       } catch (const Error& e) {
         if (!skipped || !is_about_data(e)) throw;
         skipped->emplace_back(e.what());
@@ -63,8 +73,9 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
 }  // namespace
 
 EvaluationObject evaluation_object(const DataObject& object, const Config& config, const EvaluationRequest& request,
-                                   std::vector<std::string>* skipped) {
-  const FrameRequest frame{config.image, request.fit, request.placement};
+                                   std::vector<std::string>* skipped, std::vector<std::string>* missing) {
+  std::vector<std::string> untold;
+  const FrameRequest frame{config.image, request.fit, request.placement, missing ? missing : &untold};
   const FramedObject framed = frame_object(object, frame, skipped);
   std::vector<int> good(static_cast<std::size_t>(framed.views()));
   std::iota(good.begin(), good.end(), 0);
@@ -72,7 +83,8 @@ EvaluationObject evaluation_object(const DataObject& object, const Config& confi
   while (true) {
     if (good.empty()) fail(Status::input, "object {}: no view of it is left", object.name);
     const Chosen chosen = choose(framed, good, config.views, request);
-    out = {object.name, chosen.inputs.size(), {}, {}, chosen.nearest};
+    out = {object.name, chosen.inputs.size(), request.judged > 0 ? request.judged : config.image, {}, {},
+           {},          chosen.nearest};
     const std::optional<int> bad = decode(framed, chosen, frame, skipped, out);
     if (!bad) break;
     std::erase(good, *bad);

@@ -14,6 +14,7 @@ namespace vsplat {
 struct EvaluationRequest {
   Protocol protocol = Protocol::kmeans;
   std::uint64_t seed = 0;  // of random10
+  int judged = 0;          // edge in pixels of what is compared; 0: the configuration's, as the inputs have it
   Fit fit = Fit::automatic;
   PlacementRequest placement;
 };
@@ -21,16 +22,21 @@ struct EvaluationRequest {
 struct EvaluationObject {
   std::string name;
   std::size_t inputs = 0;            // the first so many are input views, the others novel ones
-  std::vector<Image> pictures;       // on white, of the configuration's size
-  std::vector<Camera> cameras;       // in the object's frame
+  int judged = 0;                    // edge of the novel views' pictures and cameras
+  std::vector<Image> pictures;       // on white: inputs of the configuration's size, novel views of the judged one
+  std::vector<Image> inputs_judged;  // the inputs once more, of the judged size; empty where the sizes are equal
+  std::vector<Camera> cameras;       // in the object's frame, each of its picture's size
   std::vector<std::size_t> nearest;  // for each novel view the place of the input view nearest to it by angle
 
   std::size_t novel() const { return pictures.size() - inputs; }
+  const Image& input_judged(std::size_t i) const { return inputs_judged.empty() ? pictures[i] : inputs_judged[i]; }
 };
 
 // Config::views inputs, fewer where the cameras are in fewer places. Error(file, format or input) names object, view
 // and what is wrong. Where `skipped` is given, bad views are added to it and others taken, as long as any are left.
+// Listed views without a picture are always passed over, as reconstructing does, and told in `missing`.
 EvaluationObject evaluation_object(const DataObject& object, const Config& config, const EvaluationRequest& request,
-                                   std::vector<std::string>* skipped = nullptr);
+                                   std::vector<std::string>* skipped = nullptr,
+                                   std::vector<std::string>* missing = nullptr);
 
 }  // namespace vsplat

@@ -61,6 +61,15 @@ class Evaluate(support.Case):
                 self.assertAlmostEqual(float(text), row[name] * (100 if name == "selected" else 1), delta=0.006)
         self.assertIn("3 objects", err)
 
+    def test_size(self):
+        """Judged at another size: white pictures say which truth was taken; the default and the model's own size agree."""
+        usual = json.loads(self.succeeds(*self.evaluate("--json"))[0])
+        self.assertEqual(usual, json.loads(self.succeeds(*self.evaluate("--size", self.SIDE, "--json"))[0]))
+        larger = json.loads(self.succeeds(*self.evaluate("--size", 2 * self.SIDE, "--json"))[0])
+        self.assertEqual(usual["mean"]["selected"], larger["mean"]["selected"])  # the same went in
+        self.assertNotEqual(usual["mean"]["psnr_white"], larger["mean"]["psnr_white"])
+        self.refuses(2, "--size", *self.evaluate("--size", 5))
+
     def test_sheet(self):
         sheet = self.path("new", "sheet.png")
         self.succeeds(*self.evaluate("--sheet", sheet, "--json"))
@@ -88,14 +97,44 @@ class Evaluate(support.Case):
         self.assertEqual(a, json.loads(self.succeeds(*self.evaluate("--json"))[0])["mean"])
 
     def test_bad_data(self):
-        os.remove(os.path.join(self.set, "solid_0001", "images", "0005.png"))
+        with open(os.path.join(self.set, "solid_0001", "images", "0005.png"), "r+b") as f:
+            f.truncate(20)
         with open(os.path.join(self.set, "solid_0002", "transforms.json"), "w") as f:
             f.write("{")
-        self.refuses(1, ["solid_0001", "0005"], *self.evaluate())
         out, err = self.succeeds(*self.evaluate("--skip-bad", "--json"))
         self.assertEqual([o["name"] for o in json.loads(out)["objects"]], ["solid_0000", "solid_0001"])
         for words in ("0005", "solid_0002", "2 objects, 1 left out"):
             self.assertIn(words, err)
+        self.refuses(1, "solid_0002", "evaluate", os.path.join(self.set, "solid_0002"), "--model", self.model)
+
+    def test_what_is_done_is_kept(self):
+        whole = json.loads(self.succeeds(*self.evaluate("--json"))[0])
+        with open(os.path.join(self.set, "solid_0002", "transforms.json"), "w") as f:
+            f.write("{")
+        code, out, err = support.run(*self.evaluate("--json"))
+        self.assertEqual(code, 1)
+        self.assertIn("solid_0002", err)
+        told = json.loads(out)
+        self.assertEqual(list(told), ["objects", "mean", "stopped"])
+        self.assertEqual(told["objects"], whole["objects"][:2])
+        self.assertIn("solid_0002", told["stopped"])
+        for name in NUMBERS:
+            self.assertAlmostEqual(told["mean"][name], sum(o[name] for o in told["objects"]) / 2, 9)
+        code, out, err = support.run(*self.evaluate())
+        self.assertEqual([line.split()[0] for line in out.splitlines()], ["object", "solid_0000", "solid_0001", "mean"])
+
+    def test_frames_without_a_picture_are_passed_over(self):
+        """As reconstruct does; what is there and cannot be read is still an error."""
+        with open(os.path.join(self.set, "solid_0001", "transforms.json")) as f:
+            listed = json.load(f)
+        for name in ("0003", "0005"):
+            os.remove(os.path.join(self.set, "solid_0001", "images", name + ".png"))
+        out, err = self.succeeds(*self.evaluate("--json"))
+        self.assertIn("object solid_0001: 2 of 11 listed frames have no picture and are skipped (images/0003.png first)", err)
+        listed["frames"] = [f for f in listed["frames"] if "0003" not in f["file_path"] and "0005" not in f["file_path"]]
+        with open(os.path.join(self.set, "solid_0001", "transforms.json"), "w") as f:
+            json.dump(listed, f)
+        self.assertEqual(self.succeeds(*self.evaluate("--json"))[0], out)
 
     def test_lpips(self):
         os.makedirs(self.path("weights"))

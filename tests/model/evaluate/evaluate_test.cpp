@@ -49,9 +49,13 @@ class EvaluateTest : public test::FlavourTest {
 VSPLAT_FLAVOURS(EvaluateTest);
 
 // The same by the way that `reconstruct` and `render` go: a scene in the user's world, drawn from listed cameras.
-TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) {
-  const Model model(ctx());
-  const Evaluation got = evaluate(ctx(), model.network, data(), {});
+// `judged`: edge of what is compared; 0: the model's.
+void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int judged) {
+  const Model model(ctx);
+  EvaluateOptions asked;
+  asked.request.judged = judged;
+  const Evaluation got = evaluate(ctx, model.network, open_data_set({folder.string()}), asked);
+  const int side = judged > 0 ? judged : kSide;
   ASSERT_EQ(got.objects.size(), 3u);
   EXPECT_EQ(got.skipped, 0u);
   EXPECT_TRUE(got.sheet.empty());
@@ -61,40 +65,45 @@ TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) {
     SCOPED_TRACE(name);
     const Scores& scores = got.objects[static_cast<std::size_t>(i)].scores;
     EXPECT_EQ(got.objects[static_cast<std::size_t>(i)].name, name);
-    const ViewSet set = read_views(folder_ / name);
+    const ViewSet set = read_views(folder / name);
     std::vector<Eigen::Vector3d> positions;
     for (const ListedView& view : set.views) positions.push_back(view.camera.centre());
-    const auto prepared = [&](int view) {
+    const auto prepared = [&](int view, int edge) {
       const ListedView& listed = set.views[static_cast<std::size_t>(view)];
-      return prepare_view(listed.camera, listed.picture.string(), "", {kSide, Fit::automatic});
+      return prepare_view(listed.camera, listed.picture.string(), "", {edge, Fit::automatic});
     };
-    std::vector<PreparedView> inputs;
+    std::vector<PreparedView> inputs, inputs_judged;
     std::vector<Image> truth, drawn, white, nearest;
-    for (const Group& group : kmeans(positions, model.config.views)) inputs.push_back(prepared(group.members.front()));
-    const Reconstruction made = reconstruct(ctx(), model.network, inputs, {}, {});
+    for (const Group& group : kmeans(positions, model.config.views)) {
+      inputs.push_back(prepared(group.members.front(), kSide));
+      inputs_judged.push_back(prepared(group.members.front(), side));
+    }
+    const Reconstruction made = reconstruct(ctx, model.network, inputs, {}, {});
     RenderOptions options;
     options.near = made.scene.near;
-    const GaussianChunks scene = place_on_device(ctx(), made.scene.gaussians, kSide * kSide);
+    const GaussianChunks scene = place_on_device(ctx, made.scene.gaussians, side * side);
     for (const Group& group : kmeans(positions, 4)) {
-      const PreparedView view = prepared(group.members.back());
+      const PreparedView view = prepared(group.members.back(), side);
       bool is_input = false;
       for (const PreparedView& input : inputs) is_input = is_input || input.camera.file == view.camera.file;
       if (is_input) continue;
       truth.push_back(view.image);
-      drawn.push_back(render_picture(ctx(), scene, view.camera, options).colour);
-      white.emplace_back(kSide, kSide, 3, 1.0f);
+      drawn.push_back(render_picture(ctx, scene, view.camera, options).colour);
+      white.emplace_back(side, side, 3, 1.0f);
       const auto by_angle = [&](const PreparedView& a, const PreparedView& b) {
         const auto angle = [&](const PreparedView& v) {
           return std::acos(v.camera.centre().normalized().dot(view.camera.centre().normalized()));
         };
         return angle(a) < angle(b);
       };
-      nearest.push_back(std::min_element(inputs.begin(), inputs.end(), by_angle)->image);
+      nearest.push_back(std::min_element(inputs_judged.begin(), inputs_judged.end(), by_angle)->image);
     }
     ASSERT_GE(truth.size(), 2u);
-    EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth), 1e-3);
-    EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth), 1e-4);
-    EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth), 1e-4);
+    // What is resampled is kept in 8 bits by the evaluation, and in floats here.
+    const double within = judged > 0 ? 1e-2 : 1e-4;
+    EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth), std::max(within, 1e-3));
+    EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth), within);
+    EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth), within);
     EXPECT_EQ(scores.selected, static_cast<double>(made.selected.size()) / 64);
     EXPECT_NE(scores.psnr, scores.psnr_coarse);
     EXPECT_TRUE(scores.ssim > -1 && scores.ssim < 1);
@@ -103,6 +112,25 @@ TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) {
   }
   EXPECT_NEAR(got.mean.psnr, mean, 1e-9);
   EXPECT_TRUE(std::isnan(got.mean.lpips_alex));
+}
+
+TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) { check_against_reconstructing(ctx(), folder_, 0); }
+
+// Photographs larger than the model's pictures: judged as they are, and between the two.
+TEST_P(EvaluateTest, JudgesAtAnotherSize) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 3, kViews, 2 * kSide);
+  for (const int judged : {2 * kSide, 24}) check_against_reconstructing(ctx(), folder, judged);
+  const Model model(ctx());
+  EvaluateOptions options;
+  options.request.judged = kSide;
+  const Evaluation same = evaluate(ctx(), model.network, data(), options);
+  EXPECT_EQ(same.mean.psnr, evaluate(ctx(), model.network, data(), {}).mean.psnr);
+  for (const int judged : {1, 10, 4097}) {
+    options.request.judged = judged;
+    test::expect_error(Status::usage, {"picture_size is " + std::to_string(judged), "11 to 4096"},
+                       [&] { evaluate(ctx(), model.network, data(), options); });
+  }
 }
 
 TEST_P(EvaluateTest, ACoarseModelHasOneLevel) {

@@ -16,6 +16,21 @@ typedef enum vsplat_protocol {
   VSPLAT_PROTOCOL_RANDOM10 = 1 /* ten views at random, by the seed and the object's name */
 } vsplat_protocol;
 
+/* Of all novel views of an object at the size that is compared, on white, laid side by side. PSNR in dB for a peak of
+   1. Equal pictures have an infinite one. */
+typedef struct vsplat_scores {
+  size_t size;
+  double psnr;                  /* of the result, by the mean squared error of its views together */
+  double psnr_coarse;           /* of the coarse level */
+  double ssim;                  /* of the result: 11 x 11 Gaussian windows (sigma 1.5) */
+  double psnr_white;            /* of white pictures */
+  double psnr_nearest;          /* of the input view nearest to each novel one, by angle seen from the cube's centre */
+  double selected;              /* voxels selected, a share of 0 to 1 */
+  double lpips_alex, lpips_vgg; /* of the result; NaN where there were no weights for it */
+} vsplat_scores;
+#define VSPLAT_SCORES_INIT \
+  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
+
 typedef struct vsplat_evaluate_options {
   size_t size;
   vsplat_protocol protocol;
@@ -30,12 +45,17 @@ typedef struct vsplat_evaluate_options {
   int32_t skip_bad;                  /* 1: views and objects that cannot be read are told as warnings and passed over */
   int32_t sheet;                     /* 1: make one */
   vsplat_progress_function progress; /* may be NULL; the "stage" is the object's name */
-  void* user;
+  void* user;                        /* of both functions */
+  int32_t picture_size; /* pictures are compared at N x N pixels: the truth resampled to it by area, the result drawn in
+                           it; the inputs stay at the model's size. 0: at the model's size */
+  /* May be NULL. Called after each object, so that what is done is kept where a later one is an error or `progress`
+     cancels; both arguments are valid during the call. */
+  void (*on_object)(void* user, const char* name, const vsplat_scores* scores);
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL                                                                                                 \
+        NULL, NULL, 0, NULL                                                                                        \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */
@@ -50,21 +70,6 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluate(vsplat_device device, 
                                                           vsplat_evaluation* out_evaluation);
 VSPLAT_API void vsplat_evaluation_retain(vsplat_evaluation evaluation);
 VSPLAT_API void vsplat_evaluation_release(vsplat_evaluation evaluation);
-
-/* Of all novel views of an object at the model's size, on white, laid side by side. PSNR in dB for a peak of 1. Equal
-   pictures have an infinite one. */
-typedef struct vsplat_scores {
-  size_t size;
-  double psnr;                  /* of the result, by the mean squared error of its views together */
-  double psnr_coarse;           /* of the coarse level */
-  double ssim;                  /* of the result: 11 x 11 Gaussian windows (sigma 1.5) */
-  double psnr_white;            /* of white pictures */
-  double psnr_nearest;          /* of the input view nearest to each novel one, by angle seen from the cube's centre */
-  double selected;              /* voxels selected, a share of 0 to 1 */
-  double lpips_alex, lpips_vgg; /* of the result; NaN where there were no weights for it */
-} vsplat_scores;
-#define VSPLAT_SCORES_INIT \
-  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
 
 /* How many objects were evaluated, and how many were passed over. Either out_ pointer may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_count(vsplat_evaluation evaluation, size_t* out_objects,
