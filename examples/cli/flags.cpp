@@ -1,6 +1,7 @@
 #include "flags.h"
 
 #include <vsplat/dataset.h>
+#include <vsplat/evaluate.h>
 #include <vsplat/train.h>
 #include <vsplat/vsplat.h>
 
@@ -25,6 +26,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_device_options, device, "--device"),
     FIELD(vsplat_device_options, kernels, "--kernels"),
     FIELD(vsplat_device_options, max_memory_gib, "--max-memory"),
+    FIELD(vsplat_evaluate_options, picture_size, "--size"),
     FIELD(vsplat_input_options, auto_frame, "--auto-frame"),
     FIELD(vsplat_input_options, center, "--center"),
     FIELD(vsplat_input_options, force, "--force"),
@@ -37,6 +39,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_reconstruct_options, assume_selected, "--assume-selected"),
     FIELD(vsplat_scene_load_options, skip_bad, "--skip-bad"),
     FIELD(vsplat_train_options, assume_selected, "--assume-selected"),
+    FIELD(vsplat_train_options, extend, "--extend"),
     FIELD(vsplat_train_options, resume, "--resume"),
     FUNCTION(vsplat_mesh_load, "--texture"),
     FUNCTION(vsplat_model_init, "`vsplat init`"),

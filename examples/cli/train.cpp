@@ -7,6 +7,7 @@
 #include <vsplat/vsplat.hpp>
 
 #include "arguments.h"
+#include "flags.h"
 #include "session.h"
 
 namespace command {
@@ -17,6 +18,7 @@ struct Options {
   std::string config, output, init;
   std::vector<std::string> data;
   std::string selection, assume_selected, assume_intersections;
+  std::vector<std::int64_t> extend;
   bool resume = false, print_config = false, skip_bad = false, dry_run = false;
 };
 
@@ -102,9 +104,11 @@ void train(const Options& o) {
   options.output = o.output.c_str();
   options.init = o.init.empty() ? nullptr : o.init.c_str();
   options.resume = o.resume;
+  options.extend = o.extend.data();
+  options.num_extend = o.extend.size();
   options.skip_bad = o.skip_bad;
   options.on_progress = tell;
-  options.on_message = [](void* user, const char* text) { say(*static_cast<const Common*>(user), text); };
+  options.on_message = [](void* user, const char* text) { say(*static_cast<const Common*>(user), with_flags(text)); };
   options.go_on = [](void*) -> int32_t { return interrupted() ? 0 : 1; };
   options.user = const_cast<Common*>(&o.common);
   options.selection = o.selection.empty() ? nullptr : o.selection.c_str();
@@ -140,6 +144,13 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
       ->type_name("MODEL.safetensors");
   sub->add_flag("--resume", o->resume, "Go on from the newest good checkpoint in RUN");
+  sub->add_option(
+         "--extend", o->extend,
+         "With --resume: N more steps after the configuration's, with a rise and a cosine of the learning rate "
+         "of their own; --extend N,M goes on after those")
+      ->delimiter(',')
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1000000000}))
+      ->type_name("N[,M...]");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
   sub->add_flag("--skip-bad", o->skip_bad, "Pass over and count data that cannot be read");
   const char* memory = "Memory";
@@ -164,7 +175,8 @@ void add_train(CLI::App& app, Run& run) {
       "  echo '{\"model\": \"small\", \"steps\": 20000}' > small.json\n"
       "  vsplat train small.json --dry-run\n"
       "  vsplat train small.json --data solids --output run\n"
-      "  vsplat train small.json --data solids --output run --resume");
+      "  vsplat train small.json --data solids --output run --resume\n"
+      "  vsplat train small.json --data solids --output run --resume --extend 5000");
   sub->callback([o, &run] { run = [o] { train(*o); }; });
 }
 

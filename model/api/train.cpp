@@ -1,9 +1,8 @@
 // Training.
-#include "model/train/train.h"
-
 #include "model/api/device.h"
 #include "model/api/plan.h"
 #include "model/api/selected.h"
+#include "model/train/stages.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -56,6 +55,46 @@ std::vector<std::string> paths_of(const vsplat_train_options& o) {
   return out;
 }
 
+// Of a stage; `o` must outlive it.
+TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
+  TrainOptions t;
+  t.output = o.output;
+  if (o.init) t.init = o.init;
+  t.resume = o.resume != 0;
+  if (o.num_extend > 0) {
+    need_array(o.extend, o.num_extend, "options.extend");
+    t.extend.assign(o.extend, o.extend + o.num_extend);
+  }
+  t.skip_bad = o.skip_bad != 0;
+  if (o.on_progress)
+    t.on_progress = [&o](const TrainProgress& p) {
+      const vsplat_train_progress progress = progress_of(p);
+      o.on_progress(o.user, &progress);
+    };
+  if (o.on_message) t.on_message = [&o](const std::string& text) { o.on_message(o.user, text.c_str()); };
+  if (o.go_on) t.stop = [&o] { return o.go_on(o.user) == 0; };
+  if (o.selection) t.selection = o.selection;
+  t.planned_selected = voxels_of(o.assume_selected, VSPLAT_TRAIN_ASSUME_SELECTED, model, "options.assume_selected");
+  t.planned_in_sheet = voxels_of(0, VSPLAT_ASSUME_SELECTED, model, "options.assume_selected");
+  t.assumed_intersections = known(o.assume_intersections);
+  return t;
+}
+
+// Of the stage that takes the most.
+Trainer::Plan plan_of_stages(Context& ctx, const char* config, const vsplat_train_plan_options& o) {
+  std::optional<Trainer::Plan> most;
+  for (const TrainConfig& stage : train_stages_from_json(config)) {
+    TrainPlanOptions p;
+    if (o.selection) p.selection = o.selection;
+    p.selected = voxels_of(o.selected, VSPLAT_TRAIN_ASSUME_SELECTED, stage.model, "options.selected");
+    p.intersections = known(o.intersections);
+    p.bound = o.bound != 0;
+    Trainer::Plan plan = plan_train(ctx, stage, p);
+    if (!most || plan.peak > most->peak) most = std::move(plan);
+  }
+  return std::move(*most);
+}
+
 }  // namespace
 
 vsplat_status vsplat_train(vsplat_device device, const char* config, const vsplat_train_options* options,
@@ -66,26 +105,11 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     need(options, "options");
     const vsplat_train_options o = taken(options, VSPLAT_TRAIN_OPTIONS_INIT, "options");
     need(o.output, "options.output");
-    TrainOptions t;
-    t.output = o.output;
-    if (o.init) t.init = o.init;
-    t.resume = o.resume != 0;
-    t.skip_bad = o.skip_bad != 0;
-    if (o.on_progress)
-      t.on_progress = [&o](const TrainProgress& p) {
-        const vsplat_train_progress progress = progress_of(p);
-        o.on_progress(o.user, &progress);
-      };
-    if (o.on_message) t.on_message = [&o](const std::string& text) { o.on_message(o.user, text.c_str()); };
-    if (o.go_on) t.stop = [&o] { return o.go_on(o.user) == 0; };
-    if (o.selection) t.selection = o.selection;
-    const TrainConfig whole = train_config_from_json(config);
-    t.planned_selected =
-        voxels_of(o.assume_selected, VSPLAT_TRAIN_ASSUME_SELECTED, whole.model, "options.assume_selected");
-    t.planned_in_sheet = voxels_of(0, VSPLAT_ASSUME_SELECTED, whole.model, "options.assume_selected");
-    t.assumed_intersections = known(o.assume_intersections);
+    const std::vector<TrainConfig> stages = train_stages_from_json(config);
+    const auto options_of = [&](const TrainConfig& stage) { return options_from(o, stage.model); };
+    for (const TrainConfig& stage : stages) options_of(stage);  // refuses before anything is done
     clear(device);
-    const TrainResult result = train(device->context, whole, open_data_set(paths_of(o)), t);
+    const TrainResult result = train_stages(device->context, stages, open_data_set(paths_of(o)), options_of);
     vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
     out.step = result.step;
     out.stopped = result.stopped ? 1 : 0;
@@ -101,14 +125,8 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     need(device, "device");
     need(config, "config");
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
-    TrainPlanOptions p;
-    if (o.selection) p.selection = o.selection;
-    const TrainConfig whole = train_config_from_json(config);
-    p.selected = voxels_of(o.selected, VSPLAT_TRAIN_ASSUME_SELECTED, whole.model, "options.selected");
-    p.intersections = known(o.intersections);
-    p.bound = o.bound != 0;
     clear(device);
-    const Trainer::Plan plan = plan_train(device->context, whole, p);
+    const Trainer::Plan plan = plan_of_stages(device->context, config, o);
     give(out_plan, plan_of(plan.stages, plan.peak, device->context.memory().limits().total, plan.fits), "out_plan");
   });
 }
@@ -116,6 +134,6 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
 vsplat_status vsplat_train_config(const char* config, char** out_text) {
   return guarded([&] {
     need(out_text, "out_text");
-    *out_text = new_text(to_json(config ? train_config_from_json(config) : TrainConfig()));
+    *out_text = new_text(config ? to_json(train_stages_from_json(config)) : to_json(TrainConfig()));
   });
 }

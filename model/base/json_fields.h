@@ -23,6 +23,7 @@ inline const char* expected_for(double) { return "a number"; }
 inline const char* expected_for(bool) { return "true or false"; }
 inline const char* expected_for(const std::string&) { return "a string"; }
 inline const char* expected_for(const std::vector<int>&) { return "whole numbers"; }
+inline const char* expected_for(const std::vector<long>&) { return "a list of whole numbers"; }
 inline const char* expected_for(const std::vector<std::string>&) { return "a list of strings"; }
 
 // Beyond the type is refused here, not wrapped: whoever checks the value then never sees a changed one.

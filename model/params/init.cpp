@@ -151,6 +151,18 @@ Weights initial_weights(const Config& config, std::uint64_t seed) {
   return weights;
 }
 
+std::size_t scale_places(Weights& weights, const Config& config, double factor) {
+  std::size_t count = 0;
+  for (const Parameter& p : parameters(config)) {
+    if (p.init != Init::sobol) continue;
+    HostTensor scaled = weights.of(p);
+    for (float& v : scaled.data) v = static_cast<float>(static_cast<double>(v) * factor);
+    count += scaled.data.size();
+    weights.set(p.name, std::move(scaled));
+  }
+  return count;
+}
+
 void load_encoder(Weights& weights, const Config& config, const std::string& path) {
   const SafetensorsFile file(path);
   if (file.check_hash() == HashState::differs)

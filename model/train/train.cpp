@@ -10,11 +10,11 @@
 
 #include "model/io/image_file.h"
 #include "model/io/selection_file.h"
-#include "model/params/init.h"
-#include "model/params/model_file.h"
+#include "model/train/beginning.h"
 #include "model/train/training_sheet.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/log.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -24,61 +24,6 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-// What may differ between a run and its continuation: nothing that a weight depends on.
-TrainConfig without_habits(TrainConfig config) {
-  const TrainConfig defaults;
-  config.log_every = defaults.log_every;
-  config.sheet_every = defaults.sheet_every;
-  config.checkpoint_every = defaults.checkpoint_every;
-  config.keep_checkpoints = defaults.keep_checkpoints;
-  config.cache_gib = defaults.cache_gib;
-  return config;
-}
-
-// The first line of a configuration that differs, of both.
-std::string first_difference(const TrainConfig& a, const TrainConfig& b) {
-  std::istringstream x(to_json(a)), y(to_json(b));
-  std::string left, right;
-  while (std::getline(x, left) && std::getline(y, right))
-    if (left != right) return fmt::format("found{}, expected{}", left, right);
-  return "they differ";
-}
-
-Checkpoint fresh(const TrainConfig& config, const std::string& init) {
-  Checkpoint out;
-  out.config = config;
-  if (init.empty()) {
-    out.parameters = initial_weights(config.model, config.seed);
-    return out;
-  }
-  ModelFile file = load_model(init);
-  TrainConfig of_file = config;
-  of_file.model = file.config;
-  if (of_file != config)
-    fail(Status::format, "{}: its model is not the configuration's, whose \"model\" must be the file's: {}", init,
-         first_difference(of_file, config));
-  out.parameters = std::move(file.weights);
-  return out;
-}
-
-Checkpoint begin(const TrainConfig& config, const TrainOptions& options) {
-  std::optional<Checkpoint> found;
-  if (fs::exists(options.output)) found = newest_checkpoint(options.output);
-  if (found && !options.resume)
-    fail(Status::usage,
-         "{}: a training's checkpoints are there already (step {}): vsplat_train_options.resume goes on from them; or "
-         "name another folder",
-         options.output, found->step);
-  if (found) {
-    if (without_habits(found->config) != without_habits(config))
-      fail(Status::usage, "{}: the checkpoint of step {} is of another configuration: {}", options.output, found->step,
-           first_difference(without_habits(config), without_habits(found->config)));
-    found->config = config;
-    return std::move(*found);
-  }
-  return fresh(config, options.init);
-}
 
 std::optional<std::vector<int>> forced(const TrainConfig& config, const std::string& selection) {
   if (selection.empty()) return std::nullopt;
@@ -251,6 +196,12 @@ class RunFolder {
                    options_.planned_in_sheet, path));
   }
 
+  // The model for inference as it is at a checkpoint that is there: a kill may have come between the two files.
+  void renew_model(const Checkpoint& found) {
+    model_ = (folder_ / "model.safetensors").string();
+    save_model(model_, found);
+  }
+
   // A checkpoint and the model for inference, unless they are there already.
   void save(const Trainer& trainer) {
     if (saved_ == trainer.step()) return;
@@ -258,8 +209,7 @@ class RunFolder {
     const std::string path = checkpoint_path(options_.output, now.step);
     save_checkpoint(path, now);
     prune_checkpoints(options_.output, config_.keep_checkpoints);
-    model_ = (folder_ / "model.safetensors").string();
-    save_model(model_, now);
+    renew_model(now);
     saved_ = now.step;
     say("checkpoint " + path);
   }
@@ -298,22 +248,35 @@ StepReport step(Trainer& trainer, const std::vector<TrainingViews>& views,
   }
 }
 
+std::string going_on(const TrainConfig& config, long step) {
+  const long all = total_steps(config.schedule);
+  if (step < all) return fmt::format("going on from step {}", step);
+  return fmt::format("all {} steps are done; vsplat_train_options.extend goes on after them", all);
+}
+
 // Whether something that is done every `period` steps, and after the last, is due.
 bool is_due(long period, long step, long steps) { return step == steps || (period > 0 && step % period == 0); }
 
 }  // namespace
 
-TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options) {
-  const Checkpoint start = begin(config, options);
+TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, const TrainOptions& options) {
+  const Beginning beginning = begin(given, {options.output, options.init, options.resume, options.extend});
+  const Checkpoint& start = beginning.checkpoint;
+  const TrainConfig& config = start.config;
   const std::optional<std::vector<int>> selection = forced(config, options.selection);
   Trainer trainer(ctx, start, planned_of(selection, options.planned_selected));
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
   RunFolder folder(config, options, start.step);
   TrainingReader reader(data, reading(config, options.skip_bad));
-  if (start.step > 0) folder.say(fmt::format("going on from step {}", start.step));
+  const long steps = total_steps(config.schedule);
+  for (const std::string& text : unfinished(config.schedule)) warn("{}", text);
+  if (!beginning.told.empty()) folder.say(beginning.told);
+  if (start.step > 0) {
+    folder.renew_model(start);
+    folder.say(going_on(config, start.step));
+  }
 
   TrainResult result;
-  const long steps = config.schedule.steps;
   Telling telling(steps);
   while (trainer.step() < steps && !result.stopped) {
     std::vector<TrainingViews> views;
@@ -338,7 +301,8 @@ TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, 
 
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
   const auto planner = ctx.planner();
-  const Trainer trainer(*planner, fresh(config, ""), planned_of(forced(config, options.selection), options.selected));
+  const Trainer trainer(*planner, random_beginning(config),
+                        planned_of(forced(config, options.selection), options.selected));
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 

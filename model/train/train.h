@@ -29,9 +29,12 @@ struct TrainProgress {
 };
 
 struct TrainOptions {
-  std::string output;     // the run's folder, made where there is none
-  std::string init;       // a model file to begin with, of the configuration's model; "": random weights, by the seed
-  bool resume = false;    // go on from the newest good checkpoint in it; it must be of the same configuration
+  std::string output;   // the run's folder, made where there is none
+  std::string init;     // a model file to begin with, of the configuration's model; "": random weights, by the seed
+  bool resume = false;  // go on from the newest good checkpoint in it; it must be of the same configuration
+  // Schedule::extend, instead of the configuration's; empty: that, or the checkpoint's where it has none. Needs
+  // `resume`. What has begun of it may not change: the same list again is no further extension.
+  std::vector<long> extend;
   bool skip_bad = false;  // data that cannot be read are passed over and counted
   std::string selection;  // a file of voxels that are refined in every step, see model/io/selection_file.h; "": none
   long planned_selected = 0;                           // voxels, as the trainer takes it, where none are given

@@ -32,6 +32,7 @@ void each_field(C& c, Visit visit) {
   visit("tau_first", c.schedule.tau_first);
   visit("tau_last", c.schedule.tau_last);
   visit("tau_steps", c.schedule.tau_steps);
+  visit("extend", c.schedule.extend);
   visit("batch", c.batch);
   visit("accumulate", c.accumulate);
   visit("beta1", c.beta1);
@@ -73,6 +74,8 @@ void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   is.in("tau_first", s.tau_first, s.tau_first > 0, "above 0");
   is.in("tau_last", s.tau_last, s.tau_last > 0, "above 0");
   is.within("tau_steps", s.tau_steps, 0, kMostSteps);
+  is.within("extend's number of elements", static_cast<long>(s.extend.size()), 0, 1000);
+  for (const long more : s.extend) is.within("each of extend", more, 1, kMostSteps);
   is.within("batch", c.batch, 1, 1024);
   is.within("accumulate", c.accumulate, 1, 1024);
   for (const auto& [name, value] : {std::pair{"beta1", c.beta1}, {"beta2", c.beta2}, {"ema", c.ema}})
@@ -143,9 +146,60 @@ std::string to_json(const TrainConfig& config) {
   return out.dump(2, ' ', true, ordered_json::error_handler_t::replace);
 }
 
-TrainConfig train_config_from_json(const std::string& text) {
-  const json object = json::parse(text, nullptr, false);
+namespace {
+
+json parsed(const std::string& text) {
+  json object = json::parse(text, nullptr, false);
   if (!object.is_object()) fail(Status::format, "{} is not a JSON object: {}", kWhat, shown(text));
+  return object;
+}
+
+// A stage's fields over those beside `stages`.
+json merged(json base, const json& stage) {
+  for (const auto& [name, value] : stage.items()) {
+    json& into = base[name];
+    const bool fields = name == "model" && value.is_object() && !value.contains("base");
+    if (fields && into.is_string()) into = {{"base", into}};
+    if (fields && into.is_object())
+      into.update(value);
+    else
+      into = value;
+  }
+  return base;
+}
+
+}  // namespace
+
+std::vector<TrainConfig> train_stages_from_json(const std::string& text) {
+  json base = parsed(text);
+  if (!base.contains("stages")) return {train_config_from_json(text)};
+  const json stages = base["stages"];
+  base.erase("stages");
+  if (!stages.is_array() || stages.empty() || stages.size() > 100)
+    fail(Status::format, "{}'s stages must be a list of 1 to 100 objects (found {})", kWhat, shown(stages));
+  std::vector<TrainConfig> out;
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    if (!stages[i].is_object())
+      fail(Status::format, "{}'s stage {} must be an object (found {})", kWhat, i + 1, shown(stages[i]));
+    try {
+      out.push_back(train_config_from_json(merged(base, stages[i]).dump()));
+    } catch (const Error& e) {
+      fail(e.status(), "stage {}: {}", i + 1, e.what());
+    }
+    if (!stages[i].contains("seed")) out.back().seed += i;
+  }
+  return out;
+}
+
+std::string to_json(const std::vector<TrainConfig>& stages) {
+  if (stages.size() == 1) return to_json(stages.front());
+  ordered_json out = {{"stages", ordered_json::array()}};
+  for (const TrainConfig& stage : stages) out["stages"].push_back(ordered_json::parse(to_json(stage)));
+  return out.dump(2, ' ', true, ordered_json::error_handler_t::replace);
+}
+
+TrainConfig train_config_from_json(const std::string& text) {
+  const json object = parsed(text);
   json_fields::refuse_unknown(object, field_names(), kWhat);
   TrainConfig config;
   if (const auto model = object.find("model"); model != object.end()) {
@@ -157,7 +211,8 @@ TrainConfig train_config_from_json(const std::string& text) {
   }
   config.inputs_min = config.inputs_max = config.novel = config.model.views;
   each_field(config, [&](const char* name, auto& value) { json_fields::read_present(object, name, value, kWhat); });
-  if (!object.contains("warmup")) config.schedule.warmup = std::min(config.schedule.warmup, config.schedule.steps);
+  if (!object.contains("warmup")) config.schedule.warmup = usual_warmup(config.schedule.steps);
+  if (!object.contains("tau_steps")) config.schedule.tau_steps = config.schedule.steps;
   try {
     check(config, Status::format);
   } catch (const Error& e) {

@@ -54,11 +54,18 @@ void check(const TrainConfig& config, Status status = Status::usage);
 // Every field, one a line; the model's in an object of its own.
 std::string to_json(const TrainConfig& config);
 
-// Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, warmup no more than all
-// steps, the others those above. `model` is a name of config_names(), or an object of the configuration's fields over
-// those of `base`, such a name, "small" where it is absent. Unknown fields, wrong types and what cannot be trained are
-// an Error(format) that names them.
+// Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, warmup usual_warmup() of the
+// steps, tau_steps all of them, the others those above. `model` is a name of config_names(), or an object of the
+// configuration's fields over those of `base`, such a name, "small" where it is absent. Unknown fields, wrong types and
+// what cannot be trained are an Error(format) that names them.
 TrainConfig train_config_from_json(const std::string& text);
+
+// Trainings one after another, each of which begins with the weights of the one before: the objects of the field
+// `stages`, whose fields are over those that stand beside it (of `model`, single fields over its fields), and `seed`,
+// where a stage has none, one more for each. Without that field: the one training. Errors name the stage.
+std::vector<TrainConfig> train_stages_from_json(const std::string& text);
+// What train_stages_from_json() takes: of one stage as to_json(config) has it.
+std::string to_json(const std::vector<TrainConfig>& stages);
 
 // SHA-256 of to_json(): equal for equal configurations, however they were written.
 std::string hash_of(const TrainConfig& config);

@@ -1,4 +1,5 @@
 """vsplat train as a user's shell sees it: what it writes, what ends it, and that it goes on as if nothing had happened."""
+import array
 import json
 import os
 import random
@@ -59,6 +60,14 @@ class Train(train_support.Case):
         data = self.read(*parts)
         return data[8 + int.from_bytes(data[:8], "little"):]
 
+    def values(self, *parts):
+        """The values of each tensor of a safetensors file of floats, by its name."""
+        data = self.read(*parts)
+        size = 8 + int.from_bytes(data[:8], "little")
+        header = json.loads(data[8:size])
+        header.pop("__metadata__", None)
+        return {name: list(array.array("f", data[slice(*(size + at for at in entry["data_offsets"]))])) for name, entry in header.items()}
+
     def test_begins_with_another_models_weights(self):
         self.succeeds(*self.train(self.config(), "first"))
         weights = self.path("first", "model.safetensors")
@@ -71,6 +80,98 @@ class Train(train_support.Case):
         self.refuses(1, [weights, "sh_degree"], *self.train(deeper, "run", "--init", weights))
         self.refuses(1, [self.path("none")], *self.train(still, "run", "--init", self.path("none")))
         self.assertFalse(os.path.exists(self.path("run")))
+
+    def test_extended(self):
+        """Two commands give the same bits each time, interrupted or not, and the same as one that knew both."""
+        config = self.config()
+        extend = ("--resume", "--extend", 5)
+        for run in ("first", "second"):
+            self.succeeds(*self.train(config, run))
+            before = self.tensors(run, "model.safetensors")
+            out, err = self.succeeds(*self.train(config, run, *extend))
+            self.assertIn("step 11 of 11", err)
+            self.assertNotEqual(self.tensors(run, "model.safetensors"), before)
+        self.same_training("first", "second", 11)
+        rates = [float(line["lr"]) for line in self.log("first")]
+        self.assertEqual(len(rates), 11)
+        self.assertTrue(rates[5] < 1e-12 and rates[6] == max(rates) and rates[10] < 1e-12, rates)
+        # Killed on the way, and gone on with by the same command; once more, it finds all done.
+        self.succeeds(*self.train(config, "killed"))
+        process = self.start(*self.train(config, "killed", *extend))
+        while not os.path.exists(self.path("killed", "checkpoint-00000008.safetensors")) and process.poll() is None:
+            time.sleep(0.002)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        self.succeeds(*self.train(config, "killed", *extend))
+        self.same_training("first", "killed", 11)
+        _, err = self.succeeds(*self.train(config, "killed", *extend))
+        self.assertIn("all 11 steps are done; --extend", err)
+        self.same_training("first", "killed", 11)
+        # Without the option it goes on as it was extended; extended again, it has one cosine more.
+        self.succeeds(*self.train(config, "killed", "--resume"))
+        self.same_training("first", "killed", 11)
+        self.succeeds(*self.train(config, "killed", "--resume", "--extend", "5,4"))
+        self.assertEqual(int(self.log("killed")[-1]["step"]), 15)
+        self.refuses(2, ['found "extend": [5]', 'expected "extend": [6]'], *self.train(config, "first", "--resume", "--extend", 6))
+        self.refuses(2, ["--extend", "--resume"], *self.train(config, "new", "--extend", 5))
+        self.refuses(2, ["--extend", "no checkpoint"], *self.train(config, "new", *extend))
+        self.refuses(2, "--extend", *self.train(config, "first", "--resume", "--extend", 0))
+
+    def test_goes_on_with_other_sizes(self):
+        """A model's weights serve other pictures and volumes; what is in units of the cube's edge is scaled."""
+        self.succeeds(*self.train(self.config(), "small"))
+        weights = self.path("small", "model.safetensors")
+        larger = self.config("larger.json", lr=1e-30, steps=1, warmup=0, model={"base": "micro", "image": 32, "volume": 8, "views": 3})
+        _, err = self.succeeds(*self.train(larger, "larger", "--init", weights))
+        self.assertIn("made for pictures of 16 pixels and 4 voxels an edge, goes on with 32 and 8; 6 places within a voxel scaled by 0.5", err)
+        old, new = (self.values(run, "model.safetensors") for run in ("small", "larger"))
+        self.assertEqual(list(old), list(new))
+        for name in old:
+            self.assertEqual(new[name], [v * 0.5 for v in old[name]] if name == "div_offset" else old[name], name)
+        wider = self.config("wider.json", model={"base": "micro", "volume": 8, "volume_ch": 8})
+        self.refuses(1, ['found "volume_ch": 4, expected "volume_ch": 8'], *self.train(wider, "run", "--init", weights))
+
+    def test_stages(self):
+        """One configuration, sizes that grow: killed in either stage and resumed, the same bytes; so by hand, with --init."""
+        fields = dict(steps=6, stages=[{"steps": 5}, {"lr": 2e-4, "model": {"image": 32, "volume": 8}}])
+        config = self.config(**fields)
+        _, err = self.succeeds(*self.train(config, "whole"))
+        for words in ("stage 1 of 2", "step 5 of 5", "stage 2 of 2", "goes on with 32 and 8", "step 6 of 6"):
+            self.assertIn(words, err)
+        self.assertEqual(sorted(os.listdir(self.path("whole"))), ["config.json", "model.safetensors", "stage-1", "stage-2"])
+        self.assertEqual(self.read("whole", "model.safetensors"), self.read("whole", "stage-2", "model.safetensors"))
+        self.assertEqual(len(json.loads(self.read("whole", "config.json"))["stages"]), 2)
+        for at in (os.path.join("stage-1", "checkpoint-00000002.safetensors"), os.path.join("stage-2", "checkpoint-00000002.safetensors")):
+            process = self.start(*self.train(config, "killed", "--resume"))
+            while not os.path.exists(self.path("killed", at)) and process.poll() is None:
+                time.sleep(0.002)
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+        _, err = self.succeeds(*self.train(config, "killed", "--resume"))
+        self.assertIn("stage 1 of 2 is done", err)
+        for stage, step in (("stage-1", 5), ("stage-2", 6)):
+            self.same_training(os.path.join("whole", stage), os.path.join("killed", stage), step)
+        self.assertEqual(self.read("whole", "model.safetensors"), self.read("killed", "model.safetensors"))
+        self.refuses(2, ["stage-1", "--resume"], *self.train(config, "whole"))
+        # By hand. The seed is one more for each stage.
+        self.succeeds(*self.train(self.config("one.json", steps=5), "one"))
+        self.assertEqual(self.read("one", "model.safetensors"), self.read("whole", "stage-1", "model.safetensors"))
+        second = self.config("two.json", seed=1, lr=2e-4, model={"base": "micro", "image": 32, "volume": 8})
+        self.succeeds(*self.train(second, "two", "--init", self.path("one", "model.safetensors")))
+        self.assertEqual(self.read("two", "model.safetensors"), self.read("whole", "model.safetensors"))
+        # The last stage is what is extended.
+        self.succeeds(*self.train(config, "whole", "--resume", "--extend", 3))
+        self.assertEqual(int(self.log(os.path.join("whole", "stage-2"))[-1]["step"]), 9)
+        wrong = self.config("wrong.json", stages=[{}, {"model": {"sh_degree": 0}}])
+        self.refuses(1, ["stage 2", "stage 1", 'found "sh_degree": 1, expected "sh_degree": 0'], *self.train(wrong, "wrong"))
+        self.succeeds("train", config, "--dry-run")
+
+    def test_schedules_that_do_not_end_are_told(self):
+        _, err = self.succeeds(*self.train(self.config(steps=2, warmup=2, tau_steps=50000), "run"))
+        self.assertIn("warning: the learning rate rises for 2 of 2 steps", err)
+        self.assertIn('warning: the temperature ends at 1.00 and not at "tau_last"', err)
+        _, err = self.succeeds(*self.train(self.config(steps=2, warmup=0), "usual"))
+        self.assertNotIn("warning", err)
 
     # ------------------------------------------------------------------------------------------------------- what ends it
 
@@ -119,7 +220,7 @@ class Train(train_support.Case):
         self.succeeds(*self.train(self.config(), "run"))
         self.refuses(2, [self.path("run"), "--resume"], *self.train(self.config(), "run"))
         other = self.config("other.json", lr=1e-3)
-        self.refuses(2, [self.path("run"), '"lr"', "0.001", "0.0004"], *self.train(other, "run", "--resume"))
+        self.refuses(2, [self.path("run"), 'found "lr": 0.0004, expected "lr": 0.001', "config.json"], *self.train(other, "run", "--resume"))
         deeper = self.config("deeper.json", model={"base": "micro", "sh_degree": 0})
         self.refuses(2, [self.path("run"), '"sh_degree"'], *self.train(deeper, "run", "--resume"))
         # What no weight depends on may change.

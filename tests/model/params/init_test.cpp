@@ -148,6 +148,20 @@ TEST(InitialWeights, SeedsAndTensorsDiffer) {
   EXPECT_EQ(starts.size(), drawn);
 }
 
+// A model that goes on with another number of voxels has the fine places of one made for it, and nothing else changed.
+TEST(InitialWeights, PlacesAreScaledFromOneVolumeToAnother) {
+  const Config coarse = named_config("micro"), fine = with_fields(coarse, {"volume=8"});
+  const Weights before = initial_weights(coarse, 1), wanted = initial_weights(fine, 1);
+  Weights scaled = before;
+  EXPECT_EQ(scale_places(scaled, fine, 4.0 / 8.0), static_cast<std::size_t>(3 * fine.fine_count));
+  EXPECT_EQ(scaled.at("div_offset").data, wanted.at("div_offset").data);
+  EXPECT_NE(scaled.at("div_offset").data, before.at("div_offset").data);
+  for (const auto& [name, tensor] : before.all()) {
+    if (name == "div_offset") continue;
+    EXPECT_EQ(scaled.at(name).data, tensor.data) << name;
+  }
+}
+
 TEST(InitialWeights, OtherSizesLeaveATensorsNumbersAlone) {
   const Weights a = initial_weights(named_config("micro"), 1);
   const Weights b = initial_weights(with_fields(named_config("micro"), {"vit_depth=3", "use_projected=false"}), 1);

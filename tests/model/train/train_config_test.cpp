@@ -28,6 +28,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"tau_first", 1.0},
                          {"tau_last", 0.1},
                          {"tau_steps", 50000},
+                         {"extend", json::array()},
                          {"batch", 1},
                          {"accumulate", 1},
                          {"beta1", 0.9},
@@ -60,7 +61,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   TrainConfig c;
   c.model = with_fields(named_config("tiny"), {"selection=ste", "opacity_threshold=0.1"});
   c.seed = 18446744073709551615u;
-  c.schedule = {0.1 + 0.2, 7, 77, 0.9, 1e-3, 13};
+  c.schedule = {0.1 + 0.2, 7, 77, 0.9, 1e-3, 13, {5, 1000000000}};
   c.batch = 3, c.accumulate = 2;
   c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25;
   c.ema = 0.999;
@@ -101,10 +102,57 @@ TEST(TrainConfig, NumbersOfViewsAreTheModelsWhereAbsent) {
   EXPECT_EQ(some.novel, 1);
 }
 
-TEST(TrainConfig, WarmsUpNoLongerThanThereAreStepsWhereAbsent) {
-  EXPECT_EQ(train_config_from_json(R"({"steps": 10})").schedule.warmup, 10);
-  EXPECT_EQ(train_config_from_json(R"({"steps": 2000})").schedule.warmup, 1000);
-  EXPECT_EQ(train_config_from_json(R"({"steps": 10, "warmup": 3})").schedule.warmup, 3);
+TEST(TrainConfig, SchedulesFollowTheStepsWhereAbsent) {
+  const auto schedule = [](const std::string& text) { return train_config_from_json(text).schedule; };
+  EXPECT_EQ(schedule(R"({"steps": 10})").warmup, 1);
+  EXPECT_EQ(schedule(R"({"steps": 600})").warmup, 12);
+  EXPECT_EQ(schedule(R"({"steps": 20000})").warmup, 400);
+  EXPECT_EQ(schedule(R"({"steps": 500000})").warmup, 1000);
+  EXPECT_EQ(schedule(R"({"steps": 10, "warmup": 3})").warmup, 3);
+  EXPECT_EQ(schedule(R"({"steps": 20000})").tau_steps, 20000);
+  EXPECT_NEAR(temperature(schedule(R"({"steps": 20000})"), 20000), 0.1, 1e-4);
+  EXPECT_EQ(schedule(R"({"steps": 20000, "tau_steps": 7})").tau_steps, 7);
+  for (const char* text : {"{}", R"({"steps": 1})", R"({"steps": 600})", R"({"steps": 20000})"})
+    EXPECT_TRUE(unfinished(schedule(text)).empty()) << text;
+}
+
+TEST(TrainConfig, StagesAreFieldsOverThoseBesideThem) {
+  const auto stages = [](const std::string& text) { return train_stages_from_json(text); };
+  const std::string text = R"({"model": "tiny", "seed": 5, "lr": 0.01, "stages": [
+      {"steps": 1000},
+      {"steps": 50, "lr": 0.001, "model": {"image": 96, "volume": 20}},
+      {"steps": 50, "seed": 9, "model": {"base": "micro"}}]})";
+  const std::vector<TrainConfig> got = stages(text);
+  ASSERT_EQ(got.size(), 3u);
+  EXPECT_EQ(got[0].model, named_config("tiny"));
+  EXPECT_EQ(got[1].model, with_fields(named_config("tiny"), {"image=96", "volume=20"}));
+  EXPECT_EQ(got[2].model, named_config("micro"));
+  EXPECT_EQ(got[0].schedule.lr, 0.01);
+  EXPECT_EQ(got[1].schedule.lr, 0.001);
+  EXPECT_EQ(got[0].schedule.tau_steps, 1000);
+  EXPECT_EQ(got[1].schedule.tau_steps, 50);
+  EXPECT_EQ(got[0].schedule.warmup, 20);
+  EXPECT_EQ(got[1].schedule.warmup, 1);
+  EXPECT_EQ(got[0].seed, 5u);
+  EXPECT_EQ(got[1].seed, 6u);
+  EXPECT_EQ(got[2].seed, 9u);
+  EXPECT_EQ(stages(to_json(got)), got);
+  EXPECT_EQ(to_json(stages(to_json(got))), to_json(got));
+  EXPECT_EQ(stages(R"({"steps": 7})"), std::vector<TrainConfig>{train_config_from_json(R"({"steps": 7})")});
+  const TrainConfig fields =
+      stages(R"({"model": {"base": "tiny", "volume": 20}, "stages": [{"model": {"image": 96}}]})")[0];
+  EXPECT_EQ(fields.model, got[1].model);
+  const char* wrong[][2] = {
+      {R"({"stages": {}})", "must be a list of 1 to 100 objects (found {})"},
+      {R"({"stages": []})", "must be a list of 1 to 100 objects (found [])"},
+      {R"({"stages": [{}, 3]})", "stage 2 must be an object (found 3)"},
+      {R"({"stages": [{}, {"step": 3}]})", "stage 2: the training's configuration has unknown fields"},
+      {R"({"stages": [{"stages": [{}]}]})", "unknown fields: \"stages\""},
+      {R"({"steps": 5, "stages": [{"warmup": 6}]})", "stage 1: the training's configuration: warmup"}};
+  for (const auto& [bad, words] : wrong) {
+    const std::string message = refusal([&] { train_stages_from_json(bad); }, Status::format);
+    EXPECT_NE(message.find(words), std::string::npos) << message << "\nexpected " << words;
+  }
 }
 
 TEST(TrainConfig, FreezesByTheStartOfNames) {
@@ -119,21 +167,12 @@ TEST(TrainConfig, RefusesUnknownAndMistypedFieldsByName) {
   EXPECT_NE(refused(R"({"step": 3, "colour": 1})").find("unknown fields: \"colour\", \"step\"; known are model, seed"),
             std::string::npos);
   EXPECT_NE(refused(R"({"model": {"base": "tiny", "vit": 1}})").find("unknown fields: \"vit\""), std::string::npos);
-  const char* wrong[][2] = {{"seed", "-1"},
-                            {"seed", "1.0"},
-                            {"seed", "18446744073709551616"},
-                            {"steps", "\"10\""},
-                            {"steps", "10.0"},
-                            {"steps", "9223372036854775808"},
-                            {"steps", "null"},
-                            {"lr", "\"4e-4\""},
-                            {"random_background", "1"},
-                            {"fit", "[]"},
-                            {"frozen", "\"encoder\""},
-                            {"frozen", "[1]"},
-                            {"turn_degrees", "[]"},
-                            {"model", "3"},
-                            {"cache_gib", "true"}};
+  const char* wrong[][2] = {{"seed", "-1"},      {"seed", "1.0"},           {"seed", "18446744073709551616"},
+                            {"steps", "\"10\""}, {"steps", "10.0"},         {"steps", "9223372036854775808"},
+                            {"steps", "null"},   {"lr", "\"4e-4\""},        {"random_background", "1"},
+                            {"fit", "[]"},       {"frozen", "\"encoder\""}, {"frozen", "[1]"},
+                            {"extend", "5"},     {"extend", "[1.5]"},       {"turn_degrees", "[]"},
+                            {"model", "3"},      {"cache_gib", "true"}};
   for (const auto& [field, value] : wrong) {
     const std::string text = refused(std::string("{\"") + field + "\": " + value + "}");
     EXPECT_NE(text.find(field), std::string::npos) << text;
@@ -154,6 +193,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"lr": 0})", "lr must be above 0 and at most 1 (found 0)"},
       {R"({"tau_first": 0})", "tau_first must be above 0 (found 0)"},
       {R"({"tau_last": -1})", "tau_last must be above 0 (found -1)"},
+      {R"({"extend": [5, 0]})", "each of extend must be 1 to 1000000000 (found 0)"},
       {R"({"batch": 0})", "batch must be 1 to 1024 (found 0)"},
       {R"({"accumulate": 0})", "accumulate must be 1 to 1024 (found 0)"},
       {R"({"beta1": 1})", "beta1 must be at least 0 and below 1 (found 1)"},

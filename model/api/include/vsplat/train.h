@@ -47,9 +47,14 @@ typedef struct vsplat_train_options {
   uint64_t assume_intersections; /* in a picture, for the check before the start; 0: eight tiles for each Gaussian */
   const char* init;              /* NULL, or a model file whose weights the training begins with: its model must be the
                                     configuration's. Not read where a checkpoint is gone on from. */
+  const int64_t* extend; /* with `resume`: so many steps after the configuration's, each number of them with a rise of
+                            the learning rate and a cosine of its own; the temperature stays where it was. The same
+                            numbers again go on with the same extension, or find it done: to extend further, give them
+                            and one more. NULL: as the checkpoint was extended */
+  size_t num_extend;
 } vsplat_train_options;
 #define VSPLAT_TRAIN_OPTIONS_INIT \
-  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL }
+  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL, NULL, 0 }
 
 typedef struct vsplat_train_result {
   size_t size;
@@ -61,7 +66,8 @@ typedef struct vsplat_train_result {
 #define VSPLAT_TRAIN_RESULT_INIT \
   { sizeof(vsplat_train_result), 0, 0, 0, 0 }
 
-/* Trains, from the beginning or from a checkpoint, and writes into `output`: config.json, log.csv, sheets/, the newest
+/* Where the configuration has `stages`, one training after another: see model/train/README.md.
+   Trains, from the beginning or from a checkpoint, and writes into `output`: config.json, log.csv, sheets/, the newest
    checkpoints, each whole or not at all, and with them model.safetensors, which vsplat_model_load takes. `config`: a
    JSON object, see vsplat_train_config. The same configuration, data and device give the same bits, however often the
    training was interrupted. Callbacks are called on this thread and may not use the device.

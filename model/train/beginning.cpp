@@ -1,0 +1,127 @@
+#include "model/train/beginning.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "model/params/init.h"
+#include "model/params/model_file.h"
+#include "runtime/fail.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What may differ between a run and its continuation: nothing that a weight depends on.
+TrainConfig without_habits(TrainConfig config) {
+  const TrainConfig defaults;
+  config.log_every = defaults.log_every;
+  config.sheet_every = defaults.sheet_every;
+  config.checkpoint_every = defaults.checkpoint_every;
+  config.keep_checkpoints = defaults.keep_checkpoints;
+  config.cache_gib = defaults.cache_gib;
+  return config;
+}
+
+// The first field of a configuration that differs, with both values.
+std::string first_difference(const TrainConfig& found, const TrainConfig& expected) {
+  using nlohmann::ordered_json;
+  const auto compare = [](const ordered_json& a, const ordered_json& b, const auto& self) -> std::string {
+    for (const auto& [name, value] : a.items()) {
+      if (value == b.at(name)) continue;
+      if (value.is_object()) return self(value, b.at(name), self);
+      return fmt::format("found \"{0}\": {1}, expected \"{0}\": {2}", name, value.dump(), b.at(name).dump());
+    }
+    return "they differ";
+  };
+  return compare(ordered_json::parse(to_json(found)), ordered_json::parse(to_json(expected)), compare);
+}
+
+// With the sizes that a model may change between trainings.
+Config with_sizes_of(Config config, const Config& other) {
+  config.image = other.image;
+  config.volume = other.volume;
+  config.views = other.views;
+  return config;
+}
+
+// The checkpoint with the configuration that is asked for; refused where it says another thing of the steps so far.
+Checkpoint continued(Checkpoint found, const TrainConfig& config, const BeginningRequest& request) {
+  TrainConfig asked = config;
+  if (!request.extend.empty()) asked.schedule.extend = request.extend;
+  if (asked.schedule.extend.empty()) asked.schedule.extend = found.config.schedule.extend;
+  check(asked);
+  TrainConfig same = without_habits(found.config);
+  const TrainConfig wanted = without_habits(asked);
+  if (extended_alike(same.schedule, wanted.schedule, found.step)) same.schedule.extend = wanted.schedule.extend;
+  if (same != wanted)
+    fail(Status::usage,
+         "{}: the checkpoint of step {} is of another configuration than the one given: {}; name another folder, or "
+         "give the checkpoint's configuration, which is in config.json there",
+         request.output, found.step, first_difference(same, wanted));
+  found.config = asked;
+  return found;
+}
+
+}  // namespace
+
+Checkpoint random_beginning(const TrainConfig& config) {
+  Checkpoint out;
+  out.config = config;
+  out.parameters = initial_weights(config.model, config.seed);
+  return out;
+}
+
+void check_model_fits(const Config& model, const TrainConfig& config) {
+  TrainConfig other = config;
+  other.model = with_sizes_of(model, config.model);
+  if (other != config) fail(Status::format, "{}", first_difference(other, config));
+}
+
+Beginning from_model(const TrainConfig& config, const std::string& path) {
+  ModelFile file = load_model(path);
+  try {
+    check_model_fits(file.config, config);
+  } catch (const Error& e) {
+    fail(
+        e.status(),
+        "{}: its model is not the configuration's, whose \"model\" must be the file's but for image, volume and views: "
+        "{}",
+        path, e.what());
+  }
+  Beginning out;
+  out.checkpoint.config = config;
+  const int old_volume = file.config.volume, new_volume = config.model.volume;
+  if (old_volume != new_volume || file.config.image != config.model.image) {
+    const double factor = static_cast<double>(old_volume) / static_cast<double>(new_volume);
+    const std::size_t scaled = scale_places(file.weights, config.model, factor);
+    out.told = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, goes on with {} and {}", path,
+                           file.config.image, old_volume, config.model.image, new_volume);
+    if (old_volume != new_volume) out.told += fmt::format("; {} places within a voxel scaled by {:g}", scaled, factor);
+  }
+  out.checkpoint.parameters = std::move(file.weights);
+  return out;
+}
+
+Beginning begin(const TrainConfig& config, const BeginningRequest& request) {
+  if (!request.extend.empty() && !request.resume)
+    fail(Status::usage, "vsplat_train_options.extend needs vsplat_train_options.resume: it goes on with a training");
+  std::optional<Checkpoint> found;
+  if (fs::exists(request.output)) found = newest_checkpoint(request.output);
+  if (found && !request.resume)
+    fail(Status::usage,
+         "{}: a training's checkpoints are there already (step {}): vsplat_train_options.resume goes on from them; or "
+         "name another folder",
+         request.output, found->step);
+  if (found) return {continued(std::move(*found), config, request), ""};
+  if (!request.extend.empty())
+    fail(Status::usage,
+         "{}: holds no checkpoint that vsplat_train_options.extend could go on from; train first, then extend",
+         request.output);
+  if (request.init.empty()) return {random_beginning(config), ""};
+  return from_model(config, request.init);
+}
+
+}  // namespace vsplat
