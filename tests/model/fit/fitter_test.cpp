@@ -1,0 +1,446 @@
+#include "model/fit/fitter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "bench/reference/splat.h"
+#include "model/base/rng.h"
+#include "tests/reference/loss.h"
+#include "tests/reference/splat_parameters.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/orbit.h"
+#include "tests/support/scenes.h"
+
+namespace vsplat {
+namespace {
+
+constexpr float kNear = 0.05f;
+
+std::uint8_t byte_of(double v) { return static_cast<std::uint8_t>(std::lround(std::clamp(v, 0.0, 1.0) * 255)); }
+
+// Parameters on the host, as Fitter has them.
+struct Parameters {
+  std::vector<float> means, log_scales, quats, logits, sh;
+};
+
+// The loss of a step in double, from the definitions of its parts.
+struct Objective {
+  const FitPicture& picture;
+  FitOptions options;
+  ref::Options drawing;
+  bool similar = true;
+  ref::Left left;
+  Parameters home;
+  std::vector<float> target = {};  // as it was for the parameters that the gradient is at
+
+  Gaussians gaussians(const Parameters& x) const {
+    Gaussians g;
+    g.count = x.logits.size();
+    g.sh_degree = static_cast<int>(std::lround(std::sqrt(static_cast<double>(x.sh.size() / 3 / g.count)))) - 1;
+    g.means = x.means, g.quats = x.quats, g.sh = x.sh;
+    for (const float v : x.log_scales) g.scales.push_back(static_cast<float>(ref::splat_scale(v)));
+    for (std::size_t k = 0; k < g.count; ++k)
+      g.opacities.push_back(static_cast<float>(ref::splat_opacity(x.logits[k], left, k)));
+    return g;
+  }
+
+  bool known(std::size_t pixel) const { return picture.known.empty() || picture.known[pixel] != 0; }
+
+  // Returns how close the drawn picture comes to where the loss has a kink: to the target, and to black and white.
+  double hold(const Parameters& x) {
+    const ref::Frame f = ref::render(gaussians(x), picture.camera, drawing);
+    double nearest = 1;
+    target.clear();
+    for (std::size_t i = 0; i < f.colour.size(); ++i) {
+      const std::uint8_t* given = &picture.rgba[i / 3 * 4];
+      const double want = (given[i % 3] + (255 - given[3]) * drawing.background[i % 3]) / 255;
+      target.push_back(static_cast<float>(known(i / 3) ? want : f.colour[i]));
+      nearest = std::min({nearest, f.colour[i], 1 - f.colour[i]});
+      if (known(i / 3)) nearest = std::min(nearest, std::abs(f.colour[i] - want));
+      if (known(i / 3) && picture.masked)
+        nearest = std::min(nearest, std::abs(f.alpha[i / 3] - given[3] / 255.0) - 0.5 / 255);
+    }
+    return nearest;
+  }
+
+  double operator()(const Parameters& x) const {
+    const ref::Frame f = ref::render(gaussians(x), picture.camera, drawing);
+    double sum = ref::loss(f.colour, target, picture.camera.height, picture.camera.width,
+                           static_cast<double>(options.ssim_weight) * static_cast<double>(options.ssim_every),
+                           {true, true, similar})[0];
+    for (std::size_t i = 0; i < f.colour.size(); ++i)  // 0 where nothing is known, not a kink rounded off its place
+      if (!known(i / 3))
+        sum -= std::abs(f.colour[i] - static_cast<double>(target[i])) / static_cast<double>(f.colour.size());
+    const auto pixels = static_cast<double>(f.alpha.size()), count = static_cast<double>(x.logits.size());
+    for (std::size_t i = 0; i < f.alpha.size() && picture.masked; ++i)
+      if (known(i)) sum += options.alpha_weight / pixels * std::abs(f.alpha[i] - picture.rgba[4 * i + 3] / 255.0);
+    for (const float v : x.logits) sum += options.opacity_weight / count / (1 + std::exp(-static_cast<double>(v)));
+    for (std::size_t i = 0; i < x.means.size(); ++i) {
+      sum += options.scale_weight / count * std::exp(static_cast<double>(x.log_scales[i]));
+      const double a = static_cast<double>(x.means[i]) - home.means[i];
+      const double b = static_cast<double>(x.log_scales[i]) - home.log_scales[i];
+      sum += options.pull / count / 2 * (a * a + b * b);
+    }
+    return sum;
+  }
+};
+
+class FitterTest : public test::FlavourTest {
+ protected:
+  Parameters read(const SplatParameters& x) {
+    return {ctx().read<float>(x.means), ctx().read<float>(x.log_scales), ctx().read<float>(x.quats),
+            ctx().read<float>(x.logits), ctx().read<float>(x.sh)};
+  }
+
+  // Every Gaussian is wide enough to be over 1/255 in every pixel, faint enough never to be held at 0.99, and few
+  // enough for light to come through: drawing has no threshold near.
+  static Gaussians wide_ones() {
+    Gaussians g;
+    g.count = 5;
+    g.sh_degree = 2;
+    const std::vector<float> at = test::random_floats(1000, 44);
+    for (std::size_t k = 0; k < g.count; ++k) {
+      const float* r = &at[60 * k];
+      g.means.insert(g.means.end(), {0.3f * r[0], 0.3f * r[1], 0.5f * r[2]});
+      g.scales.insert(g.scales.end(), {0.6f + 0.2f * r[3], 0.6f + 0.2f * r[4], 0.6f + 0.2f * r[5]});
+      g.quats.insert(g.quats.end(), {r[6], r[7], r[8], 1.5f});
+      g.opacities.push_back(0.4f + 0.2f * r[9]);
+      for (std::size_t i = 0; i < 27; ++i) g.sh.push_back(0.1f * r[10 + i]);
+    }
+    return g;
+  }
+
+  // One that differs from what is drawn of `g` by something in every pixel, over white and over `background`.
+  static FitPicture off(const Gaussians& g, const Camera& camera, const ref::Options& drawing,
+                        const std::array<double, 3>& background, bool masked) {
+    FitPicture out{"", camera, {}, {}, masked};
+    const ref::Frame f = ref::render(g, camera, drawing);
+    const auto random = test::random_floats(10000, 51, 0, 1);
+    std::size_t next = 0;
+    for (std::size_t p = 0; p < f.alpha.size(); ++p) {
+      const double a = masked ? f.alpha[p] + (p % 2 == 0 && f.alpha[p] < 0.9 ? 0.08 : -0.08) : 1;
+      for (std::size_t c = 0; c < 3; ++c) {
+        double colour = 0;
+        for (int tries = 0; tries < 50; ++tries) {
+          colour = a * static_cast<double>(random[next++ % random.size()]);
+          const double drawn = f.colour[3 * p + c];  // over white
+          const double other = drawn + (1 - f.alpha[p]) * (background[c] - 1);
+          if (std::abs(colour + 1 - a - drawn) > 0.04 && std::abs(colour + (1 - a) * background[c] - other) > 0.04)
+            break;
+        }
+        out.rgba.push_back(byte_of(colour));
+      }
+      out.rgba.push_back(byte_of(a));
+    }
+    return out;
+  }
+
+  // The gradient after so many steps against differences of the objective.
+  void check_gradient(FitOptions options, int steps, bool masked, bool with_unknown) {
+    options.high_scale = 2;  // than which none of wide_ones() is wider
+    const std::array<float, 3> mirror = {0.1f, -0.2f, 0.3f};
+    const Camera camera = test::make_camera({"", 0, 0, 13, 11, ""}, 45);
+    const Gaussians start = wide_ones();
+    ref::Options drawing;
+    drawing.near = kNear;
+    drawing.mirror = Eigen::Vector3f(0.1f, -0.2f, 0.3f).cast<double>();
+    const auto random =
+        philox4x32_10({0, static_cast<std::uint32_t>(steps), stream_of("fit.background"), 0}, rng_key(options.seed));
+    std::array<double, 3> background{1, 1, 1};
+    if (masked && options.random_background && steps % 2 == 1)
+      for (std::size_t c = 0; c < 3; ++c) background[c] = static_cast<double>(uniform01(random[c]));
+    FitPicture picture = off(start, camera, drawing, background, masked);
+    if (with_unknown)
+      for (std::size_t i = 0; i < picture.rgba.size() / 4; ++i) picture.known.push_back(i % 5 == 0 ? 0 : 255);
+    const DeviceFitPicture given = upload(ctx(), picture);
+    Fitter fitter(ctx(), start, kNear, mirror, options);
+    Objective objective{picture, options, drawing, false, {}, read(fitter.parameters())};
+    for (int i = 0; i < steps; ++i) fitter.step(given);
+    fitter.differentiate(given);
+    Parameters x = read(fitter.parameters());
+    const GaussianGradients g = fitter.gradient();
+    const Parameters got = read({g.means, g.scales, g.quats, g.opacities, g.sh});
+
+    objective.drawing.background = background;
+    objective.similar = options.ssim_weight > 0 && steps % options.ssim_every == 0;
+    objective.left = {static_cast<double>(options.drop), options.seed, static_cast<std::uint32_t>(steps)};
+    ASSERT_GT(objective.hold(x), 0.003) << "near a kink";
+    const double loss =
+        ref::loss(ref::render(objective.gaussians(x), camera, objective.drawing).colour, objective.target, 11, 13,
+                  objective.options.ssim_weight * options.ssim_every, {true, true, objective.similar})[0];
+    EXPECT_NEAR(ctx().read<float>(fitter.last_loss())[0], loss, 1e-5);
+
+    const auto compare = [&](std::vector<float> Parameters::*kind, const char* name, std::size_t channels = 1) {
+      std::vector<double> want;
+      for (float& value : x.*kind) {
+        const float base = value;
+        const auto slope = [&](float h) {
+          const float low = base - h, high = base + h;
+          value = high;
+          const double above = objective(x);
+          value = low;
+          const double below = objective(x);
+          value = base;
+          return (above - below) / (static_cast<double>(high) - static_cast<double>(low));
+        };
+        want.push_back((4 * slope(0x1p-10f) - slope(0x1p-9f)) / 3);
+      }
+      EXPECT_TRUE(test::close_by_channel(got.*kind, want, channels, 2e-4)) << name;
+    };
+    compare(&Parameters::means, "means");
+    compare(&Parameters::log_scales, "log scales");
+    compare(&Parameters::quats, "quats");
+    compare(&Parameters::logits, "logits");
+    compare(&Parameters::sh, "sh", 27);
+
+    fitter.move();
+    EXPECT_EQ(fitter.steps_done(), steps + 1);
+    for (const Tensor& t : {g.means, g.scales, g.quats, g.opacities, g.sh})
+      EXPECT_EQ(ctx().read<float>(t), std::vector<float>(static_cast<std::size_t>(t.count()), 0.0f));
+  }
+
+  // Of `g`, drawn from about it.
+  std::vector<FitPicture> pictures_of(const Gaussians& g, int count, int size) {
+    std::vector<FitPicture> out;
+    for (const Camera& camera : test::orbit(count, size)) {
+      RenderOptions how;
+      how.near = kNear;
+      how.background = {0, 0, 0};
+      const Picture drawn = render_picture(ctx(), vsplat::upload(ctx(), g), camera, how);
+      FitPicture picture{"", camera, {}, {}, true};
+      for (std::size_t i = 0; i < drawn.alpha.data.size(); ++i) {
+        const std::uint8_t a = byte_of(drawn.alpha.data[i]);
+        for (std::size_t c = 0; c < 3; ++c) picture.rgba.push_back(std::min(a, byte_of(drawn.colour.data[3 * i + c])));
+        picture.rgba.push_back(a);
+      }
+      out.push_back(picture);
+    }
+    return out;
+  }
+
+  std::vector<DeviceFitPicture> uploaded(const std::vector<FitPicture>& pictures) {
+    std::vector<DeviceFitPicture> out;
+    for (const FitPicture& p : pictures) out.push_back(upload(ctx(), p));
+    return out;
+  }
+
+  static Gaussians scene(std::size_t count, std::uint32_t seed) {
+    Gaussians g = test::make_scene({"", count, 1, 0, 0, ""}, seed);
+    for (float& v : g.means) v *= 0.5f;
+    for (float& v : g.scales) v *= 3;
+    for (float& v : g.sh) v *= 0.5f;
+    return g;
+  }
+
+  // The mean of the squared error over pictures.
+  static double error(Fitter& fitter, const std::vector<DeviceFitPicture>& pictures) {
+    double sum = 0;
+    for (const auto& p : pictures) sum += std::pow(10, -0.1 * fitter.judge(p).psnr);
+    return sum / static_cast<double>(pictures.size());
+  }
+
+  void expect_finite(Fitter& fitter) {
+    const Parameters x = read(fitter.parameters());
+    for (const auto* v : {&x.means, &x.log_scales, &x.quats, &x.logits, &x.sh})
+      EXPECT_TRUE(std::all_of(v->begin(), v->end(), [](float f) { return std::isfinite(f); }));
+    for (const float v : ctx().read<float>(fitter.last_loss())) EXPECT_TRUE(std::isfinite(v));
+  }
+};
+VSPLAT_FLAVOURS(FitterTest);
+
+FitOptions all_terms() {
+  FitOptions options;
+  options.ssim_weight = 0.3f, options.alpha_weight = 0.4f;
+  options.opacity_weight = 0.05f, options.scale_weight = 0.1f, options.pull = 0.2f;
+  options.seed = 7;
+  return options;
+}
+
+TEST_P(FitterTest, GradientMatchesDifferencesAtTheStart) {
+  check_gradient(all_terms(), 0, true, false);
+  check_gradient(all_terms(), 0, true, true);
+  check_gradient(all_terms(), 0, false, true);
+}
+
+// Where the pull has a slope, over another background, with some left out, and without a similarity in this step.
+TEST_P(FitterTest, GradientMatchesDifferencesLaterOn) {
+  FitOptions options = all_terms();
+  check_gradient(options, 3, true, true);
+  options.ssim_every = 2;
+  check_gradient(options, 3, true, false);
+  check_gradient(options, 2, true, false);
+  options.drop = 0.3f;
+  check_gradient(options, 4, true, false);
+}
+
+TEST_P(FitterTest, BringsAFewGaussiansToPicturesOfOthers) {
+  const auto pictures = uploaded(pictures_of(scene(12, 1), 6, 48));
+  FitOptions options;
+  options.steps = 300;
+  Fitter fitter(ctx(), scene(30, 2), kNear, {}, options);
+  const double before = error(fitter, pictures);
+  for (std::size_t i = 0; i < 300; ++i) fitter.step(pictures[i % 6]);
+  const double after = error(fitter, pictures);
+  EXPECT_LT(after, before / 8);
+  expect_finite(fitter);
+}
+
+// Bytes of the pictures round off 59 dB.
+TEST_P(FitterTest, JudgesAScenesOwnPicturesAsThemselves) {
+  const Gaussians g = scene(12, 1);
+  const auto pictures = uploaded(pictures_of(g, 3, 40));
+  Fitter fitter(ctx(), g, kNear, {}, {});
+  for (const auto& p : pictures) {
+    const FitScore score = fitter.judge(p);
+    EXPECT_GT(score.psnr, 50);
+    EXPECT_GT(score.ssim, 0.999);
+  }
+}
+
+TEST_P(FitterTest, SameBitsAgainAndOthersWithAnotherSeed) {
+  const auto pictures = uploaded(pictures_of(scene(12, 1), 4, 40));
+  FitOptions options = all_terms();
+  options.drop = 0.1f, options.noise = 100;
+  options.grow_every = 7, options.grow_until = 100, options.max_gaussians = 60;
+  const auto fitted = [&](std::uint64_t seed) {
+    options.seed = seed;
+    Fitter fitter(ctx(), scene(40, 2), kNear, {}, options);
+    for (std::size_t i = 0; i < 25; ++i) fitter.step(pictures[i % 4]);
+    EXPECT_EQ(fitter.count(), 52);  // 40, 44, 48, 52
+    expect_finite(fitter);
+    return fitter.gaussians();
+  };
+  const Gaussians first = fitted(1), again = fitted(1), other = fitted(2);
+  EXPECT_EQ(first.means, again.means);
+  EXPECT_EQ(first.scales, again.scales);
+  EXPECT_EQ(first.quats, again.quats);
+  EXPECT_EQ(first.opacities, again.opacities);
+  EXPECT_EQ(first.sh, again.sh);
+  EXPECT_NE(first.means, other.means);
+}
+
+TEST_P(FitterTest, GrowsToItsLimitAndUntilItsEnd) {
+  const auto pictures = uploaded(pictures_of(scene(12, 1), 1, 24));
+  FitOptions options;
+  options.grow_every = 2, options.grow_until = 7, options.growth = 1.5, options.max_gaussians = 40;
+  Fitter fitter(ctx(), scene(20, 2), kNear, {}, options);
+  std::vector<long> counts;
+  for (int i = 0; i < 9; ++i) fitter.step(pictures[0]), counts.push_back(fitter.count());
+  EXPECT_EQ(counts, (std::vector<long>{20, 30, 30, 40, 40, 40, 40, 40, 40}));
+  options.max_gaussians = 1000;
+  Fitter further(ctx(), scene(20, 2), kNear, {}, options);
+  for (int i = 0; i < 9; ++i) further.step(pictures[0]);
+  EXPECT_EQ(further.count(), 67);  // after 2, 4 and 6 steps
+  expect_finite(further);
+}
+
+TEST_P(FitterTest, ColoursComeFirstWhereThatIsAskedFor) {
+  const auto pictures = uploaded(pictures_of(scene(12, 1), 1, 24));
+  FitOptions options;
+  options.colours_first = 3;
+  Fitter fitter(ctx(), scene(20, 2), kNear, {}, options);
+  const Parameters start = read(fitter.parameters());
+  for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
+  const Parameters third = read(fitter.parameters());
+  EXPECT_EQ(third.means, start.means);
+  EXPECT_EQ(third.log_scales, start.log_scales);
+  EXPECT_EQ(third.quats, start.quats);
+  EXPECT_NE(third.logits, start.logits);
+  EXPECT_NE(third.sh, start.sh);
+  fitter.step(pictures[0]);
+  EXPECT_NE(read(fitter.parameters()).means, start.means);
+}
+
+TEST_P(FitterTest, OnePictureIsFittedAsItIs) {
+  auto given = pictures_of(scene(12, 1), 1, 40);
+  for (const bool masked : {true, false}) {
+    given[0].masked = masked;
+    if (!masked)  // over white
+      for (std::size_t i = 0; i < given[0].rgba.size(); i += 4) {
+        for (std::size_t c = 0; c < 3; ++c)
+          given[0].rgba[i + c] = static_cast<std::uint8_t>(given[0].rgba[i + c] + 255 - given[0].rgba[i + 3]);
+        given[0].rgba[i + 3] = 255;
+      }
+    const auto pictures = uploaded(given);
+    Fitter fitter(ctx(), scene(30, 2), kNear, {}, {});
+    const double before = error(fitter, pictures);
+    for (int i = 0; i < 100; ++i) fitter.step(pictures[0]);
+    EXPECT_LT(error(fitter, pictures), before / 20) << masked;
+  }
+}
+
+// An object that is nowhere: what there is fades, and nothing breaks, relocation and noise included.
+TEST_P(FitterTest, EmptyMasksLeaveNothingToSee) {
+  auto given = pictures_of(scene(12, 1), 2, 24);
+  for (FitPicture& p : given) std::fill(p.rgba.begin(), p.rgba.end(), std::uint8_t{0});
+  const auto pictures = uploaded(given);
+  FitOptions options;
+  options.rates.logits = 0.2;
+  options.grow_every = 10, options.grow_until = 1000, options.noise = 100;
+  Fitter fitter(ctx(), scene(12, 1), kNear, {}, options);
+  const double before = error(fitter, pictures);
+  for (std::size_t i = 0; i < 120; ++i) fitter.step(pictures[i % 2]);
+  EXPECT_LT(error(fitter, pictures), before / 100);
+  expect_finite(fitter);
+}
+
+// A picture of which nothing is known says nothing.
+TEST_P(FitterTest, UnknownPixelsMoveNothing) {
+  auto given = pictures_of(scene(12, 1), 1, 24);
+  given[0].known.assign(24 * 24, 0);
+  const auto pictures = uploaded(given);
+  Fitter fitter(ctx(), scene(20, 2), kNear, {}, {});
+  const Parameters start = read(fitter.parameters());
+  for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
+  const Parameters x = read(fitter.parameters());
+  EXPECT_TRUE(test::close(x.means, start.means, 1e-6));
+  EXPECT_TRUE(test::close(x.logits, start.logits, 1e-6));
+  EXPECT_TRUE(test::close(x.sh, start.sh, 1e-6));
+}
+
+TEST_P(FitterTest, AStartWithNoGaussianStaysOne) {
+  const auto pictures = uploaded(pictures_of(scene(12, 1), 1, 24));
+  for (const long room : {0L, 50L}) {
+    FitOptions options = all_terms();
+    options.grow_every = 1, options.grow_until = 10, options.max_gaussians = room, options.noise = 1;
+    Fitter fitter(ctx(), Gaussians{}, kNear, {}, options);
+    for (int i = 0; i < 3; ++i) fitter.step(pictures[0]);
+    EXPECT_EQ(fitter.count(), 0);
+    EXPECT_EQ(fitter.gaussians().count, 0U);
+    EXPECT_GT(fitter.judge(pictures[0]).psnr, 0);
+    expect_finite(fitter);
+  }
+}
+
+// Scales of 0 and far too large ones, opacities of 0 and 1, behind and within the cameras, at ten times the rates:
+// finite, and within the limits.
+TEST_P(FitterTest, IsNeverNan) {
+  const auto pictures = uploaded(pictures_of(scene(12, 1), 4, 33));
+  Gaussians start = scene(60, 3);
+  for (std::size_t i = 0; i < 30; ++i) start.scales[i] = i % 3 == 0 ? 0.0f : 1e3f;
+  for (std::size_t k = 20; k < 30; ++k) start.opacities[k] = static_cast<float>(k % 2);
+  for (std::size_t i = 90; i < 120; ++i) start.means[i] *= 20;
+  FitOptions options = all_terms();
+  options.rates = {1e-2, 0.1, 2e-2, 0.3, 5e-2, 5e-3};
+  options.grow_every = 10, options.grow_until = 1000, options.max_gaussians = 100, options.noise = 1e4f;
+  options.drop = 0.5f, options.steps = 60;
+  Fitter fitter(ctx(), start, kNear, {}, options);
+  for (std::size_t i = 0; i < 57; ++i) fitter.step(pictures[i % 4]);  // the last relocation is some steps ago
+  expect_finite(fitter);
+  const Gaussians out = fitter.gaussians();
+  EXPECT_GT(out.count, 0U);
+  for (const float s : out.scales) {
+    EXPECT_GE(s, 0.999f * options.low_scale);
+    EXPECT_LE(s, 1.001f * options.high_scale);
+  }
+  for (std::size_t k = 0; k < out.count; ++k) {
+    EXPECT_GE(out.opacities[k], 1.0f / 255);
+    double length = 0;
+    for (std::size_t i = 4 * k; i < 4 * k + 4; ++i) length += static_cast<double>(out.quats[i]) * out.quats[i];
+    EXPECT_NEAR(length, 1, 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace vsplat
