@@ -233,5 +233,57 @@ TEST(ResampleUndistorted, IsWhiteBeyondTheFold) {
   EXPECT_GT(seen, 300);
 }
 
+// A picture that is not square, as it is: every pixel, and nothing beside it.
+TEST(Resample, KeepsARectangularPictureThatIsNotScaled) {
+  const Image in = premultiplied(random_picture(31, 23, 4, 8), nullptr);
+  const Image whole = resample(in, {0, 0, 31, 31, 23});
+  EXPECT_EQ(whole.width, 31);
+  EXPECT_EQ(whole.height, 23);
+  EXPECT_EQ(whole.data, in.data);
+  const Image tall = resample(premultiplied(random_picture(5, 40, 4, 9), nullptr), {0, 0, 5, 5, 40});
+  EXPECT_EQ(tall.data, premultiplied(random_picture(5, 40, 4, 9), nullptr).data);
+  const Image part = resample(in, {-3, 20, 12, 12, 5});
+  for (int y = 0; y < 5; ++y)
+    for (int x = 0; x < 12; ++x)
+      for (int c = 0; c < 4; ++c) {
+        const int u = x - 3, v = y + 20;
+        ASSERT_EQ(part.at(x, y)[c], u >= 0 && v < 23 ? in.at(u, v)[c] : 0.0f);
+      }
+}
+
+TEST(Resample, ReproducesRampsInRectangularWindows) {
+  const auto ramp = [](double x, double y) { return 0.2 + 0.003 * x + 0.002 * y; };
+  const Image in = drawn(97, 83, ramp);
+  for (const double step : {0.13, 1.0, 1.37, 2.71, 5.3})
+    for (const auto& [size, rows] : {std::array<int, 2>{9, 1}, {1, 9}, {7, 9}}) {
+      const Window window{11.283, 14.61, step * size, size, rows};
+      const Image out = resample(in, window);
+      ASSERT_EQ(out.width, size);
+      ASSERT_EQ(out.height, rows);
+      for (int j = 0; j < rows; ++j)
+        for (int i = 0; i < size; ++i)
+          ASSERT_NEAR(out.at(i, j)[0], ramp(window.x0 + (i + 0.5) * step, window.y0 + (j + 0.5) * step), 2e-6)
+              << "step " << step << ", pixel " << i << " " << j;
+    }
+}
+
+// The rows of a rectangular window are those of the square one about it.
+TEST(ResampleUndistorted, RectangularWindowsArePartsOfSquareOnes) {
+  const Image in = premultiplied(random_picture(120, 90, 4, 10), nullptr);
+  for (const Camera& camera : {camera_with({Distortion::Model::opencv, {0.2, -0.05, 0.01, -0.02}}),
+                               camera_with({Distortion::Model::fisheye, {-0.1, 0.02}})})
+    for (const double side : {40.0, 110.0}) {
+      const Image whole = resample_undistorted(in, {5.5, 3, side, 48}, camera);
+      const Image part = resample_undistorted(in, {5.5, 3, side, 48, 19}, camera);
+      ASSERT_EQ(part.height, 19);
+      EXPECT_EQ(part.data, std::vector<float>(whole.data.begin(), whole.data.begin() + 48 * 19 * 4));
+      const Image tall = resample_undistorted(in, {5.5, 3, side / 4, 12, 48}, camera);
+      ASSERT_EQ(tall.height, 48);
+      for (int y = 0; y < 48; ++y)
+        for (int x = 0; x < 12; ++x)
+          for (int c = 0; c < 4; ++c) ASSERT_NEAR(tall.at(x, y)[c], whole.at(x, y)[c], 1e-6);
+    }
+}
+
 }  // namespace
 }  // namespace vsplat

@@ -149,7 +149,11 @@ class FitterTest : public test::FlavourTest {
     std::array<double, 3> background{1, 1, 1};
     if (masked && options.random_background && steps % 2 == 1)
       for (std::size_t c = 0; c < 3; ++c) background[c] = static_cast<double>(uniform01(random[c]));
-    FitPicture picture = off(start, camera, drawing, background, masked);
+    const ref::Left left{static_cast<double>(options.drop), options.seed, static_cast<std::uint32_t>(steps)};
+    Gaussians seen = start;
+    for (std::size_t k = 0; k < seen.count; ++k)
+      seen.opacities[k] = left.out(k) ? 0 : std::min(1.0f, seen.opacities[k] / (1 - options.drop));
+    FitPicture picture = off(seen, camera, drawing, background, masked);
     if (with_unknown)
       for (std::size_t i = 0; i < picture.rgba.size() / 4; ++i) picture.known.push_back(i % 5 == 0 ? 0 : 255);
     const DeviceFitPicture given = upload(ctx(), picture);
@@ -163,7 +167,7 @@ class FitterTest : public test::FlavourTest {
 
     objective.drawing.background = background;
     objective.similar = options.ssim_weight > 0;
-    objective.left = {static_cast<double>(options.drop), options.seed, static_cast<std::uint32_t>(steps)};
+    objective.left = left;
     ASSERT_GT(objective.hold(x), 0.003) << "near a kink";
     const double loss = ref::loss(ref::render(objective.gaussians(x), camera, objective.drawing).colour,
                                   objective.target, 11, 13, options.ssim_weight, {true, true, objective.similar})[0];

@@ -57,7 +57,7 @@ class SplatRelocateOp : public test::FlavourTest {
   }
 
   SplatParameters upload(const Rows& r) {
-    const auto n = static_cast<long>(r.logits.size()), s = static_cast<long>(r.sh.size()) / (3 * n);
+    const auto n = static_cast<long>(r.logits.size()), s = n > 0 ? static_cast<long>(r.sh.size()) / (3 * n) : 1;
     return {ctx().upload({n, 3}, r.means), ctx().upload({n, 3}, r.log_scales), ctx().upload({n, 4}, r.quats),
             ctx().upload({n}, r.logits), ctx().upload({n, s, 3}, r.sh)};
   }
@@ -185,6 +185,17 @@ TEST_P(SplatRelocateOp, SourcesAreThoseOfSystematicResampling) {
       }
       check_shares(before, after, count, grow_to);
     }
+}
+
+// A point on the border of two belongs to the second. (The draw is one of those that begin at 0.)
+TEST_P(SplatRelocateOp, PointsOnABorderAreTakenOnce) {
+  std::uint32_t draw = 0;
+  while (ref::systematic_offset(3, draw, 65536) != 0) ++draw;
+  const State before = state_of({0, 0}, 4);
+  State after = before;
+  EXPECT_EQ(relocate(after, 2, 4, 3, draw), 4);
+  EXPECT_EQ(sources(before, after, 2, 4), (std::vector<std::size_t>{0, 1}));
+  check_shares(before, after, 2, 4);
 }
 
 // Any opacities: each source has as many points as its share of them, up to one, and none that moves has any.
