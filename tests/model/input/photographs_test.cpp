@@ -110,5 +110,48 @@ TEST(Photographs, APictureIsMadeOnceForAView) {
   EXPECT_EQ(made, once);
 }
 
+// All of a picture with its mask, each decoded once however often it is asked for; and what counts as saying what the
+// object is.
+TEST(Photographs, AWholePictureComesWithItsMask) {
+  const TemporaryFolder folder;
+  Photographs photographs = ring_of(3);
+  for (int i = 0; i < 3; ++i) {
+    ListedView& view = photographs.set.views[i];
+    view.picture = folder / view.name;
+    write_png(view.picture.string(), disc(i == 0 ? 4 : 3));
+  }
+  photographs.set.views[1].mask = folder / "mask.png";
+  write_png(folder / "mask.png", disc(1));
+  const Opened opened(folder.string());
+  for (int i = 0; i < 3; ++i) {
+    LoadedPhotograph one(photographs, i);
+    EXPECT_EQ(one.is_masked(), i < 2);
+    const WholeView all = one.whole(0), small = one.whole(160);
+    EXPECT_EQ(one.is_masked(), i < 2);
+    ASSERT_EQ(all.image.width, 640);
+    ASSERT_EQ(all.image.height, 480);
+    EXPECT_EQ(all.image.at(0, 0)[3], i < 2 ? 0.0f : 1.0f);
+    EXPECT_EQ(all.image.at(320, 240)[3], 1.0f);
+    ASSERT_EQ(small.image.width, 160);
+    ASSERT_EQ(small.image.height, 120);
+    EXPECT_EQ(small.image.at(80, 60)[0], 1.0f);
+    EXPECT_EQ(small.camera.fx, 200);
+    EXPECT_EQ(small.camera.cy, 237.0 / 4);
+  }
+  const std::map<std::string, int> once = {{"0.png", 1}, {"1.png", 1}, {"2.png", 1}, {"mask.png", 1}};
+  EXPECT_EQ(opened.times(), once);
+  photographs.set.views[2].camera.width = 320;
+  test::expect_error(Status::input, {folder / "2.png", "640 x 480"},
+                     [&] { LoadedPhotograph(photographs, 2).whole(0); });
+}
+
+TEST(Photographs, AMadePictureSaysByItsAlphaWhatTheObjectIs) {
+  Photographs photographs = ring_of(2);
+  photographs.picture = [](int view) { return disc(view == 0 ? 4 : 3); };
+  EXPECT_TRUE(LoadedPhotograph(photographs, 0).is_masked());
+  EXPECT_FALSE(LoadedPhotograph(photographs, 1).is_masked());
+  EXPECT_EQ(LoadedPhotograph(photographs, 0).whole(64).image.width, 64);
+}
+
 }  // namespace
 }  // namespace vsplat

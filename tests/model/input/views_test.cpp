@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
 
+#include "model/base/resample.h"
 #include "model/io/image_file.h"
 #include "runtime/error.h"
 #include "tests/support/refusal.h"
@@ -207,6 +209,137 @@ TEST(Views, FitsHaveNames) {
   EXPECT_EQ(fit_from_name("crop"), Fit::crop);
   EXPECT_EQ(fit_from_name("pad"), Fit::pad);
   EXPECT_THROW(fit_from_name("stretch"), Error);
+}
+
+TEST(WholeViews, APictureThatIsNotScaledIsTakenBitForBit) {
+  for (const int longest : {0, 30, 31}) {
+    const Image picture = random_picture(30, 17, 3, 12);
+    const Camera camera = test_camera(30, 17);
+    const WholeView view = whole_view(camera, picture, nullptr, longest, {"a", "m"});
+    EXPECT_EQ(on_white(view.image).data, picture.data);
+    EXPECT_TRUE(view.known.empty());
+    EXPECT_EQ(view.camera.width, 30);
+    EXPECT_EQ(view.camera.height, 17);
+    EXPECT_EQ(view.camera.fx, camera.fx);
+    EXPECT_EQ(view.camera.fy, camera.fy);
+    EXPECT_EQ(view.camera.cx, camera.cx);
+    EXPECT_EQ(view.camera.cy, camera.cy);
+    EXPECT_EQ(view.camera.w2c, camera.w2c);
+    EXPECT_EQ(view.camera.file, camera.file);
+  }
+}
+
+// A ramp over the picture, made smaller by whole and by other numbers: every pixel shows the place that the view's own
+// camera names, none is covered in part, and what is left out at the right and below is less than a pixel.
+TEST(WholeViews, IntrinsicsMoveWithThePicture) {
+  for (const auto& [w, h] : {std::array<int, 2>{101, 64}, {64, 101}, {80, 80}, {200, 3}}) {
+    Image picture(w, h, 3);
+    for (int y = 0; y < h; ++y)
+      for (int x = 0; x < w; ++x) {
+        picture.at(x, y)[0] = static_cast<float>((x + 0.5) / w);
+        picture.at(x, y)[1] = static_cast<float>((y + 0.5) / h);
+      }
+    const Camera camera = test_camera(w, h);
+    for (const int longest : {16, 40, 50, 79}) {
+      SCOPED_TRACE(::testing::Message() << w << " x " << h << " to " << longest);
+      const WholeView view = whole_view(camera, picture, nullptr, longest, {"a", "m"});
+      const double step = std::max(w, h) / static_cast<double>(longest);
+      ASSERT_EQ(std::max(view.image.width, view.image.height), longest);
+      ASSERT_EQ(view.image.width, view.camera.width);
+      ASSERT_EQ(view.image.height, view.camera.height);
+      EXPECT_NEAR(camera.fx / view.camera.fx, step, 1e-9);
+      EXPECT_NEAR(camera.fy / view.camera.fy, step, 1e-9);
+      if (h >= step) {
+        EXPECT_LE(view.camera.height * step, h + 1e-6);
+        EXPECT_GT((view.camera.height + 1) * step, h - 1e-6);
+      }
+      for (int j = 0; j < view.image.height; ++j)
+        for (int i = 0; i < view.image.width; ++i) {
+          const double u = (i + 0.5 - view.camera.cx) / view.camera.fx * camera.fx + camera.cx;
+          const double v = (j + 0.5 - view.camera.cy) / view.camera.fy * camera.fy + camera.cy;
+          ASSERT_NEAR(view.image.at(i, j)[3], std::min(1.0, h / step), 1e-6);
+          const double margin = step + 1;  // a result pixel and the interpolation's reach
+          if (u < margin || v < margin || u > w - margin || v > h - margin) continue;
+          ASSERT_NEAR(view.image.at(i, j)[0], u / w, 3e-6);
+          ASSERT_NEAR(view.image.at(i, j)[1], v / h, 3e-6);
+        }
+    }
+  }
+}
+
+// Alpha and mask multiply, premultiplied; made smaller, by area.
+TEST(WholeViews, AlphaAndMaskMultiply) {
+  const Image picture = random_picture(16, 12, 4, 13), mask = random_picture(16, 12, 1, 14);
+  const WholeView view = whole_view(test_camera(16, 12), picture, &mask, 0, {"a", "m"});
+  const WholeView half = whole_view(test_camera(16, 12), picture, &mask, 8, {"a", "m"});
+  ASSERT_EQ(half.image.height, 6);
+  for (int y = 0; y < 12; ++y)
+    for (int x = 0; x < 16; ++x) {
+      const double a = static_cast<double>(picture.at(x, y)[3]) * mask.at(x, y)[0];
+      ASSERT_NEAR(view.image.at(x, y)[3], a, 1e-6);
+      for (int c = 0; c < 3; ++c) ASSERT_NEAR(view.image.at(x, y)[c], picture.at(x, y)[c] * a, 1e-6);
+    }
+  for (int y = 0; y < 6; ++y)
+    for (int x = 0; x < 8; ++x)
+      for (int c = 0; c < 4; ++c) {
+        double mean = 0;
+        for (int k = 0; k < 4; ++k) mean += view.image.at(2 * x + k % 2, 2 * y + k / 2)[c] / 4.0;
+        ASSERT_NEAR(half.image.at(x, y)[c], mean, 1e-6);
+      }
+  EXPECT_TRUE(half.known.empty());
+}
+
+// A lens whose photograph shows less in its corners than the pinhole would: those are not known, all the others are,
+// whatever the mask says of them.
+TEST(WholeViews, KnownIsWhatTheLensShows) {
+  const int w = 60, h = 44;
+  Camera camera = test_camera(w, h);
+  camera.distortion = {Distortion::Model::opencv, {0.9}};
+  Image mask(w, h, 1, 1.0f);
+  for (int x = 0; x < w; ++x) mask.at(x, h / 2)[0] = 0;
+  for (const int longest : {0, 30}) {
+    const WholeView view = whole_view(camera, Image(w, h, 3, 0.5f), &mask, longest, {"a", "m"});
+    EXPECT_EQ(view.camera.distortion.model, Distortion::Model::none);
+    ASSERT_EQ(view.known.width, view.camera.width);
+    ASSERT_EQ(view.known.height, view.camera.height);
+    int known = 0, unknown = 0;
+    for (int j = 0; j < view.camera.height; ++j)
+      for (int i = 0; i < view.camera.width; ++i) {
+        // How far the pixel's farthest corner is within the photograph.
+        double within = 1e9;
+        for (const double u : {0.0, 1.0})
+          for (const double v : {0.0, 1.0}) {
+            const double x = (i + u - view.camera.cx) / view.camera.fx, y = (j + v - view.camera.cy) / view.camera.fy;
+            const double bend = 1 + 0.9 * (x * x + y * y);
+            const double at_u = camera.fx * x * bend + camera.cx, at_v = camera.fy * y * bend + camera.cy;
+            within = std::min({within, at_u, at_v, w - at_u, h - at_v});
+          }
+        const float got = view.known.at(i, j)[0];
+        if (within > 0.5) {
+          ASSERT_EQ(got, 1.0f) << i << " " << j;
+          ++known;
+        } else if (within < -0.5) {
+          ASSERT_EQ(got, 0.0f) << i << " " << j;
+          ++unknown;
+        }
+      }
+    EXPECT_GT(known, 10 * view.camera.width);
+    EXPECT_GT(unknown, view.camera.width);
+  }
+  camera.distortion = {Distortion::Model::opencv, {-0.1}};  // shows more than the pinhole
+  const WholeView view = whole_view(camera, Image(w, h, 3, 0.5f), &mask, 0, {"a", "m"});
+  ASSERT_FALSE(view.known.empty());
+  for (const float v : view.known.data) ASSERT_EQ(v, 1.0f);
+}
+
+TEST(WholeViews, SizesThatDisagreeAreNamed) {
+  const Image picture = random_picture(30, 20, 3, 8), mask(30, 21, 1, 1.0f);
+  test::expect_error(Status::input, {"a.png", "30 x 20 pixels, its camera 60 x 40"}, [&] {
+    whole_view(test_camera(60, 40), picture, nullptr, 0, {"a.png", "m.png"});
+  });
+  test::expect_error(Status::input, {"m.png", "30 x 21"}, [&] {
+    whole_view(test_camera(30, 20), picture, &mask, 0, {"a.png", "m.png"});
+  });
 }
 
 }  // namespace
