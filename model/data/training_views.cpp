@@ -60,6 +60,14 @@ struct Item {
   std::exception_ptr error;
 };
 
+std::vector<std::uint8_t> premultiplied_bytes(const StoredView& view) {
+  if (view.opaque) return {};
+  std::vector<std::uint8_t> out = view.rgba;
+  for (std::size_t i = 0; i < out.size(); i += 4)
+    for (std::size_t c = i; c < i + 3; ++c) out[c] = static_cast<std::uint8_t>((out[c] * out[i + 3] + 127) / 255);
+  return out;
+}
+
 }  // namespace
 
 struct TrainingReader::Impl {
@@ -178,6 +186,8 @@ TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
   out.pictures.reserve(views.size() * 3 * static_cast<std::size_t>(options.image) * options.image);
   for (std::size_t i = 0; i < views.size(); ++i)
     composite(*views[i], static_cast<int>(i) < inputs ? std::array<float, 3>{1, 1, 1} : out.background, out.pictures);
+  if (options.alpha)
+    for (const auto& view : views) out.rgba.push_back(premultiplied_bytes(*view));
   return out;
 }
 

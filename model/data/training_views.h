@@ -17,6 +17,9 @@ struct TrainingViews {
   std::vector<Camera> cameras;  // S x S, in the object's frame; the first view is the reference
   int inputs = 0;
   std::array<float, 3> background{1, 1, 1};  // of the novel views
+  // With TrainingOptions::alpha, for each view [S][S][4]: colour premultiplied by alpha, and alpha; empty where the
+  // picture is opaque, which does not say what the object is.
+  std::vector<std::vector<std::uint8_t>> rgba = {};
 };
 
 struct TrainingOptions {
@@ -27,7 +30,8 @@ struct TrainingOptions {
   int min_inputs = 4, max_inputs = 4;  // input views, by chance between the two
   int novel = 4;
   bool random_background =
-      false;  // novel views over white, grey or black, else white; where a picture is opaque, white
+      false;           // novel views over white, grey or black, else white; where a picture is opaque, white
+  bool alpha = false;  // TrainingViews::rgba is wanted
   Fit fit = Fit::automatic;
   PlacementRequest placement;
   // The object's frame by chance: turned about its middle by at most so much about any axis (after the reference view

@@ -54,6 +54,7 @@ TrainingOptions reading(const TrainConfig& config, bool skip_bad) {
   out.max_inputs = static_cast<int>(config.inputs_max);
   out.novel = static_cast<int>(config.novel);
   out.random_background = config.random_background;
+  out.alpha = config.alpha_weight > 0;
   out.fit = fit_from_name(config.fit);
   out.turn_degrees = config.turn_degrees;
   out.min_cube = config.cube_min;

@@ -41,6 +41,7 @@ void each_field(C& c, Visit visit) {
   visit("weight_decay", c.weight_decay);
   visit("clip_norm", c.clip_norm);
   visit("ssim_weight", c.ssim_weight);
+  visit("alpha_weight", c.alpha_weight);
   visit("ema", c.ema);
   visit("frozen", c.frozen);
   visit("inputs_min", c.inputs_min);
@@ -84,6 +85,7 @@ void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   is.in("weight_decay", c.weight_decay, c.weight_decay >= 0, "at least 0");
   is.in("clip_norm", c.clip_norm, c.clip_norm > 0, "above 0");
   is.in("ssim_weight", c.ssim_weight, c.ssim_weight >= 0, "at least 0");
+  is.in("alpha_weight", c.alpha_weight, c.alpha_weight >= 0, "at least 0");
 }
 
 void check_frozen(const TrainConfig& c, const FieldChecks& is) {

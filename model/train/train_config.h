@@ -20,9 +20,11 @@ struct TrainConfig {
   long batch = 1;
   long accumulate = 1;
   double beta1 = 0.9, beta2 = 0.95, eps = 1e-8, weight_decay = 0.05;
-  double clip_norm = 0.5;           // of the gradients' norm
-  double ssim_weight = 0.5;         // w in MSE + w (1 - SSIM), for each level
-  double ema = 0;                   // decay of a moving average of the weights; 0: none
+  double clip_norm = 0.5;    // of the gradients' norm
+  double ssim_weight = 0.5;  // w in MSE + w (1 - SSIM), for each level
+  double alpha_weight = 0;   // a in + a |alpha - the picture's|, in the mean over pixels of views that have a mask
+                             // or alpha; in the gradients alone, not in what is reported. 0: none
+  double ema = 0;            // decay of a moving average of the weights; 0: none
   std::vector<std::string> frozen;  // parameters whose names start with one of these are not trained
 
   // What an object shows: the number of input views is drawn anew for each, from inputs_min to inputs_max.

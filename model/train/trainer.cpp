@@ -91,6 +91,9 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
     out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + static_cast<std::size_t>(v) * pixels,
                                      Type::f32, "target picture"));
     out.backgrounds.push_back(v < n ? object.given.input_background : views.background);
+    if (views.rgba.empty()) continue;
+    const std::vector<std::uint8_t>& rgba = views.rgba.at(static_cast<std::size_t>(v));
+    out.rgba.push_back(rgba.empty() ? Tensor() : ctx.upload({s, s, 4}, rgba, Type::u8, "target alpha"));
   }
   const Tensor noise = options.forward.noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
   if (object.given.noise)
@@ -113,6 +116,7 @@ StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute
   for (std::size_t i = 0; i < items.size(); ++i) {
     PassOptions options;
     options.ssim_weight = static_cast<float>(config_.ssim_weight);
+    options.alpha_weight = static_cast<float>(config_.alpha_weight);
     options.forward.selection = items[i].selection;
     options.forward.temperature = report.temperature;
     options.scale = static_cast<float>(share);

@@ -100,9 +100,12 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
     camera.cx = camera.cy = static_cast<double>(s) / 2;
   }
   views.pictures.resize(static_cast<std::size_t>(all * s * s * 3));
+  if (config_.alpha_weight > 0)
+    views.rgba.assign(static_cast<std::size_t>(all), std::vector<std::uint8_t>(static_cast<std::size_t>(s * s * 4)));
   const StepItem given{&views};
   const StepObject object{given};
   PassOptions options;
+  options.alpha_weight = static_cast<float>(config_.alpha_weight);
   options.assumed_intersections = intersections;
   options.network_alone = network_alone;
   std::unique_ptr<Context> for_model, ctx;

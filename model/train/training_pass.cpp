@@ -4,6 +4,7 @@
 
 #include "model/base/scene.h"
 #include "model/ops/loss.h"
+#include "model/ops/picture_target.h"
 #include "model/splat/render_backward.h"
 #include "runtime/fail.h"
 
@@ -34,7 +35,7 @@ class Level {
         const Shape one{1, camera.height, camera.width, 3};
         const Tensor by = c.tensor(one, Type::f32, "loss by the picture");
         picture_loss(c, {picture.colour.reshaped(one), views.targets.at(v), options.ssim_weight, value, by, share});
-        return PictureGradient{by.reshaped(picture.colour.shape()), {}, {}};
+        return PictureGradient{by.reshaped(picture.colour.shape()), by_alpha(c, views, v, picture, options, share), {}};
       };
       const DrawnPicture drawn = render_with_backward(ctx_, gaussians_, camera, how, loss, gradient_);
       intersections = std::max(intersections, drawn.intersections);
@@ -44,6 +45,16 @@ class Level {
   GaussianGradients take() { return std::move(gradient_.front()); }
 
  private:
+  // None where the view says nothing of it.
+  static Tensor by_alpha(Context& ctx, const PassViews& views, std::size_t v, const DevicePicture& picture,
+                         const PassOptions& options, float share) {
+    if (options.alpha_weight <= 0 || views.rgba.empty() || !views.rgba.at(v)) return {};
+    const Tensor unused = ctx.tensor(picture.colour.shape(), Type::f32, "target over the background");
+    const Tensor out = ctx.tensor(picture.alpha.shape(), Type::f32, "loss by alpha");
+    picture_target(ctx, {views.rgba[v], {}, views.backgrounds[v], picture, options.alpha_weight * share, unused, out});
+    return out;
+  }
+
   // What a plan takes a part of a picture for.
   VisibleCount planned(const Camera& camera, const Part& part, const PassOptions& options) const {
     if (options.whole && part.tiles() < tiles_along(camera.width) * tiles_along(camera.height))

@@ -16,6 +16,7 @@ struct PassViews {
   std::vector<Camera> cameras;                    // V input views, then others; S x S
   std::vector<Tensor> targets;                    // [1, S, S, 3] each
   std::vector<std::array<float, 3>> backgrounds;  // that a view is drawn over
+  std::vector<Tensor> rgba;  // u8 [S, S, 4] each, as PictureTarget has them, or none; empty: of no view
   long input_views() const { return inputs.dim(0); }
 };
 
@@ -23,7 +24,8 @@ struct PassOptions {
   ForwardOptions forward;
   bool recompute = false;  // as VsplatModel::coarse_in_training() has it
   float ssim_weight = 0.5f;
-  float scale = 1;  // of the gradients: the object's share in a step
+  float alpha_weight = 0;  // of the mean absolute error of alpha, in views with `rgba`; in the gradients alone
+  float scale = 1;         // of the gradients: the object's share in a step
   // A plan without drawing, which makes room for itself as soon as it knows what it draws.
   bool network_alone = false;
   // In a plan: Error(memory) where a picture would have to be drawn in parts.
@@ -58,7 +60,8 @@ DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& vie
 PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass);
 
 // All three. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
-// levels of the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone. The same bits
+// levels of the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone; those have
+// alpha_weight's part, too. The same bits
 // every time.
 PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
 

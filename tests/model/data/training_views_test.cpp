@@ -156,6 +156,34 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
   EXPECT_FALSE(same(first[0], first[6])) << "the next round of the objects has other views";
 }
 
+// Of pictures with alpha: its colours over the background are the pictures. An opaque picture has none.
+TEST(TrainingReader, GivesAlphaWhereItIsAskedFor) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 11, size);
+  TrainingOptions options = options_of();
+  options.random_background = true;
+  EXPECT_TRUE(TrainingReader(open_data_set({folder.string()}), options).at(0, 0).rgba.empty());
+  options.alpha = true;
+  for (long step = 0; step < 3; ++step) {
+    const TrainingViews views = TrainingReader(open_data_set({folder.string()}), options).at(step, 0);
+    ASSERT_EQ(views.rgba.size(), views.cameras.size());
+    std::size_t covered = 0;
+    for (std::size_t v = 0; v < views.rgba.size(); ++v) {
+      const float shade = static_cast<int>(v) < views.inputs ? 1.0f : views.background[0];
+      ASSERT_EQ(views.rgba[v].size(), static_cast<std::size_t>(4 * size * size));
+      for (std::size_t i = 0; i < static_cast<std::size_t>(size * size); ++i) {
+        const std::uint8_t* p = &views.rgba[v][4 * i];
+        const float* picture = &views.pictures[3 * (v * static_cast<std::size_t>(size * size) + i)];
+        covered += p[3] == 255 ? 1 : 0;
+        for (int c = 0; c < 3; ++c)
+          ASSERT_NEAR(static_cast<float>(p[c] + (255 - p[3]) * shade) / 255, picture[c], 1.01 / 255);
+      }
+    }
+    EXPECT_GT(covered, 0u);
+    EXPECT_LT(covered, views.rgba.size() * size * size);
+  }
+}
+
 TEST(TrainingReader, KeepsWhatItHasDecoded) {
   const TemporaryFolder folder;
   test::write_solids(folder, 1, 8, size);

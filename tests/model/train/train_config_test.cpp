@@ -36,6 +36,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"eps", 1e-8},
                          {"clip_norm", 0.5},
                          {"ssim_weight", 0.5},
+                         {"alpha_weight", 0.0},
                          {"weight_decay", 0.05},
                          {"ema", 0.0},
                          {"inputs_min", 4},
@@ -63,7 +64,8 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.seed = 18446744073709551615u;
   c.schedule = {0.1 + 0.2, 7, 77, 0.9, 1e-3, 13, {5, 1000000000}};
   c.batch = 3, c.accumulate = 2;
-  c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25;
+  c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25,
+  c.alpha_weight = 0.1;
   c.ema = 0.999;
   c.frozen = {"encoder.model.blocks.0", "dir_norm"};
   c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
@@ -203,6 +205,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"weight_decay": -1})", "weight_decay must be at least 0 (found -1)"},
       {R"({"clip_norm": 0})", "clip_norm must be above 0 (found 0)"},
       {R"({"ssim_weight": -1})", "ssim_weight must be at least 0 (found -1)"},
+      {R"({"alpha_weight": -1})", "alpha_weight must be at least 0 (found -1)"},
       {R"({"frozen": ["encode", "encoders"]})", "frozen must be how the name of a parameter starts"},
       {R"({"frozen": [""]})", "(found \"\")"},
       {R"({"frozen": ["encoder", "dir_norm", "volume", "voxel", "predictor"]})", "must leave something to train"},

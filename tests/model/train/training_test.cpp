@@ -4,7 +4,9 @@
 #include <cmath>
 #include <tuple>
 
+#include "model/base/scene.h"
 #include "model/params/params.h"
+#include "model/splat/render_backward.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -154,6 +156,60 @@ INSTANTIATE_TEST_SUITE_P(Committed, GoldenGradients,
 
 class Training : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Training);
+
+// What the alpha's loss adds to the gradients by the Gaussians is that of alpha_weight times the mean over views and
+// pixels of |alpha - given|, worked out by hand from what was drawn; views without a mask have none.
+TEST_P(Training, TheAlphasLossComesOnTop) {
+  const Golden golden = Golden::load("micro");
+  const Config& config = golden.config();
+  const LearntWeights weights(ctx(), config, golden.weights());
+  const VsplatModel model(ctx(), config, weights);
+  const long s = config.image;
+  PassViews views = upload(ctx(), golden);
+  std::vector<std::vector<std::uint8_t>> rgba(views.cameras.size());
+  for (std::size_t v = 1; v < rgba.size(); ++v)  // the first has no mask
+    for (long i = 0; i < s * s; ++i)
+      for (int c = 0; c < 4; ++c)
+        rgba[v].push_back(static_cast<std::uint8_t>((97 * i + 31 * static_cast<long>(v)) % 256));
+  for (const auto& one : rgba) views.rgba.push_back(one.empty() ? Tensor() : ctx().upload({s, s, 4}, one, Type::u8));
+  PassOptions options;
+  options.forward = options_of(ctx(), golden);
+  options.scale = 0.5f;
+  const auto drawn = [&](float alpha_weight) {
+    weights.zero_gradients(ctx());
+    options.alpha_weight = alpha_weight;
+    return draw_pass(ctx(), model, views, options, begin_pass(ctx(), model, views, options));
+  };
+  const DrawnPass without = drawn(0), with = drawn(3);
+  const GaussianChunks scene(with.trained.coarse);
+  const SceneGradient want = zero_gradient(ctx(), scene);
+  for (std::size_t v = 1; v < views.cameras.size(); ++v) {
+    RenderOptions how;
+    how.near = static_cast<float>(kNearInObject);
+    how.background = views.backgrounds[v];
+    if (config.negate_camera_centre) how.mirror = std::array<float, 3>{0, 0, 0};
+    const DrawnPicture picture = render_with_backward(
+        ctx(), scene, views.cameras[v], how, [](Context&, const DevicePicture&) { return PictureGradient{}; },
+        zero_gradient(ctx(), scene));
+    std::vector<float> slope = ctx().read<float>(picture.picture.alpha);
+    for (std::size_t i = 0; i < slope.size(); ++i) {
+      const double off = static_cast<double>(slope[i]) - rgba[v][4 * i + 3] / 255.0;
+      const double size = 3 * 0.5 / static_cast<double>(views.cameras.size()) / static_cast<double>(s * s);
+      slope[i] = static_cast<float>(std::abs(off) > 0.5 / 255 ? std::copysign(size, off) : 0);
+    }
+    render_backward(ctx(), scene, views.cameras[v], how, {{}, ctx().upload({s, s}, slope), {}}, want, nullptr);
+  }
+  for (const auto part : {&GaussianGradients::opacities, &GaussianGradients::means, &GaussianGradients::scales}) {
+    const std::vector<float> a = ctx().read<float>(without.dcoarse.*part), b = ctx().read<float>(with.dcoarse.*part);
+    const std::vector<float> expected = ctx().read<float>(want.front().*part);
+    std::vector<float> difference(a.size());
+    for (std::size_t i = 0; i < a.size(); ++i) difference[i] = b[i] - a[i];
+    EXPECT_FALSE(all_zero(expected));
+    EXPECT_TRUE(test::close(difference, expected, 1e-4));
+  }
+  EXPECT_EQ(ctx().read<float>(without.result.coarse[1]), ctx().read<float>(with.result.coarse[1]))
+      << "what is reported";
+}
 
 // Ten steps of AdamW, clipped, warmed up and annealed, with PyTorch's noise.
 TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
