@@ -6,6 +6,8 @@
 #include "model/base/rng.h"
 #include "model/ops/picture_target.h"
 #include "model/ops/splat_adam.h"
+#include "runtime/fail.h"
+#include "runtime/safetensors.h"
 
 namespace vsplat {
 namespace {
@@ -179,6 +181,47 @@ FitScore Fitter::judge(const DeviceFitPicture& picture) {
   picture_loss(ctx_, a);
   const auto values = ctx_.read<float>(out);
   return {-10 * std::log10(std::max(static_cast<double>(values[1]), 1e-12)), static_cast<double>(values[2])};
+}
+
+namespace {
+
+// Every kind of parameter and its moments, by name.
+template <class F>
+void for_each_tensor(const SplatState& state, const F& use) {
+  for (const auto& [of, x] : {std::pair("x", &state.x), std::pair("m", &state.m), std::pair("v", &state.v)}) {
+    const auto name = [of = of](const char* kind) { return std::string(of) + "." + kind; };
+    use(name("means"), x->means);
+    use(name("log_scales"), x->log_scales);
+    use(name("quats"), x->quats);
+    use(name("logits"), x->logits);
+    use(name("sh"), x->sh);
+  }
+}
+
+}  // namespace
+
+FitTensors Fitter::state() const {
+  FitTensors out;
+  for_each_tensor(vsplat::first(all_, count_), [&](const std::string& name, const Tensor& t) {
+    out[name] = {t.shape(), ctx_.read<float>(t)};
+  });
+  return out;
+}
+
+void Fitter::restore(const FitTensors& state, long steps_done) {
+  const FitTensor& logits = tensor_of(state, "x.logits");
+  if (logits.shape.size() != 1 || logits.shape[0] < 0 || logits.shape[0] > all_.x.count())
+    fail(Status::format, "a refinement's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),
+         all_.x.count());
+  count_ = logits.shape[0];
+  for_each_tensor(vsplat::first(all_, count_), [&](const std::string& name, const Tensor& t) {
+    const FitTensor& from = tensor_of(state, name);
+    if (from.shape != t.shape())
+      fail(Status::format, "a refinement's state has {} for {}, {} expected", text_of(from.shape), name,
+           text_of(t.shape()));
+    ctx_.write(t, from.data.data());
+  });
+  step_ = steps_done;
 }
 
 Gaussians Fitter::gaussians() {

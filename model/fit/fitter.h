@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "model/base/gaussians.h"
+#include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_picture.h"
 #include "model/ops/loss.h"
 #include "model/ops/splat_relocate.h"
@@ -72,6 +73,9 @@ class Fitter {
   void plan_grown() { count_ = all_.x.count(); }
 
   FitScore judge(const DeviceFitPicture& picture);
+  // All that the next steps depend on, and back: the same options and start are expected.
+  FitTensors state() const;
+  void restore(const FitTensors& state, long steps_done);
   // As it is now, all finite; those that cannot be seen are left out.
   Gaussians gaussians();
 

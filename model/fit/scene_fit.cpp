@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <set>
 
 #include "model/base/resample.h"
 #include "model/base/rng.h"
+#include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_pictures.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/fit_recipe.h"
@@ -103,6 +105,9 @@ struct SceneFit::Impl {
   int view_of_step(long step) const;
   double object_pixels(const std::vector<int>& views);
   Scene to_scene(const Gaussians& gaussians) const;
+  std::string request_text() const;
+  void save() const;
+  void go_on(const FitCheckpoint& from);
   bool in_folds() const { return leg + 1 < legs.size(); }
 
   Context& ctx;
@@ -125,7 +130,7 @@ struct SceneFit::Impl {
   DeviceFitPicture passing;
   std::size_t resident_bytes = 0;
 
-  bool done = false, stopped = false, wants_start = false;
+  bool done = false, wants_start = false, resuming = false;
   double seconds = 0, last_psnr = std::nan("");
   long steps_in_all = 0;
   // The best of the last leg.
@@ -153,7 +158,17 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   judged = folds && used.size() > 1 ? used : held;
   // A single view: nothing can be left out, and nothing is known of what steps would do.
   wants_start = folds && used.size() == 1;
-  begin_leg();
+  std::optional<FitCheckpoint> from;
+  if (!request.checkpoint.empty()) from = load_fit_checkpoint(request.checkpoint, request_text());
+  if (from && !request.resume)
+    fail(Status::usage,
+         "{}: there is the state of a refinement already; vsplat_refine_options.resume goes on with it, another folder "
+         "begins anew",
+         fit_checkpoint_path(request.checkpoint));
+  if (from)
+    go_on(*from);
+  else
+    begin_leg();
 }
 
 double SceneFit::Impl::object_pixels(const std::vector<int>& views) {
@@ -193,6 +208,7 @@ void SceneFit::Impl::begin_leg() {
   const std::shared_ptr<const FitPicture> any = pictures.at(now.views.front());
   expect_room(ctx, start, scene.near, recipe.options, any->camera);
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
+  if (resuming) return;
   judge();
   if (leg_steps == 0) end_leg();
 }
@@ -254,11 +270,106 @@ bool SceneFit::Impl::step() {
   fitter->step(on_device(view_of_step(fitter->steps_done())));
   ++steps_in_all;
   const long at = fitter->steps_done();
-  if (at % recipe.judge_every == 0 || at == leg_steps) judge();
+  const bool look = at % recipe.judge_every == 0 || at == leg_steps;
+  if (look) judge();
   if (at >= leg_steps) end_leg();
   seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   if (!done && request.seconds > 0 && seconds >= request.seconds) finish();
+  if (look && !request.checkpoint.empty()) save();
   return !done;
+}
+
+// What makes a refinement the same one: all that its bits depend on, but the pixels.
+std::string SceneFit::Impl::request_text() const {
+  const FitRequest& r = request;
+  std::string out = fmt::format(
+      "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} seed {} centre {} {} {} "
+      "edge {}",
+      r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
+      r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, r.seed, exact_text(given.placement.centre.x()),
+      exact_text(given.placement.centre.y()), exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
+  for (const Leg& each : legs) {
+    out += " |";
+    for (const int view : each.views)
+      out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
+    out += " judged by";
+    for (const int view : each.judges)
+      out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
+  }
+  const Scene start = given.make(legs.back().views);
+  std::uint32_t sum = stream_of("");
+  for (const std::vector<float>* values : {&start.gaussians.means, &start.gaussians.scales, &start.gaussians.quats,
+                                           &start.gaussians.opacities, &start.gaussians.sh})
+    sum = sum * 31 + stream_of({reinterpret_cast<const char*>(values->data()), values->size() * sizeof(float)});
+  return out + fmt::format(" | start of {} Gaussians, {:08x}", start.gaussians.count, sum);
+}
+
+void SceneFit::Impl::save() const {
+  FitCheckpoint out;
+  out.request = request_text();
+  out.tensors = fitter->state();
+  const auto keep = [&](const char* name, const Shape& shape, const std::vector<float>& data) {
+    out.tensors[std::string("best.") + name] = {shape, data};
+  };
+  if (best) {
+    const auto n = static_cast<long>(best->count);
+    keep("means", {n, 3}, best->means);
+    keep("scales", {n, 3}, best->scales);
+    keep("quats", {n, 4}, best->quats);
+    keep("opacities", {n}, best->opacities);
+    keep("sh", {n, static_cast<long>(best->sh_count()), 3}, best->sh);
+    out.state["best_degree"] = std::to_string(best->sh_degree);
+  }
+  out.state["leg"] = std::to_string(leg);
+  out.state["steps"] = std::to_string(fitter->steps_done());
+  out.state["leg_steps"] = std::to_string(leg_steps);
+  out.state["best_steps"] = std::to_string(best_steps);
+  out.state["steps_in_all"] = std::to_string(steps_in_all);
+  out.state["seconds"] = exact_text(seconds);
+  out.state["last_psnr"] = exact_text(last_psnr);
+  for (const auto& [at, sum] : curve) {
+    const std::string name = fmt::format("curve.{}", at);
+    out.state[name + ".psnr"] = exact_text(sum.psnr);
+    out.state[name + ".ssim"] = exact_text(sum.ssim);
+    out.state[name + ".pictures"] = std::to_string(sum.pictures);
+  }
+  save_fit_checkpoint(request.checkpoint, out);
+}
+
+void SceneFit::Impl::go_on(const FitCheckpoint& from) {
+  leg = static_cast<std::size_t>(whole_number(from, "leg"));
+  if (leg >= legs.size())
+    fail(Status::format, "a refinement's state is of leg {}, of which there are {}", leg, legs.size());
+  for (const auto& [name, text] : from.state) {
+    long at = 0;
+    if (std::sscanf(name.c_str(), "curve.%ld.psnr", &at) != 1 || !name.ends_with(".psnr")) continue;
+    const std::string stem = name.substr(0, name.size() - 5);
+    curve[at] = {number(from, stem + ".psnr"), number(from, stem + ".ssim"),
+                 static_cast<int>(whole_number(from, stem + ".pictures"))};
+  }
+  const std::map<long, Judged> judged_before = curve;
+  resuming = true;
+  begin_leg();
+  resuming = false;
+  curve = judged_before;
+  leg_steps = whole_number(from, "leg_steps");
+  fitter->restore(from.tensors, whole_number(from, "steps"));
+  best_steps = whole_number(from, "best_steps");
+  steps_in_all = whole_number(from, "steps_in_all");
+  seconds = number(from, "seconds");
+  last_psnr = number(from, "last_psnr");
+  if (from.state.count("best_degree") > 0) {
+    best.emplace();
+    best->means = tensor_of(from.tensors, "best.means").data;
+    best->scales = tensor_of(from.tensors, "best.scales").data;
+    best->quats = tensor_of(from.tensors, "best.quats").data;
+    best->opacities = tensor_of(from.tensors, "best.opacities").data;
+    best->sh = tensor_of(from.tensors, "best.sh").data;
+    best->count = best->opacities.size();
+    best->sh_degree = static_cast<int>(whole_number(from, "best_degree"));
+  }
+  wants_start = !in_folds() && leg_steps == 0;
+  if (fitter->steps_done() >= leg_steps) end_leg();
 }
 
 void SceneFit::Impl::end_leg() {
@@ -303,10 +414,7 @@ SceneFit::~SceneFit() = default;
 
 bool SceneFit::step() { return impl_->step(); }
 
-void SceneFit::stop() {
-  impl_->stopped = true;
-  impl_->finish();
-}
+void SceneFit::stop() { impl_->finish(); }
 
 FitProgress SceneFit::progress() const {
   const Impl& i = *impl_;
