@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/base/rng.h"
+#include "model/ops/exposure.h"
 #include "model/ops/picture_target.h"
 #include "model/ops/splat_adam.h"
 #include "runtime/fail.h"
@@ -93,12 +94,12 @@ RenderOptions Fitter::drawing() const {
   return out;
 }
 
-void Fitter::step(const DeviceFitPicture& picture) {
-  differentiate(picture);
+void Fitter::step(const DeviceFitPicture& picture, const FitAside& aside) {
+  differentiate(picture, aside);
   move();
 }
 
-void Fitter::differentiate(const DeviceFitPicture& picture) {
+void Fitter::differentiate(const DeviceFitPicture& picture, const FitAside& aside) {
   const auto now = static_cast<std::uint32_t>(step_);
   RenderOptions how = drawing();
   if (picture.masked && options_.random_background && now % 2 == 1) {
@@ -112,17 +113,23 @@ void Fitter::differentiate(const DeviceFitPicture& picture) {
     const Tensor target = c.tensor({h, w, 3}, Type::f32, "target");
     PictureGradient by{c.tensor({h, w, 3}, Type::f32, "loss by the picture"), {}, {}};
     if (picture.masked && options_.alpha_weight > 0) by.alpha = c.tensor({h, w}, Type::f32, "loss by alpha");
-    picture_target(c, {picture.given, picture.known, how.background, drawn, options_.alpha_weight, target, by.alpha});
+    DevicePicture shown = drawn;
+    if (aside.exposure) {
+      shown.colour = c.tensor({h, w, 3}, Type::f32, "exposed picture");
+      exposure_forward(c, {aside.exposure, drawn, how.background, shown.colour});
+    }
+    picture_target(c, {picture.given, picture.known, how.background, shown, options_.alpha_weight, target, by.alpha});
     const Shape one{1, h, w, 3};
-    PictureLoss a{drawn.colour.reshaped(one), target.reshaped(one), options_.ssim_weight, loss_,
+    PictureLoss a{shown.colour.reshaped(one), target.reshaped(one), options_.ssim_weight, loss_,
                   by.colour.reshaped(one)};
     a.error = ErrorKind::absolute;
     a.similarity =
         options_.ssim_weight > 0 && std::min(h, w) > 10 ? SimilarityKind::single_scale : SimilarityKind::none;
     picture_loss(c, a);
+    if (aside.exposure) exposure_backward(c, {aside.exposure, drawn, how.background, by, aside.dexposure});
     return by;
   };
-  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()});
+  render_with_backward(ctx_, gaussians, picture.camera, how, loss, {gradient()}, aside.dpose);
   const auto share = [&](float weight) { return weight / static_cast<float>(std::max(count_, 1L)); };
   SplatParametersBackward back{parameters(), dropping, gradient()};
   back.opacity_weight = share(options_.opacity_weight);

@@ -48,6 +48,12 @@ struct FitScore {
   double psnr = 0, ssim = 0;
 };
 
+// What a step learns beside the scene, where it is not null.
+struct FitAside {
+  Tensor exposure, dexposure;              // f32 [12]: as exposure_forward() has it, and the loss by it, written
+  std::array<double, 6>* dpose = nullptr;  // as render_backward() has it
+};
+
 class Fitter {
  public:
   // `near` and `mirror` as RenderOptions have them. Uploads.
@@ -58,9 +64,9 @@ class Fitter {
   long steps_done() const { return step_; }
 
   // One step on one picture: differentiate(), then move().
-  void step(const DeviceFitPicture& picture);
+  void step(const DeviceFitPicture& picture, const FitAside& aside = {});
   // Leaves the gradient of this step's loss in gradient(). Waits for the device as render_with_backward() does.
-  void differentiate(const DeviceFitPicture& picture);
+  void differentiate(const DeviceFitPicture& picture, const FitAside& aside = {});
   // Moves the parameters by the gradient, which is zeros then, and now and then relocates Gaussians.
   void move();
   // The loss of the last step on the device, f32 [3]: as PictureLoss::out.

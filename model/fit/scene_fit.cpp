@@ -16,6 +16,7 @@
 #include "model/fit/fit_plan.h"
 #include "model/fit/fit_recipe.h"
 #include "model/fit/suspects.h"
+#include "model/fit/view_corrections.h"
 #include "model/input/view_choice.h"
 #include "runtime/fail.h"
 
@@ -24,6 +25,7 @@ namespace {
 
 constexpr std::size_t kPictureCap = std::size_t{2} << 30;  // bytes of decoded pictures
 constexpr int kEvery = 8;                                  // of many views one in so many is held out
+constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // of Adam, falling to a tenth over a leg
 constexpr long kUnjudgedSteps = 100;                       // of few views of which none is held out
 
 // A fit to some views, judged by others.
@@ -102,10 +104,12 @@ struct SceneFit::Impl {
   void end_leg();
   void judge();
   const DeviceFitPicture& on_device(int view);
+  DeviceFitPicture corrected(int view);
+  void step_on(int view);
   int view_of_step(long step) const;
   double object_pixels(const std::vector<int>& views);
   Scene to_scene(const Gaussians& gaussians) const;
-  std::string request_text() const;
+  std::string text_of_request() const;
   void save() const;
   void go_on(const FitCheckpoint& from);
   bool in_folds() const { return leg + 1 < legs.size(); }
@@ -114,6 +118,7 @@ struct SceneFit::Impl {
   const Photographs& photographs;
   FitStart given;
   FitRequest request;
+  std::string request_text;  // where there is a checkpoint
   Similarity to_world;
   FitPictures pictures;
   std::vector<int> used;
@@ -126,6 +131,8 @@ struct SceneFit::Impl {
   std::optional<Scene> first;      // in the world: what the last leg begins with
   std::map<long, Judged> curve;    // by steps, over the folds or over the held-out pictures
   std::vector<int> judged;
+  std::map<int, PoseCorrection> poses;  // of the leg, where they are asked for
+  std::map<int, ExposureCorrection> exposures;
   std::map<int, DeviceFitPicture> resident;
   DeviceFitPicture passing;
   std::size_t resident_bytes = 0;
@@ -159,7 +166,10 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   // A single view: nothing can be left out, and nothing is known of what steps would do.
   wants_start = folds && used.size() == 1;
   std::optional<FitCheckpoint> from;
-  if (!request.checkpoint.empty()) from = load_fit_checkpoint(request.checkpoint, request_text());
+  if (!request.checkpoint.empty()) {
+    request_text = text_of_request();
+    from = load_fit_checkpoint(request.checkpoint, request_text);
+  }
   if (from && !request.resume)
     fail(Status::usage,
          "{}: there is the state of a refinement already; vsplat_refine_options.resume goes on with it, another folder "
@@ -203,6 +213,8 @@ void SceneFit::Impl::begin_leg() {
   }
   last_psnr = std::nan("");
   fitter.reset();  // its memory goes first
+  poses.clear();
+  exposures.clear();
   resident.clear();
   resident_bytes = 0;
   const std::shared_ptr<const FitPicture> any = pictures.at(now.views.front());
@@ -225,6 +237,30 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   }
   resident_bytes += bytes;
   return resident.emplace(view, upload(ctx, *picture)).first->second;
+}
+
+// With the camera as it has been learnt.
+DeviceFitPicture SceneFit::Impl::corrected(int view) {
+  DeviceFitPicture out = on_device(view);
+  if (const auto pose = poses.find(view); pose != poses.end()) out.camera.w2c = pose->second.w2c();
+  return out;
+}
+
+// One step of the scene, and of what is learnt of the view beside it.
+void SceneFit::Impl::step_on(int view) {
+  const DeviceFitPicture picture = corrected(view);
+  const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(leg_steps));
+  std::array<double, 6> dpose{};
+  FitAside aside;
+  if (request.poses) aside.dpose = &dpose;
+  if (request.exposure) {
+    const ExposureCorrection& exposure = exposures.try_emplace(view, make_exposure(ctx)).first->second;
+    aside.exposure = exposure.map.reshaped({12});
+    aside.dexposure = exposure.gradient.reshaped({12});
+  }
+  fitter->step(picture, aside);
+  if (request.poses) poses.try_emplace(view, picture.camera.w2c).first->second.move(dpose, kPoseRate * fall);
+  if (request.exposure) move(ctx, exposures.at(view), kExposureRate * fall);
 }
 
 // Each epoch sees every view once, in an order of its own.
@@ -267,7 +303,7 @@ void SceneFit::Impl::judge() {
 bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = std::chrono::steady_clock::now();
-  fitter->step(on_device(view_of_step(fitter->steps_done())));
+  step_on(view_of_step(fitter->steps_done()));
   ++steps_in_all;
   const long at = fitter->steps_done();
   const bool look = at % recipe.judge_every == 0 || at == leg_steps;
@@ -280,7 +316,7 @@ bool SceneFit::Impl::step() {
 }
 
 // What makes a refinement the same one: all that its bits depend on, but the pixels.
-std::string SceneFit::Impl::request_text() const {
+std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
       "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} seed {} centre {} {} {} "
@@ -306,7 +342,7 @@ std::string SceneFit::Impl::request_text() const {
 
 void SceneFit::Impl::save() const {
   FitCheckpoint out;
-  out.request = request_text();
+  out.request = request_text;
   out.tensors = fitter->state();
   const auto keep = [&](const char* name, const Shape& shape, const std::vector<float>& data) {
     out.tensors[std::string("best.") + name] = {shape, data};
@@ -333,6 +369,8 @@ void SceneFit::Impl::save() const {
     out.state[name + ".ssim"] = exact_text(sum.ssim);
     out.state[name + ".pictures"] = std::to_string(sum.pictures);
   }
+  for (const auto& [view, pose] : poses) out.state[fmt::format("pose.{}", view)] = pose.text();
+  for (const auto& [view, exposure] : exposures) put(ctx, exposure, fmt::format("exposure.{}", view), out);
   save_fit_checkpoint(request.checkpoint, out);
 }
 
@@ -368,6 +406,12 @@ void SceneFit::Impl::go_on(const FitCheckpoint& from) {
     best->count = best->opacities.size();
     best->sh_degree = static_cast<int>(whole_number(from, "best_degree"));
   }
+  for (const int view : legs[leg].views) {
+    const std::string pose = fmt::format("pose.{}", view), exposure = fmt::format("exposure.{}", view);
+    if (from.state.count(pose) > 0) poses.emplace(view, PoseCorrection::from_text(from.state.at(pose)));
+    if (from.state.count(exposure + ".steps") > 0)
+      get(ctx, exposures.try_emplace(view, make_exposure(ctx)).first->second, exposure, from);
+  }
   wants_start = !in_folds() && leg_steps == 0;
   if (fitter->steps_done() >= leg_steps) end_leg();
 }
@@ -395,7 +439,7 @@ void SceneFit::Impl::finish() {
   }
   std::vector<FitScore> scores;
   if (fitter->steps_done() > 0)
-    for (const int view : legs[leg].views) scores.push_back(fitter->judge(on_device(view)));
+    for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
   for (const std::size_t i : outliers(scores)) suspects.push_back(legs[leg].views[i]);
 }
 
@@ -477,6 +521,10 @@ Image SceneFit::picture(int view) {
   return on_white(out);
 }
 
-Camera SceneFit::camera(int view) { return to_frame(impl_->pictures.at(view)->camera, impl_->to_world.inverse()); }
+Camera SceneFit::camera(int view) {
+  Camera camera = impl_->pictures.at(view)->camera;
+  if (const auto pose = impl_->poses.find(view); pose != impl_->poses.end()) camera.w2c = pose->second.w2c();
+  return to_frame(camera, impl_->to_world.inverse());
+}
 
 }  // namespace vsplat

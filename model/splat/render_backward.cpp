@@ -1,5 +1,7 @@
 #include "model/splat/render_backward.h"
 
+#include <algorithm>
+
 #include "model/splat/room.h"
 
 namespace vsplat {
@@ -77,7 +79,8 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
 }
 
 DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
-                                  const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out) {
+                                  const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
+                                  std::array<double, 6>* pose) {
   const Stage stage(ctx, "splat");
   const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
   const DevicePicture picture = picture_in_room(ctx, camera);
@@ -89,11 +92,17 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (&c == &ctx) drawn.intersections += static_cast<std::uint64_t>(binned.ids.count());
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);
-                  part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, {});
+                  const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
+                  part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
+                  const Tensor sum = pose ? sum_twists(c, twists) : Tensor();
+                  if (pose && &c == &ctx) {
+                    const auto values = ctx.read<float>(sum);
+                    std::copy(values.begin(), values.end(), pose->begin());
+                  }
                   if (&c == &ctx) done = true;  // not on the plan, which may not fit
                 });
   // In several parts: a loss may look at all of the picture, which is there only now.
-  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, nullptr);
+  if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose);
   return drawn;
 }
 

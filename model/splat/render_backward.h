@@ -22,13 +22,14 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
                      const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose);
 
 // render(), then render_backward() with what `loss` makes of the picture, without drawing it twice where it is one
-// part. `loss` is run on a plan, too.
+// part. `loss` is run on a plan, too. `pose`: as render_backward() has it.
 using PictureLossWork = std::function<PictureGradient(Context&, const DevicePicture&)>;
 struct DrawnPicture {
   DevicePicture picture;
   std::uint64_t intersections = 0;  // of Gaussians with tiles
 };
 DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera,
-                                  const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out);
+                                  const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
+                                  std::array<double, 6>* pose = nullptr);
 
 }  // namespace vsplat
