@@ -197,14 +197,14 @@ void SceneFit::Impl::begin_leg() {
   if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
-  recipe = fit_recipe(request, static_cast<long>(now.views.size()), object_pixels(now.views),
+  recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),
                       static_cast<long>(scene.gaussians.count));
   const int degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
   const Gaussians start = with_degree(std::move(scene.gaussians), degree);
   leg_steps = recipe.steps;
   if (in_folds() && request.steps > 0) recipe.judge_every = request.steps;  // that number or none
   if (wants_start) leg_steps = 0;
-  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && now.views.size() < kManyViews)
+  if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews)
     leg_steps = std::min(leg_steps, kUnjudgedSteps);
   if (legs.size() > 1 && !in_folds()) {  // as many steps as the folds were best with
     const auto better = [](const auto& a, const auto& b) { return mean(a.second).psnr < mean(b.second).psnr; };

@@ -16,7 +16,8 @@ class PoseCorrection {
  public:
   explicit PoseCorrection(const Eigen::Matrix4d& w2c) : w2c_(w2c) {}
   const Eigen::Matrix4d& w2c() const { return w2c_; }
-  // `gradient` by (omega, tau) at 0, where the pose is exp([omega, tau]) w2c; `rate` in radians and in the frame's units.
+  // `gradient` by (omega, tau) at 0, where the pose is exp([omega, tau]) w2c; `rate` in radians and in the frame's
+  // units.
   void move(const std::array<double, 6>& gradient, double rate);
 
   // To the bit.

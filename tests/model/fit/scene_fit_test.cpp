@@ -1,0 +1,274 @@
+#include "model/fit/scene_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "model/fit/suspects.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/orbit.h"
+#include "tests/support/refusal.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+constexpr int kSize = 48;
+
+// A scene, pictures of it from all around with their alpha, and a start that is a little off.
+class SceneFitTest : public ::testing::Test {
+ protected:
+  static Context& ctx() { return test::context(Flavour::cpu); }
+
+  void make(int views) {
+    truth_ = Scene();
+    truth_.near = 0.05f;
+    Gaussians& g = truth_.gaussians;
+    g.count = 60;
+    const auto random = test::random_floats(g.count * 8, 5, 0, 1);
+    for (std::size_t k = 0; k < g.count; ++k) {
+      const float* r = &random[8 * k];
+      for (int i = 0; i < 3; ++i) g.means.push_back(0.6f * r[i] - 0.3f);
+      for (int i = 0; i < 3; ++i) g.scales.push_back(0.03f + 0.04f * r[3 + i]);
+      for (const float q : {1.0f, r[6], r[7], 0.0f}) g.quats.push_back(q);
+      g.opacities.push_back(0.9f);
+      for (int i = 0; i < 3; ++i) g.sh.push_back(3 * r[(k + static_cast<std::size_t>(i)) % 8] - 1.5f);
+    }
+    photographs_.set.source = "pictures in memory";
+    for (int v = 0; v < views; ++v) {
+      ListedView listed;
+      listed.camera = test::orbit(views, kSize).at(static_cast<std::size_t>(v));
+      listed.name = listed.camera.file = "picture " + std::to_string(v);
+      listed.picture = listed.name;
+      photographs_.set.views.push_back(listed);
+      pictures_.push_back(drawn(listed.camera));
+    }
+    photographs_.picture = [this](int view) { return pictures_.at(static_cast<std::size_t>(view)); };
+    start_ = truth_;
+    const auto noise = test::random_floats(g.sh.size(), 6);
+    for (std::size_t i = 0; i < noise.size(); ++i) start_.gaussians.sh[i] += 0.4f * noise[i];
+    for (std::size_t i = 0; i < start_.gaussians.means.size(); ++i)
+      start_.gaussians.means[i] += 0.02f * noise[i % noise.size()];
+  }
+
+  // Straight alpha.
+  Image drawn(const Camera& camera) {
+    RenderOptions options;
+    options.near = truth_.near;
+    options.background = {0, 0, 0};
+    const Picture p = render_picture(ctx(), upload(ctx(), truth_.gaussians), camera, options);
+    Image out(camera.width, camera.height, 4);
+    for (std::size_t i = 0; i < p.alpha.data.size(); ++i) {
+      const float a = p.alpha.data[i];
+      for (std::size_t c = 0; c < 3; ++c)
+        out.data[4 * i + c] = a > 0 ? std::min(p.colour.data[3 * i + c] / a, 1.0f) : 0;
+      out.data[4 * i + 3] = a;
+    }
+    return out;
+  }
+
+  FitStart start() {
+    FitStart out;
+    out.make = [this](const std::vector<int>& views) {
+      asked_.push_back(views);
+      return start_;
+    };
+    return out;
+  }
+
+  FitResult run(const FitRequest& request) {
+    SceneFit fit(ctx(), photographs_, start(), request);
+    while (fit.step()) {
+    }
+    return fit.result();
+  }
+
+  static void expect_finite(const Scene& scene) {
+    for (const std::vector<float>* values : {&scene.gaussians.means, &scene.gaussians.scales, &scene.gaussians.quats,
+                                             &scene.gaussians.opacities, &scene.gaussians.sh})
+      EXPECT_TRUE(std::all_of(values->begin(), values->end(), [](float v) { return std::isfinite(v); }));
+  }
+
+  Scene truth_, start_;
+  std::vector<Image> pictures_;
+  Photographs photographs_;
+  std::vector<std::vector<int>> asked_;  // of the start, in order
+};
+
+TEST_F(SceneFitTest, FewViewsAreEachLeftOutAndThenAllFitted) {
+  make(4);
+  FitRequest request;
+  const FitResult result = run(request);
+  const std::vector<std::vector<int>> want = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}, {0, 1, 2, 3}};
+  EXPECT_EQ(asked_, want);
+  EXPECT_EQ(result.judged, (std::vector<int>{0, 1, 2, 3}));
+  EXPECT_GT(result.steps, 0);
+  EXPECT_GT(result.result.psnr, result.start.psnr + 0.5);
+  EXPECT_FALSE(result.start_returned);
+  EXPECT_EQ(result.steps % 25, 0);
+  expect_finite(result.scene);
+}
+
+TEST_F(SceneFitTest, OfManyViewsEveryEighthIsHeldOut) {
+  make(13);
+  FitRequest request;
+  request.steps = 120;
+  request.max_gaussians = 200;
+  const FitResult result = run(request);
+  EXPECT_EQ(result.judged, (std::vector<int>{0, 8}));
+  EXPECT_EQ(asked_, (std::vector<std::vector<int>>{{1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12}}));
+  EXPECT_GT(result.result.psnr, result.start.psnr + 2);
+  EXPECT_GT(result.scene.gaussians.count, start_.gaussians.count);
+  EXPECT_LE(result.scene.gaussians.count, 200U);
+  EXPECT_EQ(result.scene.near, start_.near);
+}
+
+// A start that cannot be bettered comes out to the bit.
+TEST_F(SceneFitTest, TheStartIsReturnedWhereItIsBest) {
+  make(3);
+  start_ = truth_;
+  for (std::size_t v = 0; v < 3; ++v) {  // what is fitted to is of no help for the others
+    for (float& value : pictures_[v].data) value = v == 0 ? 0.1f : v == 1 ? 0.9f : value;
+  }
+  FitRequest request;
+  request.holdout.kind = FitHoldout::Kind::named;
+  request.holdout.names = {"picture 2"};
+  request.steps = 30;
+  const FitResult result = run(request);
+  EXPECT_TRUE(result.start_returned);
+  EXPECT_EQ(result.steps, 0);
+  EXPECT_EQ(result.scene.gaussians.means, start_.gaussians.means);
+  EXPECT_EQ(result.scene.gaussians.sh, start_.gaussians.sh);
+  EXPECT_LT(result.result.psnr, result.start.psnr);
+}
+
+TEST_F(SceneFitTest, SameBitsThreeTimesAndAnotherSeedOthers) {
+  make(12);
+  FitRequest request;
+  request.steps = 60;
+  request.max_gaussians = 150;
+  request.poses = request.exposure = true;
+  const FitResult first = run(request), second = run(request), third = run(request);
+  EXPECT_EQ(first.scene.gaussians.means, second.scene.gaussians.means);
+  EXPECT_EQ(first.scene.gaussians.sh, second.scene.gaussians.sh);
+  EXPECT_EQ(first.scene.gaussians.means, third.scene.gaussians.means);
+  EXPECT_EQ(first.result.psnr, third.result.psnr);
+  request.seed = 1;
+  EXPECT_NE(run(request).scene.gaussians.means, first.scene.gaussians.means);
+}
+
+// Left at any time, it is gone on with from what was last written, to the same bits.
+TEST_F(SceneFitTest, ResumedWithTheSameBits) {
+  for (const int views : {3, 12}) {
+    SCOPED_TRACE(views);
+    photographs_ = {};
+    pictures_.clear();
+    make(views);
+    FitRequest request;
+    request.steps = views == 3 ? 0 : 80;
+    request.max_gaussians = 150;
+    request.poses = request.exposure = true;
+    const FitResult want = run(request);
+    for (const long left_at : {1L, 26L, 130L, 333L}) {
+      const test::TemporaryFolder folder;
+      request.checkpoint = folder.path();
+      {
+        SceneFit fit(ctx(), photographs_, start(), request);
+        for (long i = 0; i < left_at && fit.step(); ++i) {
+        }
+      }
+      FitRequest again = request;
+      again.resume = true;
+      const FitResult got = run(again);
+      EXPECT_EQ(got.scene.gaussians.means, want.scene.gaussians.means) << left_at;
+      EXPECT_EQ(got.scene.gaussians.sh, want.scene.gaussians.sh) << left_at;
+      EXPECT_EQ(got.steps, want.steps);
+      EXPECT_EQ(got.result.psnr, want.result.psnr);
+      request.checkpoint.clear();
+    }
+  }
+}
+
+TEST_F(SceneFitTest, AnotherRequestsStateIsRefused) {
+  make(12);
+  const test::TemporaryFolder folder;
+  FitRequest request;
+  request.steps = 60;
+  request.checkpoint = folder.path();
+  run(request);
+  test::expect_error(Status::usage, {"refinement.safetensors", "resume"}, [&] { run(request); });
+  request.resume = true;
+  request.steps = 70;
+  test::expect_error(Status::usage, {"refinement.safetensors", "another refinement"}, [&] { run(request); });
+}
+
+TEST_F(SceneFitTest, AWrongPoseIsNamed) {
+  make(16);
+  photographs_.set.views[5].camera = test::orbit(16, kSize)[7];
+  FitRequest request;
+  request.steps = 200;
+  const FitResult result = run(request);
+  EXPECT_EQ(result.suspects, std::vector<int>{5});
+}
+
+TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotRefined) {
+  make(1);
+  const FitResult result = run({});
+  EXPECT_TRUE(result.start_returned);
+  EXPECT_TRUE(result.judged.empty());
+  EXPECT_TRUE(std::isnan(result.result.psnr));
+  FitRequest none;
+  none.holdout.kind = FitHoldout::Kind::none;
+  const FitResult fitted = run(none);
+  EXPECT_FALSE(fitted.start_returned);
+  EXPECT_GT(fitted.steps, 0);
+  expect_finite(fitted.scene);
+}
+
+TEST_F(SceneFitTest, ViewsAllAlikeAndMasksAllEmpty) {
+  make(4);
+  for (ListedView& view : photographs_.set.views) view.camera.w2c = photographs_.set.views[0].camera.w2c;
+  for (Image& picture : pictures_) picture = pictures_[0];
+  expect_finite(run({}).scene);
+  for (Image& picture : pictures_) std::fill(picture.data.begin(), picture.data.end(), 0.0f);
+  expect_finite(run({}).scene);
+}
+
+TEST_F(SceneFitTest, BadInputIsRefused) {
+  make(4);
+  FitRequest all;
+  all.holdout.kind = FitHoldout::Kind::named;
+  all.holdout.names = {"@0", "@1", "@2", "@3"};
+  test::expect_error(Status::usage, {"every view is held out"}, [&] { run(all); });
+  FitRequest count;
+  count.holdout.kind = FitHoldout::Kind::count;
+  count.holdout.count = 4;
+  test::expect_error(Status::usage, {"holdout_count is 4"}, [&] { run(count); });
+  FitRequest unused;
+  unused.names = {"@0", "@1"};
+  unused.holdout.kind = FitHoldout::Kind::named;
+  unused.holdout.names = {"@3"};
+  test::expect_error(Status::usage, {"picture 3", "not among"}, [&] { run(unused); });
+  pictures_[2].data[7] = std::nanf("");
+  test::expect_error(Status::input, {"picture 2", "nan"}, [&] { run({}); });
+  pictures_[2].data[7] = 0;
+  start_.gaussians = {};
+  test::expect_error(Status::input, {"no Gaussian"}, [&] { run({}); });
+}
+
+TEST(Outliers, AreFarBelowTheOthers) {
+  const auto scores = [](std::vector<double> psnr) {
+    std::vector<FitScore> out;
+    for (const double v : psnr) out.push_back({v, 0});
+    return out;
+  };
+  EXPECT_TRUE(outliers(scores({30, 31, 10, 30})).empty());  // too few to tell
+  EXPECT_EQ(outliers(scores({30, 31, 10, 30, 29})), std::vector<std::size_t>{2});
+  EXPECT_EQ(outliers(scores({30, 15, 10, 30, 29, 31})), (std::vector<std::size_t>{2, 1}));
+  EXPECT_TRUE(outliers(scores({30, 28, 27, 33, 29})).empty());
+  EXPECT_TRUE(outliers(scores({20, 35, 25, 30, 15, 40})).empty());  // all differ
+}
+
+}  // namespace
+}  // namespace vsplat
