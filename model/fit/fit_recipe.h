@@ -11,7 +11,8 @@ struct FitRecipe {
   int least_degree = 0;  // of the spherical harmonics
 };
 
-// `views` are used, fitted to or held out, whose pictures show the object on `object_pixels` on average; `count`: Gaussians of the start.
+// `views` are used, fitted to or held out, whose pictures show the object on `object_pixels` on average; `count`:
+// Gaussians of the start.
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count);
 
 }  // namespace vsplat
