@@ -37,7 +37,7 @@ struct Objective {
   Gaussians gaussians(const Parameters& x) const {
     Gaussians g;
     g.count = x.logits.size();
-    g.sh_degree = static_cast<int>(std::lround(std::sqrt(static_cast<double>(x.sh.size() / 3 / g.count)))) - 1;
+    while (3 * g.count * g.sh_count() < x.sh.size()) ++g.sh_degree;
     g.means = x.means, g.quats = x.quats, g.sh = x.sh;
     for (const float v : x.log_scales) g.scales.push_back(static_cast<float>(ref::splat_scale(v)));
     for (std::size_t k = 0; k < g.count; ++k)
@@ -223,6 +223,7 @@ class FitterTest : public test::FlavourTest {
 
   std::vector<DeviceFitPicture> uploaded(const std::vector<FitPicture>& pictures) {
     std::vector<DeviceFitPicture> out;
+    out.reserve(pictures.size());
     for (const FitPicture& p : pictures) out.push_back(upload(ctx(), p));
     return out;
   }

@@ -132,21 +132,23 @@ VSPLAT_FLAVOURS(SplatRelocateOp);
 // One source and n - 1 that join it: the new opacity and the new scales, over all that they can be.
 TEST_P(SplatRelocateOp, SharesAgreeWithTheFormula) {
   double worst_opacity = 0, worst_scale = 0;
-  for (const int n : {2, 3, 4, 5, 7, 12, 20, 33, 50, 51, 52, 64, 200})
+  for (const std::size_t n : {2U, 3U, 4U, 5U, 7U, 12U, 20U, 33U, 50U, 51U, 52U, 64U, 200U})
     for (const double opacity : {0.0051, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 0.995, 0.999, 0.9999}) {
-      std::vector<float> logits(static_cast<std::size_t>(n), kGone);
-      logits[static_cast<std::size_t>(n / 2)] = logit(opacity);
-      const State before = state_of(logits, logits.size(), 1);
+      const std::size_t source = n / 2;
+      std::vector<float> logits(n, kGone);
+      logits[source] = logit(opacity);
+      const State before = state_of(logits, n, 1);
       State after = before;
-      ASSERT_EQ(relocate(after, n, n), n);
-      const double was = sigmoid(logits[static_cast<std::size_t>(n / 2)]), scale = ref::shared_scale(was, n);
-      const double each = std::max(ref::shared_opacity(was, n), kLeast);
-      for (int k = 0; k < n; ++k) {
-        const double got = sigmoid(after.x.logits[static_cast<std::size_t>(k)]);
-        worst_opacity = std::max(worst_opacity, std::abs(got / each - 1));
-        for (int i = 0; i < 3; ++i) {
-          const double longer = std::exp(static_cast<double>(after.x.log_scales[static_cast<std::size_t>(3 * k + i)]) -
-                                         before.x.log_scales[static_cast<std::size_t>(3 * (n / 2) + i)]);
+      const auto count = static_cast<long>(n);
+      ASSERT_EQ(relocate(after, count, count), count);
+      const auto equal = static_cast<int>(n);
+      const double was = sigmoid(logits[source]), scale = ref::shared_scale(was, equal);
+      const double each = std::max(ref::shared_opacity(was, equal), kLeast);
+      for (std::size_t k = 0; k < n; ++k) {
+        worst_opacity = std::max(worst_opacity, std::abs(sigmoid(after.x.logits[k]) / each - 1));
+        for (std::size_t i = 0; i < 3; ++i) {
+          const double longer =
+              std::exp(static_cast<double>(after.x.log_scales[3 * k + i]) - before.x.log_scales[3 * source + i]);
           worst_scale = std::max(worst_scale, std::abs(longer / scale - 1));
         }
       }
@@ -164,6 +166,7 @@ TEST_P(SplatRelocateOp, SourcesAreThoseOfSystematicResampling) {
       SCOPED_TRACE(::testing::Message() << count << " Gaussians, growth " << growth);
       const auto random = test::random_floats(count, static_cast<std::uint32_t>(count), 0, 1);
       std::vector<float> logits;
+      logits.reserve(count);
       for (const float r : random) logits.push_back(r < 0.3f ? kGone : r < 0.7f ? 0.0f : 20.0f);
       logits[count / 2] = 0;
       const auto grow_to = static_cast<std::size_t>(growth * static_cast<double>(count));
