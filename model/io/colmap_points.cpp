@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 constexpr std::uint64_t point_bytes = 8 + 3 * 8 + 3 + 8 + 8;  // id, position, colour, error, length of the track
 constexpr std::uint64_t track_bytes = 4 + 4;                  // an image, and a point in it
 
-bool is_file(const fs::path& path) {
+bool has_file(const fs::path& path) {
   std::error_code error;
   return fs::is_regular_file(path, error);
 }
@@ -80,9 +80,9 @@ std::vector<ColoredPoint> read_text(const fs::path& path) {
 
 // The folder of the model: of the file that is given, or below or beside it.
 fs::path model_of(const fs::path& path) {
-  const fs::path folder = !is_file(path) ? path : path.has_parent_path() ? path.parent_path() : fs::path(".");
+  const fs::path folder = !has_file(path) ? path : path.has_parent_path() ? path.parent_path() : fs::path(".");
   // A model's own file means that model, not another one in a folder below.
-  const bool own = is_file(path) && (path.extension() == ".bin" || path.extension() == ".txt");
+  const bool own = has_file(path) && (path.extension() == ".bin" || path.extension() == ".txt");
   return own && is_colmap_model(folder) ? folder : find_colmap_model(folder);
 }
 
@@ -97,10 +97,10 @@ std::vector<ColoredPoint> read_colmap_points(const fs::path& path) {
          "sparse/0, sparse, colmap or the folder itself",
          path.string());
   const fs::path binary = folder / "points3D.bin", text = folder / "points3D.txt";
-  if (!is_file(binary) && !is_file(text))
+  if (!has_file(binary) && !has_file(text))
     fail(Status::file, "{}: the COLMAP model has no points: points3D.bin or points3D.txt is expected", folder.string());
-  std::vector<ColoredPoint> out = is_file(binary) ? read_binary(binary) : read_text(text);
-  if (out.empty()) fail(Status::input, "{}: lists no points", (is_file(binary) ? binary : text).string());
+  std::vector<ColoredPoint> out = has_file(binary) ? read_binary(binary) : read_text(text);
+  if (out.empty()) fail(Status::input, "{}: lists no points", (has_file(binary) ? binary : text).string());
   return out;
 }
 
