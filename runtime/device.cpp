@@ -8,6 +8,7 @@
 
 #include "runtime/device_handles.h"
 #include "runtime/fail.h"
+#include "runtime/missing_devices.h"
 #include "runtime/opencl.h"
 
 namespace vsplat {
@@ -124,11 +125,7 @@ std::vector<DeviceInfo> list_devices() {
 
 DeviceInfo choose_device(const std::string& asked) {
   const std::vector<DeviceInfo> devices = list_devices();
-  if (devices.empty())
-    fail(Status::device,
-         "no OpenCL device: the loader found no platform. Install a driver (for a CPU: the Debian package "
-         "pocl-opencl-icd) "
-         "and check that /etc/OpenCL/vendors or OCL_ICD_VENDORS names it");
+  if (devices.empty()) fail(Status::device, "no OpenCL device: {}", why_no_device());
   std::string spec = trimmed(asked);
   const char* from = "vsplat_device_options.device";
   if (spec.empty()) {
@@ -150,10 +147,11 @@ DeviceInfo choose_device(const std::string& asked) {
                                                        : lower(d.name).find(key) != std::string::npos)
       return d;
   }
+  const std::string missing = unusable_drivers();
   fail(Status::device,
        "no device is \"{}\" ({}): neither an index, a platform:device, a type (cpu, gpu, acc) nor a part of a name. "
-       "There are:{}",
-       spec, from, menu(devices));
+       "There are:{}{}",
+       spec, from, menu(devices), missing.empty() ? "" : "\nBesides, " + missing);
 }
 
 const char* cl_error_name(cl_int code) {

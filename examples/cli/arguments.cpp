@@ -48,17 +48,6 @@ std::size_t distance(const std::string& a, const std::string& b) {
   return row[b.size()];
 }
 
-// The nearest of `names`, or "" where none is near.
-std::string nearest(const std::string& word, const std::vector<std::string>& names) {
-  std::string best;
-  std::size_t least = std::max<std::size_t>(2, word.size() / 3) + 1;
-  for (const std::string& name : names) {
-    const std::size_t d = distance(word, name);
-    if (d < least) least = d, best = name;
-  }
-  return best;
-}
-
 }  // namespace
 
 double number(const std::string& option, const std::string& text) {
@@ -178,6 +167,16 @@ void refuse_empty_values(const std::vector<std::string>& arguments) {
       throw UsageError(argument + " has no value" + hint);
     before = argument;
   }
+}
+
+std::string nearest(const std::string& word, const std::vector<std::string>& names) {
+  std::string best;
+  std::size_t least = std::max<std::size_t>(2, word.size() / 3) + 1;
+  for (const std::string& name : names) {
+    const std::size_t d = distance(word, name);
+    if (d < least) least = d, best = name;
+  }
+  return best;
 }
 
 std::string unknown_text(const CLI::App& app) {

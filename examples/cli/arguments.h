@@ -44,6 +44,9 @@ std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arg
 // Throws where a value is empty: most likely a script's variable that is not set, which must not pass for "not given".
 void refuse_empty_values(const std::vector<std::string>& arguments);
 
+// The nearest of `names` by spelling, or "" where none is near.
+std::string nearest(const std::string& word, const std::vector<std::string>& names);
+
 // What to say of arguments that nothing took, with the nearest option or sub-command; "" where there are none.
 std::string unknown_text(const CLI::App& app);
 

@@ -37,6 +37,7 @@ vsplat::ContextOptions context_options(const Common& common) {
 }
 
 void bench(const Options& o) try {
+  start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);

@@ -29,12 +29,8 @@ void on_log(void*, vsplat_log_level level, const char* text) {
   std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", with_flags(text).c_str());
 }
 
-}  // namespace
-
-CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMember(values).description(""); }
-
-void add_common(CLI::App& app, Common& common) {
-  const std::string group = "Everywhere";
+void add_device_options(CLI::App& app, Common& common) {
+  const std::string group = "Device";
   app.add_option(
          "-d,--device", common.device,
          "OpenCL device: index, platform:device, cpu|gpu|acc, or part of its name (default: $VSPLAT_DEVICE, else "
@@ -53,14 +49,30 @@ void add_common(CLI::App& app, Common& common) {
       ->check(positive())
       ->type_name("GiB")
       ->group(group);
-  app.add_option("--profile", common.profile, "Write every kernel's time as JSON")->type_name("FILE")->group(group);
-  app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
-      ->type_name("FILE")
-      ->group(group);
-  app.add_flag("--json", common.json, "Results as JSON on stdout")->group(group);
-  app.add_flag("-w,--overwrite", common.overwrite, "Replace files that exist")->group(group);
+}
+
+}  // namespace
+
+CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMember(values).description(""); }
+
+void add_common(CLI::App& app, Common& common, const Takes& takes) {
+  if (takes.device) add_device_options(app, common);
+  const std::string group = "What is told and written";
+  if (takes.profile) {
+    app.add_option("--profile", common.profile, "Write every kernel's time as JSON")->type_name("FILE")->group(group);
+    app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
+        ->type_name("FILE")
+        ->group(group);
+  }
+  if (takes.json) app.add_flag("--json", common.json, "Results as JSON on stdout")->group(group);
+  if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace files that exist")->group(group);
   app.add_flag("-q,--quiet", common.quiet, "Only warnings and errors")->group(group);
   app.add_flag("-v,--verbose", common.verbose, "Details")->group(group);
+}
+
+void refuse_profile_of_dry_run(const Common& common) {
+  for (const auto& [option, path] : {std::pair{"--profile", &common.profile}, {"--trace", &common.trace}})
+    if (!path->empty()) throw UsageError(std::string(option) + " has nothing to time with --dry-run: give one of them");
 }
 
 void start_log(const Common& common) {

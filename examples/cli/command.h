@@ -15,7 +15,7 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Options that every sub-command takes.
+// Options that sub-commands share.
 struct Common {
   std::string device;
   std::string kernels = "auto";
@@ -28,8 +28,14 @@ struct Common {
 // A check of values that says nothing of itself in --help, where the type's name tells.
 CLI::Validator one_of(const std::vector<std::string>& values);
 
-// Adds them to a sub-command, in a group of their own.
-void add_common(CLI::App& app, Common& common);
+// Which of them a sub-command takes: those that do something there, besides --quiet and --verbose.
+struct Takes {
+  bool device = true, profile = true, json = true, overwrite = true;
+};
+void add_common(CLI::App& app, Common& common, const Takes& takes = {});
+
+// UsageError where a run that computes nothing was asked for times.
+void refuse_profile_of_dry_run(const Common& common);
 
 // Sends the library's messages to stderr, as much of them as asked for.
 void start_log(const Common& common);
@@ -64,5 +70,7 @@ void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);
 void add_info_action(CLI::App& dataset, Run& run);  // of dataset
 void add_evaluate(CLI::App& app, Run& run);
+void add_help(CLI::App& app, Run& run);
+void add_completion(CLI::App& app, Run& run);
 
 }  // namespace command

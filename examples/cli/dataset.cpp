@@ -125,7 +125,7 @@ void add_shared(CLI::App& sub, Options& o) {
       ->check(CLI::Range(8, 8192))
       ->type_name("N");
   sub.add_option("--seed", o.seed, "Of all that is random (0)")->type_name("S");
-  add_common(sub, o.common);
+  add_common(sub, o.common, {.device = false, .profile = false});
 }
 
 void add_render_action(CLI::App& parent, Run& run) {

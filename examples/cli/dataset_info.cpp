@@ -175,7 +175,7 @@ void add_info_action(CLI::App& parent, Run& run) {
   sub->add_option("data", o->paths, "Folders of objects, or HDF5 files")->required()->type_name("DIR...");
   sub->add_option("--sheet", o->sheet, "Pictures of the objects on one: a contact sheet")->type_name("FILE.png");
   sub->add_flag("--check", o->check, "Decode every picture, not four of each object");
-  add_common(*sub, o->common);
+  add_common(*sub, o->common, {.device = false, .profile = false});
   sub->footer(
       "An object is a folder with transforms.json, cameras.json or a COLMAP model, at most four levels down, or a "
       "group\n"

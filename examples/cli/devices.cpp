@@ -45,17 +45,16 @@ nlohmann::ordered_json json_of(const vsplat_device_info& d) {
 
 void list_devices(const Common& common) {
   const std::vector<vsplat_device_info> devices = vsplat::Device::list();
+  if (devices.empty()) {
+    if (common.json) std::printf("[]\n");
+    const vsplat_device_options any = VSPLAT_DEVICE_OPTIONS_INIT;
+    const vsplat::Device none(any);  // throws, with what is missing
+    return;
+  }
   if (common.json) {
     nlohmann::ordered_json out = nlohmann::ordered_json::array();
     for (const vsplat_device_info& d : devices) out.push_back(json_of(d));
     std::printf("%s\n", out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
-    return;
-  }
-  if (devices.empty()) {
-    say(common,
-        "no OpenCL device: the loader found no platform. Install a driver (for a CPU: the Debian package "
-        "pocl-opencl-icd) "
-        "and check that /etc/OpenCL/vendors or OCL_ICD_VENDORS names it");
     return;
   }
   std::printf("index  p:d  type   memory     largest    units  name (platform, driver)\n");
@@ -70,7 +69,7 @@ void list_devices(const Common& common) {
 void add_devices(CLI::App& app, Run& run) {
   auto common = std::make_shared<Common>();
   CLI::App* sub = app.add_subcommand("devices", "List the OpenCL devices");
-  add_common(*sub, *common);
+  add_common(*sub, *common, {.device = false, .profile = false, .overwrite = false});
   sub->footer(
       "Examples:\n"
       "  vsplat devices\n"

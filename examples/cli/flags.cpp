@@ -32,6 +32,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_input_options, force, "--force"),
     FIELD(vsplat_input_options, names, "--views"),
     FIELD(vsplat_input_options, scale, "--scale"),
+    FIELD(vsplat_input_options, view_count, "--view-count"),
     FIELD(vsplat_model_options, fields, "--set"),
     FIELD(vsplat_orbit_options, elevation, "--orbit-elevation"),
     FIELD(vsplat_orbit_options, radius, "--orbit-radius"),

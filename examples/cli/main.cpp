@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
       "  vsplat devices                                   what there is to compute on\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
-      "`vsplat COMMAND --help` tells all of a command's options, with examples.");
+      "`vsplat help COMMAND` and `vsplat COMMAND --help` tell all of a command's options, with examples.");
   command::Run run;
   command::add_reconstruct(app, run);
   command::add_render(app, run);
@@ -44,6 +44,8 @@ int main(int argc, char** argv) {
   command::add_dataset(app, run);
   command::add_train(app, run);
   command::add_evaluate(app, run);
+  command::add_help(app, run);
+  command::add_completion(app, run);
 
   try {
     // CLI11 takes the arguments last first, without the program's name.

@@ -16,6 +16,7 @@ struct Options {
   PlacementOptions placement;
   std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
   std::string selection, selection_seed, assume_selected;
+  int view_count = 0;  // 0: the model's
   bool force = false, dry_run = false;
 };
 
@@ -42,6 +43,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
   input.names = name_pointers.empty() ? nullptr : name_pointers.data();
   input.num_names = name_pointers.size();
+  input.view_count = o.view_count;
   set_placement(o.placement, input);
   input.force = o.force;
   run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
@@ -60,7 +62,8 @@ void dry_run(const Options& o, const Request& request) {
   const vsplat_model_info info = model.info();
   size_t listed = 0;
   vsplat::check(vsplat_views_count(vsplat::Views::load(o.views, o.picture_folder).get(), &listed));
-  const size_t views = request.names.empty() ? std::min(listed, static_cast<size_t>(info.views)) : request.names.size();
+  const int32_t most = o.view_count ? o.view_count : info.use_views;
+  const size_t views = request.names.empty() ? std::min(listed, static_cast<size_t>(most)) : request.names.size();
   const double share = request.run.assume_selected > 0 ? request.run.assume_selected : VSPLAT_ASSUME_SELECTED;
   std::vector<Plan> plans;
   for (const double selected : {share, 1.0}) {
@@ -105,7 +108,10 @@ std::string dump_file(const Options& o) { return (std::filesystem::path(o.dump) 
 void reconstruct(const Options& o) {
   Request request(o);
   start_log(o.common);
-  if (o.dry_run) return dry_run(o, request);
+  if (o.dry_run) {
+    refuse_profile_of_dry_run(o.common);
+    return dry_run(o, request);
+  }
   const PictureJob& job = request.pictures;
   Outputs outputs(o.common.overwrite);
   const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
@@ -185,8 +191,14 @@ void add_reconstruct(CLI::App& app, Run& run) {
   sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
-                  "(default: the model's number of well spread ones, or all)")
+                  "(default: well spread ones, as many as --view-count says, or all)")
       ->type_name("NAME,...|@INDEX,...");
+  sub->add_option("--view-count", o->view_count,
+                  "How many pictures to take where there are more, 1 to 16 (default: what the model's makers measured; "
+                  "`vsplat weights info` shows it as use_views, or views)")
+      ->check(CLI::Range(1, 16).description(""))
+      ->excludes("--views")
+      ->type_name("N");
   sub->add_option("--pictures", o->picture_folder, "Where a COLMAP model's pictures are")->type_name("DIR");
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
@@ -198,10 +210,11 @@ void add_reconstruct(CLI::App& app, Run& run) {
       "Examples:\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"
       "  vsplat reconstruct photos/transforms.json --model model.safetensors --output scene.ply \\\n"
-      "         --views 20,25,29,32 --center -0.1,0,2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
+      "         --views 20,25,29,32 --center -0.1,-0.1,-2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
       "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"
       "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
-      "The scene is in the world of your cameras. Pictures may be PNG, JPEG or EXR; alpha and masks become white.\n"
+      "The scene is in the world of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP; alpha and masks\n"
+      "become white.\n"
       "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json world-to-camera\n"
       "with x right, y down, z forward.");
   sub->callback([o, &run] { run = [o] { reconstruct(*o); }; });

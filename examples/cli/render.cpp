@@ -61,6 +61,7 @@ void print_results(const Options& o, const PictureJob& job, const vsplat::Scene&
 
 void render(const Options& o) {
   const PictureJob job(o.pictures);
+  if (o.dry_run) refuse_profile_of_dry_run(o.common);
   if (!job.wanted) throw UsageError("render needs --cameras");
   if (!job.written && !o.dry_run)
     throw UsageError("render needs --images, the folder for the pictures, or --sheet, --turntable or --compare");

@@ -89,7 +89,10 @@ void train(const Options& o) {
     return;
   }
   if (o.config.empty()) throw UsageError("train needs CONFIG, a JSON file; --print-config shows what it may hold");
-  if (o.dry_run) return dry_run(o, config);
+  if (o.dry_run) {
+    refuse_profile_of_dry_run(o.common);
+    return dry_run(o, config);
+  }
   if (o.data.empty()) throw UsageError("train needs --data, folders with objects");
   if (o.output.empty()) throw UsageError("train needs --output, the run's folder");
   Outputs outputs(o.common.overwrite);

@@ -14,6 +14,7 @@ namespace {
 struct Options {
   Common common;
   std::string model, dtype, output;
+  int view_count = 0;  // 0: as it is
 
   // What the C interface takes: NULL for the built-in model.
   const char* path() const { return model.empty() ? nullptr : model.c_str(); }
@@ -66,7 +67,8 @@ void convert(const Options& o) {
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
   outputs.expect(o.output);
-  const vsplat::Model model = load_model(o.model);
+  vsplat::Model model = load_model(o.model);
+  if (o.view_count) model = model.with_use_views(o.view_count);
   model.save(outputs.begin(o.output), o.dtype == "f16" ? VSPLAT_DTYPE_F16 : VSPLAT_DTYPE_F32);
   outputs.commit();
   const auto bytes = std::filesystem::file_size(o.output);
@@ -77,21 +79,25 @@ void convert(const Options& o) {
 }
 
 CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>& o, const char* name, const char* what,
-                     void (*action)(const Options&)) {
+                     void (*action)(const Options&), bool writes = false) {
   CLI::App* sub = parent.add_subcommand(name, what);
   sub->add_option("model", o->model, "A model file (default: the built-in model)")->type_name("MODEL");
-  add_common(*sub, o->common);
+  add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = writes});
   sub->callback([o, action, &run] { run = [o, action] { action(*o); }; });
   return sub;
 }
 
 void add_convert(CLI::App& parent, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert);
+  CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert, true);
   sub->add_option("--dtype", o->dtype, "f16 takes half the space: each value rounded to the nearest, ties to even")
       ->required()
       ->check(one_of({"f16", "f32"}))
       ->type_name("f16|f32");
+  sub->add_option("--view-count", o->view_count,
+                  "How many pictures reconstruct takes by default, 1 to 16: what its makers measured to be best")
+      ->check(CLI::Range(1, 16).description(""))
+      ->type_name("N");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("FILE");
   sub->footer("Example:\n  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
 }

@@ -8,6 +8,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/model.h"
+#include "model/input/view_choice.h"
 #include "model/input/written_views.h"
 #include "runtime/fail.h"
 
@@ -133,6 +134,11 @@ InputRequest request_of(const vsplat_input_options& o) {
   out.placement = placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0);
   out.fit = fit_of(o.fit);
   out.force = o.force != 0;
+  if (o.view_count < 0 || o.view_count > max_views)
+    fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", o.view_count, max_views);
+  if (o.view_count != 0 && o.num_names != 0)
+    fail(Status::usage, "vsplat_input_options.view_count is of no use beside vsplat_input_options.names: give one");
+  out.view_count = o.view_count;
   return out;
 }
 

@@ -25,6 +25,7 @@ vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   out.max_gaussians = static_cast<uint64_t>(VsplatModel::most_gaussians(config));
   out.parameters = static_cast<uint64_t>(parameter_count(config));
   out.hash = hash;
+  out.use_views = config.views_to_use();
   return out;
 }
 
@@ -108,6 +109,20 @@ vsplat_status vsplat_model_save_as(vsplat_model model, const char* path, vsplat_
     for (const char* own : {"format", "version", "config", "sha256"}) provenance.erase(own);
     save_model(path, model->file->config, model->file->weights, provenance,
                dtype == VSPLAT_DTYPE_F16 ? Dtype::f16 : Dtype::f32);
+  });
+}
+
+vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views, vsplat_model* out_model) {
+  return guarded([&] {
+    need(model, "model");
+    need(out_model, "out_model");
+    if (use_views < 1 || use_views > max_views)
+      fail(Status::usage, "use_views is {}: 1 to {} expected", use_views, max_views);
+    ModelFile file = *model->file;
+    file.config.use_views = use_views;
+    auto out = std::make_unique<vsplat_model_impl>();
+    out->file = std::make_shared<const ModelFile>(std::move(file));
+    *out_model = out.release();
   });
 }
 

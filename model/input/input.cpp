@@ -53,7 +53,10 @@ Input prepare_input(const Photographs& photographs, const Config& config, const 
   std::vector<std::optional<LoadedPhotograph>> loaded;
   std::vector<Camera> cameras;
   std::string names;
-  for (const int view : choose_views(photographs.set, {request.names, config.views})) {
+  const bool asked = request.view_count != 0;
+  const ViewRequest wanted{request.names, asked ? request.view_count : config.views_to_use(),
+                           asked ? request.view_count : config.views};
+  for (const int view : choose_views(photographs.set, wanted)) {
     const ListedView& listed = loaded.emplace_back(std::in_place, photographs, view)->listed();
     names += (names.empty() ? "" : ", ") + listed.name;
     cameras.push_back(listed.camera);

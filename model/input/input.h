@@ -19,6 +19,7 @@ ChosenPlacement find_placement(const Photographs& photographs, std::span<const i
 
 struct InputRequest {
   std::vector<std::string> names;  // as ViewRequest has them
+  int view_count = 0;              // how many views where none are named; 0: the model's views_to_use()
   PlacementRequest placement;
   Fit fit = Fit::automatic;
   bool force = false;  // of check_centre_is_seen()

@@ -1,6 +1,32 @@
 #include "model/input/photographs.h"
 
+#include <filesystem>
+#include <utility>
+
+#include "runtime/fail.h"
+
 namespace vsplat {
+namespace {
+
+// The size of the picture once it is turned.
+std::pair<int, int> turned_size(const ImageInfo& info, int turning) {
+  return turning >= 5 ? std::pair{info.height, info.width} : std::pair{info.width, info.height};
+}
+
+}  // namespace
+
+int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info) {
+  std::error_code error;
+  if (info.orientation == 1 || std::filesystem::is_directory(set.source, error)) return 1;  // a folder: COLMAP's
+  const Camera& c = view.camera;
+  const bool turned = info.orientation >= 5 && c.width > 0 && c.height > 0 && c.width != c.height;
+  if (turned && (c.width > c.height) == (info.width > info.height)) return 1;
+  if (turned) return info.orientation;
+  fail(Status::input,
+       "{}: the picture states EXIF orientation {}, and {} does not tell whether its pose is of the picture turned so "
+       "or as it is stored: store it turned (`mogrify -auto-orient`), or take the tag away (`exiftool -Orientation=`)",
+       view.picture.string(), info.orientation, set.source.string());
+}
 
 ListedView resolved_view(const Photographs& photographs, int index) {
   ListedView view = photographs.set.views[index];
@@ -11,7 +37,8 @@ ListedView resolved_view(const Photographs& photographs, int index) {
     return view;
   }
   const ImageInfo info = read_image_info(view.picture.string());
-  resolve_intrinsics(view, info.width, info.height);
+  const auto [width, height] = turned_size(info, turning_of(photographs.set, view, info));
+  resolve_intrinsics(view, width, height);
   return view;
 }
 
@@ -20,7 +47,9 @@ LoadedPhotograph::LoadedPhotograph(const Photographs& photographs, int view)
   if (!photographs.picture) {
     file_.emplace(listed_.picture.string());
     info_ = file_->info();
-    resolve_intrinsics(listed_, info_.width, info_.height);
+    turning_ = turning_of(photographs.set, listed_, info_);
+    const auto [width, height] = turned_size(info_, turning_);
+    resolve_intrinsics(listed_, width, height);
   } else if (!is_resolved(listed_)) {
     resolve_intrinsics(listed_, picture().width, picture().height);
   }
@@ -28,7 +57,7 @@ LoadedPhotograph::LoadedPhotograph(const Photographs& photographs, int view)
 
 const Image& LoadedPhotograph::picture() {
   if (!picture_) {
-    picture_ = file_ ? file_->decode() : photographs_->picture(view_);
+    picture_ = file_ ? oriented(file_->decode(), turning_) : photographs_->picture(view_);
     file_.reset();
   }
   return *picture_;

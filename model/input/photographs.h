@@ -17,6 +17,12 @@ struct Photographs {
   std::function<Image(int)> picture = {};
 };
 
+// How the picture of a view is to be turned to be what its camera saw: 1, for as it is stored, or the orientation that
+// the file states. Which of them the listed size tells where they differ in it; COLMAP reads pictures as they are
+// stored. Error(input) where the file states an orientation and nothing tells whether the pose is of the picture with
+// it or without.
+int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info);
+
 // The listed view with all its intrinsics: what it leaves open comes from its picture's size. Of a picture's file the
 // header alone is read.
 ListedView resolved_view(const Photographs& photographs, int view);
@@ -53,6 +59,7 @@ class LoadedPhotograph {
   ListedView listed_;
   std::optional<ImageFile> file_;  // until it is decoded; never where pictures are made
   ImageInfo info_;                 // of the file
+  int turning_ = 1;                // of turning_of()
   std::optional<Image> picture_, mask_;
 };
 

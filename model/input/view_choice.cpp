@@ -122,6 +122,14 @@ void need_masks(const ViewSet& set, const std::vector<int>& views) {
       fail(Status::file, "{}: no such file; it is the mask of {}", mask->string(), set.views[i].name);
 }
 
+void tell_left_over(std::size_t used, int found) {
+  if (used < max_views)
+    info("{} of {} pictures used; vsplat_input_options.view_count {} uses more", used, found,
+         std::min(found, max_views));
+  else
+    info("{} of {} pictures used, as many as the network takes", used, found);
+}
+
 }  // namespace
 
 std::vector<Group> kmeans(std::span<const Eigen::Vector3d> p, int k) {
@@ -167,7 +175,7 @@ std::vector<int> nearest_members(std::span<const Eigen::Vector3d> p, std::span<c
 
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
   if (request.names.empty() && (request.wanted < 1 || request.wanted > max_views))
-    fail(Status::usage, "{} views are asked for, the network takes 1 to {}", request.wanted, max_views);
+    fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", request.wanted, max_views);
   std::vector<int> out;
   if (request.names.size() > max_views)
     fail(Status::usage, "vsplat_input_options.names has {} views, the network takes 1 to {}", request.names.size(),
@@ -186,9 +194,10 @@ std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
         if (std::find(picked.begin(), picked.end(), i) == picked.end()) picked.push_back(i);
       for (int& i : picked) i = out[i];
       out = std::move(picked);
-    } else if (found < request.wanted) {
-      warn("{}: {} views have a picture where the model expects {}: these are used", set.source.string(), found,
-           request.wanted);
+      tell_left_over(out.size(), found);
+    } else if (found < request.least) {
+      warn("{}: {} views have a picture where {} are expected: these are used", set.source.string(), found,
+           request.least);
     }
   }
   need_masks(set, out);

@@ -26,13 +26,15 @@ std::vector<int> nearest_members(std::span<const Eigen::Vector3d> positions, std
 
 struct ViewRequest {
   std::vector<std::string> names;  // a picture's path as listed, its file name or stem, or @INDEX among all listed
-  int wanted = 4;                  // the configuration's `views`, where no names are given
+  int wanted = 4;                  // how many, where no names are given
+  int least = 4;                   // fewer are warned of
 };
 
 // Indices into `set.views`, the reference view first. Named: those, in that order. Else, with more pictures than
 // wanted, of each of `wanted` groups the view nearest its mean; else all, as listed, with a warning where they are
-// fewer than wanted. Error(usage) for a name that is unknown, ambiguous, there twice or without a picture, and for more
-// than 16 names; Error(file) where a view chosen has a mask listed that is not there; Error(input) where none is left.
+// fewer than `least`; where pictures are left over, how many are used is said. Error(usage) for a name that is unknown,
+// ambiguous, there twice or without a picture, and for more than 16 names; Error(file) where a view chosen has a mask
+// listed that is not there; Error(input) where none is left.
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request);
 
 // Those named, as ViewRequest has them but in any number, or all that have a picture. Errors as choose_views().

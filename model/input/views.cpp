@@ -23,10 +23,11 @@ void check_sizes(const Camera& camera, const Image& picture, const Image* mask, 
   if (camera.width == 0 && camera.height == 0) return;
   if (camera.width == w && camera.height == h) return;
   if (camera.width == h && camera.height == w)
-    fail(Status::input,
-         "{} is {} x {} pixels, its camera {} x {}: the picture fits its camera only after turning by 90 degrees (EXIF "
-         "orientation is not applied); store it turned",
-         names.picture, w, h, camera.width, camera.height);
+    fail(
+        Status::input,
+        "{} is {} x {} pixels, its camera {} x {}: the picture fits its camera only after turning by 90 degrees; store "
+        "it turned",
+        names.picture, w, h, camera.width, camera.height);
   fail(Status::input,
        "{} is {} x {} pixels, its camera {} x {}: give the picture in its camera's size, or intrinsics for the "
        "picture's",

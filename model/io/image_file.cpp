@@ -1,5 +1,6 @@
 #include "model/io/image_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <new>
@@ -11,22 +12,29 @@
 namespace vsplat {
 namespace {
 
-// Runs the reader of the format found in `file`.
+struct Format {
+  bool (*is)(const FileBytes&);
+  ImageInfo (*info)(const FileBytes&);
+  Image (*decode)(const FileBytes&);
+};
+constexpr Format formats[] = {{is_png, png_info, decode_png},    {is_jpeg, jpeg_info, decode_jpeg},
+                              {is_exr, exr_info, decode_exr},    {is_tiff, tiff_info, decode_tiff},
+                              {is_webp, webp_info, decode_webp}, {is_bmp, bmp_info, decode_bmp}};
+
+// What `read` of the format found in `file` makes of it.
 template <class T>
-T by_format(const FileBytes& file, T (*png)(const FileBytes&), T (*jpeg)(const FileBytes&),
-            T (*exr)(const FileBytes&)) {
+T by_format(const FileBytes& file, T (*Format::*read)(const FileBytes&)) {
   try {
-    if (is_png(file)) return png(file);
-    if (is_jpeg(file)) return jpeg(file);
-    if (is_exr(file)) return exr(file);
+    for (const Format& format : formats)
+      if (format.is(file)) return (format.*read)(file);
   } catch (const std::bad_alloc&) {
     fail(Status::memory, "{}: not enough memory to decode the picture", file.path);
   }
-  fail(Status::format, "{}: {} where a PNG, JPEG or EXR picture is expected", file.path,
+  fail(Status::format, "{}: {} where a PNG, JPEG, EXR, TIFF, WebP or BMP picture is expected", file.path,
        file.size == 0 ? "an empty file" : "none of the known picture formats");
 }
 
-ImageInfo info_of(const FileBytes& file) { return by_format<ImageInfo>(file, png_info, jpeg_info, exr_info); }
+ImageInfo info_of(const FileBytes& file) { return by_format(file, &Format::info); }
 
 void check_planes(const char* what, const Image& colour, const Image& alpha, const Image& depth) {
   if (colour.channels != 3 || alpha.channels != 1 || depth.channels != 1 || colour.width != alpha.width ||
@@ -55,7 +63,7 @@ std::vector<unsigned char> rounded(const Image& image) {
   return out;
 }
 
-Image decode_image(const FileBytes& file) { return by_format<Image>(file, decode_png, decode_jpeg, decode_exr); }
+Image decode_image(const FileBytes& file) { return by_format(file, &Format::decode); }
 
 ImageFile::ImageFile(const std::string& path) : path_(path), bytes_(read_file(path)) {}
 
@@ -90,6 +98,23 @@ Image mask_of(const Image& picture) {
     mask.data[i] = channels == 4 ? luma * p[3] : luma;
   }
   return mask;
+}
+
+Image oriented(const Image& stored, int orientation) {
+  if (orientation <= 1) return stored;
+  const bool turned = orientation >= 5;
+  const int w = turned ? stored.height : stored.width, h = turned ? stored.width : stored.height;
+  Image out(w, h, stored.channels);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      // Where EXIF says that the stored picture's first row and column are to be seen.
+      const bool right = orientation == 2 || orientation == 3 || orientation == 6 || orientation == 7;
+      const bool low = orientation == 3 || orientation == 4 || orientation == 7 || orientation == 8;
+      const int u = right ? w - 1 - x : x, v = low ? h - 1 - y : y;
+      const float* from = turned ? stored.at(v, u) : stored.at(u, v);
+      std::copy_n(from, stored.channels, out.at(x, y));
+    }
+  return out;
 }
 
 void write_png(const std::string& path, const Image& image) {

@@ -1,4 +1,5 @@
-// Pictures in files: PNG, JPEG and EXR in (told apart by content, never by name), PNG, JPEG and EXR out.
+// Pictures in files: PNG, JPEG, EXR, TIFF, WebP and BMP in (told apart by content, never by name), PNG, JPEG and EXR
+// out.
 // Files that are cut off, damaged or too large throw Error(format) naming the path; files that cannot be opened,
 // Error(file).
 #pragma once
@@ -16,7 +17,8 @@ inline constexpr long max_image_side = 65535;
 // What a picture's header says.
 struct ImageInfo {
   int width = 0, height = 0;
-  bool alpha = false;  // it is read with four channels, else with three
+  bool alpha = false;   // it is read with four channels, else with three
+  int orientation = 1;  // how EXIF (or TIFF) says that it is to be shown, 1 to 8; 1: as it is stored
 };
 
 // A picture's file, read as a whole when this is made. Nothing opens the file again, so that what is asked first and
@@ -38,9 +40,11 @@ class ImageFile {
 ImageInfo read_image_info(const std::string& path);
 
 // Three channels, or four where the file has transparency (straight alpha); grey is spread over the three. Colour is
-// sRGB-encoded, [0,1]: EXR's linear, premultiplied values are divided by alpha and encoded. Gamma and orientation tags
-// are ignored.
+// sRGB-encoded, [0,1]: EXR's linear, premultiplied values are divided by alpha and encoded. TIFF is read as 8 bits, its
+// first picture. Gamma tags are ignored, and pictures stay as they are stored, whatever orientation they state.
 Image read_image(const std::string& path);
+// A stored picture as its orientation (1 to 8) says that it is to be shown: turned, mirrored or both.
+Image oriented(const Image& stored, int orientation);
 
 // A mask: one channel, the picture's luma, times its alpha where it has one.
 Image read_mask(const std::string& path);

@@ -20,14 +20,23 @@ Image decode_image(const FileBytes& file);  // whichever it is
 bool is_png(const FileBytes& file);
 bool is_jpeg(const FileBytes& file);
 bool is_exr(const FileBytes& file);
+bool is_tiff(const FileBytes& file);
+bool is_webp(const FileBytes& file);
+bool is_bmp(const FileBytes& file);
 
 ImageInfo png_info(const FileBytes& file);
 ImageInfo jpeg_info(const FileBytes& file);
 ImageInfo exr_info(const FileBytes& file);
+ImageInfo tiff_info(const FileBytes& file);
+ImageInfo webp_info(const FileBytes& file);
+ImageInfo bmp_info(const FileBytes& file);
 
 Image decode_png(const FileBytes& file);
 Image decode_jpeg(const FileBytes& file);
 Image decode_exr(const FileBytes& file);
+Image decode_tiff(const FileBytes& file);
+Image decode_webp(const FileBytes& file);
+Image decode_bmp(const FileBytes& file);
 
 // round(255 * value clamped to [0,1]), NaN as 0: what every 8-bit format takes.
 std::vector<unsigned char> rounded(const Image& image);

@@ -7,6 +7,9 @@
 #include <jpeglib.h>
 // clang-format on
 
+#include <cstring>
+
+#include "model/io/exif.h"
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
 
@@ -85,6 +88,7 @@ bool read_header(Reader& r, const FileBytes& file) {
   if (setjmp(r.leave)) return false;
   jpeg_create_decompress(&r.jpeg);
   jpeg_mem_src(&r.jpeg, file.data, file.size);
+  jpeg_save_markers(&r.jpeg, JPEG_APP0 + 1, 0xffff);  // EXIF
   jpeg_read_header(&r.jpeg, TRUE);
   return true;
 }
@@ -140,6 +144,14 @@ void check_header(Reader& r, const FileBytes& file) {
   check_image_size(file.path, r.jpeg.image_width, r.jpeg.image_height);
 }
 
+int orientation_of(const Reader& r) {
+  constexpr char name[] = "Exif\0";  // and the zero that ends it
+  for (const jpeg_marker_struct* m = r.jpeg.marker_list; m; m = m->next)
+    if (m->marker == JPEG_APP0 + 1 && m->data_length > sizeof name && std::memcmp(m->data, name, sizeof name) == 0)
+      return exif_orientation(m->data + sizeof name, m->data_length - sizeof name);
+  return 1;
+}
+
 }  // namespace
 
 bool is_jpeg(const FileBytes& file) {
@@ -149,7 +161,7 @@ bool is_jpeg(const FileBytes& file) {
 ImageInfo jpeg_info(const FileBytes& file) {
   Reader r;
   check_header(r, file);
-  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height), false};
+  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height), false, orientation_of(r)};
 }
 
 Image decode_jpeg(const FileBytes& file) {

@@ -15,7 +15,7 @@ bool is_picture(const fs::path& file) {
   std::string ending = file.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const std::array<const char*, 4> known = {".png", ".jpg", ".jpeg", ".exr"};
+  const std::array<const char*, 8> known = {".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp"};
   return std::find(known.begin(), known.end(), ending) != known.end();
 }
 

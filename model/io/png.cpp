@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "model/io/exif.h"
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
 
@@ -162,7 +163,11 @@ ImageInfo png_info(const FileBytes& file) {
   const Header h = checked_header(file, r);
   int channels = 0, depth = 0, passes = 0;
   if (!set_transforms(r, channels, depth, passes)) damaged(file, r);
-  return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0};
+  png_uint_32 size = 0;
+  png_bytep exif = nullptr;  // where it stands before the picture
+  const bool told = png_get_eXIf_1(r.png, r.info, &size, &exif) != 0;
+  return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0,
+          told ? exif_orientation(exif, size) : 1};
 }
 
 Image decode_png(const FileBytes& file) {

@@ -1,5 +1,6 @@
 #include "model/io/view_set.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "model/io/cameras_json.h"
@@ -80,7 +81,8 @@ void find_listed_pictures(ViewSet& set, const ReadOptions& options) {
         places.push_back(options.pictures_dir / normal.lexically_relative(*normal.begin()));
     }
     std::vector<const char*> endings = {"", ".png"};
-    if (set.convention == PoseConvention::opencv_position) endings.insert(endings.end(), {".jpg", ".jpeg", ".JPG"});
+    if (set.convention == PoseConvention::opencv_position)
+      endings.insert(endings.end(), {".jpg", ".jpeg", ".JPG", ".tif", ".webp", ".bmp"});
     for (const fs::path& place : places)
       for (const char* ending : endings)
         if (view.picture.empty() && is_file(place.string() + ending)) view.picture = place.string() + ending;
@@ -101,6 +103,31 @@ void count_pictures(const ViewSet& set) {
          set.source.string(), missing, printable(first->name));
   warn("{}: {} of {} listed frames have no picture and are skipped ({} first)", set.source.string(), missing,
        set.views.size(), printable(first->name));
+}
+
+void find_pictures(ViewSet& set, const ReadOptions& options) {
+  if (is_folder(set.source))
+    find_colmap_pictures(set, options);
+  else
+    find_listed_pictures(set, options);
+}
+
+// Files made on Windows list paths with backslashes: taken for slashes where there is a file of that name, and none
+// with backslashes in its name.
+void turn_backslashes(ViewSet& set, const ReadOptions& options) {
+  const auto turned = [](std::string path) {
+    std::replace(path.begin(), path.end(), '\\', '/');
+    return path;
+  };
+  for (ListedView& view : set.views) {
+    if (view.mask && !is_file(*view.mask) && is_file(turned(view.mask->string())))
+      view.mask = turned(view.mask->string());
+    if (!view.picture.empty() || view.name.find('\\') == std::string::npos) continue;
+    ViewSet one{{view}, {}, {}, set.source, set.convention};
+    one.views[0].name = one.views[0].camera.file = turned(view.name);
+    find_pictures(one, options);
+    if (!one.views[0].picture.empty()) view = one.views[0];
+  }
 }
 
 ViewSet read_json_views(const fs::path& path, bool need_pictures) {
@@ -142,11 +169,8 @@ ViewSet read_views(const fs::path& path, const ReadOptions& options) {
   if (!options.pictures_dir.empty() && !is_folder(options.pictures_dir))
     fail(Status::file, "{}: no such folder of pictures", options.pictures_dir.string());
   ViewSet set = read_any(path, options.need_pictures);
-  if (is_folder(set.source)) {
-    find_colmap_pictures(set, options);
-  } else {
-    find_listed_pictures(set, options);
-  }
+  find_pictures(set, options);
+  turn_backslashes(set, options);
   if (options.need_pictures) count_pictures(set);
   for (ListedView& view : set.views)
     if (view.camera.width > 0 && view.camera.height > 0)
@@ -156,21 +180,29 @@ ViewSet read_views(const fs::path& path, const ReadOptions& options) {
 
 bool holds_views(const fs::path& folder) { return !find_cameras(folder).empty(); }
 
+namespace {
+
+// Of a picture that was resized: the same shape within a pixel.
+void scale_to(Camera& c, const std::string& where, int listed_width, int listed_height, int width, int height) {
+  const double x = static_cast<double>(width) / listed_width, y = static_cast<double>(height) / listed_height;
+  const bool resized = std::abs(y * listed_width - width) < 1 || std::abs(x * listed_height - height) < 1;
+  if (!resized)
+    fail(Status::input, "{}: the picture is {} x {} pixels, its camera is listed with {} x {}{}", where, width, height,
+         listed_width, listed_height,
+         listed_width == height && listed_height == width ? ": it fits only after turning; turn the picture"
+                                                          : ": it is no resized picture either, the shape differs");
+  c.fx *= x, c.cx *= x, c.fy *= y, c.cy *= y;
+}
+
+}  // namespace
+
 void resolve_intrinsics(ListedView& view, int width, int height) {
   Camera& c = view.camera;
   const std::string where = view.picture.empty() ? printable(view.name) : view.picture.string();
   if (width < 1 || height < 1 || width > max_picture_side || height > max_picture_side)
     fail(Status::input, "{}: a picture of {} x {} pixels is not possible", where, width, height);
-  const bool fits = (c.width == 0 || c.width == width) && (c.height == 0 || c.height == height);
-  if (!fits) {
-    const bool turned = c.width == height && c.height == width;
-    const bool scaled = !turned && static_cast<long>(c.width) * height == static_cast<long>(c.height) * width;
-    fail(Status::input, "{}: the picture is {} x {} pixels, its camera is listed with {} x {}{}", where, width, height,
-         c.width, c.height,
-         turned   ? ": it fits only after turning; turn the picture (an EXIF orientation is not applied)"
-         : scaled ? ": it was resized; the listed focal lengths and principal point must be scaled with it"
-                  : "");
-  }
+  const int listed_width = c.width > 0 ? c.width : width, listed_height = c.height > 0 ? c.height : height;
+  if (listed_width != width || listed_height != height) scale_to(c, where, listed_width, listed_height, width, height);
   c.width = width, c.height = height;
   if (std::isnan(c.fx)) {
     if (!std::isnan(view.angle_x)) c.fx = 0.5 * width / std::tan(0.5 * view.angle_x);

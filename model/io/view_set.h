@@ -56,7 +56,8 @@ ViewSet read_views(const std::filesystem::path& path, const ReadOptions& options
 bool holds_views(const std::filesystem::path& folder);
 
 // Fills in what was left open from the size of the view's picture (or of the picture to draw, for a target camera).
-// Error(input) where the file lists another size.
+// Where the file lists another size of the same shape (within a pixel), the picture was resized, and the intrinsics
+// are scaled with it; Error(input) for another shape.
 void resolve_intrinsics(ListedView& view, int width, int height);
 
 // Whether width, height and all intrinsics are known.

@@ -24,6 +24,7 @@ template <class C, class Visit>
 void each_field(C& c, Visit visit) {
   visit("image", c.image);
   visit("views", c.views);
+  visit("use_views", c.use_views);
   visit("patch", c.patch);
   visit("vit_dim", c.vit_dim);
   visit("vit_depth", c.vit_depth);
@@ -180,6 +181,7 @@ void check(const Config& c, Status status) {
             fmt::format("{} and {}", channels, c.groups));
   is.need(c.sh_degree >= 0 && c.sh_degree <= 3, "sh_degree must be 0 to 3", c.sh_degree);
   is.need(c.views >= 1 && c.views <= 16, "views must be 1 to 16", c.views);
+  is.need(c.use_views >= 0 && c.use_views <= 16, "use_views must be 0, for as many as views, to 16", c.use_views);
   is.need(c.refine_out_kernel == 1 || c.refine_out_kernel == 3, "refine_out_kernel must be 1 or 3",
           c.refine_out_kernel);
   is.one_of("levels", c.levels, {"fine", "skeletal", "coarse"});
@@ -214,6 +216,7 @@ Config with_fields(Config config, const std::vector<std::string>& assignments) {
 std::string to_json(const Config& config) {
   ordered_json out = ordered_json::object();
   each_field(config, [&](const char* name, const auto& value) { out[name] = value; });
+  if (config.use_views == 0) out.erase("use_views");  // files without it stay as they are, and readable everywhere
   return out.dump(-1, ' ', true, ordered_json::error_handler_t::replace);
 }
 

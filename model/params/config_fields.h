@@ -8,7 +8,9 @@ namespace vsplat {
 
 struct Config {
   int image = 512;  // input and render resolution, square, pixels
-  int views = 4;    // how many views are picked by default; the network takes 1 to 16
+  int views = 4;    // how many views it is trained and measured with; the network takes 1 to 16
+  // How many views a reconstruction picks where more are there, as the model's makers measured; 0: `views`.
+  int use_views = 0;
   int patch = 16;
   int vit_dim = 768;
   int vit_depth = 12;
@@ -33,6 +35,7 @@ struct Config {
   bool negate_camera_centre = false;
   std::string rebase = "rotate";  // rotate, move
 
+  int views_to_use() const { return use_views > 0 ? use_views : views; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int tokens() const { return image / patch; }                           // along an edge
   int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation

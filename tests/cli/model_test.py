@@ -75,6 +75,48 @@ class Model(support.Case):
         self.assertEqual(self.read("half.ply"), self.read("whole.ply"))
         self.refuses(1, "exists", "weights", "convert", self.model, "--dtype", "f16", "--output", half)
 
+    def test_how_many_views_a_model_takes_is_its_own(self):
+        many = self.make_views("many", count=20)
+
+        def views(*more):
+            out, err = self.succeeds("reconstruct", many, "--output", self.path("x.ply"), "--overwrite", "--json", *more)
+            return json.loads(out)["views"], err
+
+        def told(*more):
+            return json.loads(self.succeeds("reconstruct", many, "--dry-run", "--json", *more)[0])[0]["what"]
+
+        used, err = views("--model", self.model)
+        self.assertEqual(used, 2)                                        # a file that says nothing: as it was trained
+        self.assertIn("2 of 20 pictures used; --view-count 16 uses more", err)
+        own = self.path("own.safetensors")
+        self.succeeds("weights", "convert", self.model, "--dtype", "f32", "--view-count", 7, "--output", own)
+        self.assertEqual(self.info(own)["config"], {**self.info(self.model)["config"], "use_views": 7})
+        used, err = views("--model", own)
+        self.assertEqual(used, 7)
+        self.assertIn("7 of 20 pictures used; --view-count 16 uses more", err)
+        self.assertIn("7 views", told("--model", own))
+        self.assertNotIn("warning", self.succeeds("reconstruct", self.views, "--model", own, "--output", self.path("few.ply"))[1])
+        used, err = views("--model", own, "--view-count", 16)
+        self.assertEqual(used, 16)
+        self.assertIn("16 of 20 pictures used, as many as the network takes", err)
+        self.assertIn("3 views", told("--model", own, "--view-count", 3))
+        _, err = views("--model", own, "--views", "@0,@1")               # who names pictures knows how many there are
+        self.assertNotIn("pictures used", err)
+        # The published protocol has its own number.
+        self.succeeds("dataset", "procedural", "--count", 1, "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
+        evaluations = [self.succeeds("evaluate", self.path("set"), "--model", model, "--json")[0] for model in (self.model, own)]
+        self.assertEqual(*evaluations)
+        self.succeeds("weights", "convert", own, "--dtype", "f32", "--output", self.path("kept.safetensors"))
+        self.assertEqual(self.info(self.path("kept.safetensors"))["config"]["use_views"], 7)
+
+    def test_view_counts_that_cannot_be(self):
+        for count in ("0", "17", "-1", "4.5", "all"):
+            self.refuses(2, "--view-count", *self.reconstruct("--view-count", count))
+            self.refuses(2, "--view-count", "weights", "convert", self.model, "--dtype", "f16", "--output", self.path("x"), "--view-count", count)
+        self.refuses(2, ["--view-count", "--views"], *self.reconstruct("--view-count", 2, "--views", "@0"))
+        _, err = self.succeeds(*self.reconstruct("--view-count", 5))
+        self.assertIn("warning", err)                                    # asked for, and not there
+
     def test_the_built_in_model_as_a_file(self):
         self.succeeds("weights", "convert", "--dtype", "f32", "--output", self.path("own.safetensors"), env=library(WITH))
         self.assertEqual(self.read("own.safetensors"), self.read("model.safetensors"))

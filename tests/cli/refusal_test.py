@@ -3,8 +3,12 @@ import json
 import os
 import random
 import struct
+import subprocess
+import unittest
 
 import support
+
+POCL = "/etc/OpenCL/vendors/pocl.icd"
 
 
 class Outputs(support.Case):
@@ -32,10 +36,26 @@ class Outputs(support.Case):
         self.refuses(1, ["no device", "quantum"], *self.reconstruct("--device", "quantum"))
         self.refuses(1, "no device", *self.reconstruct(), env={"VSPLAT_DEVICE": "quantum"})
         self.refuses(1, ["no OpenCL device", "pocl-opencl-icd"], *self.reconstruct(), env={"OCL_ICD_VENDORS": self.path("none")})
-        out, err = self.succeeds("devices", env={"OCL_ICD_VENDORS": self.path("none")})
+        self.refuses(1, ["no OpenCL device", "found no platform", "pocl-opencl-icd"], "devices", env={"OCL_ICD_VENDORS": self.path("none")})
+        code, out, err = support.run("devices", "--json", env={"OCL_ICD_VENDORS": self.path("none")})
+        self.assertEqual((code, json.loads(out)), (1, []))
         self.assertIn("no OpenCL device", err)
-        out, err = self.succeeds("devices", "--json", env={"OCL_ICD_VENDORS": self.path("none")})
-        self.assertEqual(json.loads(out), [])
+
+    @unittest.skipUnless(os.path.exists(POCL), "PoCL is not there")
+    def test_a_driver_whose_cache_cannot_be_written(self):
+        """As in a container or a service whose HOME is not its own."""
+        for variables, folder in (({"POCL_CACHE_DIR": "/proc/none"}, "/proc/none"),
+                                  ({"POCL_CACHE_DIR": None, "XDG_CACHE_HOME": "/proc/none"}, "/proc/none/pocl/kcache"),
+                                  ({"POCL_CACHE_DIR": None, "XDG_CACHE_HOME": None, "HOME": "/proc/none"}, "/proc/none/.cache/pocl/kcache")):
+            unset = [f"--unset={name}" for name, value in variables.items() if value is None]
+            settings = [f"{name}={value}" for name, value in {"OCL_ICD_VENDORS": POCL, **variables}.items() if value is not None]
+            for command in (["devices"], self.reconstruct()):
+                with self.subTest(folder=folder, command=command[0]):
+                    done = subprocess.run(["env", *unset, *settings, support.VSPLAT, *command], capture_output=True, text=True, timeout=280)
+                    self.assertEqual((done.returncode, done.stdout), (1, ""), done.stderr)
+                    for word in ("Portable Computing Language", folder + ",", "POCL_CACHE_DIR", "XDG_CACHE_HOME"):
+                        self.assertIn(word, done.stderr)
+                    self.assertNotIn("pocl-opencl-icd", done.stderr)     # it is installed
 
     def test_more_memory_than_there_is(self):
         self.refuses(1, ["memory", "0.0005 GiB"], *self.reconstruct("--max-memory", "0.0005"))

@@ -40,6 +40,7 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save(NULL, "model"));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_as(NULL, "model", VSPLAT_DTYPE_F16));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_get_info(NULL, &model_info));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_use_views(NULL, 4, &model));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_verify("model", NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_verify(NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_load(NULL, 0, 0, &cameras));
@@ -314,6 +315,54 @@ static void main_job(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
+/* How many views are picked: by the options, else by the model. */
+static void view_counts(void) {
+  static float pixels[side * side * 3];
+  vsplat_model_options model_options = VSPLAT_MODEL_OPTIONS_INIT;
+  vsplat_model model = NULL, one = NULL;
+  vsplat_model_info model_info = VSPLAT_MODEL_INFO_INIT;
+  vsplat_views views = make_views(pixels);
+  vsplat_input input = NULL;
+  vsplat_input_options options = VSPLAT_INPUT_OPTIONS_INIT;
+  vsplat_input_info info = VSPLAT_INPUT_INFO_INIT;
+  const char* first[] = {"@0"};
+
+  model_options.config = "micro";
+  EXPECT(VSPLAT_OK, vsplat_model_init(&model_options, &model));
+  EXPECT(VSPLAT_OK, vsplat_model_get_info(model, &model_info));
+  HOLD(model_info.views == 2 && model_info.use_views == 2);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_use_views(model, 0, &one));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_use_views(model, 17, &one));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_with_use_views(model, 1, NULL));
+  HOLD(!one);
+  EXPECT(VSPLAT_OK, vsplat_model_with_use_views(model, 1, &one));
+  EXPECT(VSPLAT_OK, vsplat_model_get_info(one, &model_info));
+  HOLD(model_info.views == 2 && model_info.use_views == 1);
+  EXPECT(VSPLAT_OK, vsplat_input_prepare(one, views, NULL, &input));
+  EXPECT(VSPLAT_OK, vsplat_input_get_info(input, &info));
+  HOLD(info.views == 1);
+  vsplat_input_release(input);
+  input = NULL;
+  options.view_count = 2;
+  EXPECT(VSPLAT_OK, vsplat_input_prepare(one, views, &options, &input));
+  EXPECT(VSPLAT_OK, vsplat_input_get_info(input, &info));
+  HOLD(info.views == 2);
+  vsplat_input_release(input);
+  input = NULL;
+  options.view_count = 17;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_prepare(one, views, &options, &input));
+  options.view_count = -1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_prepare(one, views, &options, &input));
+  options.view_count = 2;
+  options.names = first;
+  options.num_names = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_input_prepare(one, views, &options, &input));
+  HOLD(!input);
+  vsplat_views_release(views);
+  vsplat_model_release(one);
+  vsplat_model_release(model);
+}
+
 /* Three Gaussians as text, two of which cannot be drawn. */
 static void damaged_scene(void) {
   const char* path = "c99_test_scene.ply"; /* in the build's folder, where ctest runs this */
@@ -357,6 +406,7 @@ int main(void) {
     bad_values(device);
     short_structs(device);
     main_job(device);
+    view_counts();
     vsplat_device_retain(device);
     vsplat_device_release(device);
     vsplat_device_release(device);

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "model/input/input.h"
+#include "tests/support/picture_writers.h"
 #include "tests/support/posed_views.h"
 
 namespace vsplat {
@@ -151,6 +152,60 @@ TEST(Photographs, AMadePictureSaysByItsAlphaWhatTheObjectIs) {
   EXPECT_TRUE(LoadedPhotograph(photographs, 0).is_masked());
   EXPECT_FALSE(LoadedPhotograph(photographs, 1).is_masked());
   EXPECT_EQ(LoadedPhotograph(photographs, 0).whole(64).image.width, 64);
+}
+
+TEST(Photographs, AreTurnedWhereTheListedSizeSaysSo) {
+  const TemporaryFolder folder;
+  Image stored(96, 64, 3);  // its left half is red
+  for (int y = 0; y < 64; ++y)
+    for (int x = 0; x < 48; ++x) stored.at(x, y)[0] = 1;
+  const std::string path = folder / "0.jpg";
+  write_jpeg(path, stored, 95);
+  test::add_exif_to_jpeg(path, test::exif_data(6));  // the stored left is the top
+  const auto red_at = [&](int width, int height, double across, double down) {
+    Photographs photographs = ring_of(1);
+    ListedView& view = photographs.set.views[0];
+    view.picture = path;
+    view.camera.width = width, view.camera.height = height;
+    view.camera.cx = 0.5 * width, view.camera.cy = 0.5 * height;
+    EXPECT_EQ(resolved_view(photographs, 0).camera.height, height > width ? 96 : 64);
+    LoadedPhotograph loaded(photographs, 0);
+    EXPECT_EQ(loaded.listed().camera.width, height > width ? 64 : 96);
+    const FramedView framed = loaded.framed({32, Fit::crop});
+    return framed.image.at(static_cast<int>(32 * across), static_cast<int>(32 * down))[0] > 0.5f;
+  };
+  EXPECT_TRUE(red_at(64, 96, 0.5, 0.2));  // posed as it is shown
+  EXPECT_FALSE(red_at(64, 96, 0.5, 0.8));
+  EXPECT_TRUE(red_at(96, 64, 0.2, 0.5));  // posed as it is stored
+  EXPECT_FALSE(red_at(96, 64, 0.8, 0.5));
+  EXPECT_TRUE(red_at(128, 192, 0.5, 0.2));  // and resized
+}
+
+TEST(Photographs, AnOrientationThatNothingTellsTheMeaningOfIsRefused) {
+  const TemporaryFolder folder;
+  ViewSet set;
+  set.source = "transforms.json";
+  ListedView view;
+  view.picture = "a.jpg";
+  const auto turning = [&](int width, int height, int orientation) {
+    view.camera.width = width, view.camera.height = height;
+    return turning_of(set, view, {96, 64, false, orientation});
+  };
+  const auto refused = [&](int width, int height, int orientation) {
+    test::expect_error(Status::input, {"a.jpg", std::to_string(orientation), "EXIF", "transforms.json"},
+                       [&] { turning(width, height, orientation); });
+  };
+  EXPECT_EQ(turning(0, 0, 1), 1);
+  EXPECT_EQ(turning(64, 96, 1), 1);
+  for (const int orientation : {5, 6, 7, 8}) {
+    EXPECT_EQ(turning(96, 64, orientation), 1);
+    EXPECT_EQ(turning(64, 96, orientation), orientation);
+    refused(0, 0, orientation);
+    refused(80, 80, orientation);
+  }
+  for (const int orientation : {2, 3, 4}) refused(96, 64, orientation);
+  set.source = folder.string();  // a COLMAP model
+  for (const int orientation : {2, 3, 4, 5, 6, 7, 8}) EXPECT_EQ(turning(96, 64, orientation), 1);
 }
 
 }  // namespace

@@ -114,15 +114,20 @@ TEST(ViewChoice, NamesThatDoNotDo) {
 TEST(ViewChoice, AllWhereThereAreNoMore) {
   ViewSet set = views(5);
   test::Warnings warnings;
-  EXPECT_EQ(choose_views(set, {{}, 5}), (Indices{0, 1, 2, 3, 4}));
+  EXPECT_EQ(choose_views(set, {{}, 5, 5}), (Indices{0, 1, 2, 3, 4}));
+  EXPECT_EQ(choose_views(set, {{}, 16, 5}), (Indices{0, 1, 2, 3, 4}));  // as many as are trained with are enough
   EXPECT_TRUE(warnings.all.empty());
   set.views[0].picture.clear();
   set.views[3].picture.clear();
-  EXPECT_EQ(choose_views(set, {{}, 5}), (Indices{1, 2, 4}));
+  EXPECT_EQ(choose_views(set, {{}, 5, 5}), (Indices{1, 2, 4}));
   ASSERT_EQ(warnings.all.size(), 1U);
   EXPECT_NE(warnings.all[0].find("3 views"), std::string::npos);
   for (ListedView& view : set.views) view.picture.clear();
-  expect_error(Status::input, {"no view is left"}, [&] { choose_views(set, {{}, 5}); });
+  expect_error(Status::input, {"no view is left"}, [&] { choose_views(set, {{}, 5, 5}); });
+  for (const int wanted : {0, -1, 17})
+    expect_error(Status::usage, {fmt::format("view_count is {}", wanted), "1 to 16"}, [&] {
+      choose_views(set, {{}, wanted, 4});
+    });
 }
 
 TEST(ViewChoice, SpreadOutWhereThereAreMore) {

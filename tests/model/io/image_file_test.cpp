@@ -381,7 +381,7 @@ TEST(BadPictures, AreNamed) {
   write_bytes(folder / "empty.png", {});
   expect_error(Status::format, folder / "empty.png", "empty file");
   write_bytes(folder / "text.png", {'h', 'e', 'l', 'l', 'o'});
-  expect_error(Status::format, folder / "text.png", "PNG, JPEG or EXR");
+  expect_error(Status::format, folder / "text.png", "PNG, JPEG, EXR, TIFF, WebP or BMP");
 }
 
 // Sizes no file of this length can hold, and sizes beyond the limit: refused by the header, before memory is taken.

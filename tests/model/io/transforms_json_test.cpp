@@ -105,8 +105,47 @@ TEST_F(TransformsJson, WhatTheSizeGivesStaysOpenUntilItIsKnown) {
   EXPECT_EQ(view.camera.cx, 400);
   EXPECT_EQ(view.camera.cy, 300);
   expect_error(Status::input, {"800 x 600", "600 x 800", "turning"}, [&] { resolve_intrinsics(view, 600, 800); });
-  expect_error(Status::input, {"800 x 600", "400 x 300", "resized"}, [&] { resolve_intrinsics(view, 400, 300); });
-  expect_error(Status::input, {"800 x 600", "400 x 301"}, [&] { resolve_intrinsics(view, 400, 301); });
+  expect_error(Status::input, {"800 x 600", "400 x 301", "shape"}, [&] { resolve_intrinsics(view, 400, 301); });
+}
+
+TEST_F(TransformsJson, PicturesThatWereResizedScaleTheirIntrinsics) {
+  json root = sample(1);
+  root["w"] = 1067, root["h"] = 800, root["fl_x"] = 1000, root["fl_y"] = 1100, root["cx"] = 520, root["cy"] = 410;
+  root["k1"] = 0.1;
+  const ListedView listed = read(root).views[0];
+  // A third of 1067 x 800, rounded down, up, or to nearest.
+  for (const auto& [width, height] : {std::pair{355, 266}, {356, 267}, {355, 267}, {2134, 1600}}) {
+    ListedView view = listed;
+    resolve_intrinsics(view, width, height);
+    const double x = width / 1067.0, y = height / 800.0;
+    EXPECT_EQ(view.camera.width, width);
+    EXPECT_EQ(view.camera.height, height);
+    EXPECT_NEAR(view.camera.fx, 1000 * x, 1e-9);
+    EXPECT_NEAR(view.camera.fy, 1100 * y, 1e-9);
+    EXPECT_NEAR(view.camera.cx, 520 * x, 1e-9);
+    EXPECT_NEAR(view.camera.cy, 410 * y, 1e-9);
+    EXPECT_EQ(view.camera.distortion.k[0], 0.1);
+  }
+  for (const auto& [width, height] : {std::pair{355, 270}, {1067, 790}, {400, 400}}) {
+    ListedView view = listed;
+    expect_error(Status::input, {"1067 x 800", fmt::format("{} x {}", width, height), "shape"},
+                 [&] { resolve_intrinsics(view, width, height); });
+  }
+}
+
+TEST_F(TransformsJson, BackslashesOfWindowsAreTakenForSlashes) {
+  json root = sample(1);
+  root["frames"][0]["file_path"] = "images\\0.png";
+  root["frames"][0]["mask_path"] = "masks\\0.png";
+  folder.touch("images/0.png");
+  folder.touch("masks/0.png");
+  const ListedView view = read(root).views[0];
+  EXPECT_EQ(view.name, "images/0.png");
+  EXPECT_EQ(view.camera.file, "images/0.png");
+  EXPECT_EQ(view.picture, folder / "images/0.png");
+  EXPECT_EQ(view.mask, folder / "masks/0.png");
+  folder.touch("images\\0.png");  // a name of its own, where there is such a file
+  EXPECT_EQ(read(root).views[0].picture, folder / "images\\0.png");
 }
 
 TEST_F(TransformsJson, DistortionOfBothLenses) {

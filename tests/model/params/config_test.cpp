@@ -35,6 +35,20 @@ TEST(Config, ReadsPythonsJson) {
   EXPECT_EQ(json::parse(to_json(Config())), json::parse(text));
 }
 
+TEST(Config, ViewsToUseAreThoseItIsTrainedWithUnlessItSays) {
+  Config config;
+  config.views = 3;
+  EXPECT_EQ(config.views_to_use(), 3);
+  EXPECT_EQ(to_json(config).find("use_views"), std::string::npos);  // older readers know no such field
+  config.use_views = 12;
+  EXPECT_EQ(config.views_to_use(), 12);
+  EXPECT_EQ(config_from_json(to_json(config)), config);
+  for (const int wrong : {-1, 17}) {
+    config.use_views = wrong;
+    EXPECT_NE(refusal([&] { check(config); }, Status::usage).find("use_views"), std::string::npos);
+  }
+}
+
 TEST(Config, AbsentFieldsTakeTheirDefaults) {
   Config expected;
   expected.volume_mult = {1, 2, 4};

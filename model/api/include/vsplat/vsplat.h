@@ -193,16 +193,17 @@ typedef enum vsplat_hash_state {
 typedef struct vsplat_model_info {
   size_t size;
   int32_t image;          /* the network's pictures are image x image pixels */
-  int32_t views;          /* how many views are picked by default */
+  int32_t views;          /* how many views it is trained and measured with */
   int32_t max_views;      /* most that the network takes; at least one */
   int32_t volume;         /* voxels along an edge of the cube */
   int32_t sh_degree;      /* of the Gaussians it makes */
   uint64_t max_gaussians; /* that it can make, every voxel selected */
   uint64_t parameters;
   vsplat_hash_state hash;
+  int32_t use_views; /* how many views vsplat_input_prepare picks by default, where there are more */
 } vsplat_model_info;
 #define VSPLAT_MODEL_INFO_INIT \
-  { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT }
+  { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT, 0 }
 
 /* How a model file holds its values; the library computes with float32. */
 typedef enum vsplat_dtype {
@@ -222,6 +223,10 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save(vsplat_model model, 
    beyond its range (65504). */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save_as(vsplat_model model, const char* path,
                                                                vsplat_dtype dtype);
+/* The same model with another number of views that vsplat_input_prepare picks by default (vsplat_model_info.use_views),
+   1 to max_views: for its makers, who have measured what is best. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,
+                                                                      vsplat_model* out_model);
 VSPLAT_API void vsplat_model_retain(vsplat_model model);
 VSPLAT_API void vsplat_model_release(vsplat_model model);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_info);
@@ -310,7 +315,7 @@ typedef enum vsplat_fit {
 typedef struct vsplat_input_options {
   size_t size;
   const char* const* names; /* [num_names] views by name (stem or path) or "@index", the first being the reference view;
-                               NULL: the configuration's number of them by k-means over the cameras, or all */
+                               NULL: `view_count` of them by k-means over the cameras, or all */
   size_t num_names;
   int32_t has_center; /* 1: `center` is set */
   double center[3];   /* of the object's cube, in the world */
@@ -318,10 +323,12 @@ typedef struct vsplat_input_options {
   int32_t
       auto_frame; /* 1: what is not set is estimated from cameras and masks; 0: it comes from the file, else 0,0,0, 1 */
   vsplat_fit fit;
-  int32_t force; /* 1: goes on where the cube seems to be behind or outside most views */
+  int32_t force;      /* 1: goes on where the cube seems to be behind or outside most views */
+  int32_t view_count; /* how many views are picked where there are more and `names` is NULL, 1 to the model's max_views;
+                         0: the model's use_views */
 } vsplat_input_options;
 #define VSPLAT_INPUT_OPTIONS_INIT \
-  { sizeof(vsplat_input_options), NULL, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, 0 }
+  { sizeof(vsplat_input_options), NULL, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, 0, 0 }
 
 typedef struct vsplat_input_info {
   size_t size;

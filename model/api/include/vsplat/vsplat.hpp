@@ -133,6 +133,12 @@ class Model : public ModelHandle {
   void save(const std::string& path, vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {
     check(vsplat_model_save_as(get(), path.c_str(), dtype));
   }
+  // The same with another number of views that an Input picks by default.
+  Model with_use_views(int32_t use_views) const {
+    vsplat_model out = nullptr;
+    check(vsplat_model_with_use_views(get(), use_views, &out));
+    return Model(out);
+  }
   vsplat_model_info info() const {
     vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
     check(vsplat_model_get_info(get(), &out));

@@ -1,0 +1,94 @@
+// vsplat help and vsplat completion: what the sub-commands tell of themselves, for people, man and shells.
+#include <cstdio>
+#include <filesystem>
+
+#include "arguments.h"
+#include "command.h"
+#include "completion.h"
+#include "man_page.h"
+#include "outputs.h"
+
+namespace command {
+namespace {
+
+struct Options {
+  std::vector<std::string> words;
+  bool man = false;
+  std::string pages;
+};
+
+// The sub-command that the words name; UsageError where there is none.
+const CLI::App& find(const CLI::App& root, const std::vector<std::string>& words) {
+  const CLI::App* at = &root;
+  std::string name = "vsplat";
+  for (const std::string& word : words) {
+    const CLI::App* next = nullptr;
+    std::vector<std::string> names;
+    for (const CLI::App* sub : at->get_subcommands([](const CLI::App*) { return true; })) {
+      names.push_back(sub->get_name());
+      if (sub->get_name() == word) next = sub;
+    }
+    if (!next) {
+      const std::string near = nearest(word, names);
+      throw UsageError(name + " has no command " + word + (near.empty() ? "" : "; did you mean " + near + "?"));
+    }
+    name += " " + word;
+    at = next;
+  }
+  return *at;
+}
+
+void help(const CLI::App& root, const Options& o) {
+  const CLI::App& asked = find(root, o.words);
+  const std::vector<CommandRow> table = command_table(root);
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    if (!o.pages.empty()) {
+      std::filesystem::create_directories(o.pages);
+      write_text((std::filesystem::path(o.pages) / (table[i].name("-") + ".1")).string(), man_page(table, i));
+    } else if (table[i].path == o.words) {
+      const std::string text =
+          o.man ? man_page(table, i)
+                : asked.get_formatter()->make_help(&asked, table[i].name(), CLI::AppFormatMode::Normal);
+      std::fputs(text.c_str(), stdout);
+    }
+  }
+}
+
+}  // namespace
+
+void add_help(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("help", "Tell a command's options, as --help does");
+  sub->add_option("command", o->words, "Which one; none: vsplat itself")->type_name("COMMAND");
+  // For whoever packages this: the same as man pages, one, or all into a folder.
+  sub->add_flag("--man", o->man)->group("");
+  sub->add_option("--man-pages", o->pages)->group("");
+  sub->footer("Examples:\n  vsplat help reconstruct\n  vsplat help weights convert");
+  sub->callback([o, &app, &run] { run = [o, &app] { help(app, *o); }; });
+}
+
+void add_completion(CLI::App& app, Run& run) {
+  auto shell = std::make_shared<std::string>();
+  CLI::App* sub = app.add_subcommand("completion", "Print what a shell completes vsplat's command line with");
+  sub->add_option("shell", *shell, "Which shell")
+      ->required()
+      ->check(one_of({"bash", "zsh", "fish"}))
+      ->type_name("bash|zsh|fish");
+  sub->footer(
+      "An installed vsplat has put these where the shells look for them; otherwise:\n"
+      "Examples:\n"
+      "  source <(vsplat completion bash)\n"
+      "  vsplat completion zsh > ~/.zfunc/_vsplat\n"
+      "  vsplat completion fish > ~/.config/fish/completions/vsplat.fish");
+  sub->callback([shell, &app, &run] {
+    run = [shell, &app] {
+      const std::vector<CommandRow> table = command_table(app);
+      const std::string text = *shell == "bash"  ? bash_completion(table)
+                               : *shell == "zsh" ? zsh_completion(table)
+                                                 : fish_completion(table);
+      std::fputs(text.c_str(), stdout);
+    };
+  });
+}
+
+}  // namespace command

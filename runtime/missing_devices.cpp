@@ -1,0 +1,98 @@
+#include "runtime/missing_devices.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <vector>
+
+#include "runtime/opencl.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
+// Where PoCL keeps compiled kernels. It gives no device where it cannot make that folder.
+fs::path pocl_cache() {
+  if (const std::string own = environment("POCL_CACHE_DIR"); !own.empty()) return own;
+  if (const std::string xdg = environment("XDG_CACHE_HOME"); !xdg.empty()) return fs::path(xdg) / "pocl" / "kcache";
+  if (const std::string home = environment("HOME"); !home.empty()) return fs::path(home) / ".cache" / "pocl" / "kcache";
+  return "/tmp/pocl/kcache";
+}
+
+// Whether the folder, or the nearest one above it that is there, takes a file.
+bool writable(fs::path folder) {
+  std::error_code error;
+  while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path())
+    folder = folder.parent_path();
+  // access() says yes to root where the file system says no: try.
+  std::string probe = (folder / ".vsplat-XXXXXX").string();
+  const int file = mkstemp(probe.data());
+  if (file < 0) return false;
+  close(file);
+  unlink(probe.c_str());
+  return true;
+}
+
+struct Driver {
+  std::string name;
+  bool devices = false;
+};
+
+std::vector<Driver> drivers() {
+  std::vector<cl::Platform> platforms;
+  try {
+    cl::Platform::get(&platforms);
+  } catch (const cl::Error&) {  // the loader's way of saying that there is none
+    return {};
+  }
+  std::vector<Driver> out;
+  for (const cl::Platform& platform : platforms) try {
+      Driver& driver = out.emplace_back();
+      driver.name = printable(platform.getInfo<CL_PLATFORM_NAME>().c_str());
+      std::vector<cl::Device> devices;
+      platform.getDevices(CL_DEVICE_TYPE_ALL, &devices);
+      driver.devices = !devices.empty();
+    } catch (const cl::Error&) {  // the loader's way of saying that it has none
+    }
+  return out;
+}
+
+std::string unusable(const std::vector<Driver>& drivers) {
+  for (const Driver& driver : drivers) {
+    if (driver.devices || driver.name != "Portable Computing Language" || writable(pocl_cache())) continue;
+    return fmt::format(
+        "the driver {} (PoCL) is there, but gives no device: it keeps compiled kernels in {}, which cannot be written. "
+        "Set POCL_CACHE_DIR to a folder that can be, or XDG_CACHE_HOME or HOME to one above it",
+        driver.name, pocl_cache().string());
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string why_no_device() {
+  const std::vector<Driver> found = drivers();
+  if (found.empty())
+    return "the loader found no platform. Install a driver (for a CPU: the Debian package pocl-opencl-icd) and check "
+           "that /etc/OpenCL/vendors or OCL_ICD_VENDORS names it";
+  if (const std::string reason = unusable(found); !reason.empty()) return reason;
+  std::string names;
+  for (const Driver& driver : found) names += (names.empty() ? "" : ", ") + driver.name;
+  return fmt::format(
+      "no driver has one, of those that there are: {}. For a CPU install the Debian package pocl-opencl-icd, for a GPU "
+      "its vendor's driver, and see that this user may open the device's files",
+      names);
+}
+
+std::string unusable_drivers() { return unusable(drivers()); }
+
+}  // namespace vsplat

@@ -1,0 +1,263 @@
+// TIFF, WebP and BMP, and EXIF's orientation in whatever has it.
+#include <gtest/gtest.h>
+#include <tiffio.h>
+
+#include <cmath>
+#include <random>
+
+#include "model/io/image_file.h"
+#include "model/io/image_formats.h"
+#include "runtime/file.h"
+#include "tests/support/picture_writers.h"
+#include "tests/support/refusal.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+using test::TemporaryFolder;
+
+constexpr int w = 21, h = 13;  // no multiple of a strip, a tile or a row's padding
+
+template <class Sample>
+std::vector<Sample> random_samples(int channels, unsigned largest) {
+  std::mt19937 rng(7 * channels);
+  std::vector<Sample> out(static_cast<std::size_t>(w) * h * channels);
+  for (Sample& v : out) v = static_cast<Sample>(rng() % (largest + 1));
+  return out;
+}
+
+// Each value over `largest`, grey spread over three.
+template <class Sample>
+void expect_samples(const std::string& path, const std::vector<Sample>& samples, int channels, unsigned largest,
+                    double tolerance) {
+  SCOPED_TRACE(path);
+  const ImageInfo info = read_image_info(path);
+  const Image image = read_image(path);
+  ASSERT_EQ(image.width, w);
+  ASSERT_EQ(image.height, h);
+  ASSERT_EQ(image.channels, channels == 4 ? 4 : 3);
+  EXPECT_EQ(info.width, w);
+  EXPECT_EQ(info.height, h);
+  EXPECT_EQ(info.alpha, channels == 4);
+  EXPECT_EQ(info.orientation, 1);
+  for (int i = 0; i < w * h; ++i)
+    for (int c = 0; c < image.channels; ++c)
+      ASSERT_NEAR(image.data[i * image.channels + c],
+                  static_cast<double>(samples[i * channels + (channels == 1 ? 0 : c)]) / largest, tolerance)
+          << i << " " << c;
+}
+
+std::string message_of(const std::string& path) {
+  return test::refusal([&] { read_image(path); }, Status::format);
+}
+
+TEST(TiffIn, ReadsEveryLayout) {
+  const TemporaryFolder folder;
+  for (const int channels : {1, 3})
+    for (const int compression : {COMPRESSION_NONE, COMPRESSION_LZW, COMPRESSION_ADOBE_DEFLATE, COMPRESSION_PACKBITS})
+      for (const bool tiled : {false, true})
+        for (const bool planes : {false, true})
+          for (const bool big_endian : {false, true}) {
+            SCOPED_TRACE(testing::Message() << channels << " channels, compression " << compression << ", tiled "
+                                            << tiled << ", planes " << planes << ", big-endian " << big_endian);
+            const auto samples = random_samples<std::uint16_t>(channels, 255);
+            test::write_test_tiff(folder / "a.tif", w, h, channels, samples,
+                                  {.compression = compression,
+                                   .tiled = tiled,
+                                   .planes = planes && channels > 1,
+                                   .big_endian = big_endian});
+            expect_samples(folder / "a.tif", samples, channels, 255, 1e-7);
+          }
+  const auto deep = random_samples<std::uint16_t>(3, 65535);
+  test::write_test_tiff(folder / "deep.tif", w, h, 3, deep, {.depth = 16});
+  expect_samples(folder / "deep.tif", deep, 3, 65535, 1.0 / 255);  // as 8 bits
+}
+
+TEST(TiffIn, AlphaIsStraightAfterwards) {
+  const TemporaryFolder folder;
+  std::vector<std::uint16_t> straight, multiplied;
+  for (int i = 0; i < w * h; ++i) {
+    const int alpha = i % 4 == 0 ? 255 : i % 4 == 1 ? 0 : 100 + i % 100;
+    for (const int colour : {200, 100, i % 256}) {
+      straight.push_back(static_cast<std::uint16_t>(alpha == 0 ? 0 : colour));
+      multiplied.push_back(static_cast<std::uint16_t>(std::lround(colour * alpha / 255.0)));
+    }
+    straight.push_back(static_cast<std::uint16_t>(alpha));
+    multiplied.push_back(static_cast<std::uint16_t>(alpha));
+  }
+  test::write_test_tiff(folder / "straight.tif", w, h, 4, straight, {});
+  test::write_test_tiff(folder / "multiplied.tif", w, h, 4, multiplied, {.associated = true});
+  for (const char* name : {"straight.tif", "multiplied.tif"})
+    expect_samples(folder / name, straight, 4, 255, 1.0 / 100);  // of 8 bits, divided by at least 100 of 255
+}
+
+TEST(TiffIn, WhatIsNotReadIsNamed) {
+  const TemporaryFolder folder;
+  TIFF* tiff = TIFFOpen((folder / "float.tif").c_str(), "w");
+  TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 4);
+  TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 1);
+  TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, 32);
+  TIFFSetField(tiff, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_IEEEFP);
+  TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+  float row[4] = {};
+  TIFFWriteScanline(tiff, row, 0);
+  TIFFClose(tiff);
+  const std::string text = message_of(folder / "float.tif");
+  EXPECT_NE(text.find("float.tif"), std::string::npos) << text;
+  EXPECT_NE(text.find("TIFF"), std::string::npos) << text;
+  EXPECT_NE(text.find("32"), std::string::npos) << text;
+}
+
+TEST(WebpIn, ReadsStillPictures) {
+  const TemporaryFolder folder;
+  for (const int channels : {3, 4}) {
+    std::vector<std::uint8_t> samples = random_samples<std::uint8_t>(channels, 255);
+    for (std::size_t i = 3; channels == 4 && i < samples.size(); i += 4)
+      samples[i] = static_cast<std::uint8_t>(1 + samples[i] % 255);  // what nobody sees may be thrown away
+    test::write_test_webp(folder / "a.webp", w, h, channels, samples);
+    expect_samples(folder / "a.webp", samples, channels, 255, 1e-7);
+  }
+  std::vector<std::uint8_t> smooth;
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x)
+      for (int c = 0; c < 3; ++c) smooth.push_back(static_cast<std::uint8_t>(100 + 3 * x + 2 * y));
+  test::write_test_webp(folder / "b.webp", w, h, 3, smooth, 95);
+  expect_samples(folder / "b.webp", smooth, 3, 255, 0.03);
+}
+
+TEST(WebpIn, AnimationsAreRefusedByName) {
+  const TemporaryFolder folder;
+  test::write_animated_webp(folder / "a.webp", w, h, 3);
+  const std::string text = message_of(folder / "a.webp");
+  EXPECT_NE(text.find("animated WebP"), std::string::npos) << text;
+}
+
+TEST(BmpIn, ReadsGreyColourAndAlpha) {
+  const TemporaryFolder folder;
+  for (const int channels : {1, 3, 4})
+    for (const bool top_down : {false, true}) {
+      const auto samples = random_samples<std::uint8_t>(channels, 255);
+      test::write_test_bmp(folder / "a.bmp", w, h, channels, samples, top_down);
+      expect_samples(folder / "a.bmp", samples, channels, 255, 1e-7);
+    }
+}
+
+// Where EXIF says that the first row and the first column are: what is stored as 1 2 3 / 4 5 6 is shown as ...
+TEST(Orientation, TurnsAsExifSays) {
+  Image stored(3, 2, 1);
+  for (int i = 0; i < 6; ++i) stored.data[i] = static_cast<float>(i + 1);
+  const std::vector<float> shown[] = {{1, 2, 3, 4, 5, 6}, {3, 2, 1, 6, 5, 4}, {6, 5, 4, 3, 2, 1}, {4, 5, 6, 1, 2, 3},
+                                      {1, 4, 2, 5, 3, 6}, {4, 1, 5, 2, 6, 3}, {6, 3, 5, 2, 4, 1}, {3, 6, 2, 5, 1, 4}};
+  for (int i = 1; i <= 8; ++i) {
+    const Image out = oriented(stored, i);
+    EXPECT_EQ(out.data, shown[i - 1]) << i;
+    EXPECT_EQ(out.width, i >= 5 ? 2 : 3) << i;
+  }
+}
+
+TEST(Orientation, IsReadFromEveryFormatThatStatesIt) {
+  const TemporaryFolder folder;
+  const auto bytes = random_samples<std::uint8_t>(3, 255);
+  const std::vector<std::uint16_t> samples(bytes.begin(), bytes.end());
+  Image colour(w, h, 3);
+  for (std::size_t i = 0; i < bytes.size(); ++i) colour.data[i] = bytes[i] / 255.0f;
+  for (int orientation = 1; orientation <= 8; ++orientation)
+    for (const bool big_endian : {false, true}) {
+      const std::string exif = test::exif_data(orientation, big_endian);
+      test::write_test_tiff(folder / "a.tif", w, h, 3, samples, {.big_endian = big_endian, .orientation = orientation});
+      test::write_test_webp(folder / "a.webp", w, h, 3, bytes, 0, exif);
+      write_jpeg(folder / "a.jpg", colour, 90);
+      test::add_exif_to_jpeg(folder / "a.jpg", exif);
+      for (const char* name : {"a.tif", "a.webp", "a.jpg"}) {
+        const ImageInfo info = read_image_info(folder / name);
+        EXPECT_EQ(info.orientation, orientation) << name;
+        EXPECT_EQ(info.width, w) << name;
+        const Image image = read_image(folder / name);  // as it is stored
+        ASSERT_EQ(image.width, w) << name;
+        if (std::string(name) == "a.jpg") continue;
+        for (std::size_t i = 0; i < bytes.size(); ++i) ASSERT_NEAR(image.data[i], bytes[i] / 255.0, 1e-7) << name;
+      }
+    }
+  // A value that is none, and data cut off anywhere, are as none: 1.
+  for (const int wrong : {0, 9, 77}) {
+    write_jpeg(folder / "a.jpg", colour, 90);
+    test::add_exif_to_jpeg(folder / "a.jpg", test::exif_data(wrong));
+    EXPECT_EQ(read_image_info(folder / "a.jpg").orientation, 1);
+  }
+  const std::string exif = test::exif_data(6);
+  for (std::size_t size = 0; size < 20; ++size) {
+    write_jpeg(folder / "a.jpg", colour, 90);
+    test::add_exif_to_jpeg(folder / "a.jpg", exif.substr(0, size));
+    EXPECT_EQ(read_image_info(folder / "a.jpg").orientation, 1) << size;
+  }
+}
+
+std::vector<std::string> specimens(const TemporaryFolder& folder) {
+  const auto rgb = random_samples<std::uint8_t>(3, 255), rgba = random_samples<std::uint8_t>(4, 255);
+  const auto deep = random_samples<std::uint16_t>(3, 65535);
+  const std::vector<std::uint16_t> wide(rgba.begin(), rgba.end());
+  test::write_test_tiff(folder / "deep.tif", w, h, 3, deep, {.depth = 16, .compression = COMPRESSION_LZW});
+  test::write_test_tiff(folder / "alpha.tif", w, h, 4, wide, {.compression = COMPRESSION_ADOBE_DEFLATE, .tiled = true});
+  test::write_test_webp(folder / "rgba.webp", w, h, 4, rgba);
+  test::write_test_webp(folder / "lossy.webp", w, h, 4, rgba, 80);
+  test::write_test_webp(folder / "exif.webp", w, h, 3, rgb, 0, test::exif_data(6));
+  test::write_test_bmp(folder / "rgb.bmp", w, h, 3, rgb);
+  test::write_test_bmp(folder / "rgba.bmp", w, h, 4, rgba, true);
+  test::write_test_bmp(folder / "grey.bmp", w, h, 1, rgb);
+  std::vector<std::string> out;
+  for (const std::string& name : folder.entries()) out.push_back(folder / name);
+  return out;
+}
+
+TEST(BadPictureFormats, EveryTruncationIsAnErrorAndNothingIsPrinted) {
+  const TemporaryFolder folder;
+  testing::internal::CaptureStderr();
+  for (const std::string& path : specimens(folder)) {
+    const std::vector<unsigned char> bytes = read_file(path);
+    const std::string cut = path + ".cut";
+    for (std::size_t size = 0; size < bytes.size(); ++size) {
+      const std::vector<unsigned char> part(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
+      try {
+        decode_image({cut, part.data(), part.size()});
+        ADD_FAILURE() << path << " cut to " << size << " of " << bytes.size() << " bytes was read";
+      } catch (const Error& e) {
+        ASSERT_EQ(e.status(), Status::format) << e.what();
+        ASSERT_NE(std::string(e.what()).find(cut), std::string::npos) << e.what();
+      }
+    }
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(BadPictureFormats, FlippedBitsAreAnErrorOrAPictureNeverACrash) {
+  const TemporaryFolder folder;
+  testing::internal::CaptureStderr();
+  std::mt19937 rng(13);
+  for (const std::string& path : specimens(folder)) {
+    const std::vector<unsigned char> bytes = read_file(path);
+    const std::string flipped = path + ".flipped";
+    for (int trial = 0; trial < 300; ++trial) {
+      std::vector<unsigned char> damaged = bytes;
+      const std::size_t range = trial % 2 ? bytes.size() : std::min<std::size_t>(bytes.size(), 120);
+      for (int k = 0; k <= trial % 3; ++k) damaged[rng() % range] ^= static_cast<unsigned char>(1u << rng() % 8);
+      const FileBytes file{flipped, damaged.data(), damaged.size()};
+      try {
+        if (is_webp(file) || is_bmp(file) || is_tiff(file)) {
+          const ImageInfo info = is_webp(file) ? webp_info(file) : is_bmp(file) ? bmp_info(file) : tiff_info(file);
+          if (static_cast<long>(info.width) * info.height > 1 << 22) continue;  // a size that is possible, and slow
+        }
+        const Image image = decode_image(file);
+        ASSERT_EQ(image.data.size(), static_cast<std::size_t>(image.width) * image.height * image.channels);
+        for (const float v : image.data) ASSERT_TRUE(v >= 0 && v <= 1) << path << " trial " << trial;
+      } catch (const Error& e) {
+        ASSERT_NE(std::string(e.what()).find(flipped), std::string::npos) << e.what();
+      }
+    }
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+}  // namespace
+}  // namespace vsplat
