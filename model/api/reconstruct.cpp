@@ -40,6 +40,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     ReconstructOptions how;
     how.near = o.near_plane;
     how.dump = o.dump ? o.dump : "";
+    how.masked = input->input.masked;
     how.forward.planned_selected =
         voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, model->file->config, "options.assume_selected");
     if (o.has_seed) how.forward.selection_seed = o.seed;

@@ -71,7 +71,9 @@ Input prepare_input(const Photographs& photographs, const Config& config, const 
   check_centre_is_seen(cameras, photographs.set.convention, out.placement, request.force);
   check_cube_is_in_front(place_views(cameras, out.placement, config.rebase).cameras, out.placement);
   const Framing framing{config.image, request.fit, out.placement.centre, out.placement.edge};
+  out.masked = true;
   for (std::optional<LoadedPhotograph>& view : loaded) {
+    out.masked &= view->is_masked();
     FramedView framed = view->framed(framing);
     view.reset();  // decoded pictures are large
     out.views.push_back({on_white(framed.image), std::move(framed.camera)});

@@ -28,6 +28,7 @@ struct InputRequest {
 struct Input {
   std::vector<PreparedView> views;  // cameras in the user's world; the first is the reference view
   Placement placement;
+  bool masked = false;  // every picture has a mask or alpha
 };
 std::vector<Camera> cameras_of(const Input& input);
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "model/reconstruct/dump.h"
+#include "model/reconstruct/selection_check.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 
@@ -65,6 +66,11 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
   }
   ctx.finish();
   if (out.scene.gaussians.count == 0) warn("no voxel was selected: the scene is empty");
+  if (!options.forward.selection) {
+    const bool background = !options.masked && shows_background(views);
+    const std::string doubts = doubts_about(selected_shares(out.selected, config.volume), config.volume, background);
+    if (!doubts.empty()) warn("{}", doubts);
+  }
 
   out.scene.near = static_cast<float>(kNearInObject);
   if (config.negate_camera_centre) out.scene.mirror = std::array<float, 3>{0, 0, 0};

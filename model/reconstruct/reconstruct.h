@@ -11,7 +11,8 @@
 namespace vsplat {
 
 struct ReconstructOptions {
-  double near = 0;  // near plane in world units; 0: 0.2 of the cube's edge
+  double near = 0;      // near plane in world units; 0: 0.2 of the cube's edge
+  bool masked = false;  // the pictures' background was taken away by masks or alpha
   ForwardOptions forward;
   std::string dump;  // a folder for every stage's output; empty: none
 };

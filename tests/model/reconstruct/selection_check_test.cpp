@@ -1,0 +1,58 @@
+#include "model/reconstruct/selection_check.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+namespace vsplat {
+namespace {
+
+TEST(SelectionCheck, SharesOfAllAndOfTheFaces) {
+  constexpr int R = 10;
+  std::vector<int> selected;
+  EXPECT_EQ(selected_shares(selected, R).all, 0);
+  for (int i = 0; i < R; ++i) selected.push_back((5 * R + 5) * R + i);  // a line from face to face
+  SelectedShares shares = selected_shares(selected, R);
+  EXPECT_DOUBLE_EQ(shares.all, 0.01);
+  EXPECT_DOUBLE_EQ(shares.faces, 2 / (1000.0 - 512));
+  selected.resize(R * R * R);
+  std::iota(selected.begin(), selected.end(), 0);
+  shares = selected_shares(selected, R);
+  EXPECT_EQ(shares.all, 1);
+  EXPECT_EQ(shares.faces, 1);
+  EXPECT_EQ(selected_shares({selected.data(), 1}, 1).faces, 1);
+  // Each of the six faces is one.
+  for (const int axis : {1, R, R * R})
+    for (const int at : {0, R - 1}) {
+      const int middle = 5 * (1 + R + R * R), voxel = middle + (at - 5) * axis;
+      EXPECT_GT(selected_shares({&voxel, 1}, R).faces, 0) << axis << " " << at;
+      EXPECT_EQ(selected_shares({&middle, 1}, R).faces, 0);
+    }
+}
+
+TEST(SelectionCheck, BackgroundIsSeenAtThePicturesEdges) {
+  PreparedView white{Image(8, 8, 3, 1.0f), {}}, grey{Image(8, 8, 3, 0.9f), {}}, object = white;
+  for (int y = 1; y < 7; ++y)
+    for (int x = 1; x < 7; ++x) object.image.at(x, y)[1] = 0;
+  for (int x = 0; x < 8; ++x) object.image.at(x, 7)[2] = 0;  // stands on the picture's edge
+  EXPECT_FALSE(shows_background(std::vector{white}));
+  EXPECT_TRUE(shows_background(std::vector{grey}));
+  EXPECT_FALSE(shows_background(std::vector{object}));
+  EXPECT_FALSE(shows_background(std::vector{object, white, grey}));
+  EXPECT_TRUE(shows_background(std::vector{object, grey, grey}));
+  EXPECT_FALSE(shows_background(std::vector{PreparedView{Image(1, 1, 3, 1.0f), {}}}));
+}
+
+TEST(SelectionCheck, SaysWhatToDo) {
+  EXPECT_EQ(doubts_about({0.2, 0.05}, 16, true), "");
+  EXPECT_EQ(doubts_about({0.6, 0.28}, 16, false), "");  // a box
+  EXPECT_EQ(doubts_about({0.9, 0.9}, 4, true), "");     // of 64 voxels 56 are at faces
+  const std::string background = doubts_about({0.683, 0.263}, 16, true), cut = doubts_about({0.83, 0.59}, 16, false);
+  for (const char* word : {"68 %", "26 %", "masks", "alpha", "options.center", "options.auto_frame"})
+    EXPECT_NE(background.find(word), std::string::npos) << word << ": " << background;
+  for (const char* word : {"59 %", "larger", "options.scale"}) EXPECT_NE(cut.find(word), std::string::npos) << cut;
+  EXPECT_EQ(cut.find("mask"), std::string::npos) << cut;
+}
+
+}  // namespace
+}  // namespace vsplat
