@@ -63,7 +63,8 @@ TEST_P(Replay, DamagedCorpus) {
 
 INSTANTIATE_TEST_SUITE_P(Fuzz, Replay,
                          ::testing::Values(Target{"colmap", colmap}, Target{"colmap_points", colmap_points},
-                                           Target{"ply", ply}, Target{"views_json", views_json}),
+                                           Target{"picture", picture}, Target{"ply", ply},
+                                           Target{"views_json", views_json}),
                          [](const auto& target) { return std::string(target.param.name); });
 
 }  // namespace

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Coverage-guided fuzzing of the readers: builds the targets (build/fuzz) and runs them, so many seconds each.
-#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: ply, views_json, colmap, colmap_points
+#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: picture, ply, views_json, colmap, colmap_points
 #   tests/fuzz/run.sh build                    only builds
 #   tests/fuzz/run.sh run SECONDS [TARGET...]  only runs
 # VSPLAT_FUZZ_SEED fixes the seed. An input that breaks something is kept in build/fuzz/found: with the fix it goes into
@@ -18,7 +18,7 @@ else
 fi
 seconds=${1:?SECONDS is expected}
 shift
-[ $# -gt 0 ] || set -- ply views_json colmap colmap_points
+[ $# -gt 0 ] || set -- picture ply views_json colmap colmap_points
 
 for target; do
   data=tests/fuzz

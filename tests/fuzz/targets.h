@@ -10,6 +10,8 @@
 namespace vsplat::fuzz {
 
 void ply(std::string_view bytes);
+// PNG, JPEG, TIFF, WebP and BMP: the content tells them apart. (EXR is left to OpenEXR's own fuzzers.)
+void picture(std::string_view bytes);
 // transforms.json and both kinds of cameras.json: the content tells them apart.
 void views_json(std::string_view bytes);
 // A COLMAP model: "b" or "t" for binary or text, the file of cameras, kColmapSplit, the file of images.

@@ -1,0 +1,28 @@
+#include <algorithm>
+
+#include "model/io/image_file.h"
+#include "model/io/image_formats.h"
+#include "tests/fuzz/targets.h"
+
+namespace vsplat::fuzz {
+
+void picture(std::string_view bytes) {
+  static MemoryFile file;
+  file.fill(bytes);
+  if (is_exr({file.path(), reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()})) return;
+  try {
+    const ImageInfo info = read_image_info(file.path());
+    hold(info.width >= 1 && info.height >= 1 && info.orientation >= 1 && info.orientation <= 8, "what the header says");
+    if (static_cast<long>(info.width) * info.height > 1 << 20) return;  // possible, and slow
+    const Image image = read_image(file.path());
+    hold(image.width == info.width && image.height == info.height && image.channels == (info.alpha ? 4 : 3), "sizes");
+    hold(image.data.size() == static_cast<std::size_t>(image.width) * image.height * image.channels, "sizes");
+    hold(std::all_of(image.data.begin(), image.data.end(), [](float v) { return v >= 0 && v <= 1; }), "from 0 to 1");
+    const Image shown = oriented(image, info.orientation);
+    hold(shown.width * shown.height == image.width * image.height, "turning keeps the pixels");
+  } catch (const Error& e) {
+    hold_message(e, file.path());
+  }
+}
+
+}  // namespace vsplat::fuzz
