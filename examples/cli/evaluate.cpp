@@ -19,7 +19,7 @@ struct Options {
   Common common;
   PlacementOptions placement;
   std::vector<std::string> folders;
-  std::string model, protocol = "kmeans", seed = "0", lpips, sheet;
+  std::string model, protocol = "kmeans", seed, lpips, sheet;
   int size = 0;
   bool skip_bad = false;
 };
@@ -141,7 +141,8 @@ struct Listener {
 void evaluate(const Options& o) {
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
-  options.seed = seed_value("--seed", o.seed);
+  if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
+  if (!o.seed.empty() && o.protocol != "random10") throw UsageError("--seed is of --protocol random10");
   set_placement(o.placement, options);
   options.lpips = o.lpips.empty() ? nullptr : o.lpips.c_str();
   options.picture_size = o.size;

@@ -48,6 +48,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
   input.force = o.force;
   run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   if (!o.selection_seed.empty()) {
+    if (run.selection) throw UsageError("--selection-seed has nothing to select beside --selection: give one of them");
     run.has_seed = 1;
     run.seed = seed_value("--selection-seed", o.selection_seed);
   }

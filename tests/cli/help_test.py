@@ -117,6 +117,11 @@ class Options(support.Case):
                     value = [] if option == "--overwrite" else [values.get(option, self.path("p.json"))]
                     self.refuses(2, option, *command, option, *value)
 
+    def test_options_that_others_make_useless(self):
+        self.refuses(2, ["--seed", "random10"], "evaluate", self.path("views"), "--model", self.model, "--seed", 3)
+        open(self.path("voxels.txt"), "w").write("1\n")
+        self.refuses(2, ["--selection-seed", "--selection"], *self.reconstruct("--selection", self.path("voxels.txt"), "--selection-seed", 3))
+
     def test_a_dry_run_has_no_profile(self):
         for option in ("--profile", "--trace"):
             self.refuses(2, [option, "--dry-run"], *self.reconstruct("--dry-run", option, self.path("p.json")))

@@ -1,6 +1,7 @@
 """Which model is taken where none is named, with a library that carries one and with one that does not; and conversion."""
 import json
 import os
+import re
 
 import support
 
@@ -126,6 +127,13 @@ class Model(support.Case):
         for name in ("garden_gnome", "painted_skull"):
             out, _ = self.succeeds("reconstruct", os.path.join(data, name), "--output", self.path(name + ".ply"), "--json", env=library(WITH))
             self.assertEqual(json.loads(out)["views"], 2)                # as many as micro takes, of four
+
+    def test_the_example_of_the_help_finds_the_skull(self):
+        skull = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "examples", "data", "painted_skull")
+        told = re.search(r"--views (\S+) --center (\S+) --scale (\S+)", self.succeeds("reconstruct", "--help")[0])
+        _, err = self.succeeds("reconstruct", skull, "--model", self.model, "--output", self.path("x.ply"), "--views", told.group(1), "--center",
+                               told.group(2), "--scale", told.group(3))
+        self.assertNotIn("is behind", err)
 
 
 if __name__ == "__main__":
