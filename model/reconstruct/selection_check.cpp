@@ -10,8 +10,8 @@ namespace {
 constexpr int least_volume = 8;  // below, most voxels are at a face
 
 // Measured with the shipped model, 4 and 16 views, R = 16. Photographs with their background: 0.26 to 0.79 of the faces'
-// voxels; cut out by masks, or drawn: up to 0.05, boxes that fill their cube up to 0.28 (a die: 0.59); in a cube of half
-// their size 0.54 to 0.59.
+// voxels; cut out by masks, or drawn: up to 0.05, boxes that fill their cube up to 0.28 (a die: 0.59); in a cube of
+// half their size 0.54 to 0.59.
 constexpr double most_with_background = 0.1, most_cut_out = 0.4;
 
 }  // namespace
@@ -30,6 +30,7 @@ SelectedShares selected_shares(std::span<const int> selected, int volume) {
 
 bool shows_background(std::span<const PreparedView> views) {
   constexpr float white = 0.95f;
+  constexpr long fifth = 5;  // the square may be wider than the picture, and white beside it
   long edge = 0, shown = 0;
   for (const PreparedView& view : views) {
     const int w = view.image.width, h = view.image.height;
@@ -40,7 +41,7 @@ bool shows_background(std::span<const PreparedView> views) {
         shown += *std::min_element(p, p + 3) < white;
       }
   }
-  return 2 * shown > edge;
+  return fifth * shown > edge;
 }
 
 std::string doubts_about(const SelectedShares& shares, int volume, bool background) {

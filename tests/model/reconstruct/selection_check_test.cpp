@@ -34,12 +34,14 @@ TEST(SelectionCheck, BackgroundIsSeenAtThePicturesEdges) {
   PreparedView white{Image(8, 8, 3, 1.0f), {}}, grey{Image(8, 8, 3, 0.9f), {}}, object = white;
   for (int y = 1; y < 7; ++y)
     for (int x = 1; x < 7; ++x) object.image.at(x, y)[1] = 0;
-  for (int x = 0; x < 8; ++x) object.image.at(x, 7)[2] = 0;  // stands on the picture's edge
+  for (int x = 1; x < 6; ++x) object.image.at(x, 7)[2] = 0;  // stands on the picture's edge: 5 of its 28 pixels
+  PreparedView beside = white;                               // a high picture in a square: white to its left and right
+  for (int x = 2; x < 6; ++x) beside.image.at(x, 0)[0] = beside.image.at(x, 7)[0] = 0;
   EXPECT_FALSE(shows_background(std::vector{white}));
   EXPECT_TRUE(shows_background(std::vector{grey}));
   EXPECT_FALSE(shows_background(std::vector{object}));
-  EXPECT_FALSE(shows_background(std::vector{object, white, grey}));
-  EXPECT_TRUE(shows_background(std::vector{object, grey, grey}));
+  EXPECT_TRUE(shows_background(std::vector{beside}));
+  EXPECT_TRUE(shows_background(std::vector{object, white, grey}));
   EXPECT_FALSE(shows_background(std::vector{PreparedView{Image(1, 1, 3, 1.0f), {}}}));
 }
 
