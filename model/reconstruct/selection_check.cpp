@@ -9,9 +9,9 @@ namespace {
 
 constexpr int least_volume = 8;  // below, most voxels are at a face
 
-// Measured with the shipped model, 4 and 16 views, R = 16. Photographs with their background: 0.26 to 0.79 of the faces'
-// voxels; cut out by masks, or drawn: up to 0.05, boxes that fill their cube up to 0.28 (a die: 0.59); in a cube of
-// half their size 0.54 to 0.59.
+// Measured with the shipped model, 4 and 16 views, R = 16. Photographs with their background: 0.26 to 0.79 of the
+// voxels at the faces; cut out by masks, or drawn: up to 0.05, boxes that fill their cube up to 0.28 (a die: 0.59); in
+// a cube of half their size 0.54 to 0.59.
 constexpr double most_with_background = 0.1, most_cut_out = 0.4;
 
 }  // namespace
