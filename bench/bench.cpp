@@ -30,14 +30,14 @@ double quantile(std::vector<double> values, double share) {
   return values[static_cast<std::size_t>(std::lround(share * static_cast<double>(values.size() - 1)))];
 }
 
-// Runs with each input at least three times, and for `budget` seconds; the first run with each, which compiles and
-// makes room, is not counted.
+// Runs with each input at least three times (once where there is no budget), and for `budget` seconds; the first run
+// with each, which compiles and makes room, is not counted.
 Times time(Context& ctx, const std::function<void()>& run, double budget, int inputs = 1) {
   for (int i = 0; i < inputs; ++i) run();
   ctx.finish();
   std::vector<std::vector<double>> by_input(static_cast<std::size_t>(inputs));
   double spent = 0;
-  for (int round = 0; round < 3 || (spent < budget && round < 1000); ++round) {
+  for (int round = 0; round < (budget > 0 ? 3 : 1) || (spent < budget && round < 1000); ++round) {
     for (auto& times : by_input) {
       times.push_back(seconds_of(ctx, run));
       spent += times.back();
@@ -82,10 +82,44 @@ struct Suite {
   std::vector<Case> (*cases)(const Options&);
 };
 const std::vector<Suite> kSuites = {{"gemm", gemm_cases},
-                                    {"conv", conv_cases},
+                                    {"conv3d", conv3d_cases},
                                     {"render", render_cases},
                                     {"train", train_cases},
                                     {"refine", refine_cases}};
+const std::vector<Suite> kOperations = {
+    {"activation", activation_cases},
+    {"adamw", adamw_cases},
+    {"add_columns", add_columns_cases},
+    {"attention", attention_cases},
+    {"compact", compact_cases},
+    {"decode", decode_cases},
+    {"gather", gather_cases},
+    {"groupnorm", groupnorm_cases},
+    {"layernorm", layernorm_cases},
+    {"lift", lift_cases},
+    {"loss", loss_cases},
+    {"lpips", lpips_cases},
+    {"patch_embed", patch_embed_cases},
+    {"picture_target", picture_target_cases},
+    {"plucker", plucker_cases},
+    {"position_encoding", position_encoding_cases},
+    {"position_resample", position_resample_cases},
+    {"project", project_cases},
+    {"project_features", project_features_cases},
+    {"radix_sort", radix_sort_cases},
+    {"rasterize", rasterize_cases},
+    {"scan", scan_cases},
+    {"scatter_rows", scatter_rows_cases},
+    {"select", select_cases},
+    {"sparse_conv", sparse_conv_cases},
+    {"sparse_map", sparse_map_cases},
+    {"splat_adam", splat_adam_cases},
+    {"splat_parameters", splat_parameters_cases},
+    {"splat_relocate", splat_relocate_cases},
+    {"tile_bin", tile_bin_cases},
+    {"upsample3d", upsample3d_cases},
+    {"visible", visible_cases},
+};
 
 // What a kernel does for a pass, from its name.
 std::string stage_of(const std::string& kernel) {
@@ -151,21 +185,30 @@ Profiled profile(Context& ctx, const Prepared& p, double seconds) {
   return out;
 }
 
+// That the result of a run is right, or looks like one.
+void check(const Prepared& p, const std::string& name, Result& r) {
+  if (p.look) {
+    if (!p.look()) fail(Status::internal, "bench {}: what it computed is not all numbers, or nothing but zeros", name);
+    return;
+  }
+  r.error = p.error();
+  if (!(*r.error <= p.tolerance))
+    fail(Status::internal, "bench {}: off by {:.2g} of the largest value, at most {:.2g} expected", name, *r.error,
+         p.tolerance);
+}
+
 Result run_case(Context& ctx, const std::string& suite, const Case& c, const Options& options) {
   const Prepared p = c.prepare(ctx);
   Result r;
   r.suite = suite, r.name = c.name, r.kind = p.kind;
   p.run();
-  r.error = p.error();
-  if (!(r.error <= p.tolerance))
-    fail(Status::internal, "bench {}/{}: off by {:.2g} of the largest value, at most {:.2g} expected", suite, c.name,
-         r.error, p.tolerance);
+  check(p, suite + "/" + c.name, r);
   const Times t = time(ctx, p.run, options.seconds, p.inputs);
   Cost cost = p.cost;
-  if (is_pass(p.kind)) {
+  if (is_pass(p.kind) || p.kind == Kind::operation) {
     const Profiled profiled = profile(ctx, p, t.mean);
     cost = profiled.cost;
-    r.stages = profiled.stages;
+    if (is_pass(p.kind)) r.stages = profiled.stages;
     r.kernels = profiled.kernels;
   }
   r.median_s = t.median, r.spread = t.spread;
@@ -177,6 +220,24 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   return r;
 }
 
+void run_suite(Context& ctx, const Suite& suite, const Options& options, Report& report) {
+  const auto& asked = options.suites;
+  if (!asked.empty() && std::find(asked.begin(), asked.end(), suite.name) == asked.end()) return;
+  for (const Case& c : suite.cases(options)) {
+    const std::string full = fmt::format("{}/{}", suite.name, c.name);
+    if (full.find(options.filter) == std::string::npos) continue;
+    if (options.on_case) options.on_case(full);
+    report.results.push_back(run_case(ctx, suite.name, c, options));
+  }
+}
+
+std::vector<std::string> names_of(const std::vector<Suite>& suites) {
+  std::vector<std::string> names;
+  names.reserve(suites.size());
+  for (const Suite& s : suites) names.emplace_back(s.name);
+  return names;
+}
+
 }  // namespace
 
 const char* name_of(Kind kind) {
@@ -185,6 +246,8 @@ const char* name_of(Kind kind) {
       return "compute";
     case Kind::memory:
       return "memory";
+    case Kind::operation:
+      return "operation";
     case Kind::forward:
       return "forward";
     case Kind::backward:
@@ -198,35 +261,30 @@ const char* name_of(Kind kind) {
 }
 
 std::vector<std::string> suite_names() {
-  std::vector<std::string> names;
-  names.reserve(kSuites.size());
-  for (const Suite& s : kSuites) names.push_back(s.name);
+  std::vector<std::string> names = names_of(kSuites);
+  for (const std::string& name : operation_names()) names.push_back(name);
   return names;
 }
 
+std::vector<std::string> operation_names() { return names_of(kOperations); }
+
 Report run(Context& ctx, const Options& options) {
+  const std::vector<std::string> known = suite_names();
   for (const std::string& name : options.suites)
-    if (std::none_of(kSuites.begin(), kSuites.end(), [&](const Suite& s) { return name == s.name; }))
-      fail(Status::usage, "no suite \"{}\" to bench; there is: {}", name, fmt::join(suite_names(), ", "));
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      fail(Status::usage, "no suite \"{}\" to bench; there is: {}", name, fmt::join(known, ", "));
   Report report;
   report.device = ctx.device().name, report.driver = ctx.device().driver, report.kernels = name_of(ctx.flavour());
   // Measured before and after, since other load on the machine may take from either.
   report.peak_gflops = measure_gflops(ctx);
   report.peak_gbs = measure_gbs(ctx);
-  for (const Suite& suite : kSuites) {
-    const auto& asked = options.suites;
-    if (!asked.empty() && std::find(asked.begin(), asked.end(), suite.name) == asked.end()) continue;
-    for (const Case& c : suite.cases(options)) {
-      const std::string full = fmt::format("{}/{}", suite.name, c.name);
-      if (full.find(options.filter) == std::string::npos) continue;
-      if (options.on_case) options.on_case(full);
-      report.results.push_back(run_case(ctx, suite.name, c, options));
-    }
-  }
+  for (const auto* suites : {&kSuites, &kOperations})
+    for (const Suite& suite : *suites) run_suite(ctx, suite, options, report);
   report.peak_gflops = std::max(report.peak_gflops, measure_gflops(ctx));
   report.peak_gbs = std::max(report.peak_gbs, measure_gbs(ctx));
   for (Result& r : report.results) {
     const double of_memory = r.gbs / report.peak_gbs, of_compute = r.performed_gflops / report.peak_gflops;
+    if (r.kind == Kind::operation) r.kind = of_memory > of_compute ? Kind::memory : Kind::compute;
     r.share_of_peak = is_pass(r.kind)          ? std::max(of_memory, of_compute)
                       : r.kind == Kind::memory ? of_memory
                                                : of_compute;
@@ -273,7 +331,7 @@ std::string json(const Report& report) {
                                     {"performed_gflops", r.performed_gflops},
                                     {"gbs", r.gbs},
                                     {"share_of_peak", r.share_of_peak},
-                                    {"error", r.error},
+                                    {"error", r.error ? nlohmann::ordered_json(*r.error) : nlohmann::ordered_json()},
                                     {"reference", r.reference}};
     if (!r.stages.empty()) entry["stages"] = r.stages;
     for (const KernelTime& k : r.kernels)

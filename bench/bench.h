@@ -1,5 +1,5 @@
 // What `vsplat bench` runs: the network's real shapes and scenes to draw, each checked against a reference on the host
-// before it is timed, beside the device's limits, measured in the same run.
+// before it is timed, and every single operation (bench/ops/), beside the device's limits, measured in the same run.
 //   bench::Report report = bench::run(ctx, {{"gemm", "render"}});
 //   fmt::print("{}", bench::table(report));   // or bench::json(report)
 #pragma once
@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,22 +15,25 @@
 
 namespace vsplat::bench {
 
-// A single kernel, named by the peak that it is held against, or a whole pass of many: of drawing, of
-// training, or of refinement.
-enum class Kind { compute, memory, forward, backward, training, fitting };
+// A single kernel, named by the peak that it is held against, or a whole pass of many: of drawing, of training, or of
+// refinement. An operation becomes compute or memory when it has been timed: whichever peak it is nearer to.
+enum class Kind { compute, memory, operation, forward, backward, training, fitting };
 const char* name_of(Kind kind);
-inline bool is_pass(Kind kind) { return kind != Kind::compute && kind != Kind::memory; }
+inline bool is_pass(Kind kind) { return kind >= Kind::forward; }
 
 // A case that is ready to run, its data on the device.
 struct Prepared {
   Kind kind = Kind::compute;
-  Cost cost;  // of one run, by the definition of what is computed; a pass costs what its launches say, on average
+  // Of one run, by the definition of what is computed. A pass and an operation cost what their launches say, on
+  // average.
+  Cost cost;
   double performed_flops = 0;  // where the method gets by with fewer: held against the peak (0: cost.flops)
   int inputs = 1;              // run() goes through so many in turn
   std::function<void()> run;   // enqueues one run
   std::function<double()>
       error;  // after a run: the worst error, relative to the largest value (on a sample of outputs)
   double tolerance = 1e-4;
+  std::function<bool()> look;  // of an operation, in place of `error`: whether there are numbers, not zeros throughout
   // Other libraries at the same task: name -> one run.
   std::map<std::string, std::function<void()>> references;
 };
@@ -66,7 +70,7 @@ struct Result {
   double gflops = 0, gbs = 0;   // of the definition's cost
   double performed_gflops = 0;  // of what the method computes
   double share_of_peak = 0;     // of performed_gflops or gbs, by kind; for a pass the larger of both
-  double error = 0;
+  std::optional<double> error;  // none where the result is only looked at
   std::map<std::string, double> reference;  // library -> median seconds
   std::map<std::string, double> stages;     // of a pass: shares of its time, "host" is what no kernel accounts for
   std::vector<KernelTime> kernels;          // of a step of training or refinement, most time first
@@ -80,6 +84,7 @@ struct Report {
 };
 
 std::vector<std::string> suite_names();
+std::vector<std::string> operation_names();  // of them, those of bench/ops/: by the headers of model/ops/
 // Throws Error(usage) for an unknown suite, Error(internal) where a case's result is wrong.
 Report run(Context& ctx, const Options& options);
 std::string table(const Report& report);
@@ -87,9 +92,42 @@ std::string json(const Report& report);
 
 // The suites.
 std::vector<Case> gemm_cases(const Options& options);
-std::vector<Case> conv_cases(const Options& options);
+std::vector<Case> conv3d_cases(const Options& options);
 std::vector<Case> render_cases(const Options& options);
 std::vector<Case> train_cases(const Options& options);
 std::vector<Case> refine_cases(const Options& options);
+// Those of single operations: bench/ops/NAME.cpp.
+std::vector<Case> activation_cases(const Options& options);
+std::vector<Case> adamw_cases(const Options& options);
+std::vector<Case> add_columns_cases(const Options& options);
+std::vector<Case> attention_cases(const Options& options);
+std::vector<Case> compact_cases(const Options& options);
+std::vector<Case> decode_cases(const Options& options);
+std::vector<Case> gather_cases(const Options& options);
+std::vector<Case> groupnorm_cases(const Options& options);
+std::vector<Case> layernorm_cases(const Options& options);
+std::vector<Case> lift_cases(const Options& options);
+std::vector<Case> loss_cases(const Options& options);
+std::vector<Case> lpips_cases(const Options& options);
+std::vector<Case> patch_embed_cases(const Options& options);
+std::vector<Case> picture_target_cases(const Options& options);
+std::vector<Case> plucker_cases(const Options& options);
+std::vector<Case> position_encoding_cases(const Options& options);
+std::vector<Case> position_resample_cases(const Options& options);
+std::vector<Case> project_cases(const Options& options);
+std::vector<Case> project_features_cases(const Options& options);
+std::vector<Case> radix_sort_cases(const Options& options);
+std::vector<Case> rasterize_cases(const Options& options);
+std::vector<Case> scan_cases(const Options& options);
+std::vector<Case> scatter_rows_cases(const Options& options);
+std::vector<Case> select_cases(const Options& options);
+std::vector<Case> sparse_conv_cases(const Options& options);
+std::vector<Case> sparse_map_cases(const Options& options);
+std::vector<Case> splat_adam_cases(const Options& options);
+std::vector<Case> splat_parameters_cases(const Options& options);
+std::vector<Case> splat_relocate_cases(const Options& options);
+std::vector<Case> tile_bin_cases(const Options& options);
+std::vector<Case> upsample3d_cases(const Options& options);
+std::vector<Case> visible_cases(const Options& options);
 
 }  // namespace vsplat::bench

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "bench/bench.h"
+#include "bench/ops/operation.h"
 #include "bench/sample.h"
 #include "bench/shapes.h"
 
@@ -82,12 +83,62 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
   return p;
 }
 
+// The other directions and the stride of 2, at 48^3 voxels and 128 channels.
+constexpr long kWide = 128;
+
+RowSource volume(Context& ctx) {
+  RowSource in;
+  in.x0 = random(ctx, {kVoxels, kWide}, 1);
+  return in;
+}
+
+Prepared backward_weights(Context& ctx) {
+  Conv3dBackwardWeights g;
+  g.in = volume(ctx);
+  g.x = g.y = g.z = kSide;
+  g.dy = random(ctx, {kVoxels, kWide}, 2);
+  g.dw = random(ctx, {kWide, kWide, 3, 3, 3}, 3), g.dbias = random(ctx, {kWide}, 4);
+  return operation(ctx, [&ctx, g] { conv3d_backward_weights(ctx, g); }, {g.dw, g.dbias});
+}
+
+Prepared backward_inputs(Context& ctx) {
+  Conv3dBackwardInputs g;
+  g.w = random(ctx, {kWide, kWide, 3, 3, 3}, 1);
+  g.x = g.y = g.z = kSide;
+  g.dy = random(ctx, {kVoxels, kWide}, 2), g.dx = ctx.tensor({kVoxels, kWide});
+  return operation(ctx, [&ctx, g] { conv3d_backward_inputs(ctx, g); }, {g.dx});
+}
+
+Prepared down_forward(Context& ctx) {
+  const auto w = random_floats(2 * kWide * kWide * 8, 3), bias = random_floats(2 * kWide, 4);
+  const auto weights =
+      std::make_shared<ConvWeights>(pack_conv3d_down(ctx, w.data(), bias.data(), 2 * kWide, kWide, "weight"));
+  Conv3dDownForward c;
+  c.in = volume(ctx);
+  c.in.map = conv3d_down_map(ctx, kSide, kSide, kSide);
+  c.weights = weights.get(), c.out = ctx.tensor({kVoxels / 8, 2 * kWide});
+  return operation(ctx, [&ctx, c, weights] { conv3d_down_forward(ctx, c); }, {c.out});
+}
+
+Prepared down_backward(Context& ctx) {
+  Conv3dDownBackward g;
+  g.in = volume(ctx);
+  g.in.map = conv3d_down_map(ctx, kSide, kSide, kSide);
+  g.w = random(ctx, {2 * kWide, kWide, 2, 2, 2}, 3), g.dy = random(ctx, {kVoxels / 8, 2 * kWide}, 4);
+  g.dx = random(ctx, {kVoxels, kWide}, 5), g.dw = random(ctx, g.w.shape(), 6), g.dbias = random(ctx, {2 * kWide}, 7);
+  return operation(ctx, [&ctx, g] { conv3d_down_backward(ctx, g); }, {g.dx, g.dw, g.dbias});
+}
+
 }  // namespace
 
-std::vector<Case> conv_cases(const Options&) {
+std::vector<Case> conv3d_cases(const Options&) {
   std::vector<Case> cases;
-  cases.reserve(kConvShapes.size());
+  cases.reserve(kConvShapes.size() + 4);
   for (const ConvShape& s : kConvShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
+  cases.push_back({"backward weights", backward_weights});
+  cases.push_back({"backward inputs", backward_inputs});
+  cases.push_back({"down forward", down_forward});
+  cases.push_back({"down backward", down_backward});
   return cases;
 }
 

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "bench/bench.h"
+#include "bench/ops/operation.h"
 #include "bench/sample.h"
 #include "bench/shapes.h"
 
@@ -132,8 +133,14 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
 
 std::vector<Case> gemm_cases(const Options&) {
   std::vector<Case> cases;
-  cases.reserve(kGemmShapes.size());
+  cases.reserve(kGemmShapes.size() + 1);
   for (const GemmShape& s : kGemmShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
+  cases.push_back(
+      {"encoder.fc1 backward weights", [](Context& ctx) {
+         TransposedGemm g;
+         g.a = random(ctx, {4100, 3072}, 1), g.b = random(ctx, {4100, kDim}, 2), g.out = ctx.tensor({3072, kDim});
+         return operation(ctx, [&ctx, g] { transposed_gemm(ctx, g); }, {g.out});
+       }});
   return cases;
 }
 

@@ -1,8 +1,10 @@
 // Random data for the cases, and sampled checks.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <random>
+#include <utility>
 #include <vector>
 
 namespace vsplat::bench {
@@ -15,6 +17,21 @@ inline std::vector<float> random_floats(long count, std::uint32_t seed, float lo
     state = state * 1664525u + 1013904223u;
     v = low + (high - low) * static_cast<float>(state >> 8) * 0x1p-24f;
   }
+  return out;
+}
+
+// The voxels of a grid of r^3 that lie nearest a sphere of radius 0.3, so many of them, ascending: a surface, as a
+// trained model selects.
+inline std::vector<int> shell(int r, std::size_t count) {
+  std::vector<std::pair<double, int>> by_distance;
+  for (int i = 0; i < r * r * r; ++i) {
+    const auto centre = [&](int at) { return (at + 0.5) / r - 0.5; };
+    by_distance.emplace_back(std::abs(std::hypot(centre(i / (r * r)), centre(i / r % r), centre(i % r)) - 0.3), i);
+  }
+  std::sort(by_distance.begin(), by_distance.end());
+  std::vector<int> out;
+  for (std::size_t i = 0; i < count; ++i) out.push_back(by_distance.at(i).second);
+  std::sort(out.begin(), out.end());
   return out;
 }
 

@@ -23,21 +23,6 @@ namespace {
 
 constexpr int kInputs = 4, kViews = 8;
 
-// The voxels nearest a sphere of radius 0.3, a tenth of the grid, ascending: a surface, as a trained model selects.
-std::vector<int> shell_of(const Config& config) {
-  const int r = config.volume;
-  std::vector<std::pair<double, int>> by_distance;
-  for (int i = 0; i < r * r * r; ++i) {
-    const auto centre = [&](int at) { return (at + 0.5) / r - 0.5; };
-    by_distance.emplace_back(std::abs(std::hypot(centre(i / (r * r)), centre(i / r % r), centre(i % r)) - 0.3), i);
-  }
-  std::sort(by_distance.begin(), by_distance.end());
-  std::vector<int> out;
-  for (std::size_t i = 0; i < by_distance.size() / 10; ++i) out.push_back(by_distance[i].second);
-  std::sort(out.begin(), out.end());
-  return out;
-}
-
 // What a step is given. Four input views, those of a file or of a drawn scene; four more about the object; a drawn
 // scene's pictures where no others are there.
 struct Data {
@@ -72,8 +57,8 @@ std::shared_ptr<Data> make_data(Context& ctx, const Options& options) {
     d->config = file.config;
     d->weights = std::move(file.weights);
   }
-  d->selection =
-      options.selection.empty() ? shell_of(d->config) : read_selection(options.selection, d->config.voxels());
+  d->selection = options.selection.empty() ? shell(d->config.volume, static_cast<std::size_t>(d->config.voxels()) / 10)
+                                           : read_selection(options.selection, d->config.voxels());
   d->noise = random_floats(d->config.voxels(), 99);
 
   std::vector<float> pictures;

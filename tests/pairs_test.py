@@ -1,5 +1,6 @@
 """Operations: every *_forward and *_backward of model/ops and model/network/layers.h is one of a pair in one header, the forward first,
-and so are the kernels; an operation's files go by one stem. Exceptions stand here, each with its reason."""
+and so are the kernels; an operation's files go by one stem, and its benchmark runs all that its header declares. Exceptions stand here,
+each with its reason."""
 import pathlib
 import re
 import unittest
@@ -33,8 +34,12 @@ WITHOUT = {
     "visible": {"reference": "what is counted, which the test counts"},
 }
 
+# What a header declares beside operations, which no benchmark times.
+NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture)|pack_\w+|upload_views")  # they make or pack tensors
+
 DECLARATION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)_(forward|backward)(?:_\w+)?\(Context& ctx", re.M)
 STRUCT = re.compile(r"^struct (\w+?)(Forward|Backward)\w* \{", re.M)
+FUNCTION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)\(Context& ctx", re.M)
 KERNEL = re.compile(r"\bkernel\s+(?:__attribute__\(\(.*?\)\)\s+)?void\s+(\w+)\(")
 
 
@@ -82,6 +87,21 @@ def kernel_problems(sources):
     return problems
 
 
+def benchmark_problems(headers, benchmarks, table):
+    """headers, benchmarks {stem: text}, the text with the table of suites -> what `vsplat bench STEM` does not time, a line each."""
+    problems = []
+    for stem, text in headers.items():
+        if f'{{"{stem}", {stem}_cases}}' not in table:
+            problems.append(f"{stem}.h: no suite of this name in bench/bench.cpp")
+        if stem not in benchmarks:
+            problems.append(f"{stem}.h: neither bench/ops/{stem}.cpp nor bench/{stem}.cpp")
+            continue
+        for function in sorted(set(FUNCTION.findall(without_comments(text)))):
+            if not NO_OPERATIONS.fullmatch(function) and not re.search(rf"\b{function}\(ctx", benchmarks[stem]):
+                problems.append(f"{stem}.h: {function}(), which the benchmark {stem}.cpp does not run")
+    return problems
+
+
 def read(paths):
     return {path.name: path.read_text() for path in paths}
 
@@ -115,6 +135,14 @@ class Pairs(unittest.TestCase):
                     self.assertNotEqual(there, what in WITHOUT.get(stem, {}), f"{what} of {stem}: {[str(p) for p in paths]}")
 
 
+    def test_every_operation_has_a_benchmark(self):
+        headers = {path.stem: path.read_text() for path in sorted(OPS.glob("*.h"))}
+        headers["gemm"] = (ROOT / "runtime" / "gemm.h").read_text()
+        benchmarks = {path.stem: path.read_text() for folder in ("bench", "bench/ops") for path in (ROOT / folder).glob("*.cpp")}
+        self.assertGreater(sum(len(FUNCTION.findall(without_comments(text))) for text in headers.values()), 60)
+        self.assertEqual(benchmark_problems(headers, benchmarks, (ROOT / "bench" / "bench.cpp").read_text()), [])
+
+
 class Faults(unittest.TestCase):
     """What this test is there to find, it finds."""
     GOOD = ("struct TurnForward {\n};\nvoid turn_forward(Context& ctx, const TurnForward& a);\n"
@@ -131,6 +159,13 @@ class Faults(unittest.TestCase):
         forward, backward = self.GOOD[:len(self.GOOD) // 2 - 2], self.GOOD[len(self.GOOD) // 2 - 2:]
         self.assertEqual(len(pair_problems({"turn.h": backward + forward})), 2)
         self.assertEqual(len(pair_problems({"turn.h": forward, "turn_backward.h": backward})), 2)
+
+    def test_benchmarks(self):
+        table, good = '{"turn", turn_cases}', "turn_forward(ctx, a); turn_backward(ctx, a);"
+        self.assertEqual(benchmark_problems({"turn": self.GOOD}, {"turn": good}, table), [])
+        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {"turn": good}, "")), 1)
+        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {}, table)), 1)
+        self.assertEqual(len(benchmark_problems({"turn": self.GOOD}, {"turn": "turn_forward(ctx, a);"}, table)), 1)
 
     def test_kernels(self):
         good = "kernel void turn_forward_cpu(int n) {}\nkernel __attribute__((reqd_work_group_size(1, 1, 1))) void turn_backward(int n) {}"

@@ -1,6 +1,6 @@
-// vsplat bench: the network's dense kernels at their real shapes, the drawing of whole scenes and a step of training,
-// checked, timed and held against the device's limits. The one sub-command that is not on the public header: it runs
-// the cases of bench/.
+// vsplat bench: the network's dense kernels at their real shapes, every single operation, the drawing of whole scenes,
+// a step of training and one of refinement, checked, timed and held against the device's limits. The one sub-command
+// that is not on the public header: it runs the cases of bench/.
 #include "bench/bench.h"
 
 #include <cstdio>
@@ -73,15 +73,24 @@ void bench(const Options& o) try {
   throw;
 }
 
+// Names in lines of at most 100 columns.
+std::string lines_of(const std::vector<std::string>& names) {
+  std::string out, line;
+  for (const std::string& name : names) {
+    if (line.size() + name.size() > 96) out += line + "\n", line.clear();
+    line += (line.empty() ? "  " : " ") + name;
+  }
+  return out + line;
+}
+
 }  // namespace
 
 void add_bench(CLI::App& app, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub =
-      app.add_subcommand("bench", "Time dense kernels, drawing and training against what the device can do");
+  CLI::App* sub = app.add_subcommand("bench", "Time operations, drawing and training against what the device can do");
   sub->add_option("suites", o->suites, "Which suites (default: all)")
       ->check(one_of(vsplat::bench::suite_names()))
-      ->type_name("gemm|conv|render|train|refine");
+      ->type_name("SUITE");
   sub->add_option("--run", o->filter, "Only cases whose suite/name contains this")->type_name("TEXT");
   sub->add_option("--seconds", o->seconds, "Time spent on each case")->check(positive())->type_name("S");
   sub->add_flag("--references", o->references, "Other libraries' kernels, too (CLBlast compiles for long on a CPU)");
@@ -99,8 +108,9 @@ void add_bench(CLI::App& app, Run& run) {
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
-      "  vsplat bench gemm conv\n"
-      "  vsplat bench conv --run 48 --json\n"
+      "  vsplat bench gemm conv3d\n"
+      "  vsplat bench conv3d --run 48 --json\n"
+      "  vsplat bench attention layernorm\n"
       "  vsplat bench render --run small\n"
       "  vsplat bench train --run network\n"
       "  vsplat bench refine --run object\n"
@@ -110,7 +120,10 @@ void add_bench(CLI::App& app, Run& run) {
       "stages'\n"
       "shares of it include the host's. A step of training is that of one object, four input and four more views: its\n"
       "network's forward and backward, and the whole of it with both levels drawn, loss and optimiser.\n"
-      "Every case's result is checked before it is timed; the peaks are measured in the same run.");
+      "Every case's result is checked before it is timed, of single operations only that there is one; the peaks are\n"
+      "measured in the same run.\n"
+      "Suites: gemm, conv3d, render, train, refine, and of single operations:\n" +
+      lines_of(vsplat::bench::operation_names()));
   sub->callback([o, &run] { run = [o] { bench(*o); }; });
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "bench/scenes.h"
 #include "model/io/cameras_json.h"
@@ -17,14 +18,14 @@ namespace {
 
 TEST(Bench, ReportsEachCaseAgainstPeaksOfTheSameRun) {
   bench::Options options;
-  options.suites = {"gemm", "conv"};
+  options.suites = {"gemm", "conv3d"};
   options.filter = "small.16";
   options.seconds = 0;
   std::vector<std::string> seen;
   options.on_case = [&](const std::string& name) { seen.push_back(name); };
   const bench::Report report = bench::run(test::context(Flavour::cpu), options);
   ASSERT_EQ(report.results.size(), 1u);
-  EXPECT_EQ(seen, std::vector<std::string>{"conv/small.16.128-128"});
+  EXPECT_EQ(seen, std::vector<std::string>{"conv3d/small.16.128-128"});
   const bench::Result& r = report.results[0];
   EXPECT_GT(report.peak_gflops, 0);
   EXPECT_GT(report.peak_gbs, 0);
@@ -34,7 +35,24 @@ TEST(Bench, ReportsEachCaseAgainstPeaksOfTheSameRun) {
   const auto json = nlohmann::json::parse(bench::json(report));
   EXPECT_EQ(json["results"][0]["name"], "small.16.128-128");
   EXPECT_EQ(json["results"][0]["kind"], "compute");
-  EXPECT_NE(bench::table(report).find("conv/small.16.128-128"), std::string::npos);
+  EXPECT_NE(bench::table(report).find("conv3d/small.16.128-128"), std::string::npos);
+}
+
+// At the sizes that they are timed at: what a benchmark gives an operation suits it, and something comes out.
+TEST(Bench, RunsEveryOperation) {
+  bench::Options options;
+  options.suites = bench::operation_names();
+  options.seconds = 0;
+  const bench::Report report = bench::run(test::context(Flavour::cpu), options);
+  std::set<std::string> ran;
+  for (const bench::Result& r : report.results) {
+    ran.insert(r.suite);
+    EXPECT_GT(r.median_s, 0) << r.suite << "/" << r.name;
+    EXPECT_GT(r.gflops + r.gbs, 0) << r.suite << "/" << r.name << ": its launches say what they cost";
+    EXPECT_TRUE(r.kind == bench::Kind::compute || r.kind == bench::Kind::memory);
+    EXPECT_FALSE(r.error);  // looked at, not compared
+  }
+  EXPECT_EQ(ran.size(), bench::operation_names().size());
 }
 
 TEST(Bench, DrawsScenesAndSaysWhereTheirTimeWent) {

@@ -1,0 +1,51 @@
+#include "model/ops/project.h"
+
+#include <memory>
+
+#include "bench/ops/drawing.h"
+#include "bench/ops/operation.h"
+
+namespace vsplat::bench {
+
+std::vector<Case> project_cases(const Options&) {
+  return {
+      {"cull",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         return operation(ctx,
+                          [&ctx, d] { project_cull(ctx, d.gaussians, 0, d.views, 0, d.width, d.height, d.culled); },
+                          {d.culled.rects, d.culled.keys});
+       }},
+      {"forward",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         const ProjectForward a = d.project_all();
+         return operation(ctx, [&ctx, a] { project_forward(ctx, a); }, {a.records});
+       }},
+      {"backward",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         const Binned binned = d.bin(ctx, true);
+         ProjectBackward a;
+         a.chunk = d.gaussians, a.views = d.views, a.visible = d.projected, a.offsets = binned.offsets;
+         a.intersections = rasterize_backward(ctx, d.blend_backward(ctx, binned));
+         a.dchunk = zero_gradients(ctx, d.gaussians.count(), d.gaussians.sh_degree());
+         a.twists = ctx.tensor({d.projected.ids.dim(0), 6});
+         return operation(ctx, [&ctx, a] { project_backward(ctx, a); }, {a.dchunk.means, a.dchunk.sh, a.twists});
+       }},
+      {"sum_twists",
+       [](Context& ctx) {
+         const Tensor twists = random(ctx, {kVoxels, 6}, 1), copied = ctx.tensor({kVoxels, 6});
+         const auto out = std::make_shared<Tensor>();
+         return operation_with(
+             ctx,
+             [&ctx, twists, copied, out] {
+               ctx.copy(twists, copied);
+               *out = sum_twists(ctx, copied);
+             },
+             [out] { return std::vector{*out}; });
+       }},
+  };
+}
+
+}  // namespace vsplat::bench

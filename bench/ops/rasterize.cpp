@@ -1,0 +1,30 @@
+#include "model/ops/rasterize.h"
+
+#include <memory>
+
+#include "bench/ops/drawing.h"
+#include "bench/ops/operation.h"
+
+namespace vsplat::bench {
+
+std::vector<Case> rasterize_cases(const Options&) {
+  return {
+      {"forward",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         const RasterizeForward a = d.blend(ctx, d.bin(ctx, false));
+         return operation(ctx, [&ctx, a] { rasterize_forward(ctx, a); },
+                          {a.picture.colour, a.picture.alpha, a.picture.depth});
+       }},
+      {"backward",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         const RasterizeBackward a = d.blend_backward(ctx, d.bin(ctx, true));
+         const auto out = std::make_shared<IntersectionGradients>();
+         return operation_with(
+             ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); }, [out] { return std::vector{out->rows}; });
+       }},
+  };
+}
+
+}  // namespace vsplat::bench
