@@ -9,18 +9,19 @@ cd "$(dirname "$0")/.."
 preset=release
 label_exclude=slow
 strict=OFF
+quick=
 while :; do
   case ${1-} in
     --asan) preset=asan ;;
     --all) label_exclude='^$' ;;
-    --strict) strict=ON ;;
+    --strict) strict=ON quick=-DVSPLAT_QUICK_BUILD=ON ;;
     *) break ;;
   esac
   shift
 done
 
 cmake/install-packages.sh --tests
-cmake --preset $preset -DVSPLAT_TESTS=ON -DVSPLAT_REQUIRE_ALL_TESTS=$strict
+cmake --preset $preset -DVSPLAT_TESTS=ON -DVSPLAT_REQUIRE_ALL_TESTS=$strict $quick
 cmake --build --preset $preset
 results=$PWD/build/$preset/tests.xml
 # Tests of one device beside each other take longer in all than in pairs.

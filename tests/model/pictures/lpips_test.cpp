@@ -8,6 +8,7 @@
 
 #include "runtime/safetensors.h"
 #include "tests/support/device.h"
+#include "tests/support/golden.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -91,7 +92,7 @@ class LpipsTest : public test::FlavourTest {
 VSPLAT_FLAVOURS(LpipsTest);
 
 TEST_P(LpipsTest, AgreesWithPyTorch) {
-  const SafetensorsFile golden(VSPLAT_SOURCE_DIR "/tests/golden/lpips.safetensors");
+  const SafetensorsFile golden(test::Golden::path_of("lpips"));
   for (const LpipsNet net : {LpipsNet::alex, LpipsNet::vgg}) {
     write(path_, weights_of(net));
     const Lpips lpips(ctx(), path_, net);
