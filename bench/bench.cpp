@@ -93,6 +93,7 @@ const std::vector<Suite> kOperations = {
     {"attention", attention_cases},
     {"compact", compact_cases},
     {"decode", decode_cases},
+    {"exposure", exposure_cases},
     {"gather", gather_cases},
     {"groupnorm", groupnorm_cases},
     {"layernorm", layernorm_cases},

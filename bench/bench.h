@@ -103,6 +103,7 @@ std::vector<Case> add_columns_cases(const Options& options);
 std::vector<Case> attention_cases(const Options& options);
 std::vector<Case> compact_cases(const Options& options);
 std::vector<Case> decode_cases(const Options& options);
+std::vector<Case> exposure_cases(const Options& options);
 std::vector<Case> gather_cases(const Options& options);
 std::vector<Case> groupnorm_cases(const Options& options);
 std::vector<Case> layernorm_cases(const Options& options);
