@@ -86,6 +86,11 @@ void say(const Common& common, const std::string& text) {
   std::fprintf(stderr, "%s\n", text.c_str());
 }
 
+void warn(const std::string& text) {
+  clear_progress();
+  std::fprintf(stderr, "warning: %s\n", text.c_str());
+}
+
 void show_progress(const Common& common, const std::string& text) {
   static const bool terminal = isatty(STDERR_FILENO) != 0;
   if (common.quiet || !terminal) return;

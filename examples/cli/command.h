@@ -43,6 +43,9 @@ void start_log(const Common& common);
 // One line on stderr, unless --quiet. Whatever progress is shown is taken away before it.
 void say(const Common& common, const std::string& text);
 
+// The same with "warning: " before it, whatever is asked for.
+void warn(const std::string& text);
+
 // On a terminal a line that is written over; otherwise nothing.
 void show_progress(const Common& common, const std::string& text);
 void clear_progress();
@@ -64,6 +67,7 @@ void add_devices(CLI::App& app, Run& run);
 void add_init(CLI::App& app, Run& run);
 void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
+void add_refine(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
 void add_bench(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);

@@ -21,7 +21,7 @@ struct Options {
   std::vector<std::string> folders;
   std::string model, protocol = "kmeans", seed, lpips, sheet;
   int size = 0;
-  bool skip_bad = false;
+  bool skip_bad = false, refine = false;
 };
 
 // A number of the results: its name in JSON, its heading, and how it is printed.
@@ -148,6 +148,7 @@ void evaluate(const Options& o) {
   options.picture_size = o.size;
   options.skip_bad = o.skip_bad;
   options.sheet = !o.sheet.empty();
+  options.refine = o.refine;
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
@@ -207,6 +208,8 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->type_name("DIR");
   sub->add_option("--sheet", o->sheet, "Best, median and worst object: inputs, truth, coarse level, result in rows")
       ->type_name("FILE.png");
+  sub->add_flag("--refine", o->refine,
+                "Measure the scene moved towards the inputs, and them alone, as `vsplat refine --start network` does");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
   add_placement_options(*sub, o->placement);
   add_common(*sub, o->common);
@@ -216,6 +219,7 @@ void add_evaluate(CLI::App& app, Run& run) {
       "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white.\n"
       "Examples:\n"
       "  vsplat evaluate set/ --sheet sheet.png\n"
+      "  vsplat evaluate set/ --size 256 --refine\n"
       "  vsplat evaluate set/ --size 128 --json\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
   sub->callback([o, &run] { run = [o] { evaluate(*o); }; });

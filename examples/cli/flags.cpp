@@ -2,6 +2,7 @@
 
 #include <vsplat/dataset.h>
 #include <vsplat/evaluate.h>
+#include <vsplat/refine.h>
 #include <vsplat/train.h>
 #include <vsplat/vsplat.h>
 
@@ -38,6 +39,12 @@ constexpr Flag flags[] = {
     FIELD(vsplat_orbit_options, radius, "--orbit-radius"),
     FIELD(vsplat_orbit_options, up, "--up"),
     FIELD(vsplat_reconstruct_options, assume_selected, "--assume-selected"),
+    FIELD(vsplat_refine_options, freeze, "--freeze"),
+    FIELD(vsplat_refine_options, holdout_count, "--holdout"),
+    FIELD(vsplat_refine_options, holdout_names, "--holdout"),
+    FIELD(vsplat_refine_options, longest, "--size"),
+    FIELD(vsplat_refine_options, max_gaussians, "--max-gaussians"),
+    FIELD(vsplat_refine_options, names, "--views"),
     FIELD(vsplat_scene_load_options, skip_bad, "--skip-bad"),
     FIELD(vsplat_train_options, assume_selected, "--assume-selected"),
     FIELD(vsplat_train_options, extend, "--extend"),

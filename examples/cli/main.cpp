@@ -32,10 +32,12 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  vsplat devices                                   what there is to compute on\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
+      "  vsplat refine photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
       "`vsplat help COMMAND` and `vsplat COMMAND --help` tell all of a command's options, with examples.");
   command::Run run;
   command::add_reconstruct(app, run);
+  command::add_refine(app, run);
   command::add_render(app, run);
   command::add_init(app, run);
   command::add_weights(app, run);

@@ -6,6 +6,7 @@
 
 #include "pictures.h"
 #include "placement.h"
+#include "refinement.h"
 
 namespace command {
 namespace {
@@ -17,8 +18,11 @@ struct Options {
   std::string views, model, output, names, picture_folder, write_views, write_selection, dump;
   std::string selection, selection_seed, assume_selected;
   int view_count = 0;  // 0: the model's
-  bool force = false, dry_run = false;
+  bool force = false, dry_run = false, refine = false;
+  RefineOptions refined;
 };
+
+constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-sheet"};
 
 // What the options ask for, read and checked against each other before anything is opened.
 struct Request {
@@ -29,6 +33,7 @@ struct Request {
   std::vector<const char*> name_pointers;
   vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
   vsplat_reconstruct_options run = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+  std::optional<RefineJob> refinement;
 };
 
 Request::Request(const Options& o) : pictures(o.pictures) {
@@ -46,6 +51,11 @@ Request::Request(const Options& o) : pictures(o.pictures) {
   input.view_count = o.view_count;
   set_placement(o.placement, input);
   input.force = o.force;
+  if (!o.refine && !(o.refined.steps.empty() && o.refined.size.empty() && o.refined.sheet.empty()))
+    throw UsageError("--refine-steps, --refine-size and --refine-sheet need --refine");
+  if (o.refine && !o.selection.empty())
+    throw UsageError("--selection is of one set of views, and --refine asks the network about others, too");
+  if (o.refine) refinement.emplace(o.refined, refine_names);
   run.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   if (!o.selection_seed.empty()) {
     if (run.selection) throw UsageError("--selection-seed has nothing to select beside --selection: give one of them");
@@ -81,10 +91,12 @@ void dry_run(const Options& o, const Request& request) {
 }
 
 void summarise(const Options& o, const PictureJob& job, const vsplat::Input& input, const vsplat::Scene& scene,
-               std::size_t pictures, const std::optional<Comparison>& comparison) {
+               std::size_t pictures, const std::optional<Comparison>& comparison,
+               const std::optional<RefineJob>& refinement) {
   const vsplat_scene_info info = scene.info();
-  const std::size_t selected = scene.selection().size();
+  const std::size_t selected = (refinement ? refinement->start() : scene).selection().size();
   if (comparison) say(o.common, comparison->table());
+  if (refinement) refinement->summarise(o.common);
   say(o.common, o.output + ": " + std::to_string(info.count) + " Gaussians from " + std::to_string(selected) +
                     " selected voxels" + (pictures ? ", " + job.summary(pictures) : "") + ", " +
                     seconds_text(elapsed_seconds()));
@@ -99,8 +111,28 @@ void summarise(const Options& o, const PictureJob& job, const vsplat::Input& inp
                                 {"near", info.near_plane},
                                 {"images", job.images.empty() ? 0 : pictures}};
   job.add_results(comparison, out);
+  if (refinement) refinement->add_results(out["refined"]);
   out["seconds"] = elapsed_seconds();
   std::printf("%s\n", out.dump(1).c_str());
+}
+
+// Begins with what the network makes of the same views in the same cube, and moves it towards all that are used: those
+// of --views, else all that are listed.
+vsplat::Scene refine(const Options& o, Request& request, Session& session, const vsplat::Model& model,
+                     const vsplat::Views& views, const vsplat::Input& input, Outputs& outputs) {
+  const vsplat_input_info placed = input.info();
+  vsplat_input_options same = request.input;
+  same.has_center = 1;
+  std::copy(std::begin(placed.center), std::end(placed.center), same.center);
+  same.scale = placed.scale;
+  vsplat_refine_options& options = request.refinement->options;
+  options.start = VSPLAT_REFINE_NETWORK;
+  options.model = model.get();
+  options.input = &same;
+  options.reconstruct = &request.run;
+  options.names = request.input.names;
+  options.num_names = request.input.num_names;
+  return request.refinement->run(session, o.common, views, outputs);
 }
 
 // Where the library puts what --dump asks for.
@@ -120,6 +152,7 @@ void reconstruct(const Options& o) {
   for (const std::string& path : views.files()) outputs.input(path);
   for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
+  if (request.refinement) request.refinement->expect(outputs);
   if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
 
   Session session(o.common);
@@ -144,16 +177,37 @@ void reconstruct(const Options& o) {
   request.run.user = &session;
   if (request.run.dump) outputs.begin(dump_file(o));
   session.start("reconstructing");
-  const vsplat::Scene scene = vsplat::reconstruct(session.device(), model, input, request.run);
+  vsplat::Scene scene;
+  if (!request.refinement || request.run.dump) scene = vsplat::reconstruct(session.device(), model, input, request.run);
+  if (request.refinement) scene = refine(o, request, session, model, views, input, outputs);
   if (job.wanted) job.draw(session, scene, shots.all, comparison, outputs);
   for (const std::string& path : view_files) outputs.begin(path);
   if (!o.write_views.empty()) input.save(o.write_views);
   if (!o.write_selection.empty())
-    vsplat::check(vsplat_scene_save_selection(scene.get(), outputs.begin(o.write_selection).c_str()));
+    vsplat::check(vsplat_scene_save_selection((request.refinement ? request.refinement->start() : scene).get(),
+                                              outputs.begin(o.write_selection).c_str()));
   session.write_profile(outputs);
   scene.save(outputs.begin(o.output));
   outputs.commit();
-  summarise(o, job, input, scene, shots.all.size(), comparison);
+  summarise(o, job, input, scene, shots.all.size(), comparison, request.refinement);
+}
+
+void add_refinement(CLI::App& sub, Options& o) {
+  const std::string group = "Refinement";
+  sub.add_flag("--refine", o.refine,
+               "Then move the scene towards the pictures, as `vsplat refine --start network` does: those of --views, "
+               "else all")
+      ->group(group);
+  sub.add_option("--refine-steps", o.refined.steps, "How many (default: auto, by the number of views)")
+      ->type_name("N|auto")
+      ->group(group);
+  sub.add_option("--refine-size", o.refined.size, "Pixels of the pictures' longer side (default 512)")
+      ->type_name("N|full")
+      ->group(group);
+  sub.add_option("--refine-sheet", o.refined.sheet,
+                 "For each picture held out a row: picture, what the network makes, result, 4 x difference")
+      ->type_name("FILE.png")
+      ->group(group);
 }
 
 void add_extras(CLI::App& sub, Options& o) {
@@ -205,11 +259,13 @@ void add_reconstruct(CLI::App& app, Run& run) {
   sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
       ->group(placement_group);
   add_picture_options(*sub, o->pictures, "--render");
+  add_refinement(*sub, *o);
   add_extras(*sub, *o);
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"
+      "  vsplat reconstruct photos/ --output sharp.ply --refine --refine-sheet sheet.png\n"
       "  vsplat reconstruct photos/transforms.json --model model.safetensors --output scene.ply \\\n"
       "         --views 20,25,29,32 --center -0.1,-0.1,-2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
       "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"

@@ -78,6 +78,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
                    placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
+    how.refine = o.refine != 0;
     how.planned_selected = voxels_of(0, VSPLAT_ASSUME_SELECTED, model->file->config, "selected");
     if (o.progress)
       how.progress = [&o](const std::string& object, double done) {

@@ -66,6 +66,16 @@ vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count) {
   });
 }
 
+vsplat_status vsplat_views_get_name(vsplat_views views, size_t index, char** out_text) {
+  return guarded([&] {
+    need(views, "views");
+    need(out_text, "out_text");
+    const std::vector<ListedView>& listed = views->photographs.set.views;
+    if (index >= listed.size()) fail(Status::usage, "there is no view {}: {} in all", index, listed.size());
+    *out_text = new_text(listed[index].name);
+  });
+}
+
 vsplat_status vsplat_views_get_files(vsplat_views views, char** out_text) {
   return guarded([&] {
     need(views, "views");
@@ -103,6 +113,16 @@ Fit vsplat::api::fit_of(const vsplat_fit& fit) {
   fail(Status::usage, "options.fit is {}, not a value of vsplat_fit", value_of(fit));
 }
 
+std::vector<std::string> vsplat::api::names_of(const char* const* names, size_t count, const std::string& what) {
+  need_array(names, count, what.c_str());
+  std::vector<std::string> out;
+  for (size_t i = 0; i < count; ++i) {
+    need(names[i], ("an element of " + what).c_str());
+    out.emplace_back(names[i]);
+  }
+  return out;
+}
+
 PlacementRequest vsplat::api::placement_of(bool has_centre, const double (&centre)[3], double edge, bool auto_frame) {
   PlacementRequest out;
   if (has_centre) {
@@ -124,13 +144,11 @@ const PreparedView& view_at(vsplat_input input, size_t index) {
   return input->input.views[index];
 }
 
-InputRequest request_of(const vsplat_input_options& o) {
+}  // namespace
+
+InputRequest vsplat::api::request_of(const vsplat_input_options& o) {
   InputRequest out;
-  need_array(o.names, o.num_names, "options.names");
-  for (size_t i = 0; i < o.num_names; ++i) {
-    need(o.names[i], "an element of options.names");
-    out.names.emplace_back(o.names[i]);
-  }
+  out.names = names_of(o.names, o.num_names, "options.names");
   out.placement = placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0);
   out.fit = fit_of(o.fit);
   out.force = o.force != 0;
@@ -141,8 +159,6 @@ InputRequest request_of(const vsplat_input_options& o) {
   out.view_count = o.view_count;
   return out;
 }
-
-}  // namespace
 
 vsplat_status vsplat_input_prepare(vsplat_model model, vsplat_views views, const vsplat_input_options* options,
                                    vsplat_input* out_input) {

@@ -1,5 +1,7 @@
 #pragma once
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "model/api/handle.h"
 #include "model/input/input.h"
@@ -8,7 +10,9 @@ namespace vsplat::api {
 
 // What options structs have in common. Error(usage) for values that are none.
 Fit fit_of(const vsplat_fit& fit);
+std::vector<std::string> names_of(const char* const* names, std::size_t count, const std::string& what);
 PlacementRequest placement_of(bool has_centre, const double (&centre)[3], double edge, bool auto_frame);
+InputRequest request_of(const vsplat_input_options& options);
 
 }  // namespace vsplat::api
 

@@ -1,10 +1,14 @@
 #include "model/evaluate/evaluate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <limits>
 #include <optional>
 
+#include "model/base/scene.h"
+#include "model/fit/scene_fit.h"
 #include "model/pictures/contact_sheet.h"
 #include "model/pictures/metrics.h"
 #include "model/reconstruct/reconstruct.h"
@@ -71,6 +75,8 @@ class Evaluator {
 
   Drawn draw(const EvaluationObject& object) const;
   Strip render_all(const DeviceGaussians& gaussians, const EvaluationObject& object) const;
+  Scene reconstructed(const EvaluationObject& object, const std::vector<int>& views) const;
+  Strip render_refined(const EvaluationObject& object) const;
 
   Context& ctx_;
   const VsplatModel& model_;
@@ -99,6 +105,38 @@ Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationOb
   return out;
 }
 
+// From those of the inputs that are among `views`, in the user's world.
+Scene Evaluator::reconstructed(const EvaluationObject& object, const std::vector<int>& views) const {
+  std::vector<PreparedView> prepared;
+  for (std::size_t i = 0; i < object.inputs; ++i)
+    if (std::find(views.begin(), views.end(), object.input_views[i]) != views.end())
+      prepared.push_back({object.pictures[i], to_frame(object.cameras[i], object.to_world.inverse())});
+  ReconstructOptions options;
+  options.forward.planned_selected = options_.planned_selected;
+  return reconstruct(ctx_, model_, prepared, object.framed.placement, options).scene;
+}
+
+// Moved towards the inputs and nothing else: what is compared takes no part.
+Strip Evaluator::render_refined(const EvaluationObject& object) const {
+  FitRequest request;
+  for (const int view : object.input_views) request.names.push_back(fmt::format("@{}", view));
+  const auto make = [&](const std::vector<int>& views) { return reconstructed(object, views); };
+  SceneFit fit(ctx_, object.framed.photographs, {object.framed.placement, make, true}, request);
+  while (fit.step()) {
+  }
+  Scene scene = fit.result().scene;
+  transform(scene, object.to_world.inverse());
+  RenderOptions options;
+  options.background = kWhite;
+  options.near = scene.near;
+  options.mirror = scene.mirror;
+  const DeviceGaussians gaussians = upload(ctx_, scene.gaussians);
+  Strip out(judged(), object.novel());
+  for (std::size_t i = 0; i < object.novel(); ++i)
+    out.put(i, render_picture(ctx_, gaussians, object.cameras[object.inputs + i], options).colour);
+  return out;
+}
+
 Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
   const int edge = model_.config().image;
   std::vector<float> pictures;
@@ -113,6 +151,9 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
   Strip truth(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   const Strip coarse = render_all(result.coarse, object);
+  // With no voxel selected there is nothing to move.
+  if (options_.refine && result.final.count() > 0)
+    return {truth, coarse, render_refined(object), result.selected.size()};
   return {truth, coarse, model_.config().levels == "coarse" ? coarse : render_all(result.final, object),
           result.selected.size()};
 }

@@ -32,6 +32,7 @@ struct EvaluateOptions {
   EvaluationRequest request;
   bool skip_bad = false;            // views and objects that cannot be read are passed over, else an Error
   bool sheet = false;               // make one
+  bool refine = false;              // the result is moved towards the inputs, and them alone
   long planned_selected = 0;        // as ForwardOptions have it
   std::vector<const Lpips*> lpips;  // at most one of each network
   // Called before each object with its name and the share of the work that is done. May throw to cancel.

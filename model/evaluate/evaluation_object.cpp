@@ -83,18 +83,25 @@ EvaluationObject evaluation_object(const DataObject& object, const Config& confi
   while (true) {
     if (good.empty()) fail(Status::input, "object {}: no view of it is left", object.name);
     const Chosen chosen = choose(framed, good, config.views, request);
-    out = {object.name, chosen.inputs.size(), request.judged > 0 ? request.judged : config.image, {}, {},
-           {},          chosen.nearest};
+    out = {};
+    out.name = object.name;
+    out.inputs = chosen.inputs.size();
+    out.judged = request.judged > 0 ? request.judged : config.image;
+    out.nearest = chosen.nearest;
+    out.input_views = chosen.inputs;
     const std::optional<int> bad = decode(framed, chosen, frame, skipped, out);
     if (!bad) break;
     std::erase(good, *bad);
   }
-  out.cameras = place_views(out.cameras, framed.placement, config.rebase).cameras;
+  PlacedViews placed = place_views(out.cameras, framed.placement, config.rebase);
+  out.cameras = std::move(placed.cameras);
+  out.to_world = placed.to_world;
   try {
     check_cube_is_in_front(std::span(out.cameras).first(out.inputs), framed.placement);
   } catch (const Error& e) {
     fail(e.status(), "object {}: {}", object.name, e.what());
   }
+  out.framed = framed;
   return out;
 }
 

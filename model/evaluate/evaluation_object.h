@@ -27,6 +27,9 @@ struct EvaluationObject {
   std::vector<Image> inputs_judged;  // the inputs once more, of the judged size; empty where the sizes are equal
   std::vector<Camera> cameras;       // in the object's frame, each of its picture's size
   std::vector<std::size_t> nearest;  // for each novel view the place of the input view nearest to it by angle
+  FramedObject framed;               // what it was made of
+  std::vector<int> input_views;      // the inputs' places in its photographs
+  Similarity to_world;               // from the object's frame
 
   std::size_t novel() const { return pictures.size() - inputs; }
   const Image& input_judged(std::size_t i) const { return inputs_judged.empty() ? pictures[i] : inputs_judged[i]; }

@@ -62,7 +62,7 @@ std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, cons
     return out;
   }
   if (holdout.kind == Kind::named) {
-    const std::vector<int> out = listed_views(set, holdout.names);
+    const std::vector<int> out = listed_views(set, holdout.names, "vsplat_refine_options.holdout_names");
     for (const int view : out)
       if (std::find(used.begin(), used.end(), view) == used.end())
         fail(Status::usage, "vsplat_refine_options.holdout_names: {} is not among the views that are used",
@@ -153,7 +153,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       request(std::move(r)),
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
       pictures(p, to_world, request.longest, kPictureCap) {
-  used = listed_views(p.set, request.names);
+  used = listed_views(p.set, request.names, "vsplat_refine_options.names");
   const std::vector<int> held = held_out(p.set, used, request.holdout);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");

@@ -65,14 +65,13 @@ std::string suggestions(const ViewSet& set, const std::string& name) {
   return out;
 }
 
-int find_view(const ViewSet& set, const std::string& name) {
+int find_view(const ViewSet& set, const std::string& name, const char* field) {
   const int count = static_cast<int>(set.views.size());
   if (name.size() > 1 && name[0] == '@') {
     int index = -1;
     const auto [end, error] = std::from_chars(name.data() + 1, name.data() + name.size(), index);
     if (error != std::errc() || end != name.data() + name.size() || index < 0 || index >= count)
-      fail(Status::usage, "vsplat_input_options.names {}: {} lists {} views, @0 to @{}", name, set.source.string(),
-           count, count - 1);
+      fail(Status::usage, "{} {}: {} lists {} views, @0 to @{}", field, name, set.source.string(), count, count - 1);
     return index;
   }
   const std::string normal = fs::path(name).lexically_normal().string();
@@ -83,24 +82,23 @@ int find_view(const ViewSet& set, const std::string& name) {
     if (found.size() == 1) return found[0];
     if (found.size() > 1)
       fail(Status::usage,
-           "vsplat_input_options.names {}: {} views of {} have that name: {} (@{}) and {} (@{}); give the path as "
-           "listed, or @INDEX",
+           "{} {}: {} views of {} have that name: {} (@{}) and {} (@{}); give the path as listed, or @INDEX", field,
            name, found.size(), set.source.string(), set.views[found[0]].name, found[0], set.views[found[1]].name,
            found[1]);
   }
-  fail(Status::usage, "vsplat_input_options.names {}: no such view among the {} that {} lists{}", name, count,
-       set.source.string(), suggestions(set, name));
+  fail(Status::usage, "{} {}: no such view among the {} that {} lists{}", field, name, count, set.source.string(),
+       suggestions(set, name));
 }
 
-std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>& names) {
+std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>& names, const char* field) {
   std::vector<int> out;
   for (const std::string& name : names) {
-    const int index = find_view(set, name);
+    const int index = find_view(set, name, field);
     if (set.views[index].picture.empty())
-      fail(Status::usage, "vsplat_input_options.names {}: {} lists {} but its picture is not there", name,
-           set.source.string(), set.views[index].name);
+      fail(Status::usage, "{} {}: {} lists {} but its picture is not there", field, name, set.source.string(),
+           set.views[index].name);
     if (std::find(out.begin(), out.end(), index) != out.end())
-      fail(Status::usage, "vsplat_input_options.names {}: {} is named twice", name, set.views[index].name);
+      fail(Status::usage, "{} {}: {} is named twice", field, name, set.views[index].name);
     out.push_back(index);
   }
   return out;
@@ -173,39 +171,39 @@ std::vector<int> nearest_members(std::span<const Eigen::Vector3d> p, std::span<c
   return out;
 }
 
+std::vector<int> spread_views(const ViewSet& set, std::span<const int> among, int wanted) {
+  if (static_cast<int>(among.size()) <= wanted) return {among.begin(), among.end()};
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(among.size());
+  for (const int i : among) positions.push_back(set.views[i].camera.centre());
+  std::vector<int> out = nearest_members(positions, kmeans(positions, wanted));
+  for (int i = 0; static_cast<int>(out.size()) < wanted; ++i)  // several views at one place
+    if (std::find(out.begin(), out.end(), i) == out.end()) out.push_back(i);
+  for (int& i : out) i = among[i];
+  return out;
+}
+
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request) {
   if (request.names.empty() && (request.wanted < 1 || request.wanted > max_views))
     fail(Status::usage, "vsplat_input_options.view_count is {}, the network takes 1 to {}", request.wanted, max_views);
-  std::vector<int> out;
   if (request.names.size() > max_views)
     fail(Status::usage, "vsplat_input_options.names has {} views, the network takes 1 to {}", request.names.size(),
          max_views);
-  if (!request.names.empty()) {
-    out = named_views(set, request.names);
-  } else {
-    out = with_pictures(set);
-    const int found = static_cast<int>(out.size());
-    if (found > request.wanted) {
-      std::vector<Eigen::Vector3d> positions;
-      positions.reserve(out.size());
-      for (const int i : out) positions.push_back(set.views[i].camera.centre());
-      std::vector<int> picked = nearest_members(positions, kmeans(positions, request.wanted));
-      for (int i = 0; static_cast<int>(picked.size()) < request.wanted; ++i)  // several views at one place
-        if (std::find(picked.begin(), picked.end(), i) == picked.end()) picked.push_back(i);
-      for (int& i : picked) i = out[i];
-      out = std::move(picked);
-      tell_left_over(out.size(), found);
-    } else if (found < request.least) {
-      warn("{}: {} views have a picture where {} are expected: these are used", set.source.string(), found,
-           request.least);
-    }
-  }
+  if (!request.names.empty()) return listed_views(set, request.names);
+  const std::vector<int> all = with_pictures(set);
+  std::vector<int> out = spread_views(set, all, request.wanted);
+  const int found = static_cast<int>(all.size());
+  if (found > request.wanted)
+    tell_left_over(out.size(), found);
+  else if (found < request.least)
+    warn("{}: {} views have a picture where {} are expected: these are used", set.source.string(), found,
+         request.least);
   need_masks(set, out);
   return out;
 }
 
-std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names) {
-  std::vector<int> out = names.empty() ? with_pictures(set) : named_views(set, names);
+std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names, const char* field) {
+  std::vector<int> out = names.empty() ? with_pictures(set) : named_views(set, names, field);
   need_masks(set, out);
   return out;
 }

@@ -37,7 +37,12 @@ struct ViewRequest {
 // listed that is not there; Error(input) where none is left.
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request);
 
-// Those named, as ViewRequest has them but in any number, or all that have a picture. Errors as choose_views().
-std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names);
+// Those named, as ViewRequest has them but in any number, or all that have a picture. Errors as choose_views(); `field`
+// is what they call the names.
+std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names,
+                              const char* field = "vsplat_input_options.names");
+
+// `wanted` of these views: of each of so many groups the view nearest its mean; all where they are no more.
+std::vector<int> spread_views(const ViewSet& set, std::span<const int> among, int wanted);
 
 }  // namespace vsplat

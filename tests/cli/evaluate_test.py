@@ -70,6 +70,15 @@ class Evaluate(support.Case):
         self.assertNotEqual(usual["mean"]["psnr_white"], larger["mean"]["psnr_white"])
         self.refuses(2, "--size", *self.evaluate("--size", 5))
 
+    def test_refined(self):
+        told, plain = (json.loads(self.succeeds(*self.evaluate("--size", 32, "--json", *more))[0]) for more in (["--refine"], []))
+        for a, b in zip(told["objects"], plain["objects"]):
+            self.assertNotEqual(a["psnr"], b["psnr"])
+            for name in ("psnr_coarse", "psnr_white", "psnr_nearest", "selected"):
+                self.assertEqual(a[name], b[name], name)
+        # Random weights make fog; towards the pictures it clears up, for pictures that took no part, too.
+        self.assertGreater(told["mean"]["psnr"], plain["mean"]["psnr"] + 0.5)
+
     def test_sheet(self):
         sheet = self.path("new", "sheet.png")
         self.succeeds(*self.evaluate("--sheet", sheet, "--json"))

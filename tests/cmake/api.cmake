@@ -1,5 +1,5 @@
 # The public header, as C programs use it.
-foreach(name c99_test gradient_test pictures_test train_api_test)
+foreach(name c99_test gradient_test pictures_test refine_api_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})

@@ -51,11 +51,14 @@ typedef struct vsplat_evaluate_options {
   /* May be NULL. Called after each object, so that what is done is kept where a later one is an error or `progress`
      cancels; both arguments are valid during the call. */
   void (*on_object)(void* user, const char* name, const vsplat_scores* scores);
+  int32_t
+      refine; /* 1: what is compared is the scene moved towards the inputs, and them alone, as vsplat/refine.h has it
+                     by default; the coarse level stays the network's */
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL                                                                                        \
+        NULL, NULL, 0, NULL, 0                                                                                     \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */

@@ -57,9 +57,11 @@ typedef struct vsplat_refine_options {
   vsplat_scene scene;                /* of VSPLAT_REFINE_SCENE */
   vsplat_model model;                /* of VSPLAT_REFINE_NETWORK */
   const vsplat_input_options* input; /* where the object is, and of VSPLAT_REFINE_NETWORK the views that the network
-                                        gets; NULL: its defaults */
-  const char* const* names;          /* [num_names] the views that are used, as vsplat_input_options has them; NULL: all
-                                        that have a picture */
+                                        gets, of those used: what is held out is never among them; NULL: defaults */
+  const vsplat_reconstruct_options* reconstruct; /* of VSPLAT_REFINE_NETWORK; voxels, selection, dump and progress do
+                                                    not apply; NULL: its defaults */
+  const char* const* names; /* [num_names] the views that are used, as vsplat_input_options has them but in any number;
+                               NULL: all that have a picture */
   size_t num_names;
   vsplat_holdout holdout;
   int32_t holdout_count;
@@ -67,36 +69,33 @@ typedef struct vsplat_refine_options {
   size_t num_holdout_names;
   int64_t steps;          /* 0: by the number of views; with few, what is best for views left out */
   double seconds;         /* no step begins after so long; 0: no limit */
-  uint64_t max_gaussians; /* it may grow up to; 0: by the pictures; with few views it does not grow */
+  uint64_t max_gaussians; /* it may grow up to; 0: by the pictures; with few views it does not grow. Of
+                             VSPLAT_REFINE_POINTS and _RANDOM also the number that it begins with at the most */
   int32_t sh_degree;      /* 0 to 3; -1: the start's with few views, at least 2 with many */
   int32_t longest;        /* pixels of the pictures' longer side, scaled down by area; 0: as they are */
   uint32_t freeze;        /* of vsplat_freeze */
-  int32_t poses;          /* 1: cameras are corrected a little, too (vsplat_refinement_get_camera) */
-  int32_t exposure;       /* 1: each picture has an affine map of colours, dropped at the end */
   uint64_t seed;
-  const char* checkpoint; /* a folder from which an interrupted refinement is gone on with to the same bits, and into
-                             which its state is written; NULL: none */
-  int32_t resume;         /* 1: go on from `checkpoint`; it must be of the same request */
 } vsplat_refine_options;
 #define VSPLAT_REFINE_OPTIONS_INIT                                                                                     \
   {                                                                                                                    \
-    sizeof(vsplat_refine_options), VSPLAT_REFINE_SCENE, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, 0, 0, \
-        0.0, 0, -1, 512, 0, 0, 0, 0, NULL, 0                                                                           \
+    sizeof(vsplat_refine_options), VSPLAT_REFINE_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, \
+        0, 0, 0.0, 0, -1, 512, 0, 0                                                                                    \
   }
 
 /* A refinement under way. Belongs to its device. */
 typedef struct vsplat_refinement_impl* vsplat_refinement;
 
 /* Reads the pictures' sizes and makes the start. Nothing of `options` need live on, but handles are kept alive. Errors:
-   of `input`, as vsplat_input_prepare; VSPLAT_ERROR_INPUT where a picture has no size or no view is left to fit, or the
-   start has no Gaussian; VSPLAT_ERROR_MEMORY with both figures. */
+   of `input`, as vsplat_input_prepare; VSPLAT_ERROR_USAGE where no view is left to fit to or a view is not there;
+   VSPLAT_ERROR_INPUT where the start has no Gaussian; VSPLAT_ERROR_MEMORY with both figures. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
                                                                    const vsplat_refine_options* options,
                                                                    vsplat_refinement* out_refinement);
 VSPLAT_API void vsplat_refinement_retain(vsplat_refinement refinement);
 VSPLAT_API void vsplat_refinement_release(vsplat_refinement refinement);
 
-/* One step, of whatever phase comes next. *out_more is 0 once there is none left; `out_progress` may be NULL. */
+/* One step, of whatever phase comes next. *out_more is 0 once there is none left; `out_progress` may be NULL, which
+   saves waiting for the loss. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_step(vsplat_refinement refinement,
                                                                  vsplat_refine_progress* out_progress,
                                                                  int32_t* out_more);
@@ -107,7 +106,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_stop(vsplat_refineme
 /* The best scene so far: after the last step the result. In the world of the views' cameras. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_scene(vsplat_refinement refinement,
                                                                       vsplat_scene* out_scene);
-/* What it began with: of VSPLAT_REFINE_NETWORK, with few views, what the network makes of all of them. */
+/* What it began with: of VSPLAT_REFINE_NETWORK what the network makes of the views that are not held out. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_start(vsplat_refinement refinement,
                                                                       vsplat_scene* out_scene);
 
@@ -115,7 +114,8 @@ typedef struct vsplat_refine_result {
   size_t size;
   int64_t steps;      /* that the result has seen */
   double seconds;     /* spent in steps */
-  int32_t returned;   /* 0: the refined scene, 1: the start, which was better on what was held out */
+  int32_t returned;   /* 0: the refined scene, 1: the start, which was better on what was held out, or of which nothing
+                          was known to be worse */
   int32_t claimed;    /* 1: `start` and `result` were judged on pictures that neither has seen */
   int32_t num_judged; /* pictures that it was judged on; with few views each by a scene made without it; 0: none */
   double start_psnr, start_ssim;   /* means over them, over white; NaN where there are none */
@@ -127,18 +127,26 @@ typedef struct vsplat_refine_result {
 
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_result(vsplat_refinement refinement,
                                                                        vsplat_refine_result* out_result);
-/* The names of the pictures judged on, and of the suspects, worst first, a line each. To be freed by
-   vsplat_text_free. */
-VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_judged(vsplat_refinement refinement, char** out_text);
-VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_suspects(vsplat_refinement refinement, char** out_text);
-/* View `index` of those listed, as it is fitted or judged: its camera (pinhole, scaled along, in the world, corrected
-   where `poses` is 1), and its picture over white, float [height][width][3], into the caller's memory of `capacity`
-   floats; either may be NULL. */
+
+typedef enum vsplat_refine_views {
+  VSPLAT_REFINE_USED = 0,    /* all that it was given to use, in their order */
+  VSPLAT_REFINE_JUDGED = 1,  /* those that it is judged on: with few views all of them */
+  VSPLAT_REFINE_SUSPECTS = 2 /* those that the others disagree with, worst first; none before it has ended */
+} vsplat_refine_views;
+
+/* Places in the list of views. *out_count is how many there are; as many as fit `capacity` are written (out_views may
+   be NULL with capacity 0). */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_views(vsplat_refinement refinement,
+                                                                      vsplat_refine_views which, int32_t* out_views,
+                                                                      size_t capacity, size_t* out_count);
+/* View `index` of those listed, as it is fitted or judged: its camera (pinhole, scaled along, in the world), and its
+   picture over white, float [height][width][3], into the caller's memory of `capacity` floats; either may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t index,
                                                                      vsplat_camera* out_camera, float* out_pixels,
                                                                      size_t capacity);
 
-/* Device memory of one, as vsplat_plan_reconstruct has it: `gaussians` of `sh_degree`, pictures of width x height. */
+/* Device memory of a step and of judging: `gaussians` of `sh_degree` after all growth, pictures of width x height,
+   each Gaussian taken to be seen and to touch eight tiles of 16 x 16 pixels. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians,
                                                                  int32_t sh_degree, int32_t width, int32_t height,
                                                                  vsplat_plan* out_plan);

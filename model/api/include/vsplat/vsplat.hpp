@@ -200,6 +200,11 @@ class Views : public ViewsHandle {
     check(vsplat_views_create(views.data(), views.size(), &out));
     return Views(out);
   }
+  std::string name(size_t index) const {
+    char* out = nullptr;
+    check(vsplat_views_get_name(get(), index, &out));
+    return text(out);
+  }
   std::vector<std::string> files() const {
     char* out = nullptr;
     check(vsplat_views_get_files(get(), &out));
@@ -506,5 +511,6 @@ inline vsplat_train_result train(const Device& device, const std::string& config
 }  // namespace vsplat
 
 #include <vsplat/evaluate.hpp>
+#include <vsplat/refine.hpp>
 
 #endif

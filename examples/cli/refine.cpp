@@ -1,0 +1,201 @@
+// vsplat refine: a scene moved towards the user's own pictures, and judged on those held out.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "arguments.h"
+#include "placement.h"
+#include "refinement.h"
+
+namespace command {
+namespace {
+
+struct Options {
+  Common common;
+  PlacementOptions placement;
+  RefineOptions refine;
+  std::string views, start, model, output, names, picture_folder, near;
+  bool force = false, dry_run = false;
+};
+
+// What --start says; a file of one of the names is ./NAME.
+vsplat_refine_start start_of(const std::string& text) {
+  return text == "network"  ? VSPLAT_REFINE_NETWORK
+         : text == "points" ? VSPLAT_REFINE_POINTS
+         : text == "random" ? VSPLAT_REFINE_RANDOM
+                            : VSPLAT_REFINE_SCENE;
+}
+
+void check(const Options& o) {
+  if (o.start.empty()) throw UsageError("refine needs --start: a scene's file, or network, points or random");
+  if (o.output.empty() && !o.dry_run) throw UsageError("refine needs --output, the scene's file");
+  need_ending("--output", o.output, ".ply");
+  if (start_of(o.start) != VSPLAT_REFINE_NETWORK) {
+    if (!o.model.empty()) throw UsageError("--model is for --start network");
+    if (!o.near.empty()) throw UsageError("--near is for --start network");
+    if (o.placement.fit != "auto") throw UsageError("--fit is for --start network");
+  }
+}
+
+std::string start_file(const Options& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
+
+// Of all that it may grow to: four fifths of a picture's pixels where nothing is said, and what it begins with.
+void dry_run(const Options& o, const RefineJob& job) {
+  Session session(o.common);
+  const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
+  const std::vector<vsplat_camera> cameras = vsplat::Cameras::load(o.views, unknown, unknown).all();
+  std::uint64_t begins = 0;
+  int degree = 2;
+  std::vector<Plan> plans;
+  if (job.options.start == VSPLAT_REFINE_SCENE) {
+    const vsplat_scene_info info = vsplat::Scene::load(o.start).info();
+    begins = info.count;
+    degree = std::max(degree, info.sh_degree);
+  } else if (job.options.start == VSPLAT_REFINE_NETWORK) {
+    const vsplat::Model model = load_model(o.model);
+    begins = static_cast<std::uint64_t>(VSPLAT_ASSUME_SELECTED * static_cast<double>(model.info().max_gaussians));
+    degree = std::max(degree, model.info().sh_degree);
+    vsplat_plan plan = VSPLAT_PLAN_INIT;
+    vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(), model.info().views,
+                                          VSPLAT_ASSUME_SELECTED, &plan));
+    plans.push_back({"the network before it", plan});
+  }
+  double pixels = 1;
+  for (const vsplat_camera& c : cameras) {
+    const double longer = std::max(c.width, c.height);
+    const double scale = job.options.longest > 0 ? std::min(1.0, job.options.longest / longer) : 1;
+    pixels = std::max(pixels, scale * scale * c.width * c.height);
+  }
+  const std::uint64_t grows = job.options.max_gaussians > 0
+                                  ? job.options.max_gaussians
+                                  : std::max(2 * begins, static_cast<std::uint64_t>(0.8 * pixels));
+  if (job.options.sh_degree >= 0) degree = job.options.sh_degree;
+  plans.push_back(plan_refinement(session, std::max(begins, grows), degree, cameras, job.options.longest));
+  print_plans(o.common, plans);
+}
+
+void refine(const Options& o) {
+  check(o);
+  RefineJob job(o.refine);
+  job.options.start = start_of(o.start);
+  vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
+  set_placement(o.placement, input);
+  input.force = o.force;
+  job.options.input = &input;
+  vsplat_reconstruct_options network = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+  if (!o.near.empty()) network.near_plane = positive_number("--near", o.near, "distance in world units");
+  job.options.reconstruct = &network;
+  std::vector<std::string> names;
+  if (!o.names.empty()) names = list("--views", o.names);
+  std::vector<const char*> name_pointers;
+  for (const std::string& name : names) name_pointers.push_back(name.c_str());
+  job.options.names = name_pointers.empty() ? nullptr : name_pointers.data();
+  job.options.num_names = name_pointers.size();
+  start_log(o.common);
+  if (o.dry_run) return dry_run(o, job);
+
+  Outputs outputs(o.common.overwrite);
+  const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
+  for (const std::string& path : {start_file(o), o.model}) outputs.input(path);
+  for (const std::string& path : views.files()) outputs.input(path);
+  for (const std::string& path : {o.output, o.common.profile, o.common.trace}) outputs.expect(path);
+  job.expect(outputs);
+
+  vsplat::Scene scene;
+  if (job.options.start == VSPLAT_REFINE_SCENE) scene = vsplat::Scene::load(o.start);
+  job.options.scene = scene.get();
+  Session session(o.common);
+  vsplat::Model model;
+  if (job.options.start == VSPLAT_REFINE_NETWORK) model = load_model(o.model);
+  job.options.model = model.get();
+  const vsplat::Scene result = job.run(session, o.common, views, outputs);
+  session.write_profile(outputs);
+  result.save(outputs.begin(o.output));
+  outputs.commit();
+  job.summarise(o.common);
+  say(o.common,
+      o.output + ": " + std::to_string(result.info().count) + " Gaussians, " + seconds_text(elapsed_seconds()));
+  if (!o.common.json) return;
+  nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
+  job.add_results(out);
+  out["seconds"] = elapsed_seconds();
+  std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+}
+
+void add_refine_options(CLI::App& sub, RefineOptions& o) {
+  sub.add_option("--steps", o.steps,
+                 "How many (default: auto, by the number of views; with few of them what suits views left out)")
+      ->type_name("N|auto");
+  sub.add_option("--time", o.seconds, "No step begins after so long")->type_name("SECONDS");
+  sub.add_option("--holdout", o.holdout,
+                 "Which pictures judge and are not fitted to (default: auto, every eighth of 12 or more; of fewer each "
+                 "is left out in turn)")
+      ->type_name("auto|none|N|NAME,...");
+  sub.add_option("--size", o.size, "Pixels of the pictures' longer side (default 512)")->type_name("N|full");
+  const char* what = "The scene";
+  sub.add_option("--max-gaussians", o.max_gaussians,
+                 "It may grow up to so many (default: by the pictures; with fewer than 12 it does not grow)")
+      ->type_name("N")
+      ->group(what);
+  sub.add_option("--sh", o.sh, "Degree of its view-dependent colour (default: the start's, at least 2 of many views)")
+      ->check(one_of({"0", "1", "2", "3"}))
+      ->type_name("0..3")
+      ->group(what);
+  sub.add_option("--freeze", o.freeze, "What stays as it is, of means, scales, rotations, opacities, sh")
+      ->type_name("NAME,...")
+      ->group(what);
+  sub.add_option("--seed", o.seed, "Of the pictures' order, backgrounds, growth and --start random (0)")
+      ->type_name("S")
+      ->group(what);
+}
+
+}  // namespace
+
+void add_refine(CLI::App& app, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand("refine", "Move a scene towards the pictures that there are of it");
+  sub->add_option("views", o->views,
+                  "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
+      ->required()
+      ->type_name("VIEWS");
+  sub->add_option("--start", o->start,
+                  "What it begins with: a scene, what the network makes, COLMAP's points, or points at random (a file "
+                  "of such a name is ./NAME)")
+      ->type_name("SCENE.ply|network|points|random");
+  sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
+  sub->add_option("--views", o->names,
+                  "Which pictures are used: names (stem or path) or @ and place in the list from 0 (default: all)")
+      ->type_name("NAME,...|@INDEX,...");
+  sub->add_option("--pictures", o->picture_folder, "Where a COLMAP model's pictures are")->type_name("DIR");
+  add_refine_options(*sub, o->refine);
+  sub->add_option("-m,--model", o->model, "Of --start network (default: the built-in model)")->type_name("MODEL");
+  sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")
+      ->type_name("Z");
+  add_placement_options(*sub, o->placement);
+  sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
+      ->group(placement_group);
+  const char* beside = "Beside the scene";
+  sub->add_option("--sheet", o->refine.sheet,
+                  "For each picture held out a row: picture, start, result, 4 x difference; for fitted ones where none "
+                  "is")
+      ->type_name("FILE.png")
+      ->group(beside);
+  sub->add_option("--log", o->refine.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
+      ->type_name("FILE.csv")
+      ->group(beside);
+  sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes")->group(beside);
+  add_common(*sub, o->common);
+  sub->footer(
+      "Examples:\n"
+      "  vsplat refine photos/ --start network --output sharp.ply --sheet sheet.png\n"
+      "  vsplat refine photos/ --start scene.ply --output sharp.ply --size full --time 120\n"
+      "  vsplat refine colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
+      "  vsplat refine photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
+      "What comes out is never worse than the start on the pictures held out: where the start is best, it is written,\n"
+      "and that is said. Masks and alpha are used where there are any. Ctrl-C ends it with the best so far; a second\n"
+      "one at once. The same input gives the same bytes, except with --time.");
+  sub->callback([o, &run] { run = [o] { refine(*o); }; });
+}
+
+}  // namespace command

@@ -1,0 +1,262 @@
+#include "refinement.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "arguments.h"
+
+namespace command {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::size_t most_rows = 24, large_rows = 8;
+constexpr int large_cell = 512;
+
+bool is_number(const std::string& text) {
+  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
+// From 1 up; `also` says what else may stand there.
+std::int64_t count_of(const std::string& option, const std::string& text, const std::string& also) {
+  const std::uint64_t value = is_number(text) && text.size() < 11 ? std::stoull(text) : 0;
+  if (value < 1 || value > INT32_MAX)
+    throw UsageError(option + " is \"" + text + "\": " + also + "a whole number from 1 up expected");
+  return static_cast<std::int64_t>(value);
+}
+
+std::uint32_t freeze_of(const std::string& text) {
+  std::uint32_t out = 0;
+  for (const std::string& name : list("--freeze", text)) {
+    const std::uint32_t bit = name == "means"       ? VSPLAT_FREEZE_MEANS
+                              : name == "scales"    ? VSPLAT_FREEZE_SCALES
+                              : name == "rotations" ? VSPLAT_FREEZE_ROTATIONS
+                              : name == "opacities" ? VSPLAT_FREEZE_OPACITIES
+                              : name == "sh"        ? VSPLAT_FREEZE_SH
+                                                    : 0;
+    if (bit == 0)
+      throw UsageError("--freeze is \"" + text + "\": of means,scales,rotations,opacities,sh expected, not " + name);
+    out |= bit;
+  }
+  return out;
+}
+
+std::string decibels(double psnr) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f dB", psnr);
+  return text;
+}
+
+std::string progress_text(const vsplat_refine_progress& p) {
+  char text[160];
+  std::snprintf(text, sizeof text, "%s: step %lld of %lld, loss %.4f, %llu Gaussians", p.phase,
+                static_cast<long long>(p.step), static_cast<long long>(p.steps), p.loss,
+                static_cast<unsigned long long>(p.gaussians));
+  std::string out = text;
+  if (!std::isnan(p.psnr)) out += ", held out " + decibels(p.psnr);
+  if (p.seconds_left > 0.5) out += ", about " + seconds_text(p.seconds_left) + " left";
+  return out;
+}
+
+// A terminal sees every step, a log the phases' beginnings and a line every few seconds.
+class Teller {
+ public:
+  explicit Teller(const Common& common) : common_(common) {}
+  void tell(const vsplat_refine_progress& p) {
+    const double now = elapsed_seconds();
+    const bool terminal = isatty(STDERR_FILENO) != 0;
+    if (now - last_ < (terminal ? 0.1 : 5) && !(common_.verbose && phase_ != p.phase)) return;
+    terminal ? show_progress(common_, progress_text(p)) : say(common_, progress_text(p));
+    last_ = now;
+    phase_ = p.phase;
+  }
+
+ private:
+  const Common& common_;
+  std::string phase_;
+  double last_ = elapsed_seconds();
+};
+
+void add_log_line(std::string& log, const vsplat_refine_progress& p, double seconds) {
+  char line[192];
+  std::snprintf(line, sizeof line, "%lld,%s,%.6g,%llu,", static_cast<long long>(p.step), p.phase, p.loss,
+                static_cast<unsigned long long>(p.gaussians));
+  log += line;
+  if (!std::isnan(p.psnr)) {
+    std::snprintf(line, sizeof line, "%.4f", p.psnr);
+    log += line;
+  }
+  std::snprintf(line, sizeof line, ",%.3f\n", seconds);
+  log += line;
+}
+
+// 4 x |difference|; in `colour` alone.
+vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given) {
+  vsplat::Picture out = given;
+  vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
+  vsplat::check(
+      vsplat_compare(drawn.colour.data(), given.colour.data(), given.width, given.height, &unused, out.colour.data()));
+  for (float& v : out.colour) v = std::min(4 * v, 1.0f);
+  return out;
+}
+
+std::string pictures_text(std::size_t count) { return std::to_string(count) + (count == 1 ? " picture" : " pictures"); }
+
+ordered_json number_json(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(); }
+
+}  // namespace
+
+RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names) : log_(o.log), sheet_(o.sheet) {
+  if (!o.steps.empty() && o.steps != "auto") options.steps = count_of(names.steps, o.steps, "auto or ");
+  if (!o.seconds.empty()) options.seconds = positive_number("--time", o.seconds, "number of seconds");
+  if (!o.max_gaussians.empty())
+    options.max_gaussians = static_cast<std::uint64_t>(count_of("--max-gaussians", o.max_gaussians, ""));
+  if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // CLI11 has looked at it
+  if (!o.freeze.empty()) options.freeze = freeze_of(o.freeze);
+  if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
+  if (o.size == "full")
+    options.longest = 0;
+  else if (!o.size.empty())
+    options.longest = static_cast<std::int32_t>(count_of(names.size, o.size, "full or "));
+  if (o.holdout == "none") {
+    options.holdout = VSPLAT_HOLDOUT_NONE;
+  } else if (is_number(o.holdout)) {
+    options.holdout = VSPLAT_HOLDOUT_COUNT;
+    options.holdout_count = static_cast<std::int32_t>(count_of("--holdout", o.holdout, "auto, none, names or "));
+  } else if (!o.holdout.empty() && o.holdout != "auto") {
+    options.holdout = VSPLAT_HOLDOUT_NAMES;
+    holdout_ = list("--holdout", o.holdout);
+    for (const std::string& name : holdout_) holdout_pointers_.push_back(name.c_str());
+    options.holdout_names = holdout_pointers_.data();
+    options.num_holdout_names = holdout_pointers_.size();
+  }
+  need_ending(names.sheet, sheet_, ".png");
+  need_ending("--log", log_, ".csv");
+}
+
+void RefineJob::expect(Outputs& outputs) const {
+  outputs.expect(log_);
+  outputs.expect(sheet_);
+}
+
+std::vector<std::string> RefineJob::names_of(const vsplat::Refinement& refinement, vsplat_refine_views which,
+                                             const vsplat::Views& views) const {
+  std::vector<std::string> out;
+  for (const std::int32_t view : refinement.views(which)) out.push_back(views.name(static_cast<std::size_t>(view)));
+  return out;
+}
+
+vsplat::Scene RefineJob::run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs) {
+  session.start("refining");
+  show_progress(common, "refining: reading pictures");
+  const vsplat::Refinement refinement(session.device(), views, options);
+  Teller teller(common);
+  std::string log = "step,phase,loss,gaussians,psnr,seconds\n";
+  const double begun = elapsed_seconds();
+  vsplat_refine_progress progress = VSPLAT_REFINE_PROGRESS_INIT;
+  for (bool more = true; more;) {
+    if (interrupted()) {
+      refinement.stop();
+      stopped_ = true;
+      break;
+    }
+    more = refinement.step(progress);
+    teller.tell(progress);
+    if (!log_.empty()) add_log_line(log, progress, elapsed_seconds() - begun);
+  }
+  clear_progress();
+  result_ = refinement.result();
+  used_ = refinement.views(VSPLAT_REFINE_USED).size();
+  judged_ = names_of(refinement, VSPLAT_REFINE_JUDGED, views);
+  suspects_ = names_of(refinement, VSPLAT_REFINE_SUSPECTS, views);
+  start_ = refinement.start();
+  vsplat::Scene scene = refinement.scene();
+  if (!log_.empty()) write_text(outputs.begin(log_), log);
+  if (!sheet_.empty()) draw_sheet(session, refinement, scene, outputs);
+  return scene;
+}
+
+// A row for each picture: given, start, result, difference.
+void RefineJob::draw_sheet(Session& session, const vsplat::Refinement& refinement, const vsplat::Scene& scene,
+                           Outputs& outputs) const {
+  std::vector<std::int32_t> shown = refinement.views(VSPLAT_REFINE_JUDGED);
+  if (shown.empty()) shown = refinement.views(VSPLAT_REFINE_USED);
+  const std::size_t rows = std::min(shown.size(), most_rows);
+  vsplat_sheet_options how = VSPLAT_SHEET_OPTIONS_INIT;
+  how.columns = 4;
+  if (rows <= large_rows) how.cell = large_cell;
+  const vsplat::Sheet sheet(how);
+  for (std::size_t row = 0; row < rows; ++row) {
+    const auto view = static_cast<std::size_t>(shown[row * shown.size() / rows]);
+    const vsplat_camera camera = refinement.camera(view);
+    vsplat::Picture given = refinement.picture(view);
+    vsplat::Picture before = vsplat::render(session.device(), start_, camera);
+    vsplat::Picture after = vsplat::render(session.device(), scene, camera);
+    vsplat::Picture off = difference_of(after, given);
+    vsplat::Sheet cells = sheet;
+    for (vsplat::Picture* cell : {&given, &before, &after, &off}) cells.add(*cell);
+  }
+  sheet.save(outputs.begin(sheet_));
+}
+
+void RefineJob::summarise(const Common& common) const {
+  for (const std::string& name : suspects_)
+    warn(name +
+         " agrees with the result far less than the other pictures do: a wrong pose, another lighting, a moved "
+         "object?");
+  const vsplat_refine_result& r = result_;
+  const bool folds = r.num_judged > 0 && judged_.size() == used_;
+  const std::string on =
+      pictures_text(judged_.size()) + (folds ? ", each left out in turn: " : " that it was not fitted to: ");
+  if (stopped_)
+    say(common, "stopped; the best so far is written: " +
+                    (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));
+  if (r.num_judged > 0 && std::isfinite(r.start_psnr) && std::isfinite(r.result_psnr)) {
+    char text[128];
+    std::snprintf(text, sizeof text, "PSNR %.2f to %.2f dB, SSIM %.4f to %.4f", r.start_psnr, r.result_psnr,
+                  r.start_ssim, r.result_ssim);
+    say(common, on + text + (r.returned ? "; the start is the better one, and is what is written" : "") +
+                    (r.claimed ? "" : "; the start may have seen these pictures, so no gain is claimed"));
+  } else if (r.returned) {
+    say(common, "nothing could be held out to judge by: the start is what is written");
+  } else {
+    say(common, "nothing was held out: nothing is known of how good it is elsewhere");
+  }
+}
+
+void RefineJob::add_results(ordered_json& out) const {
+  const vsplat_refine_result& r = result_;
+  const auto scores = [](double psnr, double ssim) {
+    return ordered_json{{"psnr", number_json(psnr)}, {"ssim", number_json(ssim)}};
+  };
+  out["steps"] = r.steps;
+  out["judged_on"] = judged_;
+  out["start"] = scores(r.start_psnr, r.start_ssim);
+  out["result"] = scores(r.result_psnr, r.result_ssim);
+  out["returned"] = r.returned ? "start" : "refined";
+  out["claimed"] = r.claimed != 0;
+  out["suspects"] = suspects_;
+  if (!log_.empty()) out["log"] = log_;
+  if (!sheet_.empty()) out["sheet"] = sheet_;
+}
+
+Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_degree,
+                     const std::vector<vsplat_camera>& cameras, int longest) {
+  int width = 1, height = 1;
+  for (const vsplat_camera& c : cameras) {
+    const int longer = std::max(c.width, c.height);
+    const double scale = longest > 0 && longer > longest ? static_cast<double>(longest) / longer : 1;
+    const int w = static_cast<int>(std::ceil(scale * c.width)), h = static_cast<int>(std::ceil(scale * c.height));
+    if (static_cast<double>(w) * h > static_cast<double>(width) * height) width = w, height = h;
+  }
+  char title[160];
+  std::snprintf(title, sizeof title, "a step of refinement: %llu Gaussians of degree %d, pictures of %d x %d",
+                static_cast<unsigned long long>(gaussians), sh_degree, width, height);
+  return {title, vsplat::refinement_plan(session.device(), gaussians, sh_degree, width, height)};
+}
+
+}  // namespace command

@@ -1,0 +1,280 @@
+// A scene moved towards the user's pictures.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "model/api/cameras.h"
+#include "model/api/device.h"
+#include "model/api/input.h"
+#include "model/api/model.h"
+#include "model/api/plan.h"
+#include "model/api/refine_start.h"
+#include "model/api/scene.h"
+#include "model/fit/fit_plan.h"
+#include "model/fit/scene_fit.h"
+#include "runtime/fail.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+struct vsplat_refinement_impl : vsplat::api::Counted {
+  Kept<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
+  Kept<vsplat_views, vsplat_views_retain, vsplat_views_release> views;
+  std::vector<int> used;
+  bool independent = false;
+  std::shared_ptr<std::vector<int>> selected;  // as RefineStart has it
+  std::optional<SceneFit> fit;                 // after what it is made of, so that it goes first
+};
+
+namespace {
+
+constexpr std::size_t kEvery = 8;
+
+FitHoldout holdout_of(const vsplat_refine_options& o) {
+  FitHoldout out;
+  switch (value_of(o.holdout)) {
+    case VSPLAT_HOLDOUT_AUTO:
+      return out;
+    case VSPLAT_HOLDOUT_NONE:
+      out.kind = FitHoldout::Kind::none;
+      return out;
+    case VSPLAT_HOLDOUT_COUNT:
+      out.kind = FitHoldout::Kind::count;
+      out.count = o.holdout_count;
+      return out;
+    case VSPLAT_HOLDOUT_NAMES:
+      out.kind = FitHoldout::Kind::named;
+      out.names = names_of(o.holdout_names, o.num_holdout_names, "options.holdout_names");
+      if (out.names.empty()) fail(Status::usage, "options.holdout_names is empty: views to hold out expected");
+      return out;
+  }
+  fail(Status::usage, "options.holdout is {}, not a value of vsplat_holdout", value_of(o.holdout));
+}
+
+FitFreeze freeze_of(uint32_t bits) {
+  constexpr uint32_t all =
+      VSPLAT_FREEZE_MEANS | VSPLAT_FREEZE_SCALES | VSPLAT_FREEZE_ROTATIONS | VSPLAT_FREEZE_OPACITIES | VSPLAT_FREEZE_SH;
+  if (bits & ~all) fail(Status::usage, "options.freeze is {}, not made of values of vsplat_freeze", bits);
+  if (bits == all) fail(Status::usage, "vsplat_refine_options.freeze holds every parameter: nothing is left to move");
+  return {(bits & VSPLAT_FREEZE_MEANS) != 0, (bits & VSPLAT_FREEZE_SCALES) != 0, (bits & VSPLAT_FREEZE_ROTATIONS) != 0,
+          (bits & VSPLAT_FREEZE_OPACITIES) != 0, (bits & VSPLAT_FREEZE_SH) != 0};
+}
+
+FitRequest request_of(const vsplat_refine_options& o) {
+  FitRequest out;
+  out.names = names_of(o.names, o.num_names, "options.names");
+  out.holdout = holdout_of(o);
+  if (o.steps < 0 || o.steps > INT32_MAX)
+    fail(Status::usage, "options.steps is {}: 0 to {} expected", o.steps, INT32_MAX);
+  if (!(o.seconds >= 0) || !std::isfinite(o.seconds)) fail(Status::usage, "options.seconds is {}", o.seconds);
+  if (o.max_gaussians > INT32_MAX)
+    fail(Status::usage, "options.max_gaussians is {}: 0 to {} expected", o.max_gaussians, INT32_MAX);
+  if (o.sh_degree < -1 || o.sh_degree > 3)
+    fail(Status::usage, "options.sh_degree is {}: -1, or 0 to 3 expected", o.sh_degree);
+  if (o.longest < 0) fail(Status::usage, "options.longest is {}: 0, or a number of pixels expected", o.longest);
+  out.steps = static_cast<long>(o.steps);
+  out.seconds = o.seconds;
+  out.max_gaussians = static_cast<long>(o.max_gaussians);
+  if (o.sh_degree >= 0) out.degree = o.sh_degree;
+  out.longest = o.longest;
+  out.freeze = freeze_of(o.freeze);
+  out.seed = o.seed;
+  return out;
+}
+
+// Every eighth of many views, but none that the network gets; so many must be left to hold out.
+FitHoldout beside_inputs(const FitHoldout& asked, const std::vector<int>& used, const std::vector<int>& inputs) {
+  if (asked.kind != FitHoldout::Kind::automatic || inputs.empty() || used.size() < kManyViews) return asked;
+  FitHoldout out{FitHoldout::Kind::named, 0, {}};
+  std::size_t others = 0;
+  for (const int view : used)
+    if (std::find(inputs.begin(), inputs.end(), view) == inputs.end() && others++ % kEvery == 0)
+      out.names.push_back(fmt::format("@{}", view));
+  return out.names.empty() ? asked : out;
+}
+
+SceneFit& fit_of(vsplat_refinement refinement) {
+  need(refinement, "refinement");
+  return *refinement->fit;
+}
+
+vsplat_scene new_scene(Scene scene) {
+  auto out = std::make_unique<vsplat_scene_impl>();
+  out->scene = std::make_shared<const Scene>(std::move(scene));
+  return out.release();
+}
+
+// Of a plan: their number and degree alone matter.
+Gaussians blank_gaussians(std::size_t count, int degree) {
+  Gaussians out;
+  out.count = count;
+  out.sh_degree = degree;
+  out.means.resize(3 * count);
+  out.scales.assign(3 * count, 1.0f);
+  out.quats.assign(4 * count, 0.5f);
+  out.opacities.assign(count, 0.5f);
+  out.sh.resize(3 * count * out.sh_count());
+  return out;
+}
+
+vsplat_refine_progress progress_of(const FitProgress& p) {
+  vsplat_refine_progress out = VSPLAT_REFINE_PROGRESS_INIT;
+  p.phase.copy(out.phase, sizeof out.phase - 1);
+  out.step = p.step;
+  out.steps = p.steps;
+  out.gaussians = static_cast<uint64_t>(p.gaussians);
+  out.loss = p.loss;
+  out.psnr = p.psnr;
+  out.seconds_left = p.seconds_left;
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views, const vsplat_refine_options* options,
+                                       vsplat_refinement* out_refinement) {
+  return guarded([&] {
+    need(device, "device");
+    need(views, "views");
+    need(options, "options");
+    need(out_refinement, "out_refinement");
+    const vsplat_refine_options o = taken(options, VSPLAT_REFINE_OPTIONS_INIT, "options");
+    FitRequest request = request_of(o);
+    auto made = std::make_unique<vsplat_refinement_impl>();
+    made->device = device;
+    made->views = views;
+    made->used = listed_views(views->photographs.set, request.names, "vsplat_refine_options.names");
+    // What was drawn before is in the way.
+    device->scene.reset();
+    device->scene_key.reset();
+    RefineStart from = refine_start(device, views, o, made->used);
+    made->independent = from.start.independent;
+    made->selected = from.selected;
+    request.holdout = beside_inputs(request.holdout, made->used, from.inputs);
+    made->fit.emplace(device->context, views->photographs, std::move(from.start), request);
+    *out_refinement = made.release();
+  });
+}
+
+void vsplat_refinement_retain(vsplat_refinement refinement) { retain(refinement); }
+void vsplat_refinement_release(vsplat_refinement refinement) { release(refinement); }
+
+vsplat_status vsplat_refinement_step(vsplat_refinement refinement, vsplat_refine_progress* out_progress,
+                                     int32_t* out_more) {
+  return guarded([&] {
+    SceneFit& fit = fit_of(refinement);
+    need(out_more, "out_more");
+    const bool more = fit.step();
+    if (out_progress) give(out_progress, progress_of(fit.progress()), "out_progress");
+    *out_more = more ? 1 : 0;
+  });
+}
+
+vsplat_status vsplat_refinement_stop(vsplat_refinement refinement) {
+  return guarded([&] { fit_of(refinement).stop(); });
+}
+
+vsplat_status vsplat_refinement_get_scene(vsplat_refinement refinement, vsplat_scene* out_scene) {
+  return guarded([&] {
+    SceneFit& fit = fit_of(refinement);
+    need(out_scene, "out_scene");
+    *out_scene = new_scene(fit.result().scene);
+  });
+}
+
+vsplat_status vsplat_refinement_get_start(vsplat_refinement refinement, vsplat_scene* out_scene) {
+  return guarded([&] {
+    const SceneFit& fit = fit_of(refinement);
+    need(out_scene, "out_scene");
+    vsplat_scene scene = new_scene(fit.start());
+    scene->selected = *refinement->selected;
+    *out_scene = scene;
+  });
+}
+
+vsplat_status vsplat_refinement_get_result(vsplat_refinement refinement, vsplat_refine_result* out_result) {
+  return guarded([&] {
+    const FitResult r = fit_of(refinement).result();
+    vsplat_refine_result out = VSPLAT_REFINE_RESULT_INIT;
+    out.steps = r.steps;
+    out.seconds = r.seconds;
+    out.returned = r.start_returned ? 1 : 0;
+    out.claimed = refinement->independent && std::isfinite(r.start.psnr) && std::isfinite(r.result.psnr) ? 1 : 0;
+    out.num_judged = static_cast<int32_t>(r.judged.size());
+    out.start_psnr = r.start.psnr;
+    out.start_ssim = r.start.ssim;
+    out.result_psnr = r.result.psnr;
+    out.result_ssim = r.result.ssim;
+    out.num_suspects = static_cast<int32_t>(r.suspects.size());
+    give(out_result, out, "out_result");
+  });
+}
+
+vsplat_status vsplat_refinement_get_views(vsplat_refinement refinement, vsplat_refine_views which, int32_t* out_views,
+                                          size_t capacity, size_t* out_count) {
+  return guarded([&] {
+    SceneFit& fit = fit_of(refinement);
+    need(out_count, "out_count");
+    need_array(out_views, capacity, "out_views");
+    std::vector<int> all;
+    switch (value_of(which)) {
+      case VSPLAT_REFINE_USED:
+        all = refinement->used;
+        break;
+      case VSPLAT_REFINE_JUDGED:
+        all = fit.result().judged;
+        break;
+      case VSPLAT_REFINE_SUSPECTS:
+        all = fit.result().suspects;
+        break;
+      default:
+        fail(Status::usage, "which is {}, not a value of vsplat_refine_views", value_of(which));
+    }
+    std::copy_n(all.begin(), std::min(capacity, all.size()), out_views);
+    *out_count = all.size();
+  });
+}
+
+vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t index, vsplat_camera* out_camera,
+                                         float* out_pixels, size_t capacity) {
+  return guarded([&] {
+    SceneFit& fit = fit_of(refinement);
+    const std::vector<int>& used = refinement->used;
+    const auto known = [&](int view) { return static_cast<size_t>(view) == index; };
+    if (std::none_of(used.begin(), used.end(), known))
+      fail(Status::usage, "view {} is not among the {} that are used", index, used.size());
+    const int view = static_cast<int>(index);
+    const vsplat_camera camera = describe(fit.camera(view));
+    if (out_pixels) {
+      const Image picture = fit.picture(view);
+      if (capacity < picture.data.size())
+        fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, picture.data.size());
+      std::copy(picture.data.begin(), picture.data.end(), out_pixels);
+    }
+    if (out_camera) give(out_camera, camera, "out_camera");
+  });
+}
+
+vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, int32_t sh_degree, int32_t width,
+                                     int32_t height, vsplat_plan* out_plan) {
+  return guarded([&] {
+    need(device, "device");
+    if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
+    if (gaussians < 1 || gaussians > INT32_MAX)
+      fail(Status::usage, "gaussians is {}: 1 to {} expected", gaussians, INT32_MAX);
+    vsplat_camera any = VSPLAT_CAMERA_INIT;
+    any.width = width, any.height = height, any.fx = any.fy = 1;
+    const Camera camera = camera_of(any, "the picture");
+    const Context& ctx = device->context;
+    FitOptions options;
+    options.max_gaussians = static_cast<long>(gaussians);
+    options.grow_every = 1;
+    options.grow_until = 2;
+    FitMemory memory;
+    const bool fits =
+        fits_within([&] { memory = plan_fit(ctx, blank_gaussians(1, sh_degree), 0.2f, options, camera); });
+    give(out_plan, plan_of(memory.stages, memory.peak, ctx.memory().limits().total, fits), "out_plan");
+  });
+}

@@ -1,0 +1,194 @@
+#include "model/api/refine_start.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/api/device.h"
+#include "model/api/input.h"
+#include "model/api/model.h"
+#include "model/api/scene.h"
+#include "model/api/selected.h"
+#include "model/base/resample.h"
+#include "model/fit/fit_start.h"
+#include "model/input/pose_check.h"
+#include "model/input/view_choice.h"
+#include "model/reconstruct/reconstruct.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+
+namespace vsplat::api {
+namespace {
+
+float middle(std::vector<float> values, double share) {
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// The cube about the median Gaussian that holds 95 % of them.
+Placement cube_of(const Gaussians& g) {
+  Placement out;
+  std::vector<float> values(g.count);
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t k = 0; k < g.count; ++k) values[k] = g.means[3 * k + static_cast<std::size_t>(axis)];
+    out.centre[axis] = middle(values, 0.5);
+  }
+  for (std::size_t k = 0; k < g.count; ++k) {
+    double far = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      far = std::max(far, std::abs(g.means[3 * k + static_cast<std::size_t>(axis)] - out.centre[axis]));
+    values[k] = static_cast<float>(far);
+  }
+  out.edge = std::max(2.2 * middle(values, 0.95), 1e-6);
+  return out;
+}
+
+Placement place(const Photographs& photographs, const InputRequest& input, const Gaussians* scene,
+                const std::vector<int>& used) {
+  const ViewSet& set = photographs.set;
+  PlacementRequest request = input.placement;
+  const bool centre_open = !request.centre && !set.aabb_center, edge_open = !request.edge && !set.aabb_half;
+  if (scene && !request.auto_frame && (centre_open || edge_open)) {
+    const Placement cube = cube_of(*scene);
+    if (centre_open) request.centre = cube.centre;
+    if (edge_open) request.edge = cube.edge;
+  }
+  const ChosenPlacement chosen = find_placement(photographs, spread_views(set, used, max_views), request);
+  info("{}{}", chosen.found, scene && (centre_open || edge_open) ? " (from where the scene's Gaussians are)" : "");
+  std::vector<Camera> cameras;
+  for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
+  check_centre_is_seen(cameras, set.convention, chosen.placement, input.force || scene);
+  return chosen.placement;
+}
+
+ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const Config& config) {
+  vsplat_reconstruct_options r = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+  if (o.reconstruct) r = taken(o.reconstruct, r, "options.reconstruct");
+  if (r.voxels || r.selection)
+    fail(
+        Status::usage,
+        "options.reconstruct has a selection of voxels: it belongs to one set of views, and the network is asked about "
+        "others, too");
+  if (!(r.near_plane >= 0)) fail(Status::usage, "options.reconstruct.near_plane is {}", r.near_plane);
+  ReconstructOptions out;
+  out.near = r.near_plane;
+  if (r.has_seed) out.forward.selection_seed = r.seed;
+  out.forward.planned_selected =
+      voxels_of(r.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.reconstruct.assume_selected");
+  return out;
+}
+
+// Predicts from views of a set; all that it needs but device and photographs is its own.
+class Network {
+ public:
+  Network(vsplat_device device, const Photographs& photographs, const vsplat_refine_options& o,
+          const InputRequest& input, const Placement& placement, std::vector<int> inputs,
+          std::shared_ptr<std::vector<int>> selected)
+      : device_(device),
+        photographs_(photographs),
+        model_(o.model),
+        fit_(input.fit),
+        placement_(placement),
+        options_(reconstruct_options_of(o, o.model->file->config)),
+        named_(!input.names.empty()),
+        inputs_(std::move(inputs)),
+        selected_(std::move(selected)) {}
+
+  Scene operator()(const std::vector<int>& views) const {
+    const Config& config = model_.get()->file->config;
+    const std::vector<int> chosen = chosen_of(views);
+    const Framing framing{config.image, fit_, placement_.centre, placement_.edge};
+    std::vector<PreparedView> prepared;
+    std::vector<Camera> cameras;
+    std::string names;
+    for (const int view : chosen) {
+      LoadedPhotograph photograph(photographs_, view);
+      names += (names.empty() ? "" : ", ") + photograph.listed().name;
+      FramedView framed = photograph.framed(framing);
+      cameras.push_back(framed.camera);
+      prepared.push_back({on_white(framed.image), std::move(framed.camera)});
+    }
+    verbose("the network gets {}", names);
+    check_cube_is_in_front(place_views(cameras, placement_, config.rebase).cameras, placement_);
+    Reconstruction out = reconstruct(device_->context, model_on(device_, model_.get()), prepared, placement_, options_);
+    device_->context.memory().trim();
+    *selected_ = std::move(out.selected);
+    return std::move(out.scene);
+  }
+
+ private:
+  // The inputs as they are; where some of them are left out, the others of those named, or others.
+  std::vector<int> chosen_of(const std::vector<int>& views) const {
+    std::vector<int> out;
+    for (const int view : inputs_)
+      if (std::find(views.begin(), views.end(), view) != views.end()) out.push_back(view);
+    if (out.size() < inputs_.size() && (!named_ || out.empty()))
+      out = spread_views(photographs_.set, views, model_.get()->file->config.views);
+    return out;
+  }
+
+  vsplat_device device_;
+  const Photographs& photographs_;
+  Kept<vsplat_model, vsplat_model_retain, vsplat_model_release> model_;
+  Fit fit_;
+  Placement placement_;
+  ReconstructOptions options_;
+  bool named_;
+  std::vector<int> inputs_;
+  std::shared_ptr<std::vector<int>> selected_;
+};
+
+// What the network gets where nothing is left out.
+std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const std::vector<int>& used, int usual) {
+  if (input.names.empty()) return spread_views(set, used, usual);
+  const std::vector<int> out = choose_views(set, {input.names, usual});
+  for (const int view : out)
+    if (std::find(used.begin(), used.end(), view) == used.end())
+      fail(Status::usage, "vsplat_input_options.names: {} is not among the views that are used",
+           set.views[static_cast<std::size_t>(view)].name);
+  return out;
+}
+
+}  // namespace
+
+RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
+                         const std::vector<int>& used) {
+  const Photographs& photographs = views->photographs;
+  const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
+                                                : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
+  RefineStart made;
+  FitStart& out = made.start;
+  const auto always = [&out](Scene scene) {
+    out.make = [kept = std::make_shared<const Scene>(std::move(scene))](const std::vector<int>&) { return *kept; };
+  };
+  const auto most = static_cast<long>(o.max_gaussians);
+  switch (value_of(o.start)) {
+    case VSPLAT_REFINE_SCENE: {
+      need(o.scene, "options.scene");
+      const std::shared_ptr<const Scene> scene = o.scene->scene;
+      if (scene->gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
+      out.placement = place(photographs, input, &scene->gaussians, used);
+      out.make = [scene](const std::vector<int>&) { return *scene; };
+      return made;
+    }
+    case VSPLAT_REFINE_NETWORK:
+      need(o.model, "options.model");
+      made.inputs = inputs_of(photographs.set, input, used, o.model->file->config.views);
+      out.placement = place(photographs, input, nullptr, used);
+      out.make = Network(device, photographs, o, input, out.placement, made.inputs, made.selected);
+      out.independent = true;
+      return made;
+    case VSPLAT_REFINE_POINTS:
+      out.placement = place(photographs, input, nullptr, used);
+      always(scene_from_points(read_colmap_points(photographs.set.source), out.placement, most));
+      return made;
+    case VSPLAT_REFINE_RANDOM:
+      out.placement = place(photographs, input, nullptr, used);
+      always(random_scene(out.placement, most > 0 ? most : kRandomStart, o.seed));
+      out.independent = true;
+      return made;
+  }
+  fail(Status::usage, "options.start is {}, not a value of vsplat_refine_start", value_of(o.start));
+}
+
+}  // namespace vsplat::api

@@ -1,0 +1,43 @@
+// What a refinement begins with.
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "model/api/handle.h"
+#include "model/fit/scene_fit.h"
+
+namespace vsplat::api {
+
+// A handle that is kept alive.
+template <class T, void (*Retain)(T), void (*Release)(T)>
+class Kept {
+ public:
+  Kept() = default;
+  explicit Kept(T handle) : handle_(handle) { Retain(handle_); }
+  Kept(const Kept& other) : Kept(other.handle_) {}
+  Kept& operator=(const Kept&) = delete;
+  Kept& operator=(T handle) {
+    Retain(handle);
+    Release(handle_);
+    handle_ = handle;
+    return *this;
+  }
+  ~Kept() { Release(handle_); }
+  T get() const { return handle_; }
+
+ private:
+  T handle_ = nullptr;
+};
+
+struct RefineStart {
+  FitStart start;
+  std::vector<int> inputs;  // of the network: the views that it gets where none of them is left out
+  std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, when it was last asked
+};
+
+// Places the object and checks what the start needs; `used` are the views of `o`. Keeps `o`'s scene or model alive, but
+// not device and views.
+RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
+                         const std::vector<int>& used);
+
+}  // namespace vsplat::api

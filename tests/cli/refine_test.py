@@ -1,0 +1,164 @@
+"""vsplat refine: scenes moved towards pictures; what it says of itself, what it refuses, the same bytes twice."""
+import csv
+import json
+import math
+import os
+import signal
+import subprocess
+import unittest
+
+import support
+
+RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "seconds"]
+
+
+class Refine(support.Case):
+    """Pictures of a random solid, and a grey ball in its place."""
+    SIDE = 24
+
+    def setUp(self):
+        super().setUp()
+        self.succeeds("dataset", "procedural", "--count", 1, "--output", self.path("set"), "--views", 5, "--size", self.SIDE, "--seed", 4)
+        self.photos = self.path("set", "solid_0000")
+        self.ball = self.path("ball.ply")
+        spots = [(0.25 * math.sin(i), 0.25 * math.cos(2.3 * i), 0.25 * math.sin(5.1 * i)) for i in range(60)]
+        support.write_scene(self.ball, [(at, (0.5, 0.5, 0.5), 0.06, 0.7) for at in spots])
+
+    def refine(self, *more, start=None, output="out.ply"):
+        return ("refine", self.photos, "--start", start or self.ball, "--output", self.path(output), "--quiet", *more)
+
+    def told(self, *arguments):
+        return json.loads(self.succeeds(*arguments, "--json")[0])
+
+    def test_pictures_held_out_get_better_and_the_json_says_how_much(self):
+        told = self.told(*self.refine("--holdout", 1, "--steps", 60, "--log", self.path("log.csv"), "--sheet", self.path("sheet.png")))
+        self.assertEqual(list(told), RESULT[:-1] + ["log", "sheet"] + RESULT[-1:])
+        self.assertEqual(len(told["judged_on"]), 1)
+        self.assertEqual(told["returned"], "refined")
+        self.assertEqual(told["claimed"], False)  # a scene from a file may have seen every picture
+        self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 1)
+        self.assertEqual(told["suspects"], [])
+        self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+        rows = list(csv.DictReader(open(self.path("log.csv"))))
+        self.assertEqual([int(row["step"]) for row in rows], list(range(1, 61)))
+        self.assertEqual({row["phase"] for row in rows}, {"refining"})
+        self.assertLess(float(rows[-1]["loss"]), float(rows[0]["loss"]))
+        self.assertAlmostEqual(max(float(row["psnr"]) for row in rows if row["psnr"]), told["result"]["psnr"], 2)
+        width, height, _ = support.read_png(self.path("sheet.png"))
+        self.assertGreater(width, 4 * self.SIDE)
+        self.assertLess(height, 2 * self.SIDE + 20)
+
+    def test_the_picture_that_was_held_out_is_what_the_scene_is_measured_by(self):
+        told = self.told(*self.refine("--holdout", "@2", "--steps", 40))
+        self.assertEqual([os.path.basename(name) for name in told["judged_on"]], ["002.png"])
+        compared = self.told("render", self.path("out.ply"), "--cameras", os.path.join(self.photos, "transforms.json"), "--compare",
+                             os.path.join(self.photos, "images"), "--quiet")
+        self.assertAlmostEqual(compared["comparison"]["pictures"][2]["psnr"], told["result"]["psnr"], 1)
+
+    def test_few_views_are_each_left_out_in_turn(self):
+        told = self.told(*self.refine("--steps", 25, "--log", self.path("log.csv")))
+        self.assertEqual(len(told["judged_on"]), 5)
+        phases = [row["phase"] for row in csv.DictReader(open(self.path("log.csv")))]
+        self.assertEqual(sorted(set(phases)), [f"leaving out {i} of 5" for i in range(1, 6)] + ["refining"])
+        self.assertIn(told["steps"], (0, 25))
+        self.assertEqual(told["returned"], "refined" if told["steps"] else "start")
+
+    def test_the_start_is_returned_where_nothing_makes_it_better(self):
+        self.succeeds(*self.refine("--holdout", "@0", "--steps", 150, output="good.ply"))
+        # Towards pictures whose colours are all turned round, judged by one that is as it was.
+        for name in sorted(os.listdir(os.path.join(self.photos, "images")))[1:]:
+            path = os.path.join(self.photos, "images", name)
+            width, height, data = support.read_png(path)
+            step = len(data) // (width * height)
+            rows = [[tuple(255 - v for v in data[step * (y * width + x):][:3]) for x in range(width)] for y in range(height)]
+            support.write_png(path, width, height, rows)
+        told = self.told(*self.refine("--holdout", "@0", "--steps", 30, start=self.path("good.ply")))
+        self.assertEqual((told["returned"], told["steps"]), ("start", 0))
+        self.assertLess(told["result"]["psnr"], told["start"]["psnr"])
+        camera = ("--cameras", os.path.join(self.photos, "transforms.json"), "--quiet", "--images")
+        self.succeeds("render", self.path("good.ply"), *camera, self.path("a"))
+        self.succeeds("render", self.path("out.ply"), *camera, self.path("b"))
+        self.assertEqual(open(self.path("a", "0000.png"), "rb").read(), open(self.path("b", "0000.png"), "rb").read())
+
+    def test_the_same_input_gives_the_same_bytes(self):
+        more = ("--holdout", 1, "--steps", 30, "--seed", 7)
+        for start in (self.ball, "random"):
+            with self.subTest(start=start):
+                scenes = []
+                for name in ("a.ply", "b.ply"):
+                    self.succeeds(*self.refine(*more, start=start, output=name), "--overwrite")
+                    scenes.append(open(self.path(name), "rb").read())
+                self.assertEqual(scenes[0], scenes[1])
+                self.succeeds(*self.refine(*more[:-1], 8, start=start, output="c.ply"), "--overwrite")
+                self.assertNotEqual(scenes[0], open(self.path("c.ply"), "rb").read())
+
+    def test_the_network_predicts_again_without_what_is_left_out(self):
+        told = self.told(*self.refine("--steps", 25, "--model", self.model, start="network"))
+        self.assertEqual(told["claimed"], True)
+        self.assertEqual(len(told["judged_on"]), 5)
+        _, err = self.succeeds("refine", self.photos, "--start", "network", "--model", self.model, "--output", self.path("b.ply"), "--steps", 25,
+                               "--holdout", "@1", "--verbose")
+        names = next(line for line in err.splitlines() if line.startswith("the network gets"))
+        self.assertNotIn("001", names)
+
+    def test_what_is_frozen_stays(self):
+        self.succeeds(*self.refine("--holdout", "none", "--steps", 10, "--freeze", "means,scales,rotations,opacities"))
+        def body(path):
+            return open(path, "rb").read().partition(b"end_header\n")[2]
+        count = len(body(self.ball)) // 56
+        told = self.told("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
+        self.assertEqual(told["gaussians"], count)
+        self.refuses(2, ["--freeze", "nothing is left"], *self.refine("--freeze", "means,scales,rotations,opacities,sh"))
+
+    def test_an_interrupt_ends_it_with_the_best_so_far(self):
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.refine("--holdout", 1, "--steps", 1000000))][:-2] + ["1000000"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        try:
+            process.wait(6)
+            self.fail(process.stderr.read())
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(60), 0, process.stderr.read())
+        self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+
+    def test_time_is_kept(self):
+        told = self.told(*self.refine("--holdout", 1, "--steps", 1000000, "--time", 1))
+        self.assertLess(told["seconds"], 30)
+
+    def test_what_is_refused(self):
+        self.refuses(2, "--start", "refine", self.photos, "--output", self.path("x.ply"))
+        self.refuses(2, "--output", "refine", self.photos, "--start", self.ball)
+        self.refuses(1, "nowhere.ply", *self.refine(start=self.path("nowhere.ply")))
+        self.refuses(2, ["--output", ".ply"], *self.refine(output="out.splat"))
+        self.refuses(2, ["--holdout nobody", "no such view"], *self.refine("--holdout", "nobody"))
+        self.refuses(2, ["--views nobody", "no such view"], *self.refine("--views", "@0,nobody"))
+        self.refuses(2, "every view is held out", *self.refine("--holdout", "@0,@1,@2,@3,@4"))
+        self.refuses(2, ["--holdout", "1 to 4"], *self.refine("--holdout", 5))
+        self.refuses(2, ["--holdout", "not among"], *self.refine("--views", "@0,@1", "--holdout", "@3"))
+        self.refuses(2, ["--steps", "soon"], *self.refine("--steps", "soon"))
+        self.refuses(2, ["--size", "big"], *self.refine("--size", "big"))
+        self.refuses(2, ["--freeze", "feet"], *self.refine("--freeze", "feet"))
+        self.refuses(2, "--sh", *self.refine("--sh", 4))
+        self.refuses(2, "--model is for --start network", *self.refine("--model", self.model))
+        self.refuses(2, ["--sheet", ".png"], *self.refine("--sheet", self.path("s.jpg")))
+        self.refuses(1, "no COLMAP model", *self.refine(start="points"))
+        open(self.path("out.ply"), "w").write("mine")
+        self.refuses(1, ["out.ply", "--overwrite"], *self.refine())
+        self.refuses(2, "is read", *self.refine("--overwrite", output="ball.ply"))
+        err = self.refuses(1, ["memory", "--max-memory"], *self.refine("--max-memory", "0.0005", "--overwrite"))
+        self.assertNotIn("vsplat_", err)
+        support.write_scene(self.path("empty.ply"), [])
+        self.refuses(1, "no Gaussian", *self.refine("--overwrite", start=self.path("empty.ply")))
+
+    def test_dry_run(self):
+        told = self.told("refine", self.photos, "--start", self.ball, "--dry-run")
+        self.assertEqual([plan["fits"] for plan in told], [True])
+        self.assertIn("24 x 24", told[0]["what"])
+        more = self.told("refine", self.photos, "--start", self.ball, "--dry-run", "--max-gaussians", 100000)
+        self.assertGreater(more[0]["peak_bytes"], told[0]["peak_bytes"])
+        self.assertEqual(len(self.told("refine", self.photos, "--start", "network", "--model", self.model, "--dry-run")), 2)
+        self.assertEqual(os.path.exists(self.path("out.ply")), False)
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,225 @@
+/* A caller's own loop of refinement on pictures in memory, in plain C: step, stop, take the scene. Prints every check
+   that does not hold; exits 1 if any did. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <vsplat/vsplat.h>
+
+#include "checks.h"
+
+enum { side = 24, pixels = side * side, views = 6, count = 20 };
+
+static vsplat_device open_device(void) {
+  vsplat_device out = NULL;
+  EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &out));
+  return out;
+}
+
+/* Balls in a spiral, in colours or in grey. */
+static vsplat_scene make_scene(int coloured) {
+  static float means[3 * count], scales[3 * count], rotations[4 * count], opacities[count], sh[3 * count];
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  vsplat_scene out = NULL;
+  int i, c;
+  for (i = 0; i < count; ++i) {
+    means[3 * i] = 0.3f * (float)sin(i), means[3 * i + 1] = 0.3f * (float)cos(i);
+    means[3 * i + 2] = 0.03f * (float)(i - count / 2);
+    rotations[4 * i] = 1;
+    opacities[i] = 0.8f;
+    for (c = 0; c < 3; ++c) {
+      scales[3 * i + c] = 0.08f;
+      sh[3 * i + c] = coloured ? 1.5f * (float)sin(1.7 * i + 2 * c) : 0;
+    }
+  }
+  info.count = arrays.capacity = count;
+  info.near_plane = 0.1;
+  arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
+  arrays.opacities = opacities, arrays.sh = sh;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
+  return out;
+}
+
+/* Camera `i` of a circle about the origin, at a distance of 2. */
+static vsplat_camera make_camera(int i) {
+  vsplat_camera out = VSPLAT_CAMERA_INIT;
+  const double a = 1.05 * i, s = sin(a), c = cos(a);
+  out.width = out.height = side;
+  out.fx = out.fy = 30;
+  out.cx = out.cy = side / 2.0;
+  out.w2c[0] = c, out.w2c[2] = s;
+  out.w2c[8] = -s, out.w2c[10] = c;
+  out.w2c[11] = 2;
+  return out;
+}
+
+static vsplat_views make_views(vsplat_device device) {
+  static float pictures[views][3 * pixels];
+  vsplat_view list[views];
+  vsplat_scene truth = make_scene(1);
+  vsplat_views out = NULL;
+  int i;
+  for (i = 0; i < views; ++i) {
+    const vsplat_view init = VSPLAT_VIEW_INIT;
+    vsplat_picture picture = VSPLAT_PICTURE_INIT;
+    list[i] = init;
+    list[i].camera = make_camera(i);
+    list[i].pixels = pictures[i];
+    picture.capacity = pixels;
+    picture.colour = pictures[i];
+    EXPECT(VSPLAT_OK, vsplat_render(device, truth, &list[i].camera, NULL, &picture));
+  }
+  EXPECT(VSPLAT_OK, vsplat_views_create(list, views, &out));
+  vsplat_scene_release(truth);
+  return out;
+}
+
+static vsplat_refine_options make_options(vsplat_scene start) {
+  vsplat_refine_options out = VSPLAT_REFINE_OPTIONS_INIT;
+  out.scene = start;
+  out.holdout = VSPLAT_HOLDOUT_COUNT;
+  out.holdout_count = 1;
+  out.steps = 200;
+  return out;
+}
+
+static void refuses(vsplat_device device, vsplat_views from, vsplat_scene start) {
+  const char* nobody = "nobody";
+  vsplat_refinement none = NULL;
+  vsplat_refine_options o = make_options(start);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(NULL, from, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, NULL, &o, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, NULL, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, NULL));
+  o.scene = NULL;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.start = VSPLAT_REFINE_NETWORK; /* without a model */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.start = VSPLAT_REFINE_POINTS; /* of pictures in memory */
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.names = &nobody, o.num_names = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  HOLD(strstr(vsplat_last_error(), "vsplat_refine_options.names nobody"));
+  o = make_options(start);
+  o.holdout_count = views;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.steps = -1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.seconds = NAN;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.freeze = 64;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(start);
+  o.sh_degree = 4;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  HOLD(!none);
+}
+
+static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_scene start) {
+  const vsplat_refine_options o = make_options(start);
+  vsplat_refine_progress progress = VSPLAT_REFINE_PROGRESS_INIT;
+  vsplat_refine_result result = VSPLAT_REFINE_RESULT_INIT;
+  vsplat_refinement refinement = NULL;
+  vsplat_scene scene = NULL, kept = NULL;
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  float got[3 * pixels], means[3 * count];
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  vsplat_camera camera = VSPLAT_CAMERA_INIT;
+  double first = 0;
+  int32_t more = 1, judged = -1, steps = 0;
+  size_t n = 0;
+  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
+  while (more) {
+    EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, &progress, &more));
+    if (++steps == 1) first = progress.loss;
+    HOLD(strcmp(progress.phase, "refining") == 0 && progress.step == steps && progress.steps == 200);
+  }
+  HOLD(steps == 200);
+  HOLD(progress.loss < first);
+  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more)); /* there is none left */
+  HOLD(more == 0);
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_result(refinement, &result));
+  HOLD(result.returned == 0 && result.num_judged == 1 && result.claimed == 0);
+  HOLD(result.result_psnr > result.start_psnr + 3);
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_views(refinement, VSPLAT_REFINE_USED, NULL, 0, &n));
+  HOLD(n == views);
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_views(refinement, VSPLAT_REFINE_JUDGED, &judged, 1, &n));
+  HOLD(n == 1 && judged >= 0 && judged < views);
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_view(refinement, (size_t)judged, &camera, got, 3 * pixels));
+  HOLD(camera.width == side && fabs(camera.fx - 30) < 1e-9);
+  HOLD(fabs(camera.w2c[11] - 2) < 1e-9);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_get_view(refinement, views, &camera, NULL, 0));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_get_view(refinement, 0, NULL, got, 3 * pixels - 1));
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_start(refinement, &kept));
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_scene(refinement, &scene));
+  vsplat_refinement_release(refinement);
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(kept, &info)); /* both outlive it */
+  HOLD(info.count == count);
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
+  HOLD(info.count > 0 && info.count <= count && fabs(info.near_plane - 0.1) < 1e-6);
+  arrays.capacity = count;
+  arrays.means = means;
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
+  HOLD(fabs(means[0]) < 1);
+  vsplat_scene_release(scene);
+  vsplat_scene_release(kept);
+}
+
+static void stopped_it_gives_the_best_so_far(vsplat_device device, vsplat_views from, vsplat_scene start) {
+  vsplat_refine_options o = make_options(start);
+  vsplat_refinement refinement = NULL;
+  vsplat_refine_result result = VSPLAT_REFINE_RESULT_INIT;
+  vsplat_scene scene = NULL;
+  int32_t more = 1;
+  o.steps = 1000;
+  o.holdout = VSPLAT_HOLDOUT_NONE;
+  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
+  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+  HOLD(more == 1);
+  EXPECT(VSPLAT_OK, vsplat_refinement_stop(refinement));
+  EXPECT(VSPLAT_OK, vsplat_refinement_step(refinement, NULL, &more));
+  HOLD(more == 0);
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_result(refinement, &result));
+  HOLD(result.steps == 2 && result.returned == 0 && result.num_judged == 0 && isnan(result.result_psnr));
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_scene(refinement, &scene));
+  vsplat_scene_release(scene);
+  vsplat_refinement_retain(refinement);
+  vsplat_refinement_release(refinement);
+  vsplat_refinement_release(refinement);
+}
+
+static void a_plan_grows_with_the_scene(vsplat_device device) {
+  vsplat_plan small = VSPLAT_PLAN_INIT, large = VSPLAT_PLAN_INIT;
+  EXPECT(VSPLAT_OK, vsplat_plan_refinement(device, 1000, 1, side, side, &small));
+  EXPECT(VSPLAT_OK, vsplat_plan_refinement(device, 100000, 1, side, side, &large));
+  HOLD(small.fits == 1 && large.peak > 10 * small.peak);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_refinement(device, 0, 1, side, side, &small));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_refinement(device, 1, 4, side, side, &small));
+}
+
+int main(void) {
+  vsplat_device device = open_device();
+  vsplat_views from = make_views(device);
+  vsplat_scene start = make_scene(0);
+  char* name = NULL;
+  EXPECT(VSPLAT_OK, vsplat_views_get_name(from, 3, &name));
+  HOLD(strcmp(name, "3") == 0);
+  vsplat_text_free(name);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_get_name(from, views, &name));
+  refuses(device, from, start);
+  a_loop_of_ones_own(device, from, start);
+  stopped_it_gives_the_best_so_far(device, from, start);
+  a_plan_grows_with_the_scene(device);
+  vsplat_scene_release(start);
+  vsplat_views_release(from);
+  vsplat_device_release(device);
+  return failures == 0 ? 0 : 1;
+}
