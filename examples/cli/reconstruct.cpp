@@ -152,7 +152,7 @@ void reconstruct(const Options& o) {
   for (const std::string& path : views.files()) outputs.input(path);
   for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
-  if (request.refinement) request.refinement->expect(outputs);
+  if (request.refinement) request.refinement->expect(outputs, o.output);
   if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
 
   Session session(o.common);

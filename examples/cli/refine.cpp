@@ -100,7 +100,7 @@ void refine(const Options& o) {
   for (const std::string& path : {start_file(o), o.model}) outputs.input(path);
   for (const std::string& path : views.files()) outputs.input(path);
   for (const std::string& path : {o.output, o.common.profile, o.common.trace}) outputs.expect(path);
-  job.expect(outputs);
+  job.expect(outputs, o.output);
 
   vsplat::Scene scene;
   if (job.options.start == VSPLAT_REFINE_SCENE) scene = vsplat::Scene::load(o.start);
@@ -184,6 +184,18 @@ void add_refine(CLI::App& app, Run& run) {
   sub->add_option("--log", o->refine.log, "Every step: phase, loss, Gaussians, PSNR held out, seconds")
       ->type_name("FILE.csv")
       ->group(beside);
+  sub->add_flag("--poses", o->refine.poses,
+                "Correct the cameras a little, too, and write them as cameras.json beside the scene: SCENE.poses.json")
+      ->group(beside);
+  sub->add_flag("--exposure", o->refine.exposure,
+                "Give each picture an affine map of colours while fitting, for exposure that differs; dropped at the "
+                "end")
+      ->group(beside);
+  sub->add_option("--checkpoint", o->refine.checkpoint, "Folder into which the state is written now and then")
+      ->type_name("DIR")
+      ->group(beside);
+  sub->add_flag("--resume", o->refine.resume, "Go on with the state in --checkpoint: the result has the same bytes")
+      ->group(beside);
   sub->add_flag("--dry-run", o->dry_run, "Only say how much device memory a step takes")->group(beside);
   add_common(*sub, o->common);
   sub->footer(
@@ -191,6 +203,8 @@ void add_refine(CLI::App& app, Run& run) {
       "  vsplat refine photos/ --start network --output sharp.ply --sheet sheet.png\n"
       "  vsplat refine photos/ --start scene.ply --output sharp.ply --size full --time 120\n"
       "  vsplat refine colmap/ --pictures photos/ --start points --auto-frame --output scene.ply --steps 3000\n"
+      "  vsplat refine photos/ --start network --output sharp.ply --poses --exposure\n"
+      "  vsplat refine photos/ --start network --output sharp.ply --steps 20000 --checkpoint state/ --resume\n"
       "  vsplat refine photos/ --start scene.ply --output recoloured.ply --freeze means,scales,rotations,opacities\n"
       "What comes out is never worse than the start on the pictures held out: where the start is best, it is written,\n"
       "and that is said. Masks and alpha are used where there are any. Ctrl-C ends it with the best so far; a second\n"

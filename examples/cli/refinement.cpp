@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
@@ -110,7 +111,13 @@ ordered_json number_json(double value) { return std::isfinite(value) ? ordered_j
 
 }  // namespace
 
-RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names) : log_(o.log), sheet_(o.sheet) {
+RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names)
+    : log_(o.log), sheet_(o.sheet), checkpoint_(o.checkpoint) {
+  options.poses = o.poses;
+  options.exposure = o.exposure;
+  options.checkpoint = checkpoint_.empty() ? nullptr : checkpoint_.c_str();
+  options.resume = o.resume;
+  if (o.resume && checkpoint_.empty()) throw UsageError("--resume needs --checkpoint, the folder of the state");
   if (!o.steps.empty() && o.steps != "auto") options.steps = count_of(names.steps, o.steps, "auto or ");
   if (!o.seconds.empty()) options.seconds = positive_number("--time", o.seconds, "number of seconds");
   if (!o.max_gaussians.empty())
@@ -138,7 +145,9 @@ RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names) : log_(o.
   need_ending("--log", log_, ".csv");
 }
 
-void RefineJob::expect(Outputs& outputs) const {
+void RefineJob::expect(Outputs& outputs, const std::string& output) {
+  if (options.poses) poses_ = std::filesystem::path(output).replace_extension(".poses.json").string();
+  outputs.expect(poses_);
   outputs.expect(log_);
   outputs.expect(sheet_);
 }
@@ -175,6 +184,9 @@ vsplat::Scene RefineJob::run(Session& session, const Common& common, const vspla
   suspects_ = names_of(refinement, VSPLAT_REFINE_SUSPECTS, views);
   start_ = refinement.start();
   vsplat::Scene scene = refinement.scene();
+  // Corrected for the refined scene: beside the start they would mean nothing.
+  if (result_.returned) poses_.clear();
+  if (!poses_.empty()) refinement.save_cameras(outputs.begin(poses_));
   if (!log_.empty()) write_text(outputs.begin(log_), log);
   if (!sheet_.empty()) draw_sheet(session, refinement, scene, outputs);
   return scene;
@@ -242,6 +254,7 @@ void RefineJob::add_results(ordered_json& out) const {
   out["suspects"] = suspects_;
   if (!log_.empty()) out["log"] = log_;
   if (!sheet_.empty()) out["sheet"] = sheet_;
+  if (!poses_.empty()) out["poses"] = poses_;
 }
 
 Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_degree,

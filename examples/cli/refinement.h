@@ -13,7 +13,8 @@ namespace command {
 // As given; "" where an option was not. `refine` has all of them.
 struct RefineOptions {
   std::string steps, size, sheet;
-  std::string seconds, max_gaussians, holdout, sh, freeze, seed, log;
+  std::string seconds, max_gaussians, holdout, sh, freeze, seed, log, checkpoint;
+  bool poses = false, exposure = false, resume = false;
 };
 
 // What the options are called in messages.
@@ -31,14 +32,15 @@ class RefineJob {
   // Start, scene, model, input and names are the caller's.
   vsplat_refine_options options = VSPLAT_REFINE_OPTIONS_INIT;
 
-  void expect(Outputs& outputs) const;
+  // `output`: the scene's file, beside which poses are written.
+  void expect(Outputs& outputs, const std::string& output);
   // To the end, or until the user interrupts: then the best so far is the result, and that is said.
   vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs);
   // What it began with; after run().
   const vsplat::Scene& start() const { return start_; }
   // In words, and what there is to warn of.
   void summarise(const Common& common) const;
-  // The fields "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "log", "sheet".
+  // The fields "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "log", "sheet", "poses".
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
@@ -49,7 +51,7 @@ class RefineJob {
 
   std::vector<std::string> holdout_;
   std::vector<const char*> holdout_pointers_;
-  std::string log_, sheet_;
+  std::string log_, sheet_, poses_, checkpoint_;
   vsplat::Scene start_;
   vsplat_refine_result result_ = VSPLAT_REFINE_RESULT_INIT;
   bool stopped_ = false;
@@ -57,7 +59,7 @@ class RefineJob {
   std::vector<std::string> judged_, suspects_;
 };
 
-// Memory of a step, titled, of up to `gaussians` and pictures of these cameras with their longer side at most `longest`.
+// Memory of a step, titled: up to `gaussians`, pictures of these cameras with their longer side at most `longest`.
 Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_degree,
                      const std::vector<vsplat_camera>& cameras, int longest);
 

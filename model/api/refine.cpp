@@ -14,6 +14,7 @@
 #include "model/api/scene.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit.h"
+#include "model/io/cameras_json.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -81,6 +82,12 @@ FitRequest request_of(const vsplat_refine_options& o) {
   out.longest = o.longest;
   out.freeze = freeze_of(o.freeze);
   out.seed = o.seed;
+  out.poses = o.poses != 0;
+  out.exposure = o.exposure != 0;
+  out.checkpoint = o.checkpoint ? o.checkpoint : "";
+  out.resume = o.resume != 0;
+  if (out.resume && out.checkpoint.empty())
+    fail(Status::usage, "vsplat_refine_options.resume needs vsplat_refine_options.checkpoint, the folder of the state");
   return out;
 }
 
@@ -254,6 +261,19 @@ vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t in
       std::copy(picture.data.begin(), picture.data.end(), out_pixels);
     }
     if (out_camera) give(out_camera, camera, "out_camera");
+  });
+}
+
+vsplat_status vsplat_refinement_save_cameras(vsplat_refinement refinement, const char* path) {
+  return guarded([&] {
+    SceneFit& fit = fit_of(refinement);
+    need(path, "path");
+    std::vector<Camera> cameras;
+    for (const int view : refinement->used) {
+      cameras.push_back(fit.camera(view));
+      cameras.back().file = refinement->views.get()->photographs.set.views[static_cast<size_t>(view)].name;
+    }
+    write_cameras(path, cameras);
   });
 }
 

@@ -50,7 +50,7 @@ class Refine(support.Case):
 
     def test_the_picture_that_was_held_out_is_what_the_scene_is_measured_by(self):
         told = self.told(*self.refine("--holdout", "@2", "--steps", 40))
-        self.assertEqual([os.path.basename(name) for name in told["judged_on"]], ["002.png"])
+        self.assertEqual([os.path.basename(name) for name in told["judged_on"]], ["0002.png"])
         compared = self.told("render", self.path("out.ply"), "--cameras", os.path.join(self.photos, "transforms.json"), "--compare",
                              os.path.join(self.photos, "images"), "--quiet")
         self.assertAlmostEqual(compared["comparison"]["pictures"][2]["psnr"], told["result"]["psnr"], 1)
@@ -108,11 +108,11 @@ class Refine(support.Case):
         count = len(body(self.ball)) // 56
         told = self.told("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
         self.assertEqual(told["gaussians"], count)
-        self.refuses(2, ["--freeze", "nothing is left"], *self.refine("--freeze", "means,scales,rotations,opacities,sh"))
+        self.refuses(2, ["--freeze", "nothing is left"], *self.refine("--freeze", "means,scales,rotations,opacities,sh", "--overwrite"))
 
     def test_an_interrupt_ends_it_with_the_best_so_far(self):
-        process = subprocess.Popen([support.VSPLAT, *map(str, self.refine("--holdout", 1, "--steps", 1000000))][:-2] + ["1000000"],
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.refine("--holdout", 1, "--steps", 1000000))], stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.PIPE, text=True)
         try:
             process.wait(6)
             self.fail(process.stderr.read())
@@ -120,6 +120,33 @@ class Refine(support.Case):
             process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(60), 0, process.stderr.read())
         self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+
+    def test_poses_are_written_and_read_again(self):
+        told = self.told(*self.refine("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
+        self.assertEqual(told["poses"], self.path("out.poses.json"))
+        cameras, listed = json.load(open(told["poses"])), json.load(open(os.path.join(self.photos, "transforms.json")))["frames"]
+        self.assertEqual([c["file"] for c in cameras], [frame["file_path"] for frame in listed])
+        self.assertEqual({(c["w"], c["h"]) for c in cameras}, {(self.SIDE, self.SIDE)})
+        for i, (camera, frame) in enumerate(zip(cameras, listed)):
+            z = [-frame["transform_matrix"][k][2] for k in range(3)]  # OpenGL looks along -z
+            agree = sum(a * b for a, b in zip(camera["w2c"][2][:3], z))
+            self.assertGreater(agree, 0.999)
+            self.assertEqual(agree > 1 - 1e-12, i == 0, i)  # what judges stays
+        self.succeeds("render", self.path("out.ply"), "--cameras", told["poses"], "--images", self.path("x"))
+
+    def test_resumed_it_ends_with_the_same_bytes(self):
+        more = ("--holdout", 1, "--steps", 250, "--seed", 3)
+        self.succeeds(*self.refine(*more))
+        kept = ("--checkpoint", self.path("state"))
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.refine(*more, *kept, output="again.ply"))])
+        while process.poll() is None and not (os.path.isdir(self.path("state")) and os.listdir(self.path("state"))):
+            pass
+        process.kill()
+        process.wait()
+        self.refuses(2, ["--resume", "state"], *self.refine(*more, *kept, output="again.ply"))
+        self.succeeds(*self.refine(*more, *kept, "--resume", output="again.ply"), "--overwrite")
+        self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("again.ply"), "rb").read())
+        self.refuses(2, "--resume needs --checkpoint", *self.refine("--resume", output="x.ply"))
 
     def test_time_is_kept(self):
         told = self.told(*self.refine("--holdout", 1, "--steps", 1000000, "--time", 1))
@@ -145,7 +172,7 @@ class Refine(support.Case):
         open(self.path("out.ply"), "w").write("mine")
         self.refuses(1, ["out.ply", "--overwrite"], *self.refine())
         self.refuses(2, "is read", *self.refine("--overwrite", output="ball.ply"))
-        err = self.refuses(1, ["memory", "--max-memory"], *self.refine("--max-memory", "0.0005", "--overwrite"))
+        err = self.refuses(1, ["memory", "--max-memory"], *self.refine("--max-memory", "0.00005", "--overwrite"))
         self.assertNotIn("vsplat_", err)
         support.write_scene(self.path("empty.ply"), [])
         self.refuses(1, "no Gaussian", *self.refine("--overwrite", start=self.path("empty.ply")))

@@ -75,11 +75,16 @@ typedef struct vsplat_refine_options {
   int32_t longest;        /* pixels of the pictures' longer side, scaled down by area; 0: as they are */
   uint32_t freeze;        /* of vsplat_freeze */
   uint64_t seed;
+  int32_t poses;          /* 1: the cameras that are fitted to are corrected a little, too (_get_view, _save_cameras) */
+  int32_t exposure;       /* 1: each picture fitted to has an affine map of colours, dropped at the end */
+  const char* checkpoint; /* a folder into which the state is written now and then, and from which an interrupted
+                             refinement is gone on with to the same bits; NULL: none */
+  int32_t resume;         /* 1: go on from `checkpoint` where there is a state; it must be of the same request */
 } vsplat_refine_options;
 #define VSPLAT_REFINE_OPTIONS_INIT                                                                                     \
   {                                                                                                                    \
     sizeof(vsplat_refine_options), VSPLAT_REFINE_SCENE, NULL, NULL, NULL, NULL, NULL, 0, VSPLAT_HOLDOUT_AUTO, 0, NULL, \
-        0, 0, 0.0, 0, -1, 512, 0, 0                                                                                    \
+        0, 0, 0.0, 0, -1, 512, 0, 0, 0, 0, NULL, 0                                                                     \
   }
 
 /* A refinement under way. Belongs to its device. */
@@ -139,11 +144,17 @@ typedef enum vsplat_refine_views {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_views(vsplat_refinement refinement,
                                                                       vsplat_refine_views which, int32_t* out_views,
                                                                       size_t capacity, size_t* out_count);
-/* View `index` of those listed, as it is fitted or judged: its camera (pinhole, scaled along, in the world), and its
-   picture over white, float [height][width][3], into the caller's memory of `capacity` floats; either may be NULL. */
+/* View `index` of those listed, as it is fitted or judged: its camera (pinhole, scaled along, in the world, corrected
+   where `poses` is 1), and its picture over white, float [height][width][3], into the caller's memory of `capacity`
+   floats; either may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t index,
                                                                      vsplat_camera* out_camera, float* out_pixels,
                                                                      size_t capacity);
+
+/* Writes the cameras of all views that are used, as vsplat_refinement_get_view gives them, as cameras.json; an existing
+   file is replaced. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_save_cameras(vsplat_refinement refinement,
+                                                                         const char* path);
 
 /* Device memory of a step and of judging: `gaussians` of `sh_degree` after all growth, pictures of width x height,
    each Gaussian taken to be seen and to touch eight tiles of 16 x 16 pixels. */

@@ -56,6 +56,7 @@ class Refinement : public RefinementHandle {
     check(vsplat_refinement_get_view(get(), view, &out, nullptr, 0));
     return out;
   }
+  void save_cameras(const std::string& path) const { check(vsplat_refinement_save_cameras(get(), path.c_str())); }
   // As it is fitted or judged: `colour` alone is filled.
   Picture picture(size_t view) const {
     const vsplat_camera about = camera(view);

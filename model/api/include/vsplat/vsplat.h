@@ -295,7 +295,8 @@ VSPLAT_API void vsplat_views_retain(vsplat_views views);
 VSPLAT_API void vsplat_views_release(vsplat_views views);
 /* How many are listed, with or without a picture. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count);
-/* What view `index` is listed as: its picture's path, or the place of one in memory. To be freed by vsplat_text_free. */
+/* What view `index` is listed as: its picture's path, or the place of one in memory. To be freed by vsplat_text_free.
+ */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_get_name(vsplat_views views, size_t index, char** out_text);
 /* The files they are read from, a line each: the list, its pictures and masks that are there. None of pictures in
    memory. To be freed by vsplat_text_free. */
