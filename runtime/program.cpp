@@ -16,6 +16,11 @@ namespace vsplat {
 
 namespace {
 
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
 std::string source_text(const std::string& name) {
   if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {
     const std::string path = std::string(folder) + "/" + name;
@@ -63,7 +68,8 @@ ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo in
     : context_(std::move(context)),
       device_(std::move(device)),
       info_(std::move(info)),
-      disk_(info_.is_pocl ? DiskCache("") : DiskCache()) {}
+      disk_(info_.is_pocl ? DiskCache("") : DiskCache()),
+      marks_(info_.is_pocl ? DiskCache() : DiskCache("")) {}
 
 bool ProgramCache::build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const {
   const auto binary = disk_.load(key);
@@ -89,15 +95,19 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines) {
   const std::string options = "-cl-std=CL1.2 " + defines;
   const std::string source = expanded_source(file);
-  const std::string key =
-      disk_.enabled()
-          ? DiskCache::key({"1", source, options, info_.name, info_.driver, info_.version, info_.platform_version})
-          : "";
+  std::vector<std::string> parts = {
+      "1", source, options, info_.name, info_.driver, info_.version, info_.platform_version};
+  if (marks_.enabled())
+    parts.insert(parts.end(), {"mark", environment("POCL_CACHE_DIR"), environment("XDG_CACHE_HOME")});
+  const std::string key = disk_.enabled() || marks_.enabled() ? DiskCache::key(parts) : "";
   cl::Program program;
   if (disk_.enabled() && build_from_disk(key, options, program)) return program;
 
-  if (on_compile) on_compile(file, compiled_);
-  ++compiled_;
+  const bool known = marks_.load(key).has_value();
+  if (!known) {
+    if (on_compile) on_compile(file, compiled_);
+    ++compiled_;
+  }
   program = cl::Program(context_, source);
   try {
     program.build({device_}, options.c_str());
@@ -112,6 +122,7 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
          cl_error_name(e.err()), log);
   }
   save_to_disk(key, program);
+  if (!known) marks_.store(key, {1});
   return program;
 }
 

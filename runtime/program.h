@@ -19,7 +19,8 @@ class ProgramCache {
  public:
   ProgramCache(cl::Context context, cl::Device device, DeviceInfo info);
 
-  // Called before a program is compiled, with its name and how many were before it.
+  // Called before a program is compiled, with its name and how many were before it; not where the driver has it in a
+  // cache of its own, as far as the marks in ours tell.
   std::function<void(const std::string&, int)> on_compile;
 
   // Builds at first use. Throws Error(compile) with the build log.
@@ -35,7 +36,8 @@ class ProgramCache {
   cl::Context context_;
   cl::Device device_;
   DeviceInfo info_;
-  DiskCache disk_;
+  DiskCache disk_;   // binaries, for drivers that keep none
+  DiskCache marks_;  // of what a driver that keeps its own has compiled before
   std::map<std::string, cl::Program> programs_;
   std::map<std::string, cl::Kernel> kernels_;
   int compiled_ = 0;
