@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <future>
 #include <limits>
+#include <vector>
 
 #include "runtime/fail.h"
 
@@ -31,25 +33,51 @@ Window gaussian_window() {
   return out;
 }
 
-// Weighted sums of a, b, a a, b b, a b over a window.
-using Moments = std::array<double, 5>;
+// A row of weighted sums over windows: of a, b, a a + b b, a b. Each moment is a row of its own, so that the loops
+// below run along it.
+constexpr int moments = 4;
+using Row = std::array<std::vector<double>, moments>;
 
-double similarity(const Moments& m) {
-  constexpr double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
-  const double ma = m[0], mb = m[1], va = m[2] - ma * ma, vb = m[3] - mb * mb, cab = m[4] - ma * mb;
-  return (2 * ma * mb + c1) / (ma * ma + mb * mb + c1) * (2 * cab + c2) / (va + vb + c2);
+// out[x] = the weighted sum of the window's rows at[0], at[1], ..., each from x on; the window is symmetric.
+void blur(const Window& window, const std::array<const double*, ssim_window>& at, std::vector<double>& out) {
+  constexpr int middle = ssim_window / 2;
+  const std::size_t n = out.size();
+  double* const to = out.data();
+  for (std::size_t x = 0; x < n; ++x) to[x] = window[middle] * at[middle][x];
+  for (int i = 0; i < middle; ++i) {
+    const double w = window[i];
+    const double *a = at[i], *b = at[ssim_window - 1 - i];
+    for (std::size_t x = 0; x < n; ++x) to[x] += w * (a[x] + b[x]);
+  }
 }
 
-// One row of one channel, blurred along x: what the windows that begin at each pixel have of it.
-void blur_row(const Window& window, const float* a, const float* b, int channels, std::vector<Moments>& out) {
-  for (std::size_t x = 0; x < out.size(); ++x) {
-    Moments sum{};
-    for (std::size_t i = 0; i < window.size(); ++i) {
-      const double p = a[(x + i) * channels], q = b[(x + i) * channels], w = window[i];
-      sum[0] += w * p, sum[1] += w * q, sum[2] += w * p * p, sum[3] += w * q * q, sum[4] += w * p * q;
-    }
-    out[x] = sum;
+// One row of one channel, blurred along x: what the windows that begin at each pixel have of it. `line` is room for it.
+void blur_row(const Window& window, const float* a, const float* b, int channels, Row& line, Row& out) {
+  for (std::size_t x = 0; x < line[0].size(); ++x) {
+    const double p = a[x * channels], q = b[x * channels];
+    line[0][x] = p, line[1][x] = q, line[2][x] = p * p + q * q, line[3][x] = p * q;
   }
+  for (int k = 0; k < moments; ++k) {
+    std::array<const double*, ssim_window> at{};
+    for (int i = 0; i < ssim_window; ++i) at[i] = line[k].data() + i;
+    blur(window, at, out[k]);
+  }
+}
+
+double similarity(const Row& m) {
+  constexpr double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
+  double out = 0;
+  for (std::size_t x = 0; x < m[0].size(); ++x) {
+    const double ma = m[0][x], mb = m[1][x], squares = ma * ma + mb * mb, product = 2 * ma * mb;
+    out += (product + c1) * (2 * m[3][x] - product + c2) / ((squares + c1) * (m[2][x] - squares + c2));
+  }
+  return out;
+}
+
+Row row_of(std::size_t size) {
+  Row out;
+  out.fill(std::vector<double>(size));
+  return out;
 }
 
 }  // namespace
@@ -64,29 +92,45 @@ double psnr(const Image& a, const Image& b) {
   return -10 * std::log10(sum / static_cast<double>(a.data.size()));
 }
 
+namespace {
+
+// The sum of one channel's similarities over the windows.
+double summed_similarity(const Image& a, const Image& b, int channel) {
+  const Window window = gaussian_window();
+  const int columns = a.width - ssim_window + 1;
+  // The last rows, row y at y modulo the window's side: two pictures of 4K need no more memory than that.
+  std::array<Row, ssim_window> blurred;
+  blurred.fill(row_of(static_cast<std::size_t>(columns)));
+  Row line = row_of(static_cast<std::size_t>(a.width)), sum = blurred[0];
+  double total = 0;
+  for (int y = 0; y < a.height; ++y) {
+    blur_row(window, a.at(0, y) + channel, b.at(0, y) + channel, a.channels, line, blurred[y % ssim_window]);
+    const int top = y - ssim_window + 1;
+    if (top < 0) continue;
+    for (int k = 0; k < moments; ++k) {
+      std::array<const double*, ssim_window> at{};
+      for (int i = 0; i < ssim_window; ++i) at[i] = blurred[(top + i) % ssim_window][k].data();
+      blur(window, at, sum[k]);
+    }
+    total += similarity(sum);
+  }
+  return total;
+}
+
+}  // namespace
+
 double ssim(const Image& a, const Image& b) {
   check_alike(a, b);
   if (std::min(a.width, a.height) < ssim_window) return std::numeric_limits<double>::quiet_NaN();
-  const Window window = gaussian_window();
-  const int columns = a.width - ssim_window + 1, rows = a.height - ssim_window + 1;
-  // The last rows, row y at y modulo the window's side: two pictures of 4K need no more memory than that.
-  std::array<std::vector<Moments>, ssim_window> blurred;
-  blurred.fill(std::vector<Moments>(static_cast<std::size_t>(columns)));
+  // Channels side by side where that is worth a thread; their sums are added in order.
+  constexpr int worth_a_thread = 1 << 16;
+  const auto how = a.width * a.height < worth_a_thread ? std::launch::deferred : std::launch::async;
+  std::vector<std::future<double>> sums;
+  for (int c = 0; c < a.channels; ++c) sums.push_back(std::async(how, [&, c] { return summed_similarity(a, b, c); }));
   double total = 0;
-  for (int c = 0; c < a.channels; ++c)
-    for (int y = 0; y < a.height; ++y) {
-      blur_row(window, a.at(0, y) + c, b.at(0, y) + c, a.channels, blurred[y % ssim_window]);
-      const int top = y - ssim_window + 1;
-      for (int x = 0; top >= 0 && x < columns; ++x) {
-        Moments sum{};
-        for (int i = 0; i < ssim_window; ++i) {
-          const Moments& row = blurred[(top + i) % ssim_window][x];
-          for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += window[i] * row[k];
-        }
-        total += similarity(sum);
-      }
-    }
-  return total / (static_cast<double>(columns) * rows * a.channels);
+  for (std::future<double>& sum : sums) total += sum.get();
+  const double columns = a.width - ssim_window + 1, rows = a.height - ssim_window + 1;
+  return total / (columns * rows * a.channels);
 }
 
 Image absolute_difference(const Image& a, const Image& b) {
