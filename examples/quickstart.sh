@@ -14,7 +14,7 @@ mkdir -p $out
 $vsplat reconstruct examples/data/garden_gnome --output $out/gnome.ply --refine --refine-sheet $out/gnome-views.png \
   --render orbit:48 --turntable $out/gnome.webp --sheet $out/gnome.png --size 256x256 --profile $out/profile.json --overwrite
 $vsplat reconstruct examples/data/painted_skull --output $out/skull.ply --refine --refine-sheet $out/skull-views.png \
-  --render orbit:48 --up 0,0,1 --turntable $out/skull.webp --sheet $out/skull.png --size 256x256 --write-views $out/views --overwrite
+  --render orbit:48 --turntable $out/skull.webp --sheet $out/skull.png --size 256x256 --write-views $out/views --overwrite
 
 echo
 echo "Made in $out:"

@@ -100,6 +100,46 @@ std::array<double, 3> triple(const std::string& option, const std::string& text)
   return out;
 }
 
+std::array<float, 3> colour(const std::string& option, const std::string& text, bool* transparent) {
+  struct Named {
+    const char* name;
+    std::uint32_t rgb;
+  };
+  // The basic colours of CSS, and orange.
+  static constexpr Named known[] = {
+      {"white", 0xffffff}, {"silver", 0xc0c0c0},  {"gray", 0x808080},    {"grey", 0x808080},   {"black", 0x000000},
+      {"red", 0xff0000},   {"maroon", 0x800000},  {"yellow", 0xffff00},  {"olive", 0x808000},  {"lime", 0x00ff00},
+      {"green", 0x008000}, {"aqua", 0x00ffff},    {"cyan", 0x00ffff},    {"teal", 0x008080},   {"blue", 0x0000ff},
+      {"navy", 0x000080},  {"fuchsia", 0xff00ff}, {"magenta", 0xff00ff}, {"purple", 0x800080}, {"orange", 0xffa500}};
+  const auto of = [](std::uint32_t rgb) {
+    const auto channel = [&](int shift) { return static_cast<float>(rgb >> shift & 255) / 255; };
+    return std::array<float, 3>{channel(16), channel(8), channel(0)};
+  };
+  if (transparent) *transparent = text == "transparent";
+  if (transparent && *transparent) return {1, 1, 1};
+  for (const Named& k : known)
+    if (text == k.name) return of(k.rgb);
+  if (text.size() == 7 && text[0] == '#') {
+    std::uint32_t rgb = 0;
+    const auto [end, error] = std::from_chars(text.data() + 1, text.data() + 7, rgb, 16);
+    if (error == std::errc() && end == text.data() + 7) return of(rgb);
+  }
+  std::array<float, 3> out{};
+  const std::vector<std::string> parts = split(text, ',');
+  bool good = parts.size() == 3;
+  for (std::size_t i = 0; good && i < 3; ++i) {
+    double value = 0;
+    good = whole(parts[i], value) && value >= 0 && value <= 1;
+    out[i] = static_cast<float>(value);
+  }
+  if (good) return out;
+  std::string names;
+  for (const Named& k : known) names += std::string(", ") + k.name;
+  wrong(option, text,
+        std::string("r,g,b with each from 0 to 1, #rrggbb") + (transparent ? ", transparent" : "") + " or one of " +
+            names.substr(2) + ",");
+}
+
 Size picture_size(const std::string& option, const std::string& text) {
   const std::vector<std::string> parts = split(text, 'x');
   Size out;
@@ -117,9 +157,14 @@ std::vector<std::string> list(const std::string& option, const std::string& text
   return parts;
 }
 
-void need_ending(const std::string& option, const std::string& path, const std::string& ending) {
-  if (!path.empty() && std::filesystem::path(path).extension() != ending)
-    throw UsageError(option + " is \"" + path + "\": a name that ends in " + ending + " expected");
+void need_ending(const std::string& option, const std::string& path, const std::string& ending,
+                 const std::string& reason) {
+  if (path.empty()) return;
+  std::string found = std::filesystem::path(path).extension();
+  for (char& c : found) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (found != ending)
+    throw UsageError(option + " is \"" + path + "\": a name that ends in " + ending + " expected" +
+                     (reason.empty() ? "" : "; " + reason));
 }
 
 CameraChoice camera_choice(const std::string& option, const std::string& text) {

@@ -28,8 +28,12 @@ Size picture_size(const std::string& option, const std::string& text);  // "640x
 // "a,b,c" -> its parts, none empty.
 std::vector<std::string> list(const std::string& option, const std::string& text);
 
-// A file's name that must end so; "" is none.
-void need_ending(const std::string& option, const std::string& path, const std::string& ending);
+// "red", "#ff8000" or "r,g,b" with each from 0 to 1; sRGB-encoded. With a `transparent`, that word, too, which sets it.
+std::array<float, 3> colour(const std::string& option, const std::string& text, bool* transparent = nullptr);
+
+// A file's name that must end so, in small or capital letters; "" is none. `reason` says why.
+void need_ending(const std::string& option, const std::string& path, const std::string& ending,
+                 const std::string& reason = "");
 
 // Which cameras to draw from: "orbit:N", "path:CAMERAS:N" (N after the last colon), or the path of a cameras file.
 struct CameraChoice {

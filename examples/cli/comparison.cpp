@@ -1,6 +1,7 @@
 #include "comparison.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -38,13 +39,13 @@ std::string line_text(const std::string& name, double psnr, double ssim, const s
   return line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
 }
 
+}  // namespace
+
 std::string index_text(std::size_t index) {
   char text[32];
   std::snprintf(text, sizeof text, "%04zu", index);
   return text;
 }
-
-}  // namespace
 
 std::string Comparison::difference_file(const std::string& folder, std::size_t index) {
   return (std::filesystem::path(folder) / (index_text(index) + ".png")).string();
@@ -68,30 +69,42 @@ Comparison::Comparison(std::string folder, std::string differences, const float 
     int32_t width = 0, height = 0;
     vsplat::check(vsplat_picture_file_size(file.c_str(), &width, &height));
     const vsplat_camera& camera = shots_.all[i];
-    if (width != camera.width || height != camera.height)
+    const double scaled = static_cast<double>(height) * camera.width / width;
+    if (width < camera.width || height < camera.height || std::abs(scaled - camera.height) > 1)
       throw std::runtime_error("--compare: " + file + " is " + size_text(width, height) + " pixels, camera " +
                                std::to_string(i) + " draws " + size_text(camera.width, camera.height) +
-                               ": --size, or pictures of that size");
+                               ": pictures of that size or larger ones of its proportions are expected; --size");
     outputs.input(file);
     files_.push_back(file);
   }
 }
 
-void Comparison::add(std::size_t index, const vsplat::Picture& drawn, Outputs& outputs) {
-  const std::vector<float> given =
-      shots_.listed.load_picture(index, files_[index], drawn.width, drawn.height, background_);
-  vsplat::Picture difference;
-  difference.width = drawn.width;
-  difference.height = drawn.height;
-  difference.colour.resize(given.size());
-  difference.alpha.resize(given.size() / 3);
+std::future<std::vector<float>> Comparison::load(std::size_t index) const {
+  const vsplat_camera& camera = shots_.all[index];
+  return std::async(std::launch::async, [listed = shots_.listed, file = files_[index], index, width = camera.width,
+                                         height = camera.height, colour = std::to_array(background_)] {
+    const float background[3] = {colour[0], colour[1], colour[2]};
+    return listed.load_picture(index, file, width, height, background);
+  });
+}
+
+std::string Comparison::add(std::size_t index, const vsplat::Picture& drawn, Outputs& outputs) {
+  const std::vector<float> given = (next_.valid() ? std::move(next_) : load(index)).get();
+  if (index + 1 < shots_.all.size()) next_ = load(index + 1);
   vsplat_comparison found = VSPLAT_COMPARISON_INIT;
-  vsplat::check(
-      vsplat_compare(drawn.colour.data(), given.data(), drawn.width, drawn.height, &found, difference.colour.data()));
+  vsplat::Picture difference;
+  if (!differences_.empty()) difference.colour.resize(given.size());
+  vsplat::check(vsplat_compare(drawn.colour.data(), given.data(), drawn.width, drawn.height, &found,
+                               differences_.empty() ? nullptr : difference.colour.data()));
   rows_.push_back({files_[index], found.psnr, found.ssim});
-  if (differences_.empty()) return;
-  for (float& v : difference.colour) v *= difference_gain;
-  difference.save(outputs.begin(difference_file(differences_, index)), VSPLAT_PICTURE_PNG);
+  if (!differences_.empty()) {
+    difference.width = drawn.width;
+    difference.height = drawn.height;
+    difference.alpha.resize(given.size() / 3);
+    for (float& v : difference.colour) v *= difference_gain;
+    difference.save(outputs.begin(difference_file(differences_, index)), VSPLAT_PICTURE_PNG);
+  }
+  return number_text(found.psnr, 1);
 }
 
 Comparison::Row Comparison::mean() const {

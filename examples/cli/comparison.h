@@ -1,5 +1,6 @@
 // Drawn pictures against given ones of the same cameras: how well they agree, and where they do not.
 #pragma once
+#include <future>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -15,14 +16,18 @@ struct Shots {
   std::vector<vsplat_camera> all;
 };
 
+std::string index_text(std::size_t index);  // "0007"
+
 class Comparison {
  public:
   // Finds a picture in `folder` for every camera and looks at its size; `outputs` will not write over it. An error
-  // where one is missing or of another size. Difference pictures go to `differences` unless that is "".
+  // where one is missing, smaller than what is drawn or of other proportions. Difference pictures go to `differences`
+  // unless that is "".
   Comparison(std::string folder, std::string differences, const float (&background)[3], Shots shots, Outputs& outputs);
 
-  // Camera `index` as drawn over the background.
-  void add(std::size_t index, const vsplat::Picture& drawn, Outputs& outputs);
+  // Camera `index` as drawn over the background; to be called for one after the other, from 0 on. Returns its PSNR as
+  // text.
+  std::string add(std::size_t index, const vsplat::Picture& drawn, Outputs& outputs);
 
   // For people; and for machines, with null for what is infinite or not defined.
   std::string table() const;
@@ -37,12 +42,15 @@ class Comparison {
     double psnr, ssim;
   };
   Row mean() const;
+  // Reads and prepares the picture of camera `index` beside what else is done.
+  std::future<std::vector<float>> load(std::size_t index) const;
 
   std::string folder_, differences_;
   float background_[3];
   Shots shots_;
   std::vector<std::string> files_;
   std::vector<Row> rows_;
+  std::future<std::vector<float>> next_;  // the picture after the last one that was added
 };
 
 }  // namespace command

@@ -80,7 +80,7 @@ void write_sheet(const Options& o, const vsplat::DataSet& set, const std::vector
       picture.alpha.resize(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));  // unused
       try {
         picture.colour = set.picture(i, v * numbers.views / std::min(each, numbers.views), picture.width);
-        sheet.add(picture);
+        sheet.add(picture, v == 0 ? std::string(objects[i].about["name"]) : "");
         ++added;
       } catch (const vsplat::Error& e) {
         if (!is_about_data(e)) throw;

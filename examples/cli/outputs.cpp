@@ -53,6 +53,20 @@ void Outputs::input(const std::string& path) {
   if (path.empty()) return;
   inputs_.push_back(normal(path));
   for (const fs::path& output : expected_) refuse_if_same(path, output, inputs_.back());
+  for (const fs::path& output : gone_) refuse_if_same(path, output, inputs_.back());
+}
+
+void Outputs::expect_gone(const std::string& path) {
+  if (!overwrite_) return;
+  const fs::path file = normal(path);
+  for (const fs::path& input : inputs_) refuse_if_same(path, file, input);
+  gone_.push_back(file);
+}
+
+void Outputs::commit() {
+  committed_ = true;
+  std::error_code ignored;
+  for (const fs::path& file : gone_) fs::remove(file, ignored);
 }
 
 void Outputs::expect(const std::string& path) {

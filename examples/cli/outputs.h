@@ -20,9 +20,14 @@ class Outputs {
   // A file that is read: never written over, not even with --overwrite. UsageError where it is expected as an output.
   void input(const std::string& path);
 
+  // A file of an earlier run that will be there no longer once all is written; nothing unless overwriting. UsageError
+  // where it is one of the inputs.
+  void expect_gone(const std::string& path);
+
   // Before writing `path`: makes its folder. Returns the path.
   std::string begin(const std::string& path);
-  void commit() { committed_ = true; }
+  // All is written: keeps it, and removes what expect_gone() named.
+  void commit();
 
  private:
   static void refuse_if_same(const std::string& path, const std::filesystem::path& output,
@@ -30,7 +35,7 @@ class Outputs {
   void make_folder(const std::filesystem::path& folder);
 
   bool overwrite_, committed_ = false;
-  std::vector<std::filesystem::path> expected_, inputs_;
+  std::vector<std::filesystem::path> expected_, inputs_, gone_;
   std::vector<std::filesystem::path> files_, folders_;  // in the order they were begun
 };
 

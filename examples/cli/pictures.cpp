@@ -26,9 +26,12 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
       ->type_name("FILE.webp")
       ->group(group);
   app.add_option("--fps", o.fps, "Its pictures per second, 0.1 to 100 (default 24)")->type_name("F")->group(group);
+  app.add_option("--write-cameras", o.write_cameras, "The cameras drawn from, as a cameras.json")
+      ->type_name("FILE.json")
+      ->group(group);
   app.add_option("--compare", o.compare,
                  "PSNR and SSIM against the pictures of this folder: those with the stems of the cameras' files, or "
-                 "0000, 0001, ...")
+                 "0000, 0001, ...; larger ones are scaled down")
       ->type_name("DIR")
       ->group(group);
   app.add_option("--differences", o.differences, "With --compare: folder for 4 x |difference| as 0000.png, ...")
@@ -47,15 +50,23 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
       ->type_name("CAMERAS|orbit:N|path:CAMERAS:N")
       ->group(group);
   add_output_options(app, o, group);
-  app.add_option("--size", o.size, "Size of the pictures; intrinsics are scaled along")->type_name("WxH")->group(group);
-  app.add_option("--background", o.background, "Colour behind the scene, each 0 to 1 (default 1,1,1)")
-      ->type_name("r,g,b")
+  app.add_option("--size", o.size,
+                 "Size of the pictures; intrinsics are scaled along (default: what the cameras' file tells, 512x512 of "
+                 "orbit:N and where it tells none)")
+      ->type_name("WxH")
+      ->group(group);
+  app.add_option("--background", o.background,
+                 "Colour behind the scene: a name, #rrggbb, or r,g,b with each 0 to 1; or transparent, which gives "
+                 "--images as PNG with alpha (default white)")
+      ->type_name("COLOUR")
       ->group(group);
   app.add_option("--orbit-radius", o.orbit_radius, "Distance of orbit:N's cameras, world units")
       ->type_name("R")
       ->group(group);
   app.add_option("--orbit-elevation", o.orbit_elevation, "Their elevation, degrees")->type_name("DEG")->group(group);
-  app.add_option("--up", o.up, "Which way is up in the world")->type_name("x,y,z")->group(group);
+  app.add_option("--up", o.up, "Which way is up in the world (default: what the scene's file or the cameras tell)")
+      ->type_name("x,y,z")
+      ->group(group);
 }
 
 PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
@@ -63,10 +74,8 @@ PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
   if (wanted) choice = camera_choice("cameras", o.cameras);
   if (!o.size.empty()) size = picture_size("--size", o.size);
   if (!o.background.empty()) {
-    const std::array<double, 3> colour = triple("--background", o.background);
-    for (const double v : colour)
-      if (v < 0 || v > 1) throw UsageError("--background is \"" + o.background + "\": each of r,g,b goes from 0 to 1");
-    std::transform(colour.begin(), colour.end(), background, [](double v) { return static_cast<float>(v); });
+    const std::array<float, 3> behind = colour("--background", o.background, &transparent);
+    std::copy(behind.begin(), behind.end(), background);
   }
   if (!o.near.empty()) near = positive_number("--near", o.near, "distance in world units");
   read_outputs(o);
@@ -90,9 +99,12 @@ PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
 
 void PictureJob::read_outputs(const PictureOptions& o) {
   images = o.images, sheet = o.sheet, turntable = o.turntable, compare = o.compare, differences = o.differences;
-  written = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
+  write_cameras = o.write_cameras;
+  drawn = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
+  written = drawn || !write_cameras.empty();
   need_ending("--sheet", sheet, ".png");
   need_ending("--turntable", turntable, ".webp");
+  need_ending("--write-cameras", write_cameras, ".json");
   if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
   if (!o.format.empty() && written && images.empty())
     throw UsageError("--format is that of --images: give the folder for them");
@@ -110,14 +122,19 @@ void PictureJob::read_outputs(const PictureOptions& o) {
     if (turntable.empty() && o.format != "jpg") throw UsageError("--quality needs --format jpg or --turntable");
     animation_options.quality = quality = static_cast<int>(value);
   }
+  if (transparent && written && images.empty())
+    throw UsageError("--background transparent needs --images: contact sheets, animations and comparisons are opaque");
+  if (transparent && (o.format == "jpg" || o.exr_raw))
+    throw UsageError(std::string("--background transparent goes with PNG and EXR: ") +
+                     (o.exr_raw ? "--exr-raw holds what is drawn over a colour" : "JPEG holds no transparency"));
   format = o.format == "jpg"   ? VSPLAT_PICTURE_JPEG
-           : o.format != "exr" ? VSPLAT_PICTURE_PNG
+           : o.format != "exr" ? (transparent ? VSPLAT_PICTURE_PNG_ALPHA : VSPLAT_PICTURE_PNG)
            : o.exr_raw         ? VSPLAT_PICTURE_EXR_RAW
                                : VSPLAT_PICTURE_EXR;
 }
 
-Shots PictureJob::load_cameras(int fallback) const {
-  const Size unknown = size.value_or(Size{fallback, fallback});
+Shots PictureJob::load_cameras() const {
+  const Size unknown = size.value_or(Size{default_size, default_size});
   Shots out;
   out.listed = vsplat::Cameras::load(choice.file, unknown.width, unknown.height);
   if (choice.path) out.listed = out.listed.path(choice.path);
@@ -132,10 +149,10 @@ Shots PictureJob::load_cameras(int fallback) const {
 }
 
 std::string PictureJob::file(std::size_t index) const {
-  char name[32];
-  const char* ending = format == VSPLAT_PICTURE_PNG ? "png" : format == VSPLAT_PICTURE_JPEG ? "jpg" : "exr";
-  std::snprintf(name, sizeof name, "%04zu.%s", index, ending);
-  return (std::filesystem::path(images) / name).string();
+  const char* ending = format == VSPLAT_PICTURE_JPEG                                      ? "jpg"
+                       : format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_EXR_RAW ? "exr"
+                                                                                          : "png";
+  return (std::filesystem::path(images) / (index_text(index) + "." + ending)).string();
 }
 
 void PictureJob::expect(Outputs& outputs, std::size_t count) const {
@@ -143,8 +160,31 @@ void PictureJob::expect(Outputs& outputs, std::size_t count) const {
     if (!images.empty()) outputs.expect(file(i));
     if (!differences.empty()) outputs.expect(Comparison::difference_file(differences, i));
   }
-  outputs.expect(sheet);
-  outputs.expect(turntable);
+  for (const std::string& file : {sheet, turntable, write_cameras}) outputs.expect(file);
+  clear_stale(outputs, count);
+}
+
+void PictureJob::clear_stale(Outputs& outputs, std::size_t count) const {
+  const auto rest = [&](const auto& name) {
+    std::error_code error;
+    for (std::size_t i = count; std::filesystem::is_regular_file(name(i), error); ++i) outputs.expect_gone(name(i));
+  };
+  if (!images.empty()) rest([&](std::size_t i) { return file(i); });
+  if (!differences.empty()) rest([&](std::size_t i) { return Comparison::difference_file(differences, i); });
+}
+
+// The pictures' names in it lead to --images from where the file is, so that the two together are posed views.
+void PictureJob::save_cameras(const std::vector<vsplat_camera>& all, Outputs& outputs) const {
+  namespace fs = std::filesystem;
+  std::vector<std::string> names;
+  std::vector<const char*> files;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const fs::path picture = fs::absolute(file(i)).lexically_normal();
+    const fs::path from = fs::absolute(write_cameras).lexically_normal().parent_path();
+    names.push_back((images.empty() ? picture.filename() : picture.lexically_relative(from)).string());
+  }
+  for (const std::string& name : names) files.push_back(name.c_str());
+  vsplat::check(vsplat_cameras_save(all.data(), all.size(), files.data(), outputs.begin(write_cameras).c_str()));
 }
 
 std::optional<Comparison> PictureJob::prepare(const Shots& shots, Outputs& outputs) const {
@@ -160,46 +200,59 @@ std::optional<Comparison> PictureJob::prepare(const Shots& shots, Outputs& outpu
   return Comparison(compare, differences, background, shots, outputs);
 }
 
-// What is drawn for EXR is drawn over black.
-vsplat::Picture PictureJob::over_background(const vsplat::Picture& drawn) const {
-  vsplat::Picture out = drawn;
+// Of what was drawn over black.
+vsplat::Picture PictureJob::over_background(const vsplat::Picture& picture) const {
+  vsplat::Picture out = picture;
   for (std::size_t i = 0; i < out.colour.size(); ++i) out.colour[i] += (1 - out.alpha[i / 3]) * background[i % 3];
   return out;
 }
 
+bool PictureJob::over_black() const {
+  return !images.empty() && (format == VSPLAT_PICTURE_EXR || format == VSPLAT_PICTURE_PNG_ALPHA);
+}
+
 void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::vector<vsplat_camera>& all,
                       std::optional<Comparison>& comparison, Outputs& outputs) const {
+  if (!write_cameras.empty()) save_cameras(all, outputs);
+  if (!drawn) return;
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = near;
   options.exact_tiles = exact_tiles;
-  // A linear, premultiplied EXR holds no background: what is drawn over black is just that.
-  const bool over_black = format == VSPLAT_PICTURE_EXR && !images.empty();
-  if (!over_black) std::copy(std::begin(background), std::end(background), options.background);
-  if (over_black) std::fill(std::begin(options.background), std::end(options.background), 0.0f);
+  // A file with alpha holds no background: what is drawn over black is just that.
+  if (!over_black()) std::copy(std::begin(background), std::end(background), options.background);
+  if (over_black()) std::fill(std::begin(options.background), std::end(options.background), 0.0f);
   vsplat_sheet_options sheet_options = VSPLAT_SHEET_OPTIONS_INIT;
   sheet_options.expected = static_cast<int32_t>(all.size());
   vsplat::Sheet cells = sheet.empty() ? vsplat::Sheet() : vsplat::Sheet(sheet_options);
   vsplat::Animation frames = turntable.empty() ? vsplat::Animation() : vsplat::Animation(animation_options);
   session.start("drawing");
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (!Session::on_progress(&session, "splat", static_cast<double>(i) / static_cast<double>(all.size())))
+  const auto tell = [&](const char* stage, double done) {
+    if (!Session::on_progress(&session, stage, done / static_cast<double>(all.size())))
       throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
+  };
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    tell("splat", static_cast<double>(i));
     vsplat::Picture picture = vsplat::render(session.device(), scene, all[i], options);
     if (!images.empty() && format == VSPLAT_PICTURE_JPEG) picture.save_jpeg(outputs.begin(file(i)), quality);
     if (!images.empty() && format != VSPLAT_PICTURE_JPEG) picture.save(outputs.begin(file(i)), format);
-    if (over_black && (cells || frames || comparison)) picture = over_background(picture);
-    if (cells) cells.add(picture);
+    if (over_black() && (cells || frames || comparison)) picture = over_background(picture);
+    std::string label = index_text(i);
+    if (comparison) {
+      tell("compare", static_cast<double>(i) + 0.5);
+      label += "  " + comparison->add(i, picture, outputs) + " dB";
+    }
+    if (cells) cells.add(picture, label);
     if (frames) frames.add(picture);
-    if (comparison) comparison->add(i, picture, outputs);
   }
   if (cells) cells.save(outputs.begin(sheet));
   if (frames) frames.save(outputs.begin(turntable));
 }
 
 std::string PictureJob::summary(std::size_t count) const {
-  std::string out = std::to_string(count) + (count == 1 ? " picture" : " pictures");
+  const std::string of = drawn ? " picture" : " camera";
+  std::string out = std::to_string(count) + of + (count == 1 ? "" : "s");
   if (!images.empty()) out += " in " + images;
-  for (const std::string& file : {sheet, turntable})
+  for (const std::string& file : {sheet, turntable, write_cameras})
     if (!file.empty()) out += ", " + file;
   return out;
 }
@@ -207,6 +260,7 @@ std::string PictureJob::summary(std::size_t count) const {
 void PictureJob::add_results(const std::optional<Comparison>& comparison, nlohmann::ordered_json& out) const {
   if (!sheet.empty()) out["sheet"] = sheet;
   if (!turntable.empty()) out["turntable"] = turntable;
+  if (!write_cameras.empty()) out["cameras"] = write_cameras;
   if (comparison) out["comparison"] = comparison->json();
 }
 

@@ -14,11 +14,14 @@
 
 namespace command {
 
+// Pixels to a side of what is drawn, where neither --size nor the cameras tell.
+inline constexpr int default_size = 512;
+
 struct PictureOptions {
   std::string cameras;  // a file or folder, orbit:N or path:CAMERAS:N
   std::string images;   // the folder
   std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up;
-  std::string sheet, turntable, fps, compare, differences;
+  std::string sheet, turntable, fps, compare, differences, write_cameras;
   bool exr_raw = false, exact_tiles = false;
 };
 
@@ -30,20 +33,22 @@ struct PictureJob {
   explicit PictureJob(const PictureOptions& options);
 
   bool wanted = false;   // cameras are given
-  bool written = false;  // something is asked for that is made of pictures
+  bool drawn = false;    // something is asked for that is made of pictures
+  bool written = false;  // that, or the cameras
   CameraChoice choice;
   std::optional<Size> size;
-  float background[3] = {1, 1, 1};
-  double near = 0;  // 0: the scene's
+  float background[3] = {1, 1, 1};  // white where `transparent`, for what cannot be
+  bool transparent = false;         // of --images
+  double near = 0;                  // 0: the scene's
   bool exact_tiles = false;
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;
   vsplat_orbit_options orbit_options = VSPLAT_ORBIT_OPTIONS_INIT;
   vsplat_animation_options animation_options = VSPLAT_ANIMATION_OPTIONS_INIT;
-  std::string images, sheet, turntable, compare, differences;
+  std::string images, sheet, turntable, compare, differences, write_cameras;
 
-  // The cameras of a file or on a path, in the size asked for. `fallback`: for cameras that tell no size.
-  Shots load_cameras(int fallback) const;
+  // The cameras of a file or on a path, in the size asked for, or default_size where they tell none.
+  Shots load_cameras() const;
   // DIR/0000.png, ...
   std::string file(std::size_t index) const;
   void expect(Outputs& outputs, std::size_t count) const;
@@ -58,7 +63,12 @@ struct PictureJob {
 
  private:
   void read_outputs(const PictureOptions& options);
-  vsplat::Picture over_background(const vsplat::Picture& drawn) const;
+  // Drawn over black, to be saved with its alpha.
+  bool over_black() const;
+  // The files of --images or --differences that an earlier run with more cameras left there.
+  void clear_stale(Outputs& outputs, std::size_t count) const;
+  void save_cameras(const std::vector<vsplat_camera>& all, Outputs& outputs) const;
+  vsplat::Picture over_background(const vsplat::Picture& picture) const;
 };
 
 }  // namespace command

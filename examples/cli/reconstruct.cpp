@@ -38,12 +38,14 @@ struct Request {
 
 Request::Request(const Options& o) : pictures(o.pictures) {
   if (o.output.empty() && !o.dry_run) throw UsageError("reconstruct needs --output, the scene's file");
+  need_ending("--output", o.output, ".ply", "scenes are written as 3DGS PLY only");
   if (pictures.wanted && !pictures.written)
-    throw UsageError("--render needs --images, the folder for the pictures, or --sheet, --turntable or --compare");
+    throw UsageError(
+        "--render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
   if (!pictures.wanted && pictures.written)
     throw UsageError(
-        "--images, --sheet, --turntable and --compare need --render, the cameras to draw from: a file, orbit:N or "
-        "path:CAMERAS:N");
+        "--images, --sheet, --turntable, --compare and --write-cameras need --render, the cameras to draw from: a "
+        "file, orbit:N or path:CAMERAS:N");
   if (!o.names.empty()) names = list("--views", o.names);
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
   input.names = name_pointers.empty() ? nullptr : name_pointers.data();
@@ -63,6 +65,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
     run.seed = seed_value("--selection-seed", o.selection_seed);
   }
   run.near_plane = pictures.near;
+  if (pictures.orbit_options.has_up) std::copy_n(pictures.orbit_options.up, 3, run.up);
   run.dump = o.dump.empty() ? nullptr : o.dump.c_str();
   run.assume_selected = voxel_share("--assume-selected", o.assume_selected);
 }
@@ -109,6 +112,7 @@ void summarise(const Options& o, const PictureJob& job, const vsplat::Input& inp
                                 {"center", {placed.center[0], placed.center[1], placed.center[2]}},
                                 {"scale", placed.scale},
                                 {"near", info.near_plane},
+                                {"up", {info.up[0], info.up[1], info.up[2]}},
                                 {"images", job.images.empty() ? 0 : pictures}};
   job.add_results(comparison, out);
   if (refinement) refinement->add_results(out["refined"]);
@@ -159,7 +163,7 @@ void reconstruct(const Options& o) {
   const vsplat::Model model = load_model(o.model);
   Shots shots;
   if (job.wanted && !job.choice.orbit) {
-    shots = job.load_cameras(model.info().image);
+    shots = job.load_cameras();
     job.expect(outputs, shots.all.size());
   }
   const vsplat::Input input(model, views, request.input);

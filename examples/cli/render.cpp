@@ -14,8 +14,6 @@ struct Options {
   bool dry_run = false, skip_bad = false;
 };
 
-constexpr int default_size = 512;
-
 vsplat::Scene load_scene(const Options& o) {
   vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
   options.skip_bad = o.skip_bad;
@@ -64,7 +62,8 @@ void render(const Options& o) {
   if (o.dry_run) refuse_profile_of_dry_run(o.common);
   if (!job.wanted) throw UsageError("render needs --cameras");
   if (!job.written && !o.dry_run)
-    throw UsageError("render needs --images, the folder for the pictures, or --sheet, --turntable or --compare");
+    throw UsageError(
+        "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
@@ -72,10 +71,13 @@ void render(const Options& o) {
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
   Shots shots;
-  if (!job.choice.orbit) shots = job.load_cameras(default_size);
+  if (!job.choice.orbit) shots = job.load_cameras();
   if (!o.dry_run) job.expect(outputs, job.choice.orbit ? static_cast<std::size_t>(job.choice.orbit) : shots.all.size());
   const vsplat::Scene scene = load_scene(o);
   if (job.choice.orbit) {
+    const vsplat_scene_info info = scene.info();
+    if (!job.orbit_options.has_up && info.up[0] == 0 && info.up[1] == 0 && info.up[2] == 0)
+      say(o.common, o.scene + " does not tell which way is up: -y is taken (--up 0,0,1 for scenes that stand on xy)");
     shots.listed = scene.orbit(job.orbit_options);
     shots.all = shots.listed.all();
   }
@@ -115,10 +117,15 @@ void add_render(CLI::App& app, Run& run) {
       "  vsplat render scene.ply --cameras orbit:72 --turntable turn.webp --sheet sheet.png\n"
       "  vsplat render scene.ply --cameras path:keys.json:120 --size 1280x720 --turntable flight.webp --fps 30\n"
       "  vsplat render scene.ply --cameras photos/transforms.json --compare photos/images --differences off/ --json\n"
-      "  vsplat render scene.ply --cameras photos/transforms.json --images again/ --size 640x480 --background 0,0,0\n"
+      "  vsplat render scene.ply --cameras photos/transforms.json --images again/ --size 640x480 --background black\n"
       "  vsplat render scene.ply --cameras orbit:1 --up 0,0,1 --orbit-elevation -10 --images x/ --format exr\n"
-      "orbit:N is a circle about the Gaussians' median position, from where 95 % of them fill the picture; up is -y.\n"
-      "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between.\n"
+      "  vsplat render scene.ply --cameras orbit:24 --images set/ --background transparent --write-cameras "
+      "set/cameras.json\n"
+      "orbit:N is a circle about the scene, from where all of it is in the picture; up is what the file tells, else "
+      "-y.\n"
+      "path:CAMERAS:N begins at the first camera of CAMERAS, ends at the last one and passes through all between, "
+      "round\n"
+      "the point that they look at where there is one.\n"
       "--compare: alpha and the cameras' masks come over --background, lens distortion is undone; SSIM takes 11 x 11\n"
       "Gaussian windows, sigma 1.5; with --json, null is an infinite PSNR (equal) or the SSIM of a picture too small.\n"
       "cameras.json: [{\"file\", \"w\", \"h\", \"fx\", \"fy\", \"cx\", \"cy\", \"w2c\": 4x4}, ...], x right, y down, z "

@@ -19,4 +19,4 @@ object() {
     --turntable "$out/$name-out.webp" --overwrite --quiet "$@"
 }
 object gnome garden_gnome
-object skull painted_skull --up 0,0,1
+object skull painted_skull

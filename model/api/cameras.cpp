@@ -1,11 +1,14 @@
 #include "model/api/cameras.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "model/api/input.h"
 #include "model/api/scene.h"
 #include "model/cameras/camera_path.h"
 #include "model/cameras/orbit.h"
+#include "model/io/cameras_json.h"
 #include "model/io/image_file.h"
 #include "model/io/view_checks.h"
 #include "model/io/view_set.h"
@@ -45,6 +48,8 @@ Camera camera_of(const vsplat_camera& camera, const char* what) {
 }
 
 namespace {
+
+constexpr int orbit_side = 512;
 
 OrbitOptions orbit_options(const vsplat_orbit_options& o) {
   OrbitOptions out;
@@ -106,11 +111,12 @@ vsplat_status vsplat_cameras_orbit_input(vsplat_input input, const vsplat_orbit_
     need(input, "input");
     need(out_cameras, "out_cameras");
     const vsplat_orbit_options o = taken(options, VSPLAT_ORBIT_OPTIONS_INIT, "options");
-    const std::vector<Camera> inputs = cameras_of(input->input);
-    const int width = o.width > 0 ? o.width : inputs.front().width,
-              height = o.height > 0 ? o.height : inputs.front().height;
+    OrbitOptions how = orbit_options(o);
+    if (!how.up) how.up = input->up;
+    how.edge = input->input.placement.edge;
     *out_cameras =
-        new_cameras(orbit_about(inputs, input->input.placement.centre, o.count, width, height, orbit_options(o)));
+        new_cameras(orbit_about(cameras_of(input->input), input->input.placement.centre, o.count,
+                                o.width > 0 ? o.width : orbit_side, o.height > 0 ? o.height : orbit_side, how));
   });
 }
 
@@ -120,9 +126,24 @@ vsplat_status vsplat_cameras_orbit_scene(vsplat_scene scene, const vsplat_orbit_
     need(scene, "scene");
     need(out_cameras, "out_cameras");
     const vsplat_orbit_options o = taken(options, VSPLAT_ORBIT_OPTIONS_INIT, "options");
-    constexpr int side = 512;
-    *out_cameras = new_cameras(orbit_about_scene(scene->scene->gaussians, o.count, o.width > 0 ? o.width : side,
-                                                 o.height > 0 ? o.height : side, orbit_options(o)));
+    *out_cameras = new_cameras(orbit_about_scene(*scene->scene, o.count, o.width > 0 ? o.width : orbit_side,
+                                                 o.height > 0 ? o.height : orbit_side, orbit_options(o)));
+  });
+}
+
+vsplat_status vsplat_cameras_save(const vsplat_camera* cameras, size_t count, const char* const* files,
+                                  const char* path) {
+  return guarded([&] {
+    need_array(cameras, count, "cameras");
+    need(path, "path");
+    if (count == 0) fail(Status::usage, "count is 0: at least one camera expected");
+    std::vector<Camera> all;
+    for (size_t i = 0; i < count; ++i) {
+      all.push_back(camera_of(element(cameras, i), fmt::format("cameras[{}]", i).c_str()));
+      if (files) need(files[i], fmt::format("files[{}]", i).c_str());
+      all.back().file = files ? files[i] : fmt::format("{:04}.png", i);
+    }
+    write_cameras(path, all);
   });
 }
 

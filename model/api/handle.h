@@ -76,6 +76,12 @@ T taken(const T* from, const T& defaults, const char* what) {
   return out;
 }
 
+// The i-th of a caller's structs, whose first one's size is the stride.
+template <class T>
+const T& element(const T* first, std::size_t i) {
+  return *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
+}
+
 // What the caller's struct has room for; its size stays.
 template <class T>
 void give(T* out, const T& value, const char* what) {

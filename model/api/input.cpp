@@ -8,6 +8,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/model.h"
+#include "model/cameras/orbit.h"
 #include "model/input/view_choice.h"
 #include "model/input/written_views.h"
 #include "runtime/fail.h"
@@ -146,6 +147,12 @@ const PreparedView& view_at(vsplat_input input, size_t index) {
 
 }  // namespace
 
+Eigen::Vector3d vsplat::api::listed_up(const Photographs& photographs) {
+  std::vector<Camera> cameras;
+  for (const ListedView& view : photographs.set.views) cameras.push_back(view.camera);
+  return world_up(cameras);
+}
+
 InputRequest vsplat::api::request_of(const vsplat_input_options& o) {
   InputRequest out;
   out.names = names_of(o.names, o.num_names, "options.names");
@@ -169,6 +176,7 @@ vsplat_status vsplat_input_prepare(vsplat_model model, vsplat_views views, const
     const InputRequest request = request_of(taken(options, VSPLAT_INPUT_OPTIONS_INIT, "options"));
     auto input = std::make_unique<vsplat_input_impl>();
     input->input = prepare_input(views->photographs, model->file->config, request);
+    input->up = listed_up(views->photographs);
     *out_input = input.release();
   });
 }
@@ -184,6 +192,7 @@ vsplat_status vsplat_input_get_info(vsplat_input input, vsplat_input_info* out_i
     info.image = input->input.views.front().image.width;
     for (int i = 0; i < 3; ++i) info.center[i] = input->input.placement.centre[i];
     info.scale = input->input.placement.edge;
+    std::copy_n(input->up.data(), 3, info.up);
     give(out_info, info, "out_info");
   });
 }

@@ -40,6 +40,17 @@ Image image_of(const float* data, int width, int height, int channels, const cha
   return out;
 }
 
+// Straight alpha from what was accumulated over black.
+Image straight(const Image& colour, const Image& alpha) {
+  Image out(colour.width, colour.height, 4);
+  for (std::size_t i = 0; i < alpha.data.size(); ++i) {
+    const float a = std::clamp(alpha.data[i], 0.0f, 1.0f);
+    for (std::size_t c = 0; c < 3; ++c) out.data[4 * i + c] = a > 0 ? std::min(colour.data[3 * i + c] / a, 1.0f) : 0;
+    out.data[4 * i + 3] = a;
+  }
+  return out;
+}
+
 Image colour_of(const vsplat_picture* picture, int32_t width, int32_t height) {
   return image_of(picture_of(picture, width, height).colour, width, height, 3, "picture.colour");
 }
@@ -55,9 +66,10 @@ vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width, 
     const int kind = value_of(format);
     if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
     if (kind == VSPLAT_PICTURE_JPEG) return write_jpeg(path, colour, usual_quality);
-    if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW)
+    if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW && kind != VSPLAT_PICTURE_PNG_ALPHA)
       fail(Status::usage, "format is {}, not a value of vsplat_picture_format", kind);
     const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
+    if (kind == VSPLAT_PICTURE_PNG_ALPHA) return write_png(path, straight(colour, alpha));
     const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
     (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
   });
@@ -83,9 +95,14 @@ void vsplat_sheet_retain(vsplat_sheet sheet) { retain(sheet); }
 void vsplat_sheet_release(vsplat_sheet sheet) { release(sheet); }
 
 vsplat_status vsplat_sheet_add(vsplat_sheet sheet, const vsplat_picture* picture, int32_t width, int32_t height) {
+  return vsplat_sheet_add_labelled(sheet, picture, width, height, nullptr);
+}
+
+vsplat_status vsplat_sheet_add_labelled(vsplat_sheet sheet, const vsplat_picture* picture, int32_t width,
+                                        int32_t height, const char* label) {
   return guarded([&] {
     need(sheet, "sheet");
-    sheet->sheet.add(colour_of(picture, width, height));
+    sheet->sheet.add(colour_of(picture, width, height), label ? label : "");
   });
 }
 

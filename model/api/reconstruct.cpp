@@ -52,6 +52,11 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
       };
     Reconstruction made =
         reconstruct(device->context, model_on(device, model), input->input.views, input->input.placement, how);
+    made.scene.up = up_of(o.up, "options.up");
+    if (!made.scene.up) {
+      const Eigen::Vector3f up = input->up.cast<float>();
+      made.scene.up = {up.x(), up.y(), up.z()};
+    }
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->scene = std::make_shared<const Scene>(std::move(made.scene));
     scene->selected = std::move(made.selected);

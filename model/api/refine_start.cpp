@@ -78,6 +78,11 @@ ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const 
   return out;
 }
 
+// How many views the network gets where none are named.
+int view_count(const InputRequest& input, const Config& config) {
+  return input.view_count > 0 ? input.view_count : config.views_to_use();
+}
+
 // Predicts from views of a set; all that it needs but device and photographs is its own.
 class Network {
  public:
@@ -91,6 +96,7 @@ class Network {
         placement_(placement),
         options_(reconstruct_options_of(o, o.model->file->config)),
         named_(!input.names.empty()),
+        usual_(view_count(input, o.model->file->config)),
         inputs_(std::move(inputs)),
         selected_(std::move(selected)) {}
 
@@ -122,8 +128,7 @@ class Network {
     std::vector<int> out;
     for (const int view : inputs_)
       if (std::find(views.begin(), views.end(), view) != views.end()) out.push_back(view);
-    if (out.size() < inputs_.size() && (!named_ || out.empty()))
-      out = spread_views(photographs_.set, views, model_.get()->file->config.views);
+    if (out.size() < inputs_.size() && (!named_ || out.empty())) out = spread_views(photographs_.set, views, usual_);
     return out;
   }
 
@@ -134,6 +139,7 @@ class Network {
   Placement placement_;
   ReconstructOptions options_;
   bool named_;
+  int usual_;
   std::vector<int> inputs_;
   std::shared_ptr<std::vector<int>> selected_;
 };
@@ -149,10 +155,8 @@ std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const 
   return out;
 }
 
-}  // namespace
-
-RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
-                         const std::vector<int>& used) {
+RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
+                     const std::vector<int>& used) {
   const Photographs& photographs = views->photographs;
   const InputRequest input = request_of(o.input ? taken(o.input, VSPLAT_INPUT_OPTIONS_INIT, "options.input")
                                                 : vsplat_input_options(VSPLAT_INPUT_OPTIONS_INIT));
@@ -173,7 +177,7 @@ RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_
     }
     case VSPLAT_REFINE_NETWORK:
       need(o.model, "options.model");
-      made.inputs = inputs_of(photographs.set, input, used, o.model->file->config.views);
+      made.inputs = inputs_of(photographs.set, input, used, view_count(input, o.model->file->config));
       out.placement = place(photographs, input, nullptr, used);
       out.make = Network(device, photographs, o, input, out.placement, made.inputs, made.selected);
       out.independent = true;
@@ -189,6 +193,21 @@ RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_
       return made;
   }
   fail(Status::usage, "options.start is {}, not a value of vsplat_refine_start", value_of(o.start));
+}
+
+}  // namespace
+
+RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
+                         const std::vector<int>& used) {
+  RefineStart out = start_of(device, views, o, used);
+  // Scenes that do not say which way is up are told by the cameras.
+  const Eigen::Vector3f up = listed_up(views->photographs).cast<float>();
+  out.start.make = [make = std::move(out.start.make), up](const std::vector<int>& fitted) {
+    Scene scene = make(fitted);
+    if (!scene.up) scene.up = {up.x(), up.y(), up.z()};
+    return scene;
+  };
+  return out;
 }
 
 }  // namespace vsplat::api

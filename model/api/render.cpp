@@ -21,12 +21,6 @@ void copy(const Image& from, float* to) {
   if (to) std::copy(from.data.begin(), from.data.end(), to);
 }
 
-// The i-th of a caller's structs, whose first one's size is the stride.
-template <class T>
-const T& element(const T* first, size_t i) {
-  return *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
-}
-
 vsplat_picture room_of(const vsplat_picture& picture, const std::string& what) {
   return taken(&picture, VSPLAT_PICTURE_INIT, what.c_str());
 }

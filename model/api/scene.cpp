@@ -54,6 +54,14 @@ std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussi
 
 }  // namespace
 
+std::optional<std::array<float, 3>> vsplat::api::up_of(const double (&up)[3], const char* what) {
+  const double length = std::hypot(up[0], up[1], up[2]);
+  if (!std::isfinite(length)) fail(Status::input, "{} is {} {} {}: finite numbers expected", what, up[0], up[1], up[2]);
+  if (length == 0) return std::nullopt;
+  const auto part = [&](double v) { return static_cast<float>(v / length); };
+  return std::array<float, 3>{part(up[0]), part(up[1]), part(up[2])};
+}
+
 vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene) {
   return vsplat_scene_load_with(path, nullptr, out_scene);
 }
@@ -98,6 +106,7 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
         (*empty.mirror)[c] = static_cast<float>(i.mirror[c]);
       }
     }
+    empty.up = up_of(i.up, "info.up");
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->scene = with_values(empty, a);
     *out_scene = scene.release();
@@ -133,6 +142,7 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     info.near_plane = static_cast<double>(s.near);
     info.has_mirror = s.mirror.has_value();
     for (size_t i = 0; s.mirror && i < 3; ++i) info.mirror[i] = static_cast<double>((*s.mirror)[i]);
+    for (size_t c = 0; s.up && c < 3; ++c) info.up[c] = static_cast<double>((*s.up)[c]);
     info.skipped_not_finite = scene->skipped.not_finite;
     info.skipped_huge_scale = scene->skipped.huge_scale;
     info.skipped_zero_rotation = scene->skipped.zero_rotation;

@@ -120,6 +120,11 @@ void transform(Scene& scene, const Similarity& move) {
     const Eigen::Vector3d moved = move.scale * (move.rotation * Eigen::Vector3d(m[0], m[1], m[2])) + move.translation;
     for (int i = 0; i < 3; ++i) m[i] = static_cast<float>(moved[i]);
   }
+  if (scene.up) {
+    auto& up = *scene.up;
+    const Eigen::Vector3d turned = (move.rotation * Eigen::Vector3d(up[0], up[1], up[2])).normalized();
+    for (int i = 0; i < 3; ++i) up[i] = static_cast<float>(turned[i]);
+  }
 }
 
 }  // namespace vsplat

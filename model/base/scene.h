@@ -19,6 +19,7 @@ struct Scene {
   float near = 0.2f;  // near plane, in the frame's units
   // View-dependent colour is meant as seen from the camera's mirror image about this point.
   std::optional<std::array<float, 3>> mirror;
+  std::optional<std::array<float, 3>> up;  // which way is up in the frame, of length 1; none: not known
 };
 
 // x -> scale rotation x + translation, with a proper rotation.
@@ -36,7 +37,7 @@ Similarity operator*(const Similarity& after, const Similarity& before);
 
 // Moves positions, scales, rotations and spherical harmonics: a camera moved along sees the same picture.
 void transform(Gaussians& gaussians, const Similarity& move);
-// The near plane and the mirror point, too.
+// The near plane, the mirror point and up, too.
 void transform(Scene& scene, const Similarity& move);
 
 // The matrix [2l+1, 2l+1] that turns band `degree` of a function on the sphere: with coefficients c' = D c in the basis

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "runtime/fail.h"
 
@@ -13,7 +15,8 @@ namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-// What moves in a vector space: the centre, log fx/w, log fy/h, cx/w, cy/h.
+// What moves in a vector space: the centre, or where the camera sees the point that all of them look at, as x/z, y/z,
+// log z; log fx/w, log fy/h, cx/w, cy/h.
 using Linear = Eigen::Matrix<double, 7, 1>;
 
 struct Key {
@@ -44,9 +47,43 @@ Quaterniond exp_of(const Vector3d& turn) {
   return angle > 0 ? Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) : Quaterniond::Identity();
 }
 
-Key key_of(const Camera& c) {
+Vector3d axis_of(const Camera& c) { return c.w2c.row(2).head<3>(); }
+Vector3d in_camera(const Camera& c, const Vector3d& point) {
+  return c.w2c.topLeftCorner<3, 3>() * point + c.w2c.topRightCorner<3, 1>();
+}
+
+bool sees(const Camera& c, const Vector3d& point) {
+  const Vector3d at = in_camera(c, point);
+  if (!(at.z() > 0)) return false;
+  const double u = c.fx * at.x() / at.z() + c.cx, v = c.fy * at.y() / at.z() + c.cy;
+  return u >= 0 && u <= c.width && v >= 0 && v <= c.height;
+}
+
+// The point nearest to all optical axes, where every key has it in its picture. The axes of cameras that face each
+// other leave it open along them: a small pull takes it to the middle of the cameras, which is between such, and beside
+// those that look the same way.
+std::optional<Vector3d> point_looked_at(std::span<const Camera> keys) {
+  constexpr double pull = 1e-4;
+  Vector3d middle = Vector3d::Zero(), right = Vector3d::Zero();
+  Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
+  const double share = 1 / static_cast<double>(keys.size());
+  for (const Camera& c : keys) {
+    const Eigen::Matrix3d off = Eigen::Matrix3d::Identity() - axis_of(c) * axis_of(c).transpose();
+    middle += share * c.centre();
+    across += share * off;
+    right += share * off * c.centre();
+  }
+  across.diagonal().array() += pull;
+  const Vector3d point = across.ldlt().solve(right + pull * middle);
+  const bool seen = std::all_of(keys.begin(), keys.end(), [&](const Camera& c) { return sees(c, point); });
+  return seen ? std::optional(point) : std::nullopt;
+}
+
+Key key_of(const Camera& c, const std::optional<Vector3d>& target) {
   Key out;
-  out.at << c.centre(), std::log(c.fx / c.width), std::log(c.fy / c.height), c.cx / c.width, c.cy / c.height;
+  const Vector3d at = target ? in_camera(c, *target) : c.centre();
+  const Vector3d place = target ? Vector3d(at.x() / at.z(), at.y() / at.z(), std::log(at.z())) : at;
+  out.at << place, std::log(c.fx / c.width), std::log(c.fy / c.height), c.cx / c.width, c.cy / c.height;
   out.turn = Quaterniond(Eigen::Matrix3d(c.w2c.topLeftCorner<3, 3>().transpose())).normalized();
   return out;
 }
@@ -63,13 +100,13 @@ void check_shapes(std::span<const Camera> keys) {
   }
 }
 
-std::vector<Stretch> stretches_of(const std::vector<Key>& keys) {
+std::vector<Stretch> stretches_of(const std::vector<Key>& keys, std::span<const Camera> cameras) {
   std::vector<Stretch> out(keys.size() - 1);
   double mean = 0;
   for (std::size_t i = 0; i < out.size(); ++i) {
     out[i].step = keys[i + 1].at - keys[i].at;
     out[i].turn = log_of(keys[i].turn.conjugate() * keys[i + 1].turn);
-    out[i].time = std::sqrt(out[i].step.head<3>().norm());
+    out[i].time = std::sqrt((cameras[i + 1].centre() - cameras[i].centre()).norm());
     mean += out[i].time / static_cast<double>(out.size());
   }
   double start = 0;
@@ -106,12 +143,17 @@ Key on_stretch(const std::vector<Key>& keys, const std::vector<Stretch>& all, st
   return out;
 }
 
-Camera camera_of(const Key& key, const Camera& like) {
+Camera camera_of(const Key& key, const Camera& like, const std::optional<Vector3d>& target) {
   Camera out = like;
+  Vector3d centre = key.at.head<3>();
+  if (target) {
+    const Vector3d seen = std::exp(key.at[2]) * Vector3d(key.at[0], key.at[1], 1);
+    centre = *target - key.turn * seen;
+  }
   out.fx = std::exp(key.at[3]) * like.width, out.fy = std::exp(key.at[4]) * like.height;
   out.cx = key.at[5] * like.width, out.cy = key.at[6] * like.height;
   out.w2c.topLeftCorner<3, 3>() = key.turn.conjugate().toRotationMatrix();
-  out.w2c.topRightCorner<3, 1>() = -out.w2c.topLeftCorner<3, 3>() * key.at.head<3>();
+  out.w2c.topRightCorner<3, 1>() = -out.w2c.topLeftCorner<3, 3>() * centre;
   return out;
 }
 
@@ -131,10 +173,11 @@ std::vector<Camera> camera_path(std::span<const Camera> cameras, int count) {
   if (cameras.empty()) fail(Status::usage, "a path needs at least one key camera");
   if (count < 1 || count > max_path) fail(Status::usage, "a path of {} cameras; 1 to {} are possible", count, max_path);
   check_shapes(cameras);
+  const std::optional<Vector3d> target = point_looked_at(cameras);
   std::vector<Key> keys;
   keys.reserve(cameras.size());
-  for (const Camera& c : cameras) keys.push_back(key_of(c));
-  const std::vector<Stretch> all = stretches_of(keys);
+  for (const Camera& c : cameras) keys.push_back(key_of(c, target));
+  const std::vector<Stretch> all = stretches_of(keys, cameras);
   std::vector<Camera> out;
   out.reserve(static_cast<std::size_t>(count));
   std::size_t i = 0;
@@ -146,7 +189,7 @@ std::vector<Camera> camera_path(std::span<const Camera> cameras, int count) {
     } else {
       const double now = (all.back().start + all.back().time) * n / (count - 1);
       while (i + 1 < all.size() && now >= all[i + 1].start) ++i;
-      out.push_back(camera_of(on_stretch(keys, all, i, (now - all[i].start) / all[i].time), cameras.front()));
+      out.push_back(camera_of(on_stretch(keys, all, i, (now - all[i].start) / all[i].time), cameras.front(), target));
     }
     out.back().file = fmt::format("{:04d}.png", n);
     out.back().distortion = {};

@@ -3,9 +3,10 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
-#include "model/base/gaussians.h"
+#include "model/base/scene.h"
 #include "model/base/statistics.h"
 #include "runtime/fail.h"
 
@@ -15,6 +16,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int max_orbit = 9999;
+constexpr double filled = 0.9;  // of the picture: a margin of a twentieth on each side
 
 // Any unit vector across `axis`.
 Vector3d across(const Vector3d& axis) {
@@ -75,6 +77,84 @@ std::optional<Vector3d> asked_up(const OrbitOptions& options) {
   return *options.up / length;
 }
 
+// The field of view into which the cylinder inscribed in a cube fits, from a camera on the circle.
+double view_of_cube(double edge, double radius, double elevation) {
+  const double half = 0.5 * edge, sine = std::sin(elevation), cosine = std::cos(elevation);
+  double tangent = 0;
+  for (const double h : {-half, half})
+    for (const double r : {-half, half})
+      tangent =
+          std::max(tangent, std::abs(h * cosine - r * sine) / std::max(radius - h * sine - r * cosine, 0.1 * radius));
+  return 2 * std::atan(tangent / filled);
+}
+
+// What of a Gaussian counts for the picture's frame.
+struct Ball {
+  Vector3d mean;
+  double radius;
+};
+
+std::vector<Ball> visible_balls(const Gaussians& g) {
+  constexpr float seen = 0.1f;
+  constexpr double deviations = 2;
+  std::vector<Ball> out;
+  for (const float least : {seen, 0.0f}) {
+    for (std::size_t i = 0; i < g.count; ++i) {
+      const Vector3d mean(g.means[3 * i], g.means[3 * i + 1], g.means[3 * i + 2]);
+      const float* s = &g.scales[3 * i];
+      if (mean.allFinite() && g.opacities[i] >= least) out.push_back({mean, deviations * std::max({s[0], s[1], s[2]})});
+    }
+    if (!out.empty()) break;
+  }
+  return out;
+}
+
+Vector3d up_of(const Scene& scene) {
+  return scene.up ? Vector3d((*scene.up)[0], (*scene.up)[1], (*scene.up)[2]).normalized() : Vector3d(0, -1, 0);
+}
+
+// Across up: the front of the nearer of the worlds whose up is +y (front +z) and -y (front -z), turned the shortest
+// way; halfway between, for z-up worlds, both give -y.
+Vector3d front_of(const Vector3d& up) {
+  const double side = up.y() > 0 ? 1 : -1;
+  return (Eigen::Quaterniond::FromTwoVectors(Vector3d(0, side, 0), up) * Vector3d(0, 0, side)).normalized();
+}
+
+Vector3d middle_of(const std::vector<Ball>& balls, const Circle& circle) {
+  constexpr double strays = 0.02;
+  std::vector<double> values(balls.size());
+  Vector3d out = Vector3d::Zero();
+  for (const Vector3d& axis : {circle.up, circle.start, Vector3d(circle.up.cross(circle.start))}) {
+    std::transform(balls.begin(), balls.end(), values.begin(), [&](const Ball& b) { return axis.dot(b.mean); });
+    out += 0.5 * (quantile(values, strays) + quantile(values, 1 - strays)) * axis;
+  }
+  return out;
+}
+
+// The distance from which the balls keep inside `filled` of the picture, the whole way round.
+double distance_for(const std::vector<Ball>& balls, const Circle& circle, int width, int height) {
+  std::vector<double> distances(balls.size());
+  std::transform(balls.begin(), balls.end(), distances.begin(),
+                 [&](const Ball& b) { return (b.mean - circle.centre).norm(); });
+  const double most = 1.3 * quantile(distances, 0.95);
+  const double side = std::min(width, height), tangent = filled * std::tan(0.5 * circle.fov);
+  const double across = tangent * width / side, along = tangent * height / side;
+  const double sine = std::sin(circle.elevation), cosine = std::cos(circle.elevation);
+  double out = 0;
+  for (std::size_t i = 0; i < balls.size(); ++i) {
+    if (distances[i] > most) continue;
+    const Vector3d off = balls[i].mean - circle.centre;
+    const double radius = std::min(balls[i].radius, 0.25 * most), height_over = off.dot(circle.up);
+    const double turning = (off - height_over * circle.up).norm() + radius;
+    for (const double h : {height_over - radius, height_over + radius}) {
+      out = std::max(out, h * sine + turning * std::hypot(1 / across, cosine));  // beside the middle
+      for (const double r : {-turning, turning})                                 // nearest and farthest
+        out = std::max(out, std::abs(h * cosine - r * sine) / along + h * sine + r * cosine);
+    }
+  }
+  return out > 0 ? out : 1;
+}
+
 }  // namespace
 
 Eigen::Matrix4d look_at(const Vector3d& eye, const Vector3d& target, const Vector3d& up) {
@@ -126,6 +206,22 @@ Vector3d up_axis(std::span<const Camera> cameras) {
   return up;
 }
 
+Vector3d world_up(std::span<const Camera> cameras) {
+  const Vector3d up = up_axis(cameras);
+  double rolls = 0;
+  for (const Camera& c : cameras) {
+    const double roll = std::asin(std::clamp(up.dot(c.w2c.row(0).head<3>().transpose()), -1.0, 1.0));
+    rolls += roll * roll / static_cast<double>(cameras.size());
+  }
+  constexpr double degree = M_PI / 180;
+  int axis = 0;
+  up.cwiseAbs().maxCoeff(&axis);
+  Vector3d nearest = Vector3d::Zero();
+  nearest[axis] = std::copysign(1.0, up[axis]);
+  const double off = std::acos(std::clamp(up.dot(nearest), -1.0, 1.0));
+  return off <= std::clamp(std::sqrt(rolls), 3 * degree, 30 * degree) ? nearest : up;
+}
+
 std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& centre, int count, int width,
                                 int height, const OrbitOptions& options) {
   if (inputs.empty()) fail(Status::usage, "no camera to take the orbit from");
@@ -142,7 +238,9 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& 
   circle.radius = median(distances);
   circle.elevation = elevations.empty() ? 0 : median(elevations);
   circle.fov = median(fovs);
+  const double usual = circle.radius;  // what is asked for in its place is meant to change what is seen
   apply(options, circle);
+  if (options.edge > 0) circle.fov = std::max(circle.fov, view_of_cube(options.edge, usual, circle.elevation));
   if (!(circle.radius > 0))
     fail(Status::input, "the cameras are at the object's centre {}, {}, {}: give vsplat_orbit_options.radius",
          centre.x(), centre.y(), centre.z());
@@ -152,32 +250,20 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& 
   return cameras_on(circle, count, width, height);
 }
 
-std::vector<Camera> orbit_about_scene(const Gaussians& scene, int count, int width, int height,
+std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, int height,
                                       const OrbitOptions& options) {
-  std::vector<Vector3d> means;
-  for (std::size_t i = 0; i < scene.count; ++i) {
-    const Vector3d mean(scene.means[3 * i], scene.means[3 * i + 1], scene.means[3 * i + 2]);
-    if (mean.allFinite()) means.push_back(mean);
-  }
   Circle circle;
   circle.centre.setZero();
   circle.fov = 50 * M_PI / 180;
-  circle.up = asked_up(options).value_or(Vector3d(0, -1, 0));
-  if (!means.empty()) {
-    std::vector<double> values(means.size());
-    for (int axis = 0; axis < 3; ++axis) {
-      std::transform(means.begin(), means.end(), values.begin(), [&](const Vector3d& m) { return m[axis]; });
-      circle.centre[axis] = median(values);
-    }
-    std::transform(means.begin(), means.end(), values.begin(),
-                   [&](const Vector3d& m) { return (m - circle.centre).norm(); });
-    const double reach = quantile(values, 0.95);
-    constexpr double room = 1.1;  // for the Gaussians' own extent
-    circle.radius = reach > 0 ? room * reach / std::sin(0.5 * circle.fov) : 1.0;
+  circle.up = asked_up(options).value_or(up_of(scene));
+  circle.start = front_of(circle.up);
+  const std::vector<Ball> balls = visible_balls(scene.gaussians);
+  if (!balls.empty()) {
+    circle.centre = middle_of(balls, circle);
+    apply(options, circle);  // the elevation, which the distance depends on
+    circle.radius = distance_for(balls, circle, width, height);
   }
   apply(options, circle);
-  const Vector3d front = Vector3d(0, 0, -1) + circle.up.z() * circle.up;  // -z without its part along up
-  circle.start = front.norm() > 1e-6 ? front.normalized() : across(circle.up);
   return cameras_on(circle, count, width, height);
 }
 

@@ -178,21 +178,25 @@ Scores Evaluator::score(const EvaluationObject& object) const {
 Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
   constexpr std::size_t kViews = 4;
   const Image blank(judged(), judged(), 3, ContactSheet::paper);
-  std::array<std::vector<Image>, 4> rows;
+  std::array<std::vector<std::pair<Image, std::string>>, 4> rows;  // with their labels, at each object's first
   for (const DataObject* listed : objects) {
     std::vector<std::string> told;
     const EvaluationObject object = load(*listed, told, told);
     const Drawn drawn = draw(object);
     for (std::size_t i = 0; i < kViews; ++i) {
-      rows[0].push_back(i < object.inputs ? object.pictures[i] : blank);
+      const auto label = [&](const std::string& text) { return i == 0 ? text : ""; };
+      rows[0].emplace_back(i < object.inputs ? object.pictures[i] : blank, label(listed->name));
       std::size_t row = 0;
-      for (const Strip* strip : {&drawn.truth, &drawn.coarse, &drawn.result})
-        rows[++row].push_back(i < object.novel() ? strip->at(i) : blank);
+      const std::array<const char*, 3> names = {"truth", "coarse", "result"};
+      for (const Strip* strip : {&drawn.truth, &drawn.coarse, &drawn.result}) {
+        rows[row + 1].emplace_back(i < object.novel() ? strip->at(i) : blank, label(names[row]));
+        ++row;
+      }
     }
   }
   ContactSheet sheet({.cell = 256, .columns = static_cast<int>(rows[0].size()), .expected = 0});
-  for (const std::vector<Image>& row : rows)
-    for (const Image& picture : row) sheet.add(picture);
+  for (const auto& row : rows)
+    for (const auto& [picture, label] : row) sheet.add(picture, label);
   return sheet.sheet();
 }
 

@@ -449,6 +449,7 @@ Scene SceneFit::Impl::to_scene(const Gaussians& gaussians) const {
   transform(out, to_world);
   out.near = first->near;
   out.mirror = first->mirror;
+  out.up = first->up;
   return out;
 }
 

@@ -258,6 +258,15 @@ std::vector<float> comment_floats(const std::string& path, const std::string& co
   return out;
 }
 
+// Of length 1; one that is so to rounding stays as it is.
+std::array<float, 3> direction(const std::string& path, const std::string& comment, const std::vector<float>& v) {
+  const double length = std::hypot(static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2]));
+  if (length == 0) fail(Status::format, "{}: comment \"{}\": a direction is expected", path, printable(comment));
+  if (std::abs(length - 1) < 1e-6) return {v[0], v[1], v[2]};
+  const auto part = [&](int i) { return static_cast<float>(v[i] / length); };
+  return {part(0), part(1), part(2)};
+}
+
 // The comments that are ours.
 void read_comments(const std::string& path, const PlyHeader& header, Scene& scene) {
   for (const std::string& comment : header.comments) {
@@ -272,6 +281,8 @@ void read_comments(const std::string& path, const PlyHeader& header, Scene& scen
     } else if (what == "mirror_camera_about") {
       const std::vector<float> p = comment_floats(path, comment, in, 3);
       scene.mirror = {p[0], p[1], p[2]};
+    } else if (what == "up") {
+      scene.up = direction(path, comment, comment_floats(path, comment, in, 3));
     }
   }
 }

@@ -26,6 +26,7 @@ std::vector<std::string> property_names(std::size_t sh_count) {
 std::string make_header(const Scene& scene, const std::vector<std::string>& names) {
   std::string out = "ply\nformat binary_little_endian 1.0\n";
   out += fmt::format("comment vsplat near {}\n", scene.near);
+  if (scene.up) out += fmt::format("comment vsplat up {} {} {}\n", (*scene.up)[0], (*scene.up)[1], (*scene.up)[2]);
   if (scene.mirror)
     out += fmt::format("comment vsplat mirror_camera_about {} {} {}\n", (*scene.mirror)[0], (*scene.mirror)[1],
                        (*scene.mirror)[2]);

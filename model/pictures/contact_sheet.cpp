@@ -4,11 +4,13 @@
 #include <cmath>
 
 #include "model/io/image_file.h"
+#include "model/pictures/text.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
 namespace {
 
+constexpr float ink = 0.15f;
 constexpr int largest_cell = 4096, usual_cell = 256, smallest_cell = 24;
 constexpr double usual_pixels = 256.0 * usual_cell * usual_cell;  // of all cells together: cells shrink beyond that
 
@@ -66,7 +68,7 @@ ContactSheet::ContactSheet(const SheetOptions& options) : options_(options), cel
          options.cell, options.columns, options.expected, largest_cell);
 }
 
-void ContactSheet::add(const Image& picture) {
+void ContactSheet::add(const Image& picture, const std::string& label) {
   if (picture.empty() || picture.channels != 3)
     fail(Status::internal, "a contact sheet takes 3 channels, not {} x {} x {}", picture.width, picture.height,
          picture.channels);
@@ -74,15 +76,18 @@ void ContactSheet::add(const Image& picture) {
   const auto scaled = [&](int side) { return std::max(1, static_cast<int>(std::lround(side * scale))); };
   Image small = shrunk(picture, scaled(picture.width), scaled(picture.height));
   for (float& v : small.data) v = v > 0 ? std::min(v, 1.0f) : 0.0f;
-  cells_.push_back(std::move(small));
+  cells_.emplace_back(std::move(small), label);
 }
 
 Image ContactSheet::sheet() const {
   if (cells_.empty()) fail(Status::usage, "a contact sheet of no pictures");
   long width = 0, height = 0;
-  for (const Image& cell : cells_) {
+  const bool labelled =
+      std::any_of(cells_.begin(), cells_.end(), [](const auto& cell) { return !cell.second.empty(); });
+  const int below = margin + (labelled ? label_room : 0);
+  for (const auto& [cell, label] : cells_) {
     width = std::max<long>(width, cell.width + margin);
-    height = std::max<long>(height, cell.height + margin);
+    height = std::max<long>(height, cell.height + below);
   }
   const auto n = static_cast<long>(cells_.size());
   const double balanced = std::sqrt(4.0 / 3.0 * static_cast<double>(n * height) / static_cast<double>(width));
@@ -95,11 +100,15 @@ Image ContactSheet::sheet() const {
          sheet_width, sheet_height);
   Image out(static_cast<int>(sheet_width), static_cast<int>(sheet_height), 3, paper);
   for (long i = 0; i < n; ++i) {
-    const Image& cell = cells_[static_cast<std::size_t>(i)];
-    const long x = margin + i % columns * width + (width - margin - cell.width) / 2,
-               y = margin + i / columns * height + (height - margin - cell.height) / 2;
-    for (int v = 0; v < cell.height; ++v)
-      std::copy_n(cell.at(0, v), 3 * cell.width, out.at(static_cast<int>(x), static_cast<int>(y) + v));
+    const auto& [cell, label] = cells_[static_cast<std::size_t>(i)];
+    const int left = static_cast<int>(margin + i % columns * width),
+              top = static_cast<int>(margin + i / columns * height), room = static_cast<int>(width) - margin,
+              tall = static_cast<int>(height) - below;
+    const int x = left + (room - cell.width) / 2, y = top + (tall - cell.height) / 2;
+    for (int v = 0; v < cell.height; ++v) std::copy_n(cell.at(0, v), 3 * cell.width, out.at(x, y + v));
+    const std::string text = fitted_text(label, room);
+    draw_text(out, left + (room - glyph_width * static_cast<int>(text.size())) / 2,
+              top + tall + label_room - glyph_height, text, ink);
   }
   return out;
 }

@@ -1,5 +1,7 @@
 // Many pictures as one: scaled down, side by side in rows.
 #pragma once
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "model/base/image.h"
@@ -19,13 +21,15 @@ Image shrunk(const Image& picture, int width, int height);
 class ContactSheet {
  public:
   static constexpr int margin = 8;       // pixels around and between the cells
+  static constexpr int label_room = 12;  // pixels below a picture
   static constexpr float paper = 0.85f;  // their grey
 
   // Error(usage) where a number is negative or a cell is beyond 4096 pixels.
   explicit ContactSheet(const SheetOptions& options);
 
-  // A picture of three channels; only its cell is kept. Smaller ones are not enlarged.
-  void add(const Image& picture);
+  // A picture of three channels; only its cell is kept. Smaller ones are not enlarged. The label stands below it, cut
+  // to the cell's width; with one label at least, every cell has room for one.
+  void add(const Image& picture, const std::string& label = "");
   int count() const { return static_cast<int>(cells_.size()); }
   // In the order they were added, row by row; each in the middle of a cell as large as the largest. Error(usage) where
   // there is none, Error(input) where the sheet would be larger than a picture file may be.
@@ -34,7 +38,7 @@ class ContactSheet {
  private:
   SheetOptions options_;
   int cell_;
-  std::vector<Image> cells_;
+  std::vector<std::pair<Image, std::string>> cells_;  // with their labels
 };
 
 }  // namespace vsplat

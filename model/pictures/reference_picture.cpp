@@ -1,25 +1,43 @@
 #include "model/pictures/reference_picture.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "model/base/lens.h"
 #include "model/base/resample.h"
 #include "model/io/image_file.h"
+#include "model/pictures/contact_sheet.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
 namespace {
 
-// Windows are square: one that holds the picture from its first pixel on, cut to the picture.
+// What a pinhole with the camera's intrinsics sees: each pixel interpolated between four of the source, which has the
+// result's size and alpha 0 outside. (Resampling by area, as the network's inputs are made, would give the same where
+// the lens does not stretch, for ten times the work.)
 Image undistorted(const Image& source, Camera camera) {
-  const double x = static_cast<double>(source.width) / camera.width,
-               y = static_cast<double>(source.height) / camera.height;
-  camera.fx *= x, camera.cx *= x, camera.fy *= y, camera.cy *= y;
-  camera.width = source.width, camera.height = source.height;
-  const int side = std::max(source.width, source.height);
-  const Image square = resample_undistorted(source, {0, 0, static_cast<double>(side), side}, camera);
+  const double sx = static_cast<double>(source.width) / camera.width,
+               sy = static_cast<double>(source.height) / camera.height;
+  camera.fx *= sx, camera.cx *= sx, camera.fy *= sy, camera.cy *= sy;
+  const double right = std::max(std::abs(camera.cx), std::abs(source.width - camera.cx)) / camera.fx,
+               below = std::max(std::abs(camera.cy), std::abs(source.height - camera.cy)) / camera.fy;
+  const Lens lens(camera.distortion, std::hypot(right, below));
   Image out(source.width, source.height, source.channels);
-  for (int v = 0; v < out.height; ++v) std::copy_n(square.at(0, v), out.width * out.channels, out.at(0, v));
+  for (int j = 0; j < out.height; ++j)
+    for (int i = 0; i < out.width; ++i) {
+      double x = 0, y = 0;
+      if (!lens.distort((i + 0.5 - camera.cx) / camera.fx, (j + 0.5 - camera.cy) / camera.fy, x, y)) continue;
+      const double u = camera.fx * x + camera.cx - 0.5, v = camera.fy * y + camera.cy - 0.5;
+      if (!(u > -1 && v > -1 && u < source.width && v < source.height)) continue;
+      const int left = static_cast<int>(std::floor(u)), top = static_cast<int>(std::floor(v));
+      const auto across = static_cast<float>(u - left), down = static_cast<float>(v - top);
+      for (int corner = 0; corner < 4; ++corner) {
+        const int a = left + corner % 2, b = top + corner / 2;
+        if (a < 0 || b < 0 || a >= source.width || b >= source.height) continue;
+        const float weight = (corner % 2 ? across : 1 - across) * (corner / 2 ? down : 1 - down);
+        for (int c = 0; c < out.channels; ++c) out.at(i, j)[c] += weight * source.at(a, b)[c];
+      }
+    }
   return out;
 }
 
@@ -28,16 +46,19 @@ Image undistorted(const Image& source, Camera camera) {
 Image reference_picture(const Camera& camera, const std::string& path, const std::string& mask_path, int width,
                         int height, const std::array<float, 3>& background) {
   const Image picture = read_image(path);
-  if (picture.width != width || picture.height != height)
+  const double scaled = static_cast<double>(picture.height) * width / picture.width;
+  if (picture.width < width || picture.height < height || std::abs(scaled - height) > 1)
     fail(Status::input,
-         "{} is {} x {} pixels, the picture drawn for it {} x {}: give it in the same size, or draw in its", path,
-         picture.width, picture.height, width, height);
+         "{} is {} x {} pixels, the picture drawn for it {} x {}: give it in the same size or larger with the same "
+         "proportions, or draw in its",
+         path, picture.width, picture.height, width, height);
   const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
-  if (!mask.empty() && (mask.width != width || mask.height != height))
+  if (!mask.empty() && (mask.width != picture.width || mask.height != picture.height))
     fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's size",
-         mask_path, mask.width, mask.height, path, width, height);
+         mask_path, mask.width, mask.height, path, picture.width, picture.height);
   const Image source = premultiplied(picture, mask.empty() ? nullptr : &mask);
-  return over(is_pinhole(camera.distortion) ? source : undistorted(source, camera), background);
+  const Image small = shrunk(source, width, height);
+  return over(is_pinhole(camera.distortion) ? small : undistorted(small, camera), background);
 }
 
 }  // namespace vsplat

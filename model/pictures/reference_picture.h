@@ -9,9 +9,10 @@
 namespace vsplat {
 
 // The picture at `path`, [height][width][3]: its alpha, and the mask at `mask_path` unless that is empty, over
-// `background`; the lens distortion of `camera` undone, its intrinsics scaled where it has another size. Pictures of
-// cameras without distortion keep every pixel. Error(input) where the picture or the mask has another size than asked
-// for; else as read_image().
+// `background`; the lens distortion of `camera` undone, its intrinsics scaled where it has another size. A larger
+// picture of the same proportions, to a pixel, is scaled down, each pixel the mean over its area. Those of that size,
+// of cameras without distortion, keep every pixel. Error(input) where it is smaller or has other proportions, or
+// the mask is not of its size; else as read_image().
 Image reference_picture(const Camera& camera, const std::string& path, const std::string& mask_path, int width,
                         int height, const std::array<float, 3>& background);
 

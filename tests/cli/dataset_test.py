@@ -84,7 +84,7 @@ class Dataset(support.Case):
         self.assertTrue(2.1 <= cup["distance"][0] < cup["distance"][1] <= 2.5, cup["distance"])   # farther, so that it fits
         self.assertTrue(0.02 < cup["alpha"] < 0.5, cup["alpha"])
         width, height, pixels = support.read_png(self.path("sheet.png"))
-        self.assertEqual((width, height), (6 * 24 + 8, 24 + 8))       # 3 of 16 pixels for each object, 8 between them
+        self.assertEqual((width, height), (6 * 24 + 8, 24 + 12 + 8))  # 3 of 16 pixels for each object, 8 between them, names below
         self.assertGreater(len({pixels[3 * (width * 16 + x)] for x in range(8, 24)}), 1, "a picture is on it")
         table, _ = self.succeeds("dataset", "info", self.path("set"))
         self.assertIn("2 objects, 6 views", table)

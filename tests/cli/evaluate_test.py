@@ -83,7 +83,7 @@ class Evaluate(support.Case):
         sheet = self.path("new", "sheet.png")
         self.succeeds(*self.evaluate("--sheet", sheet, "--json"))
         width, height, _ = support.read_png(sheet)
-        self.assertEqual((width, height), (12 * (self.SIDE + 8) + 8, 4 * (self.SIDE + 8) + 8))
+        self.assertEqual((width, height), (12 * (self.SIDE + 8) + 8, 4 * (self.SIDE + 12 + 8) + 8))
         self.refuses(1, "--overwrite", *self.evaluate("--sheet", sheet))
 
     def test_one_object_or_several_sets(self):

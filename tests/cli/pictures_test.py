@@ -71,13 +71,15 @@ class Pictures(support.Case):
         out, _ = self.succeeds(*self.render("--sheet", self.path("new", "sheet.png"), "--images", self.path("png"), "--json"))
         self.assertEqual(json.loads(out)["sheet"], self.path("new", "sheet.png"))
         width, height, pixels = support.read_png(self.path("new", "sheet.png"))
-        self.assertEqual((width, height), (2 * 32 + 3 * 8, 2 * 24 + 3 * 8))
+        self.assertEqual((width, height), (2 * 32 + 3 * 8, 2 * (24 + 12) + 3 * 8))
         for i in range(3):                                              # small ones are there pixel for pixel
             _, _, own = support.read_png(self.path("png", f"{i:04d}.png"))
-            x, y = 8 + i % 2 * 40, 8 + i // 2 * 32
+            x, y = 8 + i % 2 * 40, 8 + i // 2 * 44
             for row in range(24):
                 at = 3 * ((y + row) * width + x)
                 self.assertEqual(pixels[at:at + 3 * 32], own[3 * 32 * row:3 * 32 * (row + 1)])
+            below = [pixels[3 * ((y + 24 + row) * width + x + column)] for row in range(12) for column in range(32)]
+            self.assertGreater(sum(v < 128 for v in below), 20)         # its number
         self.succeeds(*self.render("--sheet", self.path("alone.png"), cameras="orbit:40", size="300x200"))
         self.assertFalse(os.path.exists(self.path("0000.png")))
 
@@ -100,7 +102,7 @@ class Pictures(support.Case):
     def test_mixed_sizes(self):
         cameras = self.cameras((32, 24), (16, 48), (5, 5))
         self.succeeds(*self.render("--sheet", self.path("sheet.png"), "--images", self.path("x"), cameras=cameras, size=None))
-        self.assertEqual(support.read_png(self.path("sheet.png"))[:2], (2 * (32 + 8) + 8, 2 * (48 + 8) + 8))
+        self.assertEqual(support.read_png(self.path("sheet.png"))[:2], (3 * (32 + 8) + 8, 48 + 12 + 2 * 8))
         self.refuses(2, ["--turntable", "camera 1", "16 x 48", "32 x 24", "--size"],
                      *self.render("--turntable", self.path("t.webp"), cameras=cameras, size=None))
         self.succeeds(*self.render("--turntable", self.path("t.webp"), cameras=cameras))
@@ -137,6 +139,73 @@ class Pictures(support.Case):
             self.assertAlmostEqual(row["psnr"], support.psnr(drawn, given), delta=0.05)
             for a, b, c in zip(drawn, given, off):
                 self.assertLessEqual(abs(min(255, 4 * abs(a - b)) - c), 3)
+
+    def test_larger_references_are_scaled_down(self):
+        cameras = self.cameras((64, 48), (64, 48))
+        os.makedirs(self.path("given"))
+        for name in "ab":                                               # stripes of two pixels, whose mean is what is drawn
+            support.write_png(self.path("given", name + ".png"), 64, 48, [[(254 if x % 4 < 2 else 0,) * 3 for x in range(64)]] * 48)
+        support.write_scene(self.path("scene.ply"), [])
+        how = {"cameras": cameras, "size": "16x12"}
+        result, _ = self.compared("--background", "#7f7f7f", **how)
+        self.assertTrue(result["psnr"] is None or result["psnr"] > 90)
+        result, _ = self.compared("--background", "black", **how)
+        self.assertAlmostEqual(result["psnr"], 20 * math.log10(255 / 127), places=4)
+        result, _ = self.compared("--background", "#7f7f7f", cameras=cameras, size=None)
+        self.assertLess(result["psnr"], 10)
+
+    def test_background_colours(self):
+        support.write_scene(self.path("scene.ply"), [])
+        for text, colour in (("black", (0, 0, 0)), ("orange", (255, 165, 0)), ("#0a8F10", (10, 143, 16)), ("1,0,0.2", (255, 0, 51))):
+            self.succeeds(*self.render("--images", self.path("x"), "--overwrite", "--background", text, cameras="orbit:1"))
+            self.assertEqual(tuple(support.read_png(self.path("x", "0000.png"))[2][:3]), colour)
+
+    def test_transparent_background(self):
+        """What is in the file, over a colour, is what is drawn over it."""
+        self.succeeds(*self.render("--images", self.path("x"), "--background", "transparent", "--sheet", self.path("x.png")))
+        self.succeeds(*self.render("--images", self.path("y"), "--background", "#20c0ff"))
+        self.succeeds(*self.render("--images", self.path("z"), "--sheet", self.path("z.png")))
+        sheets = [support.read_png(self.path(name))[2] for name in ("x.png", "z.png")]
+        self.assertLessEqual(max(abs(a - b) for a, b in zip(*sheets)), 1)   # sheets have white where there is nothing
+        seen = set()
+        for i in range(3):
+            own, drawn = (support.read_png(self.path(name, f"{i:04d}.png"))[2] for name in "xy")
+            self.assertEqual(len(own), 4 * 32 * 24)
+            for pixel in range(32 * 24):
+                alpha = own[4 * pixel + 3] / 255
+                seen.add(own[4 * pixel + 3])
+                for c, behind in enumerate((0x20, 0xc0, 0xff)):
+                    self.assertLessEqual(abs(alpha * own[4 * pixel + c] + (1 - alpha) * behind - drawn[3 * pixel + c]), 2)
+        self.assertIn(0, seen)
+        self.assertGreater(len(seen), 20)
+
+    def test_cameras_are_written(self):
+        """As a set of posed views with the pictures, from which the same pictures are drawn again."""
+        out, _ = self.succeeds(*self.render("--images", self.path("set", "images"), "--write-cameras", self.path("set", "cameras.json"), "--json"))
+        self.assertEqual(json.loads(out)["cameras"], self.path("set", "cameras.json"))
+        self.succeeds(*self.render("--images", self.path("again"), cameras=self.path("set"), size=None))
+        for i in range(3):
+            a, b = (open(self.path(*folder, f"{i:04d}.png"), "rb").read() for folder in (("set", "images"), ("again",)))
+            self.assertEqual(a, b)
+        self.succeeds("reconstruct", self.path("set"), "--model", self.model, "--output", self.path("out.ply"))   # its pictures are found
+        out, _ = self.succeeds(*self.render("--write-cameras", self.path("alone.json"), "--size", "64x48", cameras=self.path("set"), size=None))
+        cameras = json.load(open(self.path("alone.json")))
+        self.assertEqual([(c["file"], c["w"], c["h"]) for c in cameras], [(f"{i:04d}.png", 64, 48) for i in range(3)])
+        self.refuses(1, ["alone.json", "--overwrite"], *self.render("--write-cameras", self.path("alone.json")))
+        self.refuses(2, "alone.json", *self.render("--write-cameras", self.path("alone.json"), "--overwrite", cameras=self.path("alone.json")))
+
+    def test_overwriting_leaves_no_stale_frames(self):
+        drawn = lambda count, *more: self.render("--images", self.path("x"), "--compare", self.path("given"), "--differences", self.path("off"), *more,
+                                                 cameras=f"orbit:{count}")
+        self.succeeds(*self.render("--images", self.path("given"), cameras="orbit:7"))
+        self.succeeds(*drawn(7))
+        for name in ("notes.txt", "0009.png"):                          # not of that run: there is no 0007.png
+            open(self.path("x", name), "w").close()
+        self.refuses(1, "--overwrite", *drawn(3))
+        self.succeeds(*drawn(3, "--overwrite"))
+        self.assertEqual(sorted(os.listdir(self.path("x"))), ["0000.png", "0001.png", "0002.png", "0009.png", "notes.txt"])
+        self.assertEqual(sorted(os.listdir(self.path("off"))), ["0000.png", "0001.png", "0002.png"])
+        self.assertEqual(len(os.listdir(self.path("given"))), 7)        # what is read is left alone
 
     def test_equal_and_tiny_pictures(self):
         support.write_scene(self.path("scene.ply"), [])
@@ -175,6 +244,7 @@ class Pictures(support.Case):
         picture("b.png", 31)
         self.refuses(1, ["b.png", "31 x 24", "32 x 24"], *given("--sheet", self.path("s.png")))
         self.refuses(1, ["a.png", "32 x 24", "64 x 48"], *given(size="64x48"))
+        self.refuses(1, ["a.png", "32 x 24", "16 x 16"], *given(size="16x16"))
         picture("b.png")
         picture("b.jpeg")
         self.refuses(1, ["b.png", "b.jpeg"], *given())
@@ -219,7 +289,7 @@ class Pictures(support.Case):
         self.assertEqual(len(result["comparison"]["pictures"]), 3)
         self.assertTrue(0 < result["comparison"]["psnr"] < 60)
         self.assertEqual(len(webp_frames(self.path("t.webp"))[2]), 3)
-        self.assertEqual(support.read_png(self.path("s.png"))[:2], (2 * 24 + 8, 2 * 24 + 8))
+        self.assertEqual(support.read_png(self.path("s.png"))[:2], (2 * 24 + 8, 2 * 36 + 8))
         self.assertIn("SSIM", err)
 
 

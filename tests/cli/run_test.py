@@ -52,6 +52,46 @@ class Run(support.Case):
             self.assertEqual(first[:2], (16, 16))
             self.assertGreaterEqual(support.psnr(first[2], second[2]), 60)
 
+    def test_up_goes_along_with_the_scene(self):
+        """z-up cameras: the scene tells, and render's orbit stands upright without an option."""
+        def z_up(data):
+            for frame in data["frames"]:                                # y to z, z to -y
+                x, y, z, w = frame["transform_matrix"]
+                frame["transform_matrix"] = [x, [-v for v in z], y, w]
+        ups = lambda name: [[-v for v in c["w2c"][1][:3]] for c in json.loads(self.read(name))]
+        for expected, change in (((0, 1, 0), lambda data: None), ((0, 0, 1), z_up)):
+            self.edit_views(change)
+            out, _ = self.succeeds(*self.reconstruct("--json", "--overwrite", "--render", "orbit:3", "--write-cameras", self.path("own.json")))
+            self.assertEqual(json.loads(out)["up"], list(expected))
+            self.assertIn(b"comment vsplat up %d %d %d\n" % expected, self.read("out.ply")[:500])
+            _, err = self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:3", "--write-cameras", self.path("drawn.json"), "--overwrite")
+            self.assertNotIn("--up", err)
+            for up in ups("own.json") + ups("drawn.json"):
+                self.assertGreater(sum(a * b for a, b in zip(up, expected)), 0.99)
+        self.succeeds(*self.reconstruct("--overwrite", "--up", "0,-2,0"))   # what is asked for wins
+        self.assertIn(b"comment vsplat up 0 -1 0\n", self.read("out.ply")[:500].replace(b"-0 ", b"0 "))
+
+    def test_pictures_are_512_pixels_wide_unless_told(self):
+        self.succeeds(*self.reconstruct("--render", "orbit:1", "--images", self.path("x")))
+        self.succeeds("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("y"))
+        for folder in "xy":
+            self.assertEqual(support.read_png(self.path(folder, "0000.png"))[:2], (512, 512))
+        for command in ("reconstruct", "render"):
+            self.assertIn("512x512", self.succeeds(command, "--help")[0])
+
+    def test_a_scene_without_up_says_so(self):
+        support.write_scene(self.path("scene.ply"), [((0, 0, 0), (1, 0, 0), 0.1, 0.9)])
+        drawn = ("render", self.path("scene.ply"), "--cameras", "orbit:1", "--write-cameras", self.path("c.json"), "--overwrite")
+        self.assertIn("--up", self.succeeds(*drawn)[1])
+        self.assertNotIn("--up", self.succeeds(*drawn, "--up", "0,0,1")[1])
+
+    def test_kernels_are_prepared_once(self):
+        cached = {"VSPLAT_CACHE_DIR": self.path("cache"), "POCL_CACHE_DIR": self.path("pocl")}
+        os.makedirs(self.path("pocl"))
+        said = [self.succeeds(*self.reconstruct("--overwrite"), env=cached)[1] for _ in range(2)]
+        self.assertIn("preparing kernels", said[0])
+        self.assertNotIn("preparing kernels", said[1])
+
     def test_no_voxel_is_an_empty_scene(self):
         open(self.path("none.txt"), "w").write("# none\n")
         out, err = self.succeeds(*self.reconstruct("--selection", self.path("none.txt"), "--render", "orbit:1", "--images", self.path("x"), "--json"))

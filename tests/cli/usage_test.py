@@ -1,4 +1,6 @@
 """Requests that are wrong in themselves: exit code 2, a sentence that names the option, nothing written."""
+import shutil
+
 import support
 
 
@@ -25,7 +27,10 @@ class Usage(support.Case):
         self.refuses(2, "--cameras", "render", "scene.ply", "--images", self.path("x"))
         self.refuses(2, "--format exr", *self.reconstruct("--exr-raw"))
         drawn = ("render", "scene.ply", "--cameras", "orbit:2")
-        self.refuses(2, ["--sheet", "--turntable", "--compare"], *drawn)
+        self.refuses(2, ["--sheet", "--turntable", "--compare", "--write-cameras"], *drawn)
+        self.refuses(2, "--images", *drawn, "--background", "transparent", "--sheet", self.path("x.png"))
+        self.refuses(2, "JPEG", *drawn, "--background", "transparent", "--images", self.path("x"), "--format", "jpg")
+        self.refuses(2, "--exr-raw", *drawn, "--background", "transparent", "--images", self.path("x"), "--format", "exr", "--exr-raw")
         self.refuses(2, "--render", *self.reconstruct("--sheet", self.path("x.png")))
         self.refuses(2, "--images", *drawn, "--format", "jpg", "--sheet", self.path("x.png"))
         self.refuses(2, "--turntable", *drawn, "--images", self.path("x"), "--fps", "3")
@@ -47,7 +52,7 @@ class Usage(support.Case):
         for option, *values in (("--center", "1,2", "1,2,3,4", "1,2,x", "1,,2", "nan,0,0", "0,0,inf", "1, 2, 3", ""),
                                 ("--scale", "0", "-1", "x", "nan", "1e999", "1e-60", "1e60", "2 "),
                                 ("--near", "0", "-0.1", "z", "1e60"),
-                                ("--background", "255,255,255", "1,1", "-1,0,0"), ("--size", "0x5", "5", "5x", "5x5x5", "-5x5", "1e9x1"),
+                                ("--background", "255,255,255", "1,1", "-1,0,0", "pinkish", "#12345", "#12345g", "#1234567"), ("--size", "0x5", "5", "5x", "5x5x5", "-5x5", "1e9x1"),
                                 ("--fit", "squash"), ("--format", "gif"), ("--views", ",", "a,,b"), ("--selection-seed", "-1", "x", "1.5"),
                                 ("--assume-selected", "0", "1.1", "-1"), ("--up", "0,0,0"), ("--orbit-radius", "0", "-2", "1e-60"),
                                 ("--orbit-elevation", "90", "-100"), ("--kernels", "fpga"), ("--gemm", "mkl"), ("--max-memory", "0", "-3", "nan", "inf", "1x", "0x10", " 1"),
@@ -58,6 +63,12 @@ class Usage(support.Case):
                     if value:
                         self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(option, value, *more))
                     self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(f"{option}={value}", *more))
+
+    def test_scenes_are_written_as_ply_only(self):
+        for name in ("x.splat", "x.spz", "x.ply.gz", "x"):
+            self.refuses(2, ["--output", name, ".ply", "3DGS PLY"], "reconstruct", self.views, "--model", self.model, "--output", self.path(name))
+        self.refuses(2, ["--write-cameras", ".json"], "render", "scene.ply", "--cameras", "orbit:2", "--write-cameras", self.path("x.txt"))
+        self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path("X.PLY"))
 
     def test_values_that_are_empty(self):
         self.refuses(2, "--center", *self.reconstruct("--center", ""))      # and not: as if it were not given
@@ -85,7 +96,8 @@ class Usage(support.Case):
 
     def test_one_output_twice(self):
         self.refuses(2, "twice", *self.reconstruct("--profile", self.path("out.ply")))
-        self.refuses(2, "read", "reconstruct", self.views, "--model", self.model, "--output", self.model, "--overwrite")
+        shutil.copy(self.model, self.path("model.ply"))
+        self.refuses(2, "read", "reconstruct", self.views, "--model", self.path("model.ply"), "--output", self.path("model.ply"), "--overwrite")
         for path in (self.views, self.path("views", "images", "1.png")):
             self.refuses(2, "read", *self.reconstruct("--profile", path, "--overwrite"))
         self.succeeds(*self.reconstruct("--write-views", self.path("seen")))

@@ -99,9 +99,13 @@ static void refuses_bad_values(void) {
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_create(&info, &arrays, &scene));
   HOLD(!scene);
   info.mirror[2] = 3;
+  info.up[1] = INFINITY;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_create(&info, &arrays, &scene));
+  info.up[1] = -2;
   EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &scene));
   EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
   HOLD(info.count == count && info.has_mirror && info.mirror[2] == 3 && fabs(info.near_plane - 0.2) < 1e-6);
+  HOLD(info.up[0] == 0 && info.up[1] == -1 && info.up[2] == 0);
   vsplat_scene_release(scene);
   info.count = 0;
   memset(&arrays, 0, sizeof arrays);

@@ -87,6 +87,46 @@ static void paths(void) {
   vsplat_cameras_release(path);
 }
 
+static void cameras_saved(void) {
+  vsplat_camera cameras[2] = {VSPLAT_CAMERA_INIT, VSPLAT_CAMERA_INIT}, again = VSPLAT_CAMERA_INIT;
+  const char* names[2] = {"shots/a.png", "shots/b.png"};
+  vsplat_cameras loaded = NULL;
+  int i;
+  for (i = 0; i < 2; ++i) {
+    cameras[i].width = 24;
+    cameras[i].height = 16;
+    cameras[i].fx = 20.1;
+    cameras[i].fy = 25 + i;
+    cameras[i].w2c[11] = 1.0 / 3;
+  }
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_save(cameras, 0, NULL, "saved.json"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_cameras_save(NULL, 2, NULL, "saved.json"));
+  cameras[1].fy = -1;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_cameras_save(cameras, 2, NULL, "saved.json"));
+  HOLD(file_size("saved.json") == -1);
+  cameras[1].fy = 26;
+  EXPECT(VSPLAT_OK, vsplat_cameras_save(cameras, 2, names, "saved.json"));
+  EXPECT(VSPLAT_OK, vsplat_cameras_load("saved.json", 0, 0, &loaded));
+  EXPECT(VSPLAT_OK, vsplat_cameras_get(loaded, 1, &again));
+  HOLD(again.fx == 20.1 && again.fy == 26 && again.w2c[11] == 1.0 / 3 && again.width == 24);
+  vsplat_cameras_release(loaded);
+}
+
+static void pictures_with_alpha(void) {
+  float half[floats / 3], none[floats / 3];
+  int i;
+  vsplat_picture p = VSPLAT_PICTURE_INIT;
+  for (i = 0; i < floats / 3; ++i) half[i] = 0.5f, none[i] = 0;
+  p.capacity = floats / 3;
+  p.colour = colour;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(&p, width, height, VSPLAT_PICTURE_PNG_ALPHA, "alpha.png"));
+  p.alpha = half;
+  EXPECT(VSPLAT_OK, vsplat_picture_save(&p, width, height, VSPLAT_PICTURE_PNG_ALPHA, "alpha.png"));
+  HOLD(file_size("alpha.png") > 50);
+  p.alpha = none;
+  EXPECT(VSPLAT_OK, vsplat_picture_save(&p, width, height, VSPLAT_PICTURE_PNG_ALPHA, "alpha.png"));
+}
+
 static void sheets(void) {
   vsplat_sheet sheet = NULL;
   vsplat_sheet_options options = VSPLAT_SHEET_OPTIONS_INIT;
@@ -106,6 +146,11 @@ static void sheets(void) {
   EXPECT(VSPLAT_OK, vsplat_sheet_save(sheet, "sheet.png"));
   EXPECT(VSPLAT_OK, vsplat_picture_file_size("sheet.png", &w, &h));
   HOLD(w == 2 * 12 + 3 * 8 && h == 2 * 12 + 3 * 8);
+  EXPECT(VSPLAT_OK, vsplat_sheet_add_labelled(sheet, &picture, width, height, "a"));
+  EXPECT(VSPLAT_OK, vsplat_sheet_add_labelled(sheet, &picture, width, height, NULL));
+  EXPECT(VSPLAT_OK, vsplat_sheet_save(sheet, "sheet.png"));
+  EXPECT(VSPLAT_OK, vsplat_picture_file_size("sheet.png", &w, &h));
+  HOLD(h == 3 * (12 + 12) + 4 * 8);
   vsplat_sheet_retain(sheet);
   vsplat_sheet_release(sheet);
   vsplat_sheet_release(sheet);
@@ -177,7 +222,8 @@ static void comparisons(void) {
 
 int main(void) {
   char folder[] = "/tmp/vsplat-pictures-XXXXXX";
-  const char* const left[] = {"cameras.json", "sheet.png", "a.webp", "again.webp", "b.jpg", "0001.png"};
+  const char* const left[] = {"cameras.json", "sheet.png", "a.webp",     "again.webp",
+                              "b.jpg",        "0001.png",  "saved.json", "alpha.png"};
   size_t i;
   for (i = 0; i < floats; ++i) colour[i] = 0.5f + 0.4f * sinf((float)(i / 3) * 0.05f + (float)(i % 3));
   picture.capacity = width * height;
@@ -185,6 +231,8 @@ int main(void) {
   if (!mkdtemp(folder) || chdir(folder) != 0) return 1;
   null_handles();
   paths();
+  cameras_saved();
+  pictures_with_alpha();
   sheets();
   animations();
   comparisons();

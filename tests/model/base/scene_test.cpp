@@ -112,5 +112,22 @@ TEST(Transform, CovarianceTurns) {
   }
 }
 
+// Up turns with the frame; neither the frame's scale nor its shift touch it.
+TEST(Transform, UpTurns) {
+  Similarity move;
+  move.scale = 7;
+  move.rotation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  move.translation = {5, 6, 7};
+  Scene scene;
+  transform(scene, move);
+  EXPECT_FALSE(scene.up);
+  scene.up = {0, -1, 0};
+  transform(scene, move);
+  ASSERT_TRUE(scene.up);
+  EXPECT_NEAR((*scene.up)[0], 0, 1e-6);
+  EXPECT_NEAR((*scene.up)[1], 0, 1e-6);
+  EXPECT_NEAR((*scene.up)[2], -1, 1e-6);
+}
+
 }  // namespace
 }  // namespace vsplat

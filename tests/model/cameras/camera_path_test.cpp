@@ -181,6 +181,45 @@ TEST(CameraPath, DropsLensDistortion) {
   for (const Camera& c : camera_path(keys, 3)) EXPECT_EQ(c.distortion.model, Distortion::Model::none);
 }
 
+// Four cameras about an object, at different heights and distances: the path goes round, and the object stays in view.
+TEST(CameraPath, GoesRoundWhatTheKeysLookAt) {
+  const Vector3d middle(3, -1, 2);
+  std::vector<Camera> keys = test::ring(4, middle, 2, 0.2);
+  const double heights[] = {0.2, 0.9, -0.4, 0.5}, distances[] = {2, 3, 1.5, 2.5};
+  for (int i = 0; i < 4; ++i) {
+    const Camera at = test::ring(4, middle, distances[i], heights[i])[i];
+    keys[i].w2c = at.w2c;
+  }
+  const std::vector<Camera> path = camera_path(keys, 61);
+  for (const Camera& c : path) {
+    const Vector3d seen = c.w2c.topLeftCorner<3, 3>() * middle + c.w2c.topRightCorner<3, 1>();
+    EXPECT_GT(seen.z(), 1.4);  // as near as the nearest key, as far as the farthest
+    EXPECT_LT(seen.z(), 3.2);
+    EXPECT_NEAR(c.fx * seen.x() / seen.z() + c.cx, 322, 1);
+    EXPECT_NEAR(c.fy * seen.y() / seen.z() + c.cy, 237, 1);
+    expect_rigid(c);
+  }
+  for (const Camera& key : keys) {
+    double nearest = 1e9;
+    for (const Camera& c : path) nearest = std::min(nearest, (c.w2c - key.w2c).norm());
+    EXPECT_LT(nearest, 0.15);
+  }
+}
+
+// Two that face each other leave open where between them the object is: the middle is taken.
+TEST(CameraPath, GoesRoundBetweenTwoThatFaceEachOther) {
+  const std::vector<Camera> ring = test::ring(2, {0, 0, 0}, 2, 0);
+  for (const Camera& c : camera_path(ring, 9)) EXPECT_NEAR(c.centre().norm(), 2, 1e-6);
+}
+
+// Cameras that look the same way, or away from each other, share no point: straight from one to the next.
+TEST(CameraPath, GoesStraightWhereNothingIsLookedAt) {
+  for (const double degrees : {0.0, 40.0}) {
+    const std::vector<Camera> keys = {turned(-degrees, {0, 1, 0}, {-1, 0, 0}), turned(degrees, {0, 1, 0}, {1, 0, 0})};
+    EXPECT_LT(camera_path(keys, 3)[1].centre().norm(), 1e-9) << degrees;
+  }
+}
+
 TEST(CameraPath, RefusesWhatIsNoPath) {
   expect_error(Status::usage, {"key"}, [] { camera_path({}, 3); });
   for (const int count : {0, -1, max_path + 1})

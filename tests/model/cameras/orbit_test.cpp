@@ -2,8 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <limits>
 
-#include "model/base/gaussians.h"
+#include "model/base/scene.h"
 #include "model/input/pose_check.h"
 #include "tests/support/posed_views.h"
 
@@ -125,44 +126,124 @@ TEST(LookAt, AlongUpOrFromThePlaceItself) {
   }
 }
 
-TEST(OrbitAboutScene, MostGaussiansFillThePicture) {
-  Gaussians scene;
-  unsigned random = 3;
-  scene.count = 2001;
-  for (std::size_t i = 0; i < 3 * scene.count; ++i) {
-    random = random * 1664525U + 1013904223U;
-    scene.means.push_back(10.0F + 4 * static_cast<float>(random >> 8) / 16777216.0F);
+// Cameras on a ring about `up`, each rolled by one of `rolls` in degrees.
+std::vector<Camera> rolled(int count, const Vector3d& up, const std::vector<double>& rolls) {
+  std::vector<Camera> out = test::ring(count, {0, 0, 0}, 2, 0.5);
+  const Eigen::Matrix3d turn = Eigen::Quaterniond::FromTwoVectors(Vector3d(0, -1, 0), up).toRotationMatrix();
+  for (int i = 0; i < count; ++i) {
+    Eigen::Matrix4d motion = Eigen::Matrix4d::Identity(), roll = motion;
+    motion.topLeftCorner<3, 3>() = turn.transpose();
+    roll.topLeftCorner<3, 3>() =
+        Eigen::AngleAxisd(rolls[i % rolls.size()] * M_PI / 180, Vector3d::UnitZ()).toRotationMatrix();
+    out[i].w2c = roll * out[i].w2c * motion;
   }
-  for (int i = 0; i < 40; ++i) scene.means[3 * i] = i % 2 ? 1e6F : std::nanf("");  // strays
-  const auto orbit = orbit_about_scene(scene, 6, 300, 200);
-  ASSERT_EQ(orbit.size(), 6U);
-  EXPECT_NEAR(orbit[0].fx, 100 / std::tan(25 * M_PI / 180), 1e-9);
-  EXPECT_LT(orbit[0].centre().z(), 10);  // starts in front: -z
-  for (const Camera& c : orbit) {
-    expect_rigid(c);
-    EXPECT_NEAR(c.centre().y(), 12, 0.1);  // level
-    int inside = 0;
-    double reach = 0;
-    for (std::size_t i = 0; i < scene.count; ++i) {
-      const auto at = project_to_picture(c, {scene.means[3 * i], scene.means[3 * i + 1], scene.means[3 * i + 2]});
-      const bool in = at && at->x() >= 50 && at->x() <= 250 && at->y() >= 0 && at->y() <= 200;
-      inside += in;
-      if (in) reach = std::max(reach, std::abs(at->y() - 100));
-    }
-    EXPECT_GT(inside, 0.94 * 2001);
-    EXPECT_GT(reach, 75);
+  return out;
+}
+
+TEST(WorldUp, IsTheWorldsAxisWhereTheCamerasLeaveItOpen) {
+  const auto tilted = [](double degrees) {
+    return Vector3d(0, std::sin(degrees * M_PI / 180), std::cos(degrees * M_PI / 180));
+  };
+  EXPECT_EQ(world_up(rolled(8, tilted(2), {0})), Vector3d::UnitZ());  // within rounding of what a hand holds
+  EXPECT_LT((world_up(rolled(8, tilted(8), {0})) - tilted(8)).norm(), 1e-3);
+  EXPECT_EQ(world_up(rolled(8, tilted(8), {12, -12})), Vector3d::UnitZ());
+  EXPECT_LT((world_up(rolled(8, -tilted(45), {20, -20})) + tilted(45)).norm(), 0.1);  // too far from any
+}
+
+// An ellipsoid's surface, its longest axis along z, with strays.
+Scene tall_scene() {
+  Scene out;
+  const int n = 3000;
+  for (int i = 0; i < n; ++i) {
+    const double z = 1 - (2.0 * i + 1) / n, r = std::sqrt(1 - z * z), a = 2.399963229728653 * i;
+    for (const double v : {3 + r * std::cos(a), -1 + r * std::sin(a), 5 + 4 * z})
+      out.gaussians.means.push_back(static_cast<float>(v));
+    out.gaussians.scales.insert(out.gaussians.scales.end(), {0.02f, 0.01f, 0.01f});
+    out.gaussians.opacities.push_back(0.9f);
   }
+  out.gaussians.count = n;
+  return out;
+}
+
+TEST(OrbitAboutScene, KeepsAllOfItInThePictureAllTheWayRound) {
+  Scene scene = tall_scene();
+  for (int i = 0; i < 30; ++i) {  // floaters, and mist that nobody sees
+    scene.gaussians.means[3 * (97 * i)] += i % 3 ? 1e4F : 0.0F;
+    scene.gaussians.means[3 * (97 * i) + 1] -= i % 3 ? 0.0F : 30.0F;
+    if (i % 3 == 0) scene.gaussians.opacities[97 * i] = 0.02F;
+  }
+  for (const Vector3d& up : {Vector3d(0, 0, 1), Vector3d(0, -1, 0)})
+    for (const double elevation : {0.0, 35.0, -80.0})
+      for (const auto& [width, height] : {std::pair(300, 200), std::pair(200, 300)}) {
+        const auto orbit =
+            orbit_about_scene(scene, 12, width, height, {.radius = {}, .elevation_deg = elevation, .up = up});
+        double edge = std::numeric_limits<double>::infinity();
+        for (const Camera& c : orbit)
+          for (std::size_t i = 0; i < scene.gaussians.count; ++i) {
+            if (i % 97 == 0 && i < std::size_t{97 * 30}) continue;
+            const float* m = &scene.gaussians.means[3 * i];
+            const auto at = project_to_picture(c, {m[0], m[1], m[2]});
+            ASSERT_TRUE(at);
+            edge = std::min({edge, at->x() / width, 1 - at->x() / width, at->y() / height, 1 - at->y() / height});
+          }
+        EXPECT_GT(edge, 0.04) << up.transpose() << ", " << elevation << ", " << width;
+        EXPECT_LT(edge, 0.12) << up.transpose() << ", " << elevation << ", " << width;
+      }
+}
+
+TEST(OrbitAboutScene, UpIsTheOptionsElseTheScenesElseMinusY) {
+  Scene scene = tall_scene();
+  const auto up_in_picture = [](const Camera& c) { return Vector3d(-c.w2c.row(1).head<3>().transpose()); };
+  EXPECT_LT((up_in_picture(orbit_about_scene(scene, 1, 64, 64)[0]) - Vector3d(0, -1, 0)).norm(), 1e-9);
+  scene.up = {0, 0, 1};
+  const Camera camera = orbit_about_scene(scene, 1, 64, 64)[0];
+  EXPECT_LT((up_in_picture(camera) - Vector3d(0, 0, 1)).norm(), 1e-9);
+  EXPECT_LT(camera.centre().y(), -2);  // a z-up world's front
+  const Camera asked =
+      orbit_about_scene(scene, 1, 64, 64, {.radius = {}, .elevation_deg = {}, .up = Vector3d(0, 2, 0)})[0];
+  EXPECT_LT((up_in_picture(asked) - Vector3d(0, 1, 0)).norm(), 1e-9);
+  EXPECT_GT(asked.centre().z(), 6);  // a y-up world's
+  scene.up = {0.01f, 0.99995f, 0};
+  EXPECT_GT(orbit_about_scene(scene, 1, 64, 64)[0].centre().z(), 6);  // nearly so: not another one
 }
 
 TEST(OrbitAboutScene, NoneOrOneGaussian) {
-  EXPECT_EQ(orbit_about_scene(Gaussians(), 4, 64, 64).size(), 4U);
-  Gaussians one;
-  one.count = 1;
-  one.means = {1, 2, 3};
-  for (const Camera& c : orbit_about_scene(one, 4, 64, 64))
-    EXPECT_NEAR((c.centre() - Vector3d(1, 2, 3)).norm(), 1, 1e-6);
+  EXPECT_EQ(orbit_about_scene(Scene(), 4, 64, 64).size(), 4U);
+  Scene one;
+  one.gaussians.count = 1;
+  one.gaussians.means = {1, 2, 3};
+  one.gaussians.scales = {0.1f, 0.1f, 0.1f};
+  one.gaussians.opacities = {0.01f};
+  for (const Camera& c : orbit_about_scene(one, 4, 64, 64)) {
+    const double distance = (c.centre() - Vector3d(1, 2, 3)).norm();
+    EXPECT_GT(distance, 0.0);
+    EXPECT_TRUE(std::isfinite(distance));
+  }
   for (const Camera& c : orbit_about_scene(one, 4, 64, 64, {.radius = 3, .elevation_deg = 20, .up = Vector3d(0, 0, 1)}))
     EXPECT_NEAR(c.centre().z(), 3 + 3 * std::sin(20 * M_PI / 180), 1e-6);
+}
+
+// The cylinder inscribed in the cube has room, whatever the inputs' field of view.
+TEST(Orbit, TheCubeKeepsAMargin) {
+  const std::vector<Camera> inputs = test::ring(6, {0, 0, 0}, 1.5, 0.5);  // a unit cube reaches beyond their pictures
+  for (const double edge : {1.0, 0.1}) {
+    const auto orbit =
+        orbit_about(inputs, {0, 0, 0}, 8, 200, 200, {.radius = {}, .elevation_deg = {}, .up = {}, .edge = edge});
+    double least = 1;
+    for (const Camera& c : orbit)
+      for (int i = 0; i < 64; ++i)
+        for (const double y : {-0.5, 0.5}) {
+          const Vector3d at(0.5 * std::cos(i * M_PI / 32), y, 0.5 * std::sin(i * M_PI / 32));
+          const Eigen::Vector2d p = *project_to_picture(c, edge * at) / 200;
+          least = std::min({least, p.x(), p.y(), 1 - p.x(), 1 - p.y()});
+        }
+    EXPECT_GT(least, 0.049);
+    if (edge == 1) {
+      EXPECT_LT(least, 0.06);
+    } else {
+      EXPECT_NEAR(orbit[0].fx / 200, 790.0 / 480, 1e-12);  // wide enough: stays
+    }
+  }
 }
 
 }  // namespace

@@ -164,7 +164,8 @@ TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
   const Image sheet = evaluate(ctx(), model.network, data(), options).sheet;
   const int step = kSide + ContactSheet::margin;
   EXPECT_EQ(sheet.width, 12 * step + ContactSheet::margin);
-  EXPECT_EQ(sheet.height, 4 * step + ContactSheet::margin);
+  const int down = step + ContactSheet::label_room;
+  EXPECT_EQ(sheet.height, 4 * down + ContactSheet::margin);
   // The first input of the best object, and below it the first novel view as it is.
   Evaluation numbers = evaluate(ctx(), model.network, data(), {});
   const auto best = std::max_element(numbers.objects.begin(), numbers.objects.end(),
@@ -178,7 +179,7 @@ TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
       for (int x = 0; x < kSide; ++x)
         for (int c = 0; c < 3; ++c)
           worst = std::max<double>(
-              worst, std::abs(sheet.at(ContactSheet::margin + x, ContactSheet::margin + row * step + y)[c] -
+              worst, std::abs(sheet.at(ContactSheet::margin + x, ContactSheet::margin + row * down + y)[c] -
                               want.at(x, y)[c]));
     return worst;
   };

@@ -71,6 +71,7 @@ TEST_F(Ply, RoundTripsEveryDegree) {
     scene.gaussians = test::make_scene({"", 50, degree, 0, 0, "opacity"}, 1);
     scene.near = 0.0731f;
     if (degree == 2) scene.mirror = {0.1f, -2.5f, 1e-7f};
+    if (degree > 0) scene.up = {0.6f, 0, -0.8f};
     write_ply(path(), scene);
     const Scene again = read_ply(path());
     const Gaussians &a = scene.gaussians, &b = again.gaussians;
@@ -78,6 +79,7 @@ TEST_F(Ply, RoundTripsEveryDegree) {
     EXPECT_EQ(a.sh_degree, b.sh_degree);
     EXPECT_EQ(again.near, scene.near);
     EXPECT_EQ(again.mirror, scene.mirror);
+    EXPECT_EQ(again.up, scene.up);
     EXPECT_EQ(a.means, b.means);
     EXPECT_EQ(a.sh, b.sh);
     for (std::size_t i = 0; i < a.scales.size(); ++i) EXPECT_NEAR(b.scales[i], a.scales[i], 1e-6 * a.scales[i]);
@@ -118,6 +120,11 @@ TEST_F(Ply, WritesTheStandardLayout) {
       floats({1,    2,    3,     0,   0, 0, 0, 1, 2, 3, 6, 9, 4, 7, 10, 5, 8, 11, 0, 0, std::log(0.5f), std::log(4.0f),
               0.5f, 0.5f, -0.5f, 0.5f});
   EXPECT_EQ(bytes(), want);
+}
+
+TEST_F(Ply, UpIsOfLengthOne) {
+  put(header(1, kPlain, "comment vsplat up 0 -3 4\n") + floats(kRow));
+  EXPECT_EQ(read_ply(path()).up, (std::array<float, 3>{0, -0.6f, 0.8f}));
 }
 
 TEST_F(Ply, EmptyScenesAreLegal) {
@@ -246,6 +253,9 @@ TEST_F(Ply, RefusesByName) {
   EXPECT_NE(with("element", "comment vsplat near nothing\nelement").find("vsplat near"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat near -1\nelement").find("at least 0"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat mirror_camera_about 1 2\nelement").find("3 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat up 0 1\nelement").find("3 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat up 0 nan 1\nelement").find("3 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat up 0 -0 0\nelement").find("a direction"), std::string::npos);
   EXPECT_NE(with("end_header", "something").find("something"), std::string::npos);
   EXPECT_NE(complaint("ply\n" + std::string(2 << 20, 'x')).find("line 2 (byte 4): there is no end_header within"),
             std::string::npos);

@@ -1,5 +1,6 @@
 #include "model/pictures/contact_sheet.h"
 
+#include "model/pictures/text.h"
 #include "tests/support/posed_views.h"
 
 namespace vsplat {
@@ -63,6 +64,50 @@ TEST(ContactSheet, CentresSmallerPicturesAndEnlargesNone) {
       ASSERT_EQ(out.at(x, y)[0], first ? 0.0f : second ? 1.0f : ContactSheet::paper) << x << " " << y;
       ASSERT_EQ(out.at(x, y)[1], first || second ? 0.0f : ContactSheet::paper) << x << " " << y;
     }
+}
+
+// Room for labels is there where one is, below every picture; the text is dark on the paper, and inside its cell.
+TEST(ContactSheet, LabelsStandBelowThePictures) {
+  SheetOptions options;
+  options.columns = 2;
+  ContactSheet sheet(options);
+  sheet.add(Image(40, 20, 3, 1.0f), "0001");
+  sheet.add(Image(40, 20, 3, 1.0f));
+  sheet.add(Image(40, 20, 3, 1.0f), "far too long for it");
+  const Image out = sheet.sheet();
+  ASSERT_EQ(out.width, 2 * 40 + 3 * margin);
+  ASSERT_EQ(out.height, 2 * (20 + ContactSheet::label_room) + 3 * margin);
+  const auto dark = [&](int x0, int y0, int w, int h) {
+    int count = 0;
+    for (int y = y0; y < y0 + h; ++y)
+      for (int x = x0; x < x0 + w; ++x) count += out.at(x, y)[0] < 0.5f;
+    return count;
+  };
+  EXPECT_GT(dark(margin, margin + 20, 40, ContactSheet::label_room), 30);
+  EXPECT_EQ(dark(2 * margin + 40, margin + 20, 40, ContactSheet::label_room), 0);
+  const int below = 2 * margin + 40 + ContactSheet::label_room;
+  EXPECT_GT(dark(margin, below, 40, ContactSheet::label_room), 30);
+  EXPECT_EQ(dark(0, 0, out.width, out.height), dark(margin, margin + 20, 40, ContactSheet::label_room) +
+                                                   dark(margin, below, 40, ContactSheet::label_room));
+}
+
+TEST(Text, IsCutAndStaysInThePicture) {
+  EXPECT_EQ(fitted_text("0123456", 42), "0123456");
+  EXPECT_EQ(fitted_text("0123456", 41), "0123..");
+  EXPECT_EQ(fitted_text("0123456", 5), "");
+  Image picture(30, 10, 3, 1.0f);
+  draw_text(picture, 0, 0, "L", 0);
+  for (int y = 0; y < 7; ++y) EXPECT_EQ(picture.at(0, y + 1)[2], 0.0f) << y;  // its stroke on the left
+  EXPECT_EQ(picture.at(1, 1)[0], 1.0f);
+  EXPECT_EQ(picture.at(4, 7)[0], 0.0f);  // and the one below
+  const Image before = picture;
+  draw_text(picture, -100, -3, "LLL", 0);
+  draw_text(picture, 100, 5, "LLL", 0);
+  EXPECT_EQ(picture.data, before.data);
+  Image question(6, 10, 3, 1.0f), other = question;
+  draw_text(question, 0, 0, "?", 0);
+  draw_text(other, 0, 0, "\xe9", 0);
+  EXPECT_EQ(question.data, other.data);
 }
 
 TEST(ContactSheet, IsBalancedAndBounded) {

@@ -76,6 +76,32 @@ TEST(ReferencePicture, UndoesDistortion) {
   }
 }
 
+TEST(ReferencePicture, ScalesLargerOnesDownByArea) {
+  const test::TemporaryFolder folder;
+  Image in(9, 6, 3), mask(9, 6, 1, 1.0f);
+  for (std::size_t i = 0; i < in.data.size(); ++i) in.data[i] = static_cast<float>(i * 37 % 256) / 255.0f;
+  for (int y = 0; y < 6; ++y) mask.at(0, y)[0] = 0.0f;
+  write_png(folder / "a.png", in);
+  write_png(folder / "mask.png", mask);
+  const Image out = reference_picture(camera_of(90, 60), folder / "a.png", folder / "mask.png", 3, 2, {0, 1, 0});
+  ASSERT_EQ(out.width, 3);
+  ASSERT_EQ(out.height, 2);
+  for (int c = 0; c < 3; ++c)
+    for (int x = 0; x < 3; ++x) {
+      double sum = 0;
+      for (int v = 3; v < 6; ++v)
+        for (int u = 3 * x; u < 3 * x + 3; ++u)
+          sum += u == 0 ? (c == 1 ? 1.0 : 0.0) : static_cast<double>(in.at(u, v)[c]);
+      EXPECT_NEAR(out.at(x, 1)[c], sum / 9, 1e-6) << x << " " << c;
+    }
+  Camera bent = camera_of(160, 120);
+  bent.distortion = {Distortion::Model::opencv, {-1e-9}};
+  write_png(folder / "flat.png", Image(320, 241, 3, 0.25f));  // 240.5 would be right: a pixel is let pass
+  const Image flat = reference_picture(bent, folder / "flat.png", "", 160, 120, {0, 0, 0});
+  ASSERT_EQ(flat.height, 120);
+  EXPECT_NEAR(flat.at(80, 60)[1], 64 / 255.0, 1e-6);
+}
+
 TEST(ReferencePicture, RefusesOtherSizes) {
   const test::TemporaryFolder folder;
   write_png(folder / "a.png", Image(4, 3, 3));
@@ -83,6 +109,9 @@ TEST(ReferencePicture, RefusesOtherSizes) {
   const Camera c = camera_of(4, 3);
   expect_error(Status::input, {"a.png", "4 x 3", "8 x 6"}, [&] {
     reference_picture(c, folder / "a.png", "", 8, 6, {1, 1, 1});
+  });
+  expect_error(Status::input, {"a.png", "4 x 3", "1 x 3"}, [&] {
+    reference_picture(c, folder / "a.png", "", 1, 3, {1, 1, 1});
   });
   expect_error(Status::input, {"mask.png", "3 x 4"}, [&] {
     reference_picture(c, folder / "a.png", folder / "mask.png", 4, 3, {1, 1, 1});

@@ -266,9 +266,16 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_get(vsplat_cameras came
 /* `count` (1 to 10000) cameras on a smooth path through `keys`, in their order: centres on a cubic spline through the
    keys' centres, rotations by the shorter arcs, fields of view and principal points interpolated, pictures in the first
    key's size. The first and the last camera are the first and the last key; all are the first key where there is one
-   key or one camera. VSPLAT_ERROR_INPUT where a key's pictures have other proportions than the first one's. */
+   key or one camera. Where all keys see a point that their optical axes meet at or pass by, as cameras about an object
+   do, the path goes round it and keeps it in the picture. VSPLAT_ERROR_INPUT where a key's pictures have other proportions than the first one's. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_path(vsplat_cameras keys, int32_t count,
                                                               vsplat_cameras* out_cameras);
+
+/* Writes cameras as a cameras.json that vsplat_cameras_load and vsplat_views_load read back, the same to the bit; whole
+   or not at all, an existing file is replaced. `files`: [count] the pictures' paths relative to the file's folder; NULL:
+   0000.png, 0001.png, ... */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_save(const vsplat_camera* cameras, size_t count,
+                                                              const char* const* files, const char* path);
 
 /* ---------------------------------------------------------------------------------------------------------- views */
 
@@ -339,9 +346,13 @@ typedef struct vsplat_input_info {
   int32_t image;    /* pixels along an edge */
   double center[3]; /* the cube, as it was placed */
   double scale;
+  double up[3]; /* which way is up in the world, of length 1, from all listed cameras: across their horizontal axes, or
+                   the world's axis next to that where the cameras are rolled too much to tell them apart */
 } vsplat_input_info;
-#define VSPLAT_INPUT_INFO_INIT \
-  { sizeof(vsplat_input_info), 0, 0, {0, 0, 0}, 0.0 }
+#define VSPLAT_INPUT_INFO_INIT                                   \
+  {                                                              \
+    sizeof(vsplat_input_info), 0, 0, {0, 0, 0}, 0.0, { 0, 0, 0 } \
+  }
 
 /* Chooses views, places the cube, checks both and prepares the pictures for `model`. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_input_prepare(vsplat_model model, vsplat_views views,
@@ -379,9 +390,12 @@ typedef struct vsplat_scene_info {
   uint64_t skipped_not_finite; /* a value is NaN or infinite; an infinite opacity logit is opacity 0 or 1, and taken */
   uint64_t skipped_huge_scale; /* a scale's exponential is beyond what a float holds */
   uint64_t skipped_zero_rotation; /* the quaternion's length is 0 */
+  double up[3];                   /* which way is up, of length 1; 0, 0, 0: not known */
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT \
-  { sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0 }
+#define VSPLAT_SCENE_INFO_INIT                                               \
+  {                                                                          \
+    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, { 0, 0, 0 } \
+  }
 
 /* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
@@ -412,7 +426,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_with(const char* pat
                                                                  const vsplat_scene_load_options* options,
                                                                  vsplat_scene* out_scene);
 
-/* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2) and mirror are taken.
+/* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2), mirror and up (of any
+   length) are taken.
    Of `arrays`, none may be NULL: rotations of any length but 0, scales not negative, opacities in [0,1], every value
    finite; VSPLAT_ERROR_INPUT names the first that is not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
@@ -454,9 +469,12 @@ typedef struct vsplat_reconstruct_options {
   double assume_selected;
   vsplat_progress_function progress; /* may be NULL */
   void* user;
+  double up[3]; /* which way is up in the world, for the scene to tell; 0, 0, 0: the input's (vsplat_input_info) */
 } vsplat_reconstruct_options;
-#define VSPLAT_RECONSTRUCT_OPTIONS_INIT \
-  { sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL }
+#define VSPLAT_RECONSTRUCT_OPTIONS_INIT                                                              \
+  {                                                                                                  \
+    sizeof(vsplat_reconstruct_options), NULL, 0, NULL, 0, 0, 0.0, NULL, 0.0, NULL, NULL, { 0, 0, 0 } \
+  }
 
 /* One forward pass. The scene is in the frame of the input's cameras. With no voxel selected it is empty: not an error.
    The model's weights stay on the device until model or device go. `options` NULL: defaults. */
@@ -499,7 +517,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_reconstruct(vsplat_device 
 typedef struct vsplat_orbit_options {
   size_t size;
   int32_t count;         /* cameras on the circle */
-  int32_t width, height; /* pixels; 0: the input's size, 512 x 512 about a scene */
+  int32_t width, height; /* pixels; 0: 512 x 512 */
   double radius;         /* world units; 0: from inputs or scene */
   int32_t has_elevation; /* 1: `elevation` is set */
   double elevation;      /* degrees above the plane across `up` */
@@ -511,12 +529,14 @@ typedef struct vsplat_orbit_options {
     sizeof(vsplat_orbit_options), 8, 0, 0, 0.0, 0, 0.0, 0, { 0, 0, 0 } \
   }
 
-/* A circle about the cube's centre: median distance and elevation, mean up axis and field of view of the input views.
- */
+/* A circle about the cube's centre: median distance and elevation of the input views, the input's up axis, and their
+   median field of view, or a wider one that holds the cylinder inscribed in the cube with a margin. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_orbit_input(vsplat_input input,
                                                                      const vsplat_orbit_options* options,
                                                                      vsplat_cameras* out_cameras);
-/* About the Gaussians' median position: up is -y, 50 degrees of field of view, from where 95 % of them fill it. */
+/* About the middle of what can be seen of the scene, level, with 50 degrees of field of view, from where a twentieth of
+   the picture is left free all the way round; what lies far off (floaters) does not count. Up is the scene's, -y where
+   it knows none. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_orbit_scene(vsplat_scene scene,
                                                                      const vsplat_orbit_options* options,
                                                                      vsplat_cameras* out_cameras);
@@ -588,12 +608,13 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_render(vsplat_device devic
 typedef enum vsplat_picture_format {
   VSPLAT_PICTURE_PNG = 1, /* 8-bit RGB, rounded, over the background it was drawn on */
   VSPLAT_PICTURE_EXR = 2, /* half R, G, B, A, linear and premultiplied: draw it over black; float Z = depth / alpha */
-  VSPLAT_PICTURE_EXR_RAW = 3, /* float R, G, B, A, Z as they are */
-  VSPLAT_PICTURE_JPEG = 4     /* as PNG, of quality 90 */
+  VSPLAT_PICTURE_EXR_RAW = 3,  /* float R, G, B, A, Z as they are */
+  VSPLAT_PICTURE_JPEG = 4,     /* as PNG, of quality 90 */
+  VSPLAT_PICTURE_PNG_ALPHA = 5 /* 8-bit RGBA with straight alpha: draw it over black */
 } vsplat_picture_format;
 
-/* Writes what vsplat_render drew, whole or not at all. PNG and JPEG need `colour` alone, EXR all three. An existing
-   file is replaced. */
+/* Writes what vsplat_render drew, whole or not at all. PNG and JPEG need `colour` alone, PNG_ALPHA `alpha` as
+   well, EXR all three. An existing file is replaced. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width,
                                                               int32_t height, vsplat_picture_format format,
                                                               const char* path);

@@ -423,9 +423,9 @@ class Sheet : public SheetHandle {
   Sheet() = default;
   explicit Sheet(const vsplat_sheet_options& options) : SheetHandle(create(options)) {}
 
-  void add(Picture& picture) {
+  void add(Picture& picture, const std::string& label = "") {
     const vsplat_picture p = picture.arrays();
-    check(vsplat_sheet_add(get(), &p, picture.width, picture.height));
+    check(vsplat_sheet_add_labelled(get(), &p, picture.width, picture.height, label.c_str()));
   }
   void save(const std::string& path) const { check(vsplat_sheet_save(get(), path.c_str())); }
 
