@@ -8,13 +8,13 @@ set(some_skipped "SKIPPED \\] [0-9]+ tests?, listed below:\n(\\[  SKIPPED \\] [^
 if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   add_test(NAME rusticl.network
     COMMAND network_tests --gtest_filter=*GoldenModel*micro:*GoldenModel*_tiny:*GoldenModel*tiny_noise:*GoldenModel*tiny_views6:*Model/Model.*)
-  set_tests_properties(rusticl.network PROPERTIES LABELS "model;drivers" TIMEOUT 600 FIXTURES_REQUIRED golden_tiny
+  set_tests_properties(rusticl.network PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 FIXTURES_REQUIRED golden_tiny
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "RUSTICL_ENABLE=llvmpipe;VSPLAT_DEVICE=llvmpipe")
   add_test(NAME rusticl.profile COMMAND runtime_tests --gtest_filter=*ProfilesTimesThatCanBe)
   add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*)
   add_test(NAME rusticl.gradient COMMAND splat_tests --gtest_filter=Committed/RenderBackwardGolden.*:*IsZeroWhereTheLossIs*)
-  set_tests_properties(rusticl.profile rusticl.render rusticl.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 300
+  set_tests_properties(rusticl.profile rusticl.render rusticl.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 300 COST 200
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "RUSTICL_ENABLE=llvmpipe;VSPLAT_DEVICE=llvmpipe")
 else()
@@ -29,7 +29,7 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
   add_test(NAME oclgrind.gradient
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*_one:Committed/RenderBackwardGolden.*seventeen)
   # It reports and goes on by default; nothing that it reports is to be accepted.
-  set_tests_properties(oclgrind.network oclgrind.render oclgrind.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 900
+  set_tests_properties(oclgrind.network oclgrind.render oclgrind.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
 elseif(NOT OCLGRIND)
