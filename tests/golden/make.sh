@@ -15,6 +15,6 @@ case $size in
   splat_small) script=make_splat.py size=small ;;
   lpips) script=make_lpips.py ;;
 esac
-# Its tensors are small: a second thread takes two and a half times the processor's time and no less of ours.
+# Its tensors are small: a second thread takes half as much again of the processor's time, or more, and saves next to none of ours.
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
 exec "$here/../reference/pytorch/run.sh" $script "${1:-$here}" "$size"
