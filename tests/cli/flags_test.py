@@ -37,7 +37,8 @@ class Flags(support.Case):
                 known.add(found.group(1))
         named = set()
         for where, text in library_literals():
-            if " " not in text:  # a name alone is no message
+            if " " not in text:  # a name alone is no message, but what a message is made with
+                named.update(name for name in known if name == text)
                 continue
             for name in re.findall(r"\bvsplat_\w+\.\w+|\bvsplat_(?:train|model|views|mesh)_\w+\b(?!\.)", text):
                 self.assertIn(name, known, f"{where}: {text}")
