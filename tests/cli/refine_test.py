@@ -139,7 +139,7 @@ class Refine(support.Case):
         self.succeeds(*self.refine(*more))
         kept = ("--checkpoint", self.path("state"))
         process = subprocess.Popen([support.VSPLAT, *map(str, self.refine(*more, *kept, output="again.ply"))])
-        while process.poll() is None and not (os.path.isdir(self.path("state")) and os.listdir(self.path("state"))):
+        while process.poll() is None and not os.path.exists(self.path("state", "refinement.safetensors")):
             pass
         process.kill()
         process.wait()
