@@ -96,7 +96,7 @@ class Help(support.Case):
         self.assertEqual(self.complete("reconstruct", "photos", "--fit", "o"), ["object"])
         self.assertEqual(self.complete("dataset", "render", "--tex"), ["--texture"])
         self.assertEqual(self.complete("render", "--tex"), [])           # and not the data set's
-        self.assertEqual(self.complete("bench", "gemm", "co"), ["conv"])
+        self.assertEqual(self.complete("bench", "--kernels", "g"), ["gpu"])
         self.assertEqual(self.complete("reconstruct", "--scale", ""), [])
         self.assertEqual(sorted(self.complete("render", "-")), sorted(n for names in options_of(["render"]) for n in names))
 
