@@ -166,15 +166,15 @@ static void animations(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_create(&options, &animation));
   HOLD(!animation);
   EXPECT(VSPLAT_OK, vsplat_animation_create(NULL, &animation));
-  EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_save(animation, "a.webp"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_save(animation, "film.webp"));
   EXPECT(VSPLAT_OK, vsplat_animation_add(animation, &picture, width, height));
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_animation_add(animation, &picture, height, width));
-  HOLD(file_size("a.webp") == -1);
-  EXPECT(VSPLAT_OK, vsplat_animation_save(animation, "a.webp"));
-  HOLD(file_size("a.webp") > 50);
+  HOLD(file_size("film.webp") == -1);
+  EXPECT(VSPLAT_OK, vsplat_animation_save(animation, "film.webp"));
+  HOLD(file_size("film.webp") > 50);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_animation_add(animation, &picture, width, height));
   EXPECT(VSPLAT_OK, vsplat_animation_save(animation, "again.webp"));
-  HOLD(file_size("again.webp") == file_size("a.webp"));
+  HOLD(file_size("again.webp") == file_size("film.webp"));
   vsplat_animation_release(animation);
 }
 
@@ -222,7 +222,7 @@ static void comparisons(void) {
 
 int main(void) {
   char folder[] = "/tmp/vsplat-pictures-XXXXXX";
-  const char* const left[] = {"cameras.json", "sheet.png", "a.webp",     "again.webp",
+  const char* const left[] = {"cameras.json", "sheet.png", "film.webp",  "again.webp",
                               "b.jpg",        "0001.png",  "saved.json", "alpha.png"};
   size_t i;
   for (i = 0; i < floats; ++i) colour[i] = 0.5f + 0.4f * sinf((float)(i / 3) * 0.05f + (float)(i % 3));
