@@ -2,9 +2,9 @@
 #   vsplat_precompile(TARGET <header>...)  system headers that most sources of a target include, parsed once. None of ours is among
 #                                          them, since a change of it would compile everything anew.
 #   vsplat_precompile_as(TARGET OTHER)     those of OTHER, which is compiled with the same options
-#   vsplat_quick_test(TARGET)              what tests compute for comparison is small: -O1
+#   vsplat_quick_test(TARGET)              what tests compute for comparison is small, and the command computes nothing: -O1
 # Without it sources are found that do not include what they use; the linter and the fuzzers see them so, too.
-option(VSPLAT_QUICK_BUILD "Precompile system headers, and compile tests with -O1" OFF)
+option(VSPLAT_QUICK_BUILD "Precompile system headers, and compile tests and the command with -O1" OFF)
 function(vsplat_precompile target)
   if(VSPLAT_QUICK_BUILD)
     target_precompile_headers(${target} PRIVATE ${ARGN})

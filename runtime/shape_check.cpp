@@ -33,6 +33,12 @@ Dims& Dims::bind_optional(const std::string& name, const Tensor& tensor, const s
   return tensor ? bind(name, tensor, labels, type) : *this;
 }
 
+Dims& Dims::like(const std::string& name, const Tensor& tensor, const std::string& other_name, const Tensor& other) {
+  if (!tensor || tensor.type() != other.type() || tensor.shape() != other.shape())
+    fail(Status::internal, "{}: {} found, {} is {}", name, tensor.describe(), other_name, other.describe());
+  return *this;
+}
+
 Dims& Dims::set(const std::string& label, long size) {
   const auto [it, fresh] = sizes_.emplace(label, size);
   if (!fresh && it->second != size) fail(Status::internal, "{} is {}, {} expected", label, size, it->second);

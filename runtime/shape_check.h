@@ -18,6 +18,8 @@ class Dims {
   // As bind, but a tensor that is none passes.
   Dims& bind_optional(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels,
                       Type type = Type::f32);
+  // `tensor` has the shape and the type of another, whatever they are.
+  Dims& like(const std::string& name, const Tensor& tensor, const std::string& other_name, const Tensor& other);
   Dims& set(const std::string& label, long size);
   long operator[](const std::string& label) const;
 

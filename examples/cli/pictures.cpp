@@ -69,6 +69,24 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
       ->group(group);
 }
 
+namespace {
+
+// None is accepted that would change nothing.
+void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choice) {
+  if (o.cameras.empty())
+    for (const auto& [option, given] :
+         {std::pair("--size", !o.size.empty()), std::pair("--background", !o.background.empty()),
+          std::pair("--format", !o.format.empty())})
+      if (given)
+        throw UsageError(option + std::string(" is of the pictures that are drawn: it needs --render, the cameras"));
+  if (choice.orbit == 0)
+    for (const auto& [option, text] :
+         {std::pair("--orbit-radius", &o.orbit_radius), std::pair("--orbit-elevation", &o.orbit_elevation)})
+      if (!text->empty()) throw UsageError(option + std::string(" is of the cameras on a circle: it needs orbit:N"));
+}
+
+}  // namespace
+
 PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
   wanted = !o.cameras.empty();
   if (wanted) choice = camera_choice("cameras", o.cameras);
@@ -95,6 +113,7 @@ PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
     orbit_options.has_up = 1;
     for (int i = 0; i < 3; ++i) orbit_options.up[i] = up[static_cast<std::size_t>(i)];
   }
+  refuse_what_is_of_no_use(o, choice);
 }
 
 void PictureJob::read_outputs(const PictureOptions& o) {

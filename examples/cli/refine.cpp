@@ -16,6 +16,7 @@ struct Options {
   PlacementOptions placement;
   RefineOptions refine;
   std::string views, start, model, output, names, picture_folder, near;
+  int view_count = 0;  // 0: the model's
   bool force = false, dry_run = false;
 };
 
@@ -34,6 +35,7 @@ void check(const Options& o) {
   if (start_of(o.start) != VSPLAT_REFINE_NETWORK) {
     if (!o.model.empty()) throw UsageError("--model is for --start network");
     if (!o.near.empty()) throw UsageError("--near is for --start network");
+    if (o.view_count) throw UsageError("--view-count is for --start network");
     if (o.placement.fit != "auto") throw UsageError("--fit is for --start network");
   }
 }
@@ -57,8 +59,10 @@ void dry_run(const Options& o, const RefineJob& job) {
     begins = static_cast<std::uint64_t>(VSPLAT_ASSUME_SELECTED * static_cast<double>(model.info().max_gaussians));
     degree = std::max(degree, model.info().sh_degree);
     vsplat_plan plan = VSPLAT_PLAN_INIT;
-    vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(), model.info().views,
-                                          VSPLAT_ASSUME_SELECTED, &plan));
+    const int32_t views = o.view_count ? o.view_count : model.info().use_views;
+    vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(),
+                                          std::min(views, static_cast<int32_t>(cameras.size())), VSPLAT_ASSUME_SELECTED,
+                                          &plan));
     plans.push_back({"the network before it", plan});
   }
   double pixels = 1;
@@ -82,6 +86,7 @@ void refine(const Options& o) {
   vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
   set_placement(o.placement, input);
   input.force = o.force;
+  input.view_count = o.view_count;
   job.options.input = &input;
   vsplat_reconstruct_options network = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
   if (!o.near.empty()) network.near_plane = positive_number("--near", o.near, "distance in world units");
@@ -172,6 +177,11 @@ void add_refine(CLI::App& app, Run& run) {
   sub->add_option("-m,--model", o->model, "Of --start network (default: the built-in model)")->type_name("MODEL");
   sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")
       ->type_name("Z");
+  sub->add_option("--view-count", o->view_count,
+                  "How many of the pictures fitted to the network of --start network gets, well spread, 1 to 16 "
+                  "(default: what the model's makers measured)")
+      ->check(CLI::Range(1, 16).description(""))
+      ->type_name("N");
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
       ->group(placement_group);

@@ -61,6 +61,8 @@ void render(const Options& o) {
   const PictureJob job(o.pictures);
   if (o.dry_run) refuse_profile_of_dry_run(o.common);
   if (!job.wanted) throw UsageError("render needs --cameras");
+  if (job.orbit_options.has_up && !job.choice.orbit)
+    throw UsageError("--up is of the cameras on a circle: it needs orbit:N");
   if (!job.written && !o.dry_run)
     throw UsageError(
         "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");

@@ -31,8 +31,6 @@ struct vsplat_refinement_impl : vsplat::api::Counted {
 
 namespace {
 
-constexpr std::size_t kEvery = 8;
-
 FitHoldout holdout_of(const vsplat_refine_options& o) {
   FitHoldout out;
   switch (value_of(o.holdout)) {
@@ -89,17 +87,6 @@ FitRequest request_of(const vsplat_refine_options& o) {
   if (out.resume && out.checkpoint.empty())
     fail(Status::usage, "vsplat_refine_options.resume needs vsplat_refine_options.checkpoint, the folder of the state");
   return out;
-}
-
-// Every eighth of many views, but none that the network gets; so many must be left to hold out.
-FitHoldout beside_inputs(const FitHoldout& asked, const std::vector<int>& used, const std::vector<int>& inputs) {
-  if (asked.kind != FitHoldout::Kind::automatic || inputs.empty() || used.size() < kManyViews) return asked;
-  FitHoldout out{FitHoldout::Kind::named, 0, {}};
-  std::size_t others = 0;
-  for (const int view : used)
-    if (std::find(inputs.begin(), inputs.end(), view) == inputs.end() && others++ % kEvery == 0)
-      out.names.push_back(fmt::format("@{}", view));
-  return out.names.empty() ? asked : out;
 }
 
 SceneFit& fit_of(vsplat_refinement refinement) {
@@ -159,7 +146,7 @@ vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
     RefineStart from = refine_start(device, views, o, made->used);
     made->independent = from.start.independent;
     made->selected = from.selected;
-    request.holdout = beside_inputs(request.holdout, made->used, from.inputs);
+    request.spared = from.named;
     made->fit.emplace(device->context, views->photographs, std::move(from.start), request);
     *out_refinement = made.release();
   });

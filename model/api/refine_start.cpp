@@ -177,9 +177,12 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
     }
     case VSPLAT_REFINE_NETWORK:
       need(o.model, "options.model");
-      made.inputs = inputs_of(photographs.set, input, used, view_count(input, o.model->file->config));
       out.placement = place(photographs, input, nullptr, used);
-      out.make = Network(device, photographs, o, input, out.placement, made.inputs, made.selected);
+      {
+        std::vector<int> inputs = inputs_of(photographs.set, input, used, view_count(input, o.model->file->config));
+        if (!input.names.empty()) made.named = inputs;
+        out.make = Network(device, photographs, o, input, out.placement, std::move(inputs), made.selected);
+      }
       out.independent = true;
       return made;
     case VSPLAT_REFINE_POINTS:

@@ -31,7 +31,7 @@ class Kept {
 
 struct RefineStart {
   FitStart start;
-  std::vector<int> inputs;  // of the network: the views that it gets where none of them is left out
+  std::vector<int> named;  // the views that the network was told to take
   std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, when it was last asked
 };
 

@@ -74,7 +74,8 @@ class Evaluator {
   };
 
   Drawn draw(const EvaluationObject& object) const;
-  Strip render_all(const DeviceGaussians& gaussians, const EvaluationObject& object) const;
+  Strip render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
+                   const std::optional<std::array<float, 3>>& mirror) const;
   Scene reconstructed(const EvaluationObject& object, const std::vector<int>& views) const;
   Strip render_refined(const EvaluationObject& object) const;
 
@@ -94,11 +95,12 @@ void Evaluator::check() const {
            name_of(lpips->net()), lpips->smallest(), judged());
 }
 
-Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object) const {
+Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
+                            const std::optional<std::array<float, 3>>& mirror) const {
   RenderOptions options;
   options.background = kWhite;
-  options.near = static_cast<float>(kNearInObject);
-  if (model_.config().negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
+  options.near = near;
+  options.mirror = mirror;
   Strip out(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i)
     out.put(i, render_picture(ctx_, gaussians, object.cameras[object.inputs + i], options).colour);
@@ -126,15 +128,7 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
   }
   Scene scene = fit.result().scene;
   transform(scene, object.to_world.inverse());
-  RenderOptions options;
-  options.background = kWhite;
-  options.near = scene.near;
-  options.mirror = scene.mirror;
-  const DeviceGaussians gaussians = upload(ctx_, scene.gaussians);
-  Strip out(judged(), object.novel());
-  for (std::size_t i = 0; i < object.novel(); ++i)
-    out.put(i, render_picture(ctx_, gaussians, object.cameras[object.inputs + i], options).colour);
-  return out;
+  return render_all(upload(ctx_, scene.gaussians), object, scene.near, scene.mirror);
 }
 
 Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
@@ -150,12 +144,16 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
   const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), forward);
   Strip truth(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
-  const Strip coarse = render_all(result.coarse, object);
+  std::optional<std::array<float, 3>> mirror;
+  if (model_.config().negate_camera_centre) mirror = std::array<float, 3>{0, 0, 0};
+  const auto drawn = [&](const DeviceGaussians& gaussians) {
+    return render_all(gaussians, object, static_cast<float>(kNearInObject), mirror);
+  };
+  const Strip coarse = drawn(result.coarse);
   // With no voxel selected there is nothing to move.
   if (options_.refine && result.final.count() > 0)
     return {truth, coarse, render_refined(object), result.selected.size()};
-  return {truth, coarse, model_.config().levels == "coarse" ? coarse : render_all(result.final, object),
-          result.selected.size()};
+  return {truth, coarse, model_.config().levels == "coarse" ? coarse : drawn(result.final), result.selected.size()};
 }
 
 Scores Evaluator::score(const EvaluationObject& object) const {

@@ -49,7 +49,8 @@ std::shared_ptr<const FitPicture> FitPictures::at(int view) {
     ages_.splice(ages_.begin(), ages_, there->second.age);
     return there->second.picture;
   }
-  const std::shared_ptr<const FitPicture> picture = load(view);
+  const bool read = ahead_.valid() && ahead_view_ == view;
+  const std::shared_ptr<const FitPicture> picture = read ? ahead_.get() : load(view);
   bytes_ += bytes_of(*picture);
   while (bytes_ > cap_ && !ages_.empty()) {
     const auto oldest = kept_.find(ages_.back());
@@ -60,6 +61,36 @@ std::shared_ptr<const FitPicture> FitPictures::at(int view) {
   ages_.push_front(view);
   kept_.emplace(view, Kept{picture, ages_.begin()});
   return picture;
+}
+
+void FitPictures::read_ahead(int view) {
+  if (photographs_.picture || ahead_.valid() || kept_.count(view) > 0) return;
+  ahead_view_ = view;
+  ahead_ = std::async(std::launch::async, [this, view] { return load(view); });
+}
+
+void FitPictures::forget(int view) {
+  const auto there = kept_.find(view);
+  if (there == kept_.end()) return;
+  bytes_ -= bytes_of(*there->second.picture);
+  ages_.erase(there->second.age);
+  kept_.erase(there);
+}
+
+Camera FitPictures::largest(const std::vector<int>& views) const {
+  Camera out;
+  double most = 0;
+  for (const int view : views) {
+    Camera camera = resolved_view(photographs_, view).camera;
+    const int side = std::max(camera.width, camera.height);
+    const double factor = longest_ > 0 && side > longest_ ? static_cast<double>(longest_) / side : 1.0;
+    camera.width = static_cast<int>(std::ceil(factor * camera.width));
+    camera.height = static_cast<int>(std::ceil(factor * camera.height));
+    const double pixels = static_cast<double>(camera.width) * camera.height;
+    if (pixels > most) out = camera;
+    most = std::max(most, pixels);
+  }
+  return out;
 }
 
 }  // namespace vsplat

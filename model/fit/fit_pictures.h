@@ -1,9 +1,11 @@
 // The photographs that a scene is fitted to, decoded once and kept while they fit under a cap.
 #pragma once
 #include <cstdint>
+#include <future>
 #include <list>
 #include <map>
 #include <memory>
+#include <vector>
 
 #include "model/base/scene.h"
 #include "model/fit/fit_picture.h"
@@ -19,6 +21,13 @@ class FitPictures {
 
   // Decodes where it must. Errors as LoadedPhotograph's; Error(input) where a pixel's value is no number.
   std::shared_ptr<const FitPicture> at(int view);
+  // Begins to decode a view that at() will be asked for next, beside what the caller does; what fails is at()'s error.
+  // Only where pictures are in files: what makes them otherwise may be bound to the caller's thread.
+  void read_ahead(int view);
+  void forget(int view);  // which is decoded again where it is asked for
+
+  // A camera of the size of the largest of these views' pictures, of which the headers alone are read.
+  Camera largest(const std::vector<int>& views) const;
 
  private:
   struct Kept {
@@ -33,6 +42,8 @@ class FitPictures {
   std::size_t cap_, bytes_ = 0;
   std::map<int, Kept> kept_;
   std::list<int> ages_;  // the last used first
+  int ahead_view_ = -1;
+  std::future<std::shared_ptr<const FitPicture>> ahead_;
 };
 
 }  // namespace vsplat

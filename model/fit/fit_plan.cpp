@@ -8,8 +8,7 @@ namespace vsplat {
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera) {
   const auto planner = ctx.planner();
-  FitOptions grown = options;
-  Fitter fitter(*planner, start, near, {}, grown);
+  Fitter fitter(*planner, start, near, {}, options);
   fitter.plan_grown();
   const long h = camera.height, w = camera.width;
   fitter.step(
@@ -17,8 +16,8 @@ FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const
   return {planner->memory().peak(), planner->stage_memory()};
 }
 
-void expect_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
-                 const Camera& camera) {
+std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                       const Camera& camera) {
   const std::size_t limit = ctx.memory().limits().total, peak = plan_fit(ctx, start, near, options, camera).peak;
   if (peak > limit)
     fail(Status::memory,
@@ -27,6 +26,7 @@ void expect_room(const Context& ctx, const Gaussians& start, float near, const F
          "vsplat_refine_options.longest take less)",
          std::max(options.max_gaussians, static_cast<long>(start.count)), camera.width, camera.height, gib(peak),
          gib(limit));
+  return limit - peak;
 }
 
 }  // namespace vsplat

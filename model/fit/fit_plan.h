@@ -13,8 +13,8 @@ struct FitMemory {
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera);
 
-// Error(memory) with both figures where that is more than may be used.
-void expect_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
-                 const Camera& camera);
+// Bytes that are left beside it. Error(memory) with both figures where that is more than may be used.
+std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
+                       const Camera& camera);
 
 }  // namespace vsplat

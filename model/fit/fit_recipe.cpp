@@ -5,8 +5,8 @@
 namespace vsplat {
 namespace {
 
-// No growth, and rates by the step alone, since the number of steps is yet to be found. Leaving
-// Gaussians out helps a little.
+// No growth, and rates by the step alone, since the number of steps is yet to be found. Leaving Gaussians out helps a
+// little.
 FitRecipe for_few() {
   FitRecipe out;
   out.steps = 200;

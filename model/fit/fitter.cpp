@@ -237,10 +237,14 @@ Gaussians Fitter::gaussians() {
   out.sh_degree = g.sh_degree;
   const std::size_t s = 3 * g.sh_count();
   for (std::size_t k = 0; k < g.count; ++k) {
-    if (g.opacities[k] < 1.0f / 255) continue;
     const float* q = &g.quats[4 * k];
     const float length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(length > 0)) continue;
+    const auto finite = [](const float* values, std::size_t count) {
+      return std::all_of(values, values + count, [](float v) { return std::isfinite(v); });
+    };
+    if (!(g.opacities[k] >= 1.0f / 255 && length > 0 && std::isfinite(length) && finite(&g.means[3 * k], 3) &&
+          finite(&g.scales[3 * k], 3) && finite(&g.sh[s * k], s)))
+      continue;
     out.means.insert(out.means.end(), &g.means[3 * k], &g.means[3 * k] + 3);
     out.scales.insert(out.scales.end(), &g.scales[3 * k], &g.scales[3 * k] + 3);
     for (int i = 0; i < 4; ++i) out.quats.push_back(q[i] / length);

@@ -82,7 +82,7 @@ class Fitter {
   // All that the next steps depend on, and back: the same options and start are expected.
   FitTensors state() const;
   void restore(const FitTensors& state, long steps_done);
-  // As it is now, all finite; those that cannot be seen are left out.
+  // As it is now; those that cannot be seen, or hold a value that is no number, are left out.
   Gaussians gaussians();
 
  private:

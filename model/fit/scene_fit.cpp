@@ -5,18 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <map>
-#include <set>
 
 #include "model/base/resample.h"
 #include "model/base/rng.h"
 #include "model/fit/fit_checkpoint.h"
-#include "model/fit/fit_pictures.h"
 #include "model/fit/fit_plan.h"
-#include "model/fit/fit_recipe.h"
+#include "model/fit/scene_fit_impl.h"
 #include "model/fit/suspects.h"
-#include "model/fit/view_corrections.h"
 #include "model/input/view_choice.h"
 #include "runtime/fail.h"
 
@@ -24,15 +19,9 @@ namespace vsplat {
 namespace {
 
 constexpr std::size_t kPictureCap = std::size_t{2} << 30;  // bytes of decoded pictures
-constexpr int kEvery = 8;                                  // of many views one in so many is held out
+constexpr std::size_t kEvery = 8;                          // of many views one in so many is held out
 constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // of Adam, falling to a tenth over a leg
 constexpr long kUnjudgedSteps = 100;                       // of few views of which none is held out
-
-// A fit to some views, judged by others.
-struct Leg {
-  std::string phase;
-  std::vector<int> views, judges;
-};
 
 Gaussians with_degree(Gaussians g, int degree) {
   if (degree == g.sh_degree) return g;
@@ -52,13 +41,22 @@ std::vector<int> spread(const std::vector<int>& all, int count) {
   return out;
 }
 
-std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, const FitHoldout& holdout) {
+std::vector<int> without(const std::vector<int>& all, const std::vector<int>& some) {
+  std::vector<int> out;
+  for (const int view : all)
+    if (std::find(some.begin(), some.end(), view) == some.end()) out.push_back(view);
+  return out;
+}
+
+std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, const FitRequest& request) {
   using Kind = FitHoldout::Kind;
+  const FitHoldout& holdout = request.holdout;
   const int n = static_cast<int>(used.size());
   if (holdout.kind == Kind::none || (holdout.kind == Kind::automatic && n < kManyViews)) return {};
   if (holdout.kind == Kind::automatic) {
+    const std::vector<int> others = without(used, request.spared);
     std::vector<int> out;
-    for (int i = 0; i < n; i += kEvery) out.push_back(used[static_cast<std::size_t>(i)]);
+    for (std::size_t i = 0; i < others.size(); i += kEvery) out.push_back(others[i]);
     return out;
   }
   if (holdout.kind == Kind::named) {
@@ -75,76 +73,16 @@ std::vector<int> held_out(const ViewSet& set, const std::vector<int>& used, cons
   return spread(used, holdout.count);
 }
 
-std::vector<int> without(const std::vector<int>& all, const std::vector<int>& some) {
-  std::vector<int> out;
-  for (const int view : all)
-    if (std::find(some.begin(), some.end(), view) == some.end()) out.push_back(view);
-  return out;
+bool is_worse(const std::pair<const long, Judged>& a, const std::pair<const long, Judged>& b) {
+  return mean(a.second).psnr < mean(b.second).psnr;
 }
 
-// What has been seen so far of a number of steps.
-struct Judged {
-  double psnr = 0, ssim = 0;  // sums
-  int pictures = 0;
-};
+}  // namespace
 
 FitScore mean(const Judged& j) {
   if (j.pictures == 0) return {std::nan(""), std::nan("")};
   return {j.psnr / j.pictures, j.ssim / j.pictures};
 }
-
-}  // namespace
-
-struct SceneFit::Impl {
-  Impl(Context& c, const Photographs& p, FitStart s, FitRequest r);
-
-  bool step();
-  void finish();
-  void begin_leg();
-  void end_leg();
-  void judge();
-  const DeviceFitPicture& on_device(int view);
-  DeviceFitPicture corrected(int view);
-  void step_on(int view);
-  int view_of_step(long step) const;
-  double object_pixels(const std::vector<int>& views);
-  Scene to_scene(const Gaussians& gaussians) const;
-  std::string text_of_request() const;
-  void save() const;
-  void go_on(const FitCheckpoint& from);
-  bool in_folds() const { return leg + 1 < legs.size(); }
-
-  Context& ctx;
-  const Photographs& photographs;
-  FitStart given;
-  FitRequest request;
-  std::string request_text;  // where there is a checkpoint
-  Similarity to_world;
-  FitPictures pictures;
-  std::vector<int> used;
-
-  std::vector<Leg> legs;  // the last fits what is returned; those before leave one view out each
-  std::size_t leg = 0;
-  FitRecipe recipe;
-  long leg_steps = 0;
-  std::unique_ptr<Fitter> fitter;  // of the leg
-  std::optional<Scene> first;      // in the world: what the last leg begins with
-  std::map<long, Judged> curve;    // by steps, over the folds or over the held-out pictures
-  std::vector<int> judged;
-  std::map<int, PoseCorrection> poses;  // of the leg, where they are asked for
-  std::map<int, ExposureCorrection> exposures;
-  std::map<int, DeviceFitPicture> resident;
-  DeviceFitPicture passing;
-  std::size_t resident_bytes = 0;
-
-  bool done = false, wants_start = false, resuming = false;
-  double seconds = 0, last_psnr = std::nan("");
-  long steps_in_all = 0;
-  // The best of the last leg.
-  std::optional<Gaussians> best;
-  long best_steps = 0;
-  std::vector<int> suspects;
-};
 
 SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
     : ctx(c),
@@ -154,7 +92,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
       pictures(p, to_world, request.longest, kPictureCap) {
   used = listed_views(p.set, request.names, "vsplat_refine_options.names");
-  const std::vector<int> held = held_out(p.set, used, request.holdout);
+  const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
   if (fitted.empty()) fail(Status::usage, "every view is held out: there is none to fit to");
   const bool folds = request.holdout.kind == FitHoldout::Kind::automatic && held.empty();
@@ -163,8 +101,8 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       legs.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
   legs.push_back({"refining", fitted, held});
   judged = folds && used.size() > 1 ? used : held;
-  // A single view: nothing can be left out, and nothing is known of what steps would do.
-  wants_start = folds && used.size() == 1;
+  // Of a single view nothing can be left out, and nothing is known of what steps would do.
+  unknown = folds && used.size() == 1;
   std::optional<FitCheckpoint> from;
   if (!request.checkpoint.empty()) {
     request_text = text_of_request();
@@ -203,13 +141,11 @@ void SceneFit::Impl::begin_leg() {
   const Gaussians start = with_degree(std::move(scene.gaussians), degree);
   leg_steps = recipe.steps;
   if (in_folds() && request.steps > 0) recipe.judge_every = request.steps;  // that number or none
-  if (wants_start) leg_steps = 0;
+  if (unknown) leg_steps = 0;
   if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews)
     leg_steps = std::min(leg_steps, kUnjudgedSteps);
   if (legs.size() > 1 && !in_folds()) {  // as many steps as the folds were best with
-    const auto better = [](const auto& a, const auto& b) { return mean(a.second).psnr < mean(b.second).psnr; };
-    leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), better)->first;
-    wants_start = leg_steps == 0;
+    leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
   last_psnr = std::nan("");
   fitter.reset();  // its memory goes first
@@ -217,8 +153,7 @@ void SceneFit::Impl::begin_leg() {
   exposures.clear();
   resident.clear();
   resident_bytes = 0;
-  const std::shared_ptr<const FitPicture> any = pictures.at(now.views.front());
-  expect_room(ctx, start, scene.near, recipe.options, any->camera);
+  spare_bytes = spare_room(ctx, start, scene.near, recipe.options, pictures.largest(used));
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
   if (resuming) return;
   judge();
@@ -230,12 +165,13 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   if (there != resident.end()) return there->second;
   const std::shared_ptr<const FitPicture> picture = pictures.at(view);
   const std::size_t bytes = picture->rgba.size() + picture->known.size();
-  if (resident_bytes + bytes > ctx.memory().limits().total / 4) {
+  if (resident_bytes + bytes > spare_bytes / 2) {
     passing = {};
     passing = upload(ctx, *picture);
     return passing;
   }
   resident_bytes += bytes;
+  if (!in_folds()) pictures.forget(view);
   return resident.emplace(view, upload(ctx, *picture)).first->second;
 }
 
@@ -303,7 +239,12 @@ void SceneFit::Impl::judge() {
 bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = std::chrono::steady_clock::now();
-  step_on(view_of_step(fitter->steps_done()));
+  const int view = view_of_step(fitter->steps_done());
+  if (fitter->steps_done() + 1 < leg_steps) {
+    const int next = view_of_step(fitter->steps_done() + 1);
+    if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
+  }
+  step_on(view);
   ++steps_in_all;
   const long at = fitter->steps_done();
   const bool look = at % recipe.judge_every == 0 || at == leg_steps;
@@ -313,107 +254,6 @@ bool SceneFit::Impl::step() {
   if (!done && request.seconds > 0 && seconds >= request.seconds) finish();
   if (look && !request.checkpoint.empty()) save();
   return !done;
-}
-
-// What makes a refinement the same one: all that its bits depend on, but the pixels.
-std::string SceneFit::Impl::text_of_request() const {
-  const FitRequest& r = request;
-  std::string out = fmt::format(
-      "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} seed {} centre {} {} {} "
-      "edge {}",
-      r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
-      r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, r.seed, exact_text(given.placement.centre.x()),
-      exact_text(given.placement.centre.y()), exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
-  for (const Leg& each : legs) {
-    out += " |";
-    for (const int view : each.views)
-      out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
-    out += " judged by";
-    for (const int view : each.judges)
-      out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
-  }
-  const Scene start = given.make(legs.back().views);
-  std::uint32_t sum = stream_of("");
-  for (const std::vector<float>* values : {&start.gaussians.means, &start.gaussians.scales, &start.gaussians.quats,
-                                           &start.gaussians.opacities, &start.gaussians.sh})
-    sum = sum * 31 + stream_of({reinterpret_cast<const char*>(values->data()), values->size() * sizeof(float)});
-  return out + fmt::format(" | start of {} Gaussians, {:08x}", start.gaussians.count, sum);
-}
-
-void SceneFit::Impl::save() const {
-  FitCheckpoint out;
-  out.request = request_text;
-  out.tensors = fitter->state();
-  const auto keep = [&](const char* name, const Shape& shape, const std::vector<float>& data) {
-    out.tensors[std::string("best.") + name] = {shape, data};
-  };
-  if (best) {
-    const auto n = static_cast<long>(best->count);
-    keep("means", {n, 3}, best->means);
-    keep("scales", {n, 3}, best->scales);
-    keep("quats", {n, 4}, best->quats);
-    keep("opacities", {n}, best->opacities);
-    keep("sh", {n, static_cast<long>(best->sh_count()), 3}, best->sh);
-    out.state["best_degree"] = std::to_string(best->sh_degree);
-  }
-  out.state["leg"] = std::to_string(leg);
-  out.state["steps"] = std::to_string(fitter->steps_done());
-  out.state["leg_steps"] = std::to_string(leg_steps);
-  out.state["best_steps"] = std::to_string(best_steps);
-  out.state["steps_in_all"] = std::to_string(steps_in_all);
-  out.state["seconds"] = exact_text(seconds);
-  out.state["last_psnr"] = exact_text(last_psnr);
-  for (const auto& [at, sum] : curve) {
-    const std::string name = fmt::format("curve.{}", at);
-    out.state[name + ".psnr"] = exact_text(sum.psnr);
-    out.state[name + ".ssim"] = exact_text(sum.ssim);
-    out.state[name + ".pictures"] = std::to_string(sum.pictures);
-  }
-  for (const auto& [view, pose] : poses) out.state[fmt::format("pose.{}", view)] = pose.text();
-  for (const auto& [view, exposure] : exposures) put(ctx, exposure, fmt::format("exposure.{}", view), out);
-  save_fit_checkpoint(request.checkpoint, out);
-}
-
-void SceneFit::Impl::go_on(const FitCheckpoint& from) {
-  leg = static_cast<std::size_t>(whole_number(from, "leg"));
-  if (leg >= legs.size())
-    fail(Status::format, "a refinement's state is of leg {}, of which there are {}", leg, legs.size());
-  for (const auto& [name, text] : from.state) {
-    long at = 0;
-    if (std::sscanf(name.c_str(), "curve.%ld.psnr", &at) != 1 || !name.ends_with(".psnr")) continue;
-    const std::string stem = name.substr(0, name.size() - 5);
-    curve[at] = {number(from, stem + ".psnr"), number(from, stem + ".ssim"),
-                 static_cast<int>(whole_number(from, stem + ".pictures"))};
-  }
-  const std::map<long, Judged> judged_before = curve;
-  resuming = true;
-  begin_leg();
-  resuming = false;
-  curve = judged_before;
-  leg_steps = whole_number(from, "leg_steps");
-  fitter->restore(from.tensors, whole_number(from, "steps"));
-  best_steps = whole_number(from, "best_steps");
-  steps_in_all = whole_number(from, "steps_in_all");
-  seconds = number(from, "seconds");
-  last_psnr = number(from, "last_psnr");
-  if (from.state.count("best_degree") > 0) {
-    best.emplace();
-    best->means = tensor_of(from.tensors, "best.means").data;
-    best->scales = tensor_of(from.tensors, "best.scales").data;
-    best->quats = tensor_of(from.tensors, "best.quats").data;
-    best->opacities = tensor_of(from.tensors, "best.opacities").data;
-    best->sh = tensor_of(from.tensors, "best.sh").data;
-    best->count = best->opacities.size();
-    best->sh_degree = static_cast<int>(whole_number(from, "best_degree"));
-  }
-  for (const int view : legs[leg].views) {
-    const std::string pose = fmt::format("pose.{}", view), exposure = fmt::format("exposure.{}", view);
-    if (from.state.count(pose) > 0) poses.emplace(view, PoseCorrection::from_text(from.state.at(pose)));
-    if (from.state.count(exposure + ".steps") > 0)
-      get(ctx, exposures.try_emplace(view, make_exposure(ctx)).first->second, exposure, from);
-  }
-  wants_start = !in_folds() && leg_steps == 0;
-  if (fitter->steps_done() >= leg_steps) end_leg();
 }
 
 void SceneFit::Impl::end_leg() {
@@ -429,10 +269,7 @@ void SceneFit::Impl::end_leg() {
 void SceneFit::Impl::finish() {
   if (done) return;
   done = true;
-  if (in_folds()) {
-    wants_start = true;
-    return;
-  }
+  if (in_folds()) return;
   if (legs[leg].judges.empty() && fitter->steps_done() > 0) {
     best = fitter->gaussians();
     best_steps = fitter->steps_done();
@@ -484,27 +321,32 @@ FitResult SceneFit::result() {
   out.seconds = i.seconds;
   out.judged = i.judged;
   out.suspects = i.suspects;
-  if (!i.first) i.first = i.given.make(i.legs.back().views);
-  const bool judging = !i.judged.empty() && i.curve.count(0) > 0;
-  if (judging) out.start = mean(i.curve.at(0));
-  if (!judging) out.start = out.result = {std::nan(""), std::nan("")};
-  if (judging) {
-    const auto better = [](const auto& a, const auto& b) { return mean(a.second).psnr < mean(b.second).psnr; };
-    const auto later = std::next(i.curve.begin());
-    const auto top = later == i.curve.end() ? i.curve.begin() : std::max_element(later, i.curve.end(), better);
-    out.result = mean(top->second);
-  }
+  out.start = out.result = {std::nan(""), std::nan("")};
+  std::optional<Gaussians> made = i.best;
+  out.steps = i.best_steps;
   // Under way without anything held out: as it stands.
-  const bool as_it_stands = !i.done && !i.in_folds() && i.legs[i.leg].judges.empty() && i.fitter->steps_done() > 0;
-  if (as_it_stands) {
-    out.scene = i.to_scene(i.fitter->gaussians());
+  if (!i.done && !i.in_folds() && i.legs[i.leg].judges.empty() && i.fitter->steps_done() > 0) {
+    made = i.fitter->gaussians();
     out.steps = i.fitter->steps_done();
-  } else if (i.best && !i.wants_start) {
-    out.scene = i.to_scene(*i.best);
-    out.steps = i.best_steps;
+  }
+  // While views are left out in turn, what was seen is of a part of them.
+  if (i.done && i.in_folds()) out.judged.clear();
+  if (!i.judged.empty() && !i.in_folds()) {
+    out.start = mean(i.curve.at(0));
+    out.result = mean(std::prev(i.curve.upper_bound(out.steps))->second);
+    if (!(out.result.psnr > out.start.psnr)) {
+      made.reset();
+      // Of what was made it is the best.
+      const auto later = std::next(i.curve.begin());
+      if (later != i.curve.end()) out.result = mean(std::max_element(later, i.curve.end(), is_worse)->second);
+    }
+  }
+  out.start_returned = !made;
+  if (made) {
+    out.scene = i.to_scene(*made);
   } else {
-    out.scene = *i.first;
-    out.start_returned = true;
+    out.scene = start();
+    out.steps = 0;
   }
   return out;
 }
@@ -523,7 +365,8 @@ Image SceneFit::picture(int view) {
 }
 
 Camera SceneFit::camera(int view) {
-  Camera camera = impl_->pictures.at(view)->camera;
+  const auto there = impl_->resident.find(view);
+  Camera camera = there != impl_->resident.end() ? there->second.camera : impl_->pictures.at(view)->camera;
   if (const auto pose = impl_->poses.find(view); pose != impl_->poses.end()) camera.w2c = pose->second.w2c();
   return to_frame(camera, impl_->to_world.inverse());
 }

@@ -31,6 +31,7 @@ struct FitFreeze {
 struct FitRequest {
   std::vector<std::string> names;  // the views that are used, as ViewRequest has them; empty: all that have a picture
   FitHoldout holdout;
+  std::vector<int> spared;    // views that are not held out unless they are named
   long steps = 0;             // 0: by the number of views
   double seconds = 0;         // no step begins after so long; 0: no limit
   long max_gaussians = 0;     // 0: by the pictures
@@ -66,7 +67,8 @@ struct FitResult {
   double seconds = 0;
   bool start_returned = false;
   std::vector<int> judged;  // views
-  FitScore start, result;   // means over them
+  // Means over them. Where the start is returned `result` is the best of what was made.
+  FitScore start, result;
   std::vector<int> suspects;
 };
 

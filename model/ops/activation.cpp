@@ -1,22 +1,16 @@
 #include "model/ops/activation.h"
 
-#include <initializer_list>
-
 #include "runtime/fail.h"
+#include "runtime/shape_check.h"
 
 namespace vsplat {
 namespace {
 
 constexpr long kBlock = 1024;  // BLOCK of cl/activation.cl
 
-// Of the elements that x and each of `others` have.
-long checked(const char* op, const Tensor& x, Activation activation, std::initializer_list<Tensor> others) {
+void check(const char* op, const Tensor& x, Activation activation) {
   if (activation == Activation::none) fail(Status::internal, "{}: no activation named", op);
   if (!x || x.type() != Type::f32) fail(Status::internal, "{}: x is {}, f32 expected", op, x.describe());
-  for (const Tensor& t : others)
-    if (!t || t.type() != Type::f32 || t.shape() != x.shape())
-      fail(Status::internal, "{}: {} found for x {}", op, t.describe(), x.describe());
-  return x.count();
 }
 
 Range range(bool cpu, long n) { return cpu ? items((n + kBlock - 1) / kBlock, 1) : items(n); }
@@ -24,7 +18,9 @@ Range range(bool cpu, long n) { return cpu ? items((n + kBlock - 1) / kBlock, 1)
 }  // namespace
 
 void activation_forward(Context& ctx, const ActivationForward& a) {
-  const long n = checked("activation_forward", a.x, a.activation, {a.out});
+  check("activation_forward", a.x, a.activation);
+  Dims().like("out", a.out, "x", a.x);
+  const long n = a.x.count();
   if (n == 0) return;
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto values = static_cast<double>(n);
@@ -33,7 +29,9 @@ void activation_forward(Context& ctx, const ActivationForward& a) {
 }
 
 void activation_backward(Context& ctx, const ActivationBackward& a) {
-  const long n = checked("activation_backward", a.x, a.activation, {a.dy, a.dx});
+  check("activation_backward", a.x, a.activation);
+  Dims().like("dy", a.dy, "x", a.x).like("dx", a.dx, "x", a.x);
+  const long n = a.x.count();
   if (n == 0) return;
   const bool cpu = ctx.flavour() == Flavour::cpu;
   const auto values = static_cast<double>(n);

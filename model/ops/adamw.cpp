@@ -20,11 +20,6 @@ int count_of(const char* what, const Tensor& t) {
   return static_cast<int>(t.count());
 }
 
-void expect_like(const char* what, const Tensor& t, const Tensor& param) {
-  if (t.type() != Type::f32 || t.shape() != param.shape())
-    fail(Status::internal, "{}: {} found for the parameter {}", what, t.describe(), param.describe());
-}
-
 }  // namespace
 
 void gradient_clip(Context& ctx, const GradientClip& a) {
@@ -53,10 +48,10 @@ void gradient_clip(Context& ctx, const GradientClip& a) {
 
 void adamw_step(Context& ctx, const AdamwStep& a) {
   const int count = count_of("param", a.param);
-  expect_like("m", a.m, a.param);
-  expect_like("v", a.v, a.param);
-  if (a.grad) expect_like("grad", a.grad, a.param);
-  Dims().bind_optional("clip", a.clip, {"2"});
+  Dims dims;
+  dims.like("m", a.m, "param", a.param).like("v", a.v, "param", a.param);
+  if (a.grad) dims.like("grad", a.grad, "param", a.param);
+  dims.bind_optional("clip", a.clip, {"2"});
   if (a.step < 1) fail(Status::internal, "adamw: step {}, steps count from 1", a.step);
   if (count == 0) return;
   const auto t = static_cast<double>(a.step);
@@ -70,7 +65,7 @@ void adamw_step(Context& ctx, const AdamwStep& a) {
 
 void average_step(Context& ctx, const Tensor& average, const Tensor& param, double decay) {
   const int count = count_of("param", param);
-  expect_like("average", average, param);
+  Dims().like("average", average, "param", param);
   if (count == 0) return;
   ctx.launch({"adamw", "adamw_average", ""}, items(count), {3.0 * count, 12.0 * count}, written(average), param, count,
              static_cast<float>(1 - decay));

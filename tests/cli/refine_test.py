@@ -100,6 +100,11 @@ class Refine(support.Case):
                                "--holdout", "@1", "--verbose")
         names = next(line for line in err.splitlines() if line.startswith("the network gets"))
         self.assertNotIn("001", names)
+        _, err = self.succeeds("refine", self.photos, "--start", "network", "--model", self.model, "--output", self.path("c.ply"), "--steps", 25,
+                               "--holdout", "@1", "--view-count", 3, "--verbose")
+        names = next(line for line in err.splitlines() if line.startswith("the network gets"))
+        self.assertEqual(names.count(","), 2, names)
+        self.refuses(2, ["--view-count", "network"], *self.refine("--view-count", 3, "--overwrite"))
 
     def test_what_is_frozen_stays(self):
         self.succeeds(*self.refine("--holdout", "none", "--steps", 10, "--freeze", "means,scales,rotations,opacities"))

@@ -64,6 +64,14 @@ class Usage(support.Case):
                         self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(option, value, *more))
                     self.refuses(2, option.lstrip("-") if option != "--render" else "orbit", *self.reconstruct(f"{option}={value}", *more))
 
+    def test_options_that_would_change_nothing(self):
+        for given in (("--size", "8x8"), ("--background", "red"), ("--format", "jpg")):
+            self.refuses(2, [given[0], "--render"], *self.reconstruct(*given))
+        for given in (("--orbit-radius", "3"), ("--orbit-elevation", "20")):
+            self.refuses(2, [given[0], "orbit:N"], *self.reconstruct(*given))
+            self.refuses(2, [given[0], "orbit:N"], "render", "scene.ply", "--cameras", self.views, "--images", self.path("x"), *given)
+        self.refuses(2, ["--up", "orbit:N"], "render", "scene.ply", "--cameras", self.views, "--images", self.path("x"), "--up", "0,0,1")
+
     def test_scenes_are_written_as_ply_only(self):
         for name in ("x.splat", "x.spz", "x.ply.gz", "x"):
             self.refuses(2, ["--output", name, ".ply", "3DGS PLY"], "reconstruct", self.views, "--model", self.model, "--output", self.path(name))

@@ -14,7 +14,7 @@ target_compile_options(vsplat_golden PRIVATE -fPIE)
 target_link_libraries(vsplat_golden PUBLIC GTest::gtest)
 vsplat_precompile(vsplat_golden
   <gtest/gtest.h> <fmt/format.h> <algorithm> <array> <cmath> <filesystem> <fstream> <functional> <map> <memory> <optional>
-    <random> <set> <string> <vector>)
+    <random> <set> <string> <vector> <Eigen/Core> <Eigen/Geometry>)
 # (What others wait for is begun first.)
 add_test(NAME golden_tiny COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} tiny)
 set_tests_properties(golden_tiny PROPERTIES FIXTURES_SETUP golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)

@@ -8,6 +8,7 @@
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
 #include "runtime/file.h"
+#include "tests/support/damaged_pictures.h"
 #include "tests/support/picture_writers.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
@@ -213,50 +214,17 @@ std::vector<std::string> specimens(const TemporaryFolder& folder) {
 
 TEST(BadPictureFormats, EveryTruncationIsAnErrorAndNothingIsPrinted) {
   const TemporaryFolder folder;
-  testing::internal::CaptureStderr();
-  for (const std::string& path : specimens(folder)) {
-    const std::vector<unsigned char> bytes = read_file(path);
-    const std::string cut = path + ".cut";
-    for (std::size_t size = 0; size < bytes.size(); ++size) {
-      const std::vector<unsigned char> part(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
-      try {
-        decode_image({cut, part.data(), part.size()});
-        ADD_FAILURE() << path << " cut to " << size << " of " << bytes.size() << " bytes was read";
-      } catch (const Error& e) {
-        ASSERT_EQ(e.status(), Status::format) << e.what();
-        ASSERT_NE(std::string(e.what()).find(cut), std::string::npos) << e.what();
-      }
-    }
-  }
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  test::expect_truncations_are_errors(specimens(folder));
 }
 
 TEST(BadPictureFormats, FlippedBitsAreAnErrorOrAPictureNeverACrash) {
   const TemporaryFolder folder;
-  testing::internal::CaptureStderr();
-  std::mt19937 rng(13);
-  for (const std::string& path : specimens(folder)) {
-    const std::vector<unsigned char> bytes = read_file(path);
-    const std::string flipped = path + ".flipped";
-    for (int trial = 0; trial < 300; ++trial) {
-      std::vector<unsigned char> damaged = bytes;
-      const std::size_t range = trial % 2 ? bytes.size() : std::min<std::size_t>(bytes.size(), 120);
-      for (int k = 0; k <= trial % 3; ++k) damaged[rng() % range] ^= static_cast<unsigned char>(1u << rng() % 8);
-      const FileBytes file{flipped, damaged.data(), damaged.size()};
-      try {
-        if (is_webp(file) || is_bmp(file) || is_tiff(file)) {
-          const ImageInfo info = is_webp(file) ? webp_info(file) : is_bmp(file) ? bmp_info(file) : tiff_info(file);
-          if (static_cast<long>(info.width) * info.height > 1 << 22) continue;  // a size that is possible, and slow
-        }
-        const Image image = decode_image(file);
-        ASSERT_EQ(image.data.size(), static_cast<std::size_t>(image.width) * image.height * image.channels);
-        for (const float v : image.data) ASSERT_TRUE(v >= 0 && v <= 1) << path << " trial " << trial;
-      } catch (const Error& e) {
-        ASSERT_NE(std::string(e.what()).find(flipped), std::string::npos) << e.what();
-      }
-    }
-  }
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  const auto large = [](const FileBytes& file) {
+    if (!is_webp(file) && !is_bmp(file) && !is_tiff(file)) return false;
+    const ImageInfo info = is_webp(file) ? webp_info(file) : is_bmp(file) ? bmp_info(file) : tiff_info(file);
+    return static_cast<long>(info.width) * info.height > 1 << 22;
+  };
+  test::expect_flips_are_survived(specimens(folder), 13, 120, large);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ extern "C" {
 /* What it begins with. */
 typedef enum vsplat_refine_start {
   VSPLAT_REFINE_SCENE = 0,   /* `scene`. It may have seen every picture: no gain over it is claimed */
-  VSPLAT_REFINE_NETWORK = 1, /* what `model` makes of `input`'s views, of which none is held out */
+  VSPLAT_REFINE_NETWORK = 1, /* what `model` makes of `input`'s views; one that is held out is not given to it */
   VSPLAT_REFINE_POINTS = 2,  /* the points of the COLMAP model that the views are from, those in the object's cube */
   VSPLAT_REFINE_RANDOM = 3   /* points at random in the object's cube, by the seed */
 } vsplat_refine_start;

@@ -1,0 +1,82 @@
+// A fit under way: its legs, and the state that a checkpoint keeps. Of scene_fit and scene_fit_state alone.
+#pragma once
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/fit/fit_pictures.h"
+#include "model/fit/fit_recipe.h"
+#include "model/fit/scene_fit.h"
+#include "model/fit/view_corrections.h"
+
+namespace vsplat {
+
+// A fit to some views, judged by others.
+struct Leg {
+  std::string phase;
+  std::vector<int> views, judges;
+};
+
+// What has been seen so far of a number of steps.
+struct Judged {
+  double psnr = 0, ssim = 0;  // sums
+  int pictures = 0;
+};
+
+FitScore mean(const Judged& judged);
+
+struct SceneFit::Impl {
+  Impl(Context& c, const Photographs& p, FitStart s, FitRequest r);
+
+  bool step();
+  void finish();
+  void begin_leg();
+  void end_leg();
+  void judge();
+  const DeviceFitPicture& on_device(int view);
+  DeviceFitPicture corrected(int view);
+  void step_on(int view);
+  int view_of_step(long step) const;
+  double object_pixels(const std::vector<int>& views);
+  Scene to_scene(const Gaussians& gaussians) const;
+  std::string text_of_request() const;
+  void save() const;
+  void go_on(const FitCheckpoint& from);
+  void read_place(const FitCheckpoint& from);
+  void read_progress(const FitCheckpoint& from);
+  bool in_folds() const { return leg + 1 < legs.size(); }
+
+  Context& ctx;
+  const Photographs& photographs;
+  FitStart given;
+  FitRequest request;
+  std::string request_text;  // where there is a checkpoint
+  Similarity to_world;
+  FitPictures pictures;
+  std::vector<int> used;
+
+  std::vector<Leg> legs;  // the last fits what is returned; those before leave one view out each
+  std::size_t leg = 0;
+  FitRecipe recipe;
+  long leg_steps = 0;
+  std::unique_ptr<Fitter> fitter;  // of the leg
+  std::optional<Scene> first;      // in the world: what the last leg begins with
+  std::map<long, Judged> curve;    // by steps, over the folds or over the held-out pictures
+  std::vector<int> judged;
+  std::map<int, PoseCorrection> poses;  // of the leg, where they are asked for
+  std::map<int, ExposureCorrection> exposures;
+  std::map<int, DeviceFitPicture> resident;
+  DeviceFitPicture passing;
+  std::size_t resident_bytes = 0, spare_bytes = 0;  // of the device
+
+  bool done = false, unknown = false, resuming = false;
+  double seconds = 0, last_psnr = std::nan("");
+  long steps_in_all = 0;
+  // The best of the last leg.
+  std::optional<Gaussians> best;
+  long best_steps = 0;
+  std::vector<int> suspects;
+};
+
+}  // namespace vsplat

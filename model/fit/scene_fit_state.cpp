@@ -1,0 +1,149 @@
+// What a checkpoint keeps of a fit under way.
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "model/base/rng.h"
+#include "model/fit/fit_checkpoint.h"
+#include "model/fit/scene_fit_impl.h"
+#include "runtime/fail.h"
+#include "runtime/safetensors.h"
+
+namespace vsplat {
+namespace {
+
+Gaussians best_in(const FitCheckpoint& from) {
+  Gaussians out;
+  out.sh_degree = static_cast<int>(whole_number(from, "best_degree"));
+  if (out.sh_degree > 3)
+    fail(Status::format, "a refinement's state has best_degree {}, 0 to 3 expected", out.sh_degree);
+  out.count = tensor_of(from.tensors, "best.opacities").data.size();
+  const auto take = [&](const char* name, std::size_t each) {
+    const FitTensor& tensor = tensor_of(from.tensors, name);
+    if (tensor.data.size() != each * out.count)
+      fail(Status::format, "a refinement's state has {} for {}, {} of {} Gaussians expected", text_of(tensor.shape),
+           name, each * out.count, out.count);
+    return tensor.data;
+  };
+  out.means = take("best.means", 3);
+  out.scales = take("best.scales", 3);
+  out.quats = take("best.quats", 4);
+  out.opacities = take("best.opacities", 1);
+  out.sh = take("best.sh", 3 * out.sh_count());
+  return out;
+}
+
+}  // namespace
+
+// What makes a refinement the same one: all that its bits depend on, but the pixels.
+std::string SceneFit::Impl::text_of_request() const {
+  const FitRequest& r = request;
+  std::string out = fmt::format(
+      "steps {} max_gaussians {} degree {} longest {} freeze {}{}{}{}{} poses {} exposure {} seed {} centre {} {} {} "
+      "edge {}",
+      r.steps, r.max_gaussians, r.degree.value_or(-1), r.longest, r.freeze.means, r.freeze.scales, r.freeze.rotations,
+      r.freeze.opacities, r.freeze.sh, r.poses, r.exposure, r.seed, exact_text(given.placement.centre.x()),
+      exact_text(given.placement.centre.y()), exact_text(given.placement.centre.z()), exact_text(given.placement.edge));
+  for (const Leg& each : legs) {
+    out += " |";
+    for (const int view : each.views)
+      out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
+    out += " judged by";
+    for (const int view : each.judges)
+      out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
+  }
+  const Scene start = given.make(legs.back().views);
+  std::uint32_t sum = stream_of("");
+  for (const std::vector<float>* values : {&start.gaussians.means, &start.gaussians.scales, &start.gaussians.quats,
+                                           &start.gaussians.opacities, &start.gaussians.sh})
+    sum = sum * 31 + stream_of({reinterpret_cast<const char*>(values->data()), values->size() * sizeof(float)});
+  return out + fmt::format(" | start of {} Gaussians, {:08x}", start.gaussians.count, sum);
+}
+
+void SceneFit::Impl::save() const {
+  FitCheckpoint out;
+  out.request = request_text;
+  out.tensors = fitter->state();
+  const auto keep = [&](const char* name, const Shape& shape, const std::vector<float>& data) {
+    out.tensors[std::string("best.") + name] = {shape, data};
+  };
+  if (best) {
+    const auto n = static_cast<long>(best->count);
+    keep("means", {n, 3}, best->means);
+    keep("scales", {n, 3}, best->scales);
+    keep("quats", {n, 4}, best->quats);
+    keep("opacities", {n}, best->opacities);
+    keep("sh", {n, static_cast<long>(best->sh_count()), 3}, best->sh);
+    out.state["best_degree"] = std::to_string(best->sh_degree);
+  }
+  out.state["leg"] = std::to_string(leg);
+  out.state["steps"] = std::to_string(fitter->steps_done());
+  out.state["leg_steps"] = std::to_string(leg_steps);
+  out.state["best_steps"] = std::to_string(best_steps);
+  out.state["steps_in_all"] = std::to_string(steps_in_all);
+  out.state["seconds"] = exact_text(seconds);
+  out.state["last_psnr"] = exact_text(last_psnr);
+  for (const auto& [at, sum] : curve) {
+    const std::string name = fmt::format("curve.{}", at);
+    out.state[name + ".psnr"] = exact_text(sum.psnr);
+    out.state[name + ".ssim"] = exact_text(sum.ssim);
+    out.state[name + ".pictures"] = std::to_string(sum.pictures);
+  }
+  for (const auto& [view, pose] : poses) out.state[fmt::format("pose.{}", view)] = pose.text();
+  for (const auto& [view, exposure] : exposures) put(ctx, exposure, fmt::format("exposure.{}", view), out);
+  save_fit_checkpoint(request.checkpoint, out);
+}
+
+// Where in the fit the state is.
+void SceneFit::Impl::read_place(const FitCheckpoint& from) {
+  leg = static_cast<std::size_t>(whole_number(from, "leg"));
+  if (leg >= legs.size())
+    fail(Status::format, "a refinement's state is of leg {}, of which there are {}", leg, legs.size());
+  for (const auto& [name, text] : from.state) {
+    long at = 0;
+    if (std::sscanf(name.c_str(), "curve.%ld.psnr", &at) != 1 || !name.ends_with(".psnr")) continue;
+    const std::string stem = name.substr(0, name.size() - 5);
+    curve[at] = {number(from, stem + ".psnr"), number(from, stem + ".ssim"),
+                 static_cast<int>(whole_number(from, stem + ".pictures"))};
+  }
+  if (curve.count(0) == 0 && !legs[leg].judges.empty())
+    fail(Status::format, "a refinement's state has no curve.0.psnr: how good the start was");
+}
+
+// What the leg has made so far.
+void SceneFit::Impl::read_progress(const FitCheckpoint& from) {
+  leg_steps = whole_number(from, "leg_steps");
+  fitter->restore(from.tensors, whole_number(from, "steps"));
+  best_steps = whole_number(from, "best_steps");
+  steps_in_all = whole_number(from, "steps_in_all");
+  seconds = number(from, "seconds");
+  last_psnr = number(from, "last_psnr");
+  if (from.state.count("best_degree") > 0) best = best_in(from);
+  for (const int view : legs[leg].views) {
+    const std::string pose = fmt::format("pose.{}", view), exposure = fmt::format("exposure.{}", view);
+    if (from.state.count(pose) > 0) poses.emplace(view, PoseCorrection::from_text(from.state.at(pose)));
+    if (from.state.count(exposure + ".steps") > 0)
+      get(ctx, exposures.try_emplace(view, make_exposure(ctx)).first->second, exposure, from);
+  }
+}
+
+void SceneFit::Impl::go_on(const FitCheckpoint& from) {
+  const auto named = [&](void (Impl::*read)(const FitCheckpoint&)) {
+    try {
+      (this->*read)(from);
+    } catch (const Error& e) {
+      if (e.status() != Status::format) throw;
+      fail(Status::format, "{}: {}", fit_checkpoint_path(request.checkpoint), e.what());
+    }
+  };
+  named(&Impl::read_place);
+  const std::map<long, Judged> judged_before = curve;
+  resuming = true;
+  begin_leg();
+  resuming = false;
+  curve = judged_before;
+  named(&Impl::read_progress);
+  if (fitter->steps_done() >= leg_steps) end_leg();
+}
+
+}  // namespace vsplat
