@@ -90,7 +90,6 @@ RenderOptions Fitter::drawing() const {
   RenderOptions out;
   out.near = near_;
   out.mirror = mirror_;
-  out.exact_tiles = true;
   return out;
 }
 
