@@ -3,12 +3,16 @@ import csv
 import json
 import math
 import os
+import random
+import shutil
 import signal
 import subprocess
+import time
 import unittest
 
 import support
 
+KILLS = int(os.environ.get("VSPLAT_KILLS", "2"))
 RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "seconds"]
 
 
@@ -152,6 +156,32 @@ class Refine(support.Case):
         self.succeeds(*self.refine(*more, *kept, "--resume", output="again.ply"), "--overwrite")
         self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("again.ply"), "rb").read())
         self.refuses(2, "--resume needs --checkpoint", *self.refine("--resume", output="x.ply"))
+
+    def test_killed_at_any_moment(self):
+        """With each view left out in turn, poses and exposure: whatever is lost is made again, to the same bytes."""
+        more = ("--steps", 50, "--seed", 3, "--poses", "--exposure")
+        begun = time.monotonic()
+        self.succeeds(*self.refine(*more))
+        seconds = time.monotonic() - begun
+        moments = random.Random(7)
+        again = self.refine(*more, "--checkpoint", self.path("state"), "--resume", output="again.ply")
+        kills = 0
+        while kills < KILLS:
+            process = subprocess.Popen([support.VSPLAT, *map(str, again)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            try:
+                err = process.communicate(timeout=moments.uniform(0, seconds))[1]
+                self.assertEqual(process.returncode, 0, err)
+                shutil.rmtree(self.path("state"))  # it came to its end: begin anew
+                os.remove(self.path("again.ply"))
+                os.remove(self.path("again.poses.json"))
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGKILL)
+                process.communicate()
+                kills += 1
+        self.succeeds(*again, "--overwrite")
+        for name in ("out.ply", "out.poses.json"):
+            self.assertEqual(open(self.path(name), "rb").read(), open(self.path(name.replace("out", "again")), "rb").read())
+        self.assertFalse([name for name in os.listdir(self.path("state")) if name.endswith(".tmp")])
 
     def test_time_is_kept(self):
         told = self.told(*self.refine("--holdout", 1, "--steps", 1000000, "--time", 1))

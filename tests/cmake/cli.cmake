@@ -25,6 +25,10 @@ set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 COST 200
 add_test(NAME cli_model COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/model_test.py)
 set_tests_properties(cli_model PROPERTIES LABELS cli TIMEOUT 900 COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MICRO=${micro};VSPLAT_WITH_MODEL=${variants}/micro;VSPLAT_WITHOUT_MODEL=${variants}/none;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+add_test(NAME cli_refine_kills
+  COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/refine_test.py Refine.test_killed_at_any_moment)
+set_tests_properties(cli_refine_kills PROPERTIES LABELS "cli;slow" TIMEOUT 900
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_KILLS=20;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 add_test(NAME cli_train_kills
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/train_test.py Train.test_killed_at_any_moment)
 set_tests_properties(cli_train_kills PROPERTIES LABELS "cli;slow" TIMEOUT 900
