@@ -73,6 +73,7 @@ Prepared prepare_step(Context& ctx, const std::string& name, const std::string& 
   }
   FitOptions options;
   options.opacity_weight = options.scale_weight = 0.01f;
+  options.ssim_weight = 0.2f;
   d->fitter = std::make_unique<Fitter>(ctx, disturbed(d->scene.scene.gaussians), d->scene.scene.near,
                                        d->scene.scene.mirror, options);
   Prepared p;

@@ -9,26 +9,21 @@
 // = B d,
 //   vm = B m^2 - M^2, vd = B d^2 - D^2, D1 = 2 (M + 1/2)^2 + D^2/2 + c1, D2 = 2 vm + vd/2 + c2 :
 //   luminance l = 1 - D^2/D1, contrast and structure cs = 1 - vd/D2, SSIM = l cs
-// which is Wang et al. 2004 with a = M + 1/2 + D/2 and b = M + 1/2 - D/2.
+// which is Wang et al. 2004 with a = M + 1/2 + D/2 and b = M + 1/2 - D/2. What blurs is for GPUs; loss_cpu.cl has the
+// same by rows.
 // ```
 // define        default  what
 // define GROUP  64       work-items of a group that sums, a power of two
 // define EACH   32       pixels of each of them
 // ```
-#include "common.clh"
+#include "loss.clh"
 
-#define WINDOW 11
 #ifndef GROUP
 #define GROUP 64
 #endif
 #ifndef EACH
 #define EACH 32
 #endif
-
-// exp(-k^2 / (2 1.5^2)), k = -5 ... 5, over their sum
-constant float window[WINDOW] = {0.00102838008f, 0.00759875814f, 0.0360007721f, 0.10936069f,
-                                 0.213005538f,   0.266011725f,   0.213005538f,  0.10936069f,
-                                 0.0360007721f,  0.00759875814f, 0.00102838008f};
 
 // sign() makes 0 of NaN, which shall stay.
 static inline float sign_of(float x) { return x > 0.0f ? 1.0f : x < 0.0f ? -1.0f : x; }
@@ -101,6 +96,8 @@ kernel void loss_rows(global const float* restrict m, global const float* restri
   rows[to + 3 * plane] = sdd;
 }
 
+DEFINE_SIMILARITY(float)
+
 // Blurs along y, and makes the similarity.
 // ```
 // argument  type  shape          what
@@ -122,21 +119,14 @@ kernel void loss_maps(global const float* restrict rows, global float* restrict 
     smm = FMA(window[k], rows[at + 2 * plane], smm);
     sdd = FMA(window[k], rows[at + 3 * plane], sdd);
   }
-  const float vm = smm - M * M, vd = sdd - D * D;
-  const float by1 = 1.0f / (2.0f * (M + 0.5f) * (M + 0.5f) + 0.5f * D * D + 1e-4f);
-  const float by2 = 1.0f / (2.0f * vm + 0.5f * vd + 9e-4f);
-  const float off_l = structure ? 0.0f : D * D * by1, off_cs = vd * by2;
+  const Similarity_float s = similarity_float(M, D, smm, sdd, structure);
   const int valid = H - WINDOW + 1;
   const size_t to = ((size_t)n * valid + y) * V3 + j, step = (size_t)N * valid * V3;
-  off[to] = off_l + off_cs - off_l * off_cs;
+  off[to] = s.off;
   if (!slopes) return;
-  const float l = 1.0f - off_l, cs = 1.0f - off_cs;
-  const float by_vm = -2.0f * off_cs * by2 * l, by_vd = (1.0f - 0.5f * off_cs) * by2 * l;
-  const float by_M = structure ? 0.0f : -4.0f * off_l * by1 * (M + 0.5f) * cs;
-  const float by_D = structure ? 0.0f : (2.0f - off_l) * D * by1 * cs;
-  slopes[to] = 0.5f * (by_M - 2.0f * M * by_vm) + by_D - 2.0f * D * by_vd;
-  slopes[to + step] = by_vm;
-  slopes[to + 2 * step] = by_vd;
+  slopes[to] = s.by_x;
+  slopes[to + step] = s.by_vm;
+  slopes[to + 2 * step] = s.by_vd;
 }
 
 // The transpose of the blur along y.
@@ -144,11 +134,13 @@ kernel void loss_maps(global const float* restrict rows, global float* restrict 
 // argument  type  shape         what
 // slopes    f32   [3N,H-10,V3]  from loss_maps
 // spread    f32   [3N,H,V3+60]  written; rows begin and end with 30 zeros
+// fields    int                 3N
 // ```
-kernel void loss_backward_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H) {
+kernel void loss_backward_spread(global const float* restrict slopes, global float* restrict spread, int V3, int H,
+                                 int fields) {
   const int pad = 3 * (WINDOW - 1), valid = H - WINDOW + 1;
   const int j = get_global_id(0), y = get_global_id(1), n = get_global_id(2);
-  if (j >= V3 + 2 * pad) return;
+  if (j >= V3 + 2 * pad || n >= fields) return;
   float sum = 0.0f;
   if (j >= pad && j < V3 + pad) {
     const int first = max(0, y - valid + 1), last = min(WINDOW - 1, y);

@@ -42,7 +42,7 @@ void check(const Options& o) {
 
 std::string start_file(const Options& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
 
-// Of all that it may grow to: four fifths of a picture's pixels where nothing is said, and what it begins with.
+// Of all that it may grow to: half as many again as a picture has pixels where nothing is said, and what it begins with.
 void dry_run(const Options& o, const RefineJob& job) {
   Session session(o.common);
   const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
@@ -73,7 +73,7 @@ void dry_run(const Options& o, const RefineJob& job) {
   }
   const std::uint64_t grows = job.options.max_gaussians > 0
                                   ? job.options.max_gaussians
-                                  : std::max(2 * begins, static_cast<std::uint64_t>(0.8 * pixels));
+                                  : std::max(2 * begins, static_cast<std::uint64_t>(1.5 * pixels));
   if (job.options.sh_degree >= 0) degree = job.options.sh_degree;
   plans.push_back(plan_refinement(session, std::max(begins, grows), degree, cameras, job.options.longest));
   print_plans(o.common, plans);

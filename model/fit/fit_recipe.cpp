@@ -1,6 +1,7 @@
 #include "model/fit/fit_recipe.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace vsplat {
 namespace {
@@ -16,18 +17,18 @@ FitRecipe for_few() {
   return out;
 }
 
-// 3DGS-MCMC's regularisers, relocation and growth; its noise is left out, since runs of some hundred steps only lose
-// by it.
+// 3DGS-MCMC's regularisers, relocation and growth; its noise cost 0.8 dB on photographs. As 3DGS has it, a fifth of the
+// loss is by the similarity, which serves PSNR, too, where Gaussians are as many as pixels. Until they are, it does not.
 FitRecipe for_many(double object_pixels, long count) {
   FitRecipe out;
-  out.steps = 1000;
+  out.steps = 2000;
   out.judge_every = 100;
   out.least_degree = 2;
+  out.options.ssim_weight = 0.2f;
   out.options.opacity_weight = 0.01f;
   out.options.scale_weight = 0.01f;
   out.options.grow_every = 50;
-  out.options.growth = 1.15;
-  out.options.max_gaussians = std::max(static_cast<long>(0.8 * object_pixels), 2 * count);
+  out.options.max_gaussians = std::max(static_cast<long>(1.5 * object_pixels), 2 * count);
   return out;
 }
 
@@ -41,6 +42,11 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
   o.grow_until = out.steps * 3 / 4;
   if (request.max_gaussians > 0) o.max_gaussians = request.max_gaussians;
   o.max_gaussians = std::max(o.max_gaussians, count);
+  // As many as there may be when two fifths of the steps are done: what comes late is not fitted.
+  if (o.grow_every > 0) {
+    const double rounds = std::max(1.0, 0.4 * static_cast<double>(out.steps) / static_cast<double>(o.grow_every));
+    o.growth = std::pow(static_cast<double>(o.max_gaussians) / static_cast<double>(count), 1 / rounds);
+  }
   o.seed = request.seed;
   if (request.freeze.means) o.rates.means = 0;
   if (request.freeze.scales) o.rates.log_scales = 0;

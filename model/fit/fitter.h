@@ -23,12 +23,10 @@ struct FitRates {
 
 struct FitOptions {
   FitRates rates;
-  long steps = 800;         // over which the rate of the means falls
-  double means_fall = 0.1;  // to this part
-  long colours_first = 0;   // steps in which only colours and opacities move
-  // Of 1 - SSIM in the loss, beside the mean absolute error. It serves neither PSNR nor SSIM where a few hundred steps
-  // are all there are.
-  float ssim_weight = 0;
+  long steps = 800;               // over which the rate of the means falls
+  double means_fall = 0.1;        // to this part
+  long colours_first = 0;         // steps in which only colours and opacities move
+  float ssim_weight = 0;          // of 1 - SSIM in the loss, beside the mean absolute error
   float alpha_weight = 0.1f;      // of the mean absolute error of alpha, where the picture says what is the object
   bool random_background = true;  // every other step, of pictures that say so
   float drop = 0;                 // share of Gaussians left out of a step

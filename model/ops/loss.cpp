@@ -66,6 +66,14 @@ class Loss {
                 {flops * count, 4 * fields * count}, args);
   }
 
+  // The same of what the flavours do in different ways: on a CPU a work-item has a row.
+  void launch_blur(const char* kernel, long width, long rows, long pictures, double flops, double fields,
+                   const std::vector<KernelArg>& args) {
+    if (ctx_.flavour() != Flavour::cpu) return launch(kernel, width, rows, pictures, flops, fields, args);
+    const double count = static_cast<double>(width) * static_cast<double>(rows) * static_cast<double>(pictures);
+    ctx_.launch({"loss_cpu", kernel, ""}, items(rows * pictures, 1), {flops * count, 4 * fields * count}, args);
+  }
+
   // m and d of scale i, from the pictures or from the scale before.
   void differences(std::size_t i) {
     Scale& s = scales_[i];
@@ -86,12 +94,12 @@ class Loss {
     Scale& s = scales_[i];
     const long v3 = 3 * s.valid_width(), rows = n_ * s.height;
     const Tensor blurred = field({4, rows, v3}, "loss.rows");
-    launch("loss_rows", v3, rows, 1, 110, 6, {s.m, s.d, written(blurred), v3, rows});
+    launch_blur("loss_rows", v3, rows, 1, 110, 6, {s.m, s.d, written(blurred), v3, rows});
     const Tensor off = field({n_, s.valid_height(), v3}, "loss.off");
     if (a_.dpictures) s.slopes = field({3, n_, s.valid_height(), v3}, "loss.slopes");
     const bool structure = i + 1 < scales_.size();
-    launch("loss_maps", v3, s.valid_height(), n_, 130, 8,
-           {blurred, written(off), written(s.slopes), v3, s.height, n_, structure ? 1 : 0});
+    launch_blur("loss_maps", v3, s.valid_height(), n_, 130, 8,
+                {blurred, written(off), written(s.slopes), v3, s.height, n_, structure ? 1 : 0});
     mean(off, s.valid_height() * s.valid_width(), static_cast<long>(i) + 1, kSums);
   }
 
@@ -110,11 +118,12 @@ class Loss {
     Scale& s = scales_[i];
     const long v3 = 3 * s.valid_width(), padded = v3 + 6 * kLost;
     const Tensor spread = field({3, n_, s.height, padded}, "loss.spread");
-    launch("loss_backward_spread", padded, s.height, 3 * n_, 22, 2, {s.slopes, written(spread), v3, s.height});
+    launch_blur("loss_backward_spread", padded, s.height, 3 * n_, 22, 2,
+                {s.slopes, written(spread), v3, s.height, 3 * n_});
     const Tensor out = i == 0 ? a_.dpictures : field({n_, s.height, s.width, 3}, "loss.gradient");
-    launch("loss_backward", 3 * s.width, s.height, n_, 75, 8,
-           {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), written(out), s.height, s.width, n_,
-            3 * n_ * static_cast<long>(i), error_scale(), absolute() ? 1 : 0});
+    launch_blur("loss_backward", 3 * s.width, s.height, n_, 75, 8,
+                {spread, s.m, s.d, by_, coarser, i == 0 ? a_.pictures : Tensor(), written(out), s.height, s.width, n_,
+                 3 * n_ * static_cast<long>(i), error_scale(), absolute() ? 1 : 0});
     return out;
   }
 
