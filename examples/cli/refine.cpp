@@ -42,7 +42,8 @@ void check(const Options& o) {
 
 std::string start_file(const Options& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
 
-// Of all that it may grow to: half as many again as a picture has pixels where nothing is said, and what it begins with.
+// Of all that it may grow to: one and a half Gaussians a pixel of a picture where nothing is said, and what it begins
+// with.
 void dry_run(const Options& o, const RefineJob& job) {
   Session session(o.common);
   const int unknown = job.options.longest > 0 ? job.options.longest : 1600;

@@ -17,8 +17,9 @@ FitRecipe for_few() {
   return out;
 }
 
-// 3DGS-MCMC's regularisers, relocation and growth; its noise cost 0.8 dB on photographs. As 3DGS has it, a fifth of the
-// loss is by the similarity, which serves PSNR, too, where Gaussians are as many as pixels. Until they are, it does not.
+// 3DGS-MCMC's regularisers, relocation and growth; its noise cost 0.8 dB on photographs. As 3DGS has it, a fifth of
+// the loss is by the similarity, which serves PSNR, too, where Gaussians are as many as pixels; with a third as many
+// it does not.
 FitRecipe for_many(double object_pixels, long count) {
   FitRecipe out;
   out.steps = 2000;
