@@ -30,10 +30,13 @@ std::string first_difference(const TrainConfig& found, const TrainConfig& expect
   using nlohmann::ordered_json;
   const auto compare = [](const ordered_json& a, const ordered_json& b, const auto& self) -> std::string {
     for (const auto& [name, value] : a.items()) {
-      if (value == b.at(name)) continue;
-      if (value.is_object()) return self(value, b.at(name), self);
-      return fmt::format("found \"{0}\": {1}, expected \"{0}\": {2}", name, value.dump(), b.at(name).dump());
+      const ordered_json other = b.value(name, ordered_json());  // a field that may be absent: null
+      if (value == other) continue;
+      if (value.is_object() && other.is_object()) return self(value, other, self);
+      return fmt::format("found \"{0}\": {1}, expected \"{0}\": {2}", name, value.dump(), other.dump());
     }
+    for (const auto& [name, value] : b.items())
+      if (!a.contains(name)) return fmt::format("found no \"{0}\", expected \"{0}\": {1}", name, value.dump());
     return "they differ";
   };
   return compare(ordered_json::parse(to_json(found)), ordered_json::parse(to_json(expected)), compare);
@@ -44,6 +47,7 @@ Config with_sizes_of(Config config, const Config& other) {
   config.image = other.image;
   config.volume = other.volume;
   config.views = other.views;
+  config.use_views = other.use_views;
   return config;
 }
 
@@ -87,7 +91,8 @@ Beginning from_model(const TrainConfig& config, const std::string& path) {
   } catch (const Error& e) {
     fail(
         e.status(),
-        "{}: its model is not the configuration's, whose \"model\" must be the file's but for image, volume and views: "
+        "{}: its model is not the configuration's, whose \"model\" must be the file's but for image, volume, views and "
+        "use_views: "
         "{}",
         path, e.what());
   }

@@ -128,6 +128,8 @@ class Train(train_support.Case):
         self.assertEqual(list(old), list(new))
         for name in old:
             self.assertEqual(new[name], [v * 0.5 for v in old[name]] if name == "div_offset" else old[name], name)
+        self.succeeds("weights", "convert", weights, "--dtype", "f32", "--view-count", 3, "--output", self.path("counted.safetensors"))
+        self.succeeds(*self.train(larger, "counted", "--init", self.path("counted.safetensors")))  # how many it picks is no weight's business
         wider = self.config("wider.json", model={"base": "micro", "volume": 8, "volume_ch": 8})
         self.refuses(1, ['found "volume_ch": 4, expected "volume_ch": 8'], *self.train(wider, "run", "--init", weights))
 
