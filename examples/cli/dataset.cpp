@@ -17,7 +17,8 @@ using nlohmann::ordered_json;
 struct Options {
   Common common;
   std::vector<std::string> meshes;
-  std::string output, texture, seed = "0";
+  std::string output, texture, textures, seed = "0";
+  bool solids = false;
   int count = 0, views = 40, pixels = 512;
 };
 
@@ -26,7 +27,7 @@ std::vector<std::string> names_of(const Options& o) {
   if (o.meshes.empty()) {
     char name[32];
     for (int i = 0; i < o.count; ++i) {
-      std::snprintf(name, sizeof name, "solid_%04d", i);
+      std::snprintf(name, sizeof name, o.solids ? "solid_%04d" : "object_%04d", i);
       out.emplace_back(name);
     }
     return out;
@@ -55,6 +56,16 @@ void expect_all(const Options& o, Outputs& outputs, const std::string& folder) {
   for (const std::string& file : files_of(folder, o.views)) outputs.expect(file);
 }
 
+vsplat::Mesh mesh_of(const Options& o, std::size_t index, std::uint64_t seed) {
+  if (!o.meshes.empty()) return vsplat::Mesh::load(o.meshes[index], o.texture);
+  if (o.solids) return vsplat::Mesh::procedural(seed, static_cast<std::uint32_t>(index));
+  vsplat_mesh_procedural_options options = VSPLAT_MESH_PROCEDURAL_OPTIONS_INIT;
+  options.seed = seed;
+  options.index = static_cast<std::uint32_t>(index);
+  options.textures = o.textures.empty() ? nullptr : o.textures.c_str();
+  return vsplat::Mesh::procedural(options);
+}
+
 struct Progress {
   const Common& common;
   std::string what;
@@ -70,8 +81,7 @@ ordered_json write(const Options& o, std::size_t index, const std::string& name,
   Outputs outputs(o.common.overwrite);
   expect_all(o, outputs, folder);
   const auto number = static_cast<std::uint32_t>(index);
-  const vsplat::Mesh mesh =
-      o.meshes.empty() ? vsplat::Mesh::procedural(seed, number) : vsplat::Mesh::load(o.meshes[index], o.texture);
+  const vsplat::Mesh mesh = mesh_of(o, index, seed);
   const vsplat_mesh_info info = mesh.info();
   Progress progress{o.common, name};
   vsplat_mesh_views_options options = VSPLAT_MESH_VIEWS_OPTIONS_INIT;
@@ -147,10 +157,19 @@ void add_render_action(CLI::App& parent, Run& run) {
 
 void add_procedural_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub = parent.add_subcommand("procedural", "Draw textured random solids, a folder each");
+  CLI::App* sub = parent.add_subcommand("procedural", "Draw random objects, a folder each");
   sub->add_option("--count", o->count, "How many")->required()->check(CLI::Range(1, 9999))->type_name("N");
+  CLI::Option* textures = sub->add_option("--textures", o->textures,
+                                          "A folder of pictures; half of the parts are covered with one of them each")
+                              ->type_name("DIR");
+  sub->add_flag("--solids", o->solids, "Plain ones: one to four whole bodies with patterns")->excludes(textures);
   add_shared(*sub, *o);
-  sub->footer("Example:\n  vsplat dataset procedural --count 16 --output solids --size 128 --seed 7");
+  sub->footer(
+      "Each object is one to nine parts: bodies, some with others cut out of them or with a height field, wire "
+      "frames,\n"
+      "thin rods, plates, hoops and springs; some twisted, bent or tapered; of one colour, a gradient, a pattern or a\n"
+      "texture. The same for a seed and an index, and for the pictures of --textures.\n"
+      "Example:\n  vsplat dataset procedural --count 16 --output objects --textures pictures --size 128 --seed 7");
   sub->callback([o, &run] { run = [o] { make(*o); }; });
 }
 
@@ -164,7 +183,7 @@ void add_dataset(CLI::App& app, Run& run) {
   add_info_action(*sub, run);
   sub->footer(
       "Examples:\n  vsplat dataset render meshes/*.glb --output set\n"
-      "  vsplat dataset procedural --count 16 --output solids\n"
+      "  vsplat dataset procedural --count 16 --output objects\n"
       "  vsplat dataset info set --sheet set.png");
 }
 

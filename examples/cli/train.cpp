@@ -15,7 +15,7 @@ namespace {
 
 struct Options {
   Common common;
-  std::string config, output, init;
+  std::string config, output, init, textures;
   std::vector<std::string> data;
   std::string selection, assume_selected, assume_intersections;
   std::vector<std::int64_t> extend;
@@ -93,7 +93,6 @@ void train(const Options& o) {
     refuse_profile_of_dry_run(o.common);
     return dry_run(o, config);
   }
-  if (o.data.empty()) throw UsageError("train needs --data, folders with objects");
   if (o.output.empty()) throw UsageError("train needs --output, the run's folder");
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : {o.config, o.selection, o.init}) outputs.input(path);
@@ -110,6 +109,7 @@ void train(const Options& o) {
   options.extend = o.extend.data();
   options.num_extend = o.extend.size();
   options.skip_bad = o.skip_bad;
+  options.textures = o.textures.empty() ? nullptr : o.textures.c_str();
   options.on_progress = tell;
   options.on_message = [](void* user, const char* text) { say(*static_cast<const Common*>(user), with_flags(text)); };
   options.go_on = [](void*) -> int32_t { return interrupted() ? 0 : 1; };
@@ -141,7 +141,13 @@ void add_train(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("train", "Train a model on data sets of posed pictures");
   sub->add_option("config", o->config, "What to train and how, a JSON file; absent fields take their defaults")
       ->type_name("CONFIG.json");
-  sub->add_option("--data", o->data, "Folders with objects, or an object's folder")->type_name("DIR...");
+  sub->add_option(
+         "--data", o->data,
+         "Folders with objects, or an object's folder; none are needed where the configuration's procedural is 1")
+      ->type_name("DIR...");
+  sub->add_option("--textures", o->textures,
+                  "A folder of pictures that procedural objects are covered with (the configuration's procedural)")
+      ->type_name("DIR");
   sub->add_option("-o,--output", o->output, "The run's folder: log.csv, sheets, checkpoints, model.safetensors")
       ->type_name("RUN");
   sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
@@ -174,12 +180,12 @@ void add_train(CLI::App& app, Run& run) {
   sub->footer(
       "An interrupt (Ctrl-C) writes a checkpoint and stops; what is resumed ends with the same bits.\n"
       "Example:\n"
-      "  vsplat dataset procedural --count 64 --size 128 --output solids\n"
+      "  vsplat dataset procedural --count 64 --size 128 --output objects\n"
       "  echo '{\"model\": \"small\", \"steps\": 20000}' > small.json\n"
       "  vsplat train small.json --dry-run\n"
-      "  vsplat train small.json --data solids --output run\n"
-      "  vsplat train small.json --data solids --output run --resume\n"
-      "  vsplat train small.json --data solids --output run --resume --extend 5000");
+      "  vsplat train small.json --data objects --output run\n"
+      "  vsplat train small.json --data objects --output run --resume\n"
+      "  vsplat train small.json --data objects --output run --resume --extend 5000");
   sub->callback([o, &run] { run = [o] { train(*o); }; });
 }
 

@@ -9,6 +9,7 @@
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
 #include "model/data/object_names.h"
+#include "model/data/random_object.h"
 #include "model/data/solids.h"
 #include "model/data/survey.h"
 #include "runtime/fail.h"
@@ -58,6 +59,17 @@ vsplat_status vsplat_mesh_procedural(uint64_t seed, uint32_t index, vsplat_mesh*
   return guarded([&] {
     need(out_mesh, "out_mesh");
     *out_mesh = std::make_unique<vsplat_mesh_impl>(random_solid(seed, index)).release();
+  });
+}
+
+vsplat_status vsplat_mesh_procedural_with(const vsplat_mesh_procedural_options* options, vsplat_mesh* out_mesh) {
+  return guarded([&] {
+    need(out_mesh, "out_mesh");
+    const vsplat_mesh_procedural_options o = taken(options, VSPLAT_MESH_PROCEDURAL_OPTIONS_INIT, "options");
+    std::optional<TextureFolder> textures;
+    if (o.textures) textures.emplace(o.textures);
+    *out_mesh =
+        std::make_unique<vsplat_mesh_impl>(random_object(o.seed, o.index, textures ? &*textures : nullptr)).release();
   });
 }
 

@@ -1,4 +1,6 @@
 // Training.
+#include <algorithm>
+
 #include "model/api/device.h"
 #include "model/api/plan.h"
 #include "model/api/selected.h"
@@ -44,15 +46,24 @@ void clear(vsplat_device device) {
   device->context.memory().trim();
 }
 
-std::vector<std::string> paths_of(const vsplat_train_options& o) {
+// What is trained on beside procedural objects, and whether the options go with how many these are.
+DataSet data_of(const vsplat_train_options& o, const std::vector<TrainConfig>& stages) {
+  const auto any = [&](const auto& of) { return std::any_of(stages.begin(), stages.end(), of); };
   need_array(o.data, o.num_data, "options.data");
-  if (o.num_data == 0) fail(Status::usage, "options.data is empty: a data set is needed");
+  if (o.num_data == 0 && any([](const TrainConfig& stage) { return stage.procedural < 1; }))
+    fail(Status::usage,
+         "no vsplat_train_options.data: a data set is needed, but where the configuration's procedural is 1");
+  if (o.textures && !any([](const TrainConfig& stage) { return stage.procedural > 0; }))
+    fail(Status::usage,
+         "vsplat_train_options.textures changes nothing where the configuration's procedural is 0: no procedural "
+         "object is drawn");
+  if (o.num_data == 0) return {};
   std::vector<std::string> out;
   for (size_t i = 0; i < o.num_data; ++i) {
     need(o.data[i], "a path of options.data");
     out.emplace_back(o.data[i]);
   }
-  return out;
+  return open_data_set(out);
 }
 
 // Of a stage; `o` must outlive it.
@@ -66,6 +77,7 @@ TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
     t.extend.assign(o.extend, o.extend + o.num_extend);
   }
   t.skip_bad = o.skip_bad != 0;
+  if (o.textures) t.textures = o.textures;
   if (o.on_progress)
     t.on_progress = [&o](const TrainProgress& p) {
       const vsplat_train_progress progress = progress_of(p);
@@ -108,8 +120,9 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     const std::vector<TrainConfig> stages = train_stages_from_json(config);
     const auto options_of = [&](const TrainConfig& stage) { return options_from(o, stage.model); };
     for (const TrainConfig& stage : stages) options_of(stage);  // refuses before anything is done
+    const DataSet data = data_of(o, stages);
     clear(device);
-    const TrainResult result = train_stages(device->context, stages, open_data_set(paths_of(o)), options_of);
+    const TrainResult result = train_stages(device->context, stages, data, options_of);
     vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
     out.step = result.step;
     out.stopped = result.stopped ? 1 : 0;

@@ -30,6 +30,6 @@ class Random {
 
 // Streams, so that no two uses share numbers.
 inline constexpr std::uint32_t camera_stream = 0x63616d73u, solid_stream = 0x736f6c69u, order_stream = 0x6f726472u,
-                               draw_stream = 0x64726177u;
+                               draw_stream = 0x64726177u, object_stream = 0x6f626a65u;
 
 }  // namespace vsplat

@@ -133,7 +133,7 @@ RayTracer::RayTracer(const Mesh& mesh) : scene_(std::make_unique<Scene>()), mesh
 
 RayTracer::~RayTracer() = default;
 
-Image RayTracer::picture(const Camera& camera, int samples) const {
+Image RayTracer::picture(const Camera& camera, int samples, unsigned threads) const {
   Image out(camera.width, camera.height, 4);
   const Eigen::Matrix4d c2w = camera.c2w();
   const Vector3f eye = camera.centre().cast<float>();
@@ -161,7 +161,7 @@ Image RayTracer::picture(const Camera& camera, int samples) const {
       for (int x = 0; x < camera.width; ++x) pixel(x, y);
   };
   std::vector<std::jthread> others;
-  const unsigned threads = std::clamp(std::thread::hardware_concurrency(), 1u, 64u);
+  if (threads == 0) threads = std::clamp(std::thread::hardware_concurrency(), 1u, 64u);
   for (unsigned i = 1; i < threads; ++i) others.emplace_back(rows);
   rows();
   others.clear();  // joins

@@ -19,8 +19,8 @@ class RayTracer {
   // [height][width][4]: sRGB-encoded colour and straight alpha, the mean of samples x samples rays a pixel; black
   // where nothing is hit. Light comes from everywhere, more from above (+y), and some from one side, fixed to the
   // object, so that every view shows the same colours. No shadows, no gloss. Distortion is ignored.
-  // The same bits whatever the number of threads.
-  Image picture(const Camera& camera, int samples = 2) const;
+  // By so many threads, 0: one a processor; the same bits whatever their number.
+  Image picture(const Camera& camera, int samples = 2, unsigned threads = 0) const;
 
  private:
   struct Scene;

@@ -3,11 +3,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <condition_variable>
+#include <limits>
 #include <set>
 #include <thread>
 
 #include "model/data/byte_cache.h"
 #include "model/data/drawn_views.h"
+#include "model/data/endless_objects.h"
 #include "model/input/pose_check.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -16,9 +18,10 @@ namespace vsplat {
 namespace {
 
 constexpr std::size_t listing_bytes = std::size_t{64} << 20;  // of listed objects that are kept
+constexpr int endless_views = 40;  // of a procedural object, as the command draws them; few of them are asked for
 
 void check(const DataSet& data, const TrainingOptions& o) {
-  if (data.objects.empty()) fail(Status::input, "the data set has no objects");
+  if (data.objects.empty() && o.procedural < 1) fail(Status::input, "the data set has no objects");
   const auto expect = [](bool good, const char* what) {
     if (!good) fail(Status::usage, "reading for training: {}", what);
   };
@@ -29,6 +32,7 @@ void check(const DataSet& data, const TrainingOptions& o) {
   expect(o.novel >= 0 && o.novel <= 1000, "0 to 1000 novel views");
   expect(o.turn_degrees >= 0 && o.turn_degrees <= 180, "a turn by 0 to 180 degrees");
   expect(o.min_cube > 0 && o.min_cube <= o.max_cube && o.max_cube < 1e3, "the cube's factors must be positive");
+  expect(o.procedural >= 0 && o.procedural <= 1, "the share of procedural objects is 0 to 1");
   expect(o.threads >= 0 && o.threads <= 256 && o.ahead >= 0, "threads and items ahead cannot be negative");
 }
 
@@ -36,6 +40,12 @@ struct Listing {
   FramedObject object;
   std::vector<Eigen::Vector3d> positions;
 };
+
+std::vector<Eigen::Vector3d> positions_of(const FramedObject& object) {
+  std::vector<Eigen::Vector3d> out;
+  for (const ListedView& view : object.photographs.set.views) out.push_back(view.camera.centre());
+  return out;
+}
 
 std::size_t bytes_of(const Listing& listing) {
   return listing.positions.size() * (sizeof(ListedView) + sizeof(Eigen::Vector3d) + 256);  // paths and names: about
@@ -53,6 +63,8 @@ Eigen::Matrix3d random_turn(double degrees, Random& random) {
 // it was opened.
 using BadThing = std::pair<std::size_t, int>;
 constexpr int whole = -1;
+// Instead of an index: an object of no set, whose pictures are asked for once and not kept.
+constexpr std::size_t no_index = std::numeric_limits<std::size_t>::max();
 
 struct Item {
   enum class State { wanted, begun, done } state = State::wanted;
@@ -74,6 +86,7 @@ struct TrainingReader::Impl {
   Impl(DataSet d, TrainingOptions o)
       : data(std::move(d)), options(std::move(o)), listings(listing_bytes), pictures(options.cache_bytes) {
     check(data, options);
+    if (!options.textures.empty()) textures.emplace(options.textures);
     request.image = options.image, request.fit = options.fit, request.placement = options.placement;
     for (int i = 0; i < options.threads; ++i) workers.emplace_back([this] { work(); });
   }
@@ -95,13 +108,15 @@ struct TrainingReader::Impl {
   TrainingViews take(const Listing& from, std::size_t index, Random& random);
   TrainingViews composed(const Listing& from, int inputs, const std::vector<std::shared_ptr<const StoredView>>& views,
                          Random& random) const;
-  TrainingViews make(std::uint64_t number);
+  Listing random_listing(std::uint64_t number);
+  TrainingViews make(std::uint64_t item);
   void finish(std::uint64_t number, std::unique_lock<std::mutex>& lock);  // makes a wanted item, unlocked meanwhile
   void work();
 
   const DataSet data;
   const TrainingOptions options;
   FrameRequest request;
+  std::optional<TextureFolder> textures;
   ByteCache<std::size_t, Listing> listings;
   ByteCache<std::pair<std::size_t, int>, StoredView> pictures;
 
@@ -126,13 +141,14 @@ std::shared_ptr<const Listing> TrainingReader::Impl::listing(std::size_t index) 
     return nullptr;
   }
   for (std::size_t i = 0; i < skipped.size(); ++i) note({index, whole - 1 - static_cast<int>(i)}, skipped[i]);
-  for (const ListedView& view : made->object.photographs.set.views) made->positions.push_back(view.camera.centre());
+  made->positions = positions_of(made->object);
   listings.put(index, made, bytes_of(*made));
   return made;
 }
 
 std::shared_ptr<const StoredView> TrainingReader::Impl::picture(std::size_t index, const FramedObject& object,
                                                                 int view) {
+  if (index == no_index) return std::make_shared<const StoredView>(store_view(object, view, request));
   if (auto found = pictures.find({index, view})) return found;
   auto made = std::make_shared<const StoredView>(store_view(object, view, request));
   pictures.put({index, view}, made, made->rgba.size() + sizeof(StoredView));
@@ -191,7 +207,8 @@ TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
   return out;
 }
 
-// Draws again, without them, where views turn out to be bad.
+// Draws again, without them, where views turn out to be bad. Of a random object that is no fault of the data: it may be
+// so thin that nothing is seen of it from somewhere.
 TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index, Random& random) {
   std::vector<bool> excluded(from.positions.size(), false);
   const int inputs = options.min_inputs + random.below(options.max_inputs - options.min_inputs + 1);
@@ -207,7 +224,7 @@ TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index,
       try {
         views.push_back(picture(index, from.object, view));
       } catch (const Error& e) {
-        if (!passed_over({index, view}, e)) throw;
+        if (index != no_index && !passed_over({index, view}, e)) throw;
         excluded[static_cast<std::size_t>(view)] = true;
       }
     }
@@ -215,11 +232,29 @@ TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index,
   }
 }
 
-// The object's turn, or where it is bad the next ones'.
-TrainingViews TrainingReader::Impl::make(std::uint64_t number) {
-  const std::uint64_t count = data.objects.size();
+Listing TrainingReader::Impl::random_listing(std::uint64_t number) {
+  Listing out;
+  const int views = std::max(endless_views, options.max_inputs + options.novel);
+  const auto drawn = [&](const TextureFolder* folder) {
+    return endless_object(options.seed, static_cast<std::uint32_t>(number), views, options.image, folder);
+  };
+  try {
+    out.object = drawn(textures ? &*textures : nullptr);
+  } catch (const Error& e) {  // a texture that cannot be read
+    if (!passed_over({no_index, whole}, e)) throw;
+    out.object = drawn(nullptr);
+  }
+  out.positions = positions_of(out.object);
+  return out;
+}
+
+// A random object, or the set's object whose turn it is, or where that is bad the next ones'.
+TrainingViews TrainingReader::Impl::make(std::uint64_t item) {
+  Random random(options.seed, static_cast<std::uint32_t>(item), draw_stream);
+  const EndlessShare share(options.procedural);
+  if (share.is_random(item)) return take(random_listing(item), no_index, random);
+  const std::uint64_t number = share.others_before(item), count = data.objects.size();
   const auto round = static_cast<std::uint32_t>(number / count);
-  Random random(options.seed, static_cast<std::uint32_t>(number), draw_stream);
   for (std::uint64_t attempt = 0; attempt < count; ++attempt) {
     const std::size_t index = shuffled((number + attempt) % count, count, options.seed, round);
     const std::shared_ptr<const Listing> from = listing(index);

@@ -38,6 +38,10 @@ struct TrainingOptions {
   // was made its front, so that it no longer is), and its cube larger by a factor between the two.
   double turn_degrees = 0;
   double min_cube = 1, max_cube = 1;
+  // So much of the items, spread evenly, are endless_object()s by the seed and the item's number; the others go through
+  // the set as if there were none of these. `textures`: a folder of pictures that they may be covered with; "": none.
+  double procedural = 0;
+  std::string textures = "";
   std::size_t cache_bytes = std::size_t{1} << 30;  // of decoded pictures, S x S x 4 bytes each
   int threads = 2;                                 // that read ahead; 0: all is read when it is asked for
   int ahead = 8;                                   // items read before they are asked for
@@ -46,10 +50,12 @@ struct TrainingOptions {
 
 // Which object, views, background, turn and cube an item has depends on the data, the seed, the step and the item
 // alone: not on threads, the cache or what was asked for before. The objects come in random order, each once before any
-// comes again; input and novel views are drawn from k-means groups of the cameras as draw_views() does.
+// comes again, and between them procedural ones; input and novel views are drawn from k-means groups of the cameras as
+// draw_views() does.
 class TrainingReader {
  public:
-  // Error(usage) where an option makes no sense, Error(input) where there is no object.
+  // Error(usage) where an option makes no sense, Error(input) where there is no object and not all are procedural,
+  // errors of TextureFolder.
   TrainingReader(DataSet data, TrainingOptions options);
   ~TrainingReader();  // waits for what is being read
   TrainingReader(const TrainingReader&) = delete;

@@ -52,4 +52,18 @@ fs::path find_picture(const fs::path& folder, const fs::path& name) {
   return found.empty() ? fs::path() : found.front();
 }
 
+std::vector<fs::path> pictures_in(const fs::path& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) fail(Status::file, "{}: no such folder of pictures", folder.string());
+  std::vector<fs::path> out;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    std::error_code ignored;
+    if (is_picture(entry->path()) && entry->is_regular_file(ignored)) out.push_back(entry->path());
+  }
+  if (error) fail(Status::file, "{}: the folder cannot be read: {}", folder.string(), error.message());
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
 }  // namespace vsplat

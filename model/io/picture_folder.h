@@ -1,7 +1,8 @@
-// Which picture of a folder belongs to a camera.
+// The pictures of a folder, and which of them belongs to a camera.
 #pragma once
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace vsplat {
 
@@ -9,5 +10,9 @@ namespace vsplat {
 // where `folder` has the folder of `name` inside, it is looked for there. A file called exactly as listed comes first.
 // "" where there is none; Error(input) where several have the stem, Error(file) where the folder cannot be read.
 std::filesystem::path find_picture(const std::filesystem::path& folder, const std::filesystem::path& name);
+
+// The files that are called like pictures, not those of folders in it, in order of name. Error(file) where the folder
+// cannot be read.
+std::vector<std::filesystem::path> pictures_in(const std::filesystem::path& folder);
 
 }  // namespace vsplat

@@ -44,7 +44,7 @@ void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
        gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
 }
 
-TrainingOptions reading(const TrainConfig& config, bool skip_bad) {
+TrainingOptions reading(const TrainConfig& config, const TrainOptions& options) {
   TrainingOptions out;
   out.image = config.model.image;
   out.rebase = config.model.rebase;
@@ -59,8 +59,10 @@ TrainingOptions reading(const TrainConfig& config, bool skip_bad) {
   out.turn_degrees = config.turn_degrees;
   out.min_cube = config.cube_min;
   out.max_cube = config.cube_max;
+  out.procedural = config.procedural;
+  out.textures = config.procedural > 0 ? options.textures : "";
   out.cache_bytes = static_cast<std::size_t>(config.cache_gib * static_cast<double>(1ull << 30));
-  out.skip_bad = skip_bad;
+  out.skip_bad = options.skip_bad;
   return out;
 }
 
@@ -267,8 +269,8 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const std::optional<std::vector<int>> selection = forced(config, options.selection);
   Trainer trainer(ctx, start, planned_of(selection, options.planned_selected));
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
+  TrainingReader reader(data, reading(config, options));
   RunFolder folder(config, options, start.step);
-  TrainingReader reader(data, reading(config, options.skip_bad));
   const long steps = total_steps(config.schedule);
   for (const std::string& text : unfinished(config.schedule)) warn("{}", text);
   if (!beginning.told.empty()) folder.say(beginning.told);

@@ -35,7 +35,8 @@ struct TrainOptions {
   // Schedule::extend, instead of the configuration's; empty: that, or the checkpoint's where it has none. Needs
   // `resume`. What has begun of it may not change: the same list again is no further extension.
   std::vector<long> extend;
-  bool skip_bad = false;  // data that cannot be read are passed over and counted
+  bool skip_bad = false;      // data that cannot be read are passed over and counted
+  std::string textures = "";  // a folder of pictures for procedural objects; "": none
   std::string selection;  // a file of voxels that are refined in every step, see model/io/selection_file.h; "": none
   long planned_selected = 0;                           // voxels, as the trainer takes it, where none are given
   long planned_in_sheet = 0;                           // the same of a sheet, which is drawn as at inference

@@ -52,6 +52,7 @@ void each_field(C& c, Visit visit) {
   visit("turn_degrees", c.turn_degrees);
   visit("cube_min", c.cube_min);
   visit("cube_max", c.cube_max);
+  visit("procedural", c.procedural);
   visit("log_every", c.log_every);
   visit("sheet_every", c.sheet_every);
   visit("checkpoint_every", c.checkpoint_every);
@@ -106,6 +107,7 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
   is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
   is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
+  is.in("procedural", c.procedural, c.procedural >= 0 && c.procedural <= 1, "0 to 1");
 }
 
 Config read_model(const json& value) {

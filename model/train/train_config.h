@@ -36,6 +36,7 @@ struct TrainConfig {
   // drawn for each object.
   double turn_degrees = 0;
   double cube_min = 1, cube_max = 1;
+  double procedural = 0;  // so much of the objects are none of the data set, but drawn while training; 0 to 1
 
   // In steps; 0: never.
   long log_every = 10;

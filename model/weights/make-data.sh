@@ -52,4 +52,4 @@ for k in 0 1 2 3; do
     "$vsplat" dataset render "$shape" --texture "$pattern" --output "$out/train/shapes$k" --views 40 --size 128 --seed $((2 + k))
   done
 done
-"$vsplat" dataset procedural --count 300 --output "$out/train/procedural" --views 32 --size 128 --seed 11
+"$vsplat" dataset procedural --count 300 --solids --output "$out/train/procedural" --views 32 --size 128 --seed 11

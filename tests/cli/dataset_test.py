@@ -37,14 +37,24 @@ class Dataset(support.Case):
             with open(self.path("set", name, "images", "0000.png"), "rb") as f:
                 self.assertEqual(f.read(26)[16:26], bytes([0, 0, 0, 16, 0, 0, 0, 16, 8, 6]))    # 16 x 16, 8 bits, RGBA
 
-    def test_solids_depend_on_the_seed_alone(self):
+    def test_what_is_procedural_depends_on_the_seed_alone(self):
+        os.makedirs(self.path("pictures"))
+        support.write_png(self.path("pictures", "paint.png"), 1, 1, [[(250, 0, 0)]])
+        for more, name in (("--solids", "solid_0001"), ((), "object_0001"), (("--textures", self.path("pictures")), "object_0001")):
+            with self.subTest(more):
+                self.depends_on_the_seed_alone(name, (more,) if isinstance(more, str) else more)
+
+    def depends_on_the_seed_alone(self, name, more):
         def made(folder, seed):
-            self.succeeds("dataset", "procedural", "--count", 2, "--output", self.path(folder), "--views", 2, "--size", 24, "--seed", seed)
+            self.succeeds("dataset", "procedural", "--count", 2, "--output", self.path(folder), "--views", 2, "--size", 24, "--seed", seed, *more,
+                          "--overwrite")
             return {name.replace(self.path(folder), ""): data for name, data in self.snapshot().items() if name.startswith(self.path(folder))}
         first = made("one", 5)
         self.assertEqual(first, made("two", 5))
         self.assertNotEqual(first, made("three", 6))
-        self.assertIn("/solid_0001/transforms.json", first)
+        self.assertIn(f"/{name}/transforms.json", first)
+        for folder in ("one", "two", "three"):
+            support.shutil.rmtree(self.path(folder))
 
     def test_nothing_is_replaced_unasked(self):
         mesh = self.mesh("c.obj")
@@ -115,6 +125,9 @@ class Dataset(support.Case):
 
     def test_wrong_requests(self):
         self.refuses(2, "--count", "dataset", "procedural", "--output", self.path("set"))
+        procedural = ("dataset", "procedural", "--count", 1, "--views", 1, "--size", 8, "--output", self.path("set"))
+        self.refuses(1, "nowhere", *procedural, "--textures", self.path("nowhere"))
+        self.refuses(2, ["--solids", "--textures"], *procedural, "--solids", "--textures", self.folder)
         self.refuses(2, "--size", *self.render(self.mesh("c.obj"))[:-1], 4)
         self.refuses(2, "meshes", "dataset", "render", "--output", self.path("set"))
 

@@ -32,7 +32,7 @@ class Evaluate(support.Case):
     def setUp(self):
         super().setUp()
         self.set = self.path("set")
-        self.succeeds("dataset", "procedural", "--count", 3, "--output", self.set, "--views", 11, "--size", self.SIDE, "--seed", 4)
+        self.succeeds("dataset", "procedural", "--count", 3, "--solids", "--output", self.set, "--views", 11, "--size", self.SIDE, "--seed", 4)
 
     def evaluate(self, *more):
         return ("evaluate", self.set, "--model", self.model, *more)

@@ -29,7 +29,7 @@ class Model(support.Case):
         self.assertEqual(json.loads(out), json.loads(self.succeeds(*self.reconstruct("--dry-run", "--json"))[0]))
 
     def test_evaluate_takes_it_too(self):
-        self.succeeds("dataset", "procedural", "--count", 1, "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
+        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
         out, _ = self.succeeds("evaluate", self.path("set"), "--json", env=library(WITH))
         self.assertEqual(out, self.succeeds("evaluate", self.path("set"), "--model", self.model, "--json")[0])
         self.refuses(1, ["without a model", "--model"], "evaluate", self.path("set"), env=library(WITHOUT))
@@ -104,7 +104,7 @@ class Model(support.Case):
         _, err = views("--model", own, "--views", "@0,@1")               # who names pictures knows how many there are
         self.assertNotIn("pictures used", err)
         # The published protocol has its own number.
-        self.succeeds("dataset", "procedural", "--count", 1, "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
+        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
         evaluations = [self.succeeds("evaluate", self.path("set"), "--model", model, "--json")[0] for model in (self.model, own)]
         self.assertEqual(*evaluations)
         self.succeeds("weights", "convert", own, "--dtype", "f32", "--output", self.path("kept.safetensors"))

@@ -22,7 +22,7 @@ class Refine(support.Case):
 
     def setUp(self):
         super().setUp()
-        self.succeeds("dataset", "procedural", "--count", 1, "--output", self.path("set"), "--views", 5, "--size", self.SIDE, "--seed", 4)
+        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 5, "--size", self.SIDE, "--seed", 4)
         self.photos = self.path("set", "solid_0000")
         self.ball = self.path("ball.ply")
         spots = [(0.25 * math.sin(i), 0.25 * math.cos(2.3 * i), 0.25 * math.sin(5.1 * i)) for i in range(60)]

@@ -18,7 +18,7 @@ class Learns(unittest.TestCase):
         folder = tempfile.mkdtemp(prefix="vsplat-learns-")
         self.addCleanup(shutil.rmtree, folder, True)
         path = lambda name: os.path.join(folder, name)
-        code, _, err = support.run("dataset", "procedural", "--count", 8, "--views", 12, "--size", 48, "--seed", 11, "--output", path("solids"))
+        code, _, err = support.run("dataset", "procedural", "--count", 8, "--solids", "--views", 12, "--size", 48, "--seed", 11, "--output", path("solids"))
         self.assertEqual(code, 0, err)
         with open(path("tiny.json"), "w") as f:
             json.dump({"model": "tiny", "seed": int(os.environ.get("VSPLAT_SEED", "0")), "steps": STEPS, "lr": 1e-3, "warmup": 20,

@@ -15,7 +15,7 @@ class Case(support.Case):
         cls.shared = tempfile.mkdtemp(prefix="vsplat-train-")
         cls.addClassCleanup(shutil.rmtree, cls.shared, True)
         cls.solids = os.path.join(cls.shared, "solids")
-        code, _, err = support.run("dataset", "procedural", "--count", 3, "--views", 8, "--size", 16, "--seed", 5, "--output", cls.solids)
+        code, _, err = support.run("dataset", "procedural", "--count", 3, "--solids", "--views", 8, "--size", 16, "--seed", 5, "--output", cls.solids)
         assert code == 0, err
 
     def setUp(self):

@@ -168,6 +168,31 @@ class Train(train_support.Case):
         self.refuses(1, ["stage 2", "stage 1", 'found "sh_degree": 1, expected "sh_degree": 0'], *self.train(wrong, "wrong"))
         self.succeeds("train", config, "--dry-run")
 
+    def test_procedural_objects_while_training(self):
+        """A share of the objects is drawn while training: interrupted and resumed the same bytes; a share of 0 is none; no data are needed for all."""
+        os.makedirs(self.path("pictures"))
+        support.write_png(self.path("pictures", "paint.png"), 2, 1, [[(250, 0, 0), (0, 0, 250)]])
+        textures = ("--textures", self.path("pictures"))
+        config = self.config(steps=16, checkpoint_every=3, procedural=0.5, accumulate=2)
+        self.succeeds(*self.train(config, "whole", *textures))
+        process = self.start(*self.train(config, "killed", *textures))
+        while process.poll() is None and not os.path.exists(self.path("killed", "checkpoint-00000006.safetensors")):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        self.succeeds(*self.train(config, "killed", *textures, "--resume"))
+        self.same_training("whole", "killed", 16)
+        self.succeeds(*self.train(config, "bare"))
+        self.assertNotEqual(self.read("bare", "model.safetensors"), self.read("whole", "model.safetensors"), "the textures are seen")
+        self.succeeds(*self.train(self.config("before.json"), "before"))
+        self.succeeds(*self.train(self.config("none.json", procedural=0), "none"))
+        self.same_training("before", "none", 6)
+        all_drawn = self.config("all.json", procedural=1)
+        self.succeeds("train", all_drawn, "--output", self.path("all"))
+        self.refuses(2, ["--data", "procedural"], "train", config, "--output", self.path("new"))
+        self.refuses(2, ["--textures", "procedural"], *self.train(self.config("none.json", procedural=0), "new", *textures))
+        self.refuses(1, "nowhere", "train", all_drawn, "--output", self.path("new"), "--textures", self.path("nowhere"))
+
     def test_schedules_that_do_not_end_are_told(self):
         _, err = self.succeeds(*self.train(self.config(steps=2, warmup=2, tau_steps=50000), "run"))
         self.assertIn("warning: the learning rate rises for 2 of 2 steps", err)

@@ -10,7 +10,9 @@
 #include <cmath>
 #include <set>
 
+#include "model/base/resample.h"
 #include "model/data/drawn_views.h"
+#include "model/data/random_object.h"
 #include "model/input/view_choice.h"
 #include "model/io/image_file.h"
 #include "tests/support/data_sets.h"
@@ -204,6 +206,81 @@ TEST(TrainingReader, TakesEveryObjectOnceARound) {
     EXPECT_EQ(std::set<std::string>(order.begin() + 5 * round, order.begin() + 5 * round + 5).size(), 5u);
   EXPECT_FALSE(std::equal(order.begin(), order.begin() + 5, order.begin() + 5) &&
                std::equal(order.begin(), order.begin() + 5, order.begin() + 10));
+}
+
+// Procedural objects come between those of the set, whose own order and views are as without them; they are what the
+// command writes with the same numbers; neither threads nor the order in which they are asked for change a bit.
+TEST(TrainingReader, DrawsProceduralObjectsBetweenThoseOfTheSet) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 3, 9, size);
+  TrainingOptions options = options_of();
+  options.random_background = true;
+  options.alpha = true;
+  options.batch = 2;
+  TrainingReader without(open_data_set({folder.string()}), options);
+  options.procedural = 0.4;
+  TrainingReader plain(open_data_set({folder.string()}), options);
+  TrainingOptions hurried = options;
+  hurried.threads = 3;
+  TrainingReader threaded(open_data_set({folder.string()}), hurried);
+  std::vector<TrainingViews> all;
+  std::size_t others = 0;
+  for (int number = 0; number < 20; ++number) {
+    all.push_back(plain.at(number / 2, number % 2));
+    EXPECT_TRUE(same(all.back(), threaded.at(number / 2, number % 2))) << number;
+    if (all.back().object == fmt::format("procedural {}", number)) continue;
+    EXPECT_EQ(all.back().object, without.at(static_cast<long>(others) / 2, static_cast<int>(others % 2)).object);
+    ++others;
+  }
+  EXPECT_EQ(others, 12u);
+  for (const int number : {17, 4, 11, 2, 5})
+    for (TrainingReader* reader : {&plain, &threaded})
+      EXPECT_TRUE(same(reader->at(number / 2, number % 2), all[static_cast<std::size_t>(number)])) << number;
+
+  const TemporaryFolder written;
+  ObjectOptions object;
+  object.views = 40, object.size = size, object.seed = options.seed, object.object = 2;  // the first one's number
+  ASSERT_EQ(all[2].object, "procedural 2");
+  write_object(written / "object_0002", random_object(options.seed, 2, nullptr), object);
+  for (std::size_t i = 0; i < all[2].cameras.size(); ++i) {
+    const Image stored = read_image(written / ("object_0002/" + all[2].cameras[i].file));
+    const float shade = static_cast<int>(i) < all[2].inputs ? 1.0f : all[2].background[0];
+    const Image flat = over(premultiplied(stored, nullptr), {shade, shade, shade});
+    const std::vector<float> drawn = picture(all[2], i, size);
+    for (std::size_t k = 0; k < drawn.size(); ++k) ASSERT_NEAR(drawn[k], flat.data[k], 1.01 / 255) << i << " " << k;
+  }
+}
+
+TEST(TrainingReader, NeedsNoSetWhereAllIsProcedural) {
+  TrainingOptions options = options_of();
+  options.procedural = 1;
+  TrainingReader reader(DataSet(), options);
+  EXPECT_EQ(reader.at(0, 0).object, "procedural 0");
+  EXPECT_EQ(reader.at(7, 0).object, "procedural 7");
+  options.procedural = 0.9;
+  expect_error(Status::input, {"no objects"}, [&] { TrainingReader(DataSet(), options); });
+  options.procedural = 1.1;
+  expect_error(Status::usage, {"0 to 1"}, [&] { TrainingReader(DataSet(), options); });
+}
+
+// A texture that cannot be read is an error, or passed over as other data are.
+TEST(TrainingReader, NamesTexturesThatCannotBeRead) {
+  const TemporaryFolder folder;
+  test::put_file(folder / "broken.png", "no picture");
+  TrainingOptions options = options_of();
+  options.procedural = 1;
+  options.textures = folder / "gone";
+  expect_error(Status::file, {"gone"}, [&] { TrainingReader(DataSet(), options); });
+  options.textures = folder.string();
+  TrainingReader strict(DataSet(), options);
+  expect_error(Status::format, {"broken.png"}, [&] {
+    for (long step = 0; step < 9; ++step) strict.at(step, 0);
+  });
+  const Warnings warnings;
+  options.skip_bad = true;
+  TrainingReader lenient(DataSet(), options);
+  for (long step = 0; step < 9; ++step) EXPECT_EQ(lenient.at(step, 0).object, fmt::format("procedural {}", step));
+  EXPECT_EQ(lenient.bad(), 1);
 }
 
 TEST(TrainingReader, PutsNovelViewsAloneOnTheBackground) {

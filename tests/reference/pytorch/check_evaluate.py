@@ -35,7 +35,7 @@ class EvaluateNumbers(support.Case):
     def setUp(self):
         super().setUp()
         self.set = self.path("set")
-        self.succeeds("dataset", "procedural", "--count", 3, "--output", self.set, "--views", 11, "--size", self.SIDE, "--seed", 4)
+        self.succeeds("dataset", "procedural", "--count", 3, "--solids", "--output", self.set, "--views", 11, "--size", self.SIDE, "--seed", 4)
 
     def test_numbers_are_the_specifications(self):
         """Everything but the network's forward, from the files and the network's Gaussians, by the specification in PyTorch."""

@@ -24,6 +24,23 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_load(const char* path, con
 /* Random solids pushed into one another, with procedural textures: the same for the same seed and index. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_procedural(uint64_t seed, uint32_t index, vsplat_mesh* out_mesh);
 
+typedef struct vsplat_mesh_procedural_options {
+  size_t size;
+  uint64_t seed;
+  uint32_t index;       /* of the object: each is another one */
+  const char* textures; /* NULL, or a folder of pictures (PNG, JPEG, EXR, TIFF, WebP, BMP), which half of the parts are
+                           covered with */
+} vsplat_mesh_procedural_options;
+#define VSPLAT_MESH_PROCEDURAL_OPTIONS_INIT \
+  { sizeof(vsplat_mesh_procedural_options), 0, 0, NULL }
+
+/* An object of one to nine parts: bodies, some with others cut out of them or with a height field, wire frames, thin
+   rods, plates, hoops and springs; some twisted, bent or tapered; of one colour, a gradient, a pattern or a texture.
+   The same for the same options. VSPLAT_ERROR_FILE where the folder cannot be read, VSPLAT_ERROR_INPUT where no picture
+   is in it, VSPLAT_ERROR_FORMAT where one cannot be read. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_procedural_with(const vsplat_mesh_procedural_options* options,
+                                                                      vsplat_mesh* out_mesh);
+
 VSPLAT_API void vsplat_mesh_retain(vsplat_mesh mesh);
 VSPLAT_API void vsplat_mesh_release(vsplat_mesh mesh);
 

@@ -31,7 +31,8 @@ typedef struct vsplat_train_progress {
 
 typedef struct vsplat_train_options {
   size_t size;
-  const char* const* data; /* data sets: folders that vsplat_object_names' objects are in */
+  const char* const* data; /* data sets: folders that vsplat_object_names' objects are in; none are needed where all
+                              objects are procedural */
   size_t num_data;
   const char* output; /* the run's folder, made where there is none */
   int32_t resume;     /* not 0: go on from the newest good checkpoint in it */
@@ -52,9 +53,11 @@ typedef struct vsplat_train_options {
                             numbers again go on with the same extension, or find it done: to extend further, give them
                             and one more. NULL: as the checkpoint was extended */
   size_t num_extend;
+  const char* textures; /* NULL, or a folder of pictures that procedural objects are covered with, half of their parts
+                           with one of them each */
 } vsplat_train_options;
 #define VSPLAT_TRAIN_OPTIONS_INIT \
-  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL, NULL, 0 }
+  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL, NULL, 0, NULL }
 
 typedef struct vsplat_train_result {
   size_t size;

@@ -367,6 +367,11 @@ class Mesh : public MeshHandle {
     check(vsplat_mesh_procedural(seed, index, &out));
     return Mesh(out);
   }
+  static Mesh procedural(const vsplat_mesh_procedural_options& options) {
+    vsplat_mesh out = nullptr;
+    check(vsplat_mesh_procedural_with(&options, &out));
+    return Mesh(out);
+  }
   vsplat_mesh_info info() const {
     vsplat_mesh_info out = VSPLAT_MESH_INFO_INIT;
     check(vsplat_mesh_get_info(get(), &out));
