@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "runtime/fail.h"
+#include "runtime/file_rules.h"
 
 namespace vsplat {
 
@@ -37,7 +38,11 @@ void OutputFile::write(const void* data, std::size_t bytes) {
 
 void OutputFile::commit() {
   if (std::fflush(file_) != 0 || ::fsync(::fileno(file_)) != 0) failed("be written");
-  if (::rename(temporary_.c_str(), path_.c_str()) != 0) failed("be put in place");
+  const bool created = rename_to_new(temporary_, path_);
+  if (!created && !may_replace(path_))
+    fail(Status::file, "{}: exists, made by another process meanwhile; it is kept", path_);
+  if (!created && ::rename(temporary_.c_str(), path_.c_str()) != 0) failed("be put in place");
+  tell_written(path_, created);
   std::fclose(file_);
   file_ = nullptr;
 }

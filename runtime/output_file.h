@@ -16,7 +16,8 @@ class OutputFile {
 
   void write(const void* data, std::size_t bytes);
   void write(const std::string& text) { write(text.data(), text.size()); }
-  void commit();  // flushes to the disk, then renames
+  // Flushes to the disk, then renames. Error(file) where something is there that may not be replaced (file_rules.h).
+  void commit();
 
  private:
   [[noreturn]] void failed(const char* what) const;

@@ -39,6 +39,8 @@ vsplat::ContextOptions context_options(const Common& common) {
 void bench(const Options& o) try {
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
+  for (const std::string& path : {o.model, o.selection}) outputs.input(path);
+  outputs.input_cameras(o.cameras);
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
   vsplat::Context ctx(context_options(o.common));

@@ -19,7 +19,7 @@ bool progress_shown = false;
 int log_threshold = VSPLAT_LOG_INFO;
 
 void on_signal(int number) {
-  stop_asked = 1;
+  stop_asked = number;
   std::signal(number, SIG_DFL);
 }
 
@@ -132,8 +132,14 @@ double elapsed_seconds() {
 void catch_interrupts() {
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
+  if (std::signal(SIGHUP, on_signal) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
+  // What these would tell, the write that fails tells, too; then all that was begun is taken back.
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
 }
 
 bool interrupted() { return stop_asked != 0; }
+
+int interrupt_code() { return 128 + stop_asked; }
 
 }  // namespace command

@@ -57,9 +57,11 @@ std::string bytes_text(std::uint64_t bytes);
 // Since the program started.
 double elapsed_seconds();
 
-// Interrupts (SIGINT, SIGTERM) ask for a clean stop; a second one ends at once.
+// Interrupts (SIGINT, SIGTERM, SIGHUP where it is not ignored) ask for a clean stop; a second one ends at once. A file
+// beyond its limit and a pipe that nobody reads are errors of the write.
 void catch_interrupts();
 bool interrupted();
+int interrupt_code();  // what a shell tells of it: 130, 143, 129
 
 // Each adds its sub-command with everything it needs; `run` is set when it was asked for and does the work.
 using Run = std::function<void()>;

@@ -1,4 +1,5 @@
 // vsplat dataset: data sets made from meshes (and info, in a file of its own).
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -53,7 +54,16 @@ std::vector<std::string> files_of(const std::string& folder, int views) {
 void expect_all(const Options& o, Outputs& outputs, const std::string& folder) {
   for (const std::string& mesh : o.meshes) outputs.input(mesh);
   outputs.input(o.texture);
-  for (const std::string& file : files_of(folder, o.views)) outputs.expect(file);
+  const std::vector<std::string> files = files_of(folder, o.views);
+  for (const std::string& file : files) outputs.expect(file);
+  // Pictures of an earlier run with more views would go.
+  std::error_code error;
+  for (auto at = fs::directory_iterator(fs::path(folder) / "images", error); !error && at != fs::directory_iterator();
+       at.increment(error)) {
+    const std::string path = at->path().string(), name = at->path().filename().string();
+    const bool numbered = name.size() == 8 && name.ends_with(".png") && name.find_first_not_of("0123456789") == 4;
+    if (numbered && std::find(files.begin(), files.end(), path) == files.end()) outputs.expect(path);
+  }
 }
 
 vsplat::Mesh mesh_of(const Options& o, std::size_t index, std::uint64_t seed) {
@@ -91,8 +101,7 @@ ordered_json write(const Options& o, std::size_t index, const std::string& name,
   options.index = number;
   options.progress = Progress::tell;
   options.user = &progress;
-  for (const std::string& file : files_of(folder, o.views)) outputs.begin(file);
-  mesh.write_views(folder, options);
+  mesh.write_views(folder, options);  // all or nothing: none of it is begun here
   outputs.commit();
   clear_progress();
   say(o.common, folder + ": " + std::to_string(o.views) + " pictures of " + std::to_string(info.triangles) +

@@ -143,6 +143,7 @@ void info(const Options& o) {
   need_ending("--sheet", o.sheet, ".png");
   Outputs outputs(o.common.overwrite);
   outputs.expect(o.sheet);
+  outputs.input_data(o.paths);
   const vsplat::DataSet set(o.paths);
   const std::vector<Surveyed> objects = survey(o, set);
   if (!o.sheet.empty()) write_sheet(o, set, objects, outputs.begin(o.sheet));

@@ -152,7 +152,10 @@ void evaluate(const Options& o) {
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
+  for (const char* net : {"/alex.safetensors", "/vgg.safetensors"})
+    if (!o.lpips.empty()) outputs.input(o.lpips + net);
   for (const std::string& path : {o.sheet, o.common.profile, o.common.trace}) outputs.expect(path);
+  outputs.input_data(o.folders);
 
   Session session(o.common);
   const vsplat::Model model = load_model(o.model);

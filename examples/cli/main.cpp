@@ -1,7 +1,10 @@
 // vsplat: the command line. One file per sub-command; here they are put together and errors become exit codes:
-// 0, 1 where something failed, 2 where the request itself is wrong.
+// 0, 1 where something failed, 2 where the request itself is wrong, 128 and the signal's number where one stopped it.
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <iostream>
 #include <string>
 #include <vector>
 #include <vsplat/vsplat.hpp>
@@ -20,9 +23,31 @@ int report(int code, const std::string& text) {
   return code;
 }
 
+// What was printed has arrived, or that is the error.
+int finish(int code) {
+  const bool streamed = static_cast<bool>(std::cout.flush());
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && streamed) return code;
+  const std::string reason = std::strerror(errno);
+  return report(code == 0 ? exit_failed : code, "stdout: cannot be written: " + reason);
+}
+
+// Runs the command. -> the exit code, but for signals.
+int result_of(const command::Run& run) try {
+  if (run) run();
+  return 0;
+} catch (const command::UsageError& e) {
+  return report(exit_usage, e.what());
+} catch (const vsplat::Error& e) {
+  if (e.status() == VSPLAT_ERROR_CANCELLED) return report(exit_failed, "stopped; nothing was written");
+  return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, command::with_flags(e.what()));
+} catch (const std::exception& e) {
+  return report(exit_failed, e.what());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  command::catch_interrupts();
   CLI::App app("Posed photos in, a 3D Gaussian splat and pictures of it from anywhere out, on any OpenCL device.",
                "vsplat");
   app.set_version_flag("-V,--version", std::string("vsplat ") + vsplat_version_string());
@@ -57,7 +82,7 @@ int main(int argc, char** argv) {
     std::reverse(arguments.begin(), arguments.end());
     app.parse(std::move(arguments));
   } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
+    return finish(app.exit(e));
   } catch (const command::UsageError& e) {
     return report(exit_usage, e.what());
   } catch (const CLI::ParseError& e) {  // what nothing takes is the likelier cause, even where something is missing
@@ -65,16 +90,6 @@ int main(int argc, char** argv) {
     return report(exit_usage, (unknown.empty() ? e.what() : unknown) + "\nRun with --help for more.");
   }
 
-  try {
-    command::catch_interrupts();
-    if (run) run();
-    return 0;
-  } catch (const command::UsageError& e) {
-    return report(exit_usage, e.what());
-  } catch (const vsplat::Error& e) {
-    if (e.status() == VSPLAT_ERROR_CANCELLED) return report(exit_failed, "stopped; nothing was written");
-    return report(e.status() == VSPLAT_ERROR_USAGE ? exit_usage : exit_failed, command::with_flags(e.what()));
-  } catch (const std::exception& e) {
-    return report(exit_failed, e.what());
-  }
+  const int code = result_of(run);
+  return finish(command::interrupted() ? command::interrupt_code() : code);
 }

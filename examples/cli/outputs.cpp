@@ -1,12 +1,15 @@
 #include "outputs.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <vsplat/vsplat.hpp>
 
 #include "command.h"
 
@@ -15,6 +18,10 @@ namespace fs = std::filesystem;
 namespace {
 
 fs::path normal(const std::string& path) { return fs::absolute(path).lexically_normal(); }
+
+bool contains(const std::vector<fs::path>& paths, const fs::path& path) {
+  return std::find(paths.begin(), paths.end(), path) != paths.end();
+}
 
 // The folder `path` would be written into, or the nearest one above it that is there, takes a file.
 void check_writable(const fs::path& path) {
@@ -36,11 +43,49 @@ void check_writable(const fs::path& path) {
 
 }  // namespace
 
+Outputs::Outputs(bool overwrite) : overwrite_(overwrite) {
+  vsplat_file_rules rules = VSPLAT_FILE_RULES_INIT;
+  rules.may_replace = on_exists;
+  rules.on_written = on_written;
+  rules.user = this;
+  vsplat::check(vsplat_file_rules_set(&rules));
+}
+
 Outputs::~Outputs() {
+  [[maybe_unused]] const vsplat_status done = vsplat_file_rules_set(nullptr);
   if (committed_) return;
   std::error_code ignored;
-  for (const fs::path& file : files_) fs::remove(file, ignored);
+  for (const Made& file : made_)
+    if (contains(files_, file.path) && file.still_there()) fs::remove(file.path, ignored);
   for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder) fs::remove(*folder, ignored);
+}
+
+bool Outputs::Made::still_there() const {
+  struct stat there {};
+  return lstat(path.c_str(), &there) == 0 && there.st_dev == device && there.st_ino == inode;
+}
+
+void Outputs::on_written(void* outputs, const char* path, std::int32_t created) {
+  auto* self = static_cast<Outputs*>(outputs);
+  const std::lock_guard lock(self->made_mutex_);
+  const fs::path file = normal(path);
+  const auto known =
+      std::find_if(self->made_.begin(), self->made_.end(), [&](const Made& m) { return m.path == file; });
+  struct stat there {};
+  if ((!created && known == self->made_.end()) || lstat(path, &there) != 0) return;
+  const Made now{file, there.st_dev, there.st_ino};
+  known == self->made_.end() ? self->made_.push_back(now) : static_cast<void>(*known = now);
+}
+
+// What was not there at first may be another's by now; what this process made it may write anew.
+std::int32_t Outputs::on_exists(void* outputs, const char* path) {
+  auto* self = static_cast<Outputs*>(outputs);
+  const std::lock_guard lock(self->made_mutex_);
+  const fs::path file = normal(path);
+  if (!contains(self->kept_, file)) return 1;
+  for (const Made& made : self->made_)
+    if (made.path == file && made.still_there()) return 1;
+  return 0;
 }
 
 void Outputs::refuse_if_same(const std::string& path, const fs::path& output, const fs::path& input) {
@@ -56,6 +101,44 @@ void Outputs::input(const std::string& path) {
   for (const fs::path& output : gone_) refuse_if_same(path, output, inputs_.back());
 }
 
+void Outputs::input_cameras(const std::string& path) {
+  input(path);
+  std::error_code error;
+  if (path.empty() || !fs::is_directory(path, error)) return;
+  for (const char* folder : {"", "sparse", "sparse/0", "colmap/sparse/0"})
+    for (const char* name : {"transforms.json", "cameras.json", "cameras.bin", "cameras.txt", "images.bin",
+                             "images.txt", "points3D.bin", "points3D.txt"})
+      if (const fs::path file = fs::path(path) / folder / name; fs::is_regular_file(file, error)) input(file.string());
+}
+
+void Outputs::input_data(const std::vector<std::string>& paths) {
+  std::error_code error;
+  const auto is_below = [&](const fs::path& file, const std::string& path) {
+    const std::string inside = fs::weakly_canonical(file, error).lexically_relative(fs::weakly_canonical(path, error));
+    return !inside.empty() && !inside.starts_with("..");
+  };
+  for (const std::string& path : paths)
+    if (!fs::is_directory(path, error)) input(path);
+  // Listing what a set holds takes long: only where one of it could be meant.
+  for (const fs::path& output : std::vector<fs::path>(expected_)) {
+    if (!fs::exists(output, error) ||
+        std::none_of(paths.begin(), paths.end(), [&](const std::string& path) { return is_below(output, path); }))
+      continue;
+    const vsplat::DataSet set(paths);
+    for (std::size_t i = 0; i < set.count(); ++i) {
+      const auto object = nlohmann::json::parse(set.describe(i));
+      const std::string path = object["path"].get<std::string>();
+      input_cameras(path);
+      if (object["layout"] == "hdf5") continue;
+      try {
+        for (const std::string& file : vsplat::Views::load(path).files()) input(file);
+      } catch (const vsplat::Error&) {  // one that cannot be read is told of where it is read
+      }
+    }
+    return;
+  }
+}
+
 void Outputs::expect_gone(const std::string& path) {
   if (!overwrite_) return;
   const fs::path file = normal(path);
@@ -69,19 +152,23 @@ void Outputs::commit() {
   for (const fs::path& file : gone_) fs::remove(file, ignored);
 }
 
-void Outputs::expect(const std::string& path) {
+void Outputs::expect(const std::string& path) { expect(path, overwrite_); }
+
+void Outputs::expect_renewed(const std::string& path) { expect(path, true); }
+
+void Outputs::expect(const std::string& path, bool renewed) {
   if (path.empty()) return;
   const fs::path file = normal(path);
-  if (std::find(expected_.begin(), expected_.end(), file) != expected_.end())
-    throw UsageError(path + " would be written twice: give each output a name of its own");
+  if (contains(expected_, file)) throw UsageError(path + " would be written twice: give each output a name of its own");
   for (const fs::path& input : inputs_) refuse_if_same(path, file, input);
   expected_.push_back(file);
   std::error_code error;
   const fs::file_status status = fs::status(file, error);
   if (fs::exists(status)) {
     if (!fs::is_regular_file(status)) throw std::runtime_error(path + " exists and is not a file");
-    if (!overwrite_) throw std::runtime_error(path + " exists (--overwrite replaces it)");
+    if (!renewed) throw std::runtime_error(path + " exists (--overwrite replaces it)");
   }
+  if (!renewed) kept_.push_back(file);
   check_writable(file);
 }
 
@@ -97,21 +184,12 @@ void Outputs::make_folder(const fs::path& folder) {
 std::string Outputs::begin(const std::string& path) {
   const fs::path file = normal(path);
   make_folder(file.parent_path());
-  std::error_code error;
-  if (!fs::exists(file, error)) files_.push_back(file);  // a file from before is replaced whole, never taken away
+  files_.push_back(file);  // one from before is replaced whole, never taken away
   return path;
 }
 
 void write_text(const std::string& path, const std::string& text) {
-  const std::string temporary = path + ".vsplat-" + std::to_string(getpid());
-  std::FILE* file = std::fopen(temporary.c_str(), "wb");
-  if (!file) throw std::runtime_error(path + " cannot be written: " + std::strerror(errno));
-  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  if ((std::fclose(file) != 0) || !written || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    const std::string reason = std::strerror(errno);
-    std::remove(temporary.c_str());
-    throw std::runtime_error(path + " cannot be written: " + reason);
-  }
+  vsplat::check(vsplat_file_write(path.c_str(), text.data(), text.size()));
 }
 
 }  // namespace command

@@ -152,7 +152,8 @@ void reconstruct(const Options& o) {
   const PictureJob& job = request.pictures;
   Outputs outputs(o.common.overwrite);
   const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
-  for (const std::string& path : {o.model, o.selection, job.choice.file}) outputs.input(path);
+  for (const std::string& path : {o.model, o.selection}) outputs.input(path);
+  outputs.input_cameras(job.choice.file);
   for (const std::string& path : views.files()) outputs.input(path);
   for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));

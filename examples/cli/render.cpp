@@ -69,7 +69,7 @@ void render(const Options& o) {
   start_log(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
-  outputs.input(job.choice.file);
+  outputs.input_cameras(job.choice.file);
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
   Shots shots;

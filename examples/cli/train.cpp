@@ -1,6 +1,7 @@
 // vsplat train: a model from data sets.
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -12,6 +13,8 @@
 
 namespace command {
 namespace {
+
+namespace fs = std::filesystem;
 
 struct Options {
   Common common;
@@ -81,6 +84,49 @@ void dry_run(const Options& o, const std::string& config) {
   print_plans(o.common, plans);
 }
 
+bool is_numbered(const fs::path& path, const std::string& first, const std::string& last) {
+  const std::string name = path.filename().string();
+  return name.starts_with(first) && name.ends_with(last);
+}
+
+std::vector<std::string> numbered_files(const fs::path& folder, const std::string& first, const std::string& last) {
+  std::vector<std::string> out;
+  std::error_code error;
+  for (auto at = fs::directory_iterator(folder, error); !error && at != fs::directory_iterator(); at.increment(error))
+    if (is_numbered(at->path(), first, last)) out.push_back(at->path().string());
+  return out;
+}
+
+// What a run writes under the same names whatever its configuration says, and sheets that are there. Checkpoints belong
+// to the library: it begins no training where there are any.
+void expect_run(const Options& o, const std::string& config, Outputs& outputs) {
+  const nlohmann::json fields = nlohmann::json::parse(config);
+  const std::size_t stages = fields.contains("stages") ? fields["stages"].size() : 1;
+  std::vector<fs::path> folders{o.output};
+  for (std::size_t i = 1; stages > 1 && i <= stages; ++i)
+    folders.push_back(folders.front() / ("stage-" + std::to_string(i)));
+  std::vector<std::string> files, checkpoints;
+  for (const fs::path& folder : folders) {
+    for (const char* name : {"config.json", "log.csv", "model.safetensors"}) files.push_back((folder / name).string());
+    for (std::string& sheet : numbered_files(folder / "sheets", "step-", ".png")) files.push_back(std::move(sheet));
+    for (std::string& file : numbered_files(folder, "checkpoint-", ".safetensors"))
+      checkpoints.push_back(std::move(file));
+  }
+  if (!checkpoints.empty() && !o.resume)
+    throw UsageError(o.output + ": a training's checkpoints are there already (" + checkpoints.front() +
+                     "): --resume goes on from them; or name another folder");
+  // A run that was killed before its first checkpoint has left its configuration.
+  const std::string configuration = files.front();
+  std::error_code error;
+  const bool own = o.resume && (!checkpoints.empty() ||
+                                (fs::is_regular_file(configuration, error) && read_config(configuration) == config));
+  for (const std::string& file : files) {
+    // A run's own configuration may be what it goes on with: the same is written.
+    if (own && file == configuration && fs::equivalent(o.config, configuration, error)) continue;
+    own ? outputs.expect_renewed(file) : outputs.expect(file);
+  }
+}
+
 void train(const Options& o) {
   start_log(o.common);
   const std::string config = whole_config(o.config);
@@ -97,6 +143,8 @@ void train(const Options& o) {
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : {o.config, o.selection, o.init}) outputs.input(path);
   for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
+  expect_run(o, config, outputs);
+  outputs.input_data(o.data);
   Session session(o.common);
   std::vector<const char*> data;
   for (const std::string& path : o.data) data.push_back(path.c_str());

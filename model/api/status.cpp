@@ -1,7 +1,9 @@
-// Statuses, the last error, version, text and the log.
+// Statuses, the last error, version, text, the log, and files.
 #include <cstdlib>
 
 #include "model/api/handle.h"
+#include "runtime/file.h"
+#include "runtime/file_rules.h"
 #include "runtime/log.h"
 
 namespace vsplat::api {
@@ -81,5 +83,25 @@ void vsplat_log_set(vsplat_log_function function, void* user) {
   }
   set_log_sink([function, user](LogLevel level, const std::string& text) {
     function(user, static_cast<vsplat_log_level>(level), text.c_str());
+  });
+}
+
+vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules) {
+  return api::guarded([&] {
+    const vsplat_file_rules r = api::taken(rules, VSPLAT_FILE_RULES_INIT, "rules");
+    FileRules out;
+    if (r.may_replace)
+      out.may_replace = [r](const std::string& path) { return r.may_replace(r.user, path.c_str()) != 0; };
+    if (r.on_written)
+      out.written = [r](const std::string& path, bool created) { r.on_written(r.user, path.c_str(), created ? 1 : 0); };
+    set_file_rules(std::move(out));
+  });
+}
+
+vsplat_status vsplat_file_write(const char* path, const void* data, size_t bytes) {
+  return api::guarded([&] {
+    api::need(path, "path");
+    api::need_array(data, bytes, "data");
+    write_file(path, data, bytes);
   });
 }

@@ -10,6 +10,7 @@
 #include "model/io/image_file.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/staged_folder.h"
 
 namespace vsplat {
 namespace {
@@ -17,30 +18,13 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-// Files and folders made so far, taken away again unless kept.
-class Made {
- public:
-  Made() = default;
-  Made(const Made&) = delete;
-  Made& operator=(const Made&) = delete;
-  ~Made() {
-    std::error_code ignored;
-    for (auto path = paths_.rbegin(); path != paths_.rend(); ++path) fs::remove(*path, ignored);
-  }
-  void folder(const fs::path& path) {
-    std::error_code problem;
-    if (path.empty() || fs::is_directory(path, problem)) return;
-    folder(path.parent_path());
-    if (!fs::create_directory(path, problem) && problem)
-      fail(Status::file, "{}: the folder cannot be made: {}", path.string(), problem.message());
-    paths_.push_back(path);
-  }
-  void file(const fs::path& path) { paths_.push_back(path); }
-  void keep() { paths_.clear(); }
-
- private:
-  std::vector<fs::path> paths_;
-};
+// What an object's folder holds of ours, from this run or an earlier one with more views.
+bool is_ours(const std::string& inside) {
+  if (inside == "transforms.json") return true;
+  const auto digit = [&](std::size_t i) { return inside[i] >= '0' && inside[i] <= '9'; };
+  return inside.size() == 15 && inside.starts_with("images/") && inside.ends_with(".png") && digit(7) && digit(8) &&
+         digit(9) && digit(10);
+}
 
 ordered_json frame(const Camera& camera) {
   Eigen::Matrix4d c2w = camera.c2w();
@@ -77,27 +61,23 @@ std::vector<std::string> object_files(const std::string& folder, int views) {
 }
 
 void write_object(const std::string& folder, Mesh mesh, const ObjectOptions& options) {
+  StagedFolder staged(folder);
   fit_into_cube(mesh);
   const std::vector<Camera> cameras =
       sphere_cameras(options.views, options.size, radius_of(mesh), options.seed, options.object);
   const RayTracer tracer(mesh);
-  const std::vector<std::string> files = object_files(folder, options.views);
+  const std::vector<std::string> files = object_files(staged.path().string(), options.views);
   std::error_code problem;
-  fs::remove(files.back(), problem);
-  if (problem) fail(Status::file, "{}: cannot be replaced: {}", files.back(), problem.message());
-  Made made;
-  made.folder(fs::path(files.front()).parent_path());
+  fs::create_directory(staged.path() / "images", problem);
+  if (problem) fail(Status::file, "{}: the folder cannot be made: {}", folder, problem.message());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     if (options.go && !options.go(static_cast<double>(i) / static_cast<double>(cameras.size())))
       fail(Status::cancelled, "stopped");
-    const Image picture = tracer.picture(cameras[i]);
-    made.file(files[i]);
-    write_png(files[i], picture);
+    write_png(files[i], tracer.picture(cameras[i]));
   }
-  made.file(files.back());
   const std::string text = transforms(cameras);
   write_file(files.back(), text.data(), text.size());
-  made.keep();
+  staged.put_in_place(is_ours);
 }
 
 }  // namespace vsplat

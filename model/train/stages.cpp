@@ -8,6 +8,7 @@
 #include "model/train/beginning.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/folder_lock.h"
 
 namespace vsplat {
 namespace {
@@ -47,6 +48,7 @@ std::string stage_folder(const std::string& run, std::size_t i, std::size_t stag
 TrainResult train_stages(Context& ctx, const std::vector<TrainConfig>& stages, const DataSet& data,
                          const std::function<TrainOptions(const TrainConfig&)>& options) {
   if (stages.empty()) fail(Status::usage, "a training without a stage");
+  const FolderLock lock(options(stages.front()).output);
   if (stages.size() == 1) return train(ctx, stages.front(), data, options(stages.front()));
   check_models(stages);
   TrainResult result;

@@ -127,7 +127,7 @@ class Refine(support.Case):
             self.fail(process.stderr.read())
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGINT)
-        self.assertEqual(process.wait(60), 0, process.stderr.read())
+        self.assertEqual(process.wait(60), 130, process.stderr.read())
         self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
 
     def test_poses_are_written_and_read_again(self):

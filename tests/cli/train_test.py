@@ -233,7 +233,7 @@ class Train(train_support.Case):
             time.sleep(0.005)
         process.send_signal(signal.SIGINT)
         err = process.communicate(timeout=120)[1]
-        self.assertEqual(process.returncode, 0, err)
+        self.assertEqual(process.returncode, 130, err)
         self.assertIn("--resume goes on", err)
         (name,) = [n for n in os.listdir(self.path("stopped")) if n.startswith("checkpoint-")]
         step = int(name[11:19])

@@ -67,12 +67,12 @@ typedef struct vsplat_mesh_views_options {
   { sizeof(vsplat_mesh_views_options), 40, 512, 0, 0, NULL, NULL }
 
 /* Writes the mesh as an object of a data set: images/0000.png, ... (8-bit RGBA, straight alpha) and transforms.json in
-   `folder`, which is made where there is none; existing files are replaced. The mesh is moved and scaled so that its
+   `folder`, which appears whole or not at all: an earlier object there is replaced in one step, what else lies in the
+   folder stays. VSPLAT_ERROR_FILE where another process is writing it. The mesh is moved and scaled so that its
    bounding box is centred at the origin and its longest edge is 1: aabb_center 0,0,0, aabb_half 0.5. The cameras are
    spread over the whole sphere, look at the origin with y up and a field of view of 49.1 degrees, and see all of the
    mesh from distances of 1.6 to 1.9, farther only where it would not fit. Light is soft, fixed to the object, without
-   shadows. transforms.json is written last; a failure takes away what was written. The same bytes on one machine for
-   the same arguments. `options` NULL: defaults. */
+   shadows. The same bytes on one machine for the same arguments. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_write_views(vsplat_mesh mesh,
                                                                   const vsplat_mesh_views_options* options,
                                                                   const char* folder);

@@ -77,6 +77,25 @@ typedef void (*vsplat_log_function)(void* user, vsplat_log_level level, const ch
    thread that uses the library, one at a time, and may not call the library. */
 VSPLAT_API void vsplat_log_set(vsplat_log_function function, void* user);
 
+/* What a program says about the files that the library writes. Each is written under another name and put in place
+   whole, or not at all. */
+typedef struct vsplat_file_rules {
+  size_t size;
+  int32_t (*may_replace)(void* user, const char* path); /* something is where a file is put: 0 keeps it, and the call
+                                                           ends with VSPLAT_ERROR_FILE; NULL: it is replaced */
+  void (*on_written)(void* user, const char* path, int32_t created); /* a file was put in place, `created` where
+                                                                        nothing was; may be NULL */
+  void* user;
+} vsplat_file_rules;
+#define VSPLAT_FILE_RULES_INIT \
+  { sizeof(vsplat_file_rules), NULL, NULL, NULL }
+
+/* For the whole process; NULL: the defaults. The functions are called as vsplat_log_set's is. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules);
+
+/* Writes a file of the program's own as the library writes its. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_write(const char* path, const void* data, size_t bytes);
+
 /* Called as a computation goes on: `stage` as in a profile ("encoder", "lifting", ...) and the share of all stages'
    work that is done, in [0,1]. Returns 0 to stop: the call then ends with VSPLAT_ERROR_CANCELLED. */
 typedef int32_t (*vsplat_progress_function)(void* user, const char* stage, double done);
