@@ -3,9 +3,10 @@
 //   where   $VSPLAT_CACHE_DIR ("off" disables), else $XDG_CACHE_HOME/vsplat, else ~/.cache/vsplat; made at first use
 //   key     SHA-256 of the format's version, the expanded source, the options, and the names and versions of the
 //           device, its driver and its platform
-//   entry   "vsplat-kernel-1\n", the payload's SHA-256 as 64 digits, a line end, the payload
-//   safety  written under another name and renamed; an entry that is damaged or foreign is removed and counts as
-//           absent; a folder that cannot be written is not an error
+//   entry   "vsplat-kernel-2\n", the SHA-256 of key and payload as 64 digits, a line end, the payload
+//   safety  written under another name and renamed; an entry that is damaged, foreign, another key's or no file counts
+//           as absent, and is removed where it is a file; a folder that cannot be written is not an error; one that
+//           others may write to is not used, with a warning: an entry is code that the driver runs
 #pragma once
 #include <optional>
 #include <string>
@@ -17,7 +18,7 @@ class DiskCache {
  public:
   // In the folder that the environment names; empty: disabled.
   DiskCache();
-  explicit DiskCache(std::string folder) : folder_(std::move(folder)) {}
+  explicit DiskCache(std::string folder);
 
   bool enabled() const { return !folder_.empty(); }
   const std::string& folder() const { return folder_; }

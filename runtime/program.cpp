@@ -92,7 +92,7 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
   }
 }
 
-cl::Program ProgramCache::build(const std::string& file, const std::string& defines) {
+cl::Program ProgramCache::build(const std::string& file, const std::string& defines, bool from_source) {
   const std::string options = "-cl-std=CL1.2 " + defines;
   const std::string source = expanded_source(file);
   std::vector<std::string> parts = {
@@ -101,7 +101,10 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
     parts.insert(parts.end(), {"mark", environment("POCL_CACHE_DIR"), environment("XDG_CACHE_HOME")});
   const std::string key = disk_.enabled() || marks_.enabled() ? DiskCache::key(parts) : "";
   cl::Program program;
-  if (disk_.enabled() && build_from_disk(key, options, program)) return program;
+  if (!from_source && disk_.enabled() && build_from_disk(key, options, program)) {
+    from_disk_.insert(file + "\n" + defines);
+    return program;
+  }
 
   const bool known = marks_.load(key).has_value();
   if (!known) {
@@ -131,21 +134,29 @@ cl::Program& ProgramCache::program(const std::string& file, const std::string& d
   const auto it = programs_.find(key);
   if (it != programs_.end()) return it->second;
   const auto start = std::chrono::steady_clock::now();
-  cl::Program built = build(file, defines);
+  cl::Program built = build(file, defines, false);
   build_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return programs_.emplace(key, std::move(built)).first->second;
+}
+
+// What came from disk may be a sound program without that kernel: then its source has the last word.
+cl::Kernel ProgramCache::kernel_of(const std::string& file, const std::string& name, const std::string& defines) {
+  cl::Program& owner = program(file, defines);
+  try {
+    return {owner, name.c_str()};
+  } catch (const cl::Error& e) {
+    if (from_disk_.erase(file + "\n" + defines) == 0)
+      fail(Status::internal, "cl/{}.cl has no kernel {}: {}", file, name, cl_error_name(e.err()));
+  }
+  owner = build(file, defines, true);
+  return kernel_of(file, name, defines);
 }
 
 cl::Kernel& ProgramCache::kernel(const std::string& file, const std::string& name, const std::string& defines) {
   const std::string key = file + "\n" + name + "\n" + defines;
   const auto it = kernels_.find(key);
   if (it != kernels_.end()) return it->second;
-  cl::Program& owner = program(file, defines);
-  try {
-    return kernels_.emplace(key, cl::Kernel(owner, name.c_str())).first->second;
-  } catch (const cl::Error& e) {
-    fail(Status::internal, "cl/{}.cl has no kernel {}: {}", file, name, cl_error_name(e.err()));
-  }
+  return kernels_.emplace(key, kernel_of(file, name, defines)).first->second;
 }
 
 }  // namespace vsplat

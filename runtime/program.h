@@ -3,6 +3,7 @@
 #pragma once
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 
 #include "runtime/device.h"
@@ -29,7 +30,8 @@ class ProgramCache {
 
  private:
   cl::Program& program(const std::string& file, const std::string& defines);
-  cl::Program build(const std::string& file, const std::string& defines);
+  cl::Program build(const std::string& file, const std::string& defines, bool from_source);
+  cl::Kernel kernel_of(const std::string& file, const std::string& name, const std::string& defines);
   bool build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const;
   void save_to_disk(const std::string& key, const cl::Program& program) const;
 
@@ -39,6 +41,7 @@ class ProgramCache {
   DiskCache disk_;   // binaries, for drivers that keep none
   DiskCache marks_;  // of what a driver that keeps its own has compiled before
   std::map<std::string, cl::Program> programs_;
+  std::set<std::string> from_disk_;  // of these
   std::map<std::string, cl::Kernel> kernels_;
   int compiled_ = 0;
   double build_seconds_ = 0;

@@ -1,6 +1,7 @@
 #include "runtime/disk_cache.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -44,6 +45,40 @@ TEST_F(DiskCacheTest, DamagedEntriesAreNeverTrusted) {
       EXPECT_FALSE(fs::exists(entry)) << "a damaged entry stays";
     }
   }
+}
+
+TEST_F(DiskCacheTest, AnEntryOfAnotherKeyIsNone) {
+  cache_.store("k", payload_);
+  fs::copy_file(folder_ / "k.bin", folder_ / "other.bin");
+  EXPECT_FALSE(cache_.load("other"));
+  EXPECT_TRUE(cache_.load("k"));
+}
+
+TEST_F(DiskCacheTest, WhatIsNoFileIsNoEntry) {
+  cache_.store("k", payload_);
+  fs::create_directory(folder_ / "folder.bin");
+  ASSERT_EQ(::mkfifo((folder_ / "pipe.bin").c_str(), 0600), 0);
+  fs::create_symlink(folder_ / "k.bin", folder_ / "link.bin");
+  for (const char* key : {"folder", "pipe", "link"}) {
+    EXPECT_FALSE(cache_.load(key)) << key;
+    cache_.store(key, payload_);
+    EXPECT_EQ(cache_.load(key).has_value(), std::string(key) != "folder") << key;
+  }
+}
+
+TEST_F(DiskCacheTest, AFolderThatOthersMayWriteToIsNotUsed) {
+  cache_.store("k", payload_);
+  EXPECT_EQ(fs::status(folder_).permissions(), fs::perms::owner_all);
+  for (const fs::perms open : {fs::perms::group_write, fs::perms::others_write}) {
+    fs::permissions(folder_, fs::perms::owner_all | open);
+    const DiskCache shared(folder_.string());
+    EXPECT_FALSE(shared.enabled());
+    EXPECT_FALSE(shared.load("k"));
+    shared.store("new", payload_);
+    EXPECT_FALSE(fs::exists(folder_ / "new.bin"));
+  }
+  fs::permissions(folder_, fs::perms::owner_all);
+  EXPECT_TRUE(DiskCache(folder_.string()).load("k"));
 }
 
 TEST_F(DiskCacheTest, KeysDependOnEveryPartAndItsBounds) {
