@@ -1,5 +1,9 @@
 #include "runtime/file.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -10,12 +14,22 @@
 
 namespace vsplat {
 
-InputFile::InputFile(const std::string& path) : path_(path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) fail(Status::file, "{}: is a folder, a file is expected", path);
-  file_.reset(std::fopen(path.c_str(), "rb"));
-  if (!file_) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
+std::unique_ptr<std::FILE, FileCloser> open_regular(const std::string& path) {
+  // Of a pipe this does not wait for a writer; of a regular file it means nothing.
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+  if (descriptor < 0) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
+  struct stat found {};
+  const bool known = ::fstat(descriptor, &found) == 0;
+  std::unique_ptr<std::FILE, FileCloser> out;
+  if (known && S_ISREG(found.st_mode)) out.reset(::fdopen(descriptor, "rb"));
+  if (!out) ::close(descriptor);
+  if (known && S_ISDIR(found.st_mode)) fail(Status::file, "{}: is a folder, a file is expected", path);
+  if (known && !S_ISREG(found.st_mode)) fail(Status::file, "{}: is no regular file; one is expected", path);
+  if (!out) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
+  return out;
 }
+
+InputFile::InputFile(const std::string& path) : path_(path), file_(open_regular(path)) {}
 
 void InputFile::read(std::size_t most, std::vector<unsigned char>& out) {
   unsigned char block[1 << 16];
@@ -29,7 +43,7 @@ void InputFile::read(std::size_t most, std::vector<unsigned char>& out) {
   at_end_ = most > 0;
 }
 
-std::vector<unsigned char> read_file(const std::string& path) {
+std::vector<unsigned char> read_file(const std::string& path) try {
   InputFile file(path);
   std::vector<unsigned char> out;
   std::error_code ignored;
@@ -37,6 +51,8 @@ std::vector<unsigned char> read_file(const std::string& path) {
   if (!ignored) out.reserve(static_cast<std::size_t>(expected) + 1);
   while (!file.at_end()) file.read(std::size_t{1} << 30, out);
   return out;
+} catch (const std::bad_alloc&) {
+  fail(Status::memory, "{}: not enough host memory to read it", path);
 }
 
 void write_file(const std::string& path, const void* data, std::size_t size) {

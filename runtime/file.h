@@ -8,10 +8,18 @@
 
 namespace vsplat {
 
+struct FileCloser {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+
+// Opens a regular file for reading. Error(file) for anything else (a folder, a pipe that nobody may write to, a device
+// without an end), and where it cannot be opened.
+std::unique_ptr<std::FILE, FileCloser> open_regular(const std::string& path);
+
 // A file read from its beginning, in pieces, while it stays open.
 class InputFile {
  public:
-  // Throws Error(file) where there is no such file, it is a folder, or it cannot be opened.
+  // As open_regular().
   explicit InputFile(const std::string& path);
 
   // Appends the next `most` bytes, or what is left of the file where that is less; Error(file) where it cannot be read.
@@ -19,15 +27,12 @@ class InputFile {
   bool at_end() const { return at_end_; }
 
  private:
-  struct Closer {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
   std::string path_;
-  std::unique_ptr<std::FILE, Closer> file_;
+  std::unique_ptr<std::FILE, FileCloser> file_;
   bool at_end_ = false;
 };
 
-// Throws Error(file) where there is no such file, it is a folder, or it cannot be read.
+// As open_regular(); Error(file) where it cannot be read, too.
 std::vector<unsigned char> read_file(const std::string& path);
 
 // Writes to a temporary name in the same folder and renames, so that a reader sees the old file or the whole new one; a

@@ -41,6 +41,11 @@ void tell_written(const std::string& path, bool created) {
   if (current().written) current().written(path, created);
 }
 
+bool outside_allowed() {
+  const std::lock_guard lock(rules_mutex());
+  return current().allow_outside;
+}
+
 bool rename_to_new(const std::string& from, const std::string& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
   if (errno == EINVAL || errno == ENOSYS) {  // of a file system that knows no flags

@@ -107,7 +107,7 @@ void add_bench(CLI::App& app, Run& run) {
       ->type_name("CAMERAS.json");
   sub->add_option("--selection", o->selection, "Train with these voxels selected (default: a tenth, nearest a sphere)")
       ->type_name("FILE");
-  add_common(*sub, o->common);
+  add_common(*sub, o->common, {.outside = false});
   sub->footer(
       "Examples:\n"
       "  vsplat bench gemm conv3d\n"

@@ -9,6 +9,7 @@
 
 #include "arguments.h"
 #include "flags.h"
+#include "outputs.h"
 
 namespace command {
 namespace {
@@ -26,7 +27,8 @@ void on_signal(int number) {
 void on_log(void*, vsplat_log_level level, const char* text) {
   if (static_cast<int>(level) > log_threshold) return;
   clear_progress();
-  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "", with_flags(text).c_str());
+  std::fprintf(stderr, "%s%s\n", level == VSPLAT_LOG_WARNING ? "warning: " : "",
+               for_terminal(with_flags(text)).c_str());
 }
 
 void add_device_options(CLI::App& app, Common& common) {
@@ -64,6 +66,11 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
         ->type_name("FILE")
         ->group(group);
   }
+  if (takes.outside)
+    app.add_flag(
+           "--allow-outside", common.allow_outside,
+           "Read pictures, masks, textures and buffers that files name wherever they lie, not in their folder alone")
+        ->group(group);
   if (takes.json) app.add_flag("--json", common.json, "Results as JSON on stdout")->group(group);
   if (takes.overwrite) app.add_flag("-w,--overwrite", common.overwrite, "Replace files that exist")->group(group);
   app.add_flag("-q,--quiet", common.quiet, "Only warnings and errors")->group(group);
@@ -78,23 +85,50 @@ void refuse_profile_of_dry_run(const Common& common) {
 void start_log(const Common& common) {
   log_threshold = common.quiet ? VSPLAT_LOG_WARNING : common.verbose ? VSPLAT_LOG_VERBOSE : VSPLAT_LOG_INFO;
   vsplat_log_set(on_log, nullptr);
+  allow_outside(common.allow_outside);
+}
+
+namespace {
+
+// The bytes of the character that begins there; 0 where none does, or one that a terminal acts upon.
+std::size_t character_at(const std::string& text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[at + i]); };
+  const unsigned char lead = byte(0);
+  if (lead < 0x80) return (lead >= 0x20 && lead != 0x7f) || lead == '\n' || lead == '\t';
+  const std::size_t size = lead >= 0xf5 ? 0 : lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : lead >= 0xc2 ? 2 : 0;
+  if (size > text.size() - at) return 0;
+  for (std::size_t i = 1; i < size; ++i)
+    if (byte(i) >> 6 != 2) return 0;
+  return lead == 0xc2 && byte(1) < 0xa0 ? 0 : size;  // U+0080 to U+009F
+}
+
+}  // namespace
+
+std::string for_terminal(const std::string& text) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t size = character_at(text, at);
+    out += size == 0 ? "?" : text.substr(at, size);
+    at += size == 0 ? 1 : size;
+  }
+  return out;
 }
 
 void say(const Common& common, const std::string& text) {
   if (common.quiet) return;
   clear_progress();
-  std::fprintf(stderr, "%s\n", text.c_str());
+  std::fprintf(stderr, "%s\n", for_terminal(text).c_str());
 }
 
 void warn(const std::string& text) {
   clear_progress();
-  std::fprintf(stderr, "warning: %s\n", text.c_str());
+  std::fprintf(stderr, "warning: %s\n", for_terminal(text).c_str());
 }
 
 void show_progress(const Common& common, const std::string& text) {
   static const bool terminal = isatty(STDERR_FILENO) != 0;
   if (common.quiet || !terminal) return;
-  std::fprintf(stderr, "\r\033[K%s", text.c_str());
+  std::fprintf(stderr, "\r\033[K%s", for_terminal(text).c_str());
   std::fflush(stderr);
   progress_shown = true;
 }

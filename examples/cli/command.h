@@ -22,7 +22,7 @@ struct Common {
   std::string gemm = "auto";
   double max_memory = 0;  // GiB
   std::string profile, trace;
-  bool json = false, overwrite = false, quiet = false, verbose = false;
+  bool allow_outside = false, json = false, overwrite = false, quiet = false, verbose = false;
 };
 
 // A check of values that says nothing of itself in --help, where the type's name tells.
@@ -30,7 +30,7 @@ CLI::Validator one_of(const std::vector<std::string>& values);
 
 // Which of them a sub-command takes: those that do something there, besides --quiet and --verbose.
 struct Takes {
-  bool device = true, profile = true, json = true, overwrite = true;
+  bool device = true, profile = true, json = true, overwrite = true, outside = true;
 };
 void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 
@@ -39,6 +39,10 @@ void refuse_profile_of_dry_run(const Common& common);
 
 // Sends the library's messages to stderr, as much of them as asked for.
 void start_log(const Common& common);
+
+// Text that may hold what a stranger wrote (names in files, paths), for a terminal: control characters but line ends
+// and tabs, and what is no UTF-8 become ?.
+std::string for_terminal(const std::string& text);
 
 // One line on stderr, unless --quiet. Whatever progress is shown is taken away before it.
 void say(const Common& common, const std::string& text);

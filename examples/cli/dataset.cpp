@@ -133,18 +133,18 @@ void make(const Options& o) {
   }
   if (o.common.json)
     std::printf("%s\n", ordered_json{{"output", o.output}, {"views", o.views}, {"size", o.pixels}, {"objects", objects}}
-                            .dump(1)
+                            .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
                             .c_str());
 }
 
-void add_shared(CLI::App& sub, Options& o) {
+void add_shared(CLI::App& sub, Options& o, bool reads) {
   sub.add_option("-o,--output", o.output, "Where each object gets a folder")->required()->type_name("DIR");
   sub.add_option("--views", o.views, "Pictures of each object (40)")->check(CLI::Range(1, 9999))->type_name("N");
   sub.add_option("--size", o.pixels, "Sides of the pictures in pixels (512)")
       ->check(CLI::Range(8, 8192))
       ->type_name("N");
   sub.add_option("--seed", o.seed, "Of all that is random (0)")->type_name("S");
-  add_common(sub, o.common, {.device = false, .profile = false});
+  add_common(sub, o.common, {.device = false, .profile = false, .outside = reads});
 }
 
 void add_render_action(CLI::App& parent, Run& run) {
@@ -153,7 +153,7 @@ void add_render_action(CLI::App& parent, Run& run) {
   sub->add_option("meshes", o->meshes, "OBJ, PLY, GLB or glTF files")->required()->type_name("MESH...");
   sub->add_option("--texture", o->texture, "A picture that covers every mesh instead of its own textures and colours")
       ->type_name("PICTURE");
-  add_shared(*sub, *o);
+  add_shared(*sub, *o, true);
   sub->footer(
       "An object's folder is called like its file, or like the file's folder where names repeat or are \"model\".\n"
       "Each is scaled into the cube about the origin with edge 1. Objects that were finished stay if a later one "
@@ -172,7 +172,7 @@ void add_procedural_action(CLI::App& parent, Run& run) {
                                           "A folder of pictures; half of the parts are covered with one of them each")
                               ->type_name("DIR");
   sub->add_flag("--solids", o->solids, "Plain ones: one to four whole bodies with patterns")->excludes(textures);
-  add_shared(*sub, *o);
+  add_shared(*sub, *o, false);
   sub->footer(
       "Each object is one to nine parts: bodies, some with others cut out of them or with a height field, wire "
       "frames,\n"

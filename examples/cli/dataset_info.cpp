@@ -106,7 +106,7 @@ void print_table(const std::vector<Surveyed>& objects) {
               "bad", "object");
   for (const Surveyed& object : objects) {
     const vsplat_dataset_object& n = object.numbers;
-    const std::string layout = object.about["layout"], name = object.about["name"];
+    const std::string layout = object.about["layout"], name = for_terminal(object.about["name"]);
     if (!object.usable) {
       std::printf("%-7s  %5s  %-13s  %-11s  %-13s  %6s  %4s  %s\n", layout.c_str(), "-", "-", "-", "-", "-", "all",
                   name.c_str());

@@ -69,7 +69,7 @@ void list_devices(const Common& common) {
 void add_devices(CLI::App& app, Run& run) {
   auto common = std::make_shared<Common>();
   CLI::App* sub = app.add_subcommand("devices", "List the OpenCL devices");
-  add_common(*sub, *common, {.device = false, .profile = false, .overwrite = false});
+  add_common(*sub, *common, {.device = false, .profile = false, .overwrite = false, .outside = false});
   sub->footer(
       "Examples:\n"
       "  vsplat devices\n"

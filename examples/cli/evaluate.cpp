@@ -88,7 +88,7 @@ void print_json(const Results& results) {
 }
 
 void print_row(const std::vector<Column>& shown, int width, const std::string& name, const vsplat_scores& scores) {
-  std::printf("%-*s", width, name.c_str());
+  std::printf("%-*s", width, for_terminal(name).c_str());
   for (const Column& column : shown) std::printf(" %10.*f", column.digits, column.factor * (scores.*column.value));
   std::printf("\n");
 }

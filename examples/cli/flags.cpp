@@ -28,6 +28,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_device_options, kernels, "--kernels"),
     FIELD(vsplat_device_options, max_memory_gib, "--max-memory"),
     FIELD(vsplat_evaluate_options, picture_size, "--size"),
+    FIELD(vsplat_file_rules, allow_outside, "--allow-outside"),
     FIELD(vsplat_input_options, auto_frame, "--auto-frame"),
     FIELD(vsplat_input_options, center, "--center"),
     FIELD(vsplat_input_options, force, "--force"),

@@ -37,7 +37,7 @@ void init(const Options& o) {
   if (o.common.json)
     std::printf("%s\n",
                 nlohmann::ordered_json{{"output", o.output}, {"parameters", info.parameters}, {"image", info.image}}
-                    .dump(1)
+                    .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
                     .c_str());
 }
 
@@ -57,7 +57,7 @@ void add_init(CLI::App& app, Run& run) {
   sub->add_option("--encoder", o->encoder, "DINO ViT weights in timm's naming, for the encoder alone")
       ->type_name("FILE");
   sub->add_option("--set", o->fields, "Change a field of the configuration")->type_name("FIELD=VALUE");
-  add_common(*sub, o->common, {.device = false, .profile = false});
+  add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
   sub->footer(
       "A model with random weights makes scenes that mean nothing, in the time that a trained one takes: train makes\n"
       "models that reconstruct, from random weights of its own, and reconstruct has one built in.\n"

@@ -19,7 +19,7 @@ constexpr int exit_failed = 1, exit_usage = 2;
 
 int report(int code, const std::string& text) {
   command::clear_progress();
-  std::fprintf(stderr, "vsplat: %s\n", text.c_str());
+  std::fprintf(stderr, "vsplat: %s\n", command::for_terminal(text).c_str());
   return code;
 }
 

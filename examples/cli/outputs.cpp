@@ -17,6 +17,14 @@ namespace command {
 namespace fs = std::filesystem;
 namespace {
 
+bool outside_allowed = false;
+
+vsplat_file_rules plain_rules() {
+  vsplat_file_rules out = VSPLAT_FILE_RULES_INIT;
+  out.allow_outside = outside_allowed ? 1 : 0;
+  return out;
+}
+
 fs::path normal(const std::string& path) { return fs::absolute(path).lexically_normal(); }
 
 bool contains(const std::vector<fs::path>& paths, const fs::path& path) {
@@ -43,8 +51,14 @@ void check_writable(const fs::path& path) {
 
 }  // namespace
 
+void allow_outside(bool allowed) {
+  outside_allowed = allowed;
+  const vsplat_file_rules rules = plain_rules();
+  vsplat::check(vsplat_file_rules_set(&rules));
+}
+
 Outputs::Outputs(bool overwrite) : overwrite_(overwrite) {
-  vsplat_file_rules rules = VSPLAT_FILE_RULES_INIT;
+  vsplat_file_rules rules = plain_rules();
   rules.may_replace = on_exists;
   rules.on_written = on_written;
   rules.user = this;
@@ -52,7 +66,8 @@ Outputs::Outputs(bool overwrite) : overwrite_(overwrite) {
 }
 
 Outputs::~Outputs() {
-  [[maybe_unused]] const vsplat_status done = vsplat_file_rules_set(nullptr);
+  const vsplat_file_rules rules = plain_rules();
+  [[maybe_unused]] const vsplat_status done = vsplat_file_rules_set(&rules);
   if (committed_) return;
   std::error_code ignored;
   for (const Made& file : made_)

@@ -8,6 +8,9 @@
 
 namespace command {
 
+// Whether files may name others that lie anywhere, for the whole process.
+void allow_outside(bool allowed);
+
 class Outputs {
  public:
   // There is one at a time: the library asks it what may be replaced, and tells it what it made.

@@ -54,7 +54,7 @@ void print_results(const Options& o, const PictureJob& job, const vsplat::Scene&
       {"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}, {"images", files}};
   job.add_results(comparison, out);
   out["seconds"] = elapsed_seconds();
-  std::printf("%s\n", out.dump(1).c_str());
+  std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
 void render(const Options& o) {

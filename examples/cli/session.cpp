@@ -86,11 +86,11 @@ void print_plans(const Common& common, const std::vector<Plan>& plans) {
                      {"fits", p.plan.fits != 0},
                      {"stages", stages}});
     }
-    std::printf("%s\n", out.dump(1).c_str());
+    std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
     return;
   }
   for (const Plan& p : plans) {
-    std::printf("%s\n", p.title.c_str());
+    std::printf("%s\n", for_terminal(p.title).c_str());
     for (uint32_t i = 0; i < p.plan.num_stages; ++i)
       std::printf("  %-12s %10s held, %10s in use\n", p.plan.stages[i].stage,
                   bytes_text(p.plan.stages[i].reserved).c_str(), bytes_text(p.plan.stages[i].live).c_str());

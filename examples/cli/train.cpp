@@ -26,6 +26,9 @@ struct Options {
 };
 
 std::string read_config(const std::string& path) {
+  std::error_code error;
+  if (fs::exists(path, error) && !fs::is_regular_file(path, error))
+    throw std::runtime_error(path + ": is no regular file; a configuration is expected");
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
   text << file.rdbuf();
@@ -176,7 +179,7 @@ void train(const Options& o) {
                                                {"bad", result.bad},
                                                {"peak_bytes", result.peak},
                                                {"model", model}}
-                            .dump(1)
+                            .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
                             .c_str());
   session.write_profile(outputs);
   outputs.commit();

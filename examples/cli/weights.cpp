@@ -31,8 +31,10 @@ void info(const Options& o) {
     return;
   }
   const nlohmann::ordered_json all = nlohmann::ordered_json::parse(text);
-  const auto value = [](const nlohmann::ordered_json& v) { return v.is_string() ? v.get<std::string>() : v.dump(); };
-  std::printf("%s: %s bytes\n", o.name().c_str(), all["file_bytes"].dump().c_str());
+  const auto value = [](const nlohmann::ordered_json& v) {
+    return for_terminal(v.is_string() ? v.get<std::string>() : v.dump());
+  };
+  std::printf("%s: %s bytes\n", for_terminal(o.name()).c_str(), all["file_bytes"].dump().c_str());
   std::printf("  %-20s %s in %s tensors\n", "parameters", all["parameters"].dump().c_str(),
               all["tensors"].dump().c_str());
   for (const auto& [dtype, count] : all["dtypes"].items())
@@ -41,10 +43,10 @@ void info(const Options& o) {
   std::printf("  %-20s %s\n", "sha256", hash.empty() ? "none stated" : hash.c_str());
   std::printf("configuration\n");
   for (const auto& [name, field] : all["config"].items())
-    std::printf("  %-20s %s\n", name.c_str(), value(field).c_str());
+    std::printf("  %-20s %s\n", for_terminal(name).c_str(), value(field).c_str());
   if (!all["provenance"].empty()) std::printf("provenance\n");
   for (const auto& [name, field] : all["provenance"].items())
-    std::printf("  %-20s %s\n", name.c_str(), value(field).c_str());
+    std::printf("  %-20s %s\n", for_terminal(name).c_str(), value(field).c_str());
 }
 
 void verify(const Options& o) {
@@ -55,10 +57,10 @@ void verify(const Options& o) {
   if (o.common.json)
     std::printf("%s\n",
                 nlohmann::ordered_json{{"model", o.name()}, {"structure", "ok"}, {"hash", verified ? "ok" : "absent"}}
-                    .dump(1)
+                    .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
                     .c_str());
   else
-    std::printf("%s: header, configuration and tensors are right; %s\n", o.name().c_str(),
+    std::printf("%s: header, configuration, tensors and their values are right; %s\n", for_terminal(o.name()).c_str(),
                 verified ? "the SHA-256 matches" : "no SHA-256 is stated, so damage to the values would go unseen");
 }
 
@@ -74,15 +76,16 @@ void convert(const Options& o) {
   const auto bytes = std::filesystem::file_size(o.output);
   say(o.common, o.output + ": " + o.name() + " as " + o.dtype + ", " + bytes_text(bytes));
   if (o.common.json)
-    std::printf("%s\n",
-                nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}}.dump(1).c_str());
+    std::printf("%s\n", nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}}
+                            .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
+                            .c_str());
 }
 
 CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>& o, const char* name, const char* what,
                      void (*action)(const Options&), bool writes = false) {
   CLI::App* sub = parent.add_subcommand(name, what);
   sub->add_option("model", o->model, "A model file (default: the built-in model)")->type_name("MODEL");
-  add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = writes});
+  add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = writes, .outside = false});
   sub->callback([o, action, &run] { run = [o, action] { action(*o); }; });
   return sub;
 }
@@ -110,7 +113,7 @@ void add_weights(CLI::App& app, Run& run) {
   add_action(*sub, run, std::make_shared<Options>(), "info", "Configuration, size, tensors and origin", info)
       ->footer("Examples:\n  vsplat weights info\n  vsplat weights info model.safetensors");
   add_action(*sub, run, std::make_shared<Options>(), "verify",
-             "Read all of it: structure, every tensor's shape, and the hash where one is stated", verify)
+             "Read all of it: structure, every tensor's shape and values, and the hash where one is stated", verify)
       ->footer("Example:\n  vsplat weights verify model.safetensors");
   add_convert(*sub, run);
   sub->footer(

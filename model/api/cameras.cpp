@@ -78,7 +78,7 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
   return guarded([&] {
     need(path, "path");
     need(out_cameras, "out_cameras");
-    ViewSet set = read_views(path, {.need_pictures = false});
+    ViewSet set = read_views(path, {.need_pictures = false, .use_pictures = false});
     std::vector<Camera> cameras;
     std::vector<std::string> masks;
     for (ListedView& view : set.views) {

@@ -90,6 +90,7 @@ vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules) {
   return api::guarded([&] {
     const vsplat_file_rules r = api::taken(rules, VSPLAT_FILE_RULES_INIT, "rules");
     FileRules out;
+    out.allow_outside = r.allow_outside != 0;
     if (r.may_replace)
       out.may_replace = [r](const std::string& path) { return r.may_replace(r.user, path.c_str()) != 0; };
     if (r.on_written)

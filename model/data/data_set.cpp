@@ -34,6 +34,7 @@ std::vector<fs::path> sorted_entries(const fs::path& folder) {
 }
 
 struct Found {
+  fs::path given;
   std::vector<DataObject> objects;
   std::vector<std::string> hdf5_files;
 };
@@ -41,7 +42,8 @@ struct Found {
 void find_objects(const fs::path& folder, int depth, Found& out) {
   if (holds_views(folder)) {
     const bool gso = is_file(folder / "transforms.json") && is_file(folder / "r_000.png");
-    out.objects.push_back({folder_name(folder.string()), gso ? DataLayout::gso : DataLayout::folder, folder});
+    out.objects.push_back(
+        {folder_name(folder.string()), gso ? DataLayout::gso : DataLayout::folder, folder, {}, out.given});
     return;
   }
   std::error_code ignored;
@@ -53,7 +55,7 @@ void find_objects(const fs::path& folder, int depth, Found& out) {
 
 std::vector<DataObject> objects_of(const std::string& path) {
   std::error_code ignored;
-  Found found;
+  Found found{path, {}, {}};
   if (fs::is_directory(path, ignored)) {
     find_objects(path, 0, found);
   } else if (is_file(path) && is_hdf5_name(path)) {
@@ -81,8 +83,8 @@ ListedView checked(const Photographs& photographs, int index) {
   return resolved_view(photographs, index);
 }
 
-Photographs open_folder(const fs::path& folder, const Bad& bad, std::vector<std::string>* missing) {
-  Photographs out{read_views(folder, {.pictures_dir = {}, .need_pictures = false}), {}};
+Photographs open_folder(const DataObject& object, const Bad& bad, std::vector<std::string>* missing) {
+  Photographs out{read_views(object.path, {.need_pictures = false, .roots = {object.given}}), {}};
   std::vector<ListedView> good;
   std::vector<std::string> absent;
   for (std::size_t i = 0; i < out.set.views.size(); ++i) {
@@ -145,7 +147,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
   };
   try {
     Photographs out = object.layout == DataLayout::hdf5 ? open_hdf5_object({object.path.string(), object.group}, bad)
-                                                        : open_folder(object.path, bad, missing);
+                                                        : open_folder(object, bad, missing);
     if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
     return out;
   } catch (const Error& e) {

@@ -18,8 +18,9 @@ const char* name_of(DataLayout layout);
 struct DataObject {
   std::string name;
   DataLayout layout = DataLayout::folder;
-  std::filesystem::path path;  // its folder, or its file
-  std::string group = {};      // in that file
+  std::filesystem::path path;        // its folder, or its file
+  std::string group = {};            // in that file
+  std::filesystem::path given = {};  // the folder in which it was found, as named
 };
 
 struct DataSet {

@@ -15,7 +15,9 @@
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
+#include "runtime/file.h"
 #include "runtime/printable.h"
+#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {
@@ -23,18 +25,44 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3f;
 
-// assimp only warns where an OBJ names a material file that is not there.
+// What assimp asks for beside the mesh: it only warns where an OBJ names a material file that is not there.
+struct OtherFiles {
+  std::string missing, refused;  // the first of each; an error's text
+};
+
 class WatchedFiles : public Assimp::DefaultIOSystem {
  public:
-  explicit WatchedFiles(std::string& missing) : missing_(missing) {}
+  WatchedFiles(const std::string& mesh, Roots& roots, OtherFiles& others)
+      : mesh_(mesh), roots_(roots), others_(others) {}
+  // assimp's own opens it to see, and waits where it is a pipe.
+  bool Exists(const char* path) const override {
+    std::error_code ignored;
+    return fs::exists(path, ignored);
+  }
   Assimp::IOStream* Open(const char* path, const char* mode) override {
+    if (!may_be_read(path)) return nullptr;
     Assimp::IOStream* stream = DefaultIOSystem::Open(path, mode);
-    if (!stream && missing_.empty()) missing_ = path;
+    if (!stream && others_.missing.empty()) others_.missing = path;
     return stream;
   }
 
  private:
-  std::string& missing_;
+  bool may_be_read(const std::string& path) {
+    std::error_code ignored;
+    if (fs::equivalent(path, mesh_, ignored) || !fs::exists(path, ignored)) return true;
+    try {
+      roots_.need(path, "its file");
+      open_regular(path);
+      return true;
+    } catch (const Error& e) {
+      if (others_.refused.empty()) others_.refused = mesh_ + ": " + e.what();
+      return false;
+    }
+  }
+
+  const std::string& mesh_;
+  Roots& roots_;
+  OtherFiles& others_;
 };
 
 std::string extension_of(const std::string& path) {
@@ -66,6 +94,8 @@ class Reader {
   Reader(const std::string& path, const std::string& texture) : path_(path) {
     const std::string extension = extension_of(path);
     gltf_ = extension == ".glb" || extension == ".gltf";
+    const fs::path folder = fs::path(path).parent_path();
+    roots_.add(folder.empty() ? "." : folder);
     if (!texture.empty()) everywhere_ = texture_of(read_image(texture));
   }
   Mesh read();
@@ -81,6 +111,7 @@ class Reader {
 
   const std::string& path_;
   bool gltf_ = false;  // whose colours are in linear light; others' are sRGB-encoded
+  Roots roots_;        // of what it names
   std::shared_ptr<const Texture> everywhere_;
   Assimp::Importer importer_;
   std::map<std::string, std::shared_ptr<const Texture>> textures_;
@@ -117,6 +148,7 @@ std::shared_ptr<const Texture> Reader::texture(const aiString& name) {
   if (!fs::exists(full, ignored))
     fail(Status::input, "{}: its texture {} is missing; put it there, or give another to vsplat_mesh_load", path_,
          printable(full.string()));
+  roots_.need(full, path_ + ": its texture");
   return known = texture_of(read_image(full.string()));
 }
 
@@ -185,22 +217,23 @@ void Reader::append(const aiMesh& part, Mesh& out) const {
 Mesh Reader::read() {
   std::error_code problem;
   if (!fs::is_regular_file(path_, problem)) fail(Status::file, "{}: there is no such file; a mesh is expected", path_);
-  std::string missing;
-  importer_.SetIOHandler(new WatchedFiles(missing));  // the importer deletes it
+  OtherFiles others;
+  importer_.SetIOHandler(new WatchedFiles(path_, roots_, others));  // the importer deletes it
   // Bones, cameras and the like would only be moved about.
   importer_.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
                                                            aiComponent_LIGHTS | aiComponent_CAMERAS |
                                                            aiComponent_TANGENTS_AND_BITANGENTS);
   const auto refuse_unread = [&](const aiScene* scene) {
+    if (!others.refused.empty()) fail(Status::file, "{}", others.refused);
     if (!scene) fail(Status::format, "{}: cannot be read as a mesh: {}", path_, printable(importer_.GetErrorString()));
   };
   refuse_unread(importer_.ReadFile(path_, 0));
   check_faces(scene(), path_);
   refuse_unread(importer_.ApplyPostProcessing(aiProcess_RemoveComponent | aiProcess_Triangulate |
                                               aiProcess_PreTransformVertices));
-  if (!missing.empty() && !everywhere_ && extension_of(missing) == ".mtl")
+  if (!others.missing.empty() && !everywhere_ && extension_of(others.missing) == ".mtl")
     fail(Status::input, "{}: its material file {} is missing; put it there, or give a texture to vsplat_mesh_load",
-         path_, printable(missing));
+         path_, printable(others.missing));
   Mesh out;
   out.name = path_;
   for (unsigned i = 0; i < scene().mNumMaterials; ++i) out.palette.push_back(material(*scene().mMaterials[i]));

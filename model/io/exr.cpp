@@ -16,6 +16,7 @@
 
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 
 namespace vsplat {
 namespace {
@@ -189,6 +190,10 @@ Image decode_exr(const FileBytes& file) {
     const Window data = window_of(header.dataWindow()), display = window_of(header.displayWindow());
     check_plausible(file, header, data, (channels.grey ? 1 : 3) + (channels.alpha ? 1 : 0));
     Image stored = read_pixels(parts, channels, data);
+    const auto odd = std::count_if(stored.data.begin(), stored.data.end(), [](float v) { return !std::isfinite(v); });
+    if (odd > 0)
+      warn("{}: {} of its {} values are no finite numbers: NaN is taken as 0, what is infinite as the end of the range",
+           file.path, odd, stored.data.size());
     for (std::size_t i = 0; i < stored.data.size(); i += stored.channels) to_display(&stored.data[i], channels.alpha);
     if (data.x0 == display.x0 && data.y0 == display.y0 && data.width == display.width && data.height == display.height)
       return stored;

@@ -1,13 +1,17 @@
 #include "model/io/hdf5_file.h"
 
+#include <fmt/format.h>
 #include <hdf5.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <mutex>
+#include <utility>
 
 #include "runtime/fail.h"
+#include "runtime/file.h"
 #include "runtime/printable.h"
+#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {
@@ -19,6 +23,7 @@ static_assert(sizeof(hid_t) == sizeof(std::int64_t));
 class Library {
  public:
   Library() : lock_(mutex()) {
+    H5PLset_loading_state(0);  // a file may name any filter, and its plug-in would be code
     H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   }
@@ -43,8 +48,8 @@ class Handle {
   ~Handle() {
     if (id_ >= 0) close_(id_);
   }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
+  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
+  Handle& operator=(Handle&&) = delete;
   hid_t id() const { return id_; }
   bool good() const { return id_ >= 0; }
 
@@ -82,18 +87,69 @@ std::vector<long> shape_of(const Handle& dataset, const std::string& where) {
   return out;
 }
 
-Handle open_dataset(std::int64_t file, const std::string& dataset, const std::string& where) {
-  const hid_t id = H5Dopen2(file, dataset.c_str(), H5P_DEFAULT);
+// How to open what may lie behind an external link, which the library follows to whatever it names.
+class Access {
+ public:
+  Access(hid_t kind, const std::string& path) : list_(H5Pcreate(kind), H5Pclose) {
+    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    roots_.add(folder.empty() ? "." : folder);
+    H5Pset_elink_cb(list_.id(), check, this);
+  }
+  Access(const Access&) = delete;
+  Access& operator=(const Access&) = delete;
+  hid_t id() const { return list_.id(); }
+  // Why a link was not followed, if one was not.
+  void complain(const std::string& where) const {
+    if (!refused_.empty()) fail(Status::file, "{}: {}", where, refused_);
+  }
+
+ private:
+  // -1: not to this file.
+  static herr_t check(const char* parent, const char*, const char* child, const char*, unsigned*, hid_t, void* access) {
+    auto& self = *static_cast<Access*>(access);
+    try {
+      const std::filesystem::path file = std::filesystem::path(parent).parent_path() / child;
+      self.roots_.need(file, "its external link to");
+      open_regular(file.string());
+      return 0;
+    } catch (const std::exception& e) {
+      self.refused_ = e.what();
+      return -1;
+    }
+  }
+
+  Handle list_;
+  Roots roots_;
+  std::string refused_;
+};
+
+// What is stored elsewhere by the array itself: raw files, or pieces of other files' arrays.
+void refuse_stored_elsewhere(const Handle& dataset, const std::string& where) {
+  const Handle made(H5Dget_create_plist(dataset.id()), H5Pclose);
+  if (!made.good()) fail(Status::format, "{}: how it is stored cannot be told: {}", where, reason());
+  if (H5Pget_external_count(made.id()) > 0)
+    fail(Status::format, "{}: its values are stored in other files (external storage), which are not read", where);
+  if (H5Pget_layout(made.id()) == H5D_VIRTUAL)
+    fail(Status::format, "{}: is a virtual data set, made of other files' arrays, which are not read", where);
+}
+
+Handle open_dataset(std::int64_t file, const std::string& path, const std::string& dataset, const std::string& where) {
+  const Access access(H5P_DATASET_ACCESS, path);
+  const hid_t id = H5Dopen2(file, dataset.c_str(), access.id());
+  if (id < 0) access.complain(where);
   if (id < 0) fail(Status::format, "{}: is not there, or is no array: {}", where, reason());
-  return {id, H5Dclose};
+  Handle out(id, H5Dclose);
+  refuse_stored_elsewhere(out, where);
+  return out;
 }
 
 enum class Kind { bytes, numbers };
 
 // Into `out`, which has room for what `shape` says.
-void read_all(std::int64_t file, const std::string& dataset, const std::string& where, const std::vector<long>& shape,
+void read_all(std::int64_t file, const std::string& path, const std::string& dataset, const std::vector<long>& shape,
               Kind kind, void* out) {
-  const Handle data = open_dataset(file, dataset, where);
+  const std::string where = place(path, dataset);
+  const Handle data = open_dataset(file, path, dataset, where);
   const std::vector<long> found = shape_of(data, where);
   if (found != shape)
     fail(Status::format, "{}: its shape is {}, {} is expected", where, shape_text(found), shape_text(shape));
@@ -114,6 +170,14 @@ std::size_t count_of(const std::vector<long>& shape) {
   std::size_t count = 1;
   for (const long side : shape) count *= static_cast<std::size_t>(side);
   return count;
+}
+
+// Room for what the shape says.
+template <class T>
+std::vector<T> room_for(const std::string& where, const std::vector<long>& shape) try {
+  return std::vector<T>(count_of(shape));
+} catch (const std::exception&) {  // bad_alloc, length_error
+  fail(Status::memory, "{}: not enough host memory for its {} values", where, shape_text(shape));
 }
 
 // The file that an external link leads to.
@@ -155,7 +219,9 @@ Hdf5File::~Hdf5File() {
 
 std::vector<Hdf5File::Link> Hdf5File::links(const std::string& group) const {
   const Library library;
-  const Handle opened(H5Gopen2(file_, group.c_str(), H5P_DEFAULT), H5Gclose);
+  const Access access(H5P_GROUP_ACCESS, path_);
+  const Handle opened(H5Gopen2(file_, group.c_str(), access.id()), H5Gclose);
+  if (!opened.good()) access.complain(place(path_, group));
   if (!opened.good()) fail(Status::format, "{}: is not there, or is no group: {}", place(path_, group), reason());
   std::vector<Link> out;
   const auto add = [](hid_t in, const char* name, const H5L_info_t* info, void* list) -> herr_t {
@@ -172,20 +238,20 @@ std::vector<Hdf5File::Link> Hdf5File::links(const std::string& group) const {
 std::vector<long> Hdf5File::shape(const std::string& dataset) const {
   const Library library;
   const std::string where = place(path_, dataset);
-  return shape_of(open_dataset(file_, dataset, where), where);
+  return shape_of(open_dataset(file_, path_, dataset, where), where);
 }
 
 std::vector<std::uint8_t> Hdf5File::bytes(const std::string& dataset, const std::vector<long>& shape) const {
   const Library library;
-  std::vector<std::uint8_t> out(count_of(shape));
-  read_all(file_, dataset, place(path_, dataset), shape, Kind::bytes, out.data());
+  std::vector<std::uint8_t> out = room_for<std::uint8_t>(place(path_, dataset), shape);
+  read_all(file_, path_, dataset, shape, Kind::bytes, out.data());
   return out;
 }
 
 std::vector<double> Hdf5File::numbers(const std::string& dataset, const std::vector<long>& shape) const {
   const Library library;
-  std::vector<double> out(count_of(shape));
-  read_all(file_, dataset, place(path_, dataset), shape, Kind::numbers, out.data());
+  std::vector<double> out = room_for<double>(place(path_, dataset), shape);
+  read_all(file_, path_, dataset, shape, Kind::numbers, out.data());
   return out;
 }
 

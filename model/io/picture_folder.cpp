@@ -1,10 +1,13 @@
 #include "model/io/picture_folder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <vector>
 
 #include "runtime/fail.h"
+#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {
@@ -32,6 +35,8 @@ fs::path place_of(const fs::path& folder, const fs::path& name) {
 fs::path find_picture(const fs::path& folder, const fs::path& name) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) fail(Status::file, "{}: no such folder of pictures", folder.string());
+  Roots roots;
+  roots.add(folder);
   const fs::path place = place_of(folder, name), file = name.filename();
   // An INRIA file lists names without an ending, in which a dot is nothing special.
   const fs::path stem = is_picture(file) ? file.stem() : file;
@@ -41,7 +46,10 @@ fs::path find_picture(const fs::path& folder, const fs::path& name) {
     const fs::path& path = entry->path();
     std::error_code ignored;
     if (!is_picture(path) || path.stem() != stem || !entry->is_regular_file(ignored)) continue;
-    if (path.filename() == file) return path;
+    if (path.filename() == file) {
+      roots.need(path, fmt::format("{}: the camera's picture", folder.string()));
+      return path;
+    }
     found.push_back(path);
   }
   if (error) fail(Status::file, "{}: the folder cannot be read: {}", place.string(), error.message());
@@ -49,7 +57,9 @@ fs::path find_picture(const fs::path& folder, const fs::path& name) {
   if (found.size() > 1)
     fail(Status::input, "{}: {} and {} both fit the camera's picture {}: keep one of them", place.string(),
          found[0].filename().string(), found[1].filename().string(), name.string());
-  return found.empty() ? fs::path() : found.front();
+  if (found.empty()) return {};
+  roots.need(found.front(), fmt::format("{}: the camera's picture", folder.string()));
+  return found.front();
 }
 
 std::vector<fs::path> pictures_in(const fs::path& folder) {

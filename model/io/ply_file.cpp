@@ -8,15 +8,8 @@
 
 namespace vsplat {
 
-PlyFile::PlyFile(const std::string& path) : path_(path) {
+PlyFile::PlyFile(const std::string& path) : path_(path), file_(open_regular(path)) {
   std::error_code problem;
-  const auto status = std::filesystem::status(path, problem);
-  // Opening a pipe that nobody writes to would wait for ever.
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    fail(Status::file, "{}: is {}, a PLY file is expected", path,
-         std::filesystem::is_directory(status) ? "a folder" : "no regular file");
-  file_.reset(std::fopen(path.c_str(), "rb"));
-  if (!file_) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
   size_ = std::filesystem::file_size(path, problem);
   if (problem) fail(Status::file, "{}: its size cannot be told: {}", path, problem.message());
 }

@@ -6,11 +6,13 @@
 #include <memory>
 #include <string>
 
+#include "runtime/file.h"
+
 namespace vsplat {
 
 class PlyFile {
  public:
-  // Error(file) where there is no such file, or it is a folder, a pipe or a device.
+  // As open_regular().
   explicit PlyFile(const std::string& path);
 
   const std::string& path() const { return path_; }
@@ -20,12 +22,8 @@ class PlyFile {
   void seek(std::uint64_t to);
 
  private:
-  struct Closer {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-
   std::string path_;
-  std::unique_ptr<std::FILE, Closer> file_;
+  std::unique_ptr<std::FILE, FileCloser> file_;
   std::uint64_t size_ = 0;
 };
 

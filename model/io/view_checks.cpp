@@ -9,6 +9,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/json_text.h"
 
 namespace vsplat {
 namespace {
@@ -64,15 +65,7 @@ json read_json(const std::filesystem::path& path) {
   if (std::filesystem::file_size(path, error) > max_json_bytes || error)
     fail(Status::format, "{}: is too large for a file of cameras (more than 64 MiB)", path.string());
   const std::vector<unsigned char> bytes = read_file(path.string());
-  try {
-    return json::parse(quote_words_of_python(path.string(), std::string(bytes.begin(), bytes.end())));
-  } catch (const json::exception& e) {
-    std::string what = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
-    what.erase(0, what.find("] ") == std::string::npos ? 0 : what.find("] ") + 2);
-    for (char& c : what)  // it quotes the place, in a file that may be no text at all
-      if (static_cast<unsigned char>(c) >= 0x7f) c = '?';
-    fail(Status::format, "{}: is not valid JSON: {}", path.string(), what);
-  }
+  return parse_json(path.string(), quote_words_of_python(path.string(), std::string(bytes.begin(), bytes.end())));
 }
 
 std::string excerpt(const json& value) {
@@ -172,10 +165,11 @@ void check_intrinsics(const std::string& where, const Camera& camera) {
   const auto open = [](double v) { return std::isnan(v); };
   for (const auto& [name, f] : {std::pair{"fx", camera.fx}, std::pair{"fy", camera.fy}})
     if (!open(f) && !(f > 1e-6 && f < 1e9))
-      fail(Status::input, "{}: the focal length {} is {} pixels, a positive number is expected", where, name, f);
+      fail(Status::input, "{}: the focal length {} is {} pixels, a number between 1e-6 and 1e9 is expected", where,
+           name, f);
   for (const auto& [name, c] : {std::pair{"cx", camera.cx}, std::pair{"cy", camera.cy}})
     if (!open(c) && !(std::abs(c) < 1e9))
-      fail(Status::input, "{}: {} is {}, a position in pixels is expected", where, name, c);
+      fail(Status::input, "{}: {} is {}, a position of less than 1e9 pixels either way is expected", where, name, c);
   constexpr const char* opencv[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
   constexpr const char* fisheye[] = {"k1", "k2", "k3", "k4", "", "", "", ""};
   const Distortion& lens = camera.distortion;

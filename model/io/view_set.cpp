@@ -1,5 +1,7 @@
 #include "model/io/view_set.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +12,7 @@
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
+#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {
@@ -40,7 +43,7 @@ std::vector<fs::path> folder_and_above(const fs::path& folder) {
 }
 
 // COLMAP: images/ beside the model or up to two folders above it, masks/ beside that folder.
-void find_colmap_pictures(ViewSet& set, const ReadOptions& options) {
+void find_colmap_pictures(ViewSet& set, const ReadOptions& options, Roots& roots) {
   const std::vector<fs::path> around = folder_and_above(set.source);
   fs::path pictures = options.pictures_dir, masks;
   for (const fs::path& folder : around)
@@ -55,6 +58,8 @@ void find_colmap_pictures(ViewSet& set, const ReadOptions& options) {
   beside.insert(beside.begin(), (pictures / "..").lexically_normal());
   for (const fs::path& folder : beside)
     if (masks.empty() && is_folder(folder / "masks")) masks = folder / "masks";
+  roots.add(pictures);
+  roots.add(masks);
   for (ListedView& view : set.views) {
     if (is_file(pictures / view.name)) view.picture = pictures / view.name;
     if (masks.empty()) continue;
@@ -105,16 +110,16 @@ void count_pictures(const ViewSet& set) {
        set.views.size(), printable(first->name));
 }
 
-void find_pictures(ViewSet& set, const ReadOptions& options) {
+void find_pictures(ViewSet& set, const ReadOptions& options, Roots& roots) {
   if (is_folder(set.source))
-    find_colmap_pictures(set, options);
+    find_colmap_pictures(set, options, roots);
   else
     find_listed_pictures(set, options);
 }
 
 // Files made on Windows list paths with backslashes: taken for slashes where there is a file of that name, and none
 // with backslashes in its name.
-void turn_backslashes(ViewSet& set, const ReadOptions& options) {
+void turn_backslashes(ViewSet& set, const ReadOptions& options, Roots& roots) {
   const auto turned = [](std::string path) {
     std::replace(path.begin(), path.end(), '\\', '/');
     return path;
@@ -125,8 +130,21 @@ void turn_backslashes(ViewSet& set, const ReadOptions& options) {
     if (!view.picture.empty() || view.name.find('\\') == std::string::npos) continue;
     ViewSet one{{view}, {}, {}, set.source, set.convention};
     one.views[0].name = one.views[0].camera.file = turned(view.name);
-    find_pictures(one, options);
+    find_pictures(one, options, roots);
     if (!one.views[0].picture.empty()) view = one.views[0];
+  }
+}
+
+// Whoever made the list may have been no friend: what it names is not read wherever it leads.
+void refuse_outside(ViewSet& set, bool use_pictures, Roots& roots) {
+  for (std::size_t i = 0; i < set.views.size(); ++i) {
+    ListedView& view = set.views[i];
+    const auto who = [&](const char* what) {
+      return fmt::format("{}: frame {} ({}): its {}", set.source.string(), i, printable(view.name), what);
+    };
+    if (!use_pictures && !view.picture.empty() && !roots.hold(view.picture)) view.picture.clear();
+    if (!view.picture.empty()) roots.need(view.picture, who("picture"));
+    if (view.mask) roots.need(*view.mask, who("mask"));
   }
 }
 
@@ -169,8 +187,15 @@ ViewSet read_views(const fs::path& path, const ReadOptions& options) {
   if (!options.pictures_dir.empty() && !is_folder(options.pictures_dir))
     fail(Status::file, "{}: no such folder of pictures", options.pictures_dir.string());
   ViewSet set = read_any(path, options.need_pictures);
-  find_pictures(set, options);
-  turn_backslashes(set, options);
+  Roots roots;
+  const fs::path beside = is_folder(set.source) ? set.source : set.source.parent_path();
+  roots.add(beside.empty() ? "." : beside);
+  if (is_folder(path)) roots.add(path);
+  roots.add(options.pictures_dir);
+  for (const fs::path& root : options.roots) roots.add(root);
+  find_pictures(set, options, roots);
+  turn_backslashes(set, options, roots);
+  refuse_outside(set, options.use_pictures, roots);
   if (options.need_pictures) count_pictures(set);
   for (ListedView& view : set.views)
     if (view.camera.width > 0 && view.camera.height > 0)

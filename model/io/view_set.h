@@ -44,11 +44,14 @@ struct ReadOptions {
   std::filesystem::path pictures_dir = {};  // where the pictures are, if not where the format has them
   bool need_pictures =
       true;  // one warning counts the frames that have none; none left is an error. False: target cameras
+  bool use_pictures = true;                       // false: one that lies where none may be read is as good as none
+  std::vector<std::filesystem::path> roots = {};  // folders in which pictures and masks may lie besides their own
 };
 
 // `path`: one of the files, or a folder with transforms.json, else cameras.json, else a COLMAP model in sparse/0,
-// sparse, colmap or itself. Error(file) where there is none, Error(format) where its content is damaged, Error(input)
-// where a pose or an intrinsic is of no use (not finite, singular, mirrored, scaled, a focal length that is not
+// sparse, colmap or itself. Error(file) where there is none, or where a picture or mask lies outside the cameras'
+// folder, COLMAP's pictures and those of the options (runtime/roots.h), Error(format) where its content is damaged,
+// Error(input) where a pose or an intrinsic is of no use (not finite, singular, mirrored, scaled, a focal length not
 // positive).
 ViewSet read_views(const std::filesystem::path& path, const ReadOptions& options = {});
 

@@ -10,6 +10,7 @@
 #include "model/base/json_fields.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/json_text.h"
 
 namespace vsplat {
 namespace {
@@ -221,7 +222,7 @@ std::string to_json(const Config& config) {
 }
 
 Config config_from_json(const std::string& text, const Config& base) {
-  const json object = json::parse(text, nullptr, false);
+  const json object = parse_json("the configuration", text);
   if (!object.is_object()) fail(Status::format, "the configuration is not a JSON object: {}", shown(text));
   json_fields::refuse_unknown(object, field_names(), "the configuration");
   Config config = base;

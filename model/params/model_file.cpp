@@ -109,11 +109,22 @@ HashState checked_hash(const SafetensorsFile& file) {
   return state;
 }
 
+// A network with one NaN in it may give plausible pictures, or none.
+std::vector<float> finite_values(const SafetensorsFile& file, const TensorEntry& entry) {
+  std::vector<float> out = file.floats(entry);
+  const auto bad = std::find_if(out.begin(), out.end(), [](float value) { return !std::isfinite(value); });
+  if (bad != out.end())
+    fail(Status::format,
+         "{}: tensor {} holds {} at element {} of {}; finite numbers are expected: the model is damaged", file.path(),
+         entry.name, *bad, bad - out.begin(), out.size());
+  return out;
+}
+
 Weights read_values(const SafetensorsFile& file, const std::vector<Parameter>& expected,
                     const std::vector<const TensorEntry*>& entries) {
   Weights weights;
   for (std::size_t i = 0; i < expected.size(); ++i)
-    weights.set(expected[i].name, {expected[i].shape, file.floats(*entries[i])});
+    weights.set(expected[i].name, {expected[i].shape, finite_values(file, *entries[i])});
   return weights;
 }
 
@@ -190,7 +201,7 @@ ModelInfo model_info(const std::string& path) { return model_info(SafetensorsFil
 
 HashState verify_model(const SafetensorsFile& file) {
   const HashState state = checked_hash(file);
-  match_model(file, read_config(file));
+  for (const TensorEntry* entry : match_model(file, read_config(file))) finite_values(file, *entry);
   return state;
 }
 

@@ -43,8 +43,8 @@ struct ModelInfo {
 ModelInfo model_info(const SafetensorsFile& file);
 ModelInfo model_info(const std::string& path);
 
-// As load_model, keeping nothing: the structure, the shapes and the hash. `absent` says that the file has no hash, so
-// that damage to its values cannot be seen; a hash that differs is an Error(format).
+// As load_model, keeping nothing: the structure, the shapes, the values, which are finite, and the hash. `absent` says
+// that the file has no hash, so that damage to its values cannot be seen; a hash that differs is an Error(format).
 HashState verify_model(const SafetensorsFile& file);
 HashState verify_model(const std::string& path);
 

@@ -10,6 +10,7 @@
 #include "model/base/json_fields.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/json_text.h"
 #include "runtime/sha256.h"
 
 namespace vsplat {
@@ -153,7 +154,7 @@ std::string to_json(const TrainConfig& config) {
 namespace {
 
 json parsed(const std::string& text) {
-  json object = json::parse(text, nullptr, false);
+  json object = parse_json(kWhat, text);
   if (!object.is_object()) fail(Status::format, "{} is not a JSON object: {}", kWhat, shown(text));
   return object;
 }

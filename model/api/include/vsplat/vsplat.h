@@ -77,8 +77,10 @@ typedef void (*vsplat_log_function)(void* user, vsplat_log_level level, const ch
    thread that uses the library, one at a time, and may not call the library. */
 VSPLAT_API void vsplat_log_set(vsplat_log_function function, void* user);
 
-/* What a program says about the files that the library writes. Each is written under another name and put in place
-   whole, or not at all. */
+/* What a program says about the files that the library writes and reads. Each is written under another name and put in
+   place whole, or not at all. A file that another one names (the pictures and masks of a list of cameras, a mesh's
+   materials, textures and buffers) is read where it lies, links followed, in the folder of the one that names it, in a
+   folder that a call was given, or in the folder of pictures of a COLMAP model. */
 typedef struct vsplat_file_rules {
   size_t size;
   int32_t (*may_replace)(void* user, const char* path); /* something is where a file is put: 0 keeps it, and the call
@@ -86,9 +88,10 @@ typedef struct vsplat_file_rules {
   void (*on_written)(void* user, const char* path, int32_t created); /* a file was put in place, `created` where
                                                                         nothing was; may be NULL */
   void* user;
+  int32_t allow_outside; /* or anywhere: of files whose origin is trusted */
 } vsplat_file_rules;
 #define VSPLAT_FILE_RULES_INIT \
-  { sizeof(vsplat_file_rules), NULL, NULL, NULL }
+  { sizeof(vsplat_file_rules), NULL, NULL, NULL, 0 }
 
 /* For the whole process; NULL: the defaults. The functions are called as vsplat_log_set's is. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules);
