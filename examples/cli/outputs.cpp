@@ -1,5 +1,6 @@
 #include "outputs.h"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -39,7 +40,12 @@ void check_writable(const fs::path& path) {
     folder = folder.parent_path();
   if (!fs::is_directory(folder, error))
     throw std::runtime_error(path.string() + " cannot be written: " + folder.string() + " is not a folder");
-  // access() says yes to root where the file system says no: try.
+  // access() says yes to root where the file system says no: try, with a file that has no name where that is possible,
+  // since this process may be killed at any moment.
+  if (const int unnamed = open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600); unnamed >= 0) {
+    close(unnamed);
+    return;
+  }
   std::string probe = (folder / ".vsplat-XXXXXX").string();
   const int file = mkstemp(probe.data());
   if (file < 0)

@@ -79,7 +79,7 @@ class Sets(support.Case):
         self.addCleanup(shutil.rmtree, self.folder, True)
 
     def solids(self, *more, views=8, size=16, count=1, to="set"):
-        return ("dataset", "procedural", "--count", count, "--views", views, "--size", size, "--output", self.path(to), *more)
+        return ("dataset", "procedural", "--solids", "--count", count, "--views", views, "--size", size, "--output", self.path(to), *more)
 
     def start(self, *arguments, **options):
         return subprocess.Popen([support.VSPLAT, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **options)
@@ -105,7 +105,7 @@ class Sets(support.Case):
         code, _, err = support.run(*self.solids())
         self.assertEqual(code, 1, err)
         self.assertIn("solid_0000: another process is writing", err)
-        self.succeeds("dataset", "procedural", "--count", 1, "--views", 2, "--size", 16, "--output", self.path("other"))
+        self.succeeds("dataset", "procedural", "--solids", "--count", 1, "--views", 2, "--size", 16, "--output", self.path("other"))
         _, err = first.communicate(timeout=200)
         self.assertEqual(first.returncode, 0, err)
         self.assertEqual(len(os.listdir(self.path("set", "solid_0000", "images"))), 400)
