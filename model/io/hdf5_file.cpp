@@ -100,7 +100,7 @@ class Access {
   hid_t id() const { return list_.id(); }
   // Why a link was not followed, if one was not.
   void complain(const std::string& where) const {
-    if (!refused_.empty()) fail(Status::file, "{}: {}", where, refused_);
+    if (!refused_.empty()) fail(Status::format, "{}: {}", where, refused_);
   }
 
  private:
