@@ -153,7 +153,7 @@ TEST(TrainConfig, StagesAreFieldsOverThoseBesideThem) {
       {R"({"stages": [{"stages": [{}]}]})", "unknown fields: \"stages\""},
       {R"({"steps": 5, "stages": [{"warmup": 6}]})", "stage 1: the training's configuration: warmup"}};
   for (const auto& [bad, words] : wrong) {
-    const std::string message = refusal([&] { train_stages_from_json(bad); }, Status::format);
+    const std::string message = refusal([&, &bad = bad] { train_stages_from_json(bad); }, Status::format);
     EXPECT_NE(message.find(words), std::string::npos) << message << "\nexpected " << words;
   }
 }
