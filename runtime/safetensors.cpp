@@ -15,6 +15,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/half.h"
+#include "runtime/json_text.h"
 #include "runtime/output_file.h"
 #include "runtime/printable.h"
 #include "runtime/sha256.h"
@@ -147,24 +148,9 @@ class SafetensorsFile::Source {
 
 namespace {
 
-// The header as JSON, refusing what nlohmann would let pass: a key twice, and nesting that no header has.
 json parse_header(const std::string& path, const std::string& text) {
   constexpr int kDeepest = 3;
-  std::vector<std::set<std::string>> keys;
-  const json::parser_callback_t guard = [&](int depth, json::parse_event_t event, json& parsed) {
-    if (depth > kDeepest) fail(Status::format, "{}: header nested more than {} deep", path, kDeepest);
-    if (event == json::parse_event_t::object_start) keys.emplace_back();
-    if (event == json::parse_event_t::object_end) keys.pop_back();
-    if (event == json::parse_event_t::key && !keys.back().insert(parsed.get_ref<const std::string&>()).second)
-      fail(Status::format, "{}: header has {} twice", path, printable(parsed.get_ref<const std::string&>()));
-    return true;
-  };
-  json header;
-  try {
-    header = json::parse(text, guard);
-  } catch (const json::exception& e) {
-    fail(Status::format, "{}: header is not JSON: {}", path, printable(e.what()));
-  }
+  json header = parse_json(path + ": the header", text, kDeepest);
   if (!header.is_object()) fail(Status::format, "{}: header is {}, expected an object", path, header.type_name());
   return header;
 }
