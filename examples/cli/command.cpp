@@ -6,6 +6,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "arguments.h"
 #include "flags.h"
@@ -112,6 +113,10 @@ std::string for_terminal(const std::string& text) {
     at += size == 0 ? 1 : size;
   }
   return out;
+}
+
+void print_json(const nlohmann::ordered_json& value) {
+  std::printf("%s\n", value.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
 void say(const Common& common, const std::string& text) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <stdexcept>
 #include <string>
 
@@ -43,6 +44,9 @@ void start_log(const Common& common);
 // Text that may hold what a stranger wrote (names in files, paths), for a terminal: control characters but line ends
 // and tabs, and what is no UTF-8 become ?.
 std::string for_terminal(const std::string& text);
+
+// What --json asks for, on stdout; what of it is no UTF-8, paths for instance, becomes U+FFFD.
+void print_json(const nlohmann::ordered_json& value);
 
 // One line on stderr, unless --quiet. Whatever progress is shown is taken away before it.
 void say(const Common& common, const std::string& text);

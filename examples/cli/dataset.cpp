@@ -132,9 +132,7 @@ void make(const Options& o) {
     }
   }
   if (o.common.json)
-    std::printf("%s\n", ordered_json{{"output", o.output}, {"views", o.views}, {"size", o.pixels}, {"objects", objects}}
-                            .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                            .c_str());
+    print_json(ordered_json{{"output", o.output}, {"views", o.views}, {"size", o.pixels}, {"objects", objects}});
 }
 
 void add_shared(CLI::App& sub, Options& o, bool reads) {

@@ -158,7 +158,7 @@ void info(const Options& o) {
   }
   if (o.common.json) {
     const ordered_json all = {{"objects", list}, {"views", views}, {"bad", bad}};
-    std::printf("%s\n", all.dump(1, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    print_json(all);
   } else {
     print_table(objects);
     std::printf("%zu objects, %ld views\n", objects.size(), views);

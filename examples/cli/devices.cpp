@@ -54,7 +54,7 @@ void list_devices(const Common& common) {
   if (common.json) {
     nlohmann::ordered_json out = nlohmann::ordered_json::array();
     for (const vsplat_device_info& d : devices) out.push_back(json_of(d));
-    std::printf("%s\n", out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    print_json(out);
     return;
   }
   std::printf("index  p:d  type   memory     largest    units  name (platform, driver)\n");

@@ -74,7 +74,7 @@ ordered_json json_of(const std::vector<Column>& shown, const vsplat_scores& scor
   return out;
 }
 
-void print_json(const Results& results) {
+void print_results(const Results& results) {
   const std::vector<Column> shown = columns_of(results.mean);
   ordered_json objects = ordered_json::array();
   for (const auto& object : results.objects) {
@@ -84,7 +84,7 @@ void print_json(const Results& results) {
   }
   ordered_json out = {{"objects", objects}, {"mean", json_of(shown, results.mean)}};
   if (!results.stopped.empty()) out["stopped"] = results.stopped;
-  std::printf("%s\n", out.dump(1, ' ', false, ordered_json::error_handler_t::replace).c_str());
+  print_json(out);
 }
 
 void print_row(const std::vector<Column>& shown, int width, const std::string& name, const vsplat_scores& scores) {
@@ -107,7 +107,7 @@ void print_table(const Results& results) {
 
 void print(const Options& o, const Results& results) {
   clear_progress();
-  o.common.json ? print_json(results) : print_table(results);
+  o.common.json ? print_results(results) : print_table(results);
 }
 
 // What is done of an evaluation that an error or an interrupt ends is printed before that is told.

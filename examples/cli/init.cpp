@@ -1,5 +1,4 @@
 // vsplat init: a new model with random weights.
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
 
@@ -35,10 +34,7 @@ void init(const Options& o) {
   const vsplat_model_info info = model.info();
   say(o.common, o.output + ": " + o.config + ", " + std::to_string(info.parameters) + " parameters, seed " + o.seed);
   if (o.common.json)
-    std::printf("%s\n",
-                nlohmann::ordered_json{{"output", o.output}, {"parameters", info.parameters}, {"image", info.image}}
-                    .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                    .c_str());
+    print_json(nlohmann::ordered_json{{"output", o.output}, {"parameters", info.parameters}, {"image", info.image}});
 }
 
 }  // namespace

@@ -117,7 +117,7 @@ void summarise(const Options& o, const PictureJob& job, const vsplat::Input& inp
   job.add_results(comparison, out);
   if (refinement) refinement->add_results(out["refined"]);
   out["seconds"] = elapsed_seconds();
-  std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  print_json(out);
 }
 
 // Begins with what the network makes of the same views in the same cube, and moves it towards all that are used: those

@@ -1,6 +1,5 @@
 // vsplat refine: a scene moved towards the user's own pictures, and judged on those held out.
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -126,7 +125,7 @@ void refine(const Options& o) {
   nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
   job.add_results(out);
   out["seconds"] = elapsed_seconds();
-  std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  print_json(out);
 }
 
 void add_refine_options(CLI::App& sub, RefineOptions& o) {

@@ -1,5 +1,4 @@
 // vsplat render: pictures of a scene from a PLY file.
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "pictures.h"
@@ -54,7 +53,7 @@ void print_results(const Options& o, const PictureJob& job, const vsplat::Scene&
       {"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}, {"images", files}};
   job.add_results(comparison, out);
   out["seconds"] = elapsed_seconds();
-  std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  print_json(out);
 }
 
 void render(const Options& o) {

@@ -86,7 +86,7 @@ void print_plans(const Common& common, const std::vector<Plan>& plans) {
                      {"fits", p.plan.fits != 0},
                      {"stages", stages}});
     }
-    std::printf("%s\n", out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    print_json(out);
     return;
   }
   for (const Plan& p : plans) {

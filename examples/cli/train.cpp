@@ -174,13 +174,11 @@ void train(const Options& o) {
   const std::string model = o.output + "/model.safetensors";
   if (result.stopped) say(o.common, "stopped after step " + std::to_string(result.step) + "; --resume goes on");
   if (o.common.json)
-    std::printf("%s\n", nlohmann::ordered_json{{"step", result.step},
-                                               {"stopped", result.stopped != 0},
-                                               {"bad", result.bad},
-                                               {"peak_bytes", result.peak},
-                                               {"model", model}}
-                            .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                            .c_str());
+    print_json(nlohmann::ordered_json{{"step", result.step},
+                                      {"stopped", result.stopped != 0},
+                                      {"bad", result.bad},
+                                      {"peak_bytes", result.peak},
+                                      {"model", model}});
   session.write_profile(outputs);
   outputs.commit();
 }

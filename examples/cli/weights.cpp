@@ -55,10 +55,7 @@ void verify(const Options& o) {
   vsplat::check(vsplat_model_verify(o.path(), &state));
   const bool verified = state == VSPLAT_HASH_VERIFIED;
   if (o.common.json)
-    std::printf("%s\n",
-                nlohmann::ordered_json{{"model", o.name()}, {"structure", "ok"}, {"hash", verified ? "ok" : "absent"}}
-                    .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                    .c_str());
+    print_json(nlohmann::ordered_json{{"model", o.name()}, {"structure", "ok"}, {"hash", verified ? "ok" : "absent"}});
   else
     std::printf("%s: header, configuration, tensors and their values are right; %s\n", for_terminal(o.name()).c_str(),
                 verified ? "the SHA-256 matches" : "no SHA-256 is stated, so damage to the values would go unseen");
@@ -75,10 +72,7 @@ void convert(const Options& o) {
   outputs.commit();
   const auto bytes = std::filesystem::file_size(o.output);
   say(o.common, o.output + ": " + o.name() + " as " + o.dtype + ", " + bytes_text(bytes));
-  if (o.common.json)
-    std::printf("%s\n", nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}}
-                            .dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                            .c_str());
+  if (o.common.json) print_json(nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}});
 }
 
 CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>& o, const char* name, const char* what,
