@@ -25,10 +25,15 @@ struct Options {
   bool resume = false, print_config = false, skip_bad = false, dry_run = false;
 };
 
+constexpr std::uintmax_t kLargestConfig = std::uintmax_t{64} << 20;
+
 std::string read_config(const std::string& path) {
   std::error_code error;
   if (fs::exists(path, error) && !fs::is_regular_file(path, error))
     throw std::runtime_error(path + ": is no regular file; a configuration is expected");
+  if (const auto size = fs::file_size(path, error); !error && size > kLargestConfig)
+    throw std::runtime_error(path + ": has " + std::to_string(size) +
+                             " bytes; a configuration of at most 64 MiB is expected");
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
   text << file.rdbuf();

@@ -9,7 +9,8 @@ LearntWeights::LearntWeights(Context& ctx, const Config& config, const Weights& 
   for (const Parameter& p : parameters(config)) {
     names_.push_back(p.name);
     LearntTensor& t = tensors_[p.name];
-    t.value = ctx.upload(p.shape, weights.of(p).data, Type::f32, p.name);
+    t.value = ctx.planning() ? ctx.tensor(p.shape, Type::f32, p.name)
+                             : ctx.upload(p.shape, weights.of(p).data, Type::f32, p.name);
     if (!p.trained) continue;
     t.gradient = ctx.tensor(p.shape, Type::f32, "gradient of " + p.name);
     ctx.fill_zero(t.gradient);

@@ -18,6 +18,7 @@ struct LearntTensor {
 class LearntWeights {
  public:
   // Uploads what parameters(config) lists. Gradients start as zeros. Error(format) names what is missing or misshapen.
+  // A context that only plans asks for no values: `weights` may be empty, so that a model beyond memory is planned.
   LearntWeights(Context& ctx, const Config& config, const Weights& weights);
 
   // Error(format) names what is missing.

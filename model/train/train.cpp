@@ -263,6 +263,10 @@ bool is_due(long period, long step, long steps) { return step == steps || (perio
 }  // namespace
 
 TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, const TrainOptions& options) {
+  // Before weights are made that may be more than fits anywhere; a file's are no more than the file.
+  if (options.init.empty())
+    refuse_unless_fits(
+        ctx, plan_train(ctx, given, {options.selection, options.planned_selected, options.assumed_intersections}));
   const Beginning beginning = begin(given, {options.output, options.init, options.resume, options.extend});
   const Checkpoint& start = beginning.checkpoint;
   const TrainConfig& config = start.config;
@@ -304,8 +308,9 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
 
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
   const auto planner = ctx.planner();
-  const Trainer trainer(*planner, random_beginning(config),
-                        planned_of(forced(config, options.selection), options.selected));
+  Checkpoint start;  // no weights: what is only planned has no values, and a model's may be more than fits anywhere
+  start.config = config;
+  const Trainer trainer(*planner, start, planned_of(forced(config, options.selection), options.selected));
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 

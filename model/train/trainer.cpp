@@ -58,16 +58,18 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
       weights_(ctx, start.config.model, start.parameters),
       state_(start.state) {
   const auto moment = [&](const Weights& from, const Parameter& p, const char* what) {
-    if (from.has(p.name)) return ctx.upload(p.shape, from.at(p.name).data, Type::f32, what + p.name);
+    if (from.has(p.name) && !ctx.planning()) return ctx.upload(p.shape, from.at(p.name).data, Type::f32, what + p.name);
     const Tensor zero = ctx.tensor(p.shape, Type::f32, what + p.name);
     ctx.fill_zero(zero);
     return zero;
   };
   for (const Parameter& p : parameters(config_.model)) {
-    if (config_.ema > 0)
-      average_[p.name] =
-          ctx.upload(p.shape, (start.average.has(p.name) ? start.average : start.parameters).at(p.name).data, Type::f32,
-                     "average of " + p.name);
+    if (config_.ema > 0) {
+      const std::string name = "average of " + p.name;
+      const Weights& from = start.average.has(p.name) ? start.average : start.parameters;
+      average_[p.name] = ctx.planning() ? ctx.tensor(p.shape, Type::f32, name)
+                                        : ctx.upload(p.shape, from.at(p.name).data, Type::f32, name);
+    }
     if (p.trained && p.used && !is_frozen(config_, p.name))
       moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of "), p.decays};
   }
@@ -81,15 +83,18 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
   const TrainingViews& views = *object.given.views;
   const long s = config_.model.image, n = views.inputs, all = static_cast<long>(views.cameras.size());
   const auto pixels = static_cast<std::size_t>(s * s * 3);
-  if (n < 1 || n > all || views.pictures.size() != pixels * views.cameras.size())
+  const bool whole = ctx.planning() || views.pictures.size() == pixels * views.cameras.size();
+  if (n < 1 || n > all || !whole)
     fail(Status::internal, "{}: {} values for {} views, {} of them inputs, of {} x {} pixels", views.object,
          views.pictures.size(), all, n, s, s);
+  const auto picture = [&](long v) {
+    return ctx.planning() ? nullptr : views.pictures.data() + static_cast<std::size_t>(v) * pixels;
+  };
   PassViews out;
-  out.inputs = ctx.upload({n, s, s, 3}, views.pictures.data(), Type::f32, "input pictures");
+  out.inputs = ctx.upload({n, s, s, 3}, picture(0), Type::f32, "input pictures");
   out.cameras = views.cameras;
   for (long v = 0; v < all; ++v) {
-    out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + static_cast<std::size_t>(v) * pixels,
-                                     Type::f32, "target picture"));
+    out.targets.push_back(ctx.upload({1, s, s, 3}, picture(v), Type::f32, "target picture"));
     out.backgrounds.push_back(v < n ? object.given.input_background : views.background);
     if (views.rgba.empty()) continue;
     const std::vector<std::uint8_t>& rgba = views.rgba.at(static_cast<std::size_t>(v));

@@ -99,9 +99,8 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
     camera.fx = camera.fy = static_cast<double>(s);
     camera.cx = camera.cy = static_cast<double>(s) / 2;
   }
-  views.pictures.resize(static_cast<std::size_t>(all * s * s * 3));
-  if (config_.alpha_weight > 0)
-    views.rgba.assign(static_cast<std::size_t>(all), std::vector<std::uint8_t>(static_cast<std::size_t>(s * s * 4)));
+  // There, and never read: what is planned is not to take what it would take.
+  if (config_.alpha_weight > 0) views.rgba.assign(static_cast<std::size_t>(all), {0});
   const StepItem given{&views};
   const StepObject object{given};
   PassOptions options;

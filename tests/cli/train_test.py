@@ -339,6 +339,19 @@ class Train(train_support.Case):
         err = self.refuses(1, ["0.012 GiB", "--max-memory"], *self.train(config, "run", "--max-memory", 0.012))
         self.assertIn(f"{stated['peak_bytes'] / 2**30:.3f} GiB", err)
 
+    def test_a_model_beyond_all_memory_is_planned_and_refused(self):
+        """Without making its weights: 100 GB of them."""
+        config = self.config(model={"base": "paper", "vit_dim": 16384, "vit_heads": 16, "vit_depth": 8})
+        stated, bound = self.plan(config)
+        self.assertGreater(stated["peak_bytes"], 300 << 30)
+        self.assertFalse(stated["fits"] or bound["fits"])
+        self.refuses(1, ["not enough device memory", "--max-memory"], *self.train(config, "run"))
+
+    def test_a_configuration_is_no_more_than_a_file_of_text(self):
+        with open(self.path("large.json"), "wb") as f:
+            f.truncate((64 << 20) + 1)
+        self.refuses(1, ["large.json", "64 MiB"], "train", self.path("large.json"), "--print-config")
+
     def test_sheet_that_does_not_fit_is_left_out(self):
         # Many Gaussians of the one voxel that steps refine: a sheet refines the half that an untrained network selects.
         config = self.config(model={"base": "tiny", "fine_count": 256}, steps=2, sheet_every=1)
