@@ -11,26 +11,64 @@ namespace vsplat {
 
 using nlohmann::json;
 
-nlohmann::json parse_json(const std::string& what, const std::string& text, int deepest) {
-  std::vector<std::set<std::string>> fields;
-  const json::parser_callback_t guard = [&](int depth, json::parse_event_t event, json& parsed) {
-    if (depth > deepest) fail(Status::format, "{}: nested deeper than {} levels", what, deepest);
-    if (event == json::parse_event_t::object_start) fields.emplace_back();
-    if (event == json::parse_event_t::object_end) fields.pop_back();
-    if (event == json::parse_event_t::key && !fields.back().insert(parsed.get_ref<const std::string&>()).second)
-      fail(Status::format, "{}: an object has the field {} twice", what,
-           printable(parsed.get_ref<const std::string&>()));
+namespace {
+
+// Reads the text and builds nothing. (The library's own callback while it builds goes through all members of an object
+// after each one that is an object: minutes for some ten thousand.)
+class Guard : public nlohmann::json_sax<json> {
+ public:
+  Guard(const std::string& what, int deepest) : what_(what), deepest_(static_cast<std::size_t>(deepest)) {}
+
+  bool null() override { return value(); }
+  bool boolean(bool) override { return value(); }
+  bool number_integer(number_integer_t) override { return value(); }
+  bool number_unsigned(number_unsigned_t) override { return value(); }
+  bool number_float(number_float_t, const string_t&) override { return value(); }
+  bool string(string_t&) override { return value(); }
+  bool binary(binary_t&) override { return value(); }
+  bool start_object(std::size_t) override { return open(); }
+  bool start_array(std::size_t) override { return open(); }
+  bool end_object() override { return close(); }
+  bool end_array() override { return close(); }
+  bool key(string_t& name) override {
+    if (!fields_.back().insert(name).second)
+      fail(Status::format, "{}: an object has the field {} twice", what_, printable(name));
     return true;
-  };
-  try {
-    return json::parse(text, guard);
-  } catch (const json::exception& e) {
+  }
+  bool parse_error(std::size_t, const std::string&, const json::exception& e) override {
     std::string why = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
     why.erase(0, why.find("] ") == std::string::npos ? 0 : why.find("] ") + 2);
     for (char& c : why)  // it quotes the place, in a file that may be no text at all
       if (static_cast<unsigned char>(c) >= 0x7f) c = '?';
-    fail(Status::format, "{}: is not valid JSON: {}", what, printable(why));
+    fail(Status::format, "{}: is not valid JSON: {}", what_, printable(why));
   }
+
+ private:
+  bool value() const {
+    if (fields_.size() > deepest_) fail(Status::format, "{}: nested deeper than {} levels", what_, deepest_);
+    return true;
+  }
+  bool open() {
+    value();
+    fields_.emplace_back();
+    return true;
+  }
+  bool close() {
+    fields_.pop_back();
+    return true;
+  }
+
+  const std::string& what_;
+  std::size_t deepest_;
+  std::vector<std::set<std::string>> fields_;  // of what is open
+};
+
+}  // namespace
+
+nlohmann::json parse_json(const std::string& what, const std::string& text, int deepest) {
+  Guard guard(what, deepest);
+  json::sax_parse(text, &guard);
+  return json::parse(text);
 }
 
 }  // namespace vsplat

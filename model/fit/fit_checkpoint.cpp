@@ -37,7 +37,7 @@ void check_format(const SafetensorsFile& file) {
 
 const std::string& state_at(const FitCheckpoint& checkpoint, const std::string& name) {
   const auto found = checkpoint.state.find(name);
-  if (found == checkpoint.state.end()) fail(Status::format, "a refinement's state has no {}", name);
+  if (found == checkpoint.state.end()) fail(Status::format, "a refinement's state has no {}", printable(name));
   return found->second;
 }
 
@@ -84,7 +84,8 @@ long whole_number(const FitCheckpoint& checkpoint, const std::string& name) {
   long out = 0;
   const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), out);
   if (problem != std::errc() || end != text.data() + text.size() || out < 0)
-    fail(Status::format, "a refinement's state has {} \"{}\", a whole number from 0 expected", name, printable(text));
+    fail(Status::format, "a refinement's state has {} \"{}\", a whole number from 0 expected", printable(name),
+         printable(text));
   return out;
 }
 
@@ -93,7 +94,7 @@ double number(const FitCheckpoint& checkpoint, const std::string& name) {
   char* end = nullptr;
   const double out = std::strtod(text.c_str(), &end);
   if (text.empty() || *end != '\0')
-    fail(Status::format, "a refinement's state has {} \"{}\", a number expected", name, printable(text));
+    fail(Status::format, "a refinement's state has {} \"{}\", a number expected", printable(name), printable(text));
   return out;
 }
 
@@ -101,7 +102,7 @@ std::string exact_text(double value) { return fmt::format("{:.17g}", value); }
 
 const FitTensor& tensor_of(const FitTensors& tensors, const std::string& name) {
   const auto found = tensors.find(name);
-  if (found == tensors.end()) fail(Status::format, "a refinement's state has no tensor {}", name);
+  if (found == tensors.end()) fail(Status::format, "a refinement's state has no tensor {}", printable(name));
   return found->second;
 }
 

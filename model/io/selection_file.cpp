@@ -5,6 +5,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -31,8 +32,8 @@ std::vector<int> read_selection(const std::string& path, long voxels) {
     int index = 0;
     const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), index);
     if (error != std::errc() || stop != word.data() + word.size() || index < 0 || index >= voxels)
-      fail(Status::format, "{}, line {}: \"{}\" is not the index of one of {} voxels", path, line, word.substr(0, 40),
-           voxels);
+      fail(Status::format, "{}, line {}: \"{}\" is not the index of one of {} voxels", path, line,
+           printable(word.substr(0, 40)), voxels);
     if (!out.empty() && index <= out.back())
       fail(Status::format, "{}, line {}: voxel {} after {}: ascending indices expected", path, line, index, out.back());
     out.push_back(index);
