@@ -73,6 +73,12 @@ std::vector<DataObject> objects_of(const std::string& path) {
   return std::move(found.objects);
 }
 
+// A group of a file is called as many others are.
+std::string told(const DataObject& object) {
+  return object.layout == DataLayout::hdf5 ? fmt::format("object {} of {}", object.name, object.path.string())
+                                           : "object " + object.name;
+}
+
 using Bad = std::function<void(int view, const std::string& name, const Error& error)>;
 
 // What is wrong with a view beyond its pose; intrinsics are filled in.
@@ -142,7 +148,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
   const Bad bad = [&](int view, const std::string& name, const Error& e) {
     const std::string text = fmt::format("view {} ({}): {}", view, printable(name), e.what());
     if (!skipped || !is_about_data(e)) throw Error(e.status(), text);
-    skipped->push_back(fmt::format("object {}: {}", object.name, text));
+    skipped->push_back(fmt::format("{}: {}", told(object), text));
     if (first.empty()) first = text;
   };
   try {
@@ -151,7 +157,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
     if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
     return out;
   } catch (const Error& e) {
-    fail(e.status(), "object {}: {}", object.name, e.what());
+    fail(e.status(), "{}: {}", told(object), e.what());
   }
 }
 

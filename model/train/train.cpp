@@ -179,6 +179,7 @@ class RunFolder {
   RunFolder(const TrainConfig& config, const TrainOptions& options, long step)
       : config_(config), options_(options), folder_(options.output), saved_(step > 0 ? step : -1) {
     std::error_code problem;
+    is_new_ = !fs::exists(folder_ / "config.json", problem) && fs::create_directories(folder_ / "sheets", problem);
     fs::create_directories(folder_ / "sheets", problem);
     if (problem) fail(Status::file, "{}: cannot be made: {}", options.output, problem.message());
     remove_unfinished(folder_);
@@ -187,6 +188,16 @@ class RunFolder {
     write_file((folder_ / "config.json").string(), text.data(), text.size());
     log_.emplace((folder_ / "log.csv").string(), step);
   }
+
+  // A training that has failed before anything came of it leaves nothing.
+  ~RunFolder() {
+    std::error_code ignored;
+    if (!is_new_ || fs::exists(folder_ / "log.csv", ignored) || saved_ >= 0) return;
+    fs::remove(folder_ / "config.json", ignored);
+    fs::remove(folder_ / "sheets", ignored);  // an empty one
+  }
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
 
   void tell(const TrainProgress& progress) {
     log_->add(progress);
@@ -231,7 +242,8 @@ class RunFolder {
   const TrainOptions& options_;
   fs::path folder_;
   std::optional<Log> log_;
-  long saved_;  // the step of the last checkpoint; -1: there is none
+  bool is_new_ = false;  // nothing was there that this could be taken for
+  long saved_;           // the step of the last checkpoint; -1: there is none
   std::string model_;
 };
 
@@ -274,8 +286,16 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   Trainer trainer(ctx, start, planned_of(selection, options.planned_selected));
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
   TrainingReader reader(data, reading(config, options));
-  RunFolder folder(config, options, start.step);
+  const auto views_of = [&](long step) {
+    std::vector<TrainingViews> views;
+    for (long i = 0; i < config.batch * config.accumulate; ++i) views.push_back(reader.at(step, static_cast<int>(i)));
+    return views;
+  };
   const long steps = total_steps(config.schedule);
+  std::vector<TrainingViews> views;
+  // Before there is a folder, so that data which cannot be read leave none.
+  if (trainer.step() < steps) views = views_of(trainer.step());
+  RunFolder folder(config, options, start.step);
   for (const std::string& text : unfinished(config.schedule)) warn("{}", text);
   if (!beginning.told.empty()) folder.say(beginning.told);
   if (start.step > 0) {
@@ -286,9 +306,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   TrainResult result;
   Telling telling(steps);
   while (trainer.step() < steps && !result.stopped) {
-    std::vector<TrainingViews> views;
-    for (long i = 0; i < config.batch * config.accumulate; ++i)
-      views.push_back(reader.at(trainer.step(), static_cast<int>(i)));
+    if (views.empty()) views = views_of(trainer.step());
     const StepReport report = step(trainer, views, selection, folder);
     telling.add(report);
     const bool stop = options.stop && options.stop();
@@ -297,6 +315,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
       folder.add_sheet(ctx, trainer, views.front(), report.temperature);
     if (is_due(config.checkpoint_every, report.step, steps) || stop) folder.save(trainer);
     result.stopped = stop && report.step < steps;
+    views.clear();
   }
   folder.save(trainer);
   result.step = trainer.step();
