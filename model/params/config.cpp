@@ -95,7 +95,7 @@ bool parse_field(const std::string& text, std::vector<int>& out) {
 
 // Bounds so far out that no sensible model meets them, so near that products of a few of them fit 64 bits.
 void check_bounds(const Config& c, const FieldChecks& is) {
-  is.at_most("image", c.image, 8192);
+  is.at_most("image", c.image, 2048);  // every picture is made as large as that, in floats, before anything is planned
   is.at_most("patch", c.patch, 256);
   is.at_most("vit_dim", c.vit_dim, 16384);
   is.at_most("vit_depth", c.vit_depth, 256);
