@@ -1,6 +1,16 @@
 # Damaged and hostile files: the seeds of the fuzzers and what they once found, in every build; and the fuzzers themselves, with a
 # fixed seed for a few seconds, with any for a minute in the slow tests.
-vsplat_tests(fuzz_replay_test fuzz/picture.cpp fuzz/ply.cpp fuzz/replay_test.cpp fuzz/targets.cpp fuzz/views.cpp LABELS unit)
+vsplat_tests(fuzz_replay_test
+  fuzz/kernel_cache.cpp
+  fuzz/picture.cpp
+  fuzz/ply.cpp
+  fuzz/replay_test.cpp
+  fuzz/targets.cpp
+  fuzz/tensors.cpp
+  fuzz/texts.cpp
+  fuzz/views.cpp
+  LABELS unit)
+include(fuzz/targets.cmake)
 target_compile_definitions(fuzz_replay_test PRIVATE VSPLAT_FUZZ_DATA="${CMAKE_CURRENT_SOURCE_DIR}/fuzz")
 find_program(VSPLAT_CLANGXX clang++)
 set(fuzzer_runtime)
@@ -14,7 +24,7 @@ elseif(EXISTS "${fuzzer_runtime}")
   set(fuzz ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/run.sh)
   add_test(NAME fuzz.build COMMAND ${fuzz} build)
   set_tests_properties(fuzz.build PROPERTIES LABELS fuzz TIMEOUT 600 FIXTURES_SETUP fuzz)
-  foreach(target colmap colmap_points picture ply views_json)
+  foreach(target ${VSPLAT_FUZZ_TARGETS})
     add_test(NAME fuzz.${target} COMMAND ${fuzz} run 4 ${target})
     set_tests_properties(fuzz.${target} PROPERTIES LABELS fuzz TIMEOUT 120 FIXTURES_REQUIRED fuzz
       ENVIRONMENT "VSPLAT_FUZZ_SEED=1")

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Coverage-guided fuzzing of the readers: builds the targets (build/fuzz) and runs them, so many seconds each.
-#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: picture, ply, views_json, colmap, colmap_points
+#   tests/fuzz/run.sh SECONDS [TARGET...]      targets: the folders of corpus/, all of them where none is named
 #   tests/fuzz/run.sh build                    only builds
 #   tests/fuzz/run.sh run SECONDS [TARGET...]  only runs
 # VSPLAT_FUZZ_SEED fixes the seed. An input that breaks something is kept in build/fuzz/found: with the fix it goes into
@@ -18,16 +18,25 @@ else
 fi
 seconds=${1:?SECONDS is expected}
 shift
-[ $# -gt 0 ] || set -- picture ply views_json colmap colmap_points
+# shellcheck disable=SC2046  # a list of words
+[ $# -gt 0 ] || set -- $(ls tests/fuzz/corpus)
 
 for target; do
   data=tests/fuzz
   grown=build/fuzz/corpus/$target  # what libFuzzer adds; the committed seeds are only read
   mkdir -p "$grown" build/fuzz/found
+  case $target in
+    picture_*) words=picture ;;
+    checkpoint | fit_checkpoint | model) words=tensors ;;
+    *) words=$target ;;
+  esac
+  seeds=$data/corpus/$target
+  [ ! -d $data/regressions/"$target" ] || seeds="$seeds $data/regressions/$target"
   # Memory: far above what these inputs need and far below what a believed count would take.
+  # shellcheck disable=SC2086  # lists of words
   build/fuzz/tests/fuzz/fuzz_"$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256 \
-    -max_len=16384 -seed="${VSPLAT_FUZZ_SEED:-0}" -artifact_prefix=build/fuzz/found/"$target"- -dict=$data/"$target".dict \
-    -print_final_stats=1 "$grown" $data/corpus/"$target" $data/regressions/"$target" >build/fuzz/found/"$target".log 2>&1 || {
+    -max_len=65536 -seed="${VSPLAT_FUZZ_SEED:-0}" -artifact_prefix=build/fuzz/found/"$target"- -dict=$data/$words.dict \
+    -print_final_stats=1 "$grown" $seeds >build/fuzz/found/"$target".log 2>&1 || {
     tail -n 60 build/fuzz/found/"$target".log >&2
     echo "fuzz_$target has found something: see build/fuzz/found" >&2
     exit 1

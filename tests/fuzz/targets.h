@@ -10,8 +10,13 @@
 namespace vsplat::fuzz {
 
 void ply(std::string_view bytes);
-// PNG, JPEG, TIFF, WebP and BMP: the content tells them apart. (EXR is left to OpenEXR's own fuzzers.)
-void picture(std::string_view bytes);
+// One for each format, as the content tells it: mutations of all in one would stay with those that are the easiest.
+void picture_bmp(std::string_view bytes);
+void picture_exr(std::string_view bytes);
+void picture_jpeg(std::string_view bytes);
+void picture_png(std::string_view bytes);
+void picture_tiff(std::string_view bytes);
+void picture_webp(std::string_view bytes);
 // transforms.json and both kinds of cameras.json: the content tells them apart.
 void views_json(std::string_view bytes);
 // A COLMAP model: "b" or "t" for binary or text, the file of cameras, kColmapSplit, the file of images.
@@ -19,6 +24,17 @@ void colmap(std::string_view bytes);
 inline constexpr std::string_view kColmapSplit = "=images=";
 // Its points: "b" or "t", the file of points.
 void colmap_points(std::string_view bytes);
+// A training's configuration, and the model's in it.
+void train_config(std::string_view bytes);
+// Indices of voxels.
+void selection(std::string_view bytes);
+// Files of tensors: a model, a training's checkpoint, a refinement's. The hash that they state of themselves is put
+// right, where there is one, so that what follows it is reached.
+void model(std::string_view bytes);
+void checkpoint(std::string_view bytes);
+void fit_checkpoint(std::string_view bytes);
+// An entry of the compiled kernels' cache: "s" and a payload that is stored, or "f", the file, as it may lie there.
+void kernel_cache(std::string_view bytes);
 
 // A file in memory, which readers open by its path.
 class MemoryFile {
@@ -33,6 +49,20 @@ class MemoryFile {
 
  private:
   int descriptor_;
+  std::string path_;
+};
+
+// A folder of a fuzzer's own, gone at its end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::string& path() const { return path_; }
+
+ private:
   std::string path_;
 };
 

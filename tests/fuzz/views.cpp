@@ -1,6 +1,4 @@
 // Posed views, of every format.
-#include <unistd.h>
-
 #include <Eigen/LU>
 #include <cmath>
 
@@ -52,18 +50,9 @@ void read(const std::string& path) {
 // A folder in which the four files of a COLMAP model are files in memory.
 class ColmapFolder {
  public:
-  ColmapFolder() : path_((std::filesystem::temp_directory_path() / "vsplat-fuzz-XXXXXX").string()) {
-    if (::mkdtemp(path_.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    set(true);
-  }
-  ~ColmapFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ColmapFolder(const ColmapFolder&) = delete;
-  ColmapFolder& operator=(const ColmapFolder&) = delete;
+  ColmapFolder() { set(true); }
 
-  const std::string& path() const { return path_; }
+  const std::string& path() const { return folder_.path(); }
   void fill(bool binary, std::string_view camera_bytes, std::string_view image_bytes) {
     if (binary != binary_) set(binary);
     cameras.fill(camera_bytes);
@@ -74,13 +63,13 @@ class ColmapFolder {
   void set(bool binary) {
     namespace fs = std::filesystem;
     for (const char* ending : {".bin", ".txt"})
-      for (const char* name : {"/cameras", "/images"}) fs::remove(path_ + name + ending);
-    fs::create_symlink(cameras.path(), path_ + (binary ? "/cameras.bin" : "/cameras.txt"));
-    fs::create_symlink(images.path(), path_ + (binary ? "/images.bin" : "/images.txt"));
+      for (const char* name : {"/cameras", "/images"}) fs::remove(path() + name + ending);
+    fs::create_symlink(cameras.path(), path() + (binary ? "/cameras.bin" : "/cameras.txt"));
+    fs::create_symlink(images.path(), path() + (binary ? "/images.bin" : "/images.txt"));
     binary_ = binary;
   }
 
-  std::string path_;
+  TemporaryFolder folder_;
   MemoryFile cameras, images;
   bool binary_ = true;
 };
@@ -88,28 +77,21 @@ class ColmapFolder {
 // A folder with a COLMAP model of which only the points are of interest.
 class PointsFolder {
  public:
-  PointsFolder() : path_((std::filesystem::temp_directory_path() / "vsplat-fuzz-XXXXXX").string()) {
-    if (::mkdtemp(path_.data()) == nullptr) throw std::runtime_error("no temporary folder");
+  PointsFolder() {
     for (const char* name : {"/cameras.bin", "/images.bin"})
-      std::filesystem::create_symlink(empty.path(), path_ + name);
+      std::filesystem::create_symlink(empty.path(), path() + name);
   }
-  ~PointsFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  PointsFolder(const PointsFolder&) = delete;
-  PointsFolder& operator=(const PointsFolder&) = delete;
 
-  const std::string& path() const { return path_; }
+  const std::string& path() const { return folder_.path(); }
   void fill(bool binary, std::string_view bytes) {
     namespace fs = std::filesystem;
-    for (const char* name : {"/points3D.bin", "/points3D.txt"}) fs::remove(path_ + name);
+    for (const char* name : {"/points3D.bin", "/points3D.txt"}) fs::remove(path() + name);
     points.fill(bytes);
-    fs::create_symlink(points.path(), path_ + (binary ? "/points3D.bin" : "/points3D.txt"));
+    fs::create_symlink(points.path(), path() + (binary ? "/points3D.bin" : "/points3D.txt"));
   }
 
  private:
-  std::string path_;
+  TemporaryFolder folder_;
   MemoryFile empty, points;
 };
 
