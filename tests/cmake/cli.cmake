@@ -22,6 +22,17 @@ add_test(NAME evaluate_numbers COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pyt
 set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 COST 200 SKIP_RETURN_CODE 77
   ENVIRONMENT "OMP_NUM_THREADS=1;VSPLAT=$<TARGET_FILE:vsplat_cli>;${sanitizer_environment}")
 
+# Files that are made to break their reader. Quick: one seed, and of its files some; slow: all of three seeds. And what is opened meanwhile.
+foreach(part hostile hostile_seeds hostile_traced)
+  add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/hostile_test.py
+    $<IF:$<STREQUAL:${part},hostile_traced>,Traced,Hostile>)
+  set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT 900 COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+endforeach()
+set_tests_properties(cli_hostile_seeds PROPERTIES LABELS "cli;slow" TIMEOUT 7200
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_HOSTILE_SEEDS=1,2,3;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+set_tests_properties(cli_hostile_traced PROPERTIES LABELS "cli;slow" TIMEOUT 1800)
+
 add_test(NAME cli_model COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/model_test.py)
 set_tests_properties(cli_model PROPERTIES LABELS cli TIMEOUT 900 COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MICRO=${micro};VSPLAT_WITH_MODEL=${variants}/micro;VSPLAT_WITHOUT_MODEL=${variants}/none;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")

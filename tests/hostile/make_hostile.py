@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""make_hostile.py --seed N OUT: files that are made to break their reader, of every kind that once did or nearly, and nothing of a user's.
+
+Sizes, names, offsets, depths and texts follow from the seed. OUT holds a folder for each kind, `bait/`, which nothing may read, and
+`hostile.json`, which lists what was made: its kind, what it is (role: what command takes it), and its path. The library of HDF5 makes the
+files of that format (libhdf5-dev, by ctypes); all else is written by the byte. Python's standard library only."""
+import argparse
+import json
+import os
+import random
+import shutil
+import sys
+
+import hdf5_files
+import meshes
+import models
+import pictures
+import texts
+import views
+
+ROLES = ("config", "model", "views", "mesh", "hdf5", "compare", "selection", "scene", "run", "state", "textures", "lpips", "encoder")
+
+
+class Maker:
+    """What the makers of the kinds share: random choices, sound material, and where files go."""
+    def __init__(self, seed, out, sound):
+        self.random, self.out, self.sound, self.made = random.Random(seed), out, sound, []
+        os.makedirs(os.path.join(out, "bait"))
+        # What hostile files name outside of their own folder: nothing is to open it.
+        for name in ("bait.mtl", "bait.bin", "bait.txt", "bait.h5", "bait.json"):
+            self.write(os.path.join(out, "bait", name), b"\0" * 256)
+        shutil.copy(self.sound_picture(), os.path.join(out, "bait", "bait.png"))
+
+    def sound_picture(self):
+        return os.path.join(self.sound, "set", "object", "images", "0000.png")
+
+    def write(self, path, content):
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with open(path, "wb") as f:
+            f.write(content.encode("utf-8", "surrogateescape") if isinstance(content, str) else content)
+        return path
+
+    def add(self, kind, role, path, names=None):
+        """names: what an error has to name instead of the path's last part."""
+        assert role in ROLES, role
+        self.made.append({"kind": kind, "role": role, "path": os.path.relpath(path, self.out), "names": names or os.path.basename(path)})
+
+    def file(self, kind, role, name, content):
+        path = self.write(os.path.join(self.out, *kind.split("/"), name), content)
+        self.add(kind, role, path)
+        return path
+
+    def folder(self, kind):
+        path = os.path.join(self.out, *kind.split("/"))
+        os.makedirs(path, exist_ok=True)
+        return path
+
+    def word(self, most=8):
+        return "".join(self.random.choice("abcdefghijklmnopqrstuvwxyz") for _ in range(self.random.randint(3, most)))
+
+    def escape(self):
+        """What moves the cursor, sets the title, or ends a line, where a terminal gets it as it is."""
+        return self.random.choice(("\x1b]0;owned\x07", "\x1b[2J\x1b[H", "\x1b[31mred", "\x9b2J", "\r\x1b[1A\x1b[2Kok", "\x7f\x08\x08", "a\nb: done"))
+
+    def outside(self, depth=8):
+        """-> names of files outside of the folder that a file lies in, as /etc/passwd."""
+        up = "../" * self.random.randint(depth, depth + 8)
+        return {"up": up + "etc/passwd", "absolute": "/etc/passwd", "zero": "/dev/zero", "up_zero": up + "dev/zero"}
+
+
+def make(seed, out, sound):
+    """sound: a folder with set/object (posed pictures), micro.safetensors, scene.ply and config.json. -> what was made"""
+    maker = Maker(seed, out, sound)
+    for module in (texts, models, views, meshes, pictures, hdf5_files):
+        module.make(maker)
+    with open(os.path.join(out, "hostile.json"), "w") as f:
+        json.dump(maker.made, f, indent=1)
+    return maker.made
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--sound", required=True, help="sound files: set/object, micro.safetensors, scene.ply (tests/cli/hostile_test.py makes them)")
+    parser.add_argument("out")
+    options = parser.parse_args()
+    made = make(options.seed, options.out, options.sound)
+    print(f"{len(made)} files of {len({m['kind'] for m in made})} kinds")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

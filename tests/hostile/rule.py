@@ -1,0 +1,232 @@
+"""The rule that strangers' files are held to, and the commands that take them.
+
+A command ends within 20 s of processor time and 1.5 GiB of memory, with exit status 0, 1 or 2; where it fails, stderr names the file; no
+control character gets to the terminal; nothing is left behind, nothing else is changed, and nothing outside of the folders given is opened."""
+import json
+import math
+import os
+import re
+import resource
+import shutil
+import signal
+import struct
+import subprocess
+import tempfile
+import time
+
+VSPLAT = os.environ.get("VSPLAT", "vsplat")
+SANITIZED = "ASAN_OPTIONS" in os.environ  # a build whose every access is looked at
+SECONDS = 20 * (6 if SANITIZED else 1)
+BYTES = int((1.5 if not SANITIZED else 5) * 2**30)
+# A wall clock says how busy the machine is; it only ends what waits for ever.
+PATIENCE = 6 * SECONDS
+KEPT = "sound"
+
+EXPENSIVE = ("--max-memory", "0.5")
+
+
+def commands(role, path, sound, out):
+    """-> name, arguments of what takes the file; `out` is an empty folder."""
+    at = lambda *parts: os.path.join(sound, *parts)
+    to = lambda *parts: os.path.join(out, *parts)
+    objects, model, scene, config = at("set", "object"), at("micro.safetensors"), at("scene.ply"), at("config.json")
+    reconstruct = ("reconstruct", objects, "--output", to("s.ply"), *EXPENSIVE)
+    if role == "config":
+        return [("print", ("train", path, "--print-config")), ("dry_run", ("train", path, "--dry-run"))]
+    if role == "model":
+        return [("info", ("weights", "info", path)), ("verify", ("weights", "verify", path)),
+                ("convert", ("weights", "convert", path, "--dtype", "f16", "--output", to("m.safetensors"))),
+                ("reconstruct", (*reconstruct, "--model", path)), ("evaluate", ("evaluate", objects, "--model", path, *EXPENSIVE)),
+                ("train", ("train", config, "--data", at("set"), "--init", path, "--output", to("run"), *EXPENSIVE)),
+                ("refine", ("refine", objects, "--start", "network", "--model", path, "--steps", "1", "--output", to("s.ply"), *EXPENSIVE))]
+    if role == "views":
+        return [("info", ("dataset", "info", path)),
+                ("reconstruct", ("reconstruct", path, "--model", model, "--views", "@0,@1", "--output", to("s.ply"), "--verbose", *EXPENSIVE)),
+                ("refine", ("refine", path, "--start", scene, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE)),
+                ("evaluate", ("evaluate", path, "--model", model, *EXPENSIVE)),
+                ("train", ("train", config, "--data", path, "--output", to("run"), *EXPENSIVE)),
+                ("render", ("render", scene, "--cameras", path, "--size", "16x16", "--images", to("x"), *EXPENSIVE))]
+    if role == "mesh":
+        return [("render", ("dataset", "render", path, "--views", "1", "--size", "16", "--output", to("set")))]
+    if role == "hdf5":
+        return [("info", ("dataset", "info", path)), ("evaluate", ("evaluate", path, "--model", model, *EXPENSIVE)),
+                ("train", ("train", config, "--data", path, "--output", to("run"), *EXPENSIVE))]
+    if role == "compare":
+        return [("compare", ("render", scene, "--cameras", objects, "--compare", os.path.join(path, "images"), *EXPENSIVE))]
+    if role == "selection":
+        return [("plan", ("train", config, "--dry-run", "--selection", path)), ("reconstruct", (*reconstruct, "--model", model, "--selection", path))]
+    if role == "scene":
+        return [("render", ("render", path, "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
+                ("skip", ("render", path, "--skip-bad", "--cameras", "orbit:1", "--size", "16x16", "--images", to("x"), *EXPENSIVE)),
+                ("refine", ("refine", objects, "--start", path, "--steps", "1", "--size", "16", "--output", to("s.ply"), *EXPENSIVE))]
+    if role == "run":
+        return [("resume", ("train", config, "--data", at("set"), "--resume", "--output", to("given"), *EXPENSIVE))]
+    if role == "state":
+        return [("resume", ("refine", objects, "--start", scene, "--steps", "3", "--size", "16", "--checkpoint", to("given"), "--resume", "--output", to("s.ply"), *EXPENSIVE))]
+    if role == "textures":
+        return [("procedural", ("dataset", "procedural", "--count", "1", "--views", "1", "--size", "16", "--textures", path, "--output", to("set")))]
+    if role == "lpips":
+        return [("evaluate", ("evaluate", objects, "--model", model, "--lpips", path, *EXPENSIVE))]
+    if role == "encoder":
+        return [("init", ("init", "micro", "--seed", "1", "--encoder", path, "--output", to("m.safetensors")))]
+    raise ValueError(role)
+
+
+def make_sound(folder, run, write_scene):
+    """Sound files, by the command's own doing."""
+    at = lambda *parts: os.path.join(folder, *parts)
+    os.makedirs(folder)
+    def done(*arguments):
+        code, _, err = run(*arguments)
+        assert code == 0, err
+    done("init", "micro", "--seed", 3, "--output", at("micro.safetensors"))
+    done("dataset", "procedural", "--solids", "--count", 1, "--views", 6, "--size", 16, "--seed", 3, "--output", at("set"))
+    os.rename(at("set", "solid_0000"), at("set", "object"))
+    with open(at("config.json"), "w") as f:
+        json.dump({"model": "micro", "steps": 2, "warmup": 1, "log_every": 1, "sheet_every": 0, "checkpoint_every": 1}, f)
+    done("train", at("config.json"), "--data", at("set"), "--output", at("run"))
+    write_scene(at("scene.ply"), [((0.1 * i - 0.3, 0, 0), (i / 6, 1, 0), 0.08, 0.8) for i in range(7)])
+    done("refine", at("set", "object"), "--start", at("scene.ply"), "--steps", 3, "--size", 16, "--checkpoint", at("state"), "--output", at("refined.ply"))
+    os.remove(at("refined.ply"))
+
+
+def content_of(folder):
+    """-> what lies there, by name: for a file its size and time."""
+    out = {}
+    for root, folders, files in os.walk(folder):
+        for name in folders + files:
+            path = os.path.join(root, name)
+            what = os.lstat(path)
+            out[os.path.relpath(path, folder)] = (what.st_mode, what.st_size if not os.path.isdir(path) else 0, what.st_mtime_ns if not os.path.isdir(path) else 0)
+    return out
+
+
+def processes_of(pid):
+    """A process and what it has started."""
+    found = [pid]
+    for process in found:
+        try:
+            for task in os.listdir(f"/proc/{process}/task"):
+                with open(f"/proc/{process}/task/{task}/children") as f:
+                    found += [int(child) for child in f.read().split()]
+        except OSError:
+            pass
+    return found
+
+
+def use_of(pid):
+    """-> seconds of processor, bytes resident, of a process and all that it has started."""
+    ticks, pages = 0, 0
+    for process in processes_of(pid):
+        try:
+            with open(f"/proc/{process}/stat") as f:
+                fields = f.read().rpartition(")")[2].split()
+            ticks += int(fields[11]) + int(fields[12]) + (int(fields[13]) + int(fields[14]) if process == pid else 0)
+            pages += int(fields[21])
+        except (OSError, IndexError):
+            pass
+    return ticks / os.sysconf("SC_CLK_TCK"), pages * resource.getpagesize()
+
+
+def unusable(path):
+    """What is wrong with a scene that was written: values that are no numbers."""
+    with open(path, "rb") as f:
+        head, _, body = f.read().partition(b"end_header\n")
+    values = struct.unpack(f"<{len(body) // 4}f", body[:len(body) // 4 * 4])
+    bad = sum(not math.isfinite(v) for v in values)
+    return [f"writes {bad} values that are no numbers"] if bad or b"binary_little_endian" not in head else []
+
+
+class Ran:
+    """A command that has run: status (below 0: a signal), what it printed, what it took, and why it was ended, if it was."""
+    def __init__(self, command, env=None):
+        self.ended, self.bytes, begun = "", 0, time.monotonic()
+        with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True, env={**os.environ, **(env or {})})
+            pause = 0.005
+            while True:
+                pid, status, use = os.wait4(process.pid, os.WNOHANG)
+                if pid:
+                    break
+                seconds, resident = use_of(process.pid)
+                self.bytes = max(self.bytes, resident)
+                waited = time.monotonic() - begun
+                if not self.ended and (seconds > SECONDS or resident > BYTES or waited > PATIENCE):
+                    self.ended = f"{seconds:.1f} s of processor, {waited:.1f} s waited for, {resident / 2**30:.2f} GiB resident"
+                    os.killpg(process.pid, signal.SIGKILL)
+                time.sleep(pause)
+                pause = min(0.03, pause * 1.2)
+            process.returncode = self.status = os.waitstatus_to_exitcode(status)
+            self.seconds, self.waited = use.ru_utime + use.ru_stime, time.monotonic() - begun
+            self.bytes = max(self.bytes, use.ru_maxrss * 1024)
+            self.out, self.err = (self.text(f) for f in (out, err))
+
+    @staticmethod
+    def text(file):
+        file.seek(0)
+        return file.read(4 << 20).decode("utf-8", "backslashreplace")
+
+
+def shown(command):
+    return " ".join(word if re.fullmatch(r"[\w@%+=:,./-]+", word) else "'" + word.replace("'", "'\\''") + "'" for word in command)
+
+
+def is_named(ran, made, given, out):
+    """Whether an error says what it is about: the file, one beside it, what was to be written of it, a view of the list that was given,
+    an object of the set that was given; or that the memory which the test allows is not enough."""
+    folder = given if os.path.isdir(given) else os.path.dirname(given)
+    words = [given, folder + "/", made["names"], out + "/", "--max-memory"]
+    words += {"model": ["vsplat: step "], "views": ["view 0 (", "object " + os.path.basename(given)], "hdf5": ["object object"]}.get(made["role"], [])
+    return any(word in text for word in words for text in (ran.err, ran.out))
+
+
+def violations(ran, made, given, out_folder, left):
+    """What of the rule does not hold. left: files in the output's folder that were not there before, or changed."""
+    out = []
+    if ran.ended:
+        return ["was ended: " + ran.ended]
+    if ran.status not in (0, 1, 2):
+        out.append(f"exit status {ran.status}" + (f" ({signal.Signals(-ran.status).name})" if ran.status < 0 else ""))
+    if ran.seconds > SECONDS:
+        out.append(f"{ran.seconds:.1f} s of processor")
+    if ran.bytes > BYTES:
+        out.append(f"{ran.bytes / 2**30:.2f} GiB")
+    if ran.status != 0 and not is_named(ran, made, given, out_folder):
+        out.append(f"does not name {made['names']}")
+    if ran.status != 0 and not ran.err.strip():
+        out.append("nothing on stderr")
+    for what, text in (("stdout", ran.out), ("stderr", ran.err)):
+        raw = sorted({f"{ord(c):#04x}" for c in text if ord(c) < 32 and c not in "\n\t" or 0x7f <= ord(c) < 0xa0})
+        if raw:
+            out.append(f"{what} holds {', '.join(raw)}")
+        if any(len(line) > 20_000 for line in text.split("\n")):
+            out.append(f"{what} has a line of {max(map(len, text.split(chr(10))))} characters")
+    for word in ("terminate called", "Sanitizer", "runtime error:", "std::bad_alloc", "Assertion"):
+        if word in ran.err:
+            out.append(f"stderr says {word}")
+    # A training goes on from its last checkpoint, whatever ended it.
+    if ran.status != 0 and left and not any("checkpoint-" in name for name in left):
+        out.append("leaves " + ", ".join(sorted(left)[:4]))
+    return out
+
+
+def check(made, command, folder, sound, env=None, prefix=(), look=None):
+    """Runs one of an entry's commands in an empty folder. -> violations, as lines that begin with the command; what ran
+    look(given, out): more violations, asked for when the command has ended."""
+    path = os.path.join(folder, made["path"])
+    out = tempfile.mkdtemp(prefix="vsplat-hostile-")
+    try:
+        if made["role"] in ("run", "state"):
+            shutil.copytree(path, os.path.join(out, "given"))
+        name, arguments = next(c for c in commands(made["role"], path, sound, out) if c[0] == command)
+        line = [VSPLAT, *arguments]
+        before = content_of(out)
+        ran = Ran([*prefix, *line], env)
+        left = {name for name, what in content_of(out).items() if before.get(name) != what}
+        given = os.path.join(out, "given") if made["role"] in ("run", "state") else path
+        found = violations(ran, made, given, out, left) + (look(path, out) if look else [])
+        if os.path.exists(os.path.join(out, "s.ply")):
+            found += unusable(os.path.join(out, "s.ply"))
+        return [f"{made['kind']}, {name}: {what}\n    {shown(line)}\n    {ran.err.strip()[-300:]!r}" for what in found], ran
+    finally:
+        shutil.rmtree(out, True)

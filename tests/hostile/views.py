@@ -1,0 +1,140 @@
+"""Lists of cameras, and what they name: names with escapes, files outside, devices and pipes."""
+import json
+import os
+import shutil
+import struct
+
+from texts import nested
+
+
+class Copy:
+    """A sound object's folder, to be spoilt."""
+    def __init__(self, maker, kind, role="views", names="transforms.json"):
+        self.maker, self.folder = maker, os.path.join(maker.out, *kind.split("/"))
+        shutil.copytree(os.path.join(maker.sound, "set", "object"), self.folder)
+        with open(self.path("transforms.json")) as f:
+            self.data = json.load(f)
+        maker.add(kind, role, self.folder, names)
+
+    def path(self, *parts):
+        return os.path.join(self.folder, *parts)
+
+    def first(self, **fields):
+        self.data["frames"][0].update(fields)
+        return self.save()
+
+    def save(self, text=None):
+        with open(self.path("transforms.json"), "w", encoding="utf-8", errors="surrogateescape") as f:
+            f.write(json.dumps(self.data) if text is None else text)
+        return self
+
+
+def lists(maker):
+    choose = maker.random.choice
+    Copy(maker, "views/nested").save(nested(maker))
+    Copy(maker, "views/nested_frames").save('{"frames": ' + nested(maker) + "}")
+    Copy(maker, "views/nested_pose").save('{"frames": [{"file_path": "a.png", "transform_matrix": ' + nested(maker) + "}]}")
+    copy = Copy(maker, "views/twice")
+    copy.save('{"fl_x": 1, ' + json.dumps(copy.data)[1:])
+    for kind, value in (("nan_pose", float("nan")), ("infinite_pose", float("inf")), ("huge_pose", 1e308)):
+        copy = Copy(maker, f"views/{kind}")
+        copy.data["frames"][0]["transform_matrix"][maker.random.randrange(3)][maker.random.randrange(4)] = value
+        copy.save()
+    for kind, fields in (("huge_size", {"w": choose((2**31, 2**62, 1e300)), "h": 1 << 30}), ("zero_size", {"w": 0}), ("text_size", {"w": maker.escape()}),
+                         ("huge_focal", {"fl_x": 1e308}), ("nan_focal", {"fl_x": float("nan")}), ("huge_lens", {"k1": 1e300, "k2": -1e300}),
+                         ("no_lens", {"k1": -maker.random.uniform(5, 50), "k2": 0.1}), ("huge_cube", {"aabb_half": 1e300}), ("nan_cube", {"aabb_center": [float("nan"), 0, 0]}),
+                         ("no_frames", {"frames": []}), ("kinds", {"frames": {"a": 1}}), ("model", {"camera_model": maker.escape()})):
+        copy = Copy(maker, f"views/{kind}")
+        copy.data.update(fields)
+        copy.save()
+    copy = Copy(maker, "views/many")
+    copy.data["frames"] = copy.data["frames"][:1] * maker.random.randint(3000, 6000)
+    copy.save()
+    Copy(maker, "views/long_name").first(file_path="images/" + "a" * maker.random.randint(5000, 3_000_000))
+    copy = Copy(maker, "views/no_utf8")
+    copy.save(json.dumps(copy.data).replace("images/0000.png", "images/\udcff\udcfe.png"))
+
+
+def names(maker):
+    """A picture that is there, under a name that acts on a terminal."""
+    copy = Copy(maker, "names/escape")
+    name = maker.escape().replace("\n", "\x1b") + "a.png"
+    os.rename(copy.path("images", "0000.png"), copy.path("images", name))
+    copy.first(file_path="images/" + name)
+    copy = Copy(maker, "names/escape_missing")
+    copy.first(file_path="images/" + maker.escape() + ".png")
+    copy = Copy(maker, "names/newline")
+    os.rename(copy.path("images", "0000.png"), copy.path("images", "a\nvsplat: done.png"))
+    copy.first(file_path="images/a\nvsplat: done.png")
+    copy = Copy(maker, "names/escape_mask")
+    copy.first(mask_path=maker.escape() + "mask.png")
+
+
+def outside(maker):
+    up = "../../bait/bait.png"
+    for kind, name in {**maker.outside(), "bait": up}.items():
+        Copy(maker, f"outside/picture_{kind}").first(file_path=name)
+        Copy(maker, f"outside/mask_{kind}").first(mask_path=name)
+    for what in ("picture", "mask"):
+        for kind, target in (("link_bait", "../../../bait/bait.png"), ("link_zero", "/dev/zero"), ("link_passwd", "/etc/passwd"), ("link_loop", "x.png")):
+            copy = Copy(maker, f"outside/{what}_{kind}")
+            os.symlink(target, copy.path("images", "x.png"))
+            copy.first(**{"file_path" if what == "picture" else "mask_path": "images/x.png"})
+        copy = Copy(maker, f"outside/{what}_pipe")
+        os.mkfifo(copy.path("images", "pipe.png"))
+        copy.first(**{"file_path" if what == "picture" else "mask_path": "images/pipe.png"})
+        copy = Copy(maker, f"outside/{what}_folder")
+        os.makedirs(copy.path("images", "folder.png"))
+        copy.first(**{"file_path" if what == "picture" else "mask_path": "images/folder.png"})
+    # The pictures that a scene is compared with.
+    for kind, target in (("pipe", None), ("zero", "/dev/zero"), ("passwd", "/etc/passwd"), ("bait", "../../../bait/bait.png"), ("loop", "0000.png")):
+        copy = Copy(maker, f"compare/{kind}", "compare", "0000.png")
+        os.remove(copy.path("images", "0000.png"))
+        os.symlink(target, copy.path("images", "0000.png")) if target else os.mkfifo(copy.path("images", "0000.png"))
+    # A folder of textures.
+    for kind, content in (("empty", None), ("damaged", b"\x89PNG\r\n\x1a\n" + b"\0" * 50), ("pipe", "pipe"), ("zero", "/dev/zero")):
+        folder = maker.folder(f"textures/{kind}")
+        if content == "pipe":
+            os.mkfifo(os.path.join(folder, "a.png"))
+        elif isinstance(content, str):
+            os.symlink(content, os.path.join(folder, "a.png"))
+        elif content:
+            maker.write(os.path.join(folder, "a.png"), content)
+        maker.add(f"textures/{kind}", "textures", folder, kind)
+
+
+def colmap(maker):
+    """Binary models: cameras.bin and images.bin."""
+    def put(kind, cameras, images, text=False):
+        folder, ending = maker.folder(f"colmap/{kind}"), ".txt" if text else ".bin"
+        maker.write(os.path.join(folder, "cameras" + ending), cameras)
+        maker.write(os.path.join(folder, "images" + ending), images)
+        os.makedirs(os.path.join(folder, "images"))
+        shutil.copy(maker.sound_picture(), os.path.join(folder, "images", "0.png"))
+        maker.add(f"colmap/{kind}", "views", folder, kind)
+    huge = maker.random.choice((2**63, 2**64 - 1, 2**40, 2**32))
+    camera = struct.pack("<QIiQQ3d", 1, 1, 0, 16, 16, 20.0, 8.0, 8.0)
+    def image(name, points=0, count=1):
+        return struct.pack("<QI7dI", count, 1, 1, 0, 0, 0, 0, 0, 2, 1) + name + b"\0" + struct.pack("<Q", points)
+    escape = maker.escape().encode("utf-8")
+    put("huge_cameras", struct.pack("<Q", huge) + camera[8:], image(b"0.png"))
+    put("huge_images", camera, image(b"0.png", count=huge))
+    put("huge_points", camera, image(b"0.png", points=huge))
+    put("huge_picture", struct.pack("<QIiQQ3d", 1, 1, 0, huge % 2**64, 16, 20.0, 8.0, 8.0), image(b"0.png"))
+    put("unknown_model", struct.pack("<QIiQQ3d", 1, 1, maker.random.choice((-1, 99, 2**31 - 1)), 16, 16, 20.0, 8.0, 8.0), image(b"0.png"))
+    put("escape", camera, image(escape + b".png"))
+    put("no_utf8", camera, image(b"\xff\xfe\x80.png"))
+    put("outside", camera, image(b"../../bait/bait.png"))
+    put("outside_absolute", camera, image(b"/etc/passwd"))
+    put("no_end", camera, image(b"0" * maker.random.randint(1_000_000, 4_000_000))[:-9])
+    put("cut", camera[:maker.random.randint(1, 40)], image(b"0.png"))
+    put("nan", camera, image(b"0.png").replace(struct.pack("<d", 2), struct.pack("<d", float("nan"))))
+    put("text_escape", f"1 PINHOLE{maker.escape()} 16 16 20 20 8 8\n".encode(), b"1 1 0 0 0 0 0 2 1 0.png\n\n", True)
+    put("text_long", b"1 PINHOLE 16 16 " + b"9" * maker.random.randint(1_000_000, 4_000_000), b"1 1 0 0 0 0 0 2 1 0.png\n\n", True)
+
+
+def make(maker):
+    lists(maker)
+    names(maker)
+    outside(maker)
+    colmap(maker)
