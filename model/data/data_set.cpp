@@ -73,12 +73,6 @@ std::vector<DataObject> objects_of(const std::string& path) {
   return std::move(found.objects);
 }
 
-// A group of a file is called as many others are.
-std::string told(const DataObject& object) {
-  return object.layout == DataLayout::hdf5 ? fmt::format("object {} of {}", object.name, object.path.string())
-                                           : "object " + object.name;
-}
-
 using Bad = std::function<void(int view, const std::string& name, const Error& error)>;
 
 // What is wrong with a view beyond its pose; intrinsics are filled in.
@@ -128,6 +122,11 @@ const char* name_of(DataLayout layout) {
 
 bool is_about_data(const Error& error) {
   return error.status() == Status::file || error.status() == Status::format || error.status() == Status::input;
+}
+
+std::string told(const DataObject& object) {
+  return object.layout == DataLayout::hdf5 ? fmt::format("object {} of {}", object.name, object.path.string())
+                                           : "object " + object.name;
 }
 
 DataSet open_data_set(const std::vector<std::string>& paths) {

@@ -23,6 +23,9 @@ struct DataObject {
   std::filesystem::path given = {};  // the folder in which it was found, as named
 };
 
+// How errors call it: "object cup"; of a group, which is called as many others are, with its file.
+std::string told(const DataObject& object);
+
 struct DataSet {
   std::vector<DataObject> objects;  // in the order of the paths given, in each by name; no two names are equal
 };

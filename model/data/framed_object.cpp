@@ -20,7 +20,7 @@ std::uint8_t byte_of(float value) {
 }  // namespace
 
 FramedObject frame_object(const DataObject& object, const FrameRequest& request, std::vector<std::string>* skipped) {
-  FramedObject out{object.name, open_object(object, skipped, request.missing), {}};
+  FramedObject out{object.name, open_object(object, skipped, request.missing), {}, told(object)};
   try {
     std::vector<int> all(static_cast<std::size_t>(out.views()));
     std::iota(all.begin(), all.end(), 0);
@@ -32,14 +32,14 @@ FramedObject frame_object(const DataObject& object, const FrameRequest& request,
     for (const ListedView& view : out.photographs.set.views) cameras.push_back(view.camera);
     check_centre_is_seen(cameras, out.photographs.set.convention, out.placement);
   } catch (const Error& e) {
-    fail(e.status(), "object {}: {}", object.name, e.what());
+    fail(e.status(), "{}: {}", out.told, e.what());
   }
   return out;
 }
 
 StoredView store_view(const FramedObject& object, int view, const FrameRequest& request) {
   const auto complain = [&](Status status, const std::string& what) {
-    fail(status, "object {}: view {} ({}): {}", object.name, view,
+    fail(status, "{}: view {} ({}): {}", object.told, view,
          printable(object.photographs.set.views.at(static_cast<std::size_t>(view)).name), what);
   };
   FramedView framed;

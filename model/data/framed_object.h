@@ -19,6 +19,7 @@ struct FramedObject {
   std::string name;
   Photographs photographs;  // as open_object() gives them
   Placement placement;
+  std::string told = {};  // how errors call it
 
   int views() const { return static_cast<int>(photographs.set.views.size()); }
 };

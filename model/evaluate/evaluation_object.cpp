@@ -81,7 +81,7 @@ EvaluationObject evaluation_object(const DataObject& object, const Config& confi
   std::iota(good.begin(), good.end(), 0);
   EvaluationObject out;
   while (true) {
-    if (good.empty()) fail(Status::input, "object {}: no view of it is left", object.name);
+    if (good.empty()) fail(Status::input, "{}: no view of it is left", told(object));
     const Chosen chosen = choose(framed, good, config.views, request);
     out = {};
     out.name = object.name;
@@ -99,7 +99,7 @@ EvaluationObject evaluation_object(const DataObject& object, const Config& confi
   try {
     check_cube_is_in_front(std::span(out.cameras).first(out.inputs), framed.placement);
   } catch (const Error& e) {
-    fail(e.status(), "object {}: {}", object.name, e.what());
+    fail(e.status(), "{}: {}", told(object), e.what());
   }
   out.framed = framed;
   return out;

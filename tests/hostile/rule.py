@@ -173,10 +173,10 @@ def shown(command):
 
 def is_named(ran, made, given, out):
     """Whether an error says what it is about: the file, one beside it, what was to be written of it, a view of the list that was given,
-    an object of the set that was given; or that the memory which the test allows is not enough."""
+    an object of the folder that was given; or that the memory which the test allows is not enough."""
     folder = given if os.path.isdir(given) else os.path.dirname(given)
     words = [given, folder + "/", made["names"], out + "/", "--max-memory"]
-    words += {"model": ["vsplat: step "], "views": ["view 0 (", "object " + os.path.basename(given)], "hdf5": ["object object"]}.get(made["role"], [])
+    words += {"model": ["vsplat: step "], "views": ["view 0 (", "object " + os.path.basename(given)]}.get(made["role"], [])
     return any(word in text for word in words for text in (ran.err, ran.out))
 
 
