@@ -148,7 +148,7 @@ void add_shared(CLI::App& sub, Options& o, bool reads) {
 void add_render_action(CLI::App& parent, Run& run) {
   auto o = std::make_shared<Options>();
   CLI::App* sub = parent.add_subcommand("render", "Draw meshes from all around, a folder each");
-  sub->add_option("meshes", o->meshes, "OBJ, PLY, GLB or glTF files")->required()->type_name("MESH...");
+  sub->add_option("meshes", o->meshes, "OBJ, PLY, STL, GLB or glTF files")->required()->type_name("MESH...");
   sub->add_option("--texture", o->texture, "A picture that covers every mesh instead of its own textures and colours")
       ->type_name("PICTURE");
   add_shared(*sub, *o, true);

@@ -1,21 +1,18 @@
 #include "model/data/mesh_file.h"
 
-#include <assimp/DefaultIOSystem.h>
-#include <assimp/GltfMaterial.h>
-#include <assimp/postprocess.h>
-#include <assimp/scene.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <assimp/Importer.hpp>
+#include <cmath>
 #include <filesystem>
 #include <map>
 
 #include "model/base/image.h"
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
+#include "model/read/mesh_messages.h"
+#include "model/read/reader.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
 #include "runtime/printable.h"
 #include "runtime/roots.h"
 
@@ -24,46 +21,16 @@ namespace {
 
 namespace fs = std::filesystem;
 using Eigen::Vector3f;
+using read::AlphaMode;
+using read::Kind;
+using read::MeshCorner;
+using read::MeshMaterial;
+using read::MeshPart;
+using read::Message;
+using read::Unpacker;
 
-// What assimp asks for beside the mesh: it only warns where an OBJ names a material file that is not there.
-struct OtherFiles {
-  std::string missing, refused;  // the first of each; an error's text
-};
-
-class WatchedFiles : public Assimp::DefaultIOSystem {
- public:
-  WatchedFiles(const std::string& mesh, Roots& roots, OtherFiles& others)
-      : mesh_(mesh), roots_(roots), others_(others) {}
-  // assimp's own opens it to see, and waits where it is a pipe.
-  bool Exists(const char* path) const override {
-    std::error_code ignored;
-    return fs::exists(path, ignored);
-  }
-  Assimp::IOStream* Open(const char* path, const char* mode) override {
-    if (!may_be_read(path)) return nullptr;
-    Assimp::IOStream* stream = DefaultIOSystem::Open(path, mode);
-    if (!stream && others_.missing.empty()) others_.missing = path;
-    return stream;
-  }
-
- private:
-  bool may_be_read(const std::string& path) {
-    std::error_code ignored;
-    if (fs::equivalent(path, mesh_, ignored) || !fs::exists(path, ignored)) return true;
-    try {
-      roots_.need(path, "its file");
-      open_regular(path);
-      return true;
-    } catch (const Error& e) {
-      if (others_.refused.empty()) others_.refused = mesh_ + ": " + e.what();
-      return false;
-    }
-  }
-
-  const std::string& mesh_;
-  Roots& roots_;
-  OtherFiles& others_;
-};
+// Of what is drawn many times over, a small file can have any number.
+constexpr std::uint64_t free_triangles = std::uint64_t{4} << 20;
 
 std::string extension_of(const std::string& path) {
   std::string out = fs::path(path).extension().string();
@@ -72,28 +39,25 @@ std::string extension_of(const std::string& path) {
   return out;
 }
 
-// Before anything of assimp's follows the indices.
-void check_faces(const aiScene& scene, const std::string& path) {
-  bool any = false;
-  for (unsigned i = 0; i < scene.mNumMeshes; ++i) {
-    const aiMesh& part = *scene.mMeshes[i];
-    for (unsigned f = 0; f < part.mNumFaces; ++f) {
-      const aiFace& face = part.mFaces[f];
-      any = any || face.mNumIndices >= 3;
-      for (unsigned k = 0; k < face.mNumIndices; ++k)
-        if (face.mIndices[k] >= part.mNumVertices)
-          fail(Status::format, "{}: face {} of part \"{}\" uses vertex {}, there are {}", path, f,
-               printable(part.mName.C_Str()), face.mIndices[k], part.mNumVertices);
-    }
-  }
-  if (!any) fail(Status::input, "{}: has no faces; a mesh of triangles is expected", path);
+// Whether it is glTF, whose colours are in linear light; others' are sRGB-encoded.
+bool is_gltf(const std::string& path) {
+  const std::string extension = extension_of(path);
+  if (extension == ".glb" || extension == ".gltf") return true;
+  if (extension == ".obj" || extension == ".ply" || extension == ".stl") return false;
+  fail(Status::input, "{}: meshes are read from .obj, .ply, .stl, .gltf and .glb, not from {}", path,
+       extension.empty() ? "a file without an ending" : printable(extension));
 }
 
-class Reader {
+const std::string& regular(const std::string& path) {
+  std::error_code problem;
+  if (!fs::is_regular_file(path, problem)) fail(Status::file, "{}: there is no such file; a mesh is expected", path);
+  return path;
+}
+
+class MeshReader {
  public:
-  Reader(const std::string& path, const std::string& texture) : path_(path) {
-    const std::string extension = extension_of(path);
-    gltf_ = extension == ".glb" || extension == ".gltf";
+  MeshReader(const std::string& path, const std::string& texture)
+      : path_(regular(path)), gltf_(is_gltf(path)), reader_(path, Kind::mesh, "its file") {
     const fs::path folder = fs::path(path).parent_path();
     roots_.add(folder.empty() ? "." : folder);
     if (!texture.empty()) everywhere_ = texture_of(read_image(texture));
@@ -101,47 +65,49 @@ class Reader {
   Mesh read();
 
  private:
-  const aiScene& scene() const { return *importer_.GetScene(); }
-  Vector3f linear(const aiColor4D& c) const;
-  std::shared_ptr<const Texture> texture(const aiString& name);
-  std::shared_ptr<const Texture> embedded(const aiTexture& from, const std::string& where) const;
-  static void read_holes(const aiMaterial& from, float alpha, Material& out);
-  Material material(const aiMaterial& from);
-  void append(const aiMesh& part, Mesh& out) const;
+  void take(const Message& message);
+  void take_texture(Unpacker& in);
+  void take_materials(Unpacker& in);
+  void take_part(Unpacker& in);
+  void take_corners(Unpacker& in);
+
+  Vector3f linear(const float* colour) const;
+  std::shared_ptr<const Texture> texture(const std::string& name);
+  void read_holes(const MeshMaterial& from, Material& out) const;
+  Material material(const MeshMaterial& from);
+  Corner corner(const MeshCorner& from) const;
+  std::uint64_t most_bytes() const { return reader_.given() + (std::uint64_t{4} << 20); }  // of a message
 
   const std::string& path_;
-  bool gltf_ = false;  // whose colours are in linear light; others' are sRGB-encoded
-  Roots roots_;        // of what it names
+  const bool gltf_;
+  Roots roots_;  // of the textures
   std::shared_ptr<const Texture> everywhere_;
-  Assimp::Importer importer_;
+  Reader reader_;
   std::map<std::string, std::shared_ptr<const Texture>> textures_;
+  Mesh mesh_;
+  std::uint32_t part_material_ = 0;
+  bool in_part_ = false, done_ = false;
 };
 
-Vector3f Reader::linear(const aiColor4D& c) const {
-  const Vector3f out = Vector3f(c.r, c.g, c.b).cwiseMax(0.0f).cwiseMin(1.0f);
+Vector3f MeshReader::linear(const float* colour) const {
+  const Vector3f out = Vector3f(colour[0], colour[1], colour[2]).cwiseMax(0.0f).cwiseMin(1.0f);
   return gltf_ ? out : Vector3f(out.unaryExpr(&srgb_decode));
 }
 
-std::shared_ptr<const Texture> Reader::embedded(const aiTexture& from, const std::string& where) const {
-  const auto* bytes = reinterpret_cast<const unsigned char*>(from.pcData);
-  if (from.mHeight == 0) return texture_of(decode_image({where, bytes, from.mWidth}));
-  auto out = std::make_shared<Texture>();
-  out->width = static_cast<int>(from.mWidth);
-  out->height = static_cast<int>(from.mHeight);
-  const std::size_t texels = static_cast<std::size_t>(from.mWidth) * from.mHeight;
-  for (std::size_t i = 0; i < texels; ++i) {
-    out->rgb.insert(out->rgb.end(), {from.pcData[i].r, from.pcData[i].g, from.pcData[i].b});
-    out->alpha.push_back(from.pcData[i].a);
-  }
-  return out;
+// A picture inside the file: it comes before the material that it belongs to.
+void MeshReader::take_texture(Unpacker& in) {
+  const std::string name = in.text();
+  const std::string_view bytes = in.rest();
+  if (everywhere_) return;
+  const std::string where = fmt::format("{} (its texture {})", path_, printable(name));
+  textures_[name] =
+      texture_of(decode_image({where, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()}));
 }
 
-std::shared_ptr<const Texture> Reader::texture(const aiString& name) {
-  std::shared_ptr<const Texture>& known = textures_[name.C_Str()];
+std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
+  std::shared_ptr<const Texture>& known = textures_[name];
   if (known) return known;
-  if (const aiTexture* inside = scene().GetEmbeddedTexture(name.C_Str()))
-    return known = embedded(*inside, fmt::format("{} (its texture {})", path_, printable(name.C_Str())));
-  std::string file = name.C_Str();
+  std::string file = name;
   std::replace(file.begin(), file.end(), '\\', '/');
   const fs::path full = fs::path(path_).parent_path() / file;
   std::error_code ignored;
@@ -153,98 +119,124 @@ std::shared_ptr<const Texture> Reader::texture(const aiString& name) {
 }
 
 // glTF: alpha counts where the material says so. What is blended there is a surface here where it is at least half.
-void Reader::read_holes(const aiMaterial& from, float alpha, Material& out) {
-  aiString mode;
-  if (from.Get(AI_MATKEY_GLTF_ALPHAMODE, mode) != aiReturn_SUCCESS) return;
-  const std::string is = mode.C_Str();
-  if (is != "MASK" && is != "BLEND") return;
-  out.alpha = alpha;
-  out.cutoff = 0.5f;
-  if (is == "MASK") from.Get(AI_MATKEY_GLTF_ALPHACUTOFF, out.cutoff);
+void MeshReader::read_holes(const MeshMaterial& from, Material& out) const {
+  if (from.alpha == AlphaMode::none) return;
+  out.alpha = from.has_factor ? from.factor[3] : 1.0f;
+  out.cutoff = from.alpha == AlphaMode::mask ? from.cutoff : 0.5f;
 }
 
-Material Reader::material(const aiMaterial& from) {
+Material MeshReader::material(const MeshMaterial& from) {
   Material out;
   if (everywhere_) {
     out.texture = everywhere_;
     return out;
   }
-  aiString name;
-  for (const aiTextureType type : {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE})
-    if (!out.texture && from.GetTexture(type, 0, &name) == aiReturn_SUCCESS) out.texture = texture(name);
+  if (from.has_texture) out.texture = texture(from.texture);
   // Kd beside map_Kd is whatever the exporter left there; glTF says what its factor means.
-  aiColor4D colour;
-  const bool factor = from.Get(AI_MATKEY_BASE_COLOR, colour) == aiReturn_SUCCESS;
   if (gltf_) {
-    read_holes(from, factor ? colour.a : 1.0f, out);
+    read_holes(from, out);
   } else if (out.texture && !out.texture->alpha.empty()) {
     out.cutoff = 0.5f;
   }
-  if ((gltf_ && factor) || (!out.texture && from.Get(AI_MATKEY_COLOR_DIFFUSE, colour) == aiReturn_SUCCESS))
-    out.colour = linear(colour);
+  if (gltf_ && from.has_factor)
+    out.colour = linear(from.factor.data());
+  else if (!out.texture && from.has_diffuse)
+    out.colour = linear(from.diffuse.data());
   return out;
 }
 
-void Reader::append(const aiMesh& part, Mesh& out) const {
-  const Material& material = out.palette[part.mMaterialIndex];
-  const std::string name = printable(part.mName.C_Str());
-  if (material.texture && !part.HasTextureCoords(0))
-    fail(Status::input, "{}: part \"{}\" is to be textured and has no texture coordinates", path_, name);
-  for (unsigned f = 0; f < part.mNumFaces; ++f) {
-    const aiFace& face = part.mFaces[f];
-    if (face.mNumIndices != 3) continue;  // points and lines
-    for (unsigned k = 0; k < 3; ++k) {
-      const unsigned i = face.mIndices[k];
-      Corner c;
-      c.position = Vector3f(part.mVertices[i].x, part.mVertices[i].y, part.mVertices[i].z);
-      if (part.HasNormals()) {
-        const Vector3f normal(part.mNormals[i].x, part.mNormals[i].y, part.mNormals[i].z);
-        const float length = normal.norm();
-        if (length > 1e-6f && std::isfinite(length)) c.normal = normal / length;  // else it is computed
-      }
-      if (part.HasVertexColors(0) && !everywhere_) c.colour = linear(part.mColors[0][i]);
-      if (part.HasTextureCoords(0)) c.uv = {part.mTextureCoords[0][i].x, part.mTextureCoords[0][i].y};
-      if (!c.position.allFinite() || !c.uv.allFinite() || !c.colour.allFinite())
-        fail(Status::input,
-             "{}: vertex {} of part \"{}\" is at {}, {}, {} with texture coordinates {}, {}; all finite is expected",
-             path_, i, name, c.position.x(), c.position.y(), c.position.z(), c.uv.x(), c.uv.y());
-      out.corners.push_back(c);
-    }
-    out.materials.push_back(part.mMaterialIndex);
-  }
-}
-
-Mesh Reader::read() {
-  std::error_code problem;
-  if (!fs::is_regular_file(path_, problem)) fail(Status::file, "{}: there is no such file; a mesh is expected", path_);
-  OtherFiles others;
-  importer_.SetIOHandler(new WatchedFiles(path_, roots_, others));  // the importer deletes it
-  // Bones, cameras and the like would only be moved about.
-  importer_.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
-                                                           aiComponent_LIGHTS | aiComponent_CAMERAS |
-                                                           aiComponent_TANGENTS_AND_BITANGENTS);
-  const auto refuse_unread = [&](const aiScene* scene) {
-    if (!others.refused.empty()) fail(Status::file, "{}", others.refused);
-    if (!scene) fail(Status::format, "{}: cannot be read as a mesh: {}", path_, printable(importer_.GetErrorString()));
-  };
-  refuse_unread(importer_.ReadFile(path_, 0));
-  check_faces(scene(), path_);
-  refuse_unread(importer_.ApplyPostProcessing(aiProcess_RemoveComponent | aiProcess_Triangulate |
-                                              aiProcess_PreTransformVertices));
-  if (!others.missing.empty() && !everywhere_ && extension_of(others.missing) == ".mtl")
+void MeshReader::take_materials(Unpacker& in) {
+  const std::string& lost = reader_.missing();
+  if (!lost.empty() && !everywhere_ && extension_of(lost) == ".mtl")
     fail(Status::input, "{}: its material file {} is missing; put it there, or give a texture to vsplat_mesh_load",
-         path_, printable(others.missing));
-  Mesh out;
-  out.name = path_;
-  for (unsigned i = 0; i < scene().mNumMaterials; ++i) out.palette.push_back(material(*scene().mMaterials[i]));
-  for (unsigned i = 0; i < scene().mNumMeshes; ++i) append(*scene().mMeshes[i], out);
-  if (out.triangles() == 0) fail(Status::input, "{}: has no faces; a mesh of triangles is expected", path_);
-  compute_normals(out);
-  return out;
+         path_, printable(lost));
+  if (!mesh_.palette.empty()) throw read::BadMessage("materials twice");
+  for (auto left = in.get<std::uint32_t>(); left > 0; --left)
+    mesh_.palette.push_back(material(read::unpack_material(in)));
+}
+
+void MeshReader::take_part(Unpacker& in) {
+  const MeshPart part = read::unpack_part(in);
+  if (part.material >= mesh_.palette.size()) throw read::BadMessage("a part of a material that is not there");
+  if (mesh_.palette[part.material].texture && !part.has_uv)
+    fail(Status::input, "{}: part \"{}\" is to be textured and has no texture coordinates", path_,
+         printable(part.name));
+  part_material_ = part.material;
+  in_part_ = true;
+}
+
+Corner MeshReader::corner(const MeshCorner& from) const {
+  Corner c;
+  c.position = Vector3f(from.position[0], from.position[1], from.position[2]);
+  c.normal = Vector3f(from.normal[0], from.normal[1], from.normal[2]);
+  if (!everywhere_) c.colour = linear(from.colour.data());
+  c.uv = {from.uv[0], from.uv[1]};
+  if (!c.position.allFinite() || !c.normal.allFinite() || !c.colour.allFinite() || !c.uv.allFinite())
+    throw read::BadMessage("a corner that is not finite");
+  return c;
+}
+
+void MeshReader::take_corners(Unpacker& in) {
+  if (!in_part_ || in.left() % (3 * sizeof(MeshCorner)) != 0) throw read::BadMessage("triangles out of place");
+  const std::size_t triangles = in.left() / (3 * sizeof(MeshCorner));
+  const std::uint64_t most = free_triangles + reader_.given();
+  if (mesh_.triangles() + triangles > most)
+    reader_.give_up(Status::memory,
+                    fmt::format("has more than {} triangles, more than a file of its size should", most));
+  const std::string_view bytes = in.rest();
+  for (std::size_t i = 0; i < 3 * triangles; ++i) {
+    MeshCorner from;
+    std::memcpy(&from, bytes.data() + i * sizeof from, sizeof from);
+    mesh_.corners.push_back(corner(from));
+  }
+  mesh_.materials.insert(mesh_.materials.end(), triangles, part_material_);
+}
+
+void MeshReader::take(const Message& message) {
+  Unpacker in(message.body);
+  switch (message.kind) {
+    case Kind::texture:
+      take_texture(in);
+      break;
+    case Kind::materials:
+      take_materials(in);
+      break;
+    case Kind::part:
+      take_part(in);
+      break;
+    case Kind::corners:
+      take_corners(in);
+      break;
+    case Kind::done:
+      done_ = true;
+      break;
+    default:
+      throw read::BadMessage("another message than one of a mesh");
+  }
+  in.end();
+}
+
+Mesh MeshReader::read() {
+  mesh_.name = path_;
+  reader_.ask(Kind::mesh, read::Packer().text(path_));
+  while (!done_) {
+    const Message message = reader_.next(most_bytes());
+    if (!reader_.refused().empty()) fail(Status::file, "{}: {}", path_, reader_.refused());
+    try {
+      take(message);
+    } catch (const read::BadMessage& e) {
+      reader_.senseless(e.what());
+    } catch (const std::bad_alloc&) {
+      reader_.give_up(Status::memory, fmt::format("not enough host memory for its {} triangles", mesh_.triangles()));
+    }
+  }
+  if (mesh_.triangles() == 0) fail(Status::input, "{}: has no faces; a mesh of triangles is expected", path_);
+  compute_normals(mesh_);
+  return std::move(mesh_);
 }
 
 }  // namespace
 
-Mesh load_mesh(const std::string& path, const std::string& texture) { return Reader(path, texture).read(); }
+Mesh load_mesh(const std::string& path, const std::string& texture) { return MeshReader(path, texture).read(); }
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// Meshes in files: OBJ, PLY, GLB and glTF, and whatever else assimp reads.
+// Meshes in files: OBJ, PLY, STL, glTF and GLB.
 #pragma once
 #include <string>
 
@@ -9,9 +9,11 @@ namespace vsplat {
 // The file's mesh with all its parts in place, in the file's coordinates, textures read, normals computed where the
 // file has none. `texture`, where not empty, is a picture that covers every part instead of the file's own textures
 // and colours. Alpha is ignored: surfaces are opaque, and seen from both sides.
+// The file is read in another process (model/read/README.md).
 // Error(file) where it cannot be opened, Error(format) where it cannot be read or an index is out of range,
-// Error(input) where it has no faces, a coordinate is not finite, a material file or texture that it names is
-// missing, or a part is to be textured and has no texture coordinates.
+// Error(input) where it is of another kind, has no faces, a coordinate is not finite, a material file or texture that
+// it names is missing, or a part is to be textured and has no texture coordinates; Error(memory) where it is made to
+// take more than a file of its size should.
 Mesh load_mesh(const std::string& path, const std::string& texture = "");
 
 }  // namespace vsplat

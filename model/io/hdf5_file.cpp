@@ -1,170 +1,47 @@
 #include "model/io/hdf5_file.h"
 
 #include <fmt/format.h>
-#include <hdf5.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <ctime>
 #include <filesystem>
+#include <list>
 #include <mutex>
-#include <utility>
+#include <tuple>
 
+#include "model/read/reader.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
 #include "runtime/printable.h"
-#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {
 
-static_assert(sizeof(hid_t) == sizeof(std::int64_t));
+using read::Kind;
+using read::Message;
+using read::Packer;
+using read::Unpacker;
 
-// The library as Debian builds it may be used by one thread at a time. While this lives, that is ours, and the library
-// prints nothing of its own.
-class Library {
- public:
-  Library() : lock_(mutex()) {
-    H5PLset_loading_state(0);  // a file may name any filter, and its plug-in would be code
-    H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  }
-  ~Library() { H5Eset_auto2(H5E_DEFAULT, print_, data_); }
-  Library(const Library&) = delete;
-  Library& operator=(const Library&) = delete;
+constexpr std::size_t most_idle = 8;
 
- private:
-  static std::mutex& mutex() {
-    static std::mutex one;
-    return one;
+// Which file it is, and that it is the same as before.
+struct Identity {
+  explicit Identity(const std::string& of) : path(of) {
+    struct stat found {};
+    if (::stat(of.c_str(), &found) != 0) return;
+    device = found.st_dev, node = found.st_ino, size = found.st_size;
+    changed = found.st_mtim;
   }
-  std::lock_guard<std::mutex> lock_;
-  H5E_auto2_t print_ = nullptr;
-  void* data_ = nullptr;
+  // What has just been written may be written again without a later time.
+  bool settled() const { return changed.tv_sec > 0 && changed.tv_sec + 2 < std::time(nullptr); }
+  auto key() const { return std::tie(path, device, node, size, changed.tv_sec, changed.tv_nsec); }
+
+  std::string path;
+  dev_t device = 0;
+  ino_t node = 0;
+  off_t size = 0;
+  timespec changed{};
 };
-
-// A handle of the library's, closed at the end.
-class Handle {
- public:
-  Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
-  ~Handle() {
-    if (id_ >= 0) close_(id_);
-  }
-  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
-  Handle& operator=(Handle&&) = delete;
-  hid_t id() const { return id_; }
-  bool good() const { return id_ >= 0; }
-
- private:
-  hid_t id_;
-  herr_t (*close_)(hid_t);
-};
-
-// What the library says is wrong: the innermost of its messages.
-std::string reason() {
-  std::string text;
-  H5Ewalk2(
-      H5E_DEFAULT, H5E_WALK_UPWARD,
-      [](unsigned, const H5E_error2_t* error, void* out) -> herr_t {
-        auto& first = *static_cast<std::string*>(out);
-        if (first.empty() && error->desc) first = error->desc;
-        return 0;
-      },
-      &text);
-  return text.empty() ? "no reason given" : printable(text);
-}
-
-std::string place(const std::string& path, const std::string& in_file) { return path + ": " + printable(in_file); }
-
-std::vector<long> shape_of(const Handle& dataset, const std::string& where) {
-  const Handle space(H5Dget_space(dataset.id()), H5Sclose);
-  const int sides = space.good() ? H5Sget_simple_extent_ndims(space.id()) : -1;
-  if (sides < 0 || sides > 8) fail(Status::format, "{}: an array of at most 8 sides is expected", where);
-  hsize_t size[8] = {};
-  if (H5Sget_simple_extent_dims(space.id(), size, nullptr) < 0)
-    fail(Status::format, "{}: its shape cannot be read: {}", where, reason());
-  std::vector<long> out;
-  out.reserve(8);
-  for (int i = 0; i < sides; ++i) out.push_back(static_cast<long>(std::min<hsize_t>(size[i], hsize_t{1} << 62)));
-  return out;
-}
-
-// How to open what may lie behind an external link, which the library follows to whatever it names.
-class Access {
- public:
-  Access(hid_t kind, const std::string& path) : list_(H5Pcreate(kind), H5Pclose) {
-    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-    roots_.add(folder.empty() ? "." : folder);
-    H5Pset_elink_cb(list_.id(), check, this);
-  }
-  Access(const Access&) = delete;
-  Access& operator=(const Access&) = delete;
-  hid_t id() const { return list_.id(); }
-  // Why a link was not followed, if one was not.
-  void complain(const std::string& where) const {
-    if (!refused_.empty()) fail(Status::format, "{}: {}", where, refused_);
-  }
-
- private:
-  // -1: not to this file.
-  static herr_t check(const char* parent, const char*, const char* child, const char*, unsigned*, hid_t, void* access) {
-    auto& self = *static_cast<Access*>(access);
-    try {
-      const std::filesystem::path file = std::filesystem::path(parent).parent_path() / child;
-      self.roots_.need(file, "its external link to");
-      open_regular(file.string());
-      return 0;
-    } catch (const std::exception& e) {
-      self.refused_ = e.what();
-      return -1;
-    }
-  }
-
-  Handle list_;
-  Roots roots_;
-  std::string refused_;
-};
-
-// What is stored elsewhere by the array itself: raw files, or pieces of other files' arrays.
-void refuse_stored_elsewhere(const Handle& dataset, const std::string& where) {
-  const Handle made(H5Dget_create_plist(dataset.id()), H5Pclose);
-  if (!made.good()) fail(Status::format, "{}: how it is stored cannot be told: {}", where, reason());
-  if (H5Pget_external_count(made.id()) > 0)
-    fail(Status::format, "{}: its values are stored in other files (external storage), which are not read", where);
-  if (H5Pget_layout(made.id()) == H5D_VIRTUAL)
-    fail(Status::format, "{}: is a virtual data set, made of other files' arrays, which are not read", where);
-}
-
-Handle open_dataset(std::int64_t file, const std::string& path, const std::string& dataset, const std::string& where) {
-  const Access access(H5P_DATASET_ACCESS, path);
-  const hid_t id = H5Dopen2(file, dataset.c_str(), access.id());
-  if (id < 0) access.complain(where);
-  if (id < 0) fail(Status::format, "{}: is not there, or is no array: {}", where, reason());
-  Handle out(id, H5Dclose);
-  refuse_stored_elsewhere(out, where);
-  return out;
-}
-
-enum class Kind { bytes, numbers };
-
-// Into `out`, which has room for what `shape` says.
-void read_all(std::int64_t file, const std::string& path, const std::string& dataset, const std::vector<long>& shape,
-              Kind kind, void* out) {
-  const std::string where = place(path, dataset);
-  const Handle data = open_dataset(file, path, dataset, where);
-  const std::vector<long> found = shape_of(data, where);
-  if (found != shape)
-    fail(Status::format, "{}: its shape is {}, {} is expected", where, shape_text(found), shape_text(shape));
-  const Handle type(H5Dget_type(data.id()), H5Tclose);
-  const H5T_class_t is = type.good() ? H5Tget_class(type.id()) : H5T_NO_CLASS;
-  const bool fits = kind == Kind::bytes
-                        ? is == H5T_INTEGER && H5Tget_size(type.id()) == 1 && H5Tget_sign(type.id()) == H5T_SGN_NONE
-                        : is == H5T_INTEGER || is == H5T_FLOAT;
-  if (!fits)
-    fail(Status::format, "{}: {} are expected, it holds something else", where,
-         kind == Kind::bytes ? "unsigned integers of 8 bits" : "numbers");
-  const hid_t as = kind == Kind::bytes ? H5T_NATIVE_UINT8 : H5T_NATIVE_DOUBLE;
-  if (H5Dread(data.id(), as, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) < 0)
-    fail(Status::format, "{}: cannot be read: {}", where, reason());
-}
 
 std::size_t count_of(const std::vector<long>& shape) {
   std::size_t count = 1;
@@ -172,26 +49,66 @@ std::size_t count_of(const std::vector<long>& shape) {
   return count;
 }
 
-// Room for what the shape says.
-template <class T>
-std::vector<T> room_for(const std::string& where, const std::vector<long>& shape) try {
-  return std::vector<T>(count_of(shape));
-} catch (const std::exception&) {  // bad_alloc, length_error
-  fail(Status::memory, "{}: not enough host memory for its {} values", where, shape_text(shape));
-}
-
-// The file that an external link leads to.
-std::string external_file(hid_t group, const char* name, std::size_t size) {
-  std::vector<char> value(size);
-  const char *file = nullptr, *object = nullptr;
-  unsigned flags = 0;
-  if (H5Lget_val(group, name, value.data(), size, H5P_DEFAULT) < 0 ||
-      H5Lunpack_elink_val(value.data(), size, &flags, &file, &object) < 0)
-    return "";
-  return file;
-}
-
 }  // namespace
+
+struct Hdf5File::Session {
+  explicit Session(const Identity& of) : identity(of), reader(of.path, Kind::hdf5, "its external link to") {
+    reader.ask(Kind::hdf5, Packer().text(of.path));
+    expect(Kind::done, 0);
+  }
+  Message expect(Kind kind, std::size_t most) {
+    Message out = reader.next(most);
+    if (out.kind != kind) reader.senseless("another message than the one expected");
+    return out;
+  }
+  template <class F>
+  auto unpacked(const Message& message, F&& take) {
+    try {
+      Unpacker in(message.body);
+      auto out = take(in);
+      in.end();
+      return out;
+    } catch (const read::BadMessage& e) {
+      reader.senseless(e.what());
+    }
+  }
+  template <class T>
+  std::vector<T> values(Kind kind, const std::string& dataset, const std::vector<long>& shape);
+
+  Identity identity;
+  Reader reader;
+};
+
+// Readers of files that were closed, for when they are opened again: a training opens a file for each picture.
+class Hdf5File::Idle {
+ public:
+  // Lives as long as the process; its end is theirs.
+  static Idle& all() {
+    static Idle& one = *new Idle;
+    return one;
+  }
+  std::unique_ptr<Session> take(const Identity& of) {
+    const std::lock_guard lock(mutex_);
+    const auto at =
+        std::find_if(sessions_.begin(), sessions_.end(), [&](const auto& s) { return s->identity.key() == of.key(); });
+    if (at == sessions_.end()) return nullptr;
+    std::unique_ptr<Session> out = std::move(*at);
+    sessions_.erase(at);
+    return out;
+  }
+  void put(std::unique_ptr<Session> session) {
+    std::unique_ptr<Session> oldest;  // ended when the lock is free again
+    const std::lock_guard lock(mutex_);
+    sessions_.push_front(std::move(session));
+    if (sessions_.size() <= most_idle) return;
+    oldest = std::move(sessions_.back());
+    sessions_.pop_back();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::list<std::unique_ptr<Session>> sessions_;  // the newest first
+};
 
 std::string shape_text(const std::vector<long>& shape) {
   if (shape.empty()) return "a single value";
@@ -200,59 +117,60 @@ std::string shape_text(const std::vector<long>& shape) {
   return out;
 }
 
-Hdf5File::Hdf5File(const std::string& path) : path_(path) {
+Hdf5File::Hdf5File(const std::string& path) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) fail(Status::file, "{}: no such file", path);
-  const Library library;
-  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-#if H5_VERSION_GE(1, 10, 7)
-  H5Pset_file_locking(access.id(), false, true);  // a file that is only read needs no lock, which some disks refuse
-#endif
-  file_ = H5Fopen(path.c_str(), H5F_ACC_RDONLY, access.id());
-  if (file_ < 0) fail(Status::format, "{}: is not an HDF5 file, or damaged: {}", path, reason());
+  const Identity of(path);
+  session_ = Idle::all().take(of);
+  if (!session_) session_ = std::make_unique<Session>(of);
 }
 
 Hdf5File::~Hdf5File() {
-  const Library library;
-  H5Fclose(file_);
+  if (session_ && !session_->reader.ended() && session_->identity.settled()) Idle::all().put(std::move(session_));
 }
 
 std::vector<Hdf5File::Link> Hdf5File::links(const std::string& group) const {
-  const Library library;
-  const Access access(H5P_GROUP_ACCESS, path_);
-  const Handle opened(H5Gopen2(file_, group.c_str(), access.id()), H5Gclose);
-  if (!opened.good()) access.complain(place(path_, group));
-  if (!opened.good()) fail(Status::format, "{}: is not there, or is no group: {}", place(path_, group), reason());
-  std::vector<Link> out;
-  const auto add = [](hid_t in, const char* name, const H5L_info_t* info, void* list) -> herr_t {
-    const bool elsewhere = info->type == H5L_TYPE_EXTERNAL;
-    static_cast<std::vector<Link>*>(list)->push_back(
-        {name, elsewhere ? external_file(in, name, info->u.val_size) : std::string()});
-    return 0;
-  };
-  if (H5Literate(opened.id(), H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &out) < 0)
-    fail(Status::format, "{}: cannot be listed: {}", place(path_, group), reason());
-  return out;
+  session_->reader.ask(Kind::links, Packer().text(group));
+  const Message listed = session_->expect(Kind::listed, std::size_t{64} << 20);
+  return session_->unpacked(listed, [](Unpacker& in) {
+    std::vector<Link> out;
+    for (auto left = in.get<std::uint32_t>(); left > 0; --left) {
+      std::string name = in.text(1 << 16);
+      out.push_back({std::move(name), in.text(1 << 16)});
+    }
+    return out;
+  });
 }
 
 std::vector<long> Hdf5File::shape(const std::string& dataset) const {
-  const Library library;
-  const std::string where = place(path_, dataset);
-  return shape_of(open_dataset(file_, path_, dataset, where), where);
+  session_->reader.ask(Kind::shape, Packer().text(dataset));
+  return session_->unpacked(session_->expect(Kind::values, 1024), [](Unpacker& in) { return in.shape(); });
+}
+
+// Into room for what the shape says, which the reader has found to be right.
+template <class T>
+std::vector<T> Hdf5File::Session::values(Kind kind, const std::string& dataset, const std::vector<long>& shape) {
+  const std::size_t size = count_of(shape) * sizeof(T);
+  reader.ask(kind, Packer().text(dataset).shape(shape), size);
+  const read::Header header = reader.next_header(size);
+  if (header.kind != Kind::values || header.size != size) reader.senseless("another message than the one expected");
+  std::vector<T> out;
+  try {
+    out.resize(count_of(shape));
+  } catch (const std::exception&) {  // bad_alloc, length_error
+    reader.give_up(Status::memory,
+                   fmt::format("{}: not enough host memory for its {} values", printable(dataset), shape_text(shape)));
+  }
+  reader.body(out.data(), size);
+  return out;
 }
 
 std::vector<std::uint8_t> Hdf5File::bytes(const std::string& dataset, const std::vector<long>& shape) const {
-  const Library library;
-  std::vector<std::uint8_t> out = room_for<std::uint8_t>(place(path_, dataset), shape);
-  read_all(file_, path_, dataset, shape, Kind::bytes, out.data());
-  return out;
+  return session_->values<std::uint8_t>(Kind::bytes, dataset, shape);
 }
 
 std::vector<double> Hdf5File::numbers(const std::string& dataset, const std::vector<long>& shape) const {
-  const Library library;
-  std::vector<double> out = room_for<double>(place(path_, dataset), shape);
-  read_all(file_, path_, dataset, shape, Kind::numbers, out.data());
-  return out;
+  return session_->values<double>(Kind::numbers, dataset, shape);
 }
 
 }  // namespace vsplat

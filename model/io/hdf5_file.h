@@ -1,12 +1,14 @@
-// HDF5 files, read: names, shapes, whole data sets of numbers. Errors name the file and the place in it. The library
-// keeps one lock for all of its calls, whatever thread they come from.
+// HDF5 files, read: names, shapes, whole data sets of numbers. Errors name the file and the place in it. The HDF5
+// library is in another process (model/read/README.md), one for each file that is open.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace vsplat {
 
+// One thread at a time.
 class Hdf5File {
  public:
   // Error(file) where there is no such file, Error(format) where it is not HDF5 or damaged.
@@ -31,8 +33,9 @@ class Hdf5File {
   std::vector<double> numbers(const std::string& dataset, const std::vector<long>& shape) const;
 
  private:
-  std::string path_;
-  std::int64_t file_ = -1;
+  struct Session;
+  class Idle;
+  std::unique_ptr<Session> session_;
 };
 
 // "512 x 512 x 4"

@@ -12,12 +12,14 @@ extern "C" {
 /* A textured triangle mesh. Belongs to no device; may be read by several threads. */
 typedef struct vsplat_mesh_impl* vsplat_mesh;
 
-/* An OBJ, PLY, GLB or glTF file, or whatever else assimp reads, with its textures; normals are computed where there are
-   none. Where a texture's alpha is below one half (glTF: below the material's cut-off) there is no surface, and nothing
-   is half-transparent. `texture`: a picture (PNG, JPEG, EXR) that covers every part instead of the file's own textures
-   and colours; NULL: the file's own. VSPLAT_ERROR_FILE where a file cannot be opened, VSPLAT_ERROR_FORMAT where it
-   cannot be read, VSPLAT_ERROR_INPUT where there are no faces, a coordinate is not finite, a material file or texture
-   that it names is missing, or a part to be textured has no texture coordinates. */
+/* An OBJ, PLY, STL, GLB or glTF file with its textures; normals are computed where there are none. Where a texture's
+   alpha is below one half (glTF: below the material's cut-off) there is no surface, and nothing is half-transparent.
+   `texture`: a picture (PNG, JPEG, EXR) that covers every part instead of the file's own textures and colours; NULL:
+   the file's own. Read in a process of its own, by the program libexec/vsplat/vsplat-read. VSPLAT_ERROR_FILE where a
+   file cannot be opened, VSPLAT_ERROR_FORMAT where it cannot be read, or not in time, VSPLAT_ERROR_INPUT where the file
+   is of another kind, there are no faces, a coordinate is not finite, a material file or texture that it names is
+   missing, or a part to be textured has no texture coordinates; VSPLAT_ERROR_MEMORY where it takes more than a file of
+   its size should. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_load(const char* path, const char* texture,
                                                            vsplat_mesh* out_mesh);
 
