@@ -11,6 +11,7 @@
 #include "model/io/image_formats.h"
 #include "model/io/view_checks.h"
 #include "runtime/fail.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -23,43 +24,60 @@ std::string real_path(const fs::path& path) {
   return (problem ? path : out).string();
 }
 
+// What a group holds.
+std::set<std::string> fields_of(const Hdf5File& file, const std::string& group) {
+  std::set<std::string> out;
+  for (const Hdf5File::Link& link : file.links(group)) out.insert(link.name);
+  return out;
+}
+
 // One more than the largest I of image_I, c2w_I, fov_I; 0 where there is none.
-int count_views(const Hdf5File& file, const std::string& group) {
+int count_views(const std::set<std::string>& fields) {
   int count = 0;
-  for (const Hdf5File::Link& link : file.links(group))
+  for (const std::string& field : fields)
     for (const std::string stem : {"image_", "c2w_", "fov_"}) {
-      if (link.name.rfind(stem, 0) != 0) continue;
+      if (field.rfind(stem, 0) != 0) continue;
       int index = -1;
-      const char* end = link.name.data() + link.name.size();
-      const auto [last, error] = std::from_chars(link.name.data() + stem.size(), end, index);
+      const char* end = field.data() + field.size();
+      const auto [last, error] = std::from_chars(field.data() + stem.size(), end, index);
       if (error == std::errc() && last == end && index >= 0 && index < 100'000) count = std::max(count, index + 1);
     }
   return count;
 }
 
-ListedView read_view(const Hdf5File& file, const Hdf5Object& object, int index) {
-  const auto name = [&](const char* field) { return fmt::format("{}/{}_{}", object.group, field, index); };
+ListedView read_view(const Hdf5File& file, const Hdf5Object& object, const std::set<std::string>& fields, int index) {
+  // The file is not asked for what it does not have: that may be a hundred thousand times.
+  const auto name = [&](const char* field) {
+    const std::string wanted = fmt::format("{}_{}", field, index);
+    if (fields.count(wanted) == 0)
+      fail(Status::format, "{}: {}/{}: is not there", object.file, printable(object.group), wanted);
+    return object.group + "/" + wanted;
+  };
+  const auto where = [&](const char* field) {
+    return fmt::format("{}: {}/{}_{}", object.file, printable(object.group), field, index);
+  };
   ListedView view;
   Camera& camera = view.camera;
   view.name = camera.file = fmt::format("image_{}", index);
   view.picture = object.file + "/" + name("image");
   const std::vector<long> shape = file.shape(name("image"));
   if (shape.size() != 3 || shape[2] != 4)
-    fail(Status::format, "image_{}: its shape is {}, height x width x 4 is expected", index, shape_text(shape));
-  check_image_size(fmt::format("image_{}", index), shape[1], shape[0]);
+    fail(Status::format, "{}: its shape is {}, height x width x 4 is expected", where("image"), shape_text(shape));
+  check_image_size(where("image"), shape[1], shape[0]);
   camera.height = static_cast<int>(shape[0]), camera.width = static_cast<int>(shape[1]);
 
   const std::vector<double> pose = file.numbers(name("c2w"), {4, 4}), fov = file.numbers(name("fov"), {2});
   Eigen::Matrix4d c2w;
   for (int i = 0; i < 16; ++i) {
-    if (!std::isfinite(pose[i])) fail(Status::input, "c2w_{}: holds {}, finite numbers are expected", index, pose[i]);
+    if (!std::isfinite(pose[i]))
+      fail(Status::input, "{}: holds {}, finite numbers are expected", where("c2w"), pose[i]);
     c2w(i / 4, i % 4) = pose[i];
   }
   camera.w2c =
       rigid_inverse(checked_rigid(object.file + ": " + object.group, fmt::format("c2w_{}", index).c_str(), c2w));
   for (const double angle : fov)
     if (!(angle > 1e-4 && angle < 3.14))
-      fail(Status::input, "fov_{}: holds {}, angles between 0 and pi (radians) are expected", index, angle);
+      fail(Status::input, "{}: holds {}, angles between 0 and pi (radians) are expected", where("fov"), angle);
   camera.fx = 0.5 * camera.width / std::tan(0.5 * fov[0]);
   camera.fy = 0.5 * camera.height / std::tan(0.5 * fov[1]);
   camera.cx = 0.5 * camera.width, camera.cy = 0.5 * camera.height;
@@ -103,11 +121,12 @@ Photographs open_hdf5_object(const Hdf5Object& object,
   Photographs out;
   out.set.source = object.file + "/" + object.group;
   out.set.convention = PoseConvention::opencv_c2w;
-  const int views = count_views(file, object.group);
+  const std::set<std::string> fields = fields_of(file, object.group);
+  const int views = count_views(fields);
   if (views == 0) fail(Status::format, "{}: has no image_0, c2w_0, fov_0", out.set.source.string());
   for (int i = 0; i < views; ++i) {
     try {
-      out.set.views.push_back(read_view(file, object, i));
+      out.set.views.push_back(read_view(file, object, fields, i));
     } catch (const Error& e) {
       bad(i, fmt::format("image_{}", i), e);
     }

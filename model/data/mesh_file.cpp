@@ -181,7 +181,7 @@ void MeshReader::take_corners(Unpacker& in) {
   const std::size_t triangles = in.left() / (3 * sizeof(MeshCorner));
   const std::uint64_t most = free_triangles + reader_.given();
   if (mesh_.triangles() + triangles > most)
-    reader_.give_up(Status::memory,
+    reader_.give_up(Status::format,
                     fmt::format("has more than {} triangles, more than a file of its size should", most));
   const std::string_view bytes = in.rest();
   for (std::size_t i = 0; i < 3 * triangles; ++i) {

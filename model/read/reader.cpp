@@ -114,7 +114,7 @@ auto Reader::guarded(F&& call) {
     crashed();
   } catch (const Late&) {
     give_up(Status::format, fmt::format("was not read within {:.0f} seconds; it is damaged, or made to take long",
-                                        std::ceil(seconds_)));
+                                        std::max(1.0, std::round(seconds_))));
   } catch (const BadMessage& e) {
     senseless(e.what());
   }
@@ -218,11 +218,10 @@ void Reader::complain(const Message& failed) {
   const auto status = in.get<std::uint32_t>();
   const std::string place = in.text(small_message), text = in.text(small_message);
   in.end();
-  const bool known =
-      status == static_cast<std::uint32_t>(Status::input) || status == static_cast<std::uint32_t>(Status::memory);
+  const bool is_input = status == static_cast<std::uint32_t>(Status::input);
   const std::string where = place.empty() ? path_ : path_ + ": " + readable(place);
   if (!refused_.empty()) fail(Status::file, "{}: {}", where, refused_);
-  throw Error(known ? static_cast<Status>(status) : Status::format, where + ": " + readable(text));
+  throw Error(is_input ? Status::input : Status::format, where + ": " + readable(text));
 }
 
 // Where a control group's memory was not enough, the kernel kills the reader, too.
@@ -280,7 +279,8 @@ void Reader::look_at_memory() {
   unsigned long whole = 0, resident = 0;
   if (!file || std::fscanf(file.get(), "%lu %lu", &whole, &resident) != 2) return;
   if (resident * static_cast<unsigned long>(::sysconf(_SC_PAGESIZE)) > memory())
-    give_up(Status::memory, fmt::format("reading it takes more than {} MiB of memory", memory() >> 20));
+    give_up(Status::format,
+            fmt::format("reading it takes more than {} MiB of memory; it is damaged, or made to", memory() >> 20));
 }
 
 }  // namespace vsplat

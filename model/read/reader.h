@@ -31,7 +31,7 @@ struct ReaderLimits {
 void set_reader_limits(const ReaderLimits& limits);
 
 // One file's. Its calls throw Error: what the reader says is wrong with the file; or format, where it crashed, took too
-// long or said what makes no sense; memory, where its memory was not enough. All begin with the file's path.
+// long, needed too much memory or said what makes no sense. All begin with the file's path.
 class Reader {
  public:
   // Starts it for a mesh or HDF5. `others` is how what the file names is called in an error ("its file"). Error(file)

@@ -98,7 +98,7 @@ std::size_t count_of(const std::vector<long>& shape, const std::string& where) {
   for (const long side : shape)
     if (side < 0 || __builtin_mul_overflow(count, static_cast<std::size_t>(side), &count) ||
         count > std::size_t{1} << 40)
-      fail_reading(Status::memory, where, "not enough memory for its " + text_of(shape) + " values");
+      fail_reading(Status::format, where, "not enough memory for its " + text_of(shape) + " values");
   return count;
 }
 

@@ -21,7 +21,9 @@ void watch_memory() {
 
 bool memory_was_short() { return was_short; }
 
-Wrong short_of_memory() { return {Status::memory, "", "reading it takes more memory than a file of its size should"}; }
+Wrong short_of_memory() {
+  return {Status::format, "", "reading it takes more memory than a file of its size should; it is damaged, or made to"};
+}
 
 void fail_reading(Status status, const std::string& place, const std::string& text) {
   if (memory_was_short()) throw short_of_memory();

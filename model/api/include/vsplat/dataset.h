@@ -16,10 +16,9 @@ typedef struct vsplat_mesh_impl* vsplat_mesh;
    alpha is below one half (glTF: below the material's cut-off) there is no surface, and nothing is half-transparent.
    `texture`: a picture (PNG, JPEG, EXR) that covers every part instead of the file's own textures and colours; NULL:
    the file's own. Read in a process of its own, by the program libexec/vsplat/vsplat-read. VSPLAT_ERROR_FILE where a
-   file cannot be opened, VSPLAT_ERROR_FORMAT where it cannot be read, or not in time, VSPLAT_ERROR_INPUT where the file
-   is of another kind, there are no faces, a coordinate is not finite, a material file or texture that it names is
-   missing, or a part to be textured has no texture coordinates; VSPLAT_ERROR_MEMORY where it takes more than a file of
-   its size should. */
+   file cannot be opened, VSPLAT_ERROR_FORMAT where it cannot be read, or takes more time or memory than a file of its
+   size should, VSPLAT_ERROR_INPUT where the file is of another kind, there are no faces, a coordinate is not finite, a
+   material file or texture that it names is missing, or a part to be textured has no texture coordinates. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_mesh_load(const char* path, const char* texture,
                                                            vsplat_mesh* out_mesh);
 
