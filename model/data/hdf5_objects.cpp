@@ -11,7 +11,6 @@
 #include "model/io/image_formats.h"
 #include "model/io/view_checks.h"
 #include "runtime/fail.h"
-#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -49,12 +48,8 @@ ListedView read_view(const Hdf5File& file, const Hdf5Object& object, const std::
   // The file is not asked for what it does not have: that may be a hundred thousand times.
   const auto name = [&](const char* field) {
     const std::string wanted = fmt::format("{}_{}", field, index);
-    if (fields.count(wanted) == 0)
-      fail(Status::format, "{}: {}/{}: is not there", object.file, printable(object.group), wanted);
+    if (fields.count(wanted) == 0) fail(Status::format, "{}: is not there", wanted);
     return object.group + "/" + wanted;
-  };
-  const auto where = [&](const char* field) {
-    return fmt::format("{}: {}/{}_{}", object.file, printable(object.group), field, index);
   };
   ListedView view;
   Camera& camera = view.camera;
@@ -62,22 +57,21 @@ ListedView read_view(const Hdf5File& file, const Hdf5Object& object, const std::
   view.picture = object.file + "/" + name("image");
   const std::vector<long> shape = file.shape(name("image"));
   if (shape.size() != 3 || shape[2] != 4)
-    fail(Status::format, "{}: its shape is {}, height x width x 4 is expected", where("image"), shape_text(shape));
-  check_image_size(where("image"), shape[1], shape[0]);
+    fail(Status::format, "image_{}: its shape is {}, height x width x 4 is expected", index, shape_text(shape));
+  check_image_size(fmt::format("image_{}", index), shape[1], shape[0]);
   camera.height = static_cast<int>(shape[0]), camera.width = static_cast<int>(shape[1]);
 
   const std::vector<double> pose = file.numbers(name("c2w"), {4, 4}), fov = file.numbers(name("fov"), {2});
   Eigen::Matrix4d c2w;
   for (int i = 0; i < 16; ++i) {
-    if (!std::isfinite(pose[i]))
-      fail(Status::input, "{}: holds {}, finite numbers are expected", where("c2w"), pose[i]);
+    if (!std::isfinite(pose[i])) fail(Status::input, "c2w_{}: holds {}, finite numbers are expected", index, pose[i]);
     c2w(i / 4, i % 4) = pose[i];
   }
   camera.w2c =
       rigid_inverse(checked_rigid(object.file + ": " + object.group, fmt::format("c2w_{}", index).c_str(), c2w));
   for (const double angle : fov)
     if (!(angle > 1e-4 && angle < 3.14))
-      fail(Status::input, "{}: holds {}, angles between 0 and pi (radians) are expected", where("fov"), angle);
+      fail(Status::input, "fov_{}: holds {}, angles between 0 and pi (radians) are expected", index, angle);
   camera.fx = 0.5 * camera.width / std::tan(0.5 * fov[0]);
   camera.fy = 0.5 * camera.height / std::tan(0.5 * fov[1]);
   camera.cx = 0.5 * camera.width, camera.cy = 0.5 * camera.height;

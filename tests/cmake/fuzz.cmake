@@ -4,12 +4,13 @@ vsplat_tests(fuzz_replay_test
   fuzz/kernel_cache.cpp
   fuzz/picture.cpp
   fuzz/ply.cpp
+  fuzz/reader.cpp
   fuzz/replay_test.cpp
   fuzz/targets.cpp
   fuzz/tensors.cpp
   fuzz/texts.cpp
   fuzz/views.cpp
-  LABELS unit)
+  LABELS unit LIBS vsplat_messages)
 include(fuzz/targets.cmake)
 target_compile_definitions(fuzz_replay_test PRIVATE VSPLAT_FUZZ_DATA="${CMAKE_CURRENT_SOURCE_DIR}/fuzz")
 find_program(VSPLAT_CLANGXX clang++)

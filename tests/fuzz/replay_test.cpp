@@ -67,8 +67,8 @@ INSTANTIATE_TEST_SUITE_P(Fuzz, Replay,
                                            Target{"picture_bmp", picture_bmp}, Target{"picture_jpeg", picture_jpeg},
                                            Target{"picture_png", picture_png}, Target{"picture_tiff", picture_tiff},
                                            Target{"picture_webp", picture_webp}, Target{"ply", ply},
-                                           Target{"selection", selection}, Target{"train_config", train_config},
-                                           Target{"views_json", views_json}),
+                                           Target{"reader", reader}, Target{"selection", selection},
+                                           Target{"train_config", train_config}, Target{"views_json", views_json}),
                          [](const auto& target) { return std::string(target.param.name); });
 
 }  // namespace

@@ -36,6 +36,9 @@ void fit_checkpoint(std::string_view bytes);
 // An entry of the compiled kernels' cache: "s" and a payload that is stored, or "f", the file, as it may lie there.
 void kernel_cache(std::string_view bytes);
 
+// What the process that reads meshes and HDF5 files says: "m" or "h" for which of them, its messages but for the first.
+void reader(std::string_view bytes);
+
 // A file in memory, which readers open by its path.
 class MemoryFile {
  public:
