@@ -47,6 +47,13 @@ def lists(maker):
         copy = Copy(maker, f"views/{kind}")
         copy.data.update(fields)
         copy.save()
+    copy = Copy(maker, "views/far")  # as photographs of a country's coordinates are
+    offset = [maker.random.uniform(-1, 1) * 10 ** maker.random.randint(5, 7) for _ in range(3)]
+    for frame in copy.data["frames"]:
+        for row, more in zip(frame["transform_matrix"], offset):
+            row[3] += more
+    copy.data["aabb_center"] = offset
+    copy.save()
     copy = Copy(maker, "views/many")
     copy.data["frames"] = copy.data["frames"][:1] * maker.random.randint(3000, 6000)
     copy.save()
