@@ -14,9 +14,11 @@
 #include <new>
 #include <stdexcept>
 
+#include "model/io/exr_header.h"
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -95,7 +97,7 @@ Channels find_channels(const FileBytes& file, const Imf::Header& header) {
   for (const char* name : {"R", "G", "B"})
     if (!out.grey && !list.findChannel(name))
       fail(Status::format, "{}: an EXR with the channels {}; R, G, B (and A), or Y (and A), are expected", file.path,
-           found);
+           printable(found));
   for (const char* name : {"R", "G", "B", "Y", "A"}) {
     const Imf::Channel* channel = list.findChannel(name);
     if (!channel || (out.grey && std::strchr("RGB", *name)) || (!out.grey && *name == 'Y')) continue;
@@ -110,7 +112,7 @@ Channels find_channels(const FileBytes& file, const Imf::Header& header) {
 
 void check_kind(const FileBytes& file, const Imf::Header& header) {
   if (header.hasType() && header.type() != Imf::SCANLINEIMAGE && header.type() != Imf::TILEDIMAGE)
-    fail(Status::format, "{}: an EXR of type {}; scanline or tiled is expected", file.path, header.type());
+    fail(Status::format, "{}: an EXR of type {}; scanline or tiled is expected", file.path, printable(header.type()));
   const Window display = window_of(header.displayWindow()), data = window_of(header.dataWindow());
   check_image_size(file.path, display.width, display.height);
   check_image_size(file.path, data.width, data.height);
@@ -120,6 +122,7 @@ void check_kind(const FileBytes& file, const Imf::Header& header) {
 template <class Work>
 auto with_part(const FileBytes& file, Work work) {
   try {
+    check_exr_header(file);
     MemoryInput stream(file);
     Imf::MultiPartInputFile parts(stream, 0);
     check_kind(file, parts.header(0));
@@ -129,7 +132,7 @@ auto with_part(const FileBytes& file, Work work) {
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {
-    fail(Status::format, "{}: a damaged or cut-off EXR: {}", file.path, e.what());
+    fail(Status::format, "{}: a damaged or cut-off EXR: {}", file.path, printable(e.what()));
   }
 }
 

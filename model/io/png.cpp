@@ -4,10 +4,12 @@
 #include <csetjmp>
 #include <cstdint>
 #include <cstring>
+#include <string_view>
 
 #include "model/io/exif.h"
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
+#include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
@@ -119,7 +121,25 @@ void append_row(std::vector<float>& out, const unsigned char* row, int width, in
   }
 }
 
+// libpng takes memory for what a chunk claims to hold. The picture's own are read in pieces, and may be cut off here.
+void check_chunks(const FileBytes& file) {
+  constexpr std::size_t head = 8, tail = 4;
+  for (std::size_t at = sizeof signature; file.size - at >= head;) {
+    png_uint_32 length;
+    std::memcpy(&length, file.data + at, 4);
+    length = __builtin_bswap32(length);
+    const std::string_view type(reinterpret_cast<const char*>(file.data) + at + 4, 4);
+    const std::size_t left = file.size - at - head;
+    if (length > left && type != "IDAT")
+      fail(Status::format, "{}: a damaged or cut-off PNG: its chunk {} claims {} bytes, {} follow", file.path,
+           printable(type), length, left);
+    if (length > left || left - length < tail || type == "IEND") return;
+    at += head + length + tail;
+  }
+}
+
 Header checked_header(const FileBytes& file, Reader& r) {
+  check_chunks(file);
   Header h{};
   if (!read_header(r, h)) damaged(file, r);
   check_image_size(file.path, h.width, h.height);
