@@ -22,11 +22,11 @@ import make_hostile  # noqa: E402
 import rule  # noqa: E402
 
 # Kinds (and, after a colon, commands) that do not hold yet: each goes with the change that mends it.
-WAITING = ("obj/*", "ply/*", "stl/*", "gltf/*", "glb/*", "unsupported/*", "hdf5/*", "png/*", "jpg/*", "exr/*", "tif/*", "webp/*", "bmp/*", "compare/*")
+WAITING = ("hdf5/many_chunks:train", "png/*", "jpg/*", "exr/*", "tif/*", "webp/*", "bmp/*", "compare/*")
 
 # What needs no device, and no time: these take every file, of the others each file gets one, in turn (all: VSPLAT_HOSTILE_ALL=1).
 CHEAP = ("print", "info", "verify", "convert", "init")
-QUICK_EVERY = 6  # the quick test takes one in so many
+QUICK_EVERY = 10  # the quick test takes one in so many
 
 
 def chosen(kind, command):
