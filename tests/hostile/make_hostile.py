@@ -81,10 +81,17 @@ def make(seed, out, sound):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--sound", required=True, help="sound files: set/object, micro.safetensors, scene.ply (tests/cli/hostile_test.py makes them)")
+    parser.add_argument("--sound", help="sound files that were made before (default: OUT/sound, made by the command that $VSPLAT names)")
     parser.add_argument("out")
     options = parser.parse_args()
-    made = make(options.seed, options.out, options.sound)
+    sound = options.sound or os.path.join(options.out, "sound")
+    if not os.path.isdir(sound):
+        sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "cli"))
+        import rule
+        import support
+        os.makedirs(options.out, exist_ok=True)
+        rule.make_sound(sound, support.run, support.write_scene)
+    made = make(options.seed, options.out, sound)
     print(f"{len(made)} files of {len({m['kind'] for m in made})} kinds")
 
 
