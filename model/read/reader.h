@@ -34,8 +34,8 @@ void set_reader_limits(const ReaderLimits& limits);
 // long, needed too much memory or said what makes no sense. All begin with the file's path.
 class Reader {
  public:
-  // Starts it for a mesh or HDF5. `others` is how what the file names is called in an error ("its file"). Error(file)
-  // where the file is not there or no regular file; Error(internal) where there is no reader.
+  // Starts it for a mesh or HDF5, and reads nothing yet. `others` is how what the file names is called in an error
+  // ("its file"). Error(internal) where there is no reader.
   Reader(const std::string& path, read::Kind what, std::string others);
   ~Reader();
   Reader(const Reader&) = delete;

@@ -181,7 +181,7 @@ TEST(Reader, CrashesHangsOrTalksNonsense) {
   becomes("kill -SEGV $$", {"crashed", "signal 11"});
   becomes("kill -ABRT $$", {"crashed", "signal 6"});
   becomes("exit 3", {"without an answer"});
-  becomes("echo hello, here is a mesh of yours >&3", {"makes no sense"});
+  becomes("echo hello, here is a mesh of yours >&3\nexec sleep 9", {"makes no sense"});
 }
 
 TEST(Reader, TakesTooLong) {
