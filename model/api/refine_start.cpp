@@ -26,7 +26,8 @@ float middle(std::vector<float> values, double share) {
 }
 
 // The cube about the median Gaussian that holds 95 % of them.
-Placement cube_of(const Gaussians& g) {
+Placement cube_of(const Scene& scene) {
+  const Gaussians& g = scene.gaussians;
   Placement out;
   std::vector<float> values(g.count);
   for (int axis = 0; axis < 3; ++axis) {
@@ -40,10 +41,11 @@ Placement cube_of(const Gaussians& g) {
     values[k] = static_cast<float>(far);
   }
   out.edge = std::max(2.2 * middle(values, 0.95), 1e-6);
+  out.centre += scene.offset;
   return out;
 }
 
-Placement place(const Photographs& photographs, const InputRequest& input, const Gaussians* scene,
+Placement place(const Photographs& photographs, const InputRequest& input, const Scene* scene,
                 const std::vector<int>& used) {
   const ViewSet& set = photographs.set;
   PlacementRequest request = input.placement;
@@ -171,7 +173,7 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
       need(o.scene, "options.scene");
       const std::shared_ptr<const Scene> scene = o.scene->scene;
       if (scene->gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
-      out.placement = place(photographs, input, &scene->gaussians, used);
+      out.placement = place(photographs, input, scene.get(), used);
       out.make = [scene](const std::vector<int>&) { return *scene; };
       return made;
     }
@@ -203,10 +205,12 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
 RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
                          const std::vector<int>& used) {
   RefineStart out = start_of(device, views, o, used);
-  // Scenes that do not say which way is up are told by the cameras.
+  // Scenes that do not say which way is up are told by the cameras; and what is far away in floats is not left there.
   const Eigen::Vector3f up = listed_up(views->photographs).cast<float>();
-  out.start.make = [make = std::move(out.start.make), up](const std::vector<int>& fitted) {
+  const Eigen::Vector3d offset = offset_for(out.start.placement.centre, out.start.placement.edge);
+  out.start.make = [make = std::move(out.start.make), up, offset](const std::vector<int>& fitted) {
     Scene scene = make(fitted);
+    if (scene.offset.isZero(0) && !offset.isZero(0)) transform(scene, {}, offset);
     if (!scene.up) scene.up = {up.x(), up.y(), up.z()};
     return scene;
   };

@@ -48,7 +48,7 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
     if (o.progress && !o.progress(o.user, "splat", static_cast<double>(i) / static_cast<double>(shots.size())))
       fail(Status::cancelled, "stopped with {} of {} pictures drawn", i, shots.size());
     const GaussianChunks& there = on_device(device, scene->scene, static_cast<double>(most));
-    const Picture drawn = render_picture(device->context, there, shots[i].camera, how);
+    const Picture drawn = render_picture(device->context, there, in_frame(*scene->scene, shots[i].camera), how);
     device->context.finish();
     copy(drawn.colour, shots[i].picture.colour);
     copy(drawn.alpha, shots[i].picture.alpha);
@@ -93,7 +93,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     std::vector<Camera> views;
     double pixels = 0;
     for (size_t i = 0; i < count; ++i) {
-      views.push_back(camera_of(element(cameras, i), fmt::format("camera {}", i).c_str()));
+      views.push_back(in_frame(*scene->scene, camera_of(element(cameras, i), fmt::format("camera {}", i).c_str())));
       pixels = std::max(pixels, static_cast<double>(views.back().width) * views.back().height);
     }
     const Gaussians& g = scene->scene->gaussians;

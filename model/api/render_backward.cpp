@@ -37,7 +37,7 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
     need(scene, "scene");
     need(camera, "camera");
     need(gradient, "gradient");
-    const Camera view = camera_of(*camera, "camera");
+    const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     const vsplat_picture p = taken(gradient, VSPLAT_PICTURE_INIT, "gradient");
     const vsplat_gaussians a = taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays");

@@ -107,6 +107,11 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
       }
     }
     empty.up = up_of(i.up, "info.up");
+    for (size_t c = 0; c < 3; ++c) {
+      if (!(std::abs(i.offset[c]) <= kFarthestOffset))
+        fail(Status::input, "info.offset[{}] is {}: at most {} either way expected", c, i.offset[c], kFarthestOffset);
+      empty.offset[static_cast<Eigen::Index>(c)] = i.offset[c];
+    }
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->scene = with_values(empty, a);
     *out_scene = scene.release();
@@ -143,6 +148,7 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     info.has_mirror = s.mirror.has_value();
     for (size_t i = 0; s.mirror && i < 3; ++i) info.mirror[i] = static_cast<double>((*s.mirror)[i]);
     for (size_t c = 0; s.up && c < 3; ++c) info.up[c] = static_cast<double>((*s.up)[c]);
+    for (size_t c = 0; c < 3; ++c) info.offset[c] = s.offset[static_cast<Eigen::Index>(c)];
     info.skipped_not_finite = scene->skipped.not_finite;
     info.skipped_huge_scale = scene->skipped.huge_scale;
     info.skipped_zero_rotation = scene->skipped.zero_rotation;

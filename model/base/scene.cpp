@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "model/base/camera.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
@@ -112,7 +113,11 @@ void transform(Gaussians& g, const Similarity& move) {
   if (!move.rotation.isIdentity(0)) rotate_sh(g, move.rotation);
 }
 
-void transform(Scene& scene, const Similarity& move) {
+void transform(Scene& scene, const Similarity& in_world, const Eigen::Vector3d& offset) {
+  Similarity move = in_world;
+  // In double: two far places, close to each other.
+  if (!scene.offset.isZero(0) || !offset.isZero(0)) move.translation = in_world.apply(scene.offset) - offset;
+  scene.offset = offset;
   transform(scene.gaussians, move);
   scene.near = static_cast<float>(scene.near * move.scale);
   if (scene.mirror) {
@@ -125,6 +130,18 @@ void transform(Scene& scene, const Similarity& move) {
     const Eigen::Vector3d turned = (move.rotation * Eigen::Vector3d(up[0], up[1], up[2])).normalized();
     for (int i = 0; i < 3; ++i) up[i] = static_cast<float>(turned[i]);
   }
+}
+
+Eigen::Vector3d offset_for(const Eigen::Vector3d& centre, double edge) {
+  constexpr double held = 1e-4, half_step = 0x1p-24;  // of the edge; of a float's value
+  const double farthest = centre.cwiseAbs().maxCoeff() + 0.5 * edge;
+  return farthest * half_step > held * edge ? centre : Eigen::Vector3d::Zero();
+}
+
+Camera in_frame(const Scene& scene, const Camera& camera) {
+  Camera out = camera;
+  if (!scene.offset.isZero(0)) out.w2c.topRightCorner<3, 1>() += camera.w2c.topLeftCorner<3, 3>() * scene.offset;
+  return out;
 }
 
 }  // namespace vsplat

@@ -14,8 +14,12 @@ inline constexpr double kShC0 = 0.28209479177387814;
 // The near plane of what is reconstructed, in units of the cube's edge.
 inline constexpr double kNearInObject = 0.2;
 
+struct Camera;
+
 struct Scene {
   Gaussians gaussians;
+  // Where in the world the frame of Gaussians and mirror point begins; 0 unless offset_for() has it otherwise.
+  Eigen::Vector3d offset = Eigen::Vector3d::Zero();
   float near = 0.2f;  // near plane, in the frame's units
   // View-dependent colour is meant as seen from the camera's mirror image about this point.
   std::optional<std::array<float, 3>> mirror;
@@ -37,8 +41,17 @@ Similarity operator*(const Similarity& after, const Similarity& before);
 
 // Moves positions, scales, rotations and spherical harmonics: a camera moved along sees the same picture.
 void transform(Gaussians& gaussians, const Similarity& move);
-// The near plane, the mirror point and up, too.
-void transform(Scene& scene, const Similarity& move);
+// The near plane, the mirror point and up, too, all of it in the world; what comes out is relative to `offset`.
+void transform(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset = Eigen::Vector3d::Zero());
+
+// Offsets beyond are refused: in doubles nothing is left of an object there.
+inline constexpr double kFarthestOffset = 1e15;
+
+// What the Gaussians of a cube are kept relative to: the world's origin while floats hold the cube's world to 1e-4 of
+// its edge, else its centre, so that nothing is lost of a cube that is far away.
+Eigen::Vector3d offset_for(const Eigen::Vector3d& centre, double edge);
+// A camera of the world, where the scene's Gaussians are.
+Camera in_frame(const Scene& scene, const Camera& camera);
 
 // The matrix [2l+1, 2l+1] that turns band `degree` of a function on the sphere: with coefficients c' = D c in the basis
 // of 3DGS files, f'(R d) = f(d).

@@ -264,6 +264,7 @@ std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, 
     circle.radius = distance_for(balls, circle, width, height);
   }
   apply(options, circle);
+  if (!scene.offset.isZero(0)) circle.centre += scene.offset;
   return cameras_on(circle, count, width, height);
 }
 

@@ -41,14 +41,15 @@ Scene round_ones(const Positions& positions, const std::vector<std::array<float,
   const auto n = static_cast<std::size_t>(positions.rows());
   Scene out;
   out.near = static_cast<float>(kNearInObject * placement.edge);
+  out.offset = offset_for(placement.centre, placement.edge);
+  const Eigen::Vector3d centre = placement.centre - out.offset;
   Gaussians& g = out.gaussians;
   g.count = n;
   g.quats.assign(4 * n, 0.0f);
   g.opacities.assign(n, kOpacity);
   const std::vector<double> distances = neighbour_distances(positions);
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d at =
-        placement.centre + placement.edge * positions.row(static_cast<Eigen::Index>(i)).transpose();
+    const Eigen::Vector3d at = centre + placement.edge * positions.row(static_cast<Eigen::Index>(i)).transpose();
     const double size = placement.edge * std::clamp(distances[i], kLowScale, kHighScale);
     g.quats[4 * i] = 1;
     for (std::size_t c = 0; c < 3; ++c) {

@@ -283,7 +283,7 @@ void SceneFit::Impl::finish() {
 Scene SceneFit::Impl::to_scene(const Gaussians& gaussians) const {
   Scene out;
   out.gaussians = gaussians;
-  transform(out, to_world);
+  transform(out, to_world, first->offset);
   out.near = first->near;
   out.mirror = first->mirror;
   out.up = first->up;

@@ -53,6 +53,9 @@ std::string SceneFit::Impl::text_of_request() const {
       out += fmt::format(" {}", photographs.set.views[static_cast<std::size_t>(view)].name);
   }
   const Scene start = given.make(legs.back().views);
+  if (!start.offset.isZero(0))
+    out += fmt::format(" | about {} {} {}", exact_text(start.offset.x()), exact_text(start.offset.y()),
+                       exact_text(start.offset.z()));
   std::uint32_t sum = stream_of("");
   for (const std::vector<float>* values : {&start.gaussians.means, &start.gaussians.scales, &start.gaussians.quats,
                                            &start.gaussians.opacities, &start.gaussians.sh})

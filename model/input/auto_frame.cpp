@@ -16,7 +16,12 @@ struct Ray {
 };
 
 // The point with the least sum of distances to the lines, by reweighted least squares.
-Eigen::Vector3d nearest_point(const std::vector<Ray>& rays) {
+Eigen::Vector3d nearest_point(std::vector<Ray> rays) {
+  // Far from the origin, about the first of them: what is solved for may lose four digits.
+  double spread = 0;
+  for (const Ray& ray : rays) spread = std::max(spread, (ray.origin - rays[0].origin).norm());
+  const Eigen::Vector3d offset = offset_for(rays[0].origin, spread);
+  for (Ray& ray : rays) ray.origin -= offset;
   std::vector<double> weights(rays.size(), 1.0);
   Eigen::Vector3d p = Eigen::Vector3d::Zero();
   for (int step = 0; step < 60; ++step) {
@@ -50,7 +55,7 @@ Eigen::Vector3d nearest_point(const std::vector<Ray>& rays) {
     p = next;
     if (step > 0 && moved < 1e-3 * floor) break;
   }
-  return p;
+  return p + offset;
 }
 
 Ray ray_through(const Camera& camera, double u, double v) {

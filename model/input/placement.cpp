@@ -71,6 +71,9 @@ ChosenPlacement choose_placement(
   return out;
 }
 
-std::string to_text(const Eigen::Vector3d& v) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", v.x(), v.y(), v.z()); }
+std::string to_text(const Eigen::Vector3d& v) {
+  const int digits = v.cwiseAbs().maxCoeff() < 1e5 ? 6 : 12;  // far away the first six say little
+  return fmt::format("({:.{}g}, {:.{}g}, {:.{}g})", v.x(), digits, v.y(), digits, v.z(), digits);
+}
 
 }  // namespace vsplat

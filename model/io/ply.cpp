@@ -243,11 +243,12 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
   return g;
 }
 
-std::vector<float> comment_floats(const std::string& path, const std::string& comment, std::istringstream& in,
-                                  std::size_t count) {
-  std::vector<float> out;
+template <class Number>
+std::vector<Number> comment_numbers(const std::string& path, const std::string& comment, std::istringstream& in,
+                                    std::size_t count) {
+  std::vector<Number> out;
   for (std::string word; in >> word;) {
-    float v = 0;
+    Number v = 0;
     const auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), v);
     if (problem != std::errc() || end != word.data() + word.size() || !std::isfinite(v)) break;
     out.push_back(v);
@@ -275,14 +276,20 @@ void read_comments(const std::string& path, const PlyHeader& header, Scene& scen
     in >> who >> what;
     if (who != "vsplat") continue;
     if (what == "near") {
-      scene.near = comment_floats(path, comment, in, 1)[0];
+      scene.near = comment_numbers<float>(path, comment, in, 1)[0];
       if (scene.near < 0)
         fail(Status::format, "{}: comment \"{}\": a distance of at least 0 is expected", path, printable(comment));
     } else if (what == "mirror_camera_about") {
-      const std::vector<float> p = comment_floats(path, comment, in, 3);
+      const std::vector<float> p = comment_numbers<float>(path, comment, in, 3);
       scene.mirror = {p[0], p[1], p[2]};
+    } else if (what == "offset") {
+      const std::vector<double> p = comment_numbers<double>(path, comment, in, 3);
+      scene.offset = {p[0], p[1], p[2]};
+      if (scene.offset.cwiseAbs().maxCoeff() > kFarthestOffset)
+        fail(Status::format, "{}: comment \"{}\": a place at most {} from the origin is expected", path,
+             printable(comment), kFarthestOffset);
     } else if (what == "up") {
-      scene.up = direction(path, comment, comment_floats(path, comment, in, 3));
+      scene.up = direction(path, comment, comment_numbers<float>(path, comment, in, 3));
     }
   }
 }

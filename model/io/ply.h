@@ -25,8 +25,8 @@ struct SkippedGaussians {
 // be drawn are left out and counted there, and a warning tells how many; else the first one is an error.
 Scene read_ply(const std::string& path, SkippedGaussians* skipped = nullptr);
 
-// All floats, with normals, and the near plane, up, the mirror point and the SH degree as comments. Writes a temporary
-// file and renames it. Opacities 0 and 1 become logits that every reader turns back into 0 and 1.
+// All floats, with normals, and the near plane, offset, up, mirror point and SH degree as comments. Writes a
+// temporary file and renames it. Opacities 0 and 1 become logits that every reader turns back into 0 and 1.
 void write_ply(const std::string& path, const Scene& scene);
 
 }  // namespace vsplat

@@ -26,6 +26,8 @@ std::vector<std::string> property_names(std::size_t sh_count) {
 std::string make_header(const Scene& scene, const std::vector<std::string>& names) {
   std::string out = "ply\nformat binary_little_endian 1.0\n";
   out += fmt::format("comment vsplat near {}\n", scene.near);
+  const Eigen::Vector3d& offset = scene.offset;
+  if (!offset.isZero(0)) out += fmt::format("comment vsplat offset {} {} {}\n", offset.x(), offset.y(), offset.z());
   if (scene.up) out += fmt::format("comment vsplat up {} {} {}\n", (*scene.up)[0], (*scene.up)[1], (*scene.up)[2]);
   if (scene.mirror)
     out += fmt::format("comment vsplat mirror_camera_about {} {} {}\n", (*scene.mirror)[0], (*scene.mirror)[1],

@@ -74,7 +74,7 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
 
   out.scene.near = static_cast<float>(kNearInObject);
   if (config.negate_camera_centre) out.scene.mirror = std::array<float, 3>{0, 0, 0};
-  transform(out.scene, placed.to_world);
+  transform(out.scene, placed.to_world, offset_for(placement.centre, placement.edge));
   if (options.near > 0) out.scene.near = static_cast<float>(options.near);
 
   if (!options.dump.empty()) {

@@ -18,7 +18,7 @@ struct ReconstructOptions {
 };
 
 struct Reconstruction {
-  Scene scene;  // in the user's world: positions, scales, rotations and SH
+  Scene scene;  // in the user's world: positions (relative to its offset), scales, rotations and SH
   std::vector<int> selected;
 };
 

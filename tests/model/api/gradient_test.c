@@ -259,6 +259,36 @@ static void matches_differences(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
+/* A scene far away in the world, and a camera there: the same picture and derivatives to rounding. */
+static void is_as_good_far_away(vsplat_device device) {
+  values v = make_values(), by, far_by;
+  vsplat_scene scene = make_scene(&v), far_scene = NULL;
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT, got = VSPLAT_SCENE_INFO_INIT;
+  vsplat_camera camera = make_camera(), far_camera = make_camera();
+  float weights[5 * pixels];
+  vsplat_picture gradient = make_weights(weights);
+  vsplat_gaussians arrays = arrays_of(&v), out = arrays_of(&by), far_out = arrays_of(&far_by);
+  double pose[6], far_pose[6];
+  size_t i;
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
+  HOLD(info.offset[0] == 0 && info.offset[1] == 0 && info.offset[2] == 0);
+  info.offset[1] = INFINITY;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_create(&info, &arrays, &far_scene));
+  HOLD(strstr(vsplat_last_error(), "info.offset[1]") != NULL);
+  info.offset[0] = 3e7, info.offset[1] = -1e7, info.offset[2] = 2e7 + 0.3;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &far_scene));
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(far_scene, &got));
+  HOLD(memcmp(got.offset, info.offset, sizeof got.offset) == 0);
+  for (i = 0; i < 3; ++i) far_camera.w2c[4 * i + 3] -= info.offset[i]; /* it looks along z */
+  HOLD(fabs(loss_of(device, scene, &camera, weights) / loss_of(device, far_scene, &far_camera, weights) - 1) < 1e-6);
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &out, pose));
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, far_scene, &far_camera, NULL, &gradient, &far_out, far_pose));
+  NEAR((double)far_by.means[1], (double)by.means[1]);
+  NEAR(far_pose[5], pose[5]);
+  vsplat_scene_release(far_scene);
+  vsplat_scene_release(scene);
+}
+
 int main(void) {
   vsplat_device device = NULL;
   refuses_bad_values();
@@ -267,6 +297,7 @@ int main(void) {
   if (device) {
     refuses_bad_gradients(device);
     matches_differences(device);
+    is_as_good_far_away(device);
   }
   vsplat_device_release(device);
   if (failures) printf("%d checks do not hold\n", failures);

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "bench/reference/splat.h"
+#include "model/base/camera.h"
 #include "runtime/error.h"
 #include "tests/support/scenes.h"
 
@@ -127,6 +128,57 @@ TEST(Transform, UpTurns) {
   EXPECT_NEAR((*scene.up)[0], 0, 1e-6);
   EXPECT_NEAR((*scene.up)[1], 0, 1e-6);
   EXPECT_NEAR((*scene.up)[2], -1, 1e-6);
+}
+
+// The world where floats hold it, else the cube's centre, at any size of cube.
+TEST(Offset, IsNothingUntilFloatsDoNotHoldTheWorld) {
+  for (const double edge : {1e-3, 1.0, 1e5}) {
+    EXPECT_EQ(offset_for(Eigen::Vector3d(1000, -1600, 20) * edge, edge), Eigen::Vector3d::Zero());
+    EXPECT_EQ(offset_for(Eigen::Vector3d(1000, -1700, 20) * edge, edge), Eigen::Vector3d(1000, -1700, 20) * edge);
+  }
+}
+
+// Into a world far away and back: what floats hold of a cube at the origin.
+TEST(Offset, KeepsWhatIsFarAway) {
+  std::mt19937 engine(5);
+  Scene scene;
+  scene.gaussians = test::make_scene({"", 20, 1, 0, 0, ""}, 2);
+  scene.mirror = {0.1f, 0.2f, 0.3f};
+  Similarity move;
+  move.scale = 2;
+  move.rotation = random_rotation(engine);
+  move.translation = {3e7, -1e7, 2e7};
+  Scene moved = scene;
+  transform(moved, move, offset_for(move.translation, move.scale));
+  EXPECT_EQ(moved.offset, move.translation);
+  for (std::size_t k = 0; k < scene.gaussians.count; ++k) {
+    const Eigen::Map<const Eigen::Vector3f> before(&scene.gaussians.means[3 * k]), after(&moved.gaussians.means[3 * k]);
+    const Eigen::Vector3d world = moved.offset + after.cast<double>();
+    EXPECT_LT((world - move.apply(before.cast<double>())).norm(), 1e-6 * (1 + before.norm()));
+  }
+  // About another place in the same world, and home.
+  Scene elsewhere = moved;
+  transform(elsewhere, Similarity(), Eigen::Vector3d(3e7 + 1, -1e7, 2e7));
+  EXPECT_NEAR(elsewhere.gaussians.means[0], moved.gaussians.means[0] - 1, 1e-6);
+  EXPECT_NEAR((*elsewhere.mirror)[0], (*moved.mirror)[0] - 1, 1e-6);
+  transform(elsewhere, move.inverse());
+  EXPECT_EQ(elsewhere.offset, Eigen::Vector3d::Zero());
+  for (std::size_t i = 0; i < scene.gaussians.means.size(); ++i)
+    EXPECT_NEAR(elsewhere.gaussians.means[i], scene.gaussians.means[i], 2e-6);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR((*elsewhere.mirror)[i], (*scene.mirror)[i], 1e-6);
+}
+
+TEST(Offset, CamerasOfTheWorldSeeTheSame) {
+  std::mt19937 engine(6);
+  Camera near;
+  near.w2c.topLeftCorner<3, 3>() = random_rotation(engine);
+  near.w2c.topRightCorner<3, 1>() = Eigen::Vector3d(0.1, -0.2, 3);
+  Scene scene;
+  EXPECT_EQ(in_frame(scene, near).w2c, near.w2c);
+  scene.offset = {1e7, -2e7, 3e7};
+  Camera far = near;
+  far.w2c.topRightCorner<3, 1>() -= near.w2c.topLeftCorner<3, 3>() * scene.offset;
+  EXPECT_LT((in_frame(scene, far).w2c - near.w2c).cwiseAbs().maxCoeff(), 1e-7);
 }
 
 }  // namespace

@@ -207,6 +207,13 @@ TEST(OrbitAboutScene, UpIsTheOptionsElseTheScenesElseMinusY) {
   EXPECT_GT(orbit_about_scene(scene, 1, 64, 64)[0].centre().z(), 6);  // nearly so: not another one
 }
 
+TEST(OrbitAboutScene, IsInTheWorldOfAnOffset) {
+  Scene scene = tall_scene();
+  const Vector3d here = orbit_about_scene(scene, 3, 64, 64)[1].centre();
+  scene.offset = {1e7, -2e7, 3e7};
+  EXPECT_LT((orbit_about_scene(scene, 3, 64, 64)[1].centre() - scene.offset - here).norm(), 1e-6);
+}
+
 TEST(OrbitAboutScene, NoneOrOneGaussian) {
   EXPECT_EQ(orbit_about_scene(Scene(), 4, 64, 64).size(), 4U);
   Scene one;

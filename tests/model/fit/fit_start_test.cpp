@@ -59,6 +59,25 @@ TEST(FitStart, PointsOnOneSpotAreNotInfinitelySmall) {
   EXPECT_FLOAT_EQ(scene_from_points(std::span(points).first(1), cube()).gaussians.scales[0], 0.4f);
 }
 
+TEST(FitStart, FarFromTheOriginItIsAboutTheCube) {
+  const Eigen::Vector3d far(1e8, -2e8, 5e7);
+  Placement there = cube();
+  there.centre += far;
+  std::vector<ColoredPoint> here, moved;
+  for (int i = 0; i < 20; ++i) {
+    here.push_back(point(0.4 * std::sin(i), 0.4 * std::cos(3.0 * i), 0.4 * std::sin(7.0 * i)));
+    moved.push_back(here.back());
+    moved.back().position += far;
+  }
+  const Scene near = scene_from_points(here, cube()), distant = scene_from_points(moved, there);
+  EXPECT_EQ(near.offset, Eigen::Vector3d::Zero());
+  EXPECT_EQ(distant.offset, there.centre);
+  for (std::size_t i = 0; i < near.gaussians.means.size(); ++i)
+    EXPECT_NEAR(distant.gaussians.means[i] + cube().centre[static_cast<Eigen::Index>(i % 3)], near.gaussians.means[i],
+                2e-6);
+  EXPECT_EQ(random_scene(there, 5, 1).offset, there.centre);
+}
+
 TEST(FitStart, ARandomStartFillsTheCubeAndFollowsItsSeed) {
   const Gaussians a = random_scene(cube(), 1000, 7).gaussians, b = random_scene(cube(), 1000, 7).gaussians;
   EXPECT_EQ(a.means, b.means);

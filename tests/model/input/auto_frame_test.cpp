@@ -35,6 +35,16 @@ TEST(AutoFrame, OneThatLooksElsewhereCountsLittle) {
   EXPECT_LT((auto_frame(cameras).placement.centre - right).norm(), 0.02);
 }
 
+TEST(AutoFrame, FarFromTheOriginItIsAsGood) {
+  const Vector3d far(1e7, -3e7, 2e7);
+  std::vector<Camera> cameras = test::ring(7, {3, -2, 5}, 2, 0.3, 4);
+  const EstimatedPlacement near = auto_frame(cameras);
+  for (Camera& c : cameras) c.w2c.topRightCorner<3, 1>() -= c.w2c.topLeftCorner<3, 3>() * far;
+  const EstimatedPlacement found = auto_frame(cameras);
+  EXPECT_LT((found.placement.centre - far - near.placement.centre).norm(), 1e-6);
+  EXPECT_NEAR(found.placement.edge, near.placement.edge, 1e-6);
+}
+
 TEST(AutoFrame, EdgeFromDistanceAndFieldOfView) {
   const EstimatedPlacement found = auto_frame(test::ring(8, {1, 1, 1}, 4));
   EXPECT_NEAR(found.placement.edge, 4 * std::sqrt(640.0 / 800 * 480 / 790) / 1.5, 0.02);

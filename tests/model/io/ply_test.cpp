@@ -127,6 +127,18 @@ TEST_F(Ply, UpIsOfLengthOne) {
   EXPECT_EQ(read_ply(path()).up, (std::array<float, 3>{0, -0.6f, 0.8f}));
 }
 
+TEST_F(Ply, OffsetsAreKeptToTheBit) {
+  Scene scene;
+  scene.gaussians = test::make_scene({"", 3, 0, 0, 0, ""}, 1);
+  scene.offset = {1e7 + 1.0 / 3, -0.1, 12345678.000000123};
+  write_ply(path("scene.ply"), scene);
+  const Scene again = read_ply(path("scene.ply"));
+  EXPECT_EQ(again.offset, scene.offset);
+  EXPECT_EQ(again.gaussians.means, scene.gaussians.means);
+  put(header(1, kPlain, "comment vsplat offset 10000000 0 -2.5\n") + floats(kRow));
+  EXPECT_EQ(read_ply(path("scene.ply")).offset, Eigen::Vector3d(1e7, 0, -2.5));
+}
+
 TEST_F(Ply, EmptyScenesAreLegal) {
   write_ply(path(), Scene());
   EXPECT_EQ(read_ply(path()).gaussians.count, 0u);
@@ -253,6 +265,9 @@ TEST_F(Ply, RefusesByName) {
   EXPECT_NE(with("element", "comment vsplat near nothing\nelement").find("vsplat near"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat near -1\nelement").find("at least 0"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat mirror_camera_about 1 2\nelement").find("3 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat offset 1 2\nelement").find("3 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat offset 1 inf 2\nelement").find("3 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat offset 1 -1e16 2\nelement").find("at most"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat up 0 1\nelement").find("3 finite"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat up 0 nan 1\nelement").find("3 finite"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat up 0 -0 0\nelement").find("a direction"), std::string::npos);

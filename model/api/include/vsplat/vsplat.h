@@ -407,23 +407,27 @@ typedef struct vsplat_scene_info {
   int32_t sh_degree;  /* 0 to 3 */
   double near_plane;  /* world units */
   int32_t has_mirror; /* 1: view-dependent colour is meant as seen from the camera's mirror image about `mirror` */
-  double mirror[3];
+  double mirror[3];   /* relative to `offset` */
   /* Gaussians of the file that vsplat_scene_load_with left out with `skip_bad`, by reason. */
   uint64_t skipped_not_finite; /* a value is NaN or infinite; an infinite opacity logit is opacity 0 or 1, and taken */
   uint64_t skipped_huge_scale; /* a scale's exponential is beyond what a float holds */
   uint64_t skipped_zero_rotation; /* the quaternion's length is 0 */
   double up[3];                   /* which way is up, of length 1; 0, 0, 0: not known */
+  /* Where in the world the means begin: what vsplat_gaussians.means holds, and `mirror`, plus this is the world. It is
+     0, 0, 0 but for an object so far from the world's origin that floats would not hold it to 1e-4 of its cube's edge.
+     Cameras are in the world in any case. */
+  double offset[3];
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT                                               \
-  {                                                                          \
-    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, { 0, 0, 0 } \
+#define VSPLAT_SCENE_INFO_INIT                                                          \
+  {                                                                                     \
+    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, { 0, 0, 0 } \
   }
 
 /* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
   size_t size;
   uint64_t capacity; /* Gaussians that fit into every array */
-  float* means;      /* [K][3] world */
+  float* means;      /* [K][3] world, relative to vsplat_scene_info.offset */
   float* scales;     /* [K][3] standard deviations, world units */
   float* rotations;  /* [K][4] quaternions w, x, y, z; of length 1 unless the caller gave others */
   float* opacities;  /* [K] in [0,1] */
@@ -448,8 +452,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_with(const char* pat
                                                                  const vsplat_scene_load_options* options,
                                                                  vsplat_scene* out_scene);
 
-/* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2), mirror and up (of any
-   length) are taken.
+/* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2), mirror, up (of any
+   length) and offset are taken.
    Of `arrays`, none may be NULL: rotations of any length but 0, scales not negative, opacities in [0,1], every value
    finite; VSPLAT_ERROR_INPUT names the first that is not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
@@ -457,7 +461,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene
 /* New values for the same Gaussians, checked and copied in the same way; arrays that are NULL stay as they were.
    Nothing else may use the scene meanwhile. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_update(vsplat_scene scene, const vsplat_gaussians* arrays);
-/* Writes one, whole or not at all. An existing file is replaced. */
+/* Writes one, whole or not at all. An existing file is replaced. Where the scene has an offset, positions in the file
+   are relative to it, and the file says so in a comment that vsplat_scene_load obeys and other programs do not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
 VSPLAT_API void vsplat_scene_retain(vsplat_scene scene);
 VSPLAT_API void vsplat_scene_release(vsplat_scene scene);
