@@ -7,6 +7,7 @@
 #include "pictures.h"
 #include "placement.h"
 #include "refinement.h"
+#include "scene_file.h"
 
 namespace command {
 namespace {
@@ -94,7 +95,7 @@ void dry_run(const Options& o, const Request& request) {
 }
 
 void summarise(const Options& o, const PictureJob& job, const vsplat::Input& input, const vsplat::Scene& scene,
-               std::size_t pictures, const std::optional<Comparison>& comparison,
+               const SceneFile& file, std::size_t pictures, const std::optional<Comparison>& comparison,
                const std::optional<RefineJob>& refinement) {
   const vsplat_scene_info info = scene.info();
   const std::size_t selected = (refinement ? refinement->start() : scene).selection().size();
@@ -114,6 +115,7 @@ void summarise(const Options& o, const PictureJob& job, const vsplat::Input& inp
                                 {"near", info.near_plane},
                                 {"up", {info.up[0], info.up[1], info.up[2]}},
                                 {"images", job.images.empty() ? 0 : pictures}};
+  file.add_results(out);
   job.add_results(comparison, out);
   if (refinement) refinement->add_results(out["refined"]);
   out["seconds"] = elapsed_seconds();
@@ -155,7 +157,8 @@ void reconstruct(const Options& o) {
   for (const std::string& path : {o.model, o.selection}) outputs.input(path);
   outputs.input_cameras(job.choice.file);
   for (const std::string& path : views.files()) outputs.input(path);
-  for (const std::string& path : {o.output, o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
+  SceneFile file(outputs, o.output);
+  for (const std::string& path : {o.write_selection, o.common.profile, o.common.trace}) outputs.expect(path);
   if (!o.dump.empty()) outputs.expect(dump_file(o));
   if (request.refinement) request.refinement->expect(outputs, o.output);
   if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
@@ -192,9 +195,9 @@ void reconstruct(const Options& o) {
     vsplat::check(vsplat_scene_save_selection((request.refinement ? request.refinement->start() : scene).get(),
                                               outputs.begin(o.write_selection).c_str()));
   session.write_profile(outputs);
-  scene.save(outputs.begin(o.output));
+  file.save(o.common, scene);
   outputs.commit();
-  summarise(o, job, input, scene, shots.all.size(), comparison, request.refinement);
+  summarise(o, job, input, scene, file, shots.all.size(), comparison, request.refinement);
 }
 
 void add_refinement(CLI::App& sub, Options& o) {

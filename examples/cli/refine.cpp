@@ -6,6 +6,7 @@
 #include "arguments.h"
 #include "placement.h"
 #include "refinement.h"
+#include "scene_file.h"
 
 namespace command {
 namespace {
@@ -104,7 +105,8 @@ void refine(const Options& o) {
   const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
   for (const std::string& path : {start_file(o), o.model}) outputs.input(path);
   for (const std::string& path : views.files()) outputs.input(path);
-  for (const std::string& path : {o.output, o.common.profile, o.common.trace}) outputs.expect(path);
+  SceneFile file(outputs, o.output);
+  for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
   job.expect(outputs, o.output);
 
   vsplat::Scene scene;
@@ -116,13 +118,14 @@ void refine(const Options& o) {
   job.options.model = model.get();
   const vsplat::Scene result = job.run(session, o.common, views, outputs);
   session.write_profile(outputs);
-  result.save(outputs.begin(o.output));
+  file.save(o.common, result);
   outputs.commit();
   job.summarise(o.common);
   say(o.common,
       o.output + ": " + std::to_string(result.info().count) + " Gaussians, " + seconds_text(elapsed_seconds()));
   if (!o.common.json) return;
   nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
+  file.add_results(out);
   job.add_results(out);
   out["seconds"] = elapsed_seconds();
   print_json(out);

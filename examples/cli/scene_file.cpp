@@ -1,0 +1,40 @@
+#include "scene_file.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+
+namespace command {
+
+SceneFile::SceneFile(Outputs& outputs, const std::string& path) : outputs_(outputs), path_(path) {
+  if (!path.empty()) offset_path_ = std::filesystem::path(path).replace_extension(".offset.json").string();
+  outputs.expect(path_);
+  outputs.expect(offset_path_);
+}
+
+void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
+  const vsplat_scene_info info = scene.info();
+  if (std::any_of(info.offset, info.offset + 3, [](double v) { return v != 0; }))
+    offset_.assign(info.offset, info.offset + 3);
+  if (offset_.empty()) {
+    outputs_.expect_gone(offset_path_);  // one from before would be taken for this scene's
+  } else {
+    const nlohmann::ordered_json beside = {{"scene", std::filesystem::path(path_).filename().string()},
+                                           {"offset", offset_}};
+    write_text(outputs_.begin(offset_path_),
+               beside.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+    char text[128];
+    std::snprintf(text, sizeof text, "(%.12g, %.12g, %.12g)", offset_[0], offset_[1], offset_[2]);
+    say(common, path_ + ": too far from the world's origin for floats: positions in it are relative to " + text +
+                    ", which " + offset_path_ + " tells other programs");
+  }
+  scene.save(outputs_.begin(path_));
+}
+
+void SceneFile::add_results(nlohmann::ordered_json& out) const {
+  if (offset_.empty()) return;
+  out["offset"] = offset_;
+  out["offset_file"] = offset_path_;
+}
+
+}  // namespace command
