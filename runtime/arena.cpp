@@ -6,6 +6,7 @@
 #include <bit>
 
 #include "runtime/fail.h"
+#include "runtime/host_memory.h"
 #include "runtime/opencl.h"
 #include "runtime/rounding.h"
 #include "runtime/units.h"
@@ -22,6 +23,7 @@ struct Slab {
   bool growing = false;    // virtual: counted only
   std::size_t blocks = 0;  // alive
   std::unique_ptr<cl::Buffer> buffer;
+  HostMemory reserved;
   std::map<std::size_t, std::size_t> free;  // the holes: offset -> size, neighbours merged
 
   void give_back(std::size_t offset, std::size_t size) {
@@ -77,6 +79,7 @@ struct ArenaState {
   }
 
   void make_buffer(Slab& slab) const {
+    if (limits.on_host) slab.reserved = HostMemory("a buffer of the CPU device", static_cast<double>(slab.capacity));
     try {
       slab.buffer = std::make_unique<cl::Buffer>(*context, CL_MEM_READ_WRITE, slab.capacity);
     } catch (const cl::Error& e) {

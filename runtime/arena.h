@@ -52,6 +52,7 @@ struct ArenaLimits {
   // Bytes on either side of a piece that belong to nobody: red zones, for debugging (runtime/launch_checks.h). A
   // multiple of `align`.
   std::size_t guard = 0;
+  bool on_host = false;  // a CPU's: slabs are reserved of the host's memory, too
 };
 
 class Arena {

@@ -11,6 +11,7 @@
 #include "runtime/clock.h"
 #include "runtime/device_handles.h"
 #include "runtime/fail.h"
+#include "runtime/host_memory.h"
 #include "runtime/launch_checks.h"
 #include "runtime/log.h"
 #include "runtime/program.h"
@@ -42,10 +43,15 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
 ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
   ArenaLimits limits;
   constexpr double most_gib = 1ull << 32;  // more than any device has; sums of sizes stay within 64 bits
-  limits.total =
-      max_memory_gib > 0 ? static_cast<std::size_t>(std::min(max_memory_gib, most_gib) * (1ull << 30)) : device.memory;
+  if (max_memory_gib > 0)
+    limits.total = static_cast<std::size_t>(std::min(max_memory_gib, most_gib) * (1ull << 30));
+  else if (device.type == DeviceType::cpu)  // its memory is the host's
+    limits.total = std::min<std::size_t>(device.memory, host_memory_limit());
+  else
+    limits.total = device.memory;
   limits.max_alloc = std::min<std::size_t>(device.max_alloc, limits.total);
   limits.align = static_cast<std::size_t>(device.align);
+  limits.on_host = device.type == DeviceType::cpu;
   if (guard_is_wanted()) limits.guard = round_up<std::size_t>(256, limits.align);
   return limits;
 }

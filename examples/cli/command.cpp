@@ -1,12 +1,12 @@
 #include "command.h"
 
 #include <unistd.h>
-#include <vsplat/vsplat.h>
 
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
 
 #include "arguments.h"
 #include "flags.h"
@@ -61,6 +61,12 @@ CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMe
 void add_common(CLI::App& app, Common& common, const Takes& takes) {
   if (takes.device) add_device_options(app, common);
   const std::string group = "What is told and written";
+  if (takes.outside)
+    app.add_option("--max-host-memory", common.max_host_memory,
+                   "Memory of the host to use at most (default: three quarters of what is free)")
+        ->check(positive())
+        ->type_name("GiB")
+        ->group(takes.device ? "Device" : group);
   if (takes.profile) {
     app.add_option("--profile", common.profile, "Write every kernel's time as JSON")->type_name("FILE")->group(group);
     app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
@@ -87,6 +93,9 @@ void start_log(const Common& common) {
   log_threshold = common.quiet ? VSPLAT_LOG_WARNING : common.verbose ? VSPLAT_LOG_VERBOSE : VSPLAT_LOG_INFO;
   vsplat_log_set(on_log, nullptr);
   allow_outside(common.allow_outside);
+  constexpr double most_gib = 1u << 30;  // more than any machine has
+  vsplat::check(vsplat_set_host_memory(
+      static_cast<uint64_t>(std::min(common.max_host_memory, most_gib) * static_cast<double>(1u << 30))));
 }
 
 namespace {

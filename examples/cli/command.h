@@ -21,7 +21,7 @@ struct Common {
   std::string device;
   std::string kernels = "auto";
   std::string gemm = "auto";
-  double max_memory = 0;  // GiB
+  double max_memory = 0, max_host_memory = 0;  // GiB
   std::string profile, trace;
   bool allow_outside = false, json = false, overwrite = false, quiet = false, verbose = false;
 };

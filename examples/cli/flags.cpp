@@ -57,6 +57,7 @@ constexpr Flag flags[] = {
     FUNCTION(vsplat_mesh_load, "--texture"),
     FUNCTION(vsplat_model_init, "`vsplat init`"),
     FUNCTION(vsplat_model_load, "--model"),
+    FUNCTION(vsplat_set_host_memory, "--max-host-memory"),
     FUNCTION(vsplat_train, "`vsplat train`"),
     FUNCTION(vsplat_train_plan, "--dry-run"),
     FUNCTION(vsplat_views_load, "--pictures"),

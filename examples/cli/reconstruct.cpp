@@ -75,8 +75,11 @@ void dry_run(const Options& o, const Request& request) {
   Session session(o.common);
   const vsplat::Model model = load_model(o.model);
   const vsplat_model_info info = model.info();
+  const vsplat::Views list = vsplat::Views::load(o.views, o.picture_folder);
   size_t listed = 0;
-  vsplat::check(vsplat_views_count(vsplat::Views::load(o.views, o.picture_folder).get(), &listed));
+  uint64_t pictures = 0;
+  vsplat::check(vsplat_views_count(list.get(), &listed));
+  vsplat::check(vsplat_views_get_memory(list.get(), &pictures));
   const int32_t most = o.view_count ? o.view_count : info.use_views;
   const size_t views = request.names.empty() ? std::min(listed, static_cast<size_t>(most)) : request.names.size();
   const double share = request.run.assume_selected > 0 ? request.run.assume_selected : VSPLAT_ASSUME_SELECTED;
@@ -85,6 +88,7 @@ void dry_run(const Options& o, const Request& request) {
     vsplat_plan plan = VSPLAT_PLAN_INIT;
     vsplat::check(
         vsplat_plan_reconstruct(session.device().get(), model.get(), static_cast<int32_t>(views), selected, &plan));
+    add_host_memory(plan, pictures, session.device());
     char title[128];
     std::snprintf(title, sizeof title, "%zu views, %.4g %% of the voxels selected%s", views, 100 * selected,
                   selected == 1.0 ? " (the network cannot take more)" : "");

@@ -36,6 +36,11 @@ void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
   vsplat_plan plan = VSPLAT_PLAN_INIT;
   vsplat::check(
       vsplat_plan_scene(session.device().get(), scene.get(), cameras.data(), cameras.size(), &options, &plan));
+  constexpr uint64_t encoding = 8;  // bytes a pixel: rounded, and in the file's format
+  uint64_t most = 0;
+  for (const vsplat_camera& camera : cameras)
+    most = std::max(most, static_cast<uint64_t>(camera.width) * static_cast<uint64_t>(camera.height));
+  add_host_memory(plan, encoding * most, session.device());
   print_plans(o.common, {{std::to_string(scene.info().count) + " Gaussians, " + std::to_string(cameras.size()) +
                               (cameras.size() == 1 ? " picture" : " pictures"),
                           plan}});

@@ -71,6 +71,12 @@ vsplat::Model load_model(const std::string& path) {
   return path.empty() ? vsplat::Model::load() : vsplat::Model::load(path);
 }
 
+void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device) {
+  plan.host_peak += bytes;
+  const uint64_t shared = device.info().type == VSPLAT_DEVICE_CPU ? plan.peak : 0;
+  plan.fits = plan.fits && plan.host_peak + shared <= plan.host_limit;
+}
+
 void print_plans(const Common& common, const std::vector<Plan>& plans) {
   if (common.json) {
     nlohmann::ordered_json out = nlohmann::ordered_json::array();
@@ -83,6 +89,8 @@ void print_plans(const Common& common, const std::vector<Plan>& plans) {
       out.push_back({{"what", p.title},
                      {"peak_bytes", p.plan.peak},
                      {"limit_bytes", p.plan.limit},
+                     {"host_peak_bytes", p.plan.host_peak},
+                     {"host_limit_bytes", p.plan.host_limit},
                      {"fits", p.plan.fits != 0},
                      {"stages", stages}});
     }
@@ -94,8 +102,9 @@ void print_plans(const Common& common, const std::vector<Plan>& plans) {
     for (uint32_t i = 0; i < p.plan.num_stages; ++i)
       std::printf("  %-12s %10s held, %10s in use\n", p.plan.stages[i].stage,
                   bytes_text(p.plan.stages[i].reserved).c_str(), bytes_text(p.plan.stages[i].live).c_str());
-    std::printf("  %-12s %10s of %s: %s\n", "peak", bytes_text(p.plan.peak).c_str(), bytes_text(p.plan.limit).c_str(),
-                p.plan.fits ? "fits" : "DOES NOT FIT");
+    std::printf("  %-12s %10s of %s\n", "peak", bytes_text(p.plan.peak).c_str(), bytes_text(p.plan.limit).c_str());
+    std::printf("  %-12s %10s of %s: %s\n", "host", bytes_text(p.plan.host_peak).c_str(),
+                bytes_text(p.plan.host_limit).c_str(), p.plan.fits ? "fits" : "DOES NOT FIT");
   }
 }
 

@@ -36,6 +36,9 @@ class Session {
 // The model of --model; where the option is not given, the one that the library carries.
 vsplat::Model load_model(const std::string& path);
 
+// What the command holds of the host's memory beside what the library plans.
+void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device);
+
 // A table, or JSON with --json, of what a computation needs against what there is.
 struct Plan {
   std::string title;

@@ -67,6 +67,14 @@ vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count) {
   });
 }
 
+vsplat_status vsplat_views_get_memory(vsplat_views views, uint64_t* out_bytes) {
+  return guarded([&] {
+    need(views, "views");
+    need(out_bytes, "out_bytes");
+    *out_bytes = static_cast<uint64_t>(host_bytes_to_load(views->photographs));
+  });
+}
+
 vsplat_status vsplat_views_get_name(vsplat_views views, size_t index, char** out_text) {
   return guarded([&] {
     need(views, "views");

@@ -1,14 +1,22 @@
 #include "model/api/plan.h"
 
 #include <algorithm>
+#include <cstring>
+
+#include "runtime/host_memory.h"
 
 namespace vsplat::api {
 
-vsplat_plan plan_of(const std::vector<StageMemory>& stages, std::size_t peak, std::size_t limit, bool fits) {
+vsplat_plan plan_of(const Context& ctx, const std::vector<StageMemory>& stages, std::size_t peak, bool fits,
+                    double host) {
   vsplat_plan out = VSPLAT_PLAN_INIT;
   out.peak = peak;
-  out.limit = limit;
-  out.fits = fits && out.peak <= out.limit;
+  out.limit = ctx.memory().limits().total;
+  out.host_peak = static_cast<uint64_t>(host);
+  out.host_limit = host_memory_limit();
+  const bool shared = ctx.device().type == DeviceType::cpu;
+  out.fits = fits && out.peak <= out.limit &&
+             host + (shared ? static_cast<double>(peak) : 0.0) <= static_cast<double>(out.host_limit);
   for (const StageMemory& from : stages) {  // a stage that comes twice (coarse heads, fine heads) is one row
     const std::string name = from.stage.empty() ? "model" : from.stage;
     vsplat_stage_memory* const end = out.stages + out.num_stages;

@@ -18,7 +18,9 @@ bool fits_within(const F& plan) {
   }
 }
 
-// `limit`: bytes that may be used. `fits`: whether every buffer is small enough; the sum is looked at here.
-vsplat_plan plan_of(const std::vector<StageMemory>& stages, std::size_t peak, std::size_t limit, bool fits);
+// What `ctx` may use, held against `peak`, bytes of its memory, and `host` bytes beside them. `fits`: whether every
+// buffer is small enough.
+vsplat_plan plan_of(const Context& ctx, const std::vector<StageMemory>& stages, std::size_t peak, bool fits,
+                    double host = 0);
 
 }  // namespace vsplat::api

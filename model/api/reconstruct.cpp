@@ -26,6 +26,16 @@ std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o
   return std::vector<int>(o.voxels, o.voxels + o.num_voxels);
 }
 
+// The model as it was read, the pictures as the network gets them, and its Gaussians twice: here and in the scene.
+double host_bytes(const Config& config, const Weights& weights, int views, long selected) {
+  double values = 0;
+  for (const auto& [name, tensor] : weights.all()) values += static_cast<double>(tensor.data.size());
+  values += 3.0 * views * config.image * config.image;
+  constexpr double values_of_gaussian = 59;  // with spherical harmonics of degree 3
+  values += 2 * values_of_gaussian * static_cast<double>(selected) * (config.fine_count + 1);
+  return values * sizeof(float);
+}
+
 }  // namespace
 
 vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vsplat_input input,
@@ -75,6 +85,7 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, config, "selected");
     MemoryPlan plan;
     const bool fits = fits_within([&] { plan = VsplatModel::plan(ctx, config, model->file->weights, views, planned); });
-    give(out_plan, plan_of(plan.stages, plan.peak, ctx.memory().limits().total, fits), "out_plan");
+    give(out_plan, plan_of(ctx, plan.stages, plan.peak, fits, host_bytes(config, model->file->weights, views, planned)),
+         "out_plan");
   });
 }

@@ -282,6 +282,6 @@ vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, i
     FitMemory memory;
     const bool fits =
         fits_within([&] { memory = plan_fit(ctx, blank_gaussians(1, sh_degree), 0.2f, options, camera); });
-    give(out_plan, plan_of(memory.stages, memory.peak, ctx.memory().limits().total, fits), "out_plan");
+    give(out_plan, plan_of(ctx, memory.stages, memory.peak, fits), "out_plan");
   });
 }

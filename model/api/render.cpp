@@ -17,12 +17,18 @@ using namespace vsplat::api;
 
 namespace {
 
-void copy(const Image& from, float* to) {
-  if (to) std::copy(from.data.begin(), from.data.end(), to);
+void read(Context& ctx, const Tensor& from, float* to) {
+  if (to) ctx.read(from, to);
 }
 
 vsplat_picture room_of(const vsplat_picture& picture, const std::string& what) {
   return taken(&picture, VSPLAT_PICTURE_INIT, what.c_str());
+}
+
+// Of a picture's planes, where the caller gets them.
+double host_bytes(double pixels) {
+  constexpr double planes = 3 + 1 + 1;
+  return planes * sizeof(float) * pixels;
 }
 
 struct Shot {
@@ -48,11 +54,12 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
     if (o.progress && !o.progress(o.user, "splat", static_cast<double>(i) / static_cast<double>(shots.size())))
       fail(Status::cancelled, "stopped with {} of {} pictures drawn", i, shots.size());
     const GaussianChunks& there = on_device(device, scene->scene, static_cast<double>(most));
-    const Picture drawn = render_picture(device->context, there, in_frame(*scene->scene, shots[i].camera), how);
-    device->context.finish();
-    copy(drawn.colour, shots[i].picture.colour);
-    copy(drawn.alpha, shots[i].picture.alpha);
-    copy(drawn.depth, shots[i].picture.depth);
+    Context& ctx = device->context;
+    const DevicePicture drawn = render(ctx, there, in_frame(*scene->scene, shots[i].camera), how);
+    ctx.finish();
+    read(ctx, drawn.colour, shots[i].picture.colour);
+    read(ctx, drawn.alpha, shots[i].picture.alpha);
+    read(ctx, drawn.depth, shots[i].picture.depth);
   }
 }
 
@@ -111,7 +118,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
         plan_render(device->context, there, *planner, planned, view, how);
       }
     });
-    give(out_plan, plan_of(planner->stage_memory(), planner->memory().peak(), planner->memory().limits().total, fits),
+    give(out_plan, plan_of(*planner, planner->stage_memory(), planner->memory().peak(), fits, host_bytes(pixels)),
          "out_plan");
   });
 }
@@ -134,7 +141,9 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
                               planner->tensor({k}), planner->tensor({k, s, 3})};
       (void)render(*planner, g, camera, RenderOptions{});
     });
-    give(out_plan, plan_of(planner->stage_memory(), planner->memory().peak(), planner->memory().limits().total, fits),
+    give(out_plan,
+         plan_of(*planner, planner->stage_memory(), planner->memory().peak(), fits,
+                 host_bytes(static_cast<double>(width) * height)),
          "out_plan");
   });
 }

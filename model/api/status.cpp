@@ -4,6 +4,7 @@
 #include "model/api/handle.h"
 #include "runtime/file.h"
 #include "runtime/file_rules.h"
+#include "runtime/host_memory.h"
 #include "runtime/log.h"
 
 namespace vsplat::api {
@@ -83,6 +84,17 @@ void vsplat_log_set(vsplat_log_function function, void* user) {
   }
   set_log_sink([function, user](LogLevel level, const std::string& text) {
     function(user, static_cast<vsplat_log_level>(level), text.c_str());
+  });
+}
+
+vsplat_status vsplat_set_host_memory(uint64_t bytes) {
+  return api::guarded([&] { set_host_memory_limit(bytes); });
+}
+
+vsplat_status vsplat_get_host_memory(uint64_t* out_limit, uint64_t* out_reserved) {
+  return api::guarded([&] {
+    if (out_limit) *out_limit = host_memory_limit();
+    if (out_reserved) *out_reserved = reserved_host_memory();
   });
 }
 

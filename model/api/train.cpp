@@ -140,7 +140,7 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
     clear(device);
     const Trainer::Plan plan = plan_of_stages(device->context, config, o);
-    give(out_plan, plan_of(plan.stages, plan.peak, device->context.memory().limits().total, plan.fits), "out_plan");
+    give(out_plan, plan_of(device->context, plan.stages, plan.peak, plan.fits), "out_plan");
   });
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <vector>
 
 #include "model/base/lens.h"
@@ -16,15 +17,27 @@ struct Taps {
   std::vector<float> weights;
 };
 
+double radius_of(double scale) { return 0.5 * (std::max(scale, 1.0) + 1); }
+
+// How much of the result's pixel the picture's `size` pixels cover, in them.
+double covered_of(double at, double scale, int size) {
+  return std::min(at + 0.5 * scale, static_cast<double>(size)) - std::max(at - 0.5 * scale, 0.0);
+}
+
+// The first sample that find_taps() weighs where any is covered.
+int first_tap(double at, double scale) {
+  return static_cast<int>(std::max(std::ceil(at - radius_of(scale) - 0.5), 0.0));
+}
+
 // `at`: the result pixel's centre; `scale`: its width; both in source pixels. `size` source pixels there are. A sample
 // weighs as much as its pixel shares with the result's (widened to one source pixel where it is smaller).
 void find_taps(double at, double scale, int size, Taps& out) {
   out.weights.clear();
-  const double covered = std::min(at + 0.5 * scale, static_cast<double>(size)) - std::max(at - 0.5 * scale, 0.0);
+  const double covered = covered_of(at, scale, size);
   if (!(covered > 0)) return;
-  const double radius = 0.5 * (std::max(scale, 1.0) + 1);
+  const double radius = radius_of(scale);
   const double low = std::ceil(at - radius - 0.5), high = std::floor(at + radius - 0.5);
-  const int first = static_cast<int>(std::max(low, 0.0)), last = static_cast<int>(std::min(high, size - 1.0));
+  const int first = first_tap(at, scale), last = static_cast<int>(std::min(high, size - 1.0));
   out.first = first;
   double sum = 0, moment = 0, spread = 0;
   for (int i = first; i <= last; ++i) {
@@ -99,18 +112,67 @@ class CornerMap {
   std::vector<Point> points_;
 };
 
+// Rows of a picture from the first that is still needed on.
+class KeptRows {
+ public:
+  explicit KeptRows(PixelRows& from) : from_(from) {}
+
+  const float* row(int y) {
+    while (first_ + static_cast<int>(rows_.size()) <= y) rows_.push_back(read());
+    return rows_[static_cast<std::size_t>(y - first_)].data();
+  }
+
+  // Reads what it passes over.
+  void drop_before(int y) {
+    for (; first_ < y; ++first_) {
+      if (rows_.empty()) {
+        unused_ = read();
+      } else {
+        unused_ = std::move(rows_.front());
+        rows_.pop_front();
+      }
+    }
+  }
+
+ private:
+  std::vector<float> read() {
+    std::vector<float> row = std::move(unused_);
+    row.resize(from_.row_size());
+    from_.next(row.data());
+    return row;
+  }
+
+  PixelRows& from_;
+  std::deque<std::vector<float>> rows_;
+  std::vector<float> unused_;
+  int first_ = 0;  // whose row rows_[0] is, or will be
+};
+
 }  // namespace
 
-Image premultiplied(const Image& picture, const Image* mask) {
-  Image out(picture.width, picture.height, 4);
-  const std::size_t pixels = static_cast<std::size_t>(picture.width) * picture.height;
-  for (std::size_t i = 0; i < pixels; ++i) {
-    const float* p = &picture.data[i * picture.channels];
-    const float a = (picture.channels == 4 ? p[3] : 1.0f) * (mask ? mask->data[i] : 1.0f);
-    for (int c = 0; c < 3; ++c) out.data[4 * i + c] = p[c] * a;
-    out.data[4 * i + 3] = a;
+PremultipliedRows::PremultipliedRows(PixelRows& picture, PixelRows* mask)
+    : PixelRows(picture.width, picture.height, 4),
+      picture_(picture),
+      mask_(mask),
+      pixels_(picture.row_size()),
+      masks_(mask ? mask->row_size() : 0) {}
+
+void PremultipliedRows::next(float* row) {
+  picture_.next(pixels_.data());
+  if (mask_) mask_->next(masks_.data());
+  const float* p = pixels_.data();
+  for (int x = 0; x < width; ++x, p += picture_.channels, row += 4) {
+    if (mask_) brightest_ = std::max(brightest_, masks_[x]);
+    const float a = (picture_.channels == 4 ? p[3] : 1.0f) * (mask_ ? masks_[x] : 1.0f);
+    for (int c = 0; c < 3; ++c) row[c] = p[c] * a;
+    row[3] = a;
   }
-  return out;
+}
+
+Image premultiplied(const Image& picture, const Image* mask) {
+  ImageRows pixels(picture), masks(mask ? *mask : Image());
+  PremultipliedRows rows(pixels, mask ? &masks : nullptr);
+  return image_of(rows);
 }
 
 Image over(const Image& premultiplied, const std::array<float, 3>& background) {
@@ -124,48 +186,65 @@ Image over(const Image& premultiplied, const std::array<float, 3>& background) {
 
 Image on_white(const Image& premultiplied) { return over(premultiplied, {1, 1, 1}); }
 
-Image resample(const Image& in, const Window& window) {
+Image resample(PixelRows& in, const Window& window) {
   const int size = window.size, height = window.height();
   const double step = window.side / size;
   std::vector<Taps> columns(static_cast<std::size_t>(size)), rows(static_cast<std::size_t>(height));
-  int top = in.height, bottom = 0;
   for (int i = 0; i < size; ++i) find_taps(window.x0 + (i + 0.5) * step, step, in.width, columns[i]);
-  for (int i = 0; i < height; ++i) {
-    find_taps(window.y0 + (i + 0.5) * step, step, in.height, rows[i]);
-    if (rows[i].weights.empty()) continue;
-    top = std::min(top, rows[i].first);
-    bottom = std::max(bottom, rows[i].first + static_cast<int>(rows[i].weights.size()));
-  }
-  Image narrow(size, std::max(bottom - top, 0), 4), out(size, height, 4);
-  for (int y = top; y < bottom; ++y)
+  for (int i = 0; i < height; ++i) find_taps(window.y0 + (i + 0.5) * step, step, in.height, rows[i]);
+  const auto ended = [&](int j, int y) { return rows[j].first + static_cast<int>(rows[j].weights.size()) <= y; };
+  Image out(size, height, 4);
+  std::vector<float> row(in.row_size()), narrow(4 * static_cast<std::size_t>(size));
+  int open = 0;  // no row of the result before this one takes more
+  for (int y = 0; y < in.height; ++y) {
+    in.next(row.data());
+    while (open < height && ended(open, y)) ++open;
+    if (open == height || rows[open].first > y) continue;
+    std::fill(narrow.begin(), narrow.end(), 0.0f);
     for (int i = 0; i < size; ++i)
       for (std::size_t k = 0; k < columns[i].weights.size(); ++k)
-        accumulate(narrow.at(i, y - top), in.at(columns[i].first + static_cast<int>(k), y), columns[i].weights[k]);
-  for (int j = 0; j < height; ++j)
-    for (std::size_t k = 0; k < rows[j].weights.size(); ++k)
-      for (int i = 0; i < size; ++i)
-        accumulate(out.at(i, j), narrow.at(i, rows[j].first + static_cast<int>(k) - top), rows[j].weights[k]);
+        accumulate(&narrow[4 * static_cast<std::size_t>(i)], &row[4 * (columns[i].first + k)], columns[i].weights[k]);
+    for (int j = open; j < height && rows[j].first <= y; ++j) {
+      if (ended(j, y)) continue;
+      const float weight = rows[j].weights[static_cast<std::size_t>(y - rows[j].first)];
+      for (int i = 0; i < size; ++i) accumulate(out.at(i, j), &narrow[4 * static_cast<std::size_t>(i)], weight);
+    }
+  }
   return out;
 }
 
-Image resample_undistorted(const Image& in, const Window& window, const Camera& camera) {
+Image resample_undistorted(PixelRows& in, const Window& window, const Camera& camera) {
   const CornerMap map(window, camera);
-  Image out(window.size, window.height(), 4);
+  const int height = window.height();
+  double u = 0, v = 0, wide = 0, high = 0;
+  // The first row of the picture that each row of the result, or one below it, is made of.
+  std::vector<int> first(static_cast<std::size_t>(height) + 1, in.height);
+  for (int j = height - 1; j >= 0; --j) {
+    first[j] = first[j + 1];
+    for (int i = 0; i < window.size; ++i)
+      if (map.footprint(i, j, u, v, wide, high) && covered_of(v, high, in.height) > 0)
+        first[j] = std::min(first[j], first_tap(v, high));
+  }
+  KeptRows kept(in);
+  Image out(window.size, height, 4);
   Taps columns, rows;
-  for (int j = 0; j < window.height(); ++j)
+  for (int j = 0; j < height; ++j) {
+    kept.drop_before(first[j]);
     for (int i = 0; i < window.size; ++i) {
-      double u = 0, v = 0, width = 0, height = 0;
-      if (!map.footprint(i, j, u, v, width, height)) continue;
-      find_taps(v, height, in.height, rows);
+      if (!map.footprint(i, j, u, v, wide, high)) continue;
+      find_taps(v, high, in.height, rows);
       if (rows.weights.empty()) continue;
-      find_taps(u, width, in.width, columns);
+      find_taps(u, wide, in.width, columns);
       float sum[4] = {};
-      for (std::size_t y = 0; y < rows.weights.size(); ++y)
+      for (std::size_t y = 0; y < rows.weights.size(); ++y) {
+        const float* row = kept.row(rows.first + static_cast<int>(y)) + 4 * static_cast<std::size_t>(columns.first);
         for (std::size_t x = 0; x < columns.weights.size(); ++x)
-          accumulate(sum, in.at(columns.first + static_cast<int>(x), rows.first + static_cast<int>(y)),
-                     rows.weights[y] * columns.weights[x]);
+          accumulate(sum, row + 4 * x, rows.weights[y] * columns.weights[x]);
+      }
       std::copy_n(sum, 4, out.at(i, j));
     }
+  }
+  kept.drop_before(in.height);
   return out;
 }
 

@@ -1,14 +1,30 @@
 // A window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
 #pragma once
 #include <array>
+#include <vector>
 
 #include "model/base/camera.h"
 #include "model/base/image.h"
+#include "model/base/pixel_rows.h"
 
 namespace vsplat {
 
-// Premultiplied [H][W][4] of a picture of 3 or 4 channels (straight alpha) and, where given, a mask [H][W][1]; their
-// alphas multiply. What is behind alpha 0 is gone, so that no resampling brings it back.
+// Premultiplied rows [W][4] of a picture of 3 or 4 channels (straight alpha) and, where given, a mask of one and of the
+// same size; their alphas multiply. What is behind alpha 0 is gone, so that no resampling brings it back.
+class PremultipliedRows : public PixelRows {
+ public:
+  // Both must outlive this.
+  explicit PremultipliedRows(PixelRows& picture, PixelRows* mask = nullptr);
+  void next(float* row) override;
+  // Of the rows so far; 0 without a mask.
+  float brightest_of_mask() const { return brightest_; }
+
+ private:
+  PixelRows& picture_;
+  PixelRows* mask_;
+  std::vector<float> pixels_, masks_;  // a row of each
+  float brightest_ = 0;
+};
 Image premultiplied(const Image& picture, const Image* mask);
 
 // Over a colour, three channels, clamped to [0,1].
@@ -28,11 +44,11 @@ struct Window {
 // Pixel (i, j) of the result is the picture about (x0, y0) + (i + 0.5, j + 0.5) side/size: the mean over its area where
 // the picture is made smaller, bilinear interpolation where larger; the weights are corrected to reproduce linear
 // ramps, so that nothing is shifted. Result pixels that the picture covers in part have that part as alpha; without
-// scaling, pixels are kept exactly.
-Image resample(const Image& premultiplied, const Window& window);
+// scaling, pixels are kept exactly. Every row is read, those outside the window, too.
+Image resample(PixelRows& premultiplied, const Window& window);
 
 // The same of the undistorted picture: what a pinhole with the camera's fx, fy, cx, cy would see. The camera's
 // distortion says where in `premultiplied` that is.
-Image resample_undistorted(const Image& premultiplied, const Window& window, const Camera& camera);
+Image resample_undistorted(PixelRows& premultiplied, const Window& window, const Camera& camera);
 
 }  // namespace vsplat

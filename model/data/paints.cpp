@@ -89,15 +89,20 @@ TextureFolder::TextureFolder(const std::string& path) : kept_(kept_bytes) {
 
 std::shared_ptr<const Texture> TextureFolder::at(std::size_t index) const {
   if (auto found = kept_.find(index)) return found;
-  Image picture = read_image(files_.at(index));
-  if (const int longer = std::max(picture.width, picture.height); longer > max_texels) {
+  const ImageFile file(files_.at(index));
+  const std::unique_ptr<PixelRows> stored = file.rows();
+  Image picture;
+  if (const int longer = std::max(stored->width, stored->height); longer > max_texels) {
     const double step = static_cast<double>(longer) / max_texels;
     const auto size = [&](int side) { return std::max(static_cast<int>(side / step + 1e-9), 1); };
-    const int columns = size(picture.width);
-    picture =
-        on_white(resample(premultiplied(picture, nullptr), {0, 0, columns * step, columns, size(picture.height)}));
-  } else if (picture.channels == 4) {
-    picture = on_white(premultiplied(picture, nullptr));  // surfaces have no holes
+    const int columns = size(stored->width);
+    PremultipliedRows source(*stored);
+    picture = on_white(resample(source, {0, 0, columns * step, columns, size(stored->height)}));
+  } else if (stored->channels == 4) {
+    PremultipliedRows source(*stored);
+    picture = on_white(image_of(source));  // surfaces have no holes
+  } else {
+    picture = image_of(*stored);
   }
   auto made = texture_of(picture);
   kept_.put(index, made, made->rgb.size() + sizeof(Texture));

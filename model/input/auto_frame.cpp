@@ -118,11 +118,19 @@ EstimatedEdge find_edge(std::span<const Camera> cameras, std::span<const std::op
 }  // namespace
 
 std::optional<MaskExtent> mask_extent(const Image& mask) {
+  ImageRows rows(mask);
+  return mask_extent(rows);
+}
+
+std::optional<MaskExtent> mask_extent(PixelRows& mask) {
+  std::vector<float> row(mask.row_size());
   std::vector<double> columns(mask.width, 0.0), rows(mask.height, 0.0);
   double total = 0;
-  for (int y = 0; y < mask.height; ++y)
+  for (int y = 0; y < mask.height; ++y) {
+    mask.next(row.data());
     for (int x = 0; x < mask.width; ++x)
-      if (mask.at(x, y)[mask.channels - 1] > 0.5f) columns[x] += 1, rows[y] += 1, total += 1;
+      if (row[static_cast<std::size_t>(x + 1) * mask.channels - 1] > 0.5f) columns[x] += 1, rows[y] += 1, total += 1;
+  }
   if (total == 0) return std::nullopt;
   const double stray = 0.002 * total;
   const auto first = [&](const std::vector<double>& counts, bool from_end) {

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "model/base/image.h"
+#include "model/base/pixel_rows.h"
 #include "model/input/placement.h"
 
 namespace vsplat {
@@ -16,6 +17,7 @@ struct MaskExtent {
 // The box that holds all of a mask's visible pixels (last channel over one half) but 0.2 % at each side, which a few
 // stray pixels do not widen; nothing where no pixel is visible.
 std::optional<MaskExtent> mask_extent(const Image& mask);
+std::optional<MaskExtent> mask_extent(PixelRows& mask);
 
 // Intrinsics must be known. `extents`: one per camera or none at all; lens distortion is not undone for them.
 // The centre is the point nearest to the optical axes, or, where two or more views have a mask, to the rays through the

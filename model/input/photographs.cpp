@@ -1,5 +1,6 @@
 #include "model/input/photographs.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 
@@ -42,38 +43,84 @@ ListedView resolved_view(const Photographs& photographs, int index) {
   return view;
 }
 
+namespace {
+
+bool is_kept(const ImageInfo& info) {
+  constexpr long most_kept = 1L << 24;  // pixels; 256 MiB
+  return static_cast<long>(info.width) * info.height <= most_kept;
+}
+
+}  // namespace
+
+double host_bytes_to_load(const Photographs& photographs) {
+  double sum = 0, most = 0;
+  const auto count = [&](const std::string& path) {
+    const ImageInfo info = read_image_info(path);
+    sum += static_cast<double>(std::filesystem::file_size(path));
+    if (is_kept(info)) sum += static_cast<double>(info.width) * info.height * (info.alpha ? 4 : 3) * sizeof(float);
+    most = std::max(most, info.held);
+  };
+  for (const ListedView& view : photographs.set.views) {
+    if (photographs.picture) continue;
+    count(view.picture.string());
+    if (view.mask) count(view.mask->string());
+  }
+  return sum + most;
+}
+
+PhotographFile::PhotographFile(const std::string& path) : file_(path), info_(file_->info()) {}
+
+std::unique_ptr<PixelRows> PhotographFile::rows(int turning) {
+  if (file_ && !is_kept(info_)) return file_->rows(turning);
+  if (file_) decoded_ = file_->decode(turning);
+  file_.reset();
+  return std::make_unique<ImageRows>(*decoded_);
+}
+
 LoadedPhotograph::LoadedPhotograph(const Photographs& photographs, int view)
     : photographs_(&photographs), view_(view), listed_(photographs.set.views[view]) {
   if (!photographs.picture) {
     file_.emplace(listed_.picture.string());
-    info_ = file_->info();
-    turning_ = turning_of(photographs.set, listed_, info_);
-    const auto [width, height] = turned_size(info_, turning_);
+    turning_ = turning_of(photographs.set, listed_, file_->info());
+    const auto [width, height] = turned_size(file_->info(), turning_);
     resolve_intrinsics(listed_, width, height);
   } else if (!is_resolved(listed_)) {
-    resolve_intrinsics(listed_, picture().width, picture().height);
+    resolve_intrinsics(listed_, made_picture().width, made_picture().height);
   }
 }
 
-const Image& LoadedPhotograph::picture() {
-  if (!picture_) {
-    picture_ = file_ ? oriented(file_->decode(), turning_) : photographs_->picture(view_);
-    file_.reset();
-  }
-  return *picture_;
+const Image& LoadedPhotograph::made_picture() {
+  if (!made_) made_ = photographs_->picture(view_);
+  return *made_;
 }
 
-const Image* LoadedPhotograph::mask() {
+std::unique_ptr<PixelRows> LoadedPhotograph::picture() {
+  if (file_) return file_->rows(turning_);
+  return std::make_unique<ImageRows>(made_picture());
+}
+
+namespace {
+
+// A mask of a picture whose rows it owns.
+class OwnedMask : public MaskRows {
+ public:
+  explicit OwnedMask(std::unique_ptr<PixelRows> picture) : MaskRows(*picture), picture_(std::move(picture)) {}
+
+ private:
+  std::unique_ptr<PixelRows> picture_;
+};
+
+}  // namespace
+
+std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
   if (!listed_.mask) return nullptr;
-  if (!mask_) mask_ = read_mask(listed_.mask->string());
-  return &*mask_;
+  if (!mask_file_) mask_file_.emplace(listed_.mask->string());
+  return std::make_unique<OwnedMask>(mask_file_->rows());
 }
 
 std::optional<MaskExtent> LoadedPhotograph::extent() {
-  if (const Image* seen = mask()) return mask_extent(*seen);
-  if (file_ && !info_.alpha) return std::nullopt;
-  if (picture().channels != 4) return std::nullopt;
-  return mask_extent(picture());
+  const std::unique_ptr<PixelRows> seen = listed_.mask ? mask() : is_masked() ? picture() : nullptr;
+  return seen ? mask_extent(*seen) : std::nullopt;
 }
 
 PictureNames LoadedPhotograph::names() const {
@@ -83,13 +130,17 @@ PictureNames LoadedPhotograph::names() const {
 }
 
 FramedView LoadedPhotograph::framed(const Framing& framing) {
-  return frame_view(listed_.camera, picture(), mask(), framing, names());
+  const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
+  return frame_view(listed_.camera, *pixels, masks.get(), framing, names());
 }
 
 WholeView LoadedPhotograph::whole(int longest) {
-  return whole_view(listed_.camera, picture(), mask(), longest, names());
+  const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
+  return whole_view(listed_.camera, *pixels, masks.get(), longest, names());
 }
 
-bool LoadedPhotograph::is_masked() { return listed_.mask || (file_ ? info_.alpha : picture().channels == 4); }
+bool LoadedPhotograph::is_masked() {
+  return listed_.mask || (file_ ? file_->info().alpha : made_picture().channels == 4);
+}
 
 }  // namespace vsplat

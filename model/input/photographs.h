@@ -27,8 +27,27 @@ int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info
 // header alone is read.
 ListedView resolved_view(const Photographs& photographs, int view);
 
-// A view whose picture and mask are each opened once and decoded at most once, when they are first needed. Where it is
-// not asked for its extent, it holds the undecoded file. `photographs` must outlive it.
+// A picture's file, opened once. One of up to 16 million pixels is decoded at most once, when it is first needed, and
+// kept; of a larger one the undecoded file is kept, and its rows are decoded whenever they are asked for.
+class PhotographFile {
+ public:
+  explicit PhotographFile(const std::string& path);
+
+  const ImageInfo& info() const { return info_; }
+  // As it is to be shown where the orientation counts. This must outlive them.
+  std::unique_ptr<PixelRows> rows(int turning = 1);
+
+ private:
+  std::optional<ImageFile> file_;  // until it is decoded to be kept
+  ImageInfo info_;
+  std::optional<Image> decoded_;
+};
+
+// Bytes of the host's memory that reading these takes at most, all loaded at once: files, decoded ones that are kept,
+// and what decoding the largest holds. Of the files the headers are read. 0 where pictures are made.
+double host_bytes_to_load(const Photographs& photographs);
+
+// A view whose picture and mask are each opened once. `photographs` must outlive it.
 class LoadedPhotograph {
  public:
   // Reads the picture's file; Error(file, format or input) as resolved_view().
@@ -51,16 +70,18 @@ class LoadedPhotograph {
 
  private:
   PictureNames names() const;
-  const Image& picture();
-  const Image* mask();  // null where none is listed
+  // Valid while this is.
+  std::unique_ptr<PixelRows> picture();
+  std::unique_ptr<PixelRows> mask();  // null where none is listed
+  const Image& made_picture();
 
   const Photographs* photographs_;
   int view_;
   ListedView listed_;
-  std::optional<ImageFile> file_;  // until it is decoded; never where pictures are made
-  ImageInfo info_;                 // of the file
-  int turning_ = 1;                // of turning_of()
-  std::optional<Image> picture_, mask_;
+  int turning_ = 1;                     // of turning_of()
+  std::optional<PhotographFile> file_;  // never where pictures are made
+  std::optional<PhotographFile> mask_file_;
+  std::optional<Image> made_;
 };
 
 }  // namespace vsplat

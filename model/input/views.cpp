@@ -15,7 +15,7 @@ namespace {
 // The framing the network is trained on: this many cube edges fill the picture.
 constexpr double edges_in_picture = 1.5;
 
-void check_sizes(const Camera& camera, const Image& picture, const Image* mask, const PictureNames& names) {
+void check_sizes(const Camera& camera, const PixelRows& picture, const PixelRows* mask, const PictureNames& names) {
   const int w = picture.width, h = picture.height;
   if (mask && (mask->width != w || mask->height != h))
     fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's size",
@@ -34,8 +34,7 @@ void check_sizes(const Camera& camera, const Image& picture, const Image* mask, 
        names.picture, w, h, camera.width, camera.height);
 }
 
-void warn_of_dark_mask(const Image& mask, const PictureNames& names) {
-  const float brightest = *std::max_element(mask.data.begin(), mask.data.end());
+void warn_of_dark_mask(float brightest, const PictureNames& names) {
   if (brightest < 0.5f)
     warn(
         "{}: the brightest value of the mask is {:.0f} of 255; white is the object, so little or nothing of the "
@@ -44,7 +43,7 @@ void warn_of_dark_mask(const Image& mask, const PictureNames& names) {
 }
 
 // The listed camera with what it leaves open filled in from the picture.
-Camera completed(Camera camera, const Image& picture) {
+Camera completed(Camera camera, const PixelRows& picture) {
   const bool no_size = camera.width == 0 && camera.height == 0;
   camera.width = picture.width;
   camera.height = picture.height;
@@ -94,19 +93,45 @@ Window find_window(const Camera& camera, const Framing& framing, const PictureNa
 }
 
 // The listed camera completed, where the pictures agree with it.
-Camera checked(const Camera& listed, const Image& picture, const Image* mask, const PictureNames& names) {
-  if (picture.empty() || (picture.channels != 3 && picture.channels != 4) || (mask && mask->channels != 1))
+Camera checked(const Camera& listed, const PixelRows& picture, const PixelRows* mask, const PictureNames& names) {
+  if (picture.width < 1 || picture.height < 1 || (picture.channels != 3 && picture.channels != 4) ||
+      (mask && mask->channels != 1))
     fail(Status::internal, "a view of {} channels", picture.channels);
   check_sizes(listed, picture, mask, names);
-  if (mask) warn_of_dark_mask(*mask, names);
   Camera camera = completed(listed, picture);
   if (!(camera.fx > 0) || !(camera.fy > 0))
     fail(Status::input, "{}: focal lengths {} and {}; positive ones are expected", names.picture, camera.fx, camera.fy);
   return camera;
 }
 
-Image seen_through(const Image& source, const Window& window, const Camera& camera) {
+Image seen_through(PixelRows& source, const Window& window, const Camera& camera) {
   return is_pinhole(camera.distortion) ? resample(source, window) : resample_undistorted(source, window, camera);
+}
+
+Image seen_through(PixelRows& picture, PixelRows* mask, const Window& window, const Camera& camera,
+                   const PictureNames& names) {
+  PremultipliedRows source(picture, mask);
+  Image out = seen_through(source, window, camera);
+  if (mask) warn_of_dark_mask(source.brightest_of_mask(), names);
+  return out;
+}
+
+// Everything of one value.
+class PlainRows : public PixelRows {
+ public:
+  PlainRows(int w, int h, int c, float value) : PixelRows(w, h, c), value_(value) {}
+  void next(float* row) override { std::fill_n(row, row_size(), value_); }
+
+ private:
+  float value_;
+};
+
+// Calls `work` with the rows of both.
+template <class Work>
+auto with_rows(const Image& picture, const Image* mask, const Work& work) {
+  const Image none;
+  ImageRows pixels(picture), masks(mask ? *mask : none);
+  return work(pixels, mask ? &masks : nullptr);
 }
 
 // The camera that sees the window alone, undistorted.
@@ -135,15 +160,15 @@ Fit fit_from_name(const std::string& name) {
   fail(Status::usage, "fit {}: auto, object, crop or pad is expected", name);
 }
 
-FramedView frame_view(const Camera& listed, const Image& picture, const Image* mask, const Framing& framing,
+FramedView frame_view(const Camera& listed, PixelRows& picture, PixelRows* mask, const Framing& framing,
                       const PictureNames& names) {
   if (framing.size < 1) fail(Status::internal, "frame_view: size {}", framing.size);
   const Camera camera = checked(listed, picture, mask, names);
   const Window window = find_window(camera, framing, names);
-  return {seen_through(premultiplied(picture, mask), window, camera), pinhole(camera, window)};
+  return {seen_through(picture, mask, window, camera, names), pinhole(camera, window)};
 }
 
-WholeView whole_view(const Camera& listed, const Image& picture, const Image* mask, int longest,
+WholeView whole_view(const Camera& listed, PixelRows& picture, PixelRows* mask, int longest,
                      const PictureNames& names) {
   const Camera camera = checked(listed, picture, mask, names);
   const int longer = std::max(picture.width, picture.height);
@@ -154,9 +179,10 @@ WholeView whole_view(const Camera& listed, const Image& picture, const Image* ma
   const Window window{0, 0, columns * step, columns, pixels(picture.height)};
   WholeView out;
   out.camera = pinhole(camera, window);
-  out.image = seen_through(premultiplied(picture, mask), window, camera);
+  out.image = seen_through(picture, mask, window, camera, names);
   if (is_pinhole(camera.distortion)) return out;
-  const Image covered = seen_through(premultiplied(Image(picture.width, picture.height, 3), nullptr), window, camera);
+  PlainRows everywhere(picture.width, picture.height, 4, 1.0f);
+  const Image covered = seen_through(everywhere, window, camera);
   out.known = Image(covered.width, covered.height, 1);
   for (std::size_t i = 0; i < out.known.data.size(); ++i)
     out.known.data[i] = covered.data[4 * i + 3] > 0.999f ? 1.0f : 0.0f;
@@ -165,18 +191,29 @@ WholeView whole_view(const Camera& listed, const Image& picture, const Image* ma
 
 FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
   const std::string name = camera.file.empty() ? "the picture" : camera.file;
-  return frame_view(camera, picture, mask, framing, {name, "the mask of " + name});
+  return with_rows(picture, mask, [&](PixelRows& pixels, PixelRows* masks) {
+    return frame_view(camera, pixels, masks, framing, {name, "the mask of " + name});
+  });
 }
 
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing) {
   return prepared(frame_view(camera, picture, mask, framing));
 }
 
+WholeView whole_view(const Camera& camera, const Image& picture, const Image* mask, int longest,
+                     const PictureNames& names) {
+  return with_rows(picture, mask, [&](PixelRows& pixels, PixelRows* masks) {
+    return whole_view(camera, pixels, masks, longest, names);
+  });
+}
+
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
                           const Framing& framing) {
   const Image picture = read_image(picture_path);
   const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
-  return prepared(frame_view(camera, picture, mask_path.empty() ? nullptr : &mask, framing, {picture_path, mask_path}));
+  return with_rows(picture, mask_path.empty() ? nullptr : &mask, [&](PixelRows& pixels, PixelRows* masks) {
+    return prepared(frame_view(camera, pixels, masks, framing, {picture_path, mask_path}));
+  });
 }
 
 }  // namespace vsplat

@@ -6,6 +6,7 @@
 
 #include "model/base/camera.h"
 #include "model/base/image.h"
+#include "model/base/pixel_rows.h"
 
 namespace vsplat {
 
@@ -55,13 +56,14 @@ struct PictureNames {
 // Error(input) where sizes disagree, or where `object` is asked for and the cube's centre is not in front of the
 // camera. Without `names` messages go by the camera's file.
 FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
-FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing,
+FramedView frame_view(const Camera& camera, PixelRows& picture, PixelRows* mask, const Framing& framing,
                       const PictureNames& names);
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 
 // As frame_view(), but all of the picture; its longer side made `longest` pixels where it is longer (0: kept), by area.
 WholeView whole_view(const Camera& camera, const Image& picture, const Image* mask, int longest,
                      const PictureNames& names);
+WholeView whole_view(const Camera& camera, PixelRows& picture, PixelRows* mask, int longest, const PictureNames& names);
 
 // The same from files; `mask_path` may be empty. Errors name them.
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,

@@ -50,26 +50,38 @@ Header header_of(const FileBytes& file) {
   return h;
 }
 
+ImageInfo info_of(const Header& h) {
+  const bool alpha = h.channels == 4;
+  return {h.width, h.height, alpha, 1, static_cast<double>(h.width) * h.height * (alpha ? 4 : 3)};
+}
+
+class BmpRows : public FileRows {
+ public:
+  BmpRows(const FileBytes& file, Header h) : FileRows(info_of(h), 8), pixels_(nullptr, stbi_image_free) {
+    check_length(file, h.width, h.height);
+    held_ = room_to_decode(file, info_of(h));
+    pixels_.reset(
+        stbi_load_from_memory(file.data, static_cast<int>(file.size), &h.width, &h.height, &h.channels, channels));
+    if (!pixels_) damaged(file, stbi_failure_reason());
+    from_ = pixels_.get();
+  }
+
+  void next(float* row) override {
+    for (std::size_t i = 0; i < row_size(); ++i) row[i] = static_cast<float>(*from_++) / 255.0f;
+  }
+
+ private:
+  HostMemory held_;
+  std::unique_ptr<unsigned char, void (*)(void*)> pixels_;
+  const unsigned char* from_ = nullptr;
+};
+
 }  // namespace
 
 bool is_bmp(const FileBytes& file) { return file.size >= 2 && file.data[0] == 'B' && file.data[1] == 'M'; }
 
-ImageInfo bmp_info(const FileBytes& file) {
-  const Header h = header_of(file);
-  return {h.width, h.height, h.channels == 4};
-}
+ImageInfo bmp_info(const FileBytes& file) { return info_of(header_of(file)); }
 
-Image decode_bmp(const FileBytes& file) {
-  Header h = header_of(file);
-  check_length(file, h.width, h.height);
-  const int channels = h.channels == 4 ? 4 : 3;
-  const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
-      stbi_load_from_memory(file.data, static_cast<int>(file.size), &h.width, &h.height, &h.channels, channels),
-      stbi_image_free);
-  if (!bytes) damaged(file, stbi_failure_reason());
-  Image out(h.width, h.height, channels);
-  for (std::size_t i = 0; i < out.data.size(); ++i) out.data[i] = static_cast<float>(bytes.get()[i]) / 255.0f;
-  return out;
-}
+std::unique_ptr<FileRows> open_bmp(const FileBytes& file) { return std::make_unique<BmpRows>(file, header_of(file)); }
 
 }  // namespace vsplat

@@ -11,8 +11,10 @@
 #include <cmath>
 #include <cstring>
 #include <exception>
+#include <memory>
 #include <new>
 #include <stdexcept>
+#include <utility>
 
 #include "model/io/exr_header.h"
 #include "model/io/image_formats.h"
@@ -118,15 +120,11 @@ void check_kind(const FileBytes& file, const Imf::Header& header) {
   check_image_size(file.path, data.width, data.height);
 }
 
-// Calls `work` on the first part; what OpenEXR throws becomes Error(format).
+// What `work` gives; what OpenEXR throws in it becomes Error(format).
 template <class Work>
-auto with_part(const FileBytes& file, Work work) {
+auto checked(const FileBytes& file, const Work& work) {
   try {
-    check_exr_header(file);
-    MemoryInput stream(file);
-    Imf::MultiPartInputFile parts(stream, 0);
-    check_kind(file, parts.header(0));
-    return work(parts);
+    return work();
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {
@@ -135,6 +133,35 @@ auto with_part(const FileBytes& file, Work work) {
     fail(Status::format, "{}: a damaged or cut-off EXR: {}", file.path, printable(e.what()));
   }
 }
+
+constexpr long lines = 256;  // the most that any compression packs together; as many are read at once
+
+const FileBytes& checked_header(const FileBytes& file) {
+  check_exr_header(file);
+  return file;
+}
+
+// An opened file; its first part is read.
+struct Opened {
+  explicit Opened(const FileBytes& file) : stream(checked_header(file)), parts(stream, 0) {
+    check_kind(file, header());
+  }
+  const Imf::Header& header() const { return parts.header(0); }
+  ImageInfo info() const {
+    const Window display = window_of(header().displayWindow()), data = window_of(header().dataWindow());
+    ImageInfo out{static_cast<int>(display.width), static_cast<int>(display.height),
+                  header().channels().findChannel("A") != nullptr};
+    // Our rows, and what OpenEXR unpacks them from: as many, or a row of tiles.
+    const double ours = static_cast<double>(std::min(lines, data.height));
+    const double tiles = header().hasTileDescription() ? header().tileDescription().ySize : ours;
+    out.held = (ours + std::min(tiles, static_cast<double>(data.height))) * static_cast<double>(data.width) *
+               (out.alpha ? 4 : 3) * sizeof(float);
+    return out;
+  }
+
+  MemoryInput stream;
+  Imf::MultiPartInputFile parts;
+};
 
 float in_unit(float v) {
   return v > 0 ? std::fmin(v, 1.0f) : 0.0f;  // NaN is not > 0
@@ -147,29 +174,91 @@ void to_display(float* pixel, bool alpha) {
   if (alpha) pixel[3] = a;
 }
 
-// The data window's pixels, as stored.
-Image read_pixels(Imf::MultiPartInputFile& parts, const Channels& channels, const Window& data) {
-  Image out(static_cast<int>(data.width), static_cast<int>(data.height), channels.alpha ? 4 : 3);
-  const std::size_t step = sizeof(float) * out.channels, stride = step * out.width;
-  Imf::FrameBuffer buffer;
-  const auto slice = [&](const char* name, int c) {
-    buffer.insert(name, Imf::Slice::Make(Imf::FLOAT, out.data.data() + c, parts.header(0).dataWindow(), step, stride));
-  };
-  if (channels.grey)
-    slice("Y", 0);
-  else {
-    slice("R", 0);
-    slice("G", 1);
-    slice("B", 2);
+// The picture is the display window; the data window may be smaller (nothing, alpha 0, around it) or larger (cut).
+class ExrRows : public FileRows {
+ public:
+  ExrRows(const FileBytes& file, std::unique_ptr<Opened> opened)
+      : FileRows(opened->info(), 32),
+        file_(file),
+        opened_(std::move(opened)),
+        found_(find_channels(file, opened_->header())),
+        data_(window_of(opened_->header().dataWindow())),
+        display_(window_of(opened_->header().displayWindow())),
+        part_(opened_->parts, 0) {
+    const Imf::Header& header = opened_->header();
+    check_plausible(file, header, data_, (found_.grey ? 1 : 3) + (found_.alpha ? 1 : 0));
+    held_ = room_to_decode(file, opened_->info());
+    band_.resize(static_cast<std::size_t>(std::min(lines, data_.height) * data_.width * channels));
   }
-  if (channels.alpha) slice("A", 3);
-  Imf::InputPart part(parts, 0);
-  part.setFrameBuffer(buffer);
-  part.readPixels(parts.header(0).dataWindow().min.y, parts.header(0).dataWindow().max.y);
-  if (channels.grey)
-    for (std::size_t i = 0; i < out.data.size(); i += out.channels) out.data[i + 1] = out.data[i + 2] = out.data[i];
-  return out;
-}
+
+  void next(float* row) override {
+    const long y = display_.y0 + at_++;
+    std::fill_n(row, row_size(), 0.0f);
+    if (y >= data_.y0 && y < data_.y0 + data_.height) {
+      if ((y - data_.y0) % lines == 0 || !begun_) read_from(y);
+      const long left = std::max(data_.x0, display_.x0),
+                 right = std::min(data_.x0 + data_.width, display_.x0 + display_.width);
+      const float* from = band_.data() + ((y - data_.y0) % lines * data_.width + left - data_.x0) * channels;
+      if (left < right) std::copy_n(from, (right - left) * channels, row + (left - display_.x0) * channels);
+    }
+    if (at_ < height) return;
+    read_below();
+    if (odd_ > 0)
+      warn("{}: {} of its values are no finite numbers: NaN is taken as 0, what is infinite as the end of the range",
+           file_.path, odd_);
+  }
+
+ private:
+  // Row `y` and what follows of its band, counted from the data window's top.
+  void read_from(long y) {
+    begun_ = true;
+    const long first = y - (y - data_.y0) % lines, last = std::min(first + lines, data_.y0 + data_.height) - 1;
+    const long x0 = data_.x0, step = channels;
+    Imf::FrameBuffer buffer;
+    const auto slice = [&](const char* name, int c) {
+      const Imath::Box2i box({static_cast<int>(x0), static_cast<int>(first)},
+                             {static_cast<int>(x0 + data_.width - 1), static_cast<int>(last)});
+      buffer.insert(name, Imf::Slice::Make(Imf::FLOAT, band_.data() + c, box, sizeof(float) * step,
+                                           sizeof(float) * step * data_.width));
+    };
+    if (found_.grey) {
+      slice("Y", 0);
+    } else {
+      slice("R", 0);
+      slice("G", 1);
+      slice("B", 2);
+    }
+    if (found_.alpha) slice("A", 3);
+    checked(file_, [&] {
+      part_.setFrameBuffer(buffer);
+      part_.readPixels(static_cast<int>(first), static_cast<int>(last));
+    });
+    const std::size_t count = static_cast<std::size_t>((last - first + 1) * data_.width * channels);
+    if (found_.grey)
+      for (std::size_t i = 0; i < count; i += channels) band_[i + 1] = band_[i + 2] = band_[i];
+    odd_ += std::count_if(band_.begin(), band_.begin() + static_cast<std::ptrdiff_t>(count),
+                          [](float v) { return !std::isfinite(v); });
+    for (std::size_t i = 0; i < count; i += channels) to_display(&band_[i], found_.alpha);
+  }
+
+  // What lies below the display window, so that a file that is cut off there is found out.
+  void read_below() {
+    const long shown = display_.y0 + display_.height, end = data_.y0 + data_.height;
+    for (long y = data_.y0 + (std::max(shown - data_.y0, 0L) + lines - 1) / lines * lines; y < end; y += lines)
+      read_from(y);
+  }
+
+  const FileBytes file_;
+  std::unique_ptr<Opened> opened_;
+  Channels found_;
+  Window data_, display_;
+  Imf::InputPart part_;
+  int at_ = 0;
+  bool begun_ = false;
+  std::ptrdiff_t odd_ = 0;
+  std::vector<float> band_;
+  HostMemory held_;
+};
 
 }  // namespace
 
@@ -178,37 +267,12 @@ bool is_exr(const FileBytes& file) {
 }
 
 ImageInfo exr_info(const FileBytes& file) {
-  return with_part(file, [](const Imf::MultiPartInputFile& parts) {
-    const Window display = window_of(parts.header(0).displayWindow());
-    const bool alpha = parts.header(0).channels().findChannel("A") != nullptr;
-    return ImageInfo{static_cast<int>(display.width), static_cast<int>(display.height), alpha};
-  });
+  return checked(file, [&] { return Opened(file).info(); });
 }
 
-// The picture is the display window; the data window may be smaller (nothing, alpha 0, around it) or larger (cut).
-Image decode_exr(const FileBytes& file) {
-  return with_part(file, [&](Imf::MultiPartInputFile& parts) {
-    const Imf::Header& header = parts.header(0);
-    const Channels channels = find_channels(file, header);
-    const Window data = window_of(header.dataWindow()), display = window_of(header.displayWindow());
-    check_plausible(file, header, data, (channels.grey ? 1 : 3) + (channels.alpha ? 1 : 0));
-    Image stored = read_pixels(parts, channels, data);
-    const auto odd = std::count_if(stored.data.begin(), stored.data.end(), [](float v) { return !std::isfinite(v); });
-    if (odd > 0)
-      warn("{}: {} of its {} values are no finite numbers: NaN is taken as 0, what is infinite as the end of the range",
-           file.path, odd, stored.data.size());
-    for (std::size_t i = 0; i < stored.data.size(); i += stored.channels) to_display(&stored.data[i], channels.alpha);
-    if (data.x0 == display.x0 && data.y0 == display.y0 && data.width == display.width && data.height == display.height)
-      return stored;
-    Image out(static_cast<int>(display.width), static_cast<int>(display.height), stored.channels);
-    const long left = std::max(data.x0, display.x0), right = std::min(data.x0 + data.width, display.x0 + display.width);
-    const long top = std::max(data.y0, display.y0),
-               bottom = std::min(data.y0 + data.height, display.y0 + display.height);
-    for (long y = top; y < bottom && left < right; ++y)
-      std::copy_n(stored.at(static_cast<int>(left - data.x0), static_cast<int>(y - data.y0)),
-                  (right - left) * stored.channels,
-                  out.at(static_cast<int>(left - display.x0), static_cast<int>(y - display.y0)));
-    return out;
+std::unique_ptr<FileRows> open_exr(const FileBytes& file) {
+  return checked(file, [&]() -> std::unique_ptr<FileRows> {
+    return std::make_unique<ExrRows>(file, std::make_unique<Opened>(file));
   });
 }
 

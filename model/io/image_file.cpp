@@ -1,11 +1,14 @@
 #include "model/io/image_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <new>
 
 #include "model/io/image_formats.h"
+#include "model/io/oriented_rows.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
 
@@ -15,11 +18,11 @@ namespace {
 struct Format {
   bool (*is)(const FileBytes&);
   ImageInfo (*info)(const FileBytes&);
-  Image (*decode)(const FileBytes&);
+  std::unique_ptr<FileRows> (*open)(const FileBytes&);
 };
-constexpr Format formats[] = {{is_png, png_info, decode_png},    {is_jpeg, jpeg_info, decode_jpeg},
-                              {is_exr, exr_info, decode_exr},    {is_tiff, tiff_info, decode_tiff},
-                              {is_webp, webp_info, decode_webp}, {is_bmp, bmp_info, decode_bmp}};
+constexpr Format formats[] = {{is_png, png_info, open_png},    {is_jpeg, jpeg_info, open_jpeg},
+                              {is_exr, exr_info, open_exr},    {is_tiff, tiff_info, open_tiff},
+                              {is_webp, webp_info, open_webp}, {is_bmp, bmp_info, open_bmp}};
 
 // What `read` of the format found in `file` makes of it.
 template <class T>
@@ -35,6 +38,13 @@ T by_format(const FileBytes& file, T (*Format::*read)(const FileBytes&)) {
 }
 
 ImageInfo info_of(const FileBytes& file) { return by_format(file, &Format::info); }
+
+// All rows, where there is room for them.
+Image whole(const FileBytes& file, PixelRows& rows) {
+  const HostMemory room = room_to_decode(
+      file, {rows.width, rows.height, false, 1, static_cast<double>(rows.row_size()) * rows.height * sizeof(float)});
+  return image_of(rows);
+}
 
 void check_planes(const char* what, const Image& colour, const Image& alpha, const Image& depth) {
   if (colour.channels != 3 || alpha.channels != 1 || depth.channels != 1 || colour.width != alpha.width ||
@@ -63,13 +73,32 @@ std::vector<unsigned char> rounded(const Image& image) {
   return out;
 }
 
-Image decode_image(const FileBytes& file) { return by_format(file, &Format::decode); }
+HostMemory room_to_decode(const FileBytes& file, const ImageInfo& info) {
+  return {fmt::format("{}: decoding its {} x {} pixels", file.path, info.width, info.height), info.held};
+}
+
+std::unique_ptr<FileRows> open_picture(const FileBytes& file) { return by_format(file, &Format::open); }
+
+Image decode_image(const FileBytes& file) {
+  const std::unique_ptr<FileRows> rows = open_picture(file);
+  return whole(file, *rows);
+}
 
 ImageFile::ImageFile(const std::string& path) : path_(path), bytes_(read_file(path)) {}
 
 ImageInfo ImageFile::info() const { return info_of({path_, bytes_.data(), bytes_.size()}); }
 
-Image ImageFile::decode() const { return decode_image({path_, bytes_.data(), bytes_.size()}); }
+Image ImageFile::decode(int orientation) const {
+  const std::unique_ptr<PixelRows> all = rows(orientation);
+  return whole({path_, bytes_.data(), bytes_.size()}, *all);
+}
+
+std::unique_ptr<PixelRows> ImageFile::rows(int orientation) const {
+  const FileBytes file{path_, bytes_.data(), bytes_.size()};
+  std::unique_ptr<FileRows> stored = open_picture(file);
+  if (orientation <= 1) return stored;
+  return std::make_unique<OrientedRows>(file, *stored, orientation);
+}
 
 ImageInfo read_image_info(const std::string& path) {
   InputFile file(path);
@@ -89,32 +118,20 @@ Image read_image(const std::string& path) { return ImageFile(path).decode(); }
 Image read_mask(const std::string& path) { return mask_of(read_image(path)); }
 
 Image mask_of(const Image& picture) {
-  Image mask(picture.width, picture.height, 1);
-  const int channels = picture.channels;
-  for (std::size_t i = 0; i < mask.data.size(); ++i) {
-    const float* p = &picture.data[i * channels];
-    // Grey stays bit for bit: a weighted sum of three equal values need not.
-    const float luma = p[0] == p[1] && p[1] == p[2] ? p[0] : 0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2];
-    mask.data[i] = channels == 4 ? luma * p[3] : luma;
-  }
-  return mask;
+  ImageRows pixels(picture);
+  MaskRows rows(pixels);
+  return image_of(rows);
 }
 
-Image oriented(const Image& stored, int orientation) {
-  if (orientation <= 1) return stored;
-  const bool turned = orientation >= 5;
-  const int w = turned ? stored.height : stored.width, h = turned ? stored.width : stored.height;
-  Image out(w, h, stored.channels);
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) {
-      // Where EXIF says that the stored picture's first row and column are to be seen.
-      const bool right = orientation == 2 || orientation == 3 || orientation == 6 || orientation == 7;
-      const bool low = orientation == 3 || orientation == 4 || orientation == 7 || orientation == 8;
-      const int u = right ? w - 1 - x : x, v = low ? h - 1 - y : y;
-      const float* from = turned ? stored.at(v, u) : stored.at(u, v);
-      std::copy_n(from, stored.channels, out.at(x, y));
-    }
-  return out;
+void MaskRows::next(float* row) {
+  pixels_.resize(picture_.row_size());
+  picture_.next(pixels_.data());
+  const float* p = pixels_.data();
+  for (int x = 0; x < width; ++x, p += picture_.channels) {
+    // Grey stays bit for bit: a weighted sum of three equal values need not.
+    const float luma = p[0] == p[1] && p[1] == p[2] ? p[0] : 0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2];
+    row[x] = picture_.channels == 4 ? luma * p[3] : luma;
+  }
 }
 
 void write_png(const std::string& path, const Image& image) {

@@ -3,10 +3,12 @@
 // Files that are cut off, damaged or too large throw Error(format) naming the path; files that cannot be opened,
 // Error(file).
 #pragma once
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "model/base/image.h"
+#include "model/base/pixel_rows.h"
 
 namespace vsplat {
 
@@ -19,6 +21,8 @@ struct ImageInfo {
   int width = 0, height = 0;
   bool alpha = false;   // it is read with four channels, else with three
   int orientation = 1;  // how EXIF (or TIFF) says that it is to be shown, 1 to 8; 1: as it is stored
+  // Bytes that decoding holds at once beside the file and some rows: all of it where its format is not decoded by rows.
+  double held = 0;
 };
 
 // A picture's file, read as a whole when this is made. Nothing opens the file again, so that what is asked first and
@@ -28,8 +32,11 @@ class ImageFile {
   explicit ImageFile(const std::string& path);
 
   ImageInfo info() const;
-  // As read_image(); decodes with every call.
-  Image decode() const;
+  // As read_image(), and as `orientation` (1 to 8) says that what is stored is to be shown; decodes with every call.
+  Image decode(int orientation = 1) const;
+  // The same row by row. This must outlive it. Error(memory) where what the format, or turning it, needs to hold at
+  // once is more than the host's budget leaves (runtime/host_memory.h).
+  std::unique_ptr<PixelRows> rows(int orientation = 1) const;
 
  private:
   std::string path_;
@@ -43,12 +50,19 @@ ImageInfo read_image_info(const std::string& path);
 // sRGB-encoded, [0,1]: EXR's linear, premultiplied values are divided by alpha and encoded. TIFF is read as 8 bits, its
 // first picture. Gamma tags are ignored, and pictures stay as they are stored, whatever orientation they state.
 Image read_image(const std::string& path);
-// A stored picture as its orientation (1 to 8) says that it is to be shown: turned, mirrored or both.
-Image oriented(const Image& stored, int orientation);
-
 // A mask: one channel, the picture's luma, times its alpha where it has one.
 Image read_mask(const std::string& path);
 Image mask_of(const Image& picture);
+class MaskRows : public PixelRows {
+ public:
+  // Of a picture of three or four channels, which must outlive this.
+  explicit MaskRows(PixelRows& picture) : PixelRows(picture.width, picture.height, 1), picture_(picture) {}
+  void next(float* row) override;
+
+ private:
+  PixelRows& picture_;
+  std::vector<float> pixels_;  // a row
+};
 
 // 8 bits, colour (3 channels), with straight alpha (4) or grey (1): round(255 * value clamped to [0,1]); NaN is written
 // as 0.

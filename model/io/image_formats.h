@@ -2,10 +2,13 @@
 // `_info` functions may be given its beginning and throw Error(format) where the header is not complete in it.
 #pragma once
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "model/base/pixel_rows.h"
 #include "model/io/image_file.h"
+#include "runtime/host_memory.h"
 
 namespace vsplat {
 
@@ -15,7 +18,17 @@ struct FileBytes {
   std::size_t size;
 };
 
-Image decode_image(const FileBytes& file);  // whichever it is
+// A file's rows as they are stored. What they are read from must outlive them; errors are those of image_file.h, found
+// at the latest with the last row. Whatever is held beyond some rows is reserved of the host's memory (Error(memory)).
+class FileRows : public PixelRows {
+ public:
+  FileRows(const ImageInfo& info, int bits_) : PixelRows(info.width, info.height, info.alpha ? 4 : 3), bits(bits_) {}
+
+  const int bits;  // of a value: multiples of 1/255 (8) or of 1/65535 (16), or any number (32)
+};
+
+std::unique_ptr<FileRows> open_picture(const FileBytes& file);  // whichever it is
+Image decode_image(const FileBytes& file);
 
 bool is_png(const FileBytes& file);
 bool is_jpeg(const FileBytes& file);
@@ -31,12 +44,15 @@ ImageInfo tiff_info(const FileBytes& file);
 ImageInfo webp_info(const FileBytes& file);
 ImageInfo bmp_info(const FileBytes& file);
 
-Image decode_png(const FileBytes& file);
-Image decode_jpeg(const FileBytes& file);
-Image decode_exr(const FileBytes& file);
-Image decode_tiff(const FileBytes& file);
-Image decode_webp(const FileBytes& file);
-Image decode_bmp(const FileBytes& file);
+std::unique_ptr<FileRows> open_png(const FileBytes& file);
+std::unique_ptr<FileRows> open_jpeg(const FileBytes& file);
+std::unique_ptr<FileRows> open_exr(const FileBytes& file);
+std::unique_ptr<FileRows> open_tiff(const FileBytes& file);
+std::unique_ptr<FileRows> open_webp(const FileBytes& file);
+std::unique_ptr<FileRows> open_bmp(const FileBytes& file);
+
+// Reserves `info.held`.
+HostMemory room_to_decode(const FileBytes& file, const ImageInfo& info);
 
 // round(255 * value clamped to [0,1]), NaN as 0: what every 8-bit format takes.
 std::vector<unsigned char> rounded(const Image& image);

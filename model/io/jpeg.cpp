@@ -7,7 +7,9 @@
 #include <jpeglib.h>
 // clang-format on
 
+#include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "model/io/exif.h"
 #include "model/io/image_formats.h"
@@ -23,6 +25,11 @@ bool harmless(int code) {
          code == JWRN_TOO_MUCH_DATA || code == JWRN_BOGUS_ICC;
 }
 
+// A progressive file may go over its blocks of 8 x 8 pixels as often as it likes, in a few bytes each time. Encoders do
+// so about ten times.
+constexpr int most_scans = 100, usual_scans = 20;
+constexpr double most_block_visits = 4e8;  // some seconds
+
 // How libjpeg's errors come back: by a jump to whoever called it last.
 struct Problems {
   jpeg_error_mgr errors{};
@@ -31,6 +38,11 @@ struct Problems {
   bool out_of_memory = false;
 
   jpeg_error_mgr* handler();
+};
+
+struct ScanLimit {
+  jpeg_progress_mgr progress{};  // first: libjpeg knows this alone
+  int scans = most_scans;
 };
 
 [[noreturn]] void jpeg_problem(j_common_ptr common) {
@@ -54,8 +66,17 @@ jpeg_error_mgr* Problems::handler() {
   return &errors;
 }
 
+void jpeg_count_scans(j_common_ptr common) {
+  const auto* limit = reinterpret_cast<ScanLimit*>(common->progress);
+  if (reinterpret_cast<j_decompress_ptr>(common)->input_scan_number <= limit->scans) return;
+  auto* p = static_cast<Problems*>(common->client_data);
+  std::snprintf(p->message, sizeof p->message, "it goes over its pixels more than %d times", limit->scans);
+  longjmp(p->leave, 1);
+}
+
 struct Reader : Problems {
   jpeg_decompress_struct jpeg{};
+  ScanLimit limit;
 
   Reader() {
     jpeg.err = handler();
@@ -95,6 +116,8 @@ bool read_header(Reader& r, const FileBytes& file) {
 
 bool start(Reader& r) {
   if (setjmp(r.leave)) return false;
+  r.limit.progress.progress_monitor = jpeg_count_scans;
+  r.jpeg.progress = &r.limit.progress;
   r.jpeg.out_color_space = JCS_RGB;
   jpeg_start_decompress(&r.jpeg);
   return true;
@@ -152,6 +175,48 @@ int orientation_of(const Reader& r) {
   return 1;
 }
 
+double blocks_of(const Reader& r) {
+  double sum = 0;
+  for (int c = 0; c < r.jpeg.num_components; ++c)
+    sum += static_cast<double>(r.jpeg.comp_info[c].width_in_blocks) * r.jpeg.comp_info[c].height_in_blocks;
+  return sum;
+}
+
+ImageInfo info_of(Reader& r) {
+  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height), false, orientation_of(r),
+          jpeg_has_multiple_scans(&r.jpeg) ? blocks_of(r) * sizeof(JBLOCK) : 0};
+}
+
+class JpegRows : public FileRows {
+ public:
+  // `reader` has read the header.
+  JpegRows(const FileBytes& file, std::unique_ptr<Reader> reader)
+      : FileRows(info_of(*reader), 8), file_(file), reader_(std::move(reader)) {
+    Reader& r = *reader_;
+    const double blocks = blocks_of(r);
+    if (blocks / 8 > static_cast<double>(file.size))  // at least a bit each
+      fail(Status::format, "{}: a damaged or cut-off JPEG: {} bytes cannot hold its {} x {} pixels", file.path,
+           file.size, width, height);
+    r.limit.scans = std::clamp(static_cast<int>(most_block_visits / blocks), usual_scans, most_scans);
+    held_ = room_to_decode(file, info_of(r));
+    if (!start(r)) damaged(file_, r);
+    row_.resize(row_size());
+  }
+
+  void next(float* out) override {
+    if (!read_row(*reader_, row_.data())) damaged(file_, *reader_);
+    for (const unsigned char v : row_) *out++ = static_cast<float>(v) / 255.0f;
+    if (++at_ == height && !finish(*reader_)) damaged(file_, *reader_);
+  }
+
+ private:
+  const FileBytes file_;
+  std::unique_ptr<Reader> reader_;
+  int at_ = 0;
+  std::vector<unsigned char> row_;
+  HostMemory held_;
+};
+
 }  // namespace
 
 bool is_jpeg(const FileBytes& file) {
@@ -161,31 +226,19 @@ bool is_jpeg(const FileBytes& file) {
 ImageInfo jpeg_info(const FileBytes& file) {
   Reader r;
   check_header(r, file);
-  return {static_cast<int>(r.jpeg.image_width), static_cast<int>(r.jpeg.image_height), false, orientation_of(r)};
+  return info_of(r);
 }
 
-Image decode_jpeg(const FileBytes& file) {
-  Reader r;
-  check_header(r, file);
-  const J_COLOR_SPACE space = r.jpeg.jpeg_color_space;
+std::unique_ptr<FileRows> open_jpeg(const FileBytes& file) {
+  auto reader = std::make_unique<Reader>();
+  check_header(*reader, file);
+  const J_COLOR_SPACE space = reader->jpeg.jpeg_color_space;
   if (space == JCS_CMYK || space == JCS_YCCK)
     fail(Status::format, "{}: a CMYK JPEG; grey and RGB are read: convert it", file.path);
   if (space != JCS_GRAYSCALE && space != JCS_YCbCr && space != JCS_RGB)
     fail(Status::format, "{}: a JPEG of {} components in an unknown colour space; grey and RGB are read", file.path,
-         r.jpeg.num_components);
-  if (!start(r)) damaged(file, r);
-  const int width = static_cast<int>(r.jpeg.output_width), height = static_cast<int>(r.jpeg.output_height);
-  std::vector<unsigned char> row(3 * static_cast<std::size_t>(width));
-  Image out;
-  out.width = width;
-  out.height = height;
-  out.channels = 3;
-  for (int y = 0; y < height; ++y) {
-    if (!read_row(r, row.data())) damaged(file, r);
-    for (const unsigned char v : row) out.data.push_back(static_cast<float>(v) / 255.0f);
-  }
-  if (!finish(r)) damaged(file, r);
-  return out;
+         reader->jpeg.num_components);
+  return std::make_unique<JpegRows>(file, std::move(reader));
 }
 
 std::vector<unsigned char> encode_jpeg(const std::string& path, const Image& image, int quality) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string_view>
+#include <utility>
 
 #include "model/io/exif.h"
 #include "model/io/image_formats.h"
@@ -112,12 +113,12 @@ float value(const unsigned char* row, std::size_t i, int depth) {
   return static_cast<float>(v) / 65535.0f;
 }
 
-void append_row(std::vector<float>& out, const unsigned char* row, int width, int channels, int depth) {
+void take_row(float* out, const unsigned char* row, int width, int channels, int depth) {
   const int colours = channels <= 2 ? 1 : 3;
   for (int x = 0; x < width; ++x) {
     const std::size_t i = static_cast<std::size_t>(x) * channels;
-    for (int c = 0; c < 3; ++c) out.push_back(value(row, i + (colours == 3 ? c : 0), depth));
-    if (channels > colours) out.push_back(value(row, i + colours, depth));
+    for (int c = 0; c < 3; ++c) *out++ = value(row, i + (colours == 3 ? c : 0), depth);
+    if (channels > colours) *out++ = value(row, i + colours, depth);
   }
 }
 
@@ -145,6 +146,49 @@ Header checked_header(const FileBytes& file, Reader& r) {
   check_image_size(file.path, h.width, h.height);
   return h;
 }
+
+ImageInfo info_of(Reader& r, const Header& h, int channels, int depth, int passes) {
+  png_uint_32 size = 0;
+  png_bytep exif = nullptr;  // where it stands before the picture
+  const bool told = png_get_eXIf_1(r.png, r.info, &size, &exif) != 0;
+  const double all = static_cast<double>(h.width) * h.height * channels * depth / 8;
+  return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0,
+          told ? exif_orientation(exif, size) : 1, passes > 1 ? all : 0};
+}
+
+class PngRows : public FileRows {
+ public:
+  // `reader` has read the header; a row has `stored` values of `depth` bits; `passes` of interlacing.
+  PngRows(const FileBytes& file, std::unique_ptr<Reader> reader, const ImageInfo& info, int stored, int depth,
+          int passes)
+      : FileRows(info, depth), file_(file), reader_(std::move(reader)), stored_(stored), depth_(depth) {
+    const std::size_t row = static_cast<std::size_t>(width) * stored * (depth / 8);
+    // Interlaced files visit each row several times and need all of them; others go a row at a time.
+    if (passes > 1) {
+      held_ = room_to_decode(file, info);
+      step_ = row;
+    }
+    rows_.resize(passes > 1 ? row * height : row);
+    for (int pass = 0; pass + 1 < passes; ++pass)
+      for (int y = 0; y < height; ++y)
+        if (!read_row(*reader_, rows_.data() + row * y)) damaged(file_, *reader_);
+  }
+
+  void next(float* out) override {
+    unsigned char* row = rows_.data() + step_ * at_;
+    if (!read_row(*reader_, row)) damaged(file_, *reader_);
+    take_row(out, row, width, stored_, depth_);
+    if (++at_ == height && !read_end(*reader_)) damaged(file_, *reader_);
+  }
+
+ private:
+  const FileBytes file_;
+  std::unique_ptr<Reader> reader_;
+  int stored_, depth_, at_ = 0;
+  std::size_t step_ = 0;  // bytes from row to row
+  std::vector<unsigned char> rows_;
+  HostMemory held_;
+};
 
 void png_append(png_structp png, png_bytep data, std::size_t size) {
   auto* out = static_cast<std::vector<unsigned char>*>(png_get_io_ptr(png));
@@ -183,15 +227,12 @@ ImageInfo png_info(const FileBytes& file) {
   const Header h = checked_header(file, r);
   int channels = 0, depth = 0, passes = 0;
   if (!set_transforms(r, channels, depth, passes)) damaged(file, r);
-  png_uint_32 size = 0;
-  png_bytep exif = nullptr;  // where it stands before the picture
-  const bool told = png_get_eXIf_1(r.png, r.info, &size, &exif) != 0;
-  return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0,
-          told ? exif_orientation(exif, size) : 1};
+  return info_of(r, h, channels, depth, passes);
 }
 
-Image decode_png(const FileBytes& file) {
-  Reader r(file);
+std::unique_ptr<FileRows> open_png(const FileBytes& file) {
+  auto reader = std::make_unique<Reader>(file);
+  Reader& r = *reader;
   const Header h = checked_header(file, r);
   const double stored_bits = static_cast<double>(h.width) * h.height * h.depth * png_get_channels(r.png, r.info);
   if (stored_bits / 8 > max_deflate_ratio * static_cast<double>(file.size))
@@ -199,25 +240,8 @@ Image decode_png(const FileBytes& file) {
          h.width, h.height);
   int channels = 0, depth = 0, passes = 0;
   if (!set_transforms(r, channels, depth, passes)) damaged(file, r);
-  const int width = static_cast<int>(h.width), height = static_cast<int>(h.height);
-  const std::size_t row_size = static_cast<std::size_t>(width) * channels * (depth / 8);
-  // Interlaced files visit each row several times and need all of them; others go a row at a time.
-  std::vector<unsigned char> rows(passes > 1 ? row_size * height : row_size);
-  for (int pass = 0; pass + 1 < passes; ++pass)
-    for (int y = 0; y < height; ++y)
-      if (!read_row(r, rows.data() + row_size * y)) damaged(file, r);
-  Image out;
-  out.width = width;
-  out.height = height;
-  out.channels = channels % 2 == 0 ? 4 : 3;
-  out.data.reserve(static_cast<std::size_t>(width) * height * out.channels);
-  for (int y = 0; y < height; ++y) {
-    unsigned char* row = rows.data() + (passes > 1 ? row_size * y : 0);
-    if (!read_row(r, row)) damaged(file, r);
-    append_row(out.data, row, width, channels, depth);
-  }
-  if (!read_end(r)) damaged(file, r);
-  return out;
+  return std::make_unique<PngRows>(file, std::move(reader), info_of(r, h, channels, depth, passes), channels, depth,
+                                   passes);
 }
 
 std::vector<unsigned char> encode_png(const Image& image) {

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "model/io/image_formats.h"
@@ -97,25 +98,69 @@ class Reader {
     begun_ = true;
     int orientation = ORIENTATION_TOPLEFT;
     if (image_.orientation >= 1 && image_.orientation <= 8) orientation = image_.orientation;  // EXIF's are TIFF's
-    return {static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
-  }
-
-  // As it is stored, red in the lowest byte; premultiplied.
-  std::vector<std::uint32_t> pixels(const ImageInfo& info) {
-    std::vector<std::uint32_t> out(static_cast<std::size_t>(info.width) * info.height);
-    image_.orientation = image_.req_orientation = ORIENTATION_TOPLEFT;
-    if (!TIFFRGBAImageGet(&image_, out.data(), static_cast<std::uint32_t>(info.width),
-                          static_cast<std::uint32_t>(info.height)))
-      damaged(file_, source_.message);
+    ImageInfo out{static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
+    out.held = unpacked_bytes() + sizeof(std::uint32_t) * static_cast<double>(width) * rows_at_once(out);
     return out;
   }
 
+  // How many rows are best read at once: those of a strip or of a row of tiles, which are unpacked as a whole.
+  int rows_at_once(const ImageInfo& info) {
+    std::uint32_t rows = 0;
+    if (!TIFFGetField(tiff_, TIFFIsTiled(tiff_) ? TIFFTAG_TILELENGTH : TIFFTAG_ROWSPERSTRIP, &rows) || rows == 0)
+      return info.height;
+    return static_cast<int>(std::min<std::uint32_t>(rows, static_cast<std::uint32_t>(info.height)));
+  }
+  double unpacked_bytes() {
+    return static_cast<double>(TIFFIsTiled(tiff_) ? TIFFTileSize64(tiff_) : TIFFStripSize64(tiff_));
+  }
+
+  // Rows from `first` on, as they are stored, red in the lowest byte; premultiplied.
+  void read(const ImageInfo& info, int first, int count, std::uint32_t* out) {
+    image_.orientation = image_.req_orientation = ORIENTATION_TOPLEFT;
+    image_.row_offset = first;
+    if (!TIFFRGBAImageGet(&image_, out, static_cast<std::uint32_t>(info.width), static_cast<std::uint32_t>(count)))
+      damaged(file_, source_.message);
+  }
+
  private:
-  const FileBytes& file_;
+  const FileBytes file_;
   Source source_;
   TIFF* tiff_ = nullptr;
   TIFFRGBAImage image_{};
   bool begun_ = false;
+};
+
+class TiffRows : public FileRows {
+ public:
+  TiffRows(const FileBytes& file, std::unique_ptr<Reader> reader, const ImageInfo& info)
+      : FileRows(info, info.alpha ? 32 : 8),
+        reader_(std::move(reader)),
+        info_(info),
+        most_(reader_->rows_at_once(info)) {
+    held_ = room_to_decode(file, info);
+    band_.resize(static_cast<std::size_t>(most_) * width);
+  }
+
+  void next(float* to) override {
+    if (at_ % most_ == 0) reader_->read(info_, at_, std::min(most_, height - at_), band_.data());
+    const std::uint32_t* from = band_.data() + static_cast<std::size_t>(at_++ % most_) * width;
+    for (int x = 0; x < width; ++x) {
+      const std::uint32_t pixel = *from++;
+      const unsigned alpha = TIFFGetA(pixel);
+      const unsigned colour[] = {TIFFGetR(pixel), TIFFGetG(pixel), TIFFGetB(pixel)};
+      const unsigned whole = info_.alpha ? alpha : 255;
+      for (const unsigned c : colour)
+        *to++ = whole == 0 ? 0.0f : std::min(1.0f, static_cast<float>(c) / static_cast<float>(whole));
+      if (info_.alpha) *to++ = static_cast<float>(alpha) / 255.0f;
+    }
+  }
+
+ private:
+  std::unique_ptr<Reader> reader_;
+  ImageInfo info_;
+  int most_, at_ = 0;
+  std::vector<std::uint32_t> band_;
+  HostMemory held_;
 };
 
 }  // namespace
@@ -129,21 +174,10 @@ bool is_tiff(const FileBytes& file) {
 
 ImageInfo tiff_info(const FileBytes& file) { return Reader(file).begin(); }
 
-Image decode_tiff(const FileBytes& file) {
-  Reader reader(file);
-  const ImageInfo info = reader.begin();
-  const std::vector<std::uint32_t> pixels = reader.pixels(info);
-  Image out(info.width, info.height, info.alpha ? 4 : 3);
-  float* to = out.data.data();
-  for (const std::uint32_t pixel : pixels) {
-    const unsigned alpha = TIFFGetA(pixel);
-    const unsigned colour[] = {TIFFGetR(pixel), TIFFGetG(pixel), TIFFGetB(pixel)};
-    const unsigned whole = info.alpha ? alpha : 255;
-    for (const unsigned c : colour)
-      *to++ = whole == 0 ? 0.0f : std::min(1.0f, static_cast<float>(c) / static_cast<float>(whole));
-    if (info.alpha) *to++ = static_cast<float>(alpha) / 255.0f;
-  }
-  return out;
+std::unique_ptr<FileRows> open_tiff(const FileBytes& file) {
+  auto reader = std::make_unique<Reader>(file);
+  const ImageInfo info = reader->begin();
+  return std::make_unique<TiffRows>(file, std::move(reader), info);
 }
 
 }  // namespace vsplat

@@ -52,6 +52,38 @@ int orientation_of(const FileBytes& file) {
   return exif_orientation(exif.bytes + skipped, exif.size - skipped);
 }
 
+// libwebp decodes a picture as a whole: its bytes, and the transformed ones of lossless files beside them.
+ImageInfo info_of(const WebPBitstreamFeatures& f, int orientation = 1) {
+  const bool alpha = f.has_alpha != 0;
+  return {f.width, f.height, alpha, orientation, static_cast<double>(f.width) * f.height * (alpha ? 8 : 7)};
+}
+
+class WebpRows : public FileRows {
+ public:
+  WebpRows(const FileBytes& file, const WebPBitstreamFeatures& features)
+      : FileRows(info_of(features), 8), held_(room_to_decode(file, info_of(features))) {
+    if (!WebPInitDecoderConfig(&config_)) fail(Status::internal, "libwebp is of another version than its header");
+    config_.output.colorspace = features.has_alpha ? MODE_RGBA : MODE_RGB;
+    const VP8StatusCode status = WebPDecode(file.data, file.size, &config_);
+    if (status != VP8_STATUS_OK) {
+      WebPFreeDecBuffer(&config_.output);
+      damaged(file, status);
+    }
+  }
+  ~WebpRows() override { WebPFreeDecBuffer(&config_.output); }
+
+  void next(float* row) override {
+    const WebPRGBABuffer& buffer = config_.output.u.RGBA;
+    const unsigned char* from = buffer.rgba + static_cast<std::size_t>(at_++) * buffer.stride;
+    for (std::size_t i = 0; i < row_size(); ++i) row[i] = static_cast<float>(from[i]) / 255.0f;
+  }
+
+ private:
+  HostMemory held_;
+  WebPDecoderConfig config_;
+  int at_ = 0;
+};
+
 }  // namespace
 
 bool is_webp(const FileBytes& file) {
@@ -60,28 +92,16 @@ bool is_webp(const FileBytes& file) {
 
 ImageInfo webp_info(const FileBytes& file) {
   const WebPBitstreamFeatures features = features_of(file);
-  return {features.width, features.height, features.has_alpha != 0, orientation_of(file)};
+  return info_of(features, orientation_of(file));
 }
 
-Image decode_webp(const FileBytes& file) {
+std::unique_ptr<FileRows> open_webp(const FileBytes& file) {
   const WebPBitstreamFeatures features = features_of(file);
   // The file's own length, since libwebp asks for no more than the picture's part of it.
   const std::size_t stated =
       8 + (file.data[4] | file.data[5] << 8 | file.data[6] << 16 | static_cast<std::size_t>(file.data[7]) << 24);
   if (stated > file.size) damaged(file, VP8_STATUS_NOT_ENOUGH_DATA);
-  WebPDecoderConfig config;
-  if (!WebPInitDecoderConfig(&config)) fail(Status::internal, "libwebp is of another version than its header");
-  config.output.colorspace = features.has_alpha ? MODE_RGBA : MODE_RGB;
-  const VP8StatusCode status = WebPDecode(file.data, file.size, &config);
-  const std::unique_ptr<WebPDecBuffer, void (*)(WebPDecBuffer*)> buffer(&config.output, WebPFreeDecBuffer);
-  if (status != VP8_STATUS_OK) damaged(file, status);
-  Image out(features.width, features.height, features.has_alpha ? 4 : 3);
-  const std::size_t row = static_cast<std::size_t>(out.width) * out.channels;
-  for (int y = 0; y < out.height; ++y) {
-    const unsigned char* from = buffer->u.RGBA.rgba + static_cast<std::size_t>(y) * buffer->u.RGBA.stride;
-    for (std::size_t i = 0; i < row; ++i) out.data[y * row + i] = static_cast<float>(from[i]) / 255.0f;
-  }
-  return out;
+  return std::make_unique<WebpRows>(file, features);
 }
 
 }  // namespace vsplat

@@ -39,25 +39,35 @@ double weight(const Span& span, int at) { return at == span.first ? span.head : 
 }  // namespace
 
 Image shrunk(const Image& picture, int width, int height) {
+  ImageRows rows(picture);
+  return shrunk(rows, width, height);
+}
+
+Image shrunk(PixelRows& picture, int width, int height) {
   if (width < 1 || height < 1 || width > picture.width || height > picture.height)
     fail(Status::internal, "shrunk: {} x {} to {} x {}", picture.width, picture.height, width, height);
-  if (width == picture.width && height == picture.height) return picture;
+  if (width == picture.width && height == picture.height) return image_of(picture);
+  const std::size_t channels = static_cast<std::size_t>(picture.channels);
   Image out(width, height, picture.channels);
-  std::vector<double> sum(static_cast<std::size_t>(picture.channels));
+  std::vector<float> row(picture.row_size());
+  int read = 0;  // rows so far; the last of them is in `row`: two rows of the result may share it
   for (int y = 0; y < height; ++y) {
+    std::vector<double> sum(width * channels), area(static_cast<std::size_t>(width));
     const Span rows = span_of(y, picture.height, height);
-    for (int x = 0; x < width; ++x) {
-      const Span columns = span_of(x, picture.width, width);
-      std::fill(sum.begin(), sum.end(), 0.0);
-      double area = 0;
-      for (int v = rows.first; v <= rows.last; ++v)
+    for (int v = rows.first; v <= rows.last; ++v) {
+      for (; read <= v; ++read) picture.next(row.data());
+      for (int x = 0; x < width; ++x) {
+        const Span columns = span_of(x, picture.width, width);
         for (int u = columns.first; u <= columns.last; ++u) {
           const double w = weight(rows, v) * weight(columns, u);
-          area += w;
-          for (std::size_t c = 0; c < sum.size(); ++c) sum[c] += w * static_cast<double>(picture.at(u, v)[c]);
+          area[x] += w;
+          for (std::size_t c = 0; c < channels; ++c)
+            sum[x * channels + c] += w * static_cast<double>(row[u * channels + c]);
         }
-      for (std::size_t c = 0; c < sum.size(); ++c) out.at(x, y)[c] = static_cast<float>(sum[c] / area);
+      }
     }
+    for (int x = 0; x < width; ++x)
+      for (std::size_t c = 0; c < channels; ++c) out.at(x, y)[c] = static_cast<float>(sum[x * channels + c] / area[x]);
   }
   return out;
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "model/base/image.h"
+#include "model/base/pixel_rows.h"
 
 namespace vsplat {
 
@@ -17,6 +18,7 @@ struct SheetOptions {
 // The mean of the pixels (and parts of pixels) that each pixel of the result covers. 1 <= width <= the picture's,
 // height likewise.
 Image shrunk(const Image& picture, int width, int height);
+Image shrunk(PixelRows& picture, int width, int height);
 
 class ContactSheet {
  public:

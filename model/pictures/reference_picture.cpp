@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <optional>
 
 #include "model/base/lens.h"
 #include "model/base/resample.h"
@@ -45,18 +47,26 @@ Image undistorted(const Image& source, Camera camera) {
 
 Image reference_picture(const Camera& camera, const std::string& path, const std::string& mask_path, int width,
                         int height, const std::array<float, 3>& background) {
-  const Image picture = read_image(path);
-  const double scaled = static_cast<double>(picture.height) * width / picture.width;
-  if (picture.width < width || picture.height < height || std::abs(scaled - height) > 1)
+  const ImageFile file(path);
+  const std::unique_ptr<PixelRows> picture = file.rows();
+  const double scaled = static_cast<double>(picture->height) * width / picture->width;
+  if (picture->width < width || picture->height < height || std::abs(scaled - height) > 1)
     fail(Status::input,
          "{} is {} x {} pixels, the picture drawn for it {} x {}: give it in the same size or larger with the same "
          "proportions, or draw in its",
-         path, picture.width, picture.height, width, height);
-  const Image mask = mask_path.empty() ? Image() : read_mask(mask_path);
-  if (!mask.empty() && (mask.width != picture.width || mask.height != picture.height))
-    fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's size",
-         mask_path, mask.width, mask.height, path, picture.width, picture.height);
-  const Image source = premultiplied(picture, mask.empty() ? nullptr : &mask);
+         path, picture->width, picture->height, width, height);
+  std::optional<ImageFile> mask_file;
+  std::unique_ptr<PixelRows> mask_picture;
+  std::optional<MaskRows> mask;
+  if (!mask_path.empty()) {
+    mask_file.emplace(mask_path);
+    mask_picture = mask_file->rows();
+    mask.emplace(*mask_picture);
+    if (mask->width != picture->width || mask->height != picture->height)
+      fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's size",
+           mask_path, mask->width, mask->height, path, picture->width, picture->height);
+  }
+  PremultipliedRows source(*picture, mask ? &*mask : nullptr);
   const Image small = shrunk(source, width, height);
   return over(is_pinhole(camera.distortion) ? small : undistorted(small, camera), background);
 }

@@ -23,7 +23,7 @@ void picture(Is is, std::string_view bytes) {
     hold(image.width == info.width && image.height == info.height && image.channels == (info.alpha ? 4 : 3), "sizes");
     hold(image.data.size() == static_cast<std::size_t>(image.width) * image.height * image.channels, "sizes");
     hold(std::all_of(image.data.begin(), image.data.end(), [](float v) { return v >= 0 && v <= 1; }), "from 0 to 1");
-    const Image shown = oriented(image, info.orientation);
+    const Image shown = ImageFile(file.path()).decode(info.orientation);
     hold(shown.width * shown.height == image.width * image.height, "turning keeps the pixels");
   } catch (const Error& e) {
     hold_message(e, file.path());

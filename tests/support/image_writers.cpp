@@ -110,6 +110,34 @@ void write_test_jpeg(const std::string& path, int width, int height, int channel
   std::fclose(file);
 }
 
+void write_jpeg_of_many_scans(const std::string& path, int side) {
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  jpeg_compress_struct jpeg{};
+  jpeg_error_mgr errors{};
+  jpeg.err = jpeg_std_error(&errors);
+  jpeg_create_compress(&jpeg);
+  jpeg_stdio_dest(&jpeg, file);
+  jpeg.image_width = jpeg.image_height = static_cast<JDIMENSION>(side);
+  jpeg.input_components = 1;
+  jpeg.in_color_space = JCS_GRAYSCALE;
+  jpeg_set_defaults(&jpeg);
+  std::vector<jpeg_scan_info> scans = {{1, {0}, 0, 0, 0, 0}};  // components, first and last coefficient, bits
+  for (int bit = 1; bit >= 0; --bit)
+    for (int k = 1; k < 64; ++k) scans.push_back({1, {0}, k, k, bit == 1 ? 0 : 1, bit});
+  jpeg.scan_info = scans.data();
+  jpeg.num_scans = static_cast<int>(scans.size());
+  jpeg_start_compress(&jpeg, TRUE);
+  std::vector<std::uint8_t> row(static_cast<std::size_t>(side));
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) row[static_cast<std::size_t>(x)] = static_cast<std::uint8_t>(x * y);
+    JSAMPROW rows = row.data();
+    jpeg_write_scanlines(&jpeg, &rows, 1);
+  }
+  jpeg_finish_compress(&jpeg);
+  jpeg_destroy_compress(&jpeg);
+  std::fclose(file);
+}
+
 void write_test_exr(const std::string& path, int width, int height, const std::vector<std::string>& names,
                     const std::vector<std::vector<float>>& planes, const ExrKind& kind) {
   const Imath::Box2i data({kind.data_x, kind.data_y}, {kind.data_x + width - 1, kind.data_y + height - 1});

@@ -23,6 +23,9 @@ void write_test_png(const std::string& path, int width, int height, const std::v
 void write_test_jpeg(const std::string& path, int width, int height, int channels,
                      const std::vector<std::uint8_t>& samples, bool progressive = false);
 
+// Grey, progressive, every coefficient in two scans of its own: 127 times over the picture.
+void write_jpeg_of_many_scans(const std::string& path, int side);
+
 struct ExrKind {
   bool half = false, tiled = false;
   int data_x = 0, data_y = 0;        // the data window's corner; its size is the picture's

@@ -10,6 +10,16 @@
 namespace vsplat {
 namespace {
 
+Image resample(const Image& premultiplied, const Window& window) {
+  ImageRows rows(premultiplied);
+  return vsplat::resample(rows, window);
+}
+
+Image resample_undistorted(const Image& premultiplied, const Window& window, const Camera& camera) {
+  ImageRows rows(premultiplied);
+  return vsplat::resample_undistorted(rows, window, camera);
+}
+
 Image random_picture(int w, int h, int channels, unsigned seed) {
   std::mt19937 rng(seed);
   Image out(w, h, channels);

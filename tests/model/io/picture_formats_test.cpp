@@ -1,5 +1,6 @@
 // TIFF, WebP and BMP, and EXIF's orientation in whatever has it.
 #include <gtest/gtest.h>
+#include <png.h>
 #include <tiffio.h>
 
 #include <cmath>
@@ -9,6 +10,7 @@
 #include "model/io/image_formats.h"
 #include "runtime/file.h"
 #include "tests/support/damaged_pictures.h"
+#include "tests/support/image_writers.h"
 #include "tests/support/picture_writers.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
@@ -147,15 +149,28 @@ TEST(BmpIn, ReadsGreyColourAndAlpha) {
 
 // Where EXIF says that the first row and the first column are: what is stored as 1 2 3 / 4 5 6 is shown as ...
 TEST(Orientation, TurnsAsExifSays) {
-  Image stored(3, 2, 1);
-  for (int i = 0; i < 6; ++i) stored.data[i] = static_cast<float>(i + 1);
+  const TemporaryFolder folder;
   const std::vector<float> shown[] = {{1, 2, 3, 4, 5, 6}, {3, 2, 1, 6, 5, 4}, {6, 5, 4, 3, 2, 1}, {4, 5, 6, 1, 2, 3},
                                       {1, 4, 2, 5, 3, 6}, {4, 1, 5, 2, 6, 3}, {6, 3, 5, 2, 4, 1}, {3, 6, 2, 5, 1, 4}};
-  for (int i = 1; i <= 8; ++i) {
-    const Image out = oriented(stored, i);
-    EXPECT_EQ(out.data, shown[i - 1]) << i;
-    EXPECT_EQ(out.width, i >= 5 ? 2 : 3) << i;
-  }
+  // In 8 bits, in 16, and in as many as a float has.
+  write_test_png(folder / "a.png", 3, 2, {1, 2, 3, 4, 5, 6}, {.colour_type = PNG_COLOR_TYPE_GRAY});
+  write_test_png(folder / "b.png", 3, 2, {1, 2, 3, 4, 5, 6}, {.colour_type = PNG_COLOR_TYPE_GRAY, .depth = 16});
+  Image values(3, 2, 3);
+  for (std::size_t k = 0; k < values.data.size(); ++k) values.data[k] = static_cast<float>(k / 3 + 1) / 7;
+  write_exr_raw(folder / "c.exr", values, Image(3, 2, 1, 1.0f), Image(3, 2, 1));
+  for (const auto& [name, most] : {std::pair("a.png", 255.0f), std::pair("b.png", 65535.0f), std::pair("c.exr", 0.0f)})
+    for (int i = 1; i <= 8; ++i) {
+      const ImageFile file(folder / name);
+      const Image stored = file.decode(), out = file.decode(i);
+      EXPECT_EQ(out.width, i >= 5 ? 2 : 3) << i;
+      for (std::size_t k = 0; k < 6; ++k) {
+        const float v = shown[i - 1][k];
+        EXPECT_EQ(out.data[k * out.channels], stored.data[static_cast<std::size_t>(v - 1) * out.channels]) << name << i;
+        if (most > 0) {
+          EXPECT_EQ(out.data[k * out.channels], v / most) << name << i;
+        }
+      }
+    }
 }
 
 TEST(Orientation, IsReadFromEveryFormatThatStatesIt) {

@@ -96,6 +96,15 @@ typedef struct vsplat_file_rules {
 /* For the whole process; NULL: the defaults. The functions are called as vsplat_log_set's is. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules);
 
+/* How much of the host's memory may be used, for the whole process: bytes; 0, as at the start: three quarters of what
+   is free when that is first asked for, where control groups and `ulimit -v` leave less of that. Whoever reads a
+   picture reserves what it will hold; beyond the limit the call ends with VSPLAT_ERROR_MEMORY and both figures. The
+   buffers of a CPU device are in the same memory: they are reserved, too, and it plans with no more than this, unless
+   vsplat_device_options.max_memory_gib says so. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_set_host_memory(uint64_t bytes);
+/* Bytes that may be used, and that are reserved now; either may be NULL. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_get_host_memory(uint64_t* out_limit, uint64_t* out_reserved);
+
 /* Writes a file of the program's own as the library writes its. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_write(const char* path, const void* data, size_t bytes);
 
@@ -324,6 +333,8 @@ VSPLAT_API void vsplat_views_retain(vsplat_views views);
 VSPLAT_API void vsplat_views_release(vsplat_views views);
 /* How many are listed, with or without a picture. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_count(vsplat_views views, size_t* out_count);
+/* Bytes of the host's memory that reading all of their pictures takes at most; reads the files' headers. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_get_memory(vsplat_views views, uint64_t* out_bytes);
 /* What view `index` is listed as: its picture's path, or the place of one in memory. To be freed by vsplat_text_free.
  */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_get_name(vsplat_views views, size_t index, char** out_text);
@@ -525,13 +536,11 @@ typedef struct vsplat_plan {
   int32_t fits;   /* 1: peak <= limit, and no buffer exceeds the device's largest */
   uint32_t num_stages;
   vsplat_stage_memory stages[VSPLAT_MAX_STAGES];
+  uint64_t host_peak;  /* bytes of the host's memory beside them: results, pictures; 0: little */
+  uint64_t host_limit; /* of vsplat_set_host_memory. `fits` looks at it, too; where the device is a CPU, at the sum */
 } vsplat_plan;
-#define VSPLAT_PLAN_INIT               \
-  {                                    \
-    sizeof(vsplat_plan), 0, 0, 0, 0, { \
-      { "", 0, 0 }                     \
-    }                                  \
-  }
+#define VSPLAT_PLAN_INIT \
+  { sizeof(vsplat_plan), 0, 0, 0, 0, {{"", 0, 0}}, 0, 0 }
 
 /* Memory of vsplat_reconstruct for `views` views with that share of the voxels selected (1: the hard bound), without
    computing anything. */
