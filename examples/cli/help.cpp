@@ -41,10 +41,15 @@ const CLI::App& find(const CLI::App& root, const std::vector<std::string>& words
 void help(const CLI::App& root, const Options& o) {
   const CLI::App& asked = find(root, o.words);
   const std::vector<CommandRow> table = command_table(root);
+  const auto page_of = [&](const CommandRow& row) {
+    return (std::filesystem::path(o.pages) / (row.name("-") + ".1")).string();
+  };
+  Outputs outputs(false);
+  if (!o.pages.empty())
+    for (const CommandRow& row : table) outputs.expect(page_of(row));
   for (std::size_t i = 0; i < table.size(); ++i) {
     if (!o.pages.empty()) {
-      std::filesystem::create_directories(o.pages);
-      write_text((std::filesystem::path(o.pages) / (table[i].name("-") + ".1")).string(), man_page(table, i));
+      write_text(outputs.begin(page_of(table[i])), man_page(table, i));
     } else if (table[i].path == o.words) {
       const std::string text =
           o.man ? man_page(table, i)
@@ -52,6 +57,7 @@ void help(const CLI::App& root, const Options& o) {
       std::fputs(text.c_str(), stdout);
     }
   }
+  outputs.commit();
 }
 
 }  // namespace

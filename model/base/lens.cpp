@@ -1,5 +1,6 @@
 #include "model/base/lens.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -60,6 +61,20 @@ bool is_pinhole(const Distortion& distortion) {
     if (k != 0) return false;
   // A fisheye without parameters still bends: theta_d = theta.
   return distortion.model == Distortion::Model::opencv;
+}
+
+bool reaches(const Distortion& d, double radius) {
+  if (is_pinhole(d)) return true;
+  const bool fisheye = d.model == Distortion::Model::fisheye;
+  const double most = fisheye ? M_PI / 2 : 64 * radius, step = std::min(radius, most) / 64;
+  for (double r = step; r <= most; r += step) {
+    if (!grows(d, r)) return false;
+    const double q = r * r;
+    const double factor =
+        fisheye ? fisheye_factor(d.k, q).value : opencv_numerator(d.k, q).value / opencv_denominator(d.k, q).value;
+    if (r * factor >= radius) return true;
+  }
+  return false;
 }
 
 Lens::Lens(const Distortion& distortion, double largest_radius)

@@ -21,6 +21,10 @@ class Lens {
   double fold_;
 };
 
+// Whether some ray is seen at that distance from the axis, in distorted normalised coordinates: the lens folds back
+// only beyond it. Tangential parameters are passed over.
+bool reaches(const Distortion& distortion, double radius);
+
 // Whether the model is `none` or all its parameters are 0.
 bool is_pinhole(const Distortion& distortion);
 

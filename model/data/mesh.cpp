@@ -63,15 +63,26 @@ Vector3f unit(const Vector3d& v) {
 }  // namespace
 
 std::shared_ptr<const Texture> texture_of(const Image& picture) {
-  const std::vector<unsigned char> bytes = rounded(picture);
+  ImageRows rows(picture);
+  return texture_of(rows);
+}
+
+std::shared_ptr<const Texture> texture_of(PixelRows& picture) {
   auto out = std::make_shared<Texture>();
   out->width = picture.width;
   out->height = picture.height;
   const std::size_t pixels = static_cast<std::size_t>(picture.width) * picture.height;
-  out->rgb.resize(3 * pixels);
-  for (std::size_t i = 0; i < pixels; ++i) std::copy_n(&bytes[i * picture.channels], 3, &out->rgb[3 * i]);
-  if (picture.channels == 4)
-    for (std::size_t i = 0; i < pixels; ++i) out->alpha.push_back(bytes[4 * i + 3]);
+  out->rgb.reserve(3 * pixels);
+  if (picture.channels == 4) out->alpha.reserve(pixels);
+  Image row(picture.width, 1, picture.channels);
+  for (int y = 0; y < picture.height; ++y) {
+    picture.next(row.data.data());
+    const std::vector<unsigned char> bytes = rounded(row);
+    for (std::size_t i = 0; i < bytes.size(); i += picture.channels) {
+      out->rgb.insert(out->rgb.end(), &bytes[i], &bytes[i] + 3);
+      if (picture.channels == 4) out->alpha.push_back(bytes[i + 3]);
+    }
+  }
   return out;
 }
 

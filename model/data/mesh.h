@@ -41,7 +41,9 @@ struct Mesh {
 
 // A picture (three or four channels) as texture.
 struct Image;
+class PixelRows;
 std::shared_ptr<const Texture> texture_of(const Image& picture);
+std::shared_ptr<const Texture> texture_of(PixelRows& picture);
 
 // The colour at `uv`, bilinear between texels' centres, in linear light.
 Eigen::Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv);

@@ -48,9 +48,6 @@ std::string fit_checkpoint_path(const std::string& folder) {
 }
 
 void save_fit_checkpoint(const std::string& folder, const FitCheckpoint& checkpoint) {
-  std::error_code problem;
-  fs::create_directories(folder, problem);
-  if (problem) fail(Status::file, "{}: the folder cannot be made: {}", folder, problem.message());
   std::vector<TensorToWrite> tensors;
   for (const auto& [name, tensor] : checkpoint.tensors)
     tensors.push_back({name, Dtype::f32, tensor.shape, tensor.data.data()});

@@ -106,6 +106,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
   std::optional<FitCheckpoint> from;
   if (!request.checkpoint.empty()) {
     request_text = text_of_request();
+    lock.emplace(request.checkpoint);
     from = load_fit_checkpoint(request.checkpoint, request_text);
   }
   if (from && !request.resume)

@@ -40,7 +40,8 @@ struct FitRequest {
   FitFreeze freeze;
   bool poses = false, exposure = false;
   std::uint64_t seed = 0;
-  // A folder for the state, which is written now and then; none: "". With `resume` what is there is gone on with.
+  // A folder for the state, which is written now and then, by one fit at a time; none: "". With `resume` what is
+  // there is gone on with.
   std::string checkpoint;
   bool resume = false;
 };

@@ -9,6 +9,7 @@
 #include "model/fit/fit_recipe.h"
 #include "model/fit/scene_fit.h"
 #include "model/fit/view_corrections.h"
+#include "runtime/folder_lock.h"
 
 namespace vsplat {
 
@@ -51,7 +52,8 @@ struct SceneFit::Impl {
   const Photographs& photographs;
   FitStart given;
   FitRequest request;
-  std::string request_text;  // where there is a checkpoint
+  std::string request_text;        // where there is a checkpoint
+  std::optional<FolderLock> lock;  // of its folder
   Similarity to_world;
   FitPictures pictures;
   std::vector<int> used;

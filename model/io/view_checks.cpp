@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string_view>
 
+#include "model/base/lens.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/json_text.h"
@@ -161,6 +162,20 @@ Eigen::Matrix4d rigid_inverse(const Eigen::Matrix4d& m) {
   return out;
 }
 
+namespace {
+
+// A calibration may fold at the picture's corners; one that does so halfway to its nearest side is none.
+void check_lens(const std::string& where, const Camera& c) {
+  const double half = 0.5 * std::min({c.cx / c.fx, (c.width - c.cx) / c.fx, c.cy / c.fy, (c.height - c.cy) / c.fy});
+  if (!(half > 0) || reaches(c.distortion, half)) return;  // sizes may be open still
+  fail(Status::input,
+       "{}: the lens coefficients cannot be inverted: by them nothing is seen {:.4g} pixels from the principal point, "
+       "halfway to the side of a picture of {} x {}",
+       where, half * std::min(c.fx, c.fy), c.width, c.height);
+}
+
+}  // namespace
+
 void check_intrinsics(const std::string& where, const Camera& camera) {
   const auto open = [](double v) { return std::isnan(v); };
   for (const auto& [name, f] : {std::pair{"fx", camera.fx}, std::pair{"fy", camera.fy}})
@@ -177,6 +192,7 @@ void check_intrinsics(const std::string& where, const Camera& camera) {
     if (!(std::abs(lens.k[i]) <= max_coefficient))
       fail(Status::input, "{}: the lens coefficient {} is {}, a number of at most {} either way is expected", where,
            lens.model == Distortion::Model::fisheye ? fisheye[i] : opencv[i], lens.k[i], max_coefficient);
+  check_lens(where, camera);
 }
 
 }  // namespace vsplat

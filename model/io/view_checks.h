@@ -31,7 +31,8 @@ Eigen::Vector3d vector3(const std::string& where, const char* field, const nlohm
 Eigen::Matrix4d checked_rigid(const std::string& where, const char* field, const Eigen::Matrix4d& m);
 Eigen::Matrix4d rigid_inverse(const Eigen::Matrix4d& m);
 
-// What is known of size, focal lengths, principal point and distortion is usable; what is still open passes.
+// What is known of size, focal lengths, principal point and distortion is usable; what is still open passes. A lens
+// that folds back well inside the picture is refused.
 void check_intrinsics(const std::string& where, const Camera& camera);
 
 }  // namespace vsplat

@@ -52,6 +52,7 @@ class Help(support.Case):
 
     def test_man_pages(self):
         self.succeeds("help", "--man-pages", self.path("man1"))
+        self.refuses(1, ["vsplat.1", "exists"], "help", "--man-pages", self.path("man1"))
         names = ["-".join(["vsplat", *words]) for words in commands()]
         self.assertEqual(sorted(os.listdir(self.path("man1"))), sorted(f"{name}.1" for name in names))
         for words, name in zip(commands(), names):

@@ -13,6 +13,18 @@ Distortion opencv(std::initializer_list<double> k) {
   return d;
 }
 
+TEST(Lens, ReachesAsFarAsItGrows) {
+  EXPECT_TRUE(reaches({}, 1e3));
+  const Distortion barrel{Distortion::Model::opencv, {-0.3}};  // r - 0.3 r^3 is largest at r = 1.054, 0.703 there
+  EXPECT_TRUE(reaches(barrel, 0.69));
+  EXPECT_FALSE(reaches(barrel, 0.71));
+  EXPECT_FALSE(reaches({Distortion::Model::opencv, {-1e6}}, 0.1));
+  EXPECT_TRUE(reaches({Distortion::Model::opencv, {0.5}}, 2));
+  EXPECT_TRUE(reaches({Distortion::Model::fisheye, {}}, 1.5));  // the angle itself, below a right one
+  EXPECT_FALSE(reaches({Distortion::Model::fisheye, {}}, 1.6));
+  EXPECT_FALSE(reaches({Distortion::Model::fisheye, {-1}}, 0.5));  // theta - theta^3: 0.385
+}
+
 TEST(Lens, FollowsTheRationalModelTermByTerm) {
   const double k1 = 0.1, k2 = -0.02, p1 = 0.003, p2 = -0.004, k3 = 0.005, k4 = 0.06, k5 = 0.007, k6 = -0.001;
   const Lens lens(opencv({k1, k2, p1, p2, k3, k4, k5, k6}), 2);

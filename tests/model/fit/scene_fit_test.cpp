@@ -203,6 +203,16 @@ TEST_F(SceneFitTest, AnotherRequestsStateIsRefused) {
   test::expect_error(Status::usage, {"refinement.safetensors", "another refinement"}, [&] { run(request); });
 }
 
+TEST_F(SceneFitTest, OneFitKeepsItsStateInAFolder) {
+  make(12);
+  const test::TemporaryFolder folder;
+  FitRequest request;
+  request.steps = 60;
+  request.checkpoint = folder.path();
+  const SceneFit fit(ctx(), photographs_, start(), request);
+  test::expect_error(Status::file, {folder.path()}, [&] { SceneFit(ctx(), photographs_, start(), request); });
+}
+
 TEST_F(SceneFitTest, AWrongPoseIsNamed) {
   make(16);
   photographs_.set.views[5].camera = test::orbit(16, kSize)[7];
