@@ -60,7 +60,7 @@ class MeshReader {
       : path_(regular(path)), gltf_(is_gltf(path)), reader_(path, Kind::mesh, "its file") {
     const fs::path folder = fs::path(path).parent_path();
     roots_.add(folder.empty() ? "." : folder);
-    if (!texture.empty()) everywhere_ = texture_of(read_image(texture));
+    if (!texture.empty()) everywhere_ = texture_of(*ImageFile(texture).rows());
   }
   Mesh read();
 
@@ -101,7 +101,7 @@ void MeshReader::take_texture(Unpacker& in) {
   if (everywhere_) return;
   const std::string where = fmt::format("{} (its texture {})", path_, printable(name));
   textures_[name] =
-      texture_of(decode_image({where, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()}));
+      texture_of(*open_picture({where, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()}));
 }
 
 std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
@@ -115,7 +115,7 @@ std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
     fail(Status::input, "{}: its texture {} is missing; put it there, or give another to vsplat_mesh_load", path_,
          printable(full.string()));
   roots_.need(full, path_ + ": its texture");
-  return known = texture_of(read_image(full.string()));
+  return known = texture_of(*ImageFile(full.string()).rows());
 }
 
 // glTF: alpha counts where the material says so. What is blended there is a surface here where it is at least half.
