@@ -22,8 +22,7 @@ vsplat::Scene load_scene(const Options& o) {
 nlohmann::ordered_json skipped_json(const vsplat_scene_info& info) {
   return {{"not_finite", info.skipped_not_finite},
           {"huge_scale", info.skipped_huge_scale},
-          {"zero_rotation", info.skipped_zero_rotation},
-          {"huge_colour", info.skipped_huge_colour}};
+          {"zero_rotation", info.skipped_zero_rotation}};
 }
 
 void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,

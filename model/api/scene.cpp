@@ -152,7 +152,6 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     info.skipped_not_finite = scene->skipped.not_finite;
     info.skipped_huge_scale = scene->skipped.huge_scale;
     info.skipped_zero_rotation = scene->skipped.zero_rotation;
-    info.skipped_huge_colour = scene->skipped.huge_colour;
     give(out_info, info, "out_info");
   });
 }

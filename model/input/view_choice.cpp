@@ -14,6 +14,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Cameras as far from a place as each other differ by rounding, which is another one in another part of the world: the
+// first of them is taken.
+constexpr double kTie = 1e-6;  // of a squared distance
+
 std::vector<int> farthest_first(std::span<const Eigen::Vector3d> p, int k) {
   std::vector<int> out = {0};
   std::vector<double> apart(p.size(), std::numeric_limits<double>::infinity());
@@ -21,7 +25,7 @@ std::vector<int> farthest_first(std::span<const Eigen::Vector3d> p, int k) {
     int next = 0;
     for (std::size_t i = 0; i < p.size(); ++i) {
       apart[i] = std::min(apart[i], (p[i] - p[out.back()]).squaredNorm());
-      if (apart[i] > apart[next]) next = static_cast<int>(i);
+      if (apart[i] > (1 + kTie) * apart[next]) next = static_cast<int>(i);
     }
     if (apart[next] == 0) break;
     out.push_back(next);
@@ -141,7 +145,7 @@ std::vector<Group> kmeans(std::span<const Eigen::Vector3d> p, int k) {
     for (std::size_t i = 0; i < p.size(); ++i) {
       int best = 0;
       for (std::size_t g = 1; g < groups.size(); ++g)
-        if ((p[i] - groups[g].mean).squaredNorm() < (p[i] - groups[best].mean).squaredNorm())
+        if ((p[i] - groups[g].mean).squaredNorm() < (1 - kTie) * (p[i] - groups[best].mean).squaredNorm())
           best = static_cast<int>(g);
       changed |= of[i] != best;
       of[i] = best;
@@ -165,7 +169,7 @@ std::vector<int> nearest_members(std::span<const Eigen::Vector3d> p, std::span<c
   for (const Group& g : groups) {
     int best = g.members[0];
     for (const int i : g.members)
-      if ((p[i] - g.mean).squaredNorm() < (p[best] - g.mean).squaredNorm()) best = i;
+      if ((p[i] - g.mean).squaredNorm() < (1 - kTie) * (p[best] - g.mean).squaredNorm()) best = i;
     out.push_back(best);
   }
   return out;

@@ -111,12 +111,9 @@ struct Gaussian {
 
 // What keeps a Gaussian from being drawn, and in which column.
 struct Defect {
-  enum class Kind { none, not_finite, scale, rotation, colour } kind = Kind::none;
+  enum class Kind { none, not_finite, scale, rotation } kind = Kind::none;
   std::size_t column = 0;
 };
-
-// Beyond these, sums on the way to a pixel leave a float's range. World units, and colour times kShC0.
-constexpr double most_scale = 1e12, most_sh = 1e6;
 
 bool fits(double v) { return std::abs(v) <= std::numeric_limits<float>::max(); }  // NaN does not
 
@@ -133,8 +130,6 @@ Defect not_finite(const float* values, std::size_t begin, std::size_t count) {
 Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   const std::size_t plain = 3 + 3 * layout.sh_count();
   if (const Defect d = not_finite(values, 0, plain); d.kind != Defect::Kind::none) return d;
-  for (std::size_t i = 3; i < plain && !layout.is_rgb; ++i)
-    if (!(std::abs(values[i]) <= most_sh)) return {Defect::Kind::colour, i};
   std::copy_n(values, 3, out.mean);
   std::copy_n(values + 3, plain - 3, out.sh);
   for (std::size_t i = 3; layout.is_rgb && i < 6; ++i) {
@@ -153,7 +148,7 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
     if (const Defect d = not_finite(values, begin, 3); d.kind != Defect::Kind::none) return d;
     for (std::size_t i = 0; i < 3; ++i) {
       const double scale = std::exp(static_cast<double>(values[begin + i]));
-      if (!(scale <= most_scale)) return {Defect::Kind::scale, begin + i};
+      if (!fits(scale)) return {Defect::Kind::scale, begin + i};
       out.scale[i] = static_cast<float>(scale);
     }
   }
@@ -177,12 +172,7 @@ std::string describe(const Defect& defect, const Layout& layout, const PlyRows& 
   std::string what;
   switch (defect.kind) {
     case Defect::Kind::scale:
-      what = fmt::format("{}, a scale's logarithm, is beyond what is drawn: at most {:.1f} is expected", found,
-                         std::log(most_scale));
-      break;
-    case Defect::Kind::colour:
-      what = fmt::format("{}, a colour's coefficient, is beyond what is drawn: at most {} either way is expected",
-                         found, most_sh);
+      what = fmt::format("{}, a scale's logarithm, is beyond what a float holds: at most 88.7 is expected", found);
       break;
     case Defect::Kind::rotation:
       what = "the quaternion rot_0 to rot_3 is zero, any other length is expected";
@@ -198,9 +188,6 @@ void count_defect(const Defect& defect, SkippedGaussians& skipped) {
   switch (defect.kind) {
     case Defect::Kind::scale:
       ++skipped.huge_scale;
-      break;
-    case Defect::Kind::colour:
-      ++skipped.huge_colour;
       break;
     case Defect::Kind::rotation:
       ++skipped.zero_rotation;
@@ -251,9 +238,8 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
   if (!first.empty())
     warn(
         "{}: {} of {} Gaussians are left out: {} with values that are not finite, {} with scales too large, {} with "
-        "rotations of length 0, {} with colours too large; the first is {}",
-        path, skipped->total(), count, skipped->not_finite, skipped->huge_scale, skipped->zero_rotation,
-        skipped->huge_colour, first);
+        "rotations of length 0; the first is {}",
+        path, skipped->total(), count, skipped->not_finite, skipped->huge_scale, skipped->zero_rotation, first);
   return g;
 }
 

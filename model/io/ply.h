@@ -11,11 +11,10 @@ namespace vsplat {
 // Single Gaussians of a file that cannot be drawn, by reason.
 struct SkippedGaussians {
   std::uint64_t not_finite = 0;     // a value is NaN or infinite (but for infinite opacity logits: 0 and 1)
-  std::uint64_t huge_scale = 0;     // a scale is beyond what is drawn, 1e12
+  std::uint64_t huge_scale = 0;     // a scale's exponential is beyond what a float holds
   std::uint64_t zero_rotation = 0;  // a quaternion of length 0
-  std::uint64_t huge_colour = 0;    // a colour's coefficient is beyond what is drawn, 1e6
 
-  std::uint64_t total() const { return not_finite + huge_scale + zero_rotation + huge_colour; }
+  std::uint64_t total() const { return not_finite + huge_scale + zero_rotation; }
 };
 
 // ASCII and binary of either byte order, properties in any order and of any scalar type, unknown ones and other

@@ -40,7 +40,7 @@ class Flags(support.Case):
             if " " not in text:  # a name alone is no message, but what a message is made with
                 named.update(name for name in known if name == text)
                 continue
-            for name in re.findall(r"\bvsplat_\w+\.\w+|\bvsplat_(?:train|model|views|mesh)_\w+\b(?!\.)", text):
+            for name in re.findall(r"\bvsplat_\w+\.\w+|\bvsplat_(?:train|model|views|mesh|set)_\w+\b(?!\.)", text):
                 self.assertIn(name, known, f"{where}: {text}")
                 named.add(name)
         self.assertEqual(known - named - {"vsplat_device_options.device", "vsplat_train"}, set(), "no message names these")

@@ -421,17 +421,18 @@ typedef struct vsplat_scene_info {
   double mirror[3];   /* relative to `offset` */
   /* Gaussians of the file that vsplat_scene_load_with left out with `skip_bad`, by reason. */
   uint64_t skipped_not_finite; /* a value is NaN or infinite; an infinite opacity logit is opacity 0 or 1, and taken */
-  uint64_t skipped_huge_scale; /* a scale is beyond what is drawn, 1e12 */
+  uint64_t skipped_huge_scale; /* a scale's exponential is beyond what a float holds */
   uint64_t skipped_zero_rotation; /* the quaternion's length is 0 */
   double up[3];                   /* which way is up, of length 1; 0, 0, 0: not known */
   /* Where in the world the means begin: what vsplat_gaussians.means holds, and `mirror`, plus this is the world. It is
      0, 0, 0 but for an object so far from the world's origin that floats would not hold it to 1e-4 of its cube's edge.
      Cameras are in the world in any case. */
   double offset[3];
-  uint64_t skipped_huge_colour; /* a colour's coefficient is beyond what is drawn, 1e6 */
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT \
-  { sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, 0 }
+#define VSPLAT_SCENE_INFO_INIT                                                          \
+  {                                                                                     \
+    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, { 0, 0, 0 } \
+  }
 
 /* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
