@@ -26,7 +26,9 @@ class Model(support.Case):
         self.succeeds("reconstruct", self.views, "--output", self.path("own.ply"), env=library(WITH))
         self.assertEqual(self.read("out.ply"), self.read("own.ply"))
         out, _ = self.succeeds("reconstruct", self.views, "--dry-run", "--json", env=library(WITH))
-        self.assertEqual(json.loads(out), json.loads(self.succeeds(*self.reconstruct("--dry-run", "--json"))[0]))
+        def needed(text):  # what there is changes with what else runs
+            return [{key: value for key, value in plan.items() if "limit" not in key} for plan in json.loads(text)]
+        self.assertEqual(needed(out), needed(self.succeeds(*self.reconstruct("--dry-run", "--json"))[0]))
 
     def test_evaluate_takes_it_too(self):
         self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 11, "--size", self.SIDE)
