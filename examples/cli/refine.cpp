@@ -95,6 +95,7 @@ void refine(const Options& o) {
   std::vector<std::string> names;
   if (!o.names.empty()) names = list("--views", o.names);
   std::vector<const char*> name_pointers;
+  name_pointers.reserve(names.size());
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
   job.options.names = name_pointers.empty() ? nullptr : name_pointers.data();
   job.options.num_names = name_pointers.size();

@@ -58,6 +58,7 @@ Placement place(const Photographs& photographs, const InputRequest& input, const
   const ChosenPlacement chosen = find_placement(photographs, spread_views(set, used, max_views), request);
   info("{}{}", chosen.found, scene && (centre_open || edge_open) ? " (from where the scene's Gaussians are)" : "");
   std::vector<Camera> cameras;
+  cameras.reserve(used.size());
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
   check_centre_is_seen(cameras, set.convention, chosen.placement, input.force || scene);
   return chosen.placement;

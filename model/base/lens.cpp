@@ -67,7 +67,8 @@ bool reaches(const Distortion& d, double radius) {
   if (is_pinhole(d)) return true;
   const bool fisheye = d.model == Distortion::Model::fisheye;
   const double most = fisheye ? M_PI / 2 : 64 * radius, step = std::min(radius, most) / 64;
-  for (double r = step; r <= most; r += step) {
+  for (int i = 1; i * step <= most; ++i) {
+    const double r = i * step;
     if (!grows(d, r)) return false;
     const double q = r * r;
     const double factor =

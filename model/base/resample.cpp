@@ -136,7 +136,8 @@ class KeptRows {
 
  private:
   std::vector<float> read() {
-    std::vector<float> row = std::move(unused_);
+    std::vector<float> row;
+    row.swap(unused_);
     row.resize(from_.row_size());
     from_.next(row.data());
     return row;

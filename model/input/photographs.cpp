@@ -119,8 +119,9 @@ std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
 }
 
 std::optional<MaskExtent> LoadedPhotograph::extent() {
-  const std::unique_ptr<PixelRows> seen = listed_.mask ? mask() : is_masked() ? picture() : nullptr;
-  return seen ? mask_extent(*seen) : std::nullopt;
+  if (!is_masked()) return std::nullopt;
+  const std::unique_ptr<PixelRows> seen = listed_.mask ? mask() : picture();
+  return mask_extent(*seen);
 }
 
 PictureNames LoadedPhotograph::names() const {

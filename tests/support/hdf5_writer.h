@@ -39,6 +39,7 @@ class Hdf5Writer {
 
   void picture(const std::string& name, const Image& image) {  // of 8-bit values
     std::vector<unsigned char> bytes;
+    bytes.reserve(image.data.size());
     for (const float v : image.data) bytes.push_back(static_cast<unsigned char>(255 * v + 0.5f));
     write(name,
           {static_cast<hsize_t>(image.height), static_cast<hsize_t>(image.width), static_cast<hsize_t>(image.channels)},
@@ -51,6 +52,7 @@ class Hdf5Writer {
   void pose(const std::string& name, const Camera& camera, bool single = true) {
     const Eigen::Matrix4d c2w = camera.c2w();
     std::vector<double> values;
+    values.reserve(16);
     for (int i = 0; i < 16; ++i) values.push_back(c2w(i / 4, i % 4));
     numbers(name, {4, 4}, values, single);
   }
