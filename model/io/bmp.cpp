@@ -71,7 +71,7 @@ class BmpRows : public FileRows {
   }
 
  private:
-  HostMemory held_;
+  DecodingRoom held_;
   std::unique_ptr<unsigned char, void (*)(void*)> pixels_;
   const unsigned char* from_ = nullptr;
 };

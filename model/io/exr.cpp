@@ -257,7 +257,7 @@ class ExrRows : public FileRows {
   bool begun_ = false;
   std::ptrdiff_t odd_ = 0;
   std::vector<float> band_;
-  HostMemory held_;
+  DecodingRoom held_;
 };
 
 }  // namespace

@@ -41,7 +41,7 @@ ImageInfo info_of(const FileBytes& file) { return by_format(file, &Format::info)
 
 // All rows, where there is room for them.
 Image whole(const FileBytes& file, PixelRows& rows) {
-  const HostMemory room = room_to_decode(
+  const DecodingRoom room = room_to_decode(
       file, {rows.width, rows.height, false, 1, static_cast<double>(rows.row_size()) * rows.height * sizeof(float)});
   return image_of(rows);
 }
@@ -73,8 +73,13 @@ std::vector<unsigned char> rounded(const Image& image) {
   return out;
 }
 
-HostMemory room_to_decode(const FileBytes& file, const ImageInfo& info) {
-  return {fmt::format("{}: decoding its {} x {} pixels", file.path, info.width, info.height), info.held};
+DecodingRoom room_to_decode(const FileBytes& file, const ImageInfo& info) {
+  static std::recursive_mutex one;
+  constexpr double large = 1u << 28;
+  DecodingRoom out;
+  if (info.held > large) out.turn = std::unique_lock(one);
+  out.held = HostMemory(fmt::format("{}: decoding its {} x {} pixels", file.path, info.width, info.height), info.held);
+  return out;
 }
 
 std::unique_ptr<FileRows> open_picture(const FileBytes& file) { return by_format(file, &Format::open); }

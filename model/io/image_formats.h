@@ -3,6 +3,7 @@
 #pragma once
 #include <cstddef>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -51,8 +52,14 @@ std::unique_ptr<FileRows> open_tiff(const FileBytes& file);
 std::unique_ptr<FileRows> open_webp(const FileBytes& file);
 std::unique_ptr<FileRows> open_bmp(const FileBytes& file);
 
-// Reserves `info.held`.
-HostMemory room_to_decode(const FileBytes& file, const ImageInfo& info);
+// What a decoder holds, reserved. Of what holds more than 256 MiB there is one at a time, and other threads wait: it
+// belongs to the thread that it was made in, which may have several.
+struct DecodingRoom {
+  std::unique_lock<std::recursive_mutex> turn;
+  HostMemory held;
+};
+// Of `info.held` bytes.
+DecodingRoom room_to_decode(const FileBytes& file, const ImageInfo& info);
 
 // round(255 * value clamped to [0,1]), NaN as 0: what every 8-bit format takes.
 std::vector<unsigned char> rounded(const Image& image);

@@ -214,7 +214,7 @@ class JpegRows : public FileRows {
   std::unique_ptr<Reader> reader_;
   int at_ = 0;
   std::vector<unsigned char> row_;
-  HostMemory held_;
+  DecodingRoom held_;
 };
 
 }  // namespace

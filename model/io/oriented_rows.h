@@ -19,7 +19,7 @@ class OrientedRows : public PixelRows {
   int orientation_, at_ = 0;
   std::size_t bytes_, step_;  // of a value; from row to row
   std::vector<unsigned char> values_;
-  HostMemory held_;
+  DecodingRoom held_;
 };
 
 }  // namespace vsplat

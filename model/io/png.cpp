@@ -187,7 +187,7 @@ class PngRows : public FileRows {
   int stored_, depth_, at_ = 0;
   std::size_t step_ = 0;  // bytes from row to row
   std::vector<unsigned char> rows_;
-  HostMemory held_;
+  DecodingRoom held_;
 };
 
 void png_append(png_structp png, png_bytep data, std::size_t size) {

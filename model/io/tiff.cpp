@@ -160,7 +160,7 @@ class TiffRows : public FileRows {
   ImageInfo info_;
   int most_, at_ = 0;
   std::vector<std::uint32_t> band_;
-  HostMemory held_;
+  DecodingRoom held_;
 };
 
 }  // namespace

@@ -79,7 +79,7 @@ class WebpRows : public FileRows {
   }
 
  private:
-  HostMemory held_;
+  DecodingRoom held_;
   WebPDecoderConfig config_;
   int at_ = 0;
 };
