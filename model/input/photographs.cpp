@@ -119,9 +119,9 @@ std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
 }
 
 std::optional<MaskExtent> LoadedPhotograph::extent() {
-  if (!is_masked()) return std::nullopt;
-  const std::unique_ptr<PixelRows> seen = listed_.mask ? mask() : picture();
-  return mask_extent(*seen);
+  if (listed_.mask) return mask_extent(*mask());
+  if (is_masked()) return mask_extent(*picture());
+  return std::nullopt;
 }
 
 PictureNames LoadedPhotograph::names() const {
