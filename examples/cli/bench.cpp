@@ -37,7 +37,7 @@ vsplat::ContextOptions context_options(const Common& common) {
 }
 
 void bench(const Options& o) try {
-  start_log(o.common);
+  set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : {o.model, o.selection}) outputs.input(path);
   outputs.input_cameras(o.cameras);

@@ -89,7 +89,7 @@ void refuse_profile_of_dry_run(const Common& common) {
     if (!path->empty()) throw UsageError(std::string(option) + " has nothing to time with --dry-run: give one of them");
 }
 
-void start_log(const Common& common) {
+void set_up_library(const Common& common) {
   log_threshold = common.quiet ? VSPLAT_LOG_WARNING : common.verbose ? VSPLAT_LOG_VERBOSE : VSPLAT_LOG_INFO;
   vsplat_log_set(on_log, nullptr);
   allow_outside(common.allow_outside);

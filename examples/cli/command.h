@@ -38,8 +38,9 @@ void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 // UsageError where a run that computes nothing was asked for times.
 void refuse_profile_of_dry_run(const Common& common);
 
-// Sends the library's messages to stderr, as much of them as asked for.
-void start_log(const Common& common);
+// What holds for the whole library: its messages go to stderr, as much of them as asked for; where files may lie that
+// others name; how much of the host's memory may be used.
+void set_up_library(const Common& common);
 
 // Text that may hold what a stranger wrote (names in files, paths), for a terminal: control characters but line ends
 // and tabs, and what is no UTF-8 become ?.

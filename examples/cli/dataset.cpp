@@ -112,7 +112,7 @@ ordered_json write(const Options& o, std::size_t index, const std::string& name,
 }
 
 void make(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   const std::uint64_t seed = seed_value("--seed", o.seed);
   const std::vector<std::string> names = names_of(o);
   // All of the files are looked at before the first mesh is read.

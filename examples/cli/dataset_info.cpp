@@ -139,7 +139,7 @@ ordered_json json_of(const Surveyed& object) {
 }
 
 void info(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   need_ending("--sheet", o.sheet, ".png");
   Outputs outputs(o.common.overwrite);
   outputs.expect(o.sheet);

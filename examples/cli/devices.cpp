@@ -79,7 +79,7 @@ void add_devices(CLI::App& app, Run& run) {
       "  VSPLAT_DEVICE=pthread vsplat ...");
   sub->callback([common, &run] {
     run = [common] {
-      start_log(*common);
+      set_up_library(*common);
       list_devices(*common);
     };
   });

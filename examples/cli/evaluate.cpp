@@ -149,7 +149,7 @@ void evaluate(const Options& o) {
   options.skip_bad = o.skip_bad;
   options.sheet = !o.sheet.empty();
   options.refine = o.refine;
-  start_log(o.common);
+  set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
   for (const char* net : {"/alex.safetensors", "/vgg.safetensors"})

@@ -16,7 +16,7 @@ struct Options {
 };
 
 void init(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.encoder);
   outputs.expect(o.output);

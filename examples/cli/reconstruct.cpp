@@ -150,7 +150,7 @@ std::string dump_file(const Options& o) { return (std::filesystem::path(o.dump) 
 
 void reconstruct(const Options& o) {
   Request request(o);
-  start_log(o.common);
+  set_up_library(o.common);
   if (o.dry_run) {
     refuse_profile_of_dry_run(o.common);
     return dry_run(o, request);

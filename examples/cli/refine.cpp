@@ -99,7 +99,7 @@ void refine(const Options& o) {
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
   job.options.names = name_pointers.empty() ? nullptr : name_pointers.data();
   job.options.num_names = name_pointers.size();
-  start_log(o.common);
+  set_up_library(o.common);
   if (o.dry_run) return dry_run(o, job);
 
   Outputs outputs(o.common.overwrite);

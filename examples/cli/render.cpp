@@ -70,7 +70,7 @@ void render(const Options& o) {
   if (!job.written && !o.dry_run)
     throw UsageError(
         "render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
-  start_log(o.common);
+  set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.scene);
   outputs.input_cameras(job.choice.file);

@@ -136,7 +136,7 @@ void expect_run(const Options& o, const std::string& config, Outputs& outputs) {
 }
 
 void train(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   const std::string config = whole_config(o.config);
   if (o.print_config) {
     std::printf("%s\n", config.c_str());

@@ -22,7 +22,7 @@ struct Options {
 };
 
 void info(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   char* out = nullptr;
   vsplat::check(vsplat_model_inspect(o.path(), nullptr, &out));
   const std::string text = vsplat::text(out);
@@ -50,7 +50,7 @@ void info(const Options& o) {
 }
 
 void verify(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   vsplat_hash_state state = VSPLAT_HASH_ABSENT;
   vsplat::check(vsplat_model_verify(o.path(), &state));
   const bool verified = state == VSPLAT_HASH_VERIFIED;
@@ -62,7 +62,7 @@ void verify(const Options& o) {
 }
 
 void convert(const Options& o) {
-  start_log(o.common);
+  set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
   outputs.expect(o.output);

@@ -66,9 +66,11 @@ bool is_pinhole(const Distortion& distortion) {
 bool reaches(const Distortion& d, double radius) {
   if (is_pinhole(d)) return true;
   const bool fisheye = d.model == Distortion::Model::fisheye;
-  const double most = fisheye ? M_PI / 2 : 64 * radius, step = std::min(radius, most) / 64;
-  for (int i = 1; i * step <= most; ++i) {
-    const double r = i * step;
+  // As many steps for a radius of any size: both it and the coefficients may be a stranger's.
+  constexpr int steps = 4096;
+  const double most = fisheye ? std::min(M_PI / 2, 64 * radius) : 64 * radius;
+  for (int i = 1; i <= steps; ++i) {
+    const double r = most * i / steps;
     if (!grows(d, r)) return false;
     const double q = r * r;
     const double factor =

@@ -2,7 +2,6 @@
 #pragma once
 #include <algorithm>
 #include <cstddef>
-#include <deque>
 #include <vector>
 
 #include "model/base/image.h"

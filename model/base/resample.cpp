@@ -170,9 +170,9 @@ void PremultipliedRows::next(float* row) {
   }
 }
 
-Image premultiplied(const Image& picture, const Image* mask) {
-  ImageRows pixels(picture), masks(mask ? *mask : Image());
-  PremultipliedRows rows(pixels, mask ? &masks : nullptr);
+Image premultiplied(const Image& picture) {
+  ImageRows pixels(picture);
+  PremultipliedRows rows(pixels);
   return image_of(rows);
 }
 

@@ -25,7 +25,7 @@ class PremultipliedRows : public PixelRows {
   std::vector<float> pixels_, masks_;  // a row of each
   float brightest_ = 0;
 };
-Image premultiplied(const Image& picture, const Image* mask);
+Image premultiplied(const Image& picture);
 
 // Over a colour, three channels, clamped to [0,1].
 Image over(const Image& premultiplied, const std::array<float, 3>& background);

@@ -68,7 +68,7 @@ StoredView store_view(const FramedObject& object, int view, const FrameRequest& 
 void composite(const StoredView& view, const std::array<float, 3>& background, std::vector<float>& out) {
   Image picture(view.camera.width, view.camera.height, 4);
   for (std::size_t i = 0; i < view.rgba.size(); ++i) picture.data[i] = static_cast<float>(view.rgba[i]) / 255.0f;
-  const Image flat = over(premultiplied(picture, nullptr), background);
+  const Image flat = over(premultiplied(picture), background);
   out.insert(out.end(), flat.data.begin(), flat.data.end());
 }
 

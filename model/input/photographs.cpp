@@ -14,6 +14,20 @@ std::pair<int, int> turned_size(const ImageInfo& info, int turning) {
   return turning >= 5 ? std::pair{info.height, info.width} : std::pair{info.width, info.height};
 }
 
+bool is_kept(const ImageInfo& info) {
+  constexpr long most_kept = 1L << 24;  // pixels; 256 MiB
+  return static_cast<long>(info.width) * info.height <= most_kept;
+}
+
+// A mask of a picture whose rows it owns.
+class OwnedMask : public MaskRows {
+ public:
+  explicit OwnedMask(std::unique_ptr<PixelRows> picture) : MaskRows(*picture), picture_(std::move(picture)) {}
+
+ private:
+  std::unique_ptr<PixelRows> picture_;
+};
+
 }  // namespace
 
 int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info) {
@@ -42,15 +56,6 @@ ListedView resolved_view(const Photographs& photographs, int index) {
   resolve_intrinsics(view, width, height);
   return view;
 }
-
-namespace {
-
-bool is_kept(const ImageInfo& info) {
-  constexpr long most_kept = 1L << 24;  // pixels; 256 MiB
-  return static_cast<long>(info.width) * info.height <= most_kept;
-}
-
-}  // namespace
 
 double host_bytes_to_load(const Photographs& photographs) {
   double sum = 0, most = 0;
@@ -98,19 +103,6 @@ std::unique_ptr<PixelRows> LoadedPhotograph::picture() {
   if (file_) return file_->rows(turning_);
   return std::make_unique<ImageRows>(made_picture());
 }
-
-namespace {
-
-// A mask of a picture whose rows it owns.
-class OwnedMask : public MaskRows {
- public:
-  explicit OwnedMask(std::unique_ptr<PixelRows> picture) : MaskRows(*picture), picture_(std::move(picture)) {}
-
- private:
-  std::unique_ptr<PixelRows> picture_;
-};
-
-}  // namespace
 
 std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
   if (!listed_.mask) return nullptr;

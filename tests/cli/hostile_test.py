@@ -4,7 +4,7 @@
   VSPLAT_HOSTILE_SEEDS=1,2,3 ...                all of it, with these seeds
   VSPLAT_HOSTILE_ALL=1 ...                      with every command that takes a file, not with one of those that need a device in turn
   VSPLAT_HOSTILE=DIR ...                        a folder of finds instead: its files by their endings, folders with a list of cameras
-  VSPLAT_HOSTILE_KINDS=gltf/*,h5/* ...          these kinds alone; those of WAITING among them, too"""
+  VSPLAT_HOSTILE_KINDS=gltf/*,png/*:train ...   these kinds alone, or a command with them"""
 import concurrent.futures
 import fnmatch
 import os
@@ -21,19 +21,14 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 import make_hostile  # noqa: E402
 import rule  # noqa: E402
 
-# Kinds (and, after a colon, commands) that do not hold yet: each goes with the change that mends it.
-WAITING = ()
-
 # What needs no device, and no time: these take every file, of the others each file gets one, in turn (all: VSPLAT_HOSTILE_ALL=1).
 CHEAP = ("print", "info", "verify", "convert", "init")
 QUICK_EVERY = 10  # the quick test takes one in so many
 
 
 def chosen(kind, command):
-    only = os.environ.get("VSPLAT_HOSTILE_KINDS")
-    if only:
-        return any(fnmatch.fnmatchcase(kind, pattern) or fnmatch.fnmatchcase(f"{kind}:{command}", pattern) for pattern in only.split(","))
-    return not any(fnmatch.fnmatchcase(kind, pattern) or fnmatch.fnmatchcase(f"{kind}:{command}", pattern) for pattern in WAITING)
+    only = os.environ.get("VSPLAT_HOSTILE_KINDS", "*")
+    return any(fnmatch.fnmatchcase(kind, pattern) or fnmatch.fnmatchcase(f"{kind}:{command}", pattern) for pattern in only.split(","))
 
 
 def listed(folder, sound, scratch):

@@ -1,5 +1,6 @@
 # Damaged and hostile files: the seeds of the fuzzers and what they once found, in every build; and the fuzzers themselves, with a
-# fixed seed for a few seconds, with any for a minute in the slow tests.
+# fixed seed for a few seconds and as many inputs as a slow machine tries in them; with any seed for a minute in the slow tests,
+# which are there to find what is new.
 vsplat_tests(fuzz_replay_test
   fuzz/kernel_cache.cpp
   fuzz/picture.cpp
@@ -28,7 +29,7 @@ elseif(EXISTS "${fuzzer_runtime}")
   foreach(target ${VSPLAT_FUZZ_TARGETS})
     add_test(NAME fuzz.${target} COMMAND ${fuzz} run 4 ${target})
     set_tests_properties(fuzz.${target} PROPERTIES LABELS fuzz TIMEOUT 120 FIXTURES_REQUIRED fuzz
-      ENVIRONMENT "VSPLAT_FUZZ_SEED=1")
+      ENVIRONMENT "VSPLAT_FUZZ_SEED=1;VSPLAT_FUZZ_RUNS=3000")
     add_test(NAME fuzz.${target}.minute COMMAND ${fuzz} run 60 ${target})
     set_tests_properties(fuzz.${target}.minute PROPERTIES LABELS "fuzz;slow" TIMEOUT 300 FIXTURES_REQUIRED fuzz)
   endforeach()

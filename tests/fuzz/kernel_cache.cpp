@@ -3,11 +3,12 @@
 
 #include "runtime/disk_cache.h"
 #include "tests/fuzz/targets.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat::fuzz {
 
 void kernel_cache(std::string_view bytes) {
-  static TemporaryFolder folder;
+  static test::TemporaryFolder folder;
   static const DiskCache cache(folder.path());
   if (bytes.empty()) return;
   const std::string_view rest = bytes.substr(1);

@@ -3,7 +3,8 @@
 #   tests/fuzz/run.sh SECONDS [TARGET...]      targets: the folders of corpus/, all of them where none is named
 #   tests/fuzz/run.sh build                    only builds
 #   tests/fuzz/run.sh run SECONDS [TARGET...]  only runs
-# VSPLAT_FUZZ_SEED fixes the seed. An input that breaks something is kept in build/fuzz/found: with the fix it goes into
+# VSPLAT_FUZZ_SEED fixes the seed, VSPLAT_FUZZ_RUNS how many inputs are tried at most: with both, every machine tries
+# much the same ones. An input that breaks something is kept in build/fuzz/found: with the fix it goes into
 # tests/fuzz/regressions/TARGET, which the test `fuzz_replay_test` reads in every build.
 set -eu
 cd "$(dirname "$0")/../.."
@@ -35,8 +36,8 @@ for target; do
   # Memory: far above what these inputs need and far below what a believed count would take.
   # shellcheck disable=SC2086  # lists of words
   build/fuzz/tests/fuzz/fuzz_"$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256 \
-    -max_len=65536 -seed="${VSPLAT_FUZZ_SEED:-0}" -artifact_prefix=build/fuzz/found/"$target"- -dict=$data/$words.dict \
-    -print_final_stats=1 "$grown" $seeds >build/fuzz/found/"$target".log 2>&1 || {
+    -max_len=65536 -seed="${VSPLAT_FUZZ_SEED:-0}" -runs="${VSPLAT_FUZZ_RUNS:--1}" -dict=$data/$words.dict \
+    -artifact_prefix=build/fuzz/found/"$target"- -print_final_stats=1 "$grown" $seeds >build/fuzz/found/"$target".log 2>&1 || {
     tail -n 60 build/fuzz/found/"$target".log >&2
     echo "fuzz_$target has found something: see build/fuzz/found" >&2
     exit 1

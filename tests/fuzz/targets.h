@@ -55,20 +55,6 @@ class MemoryFile {
   std::string path_;
 };
 
-// A folder of a fuzzer's own, gone at its end.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 void hold(bool condition, const char* what);
 // Of an error that came up while `path` was read.
 void hold_message(const Error& error, const std::string& path);

@@ -9,6 +9,7 @@
 #include "model/train/checkpoint.h"
 #include "runtime/sha256.h"
 #include "tests/fuzz/targets.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat::fuzz {
 namespace {
@@ -80,7 +81,7 @@ void checkpoint(std::string_view bytes) {
 }
 
 void fit_checkpoint(std::string_view bytes) {
-  static TemporaryFolder folder;
+  static test::TemporaryFolder folder;
   static MemoryFile file;
   const std::string path = fit_checkpoint_path(folder.path());
   if (!std::filesystem::exists(path)) std::filesystem::create_symlink(file.path(), path);

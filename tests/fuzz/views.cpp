@@ -6,6 +6,7 @@
 #include "model/io/colmap_points.h"
 #include "model/io/view_set.h"
 #include "tests/fuzz/targets.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat::fuzz {
 namespace {
@@ -52,7 +53,7 @@ class ColmapFolder {
  public:
   ColmapFolder() { set(true); }
 
-  const std::string& path() const { return folder_.path(); }
+  std::string path() const { return folder_.path(); }
   void fill(bool binary, std::string_view camera_bytes, std::string_view image_bytes) {
     if (binary != binary_) set(binary);
     cameras.fill(camera_bytes);
@@ -69,7 +70,7 @@ class ColmapFolder {
     binary_ = binary;
   }
 
-  TemporaryFolder folder_;
+  test::TemporaryFolder folder_;
   MemoryFile cameras, images;
   bool binary_ = true;
 };
@@ -82,7 +83,7 @@ class PointsFolder {
       std::filesystem::create_symlink(empty.path(), path() + name);
   }
 
-  const std::string& path() const { return folder_.path(); }
+  std::string path() const { return folder_.path(); }
   void fill(bool binary, std::string_view bytes) {
     namespace fs = std::filesystem;
     for (const char* name : {"/points3D.bin", "/points3D.txt"}) fs::remove(path() + name);
@@ -91,7 +92,7 @@ class PointsFolder {
   }
 
  private:
-  TemporaryFolder folder_;
+  test::TemporaryFolder folder_;
   MemoryFile empty, points;
 };
 

@@ -41,6 +41,7 @@ def lists(maker):
         copy.data["frames"][0]["transform_matrix"][maker.random.randrange(3)][maker.random.randrange(4)] = value
         copy.save()
     for kind, fields in (("huge_size", {"w": choose((2**31, 2**62, 1e300)), "h": 1 << 30}), ("zero_size", {"w": 0}), ("text_size", {"w": maker.escape()}),
+                         ("side_fisheye", {"camera_model": "OPENCV_FISHEYE", "cx": 10.0 ** -choose((9, 30, 300)), "k1": 0.01}),
                          ("huge_focal", {"fl_x": 1e308}), ("nan_focal", {"fl_x": float("nan")}), ("huge_lens", {"k1": 1e300, "k2": -1e300}),
                          ("no_lens", {"k1": -maker.random.uniform(5, 50), "k2": 0.1}), ("huge_cube", {"aabb_half": 1e300}), ("nan_cube", {"aabb_center": [float("nan"), 0, 0]}),
                          ("no_frames", {"frames": []}), ("kinds", {"frames": {"a": 1}}), ("model", {"camera_model": maker.escape()})):

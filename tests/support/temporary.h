@@ -1,12 +1,11 @@
 // A folder for one test, gone with it, and whole files in and out.
 #pragma once
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <stdexcept>
 #include <string>
 #include <vector>
 

@@ -25,6 +25,11 @@ TEST(Lens, ReachesAsFarAsItGrows) {
   EXPECT_FALSE(reaches({Distortion::Model::fisheye, {-1}}, 0.5));  // theta - theta^3: 0.385
 }
 
+TEST(Lens, ReachesInAsManyStepsForAnyRadius) {
+  for (const auto model : {Distortion::Model::fisheye, Distortion::Model::opencv})
+    for (const double radius : {1e-300, 1e-12}) EXPECT_TRUE(reaches({model, {0.1}}, radius));
+}
+
 TEST(Lens, FollowsTheRationalModelTermByTerm) {
   const double k1 = 0.1, k2 = -0.02, p1 = 0.003, p2 = -0.004, k3 = 0.005, k4 = 0.06, k5 = 0.007, k6 = -0.001;
   const Lens lens(opencv({k1, k2, p1, p2, k3, k4, k5, k6}), 2);

@@ -44,7 +44,7 @@ double largest_difference(const Image& a, const Image& b) {
 }
 
 TEST(Resample, KeepsPixelsThatAreNotScaled) {
-  const Image in = premultiplied(random_picture(31, 23, 4, 1), nullptr);
+  const Image in = premultiplied(random_picture(31, 23, 4, 1));
   const Image whole = resample(in, {0, 0, 17, 17});
   const Image moved = resample(in, {-3, 5, 29, 29});
   for (int y = 0; y < 17; ++y)
@@ -59,7 +59,7 @@ TEST(Resample, KeepsPixelsThatAreNotScaled) {
 }
 
 TEST(Resample, AveragesBlocksWhenMadeAWholeNumberSmaller) {
-  const Image in = premultiplied(random_picture(21, 21, 3, 2), nullptr);
+  const Image in = premultiplied(random_picture(21, 21, 3, 2));
   const Image out = resample(in, {0, 0, 21, 7});
   for (int y = 0; y < 7; ++y)
     for (int x = 0; x < 7; ++x)
@@ -121,7 +121,7 @@ TEST(Resample, NothingBleedsFromBehindAlphaZero) {
       }
     }
   for (const int size : {13, 30, 77}) {
-    const Image out = resample(premultiplied(picture, nullptr), {1.5, 2.5, 55, size});
+    const Image out = resample(premultiplied(picture), {1.5, 2.5, 55, size});
     const Image shown = on_white(out);
     for (std::size_t i = 0; i < out.data.size() / 4; ++i) {
       const float a = out.data[4 * i + 3];
@@ -133,7 +133,7 @@ TEST(Resample, NothingBleedsFromBehindAlphaZero) {
 }
 
 TEST(Resample, AnEmptyOverlapIsWhite) {
-  const Image in = premultiplied(random_picture(8, 8, 3, 5), nullptr);
+  const Image in = premultiplied(random_picture(8, 8, 3, 5));
   for (const Window& window : {Window{100, 0, 10, 5}, Window{0, -50, 20, 5}, Window{-1e9, 1e9, 3, 2}})
     for (const float v : on_white(resample(in, window)).data) ASSERT_EQ(v, 1.0f);
 }
@@ -152,7 +152,7 @@ Camera camera_with(const Distortion& distortion) {
 
 TEST(ResampleUndistorted, IsTheSameWithoutDistortion) {
   Image picture = random_picture(120, 90, 4, 6);
-  const Image in = premultiplied(picture, nullptr);
+  const Image in = premultiplied(picture);
   const Camera camera = camera_with({Distortion::Model::opencv, {1e-13}});
   for (const double side : {20.0, 48.0, 77.7, 130.0, 400.0}) {
     const Window window{13.3, -4.1, side, 48};
@@ -245,13 +245,13 @@ TEST(ResampleUndistorted, IsWhiteBeyondTheFold) {
 
 // A picture that is not square, as it is: every pixel, and nothing beside it.
 TEST(Resample, KeepsARectangularPictureThatIsNotScaled) {
-  const Image in = premultiplied(random_picture(31, 23, 4, 8), nullptr);
+  const Image in = premultiplied(random_picture(31, 23, 4, 8));
   const Image whole = resample(in, {0, 0, 31, 31, 23});
   EXPECT_EQ(whole.width, 31);
   EXPECT_EQ(whole.height, 23);
   EXPECT_EQ(whole.data, in.data);
-  const Image tall = resample(premultiplied(random_picture(5, 40, 4, 9), nullptr), {0, 0, 5, 5, 40});
-  EXPECT_EQ(tall.data, premultiplied(random_picture(5, 40, 4, 9), nullptr).data);
+  const Image tall = resample(premultiplied(random_picture(5, 40, 4, 9)), {0, 0, 5, 5, 40});
+  EXPECT_EQ(tall.data, premultiplied(random_picture(5, 40, 4, 9)).data);
   const Image part = resample(in, {-3, 20, 12, 12, 5});
   for (int y = 0; y < 5; ++y)
     for (int x = 0; x < 12; ++x)
@@ -279,7 +279,7 @@ TEST(Resample, ReproducesRampsInRectangularWindows) {
 
 // The rows of a rectangular window are those of the square one about it.
 TEST(ResampleUndistorted, RectangularWindowsArePartsOfSquareOnes) {
-  const Image in = premultiplied(random_picture(120, 90, 4, 10), nullptr);
+  const Image in = premultiplied(random_picture(120, 90, 4, 10));
   for (const Camera& camera : {camera_with({Distortion::Model::opencv, {0.2, -0.05, 0.01, -0.02}}),
                                camera_with({Distortion::Model::fisheye, {-0.1, 0.02}})})
     for (const double side : {40.0, 110.0}) {

@@ -245,7 +245,7 @@ TEST(TrainingReader, DrawsProceduralObjectsBetweenThoseOfTheSet) {
   for (std::size_t i = 0; i < all[2].cameras.size(); ++i) {
     const Image stored = read_image(written / ("object_0002/" + all[2].cameras[i].file));
     const float shade = static_cast<int>(i) < all[2].inputs ? 1.0f : all[2].background[0];
-    const Image flat = over(premultiplied(stored, nullptr), {shade, shade, shade});
+    const Image flat = over(premultiplied(stored), {shade, shade, shade});
     const std::vector<float> drawn = picture(all[2], i, size);
     for (std::size_t k = 0; k < drawn.size(); ++k) ASSERT_NEAR(drawn[k], flat.data[k], 1.01 / 255) << i << " " << k;
   }

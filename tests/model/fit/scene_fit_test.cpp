@@ -210,7 +210,8 @@ TEST_F(SceneFitTest, OneFitKeepsItsStateInAFolder) {
   request.steps = 60;
   request.checkpoint = folder.path();
   const SceneFit fit(ctx(), photographs_, start(), request);
-  test::expect_error(Status::file, {folder.path()}, [&] { SceneFit(ctx(), photographs_, start(), request); });
+  test::expect_error(Status::file, {folder.path(), "another process"},
+                     [&] { SceneFit(ctx(), photographs_, start(), request); });
 }
 
 TEST_F(SceneFitTest, AWrongPoseIsNamed) {
