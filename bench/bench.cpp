@@ -100,6 +100,7 @@ const std::vector<Suite> kOperations = {
     {"lift", lift_cases},
     {"loss", loss_cases},
     {"lpips", lpips_cases},
+    {"muon", muon_cases},
     {"patch_embed", patch_embed_cases},
     {"picture_target", picture_target_cases},
     {"plucker", plucker_cases},

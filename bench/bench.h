@@ -110,6 +110,7 @@ std::vector<Case> layernorm_cases(const Options& options);
 std::vector<Case> lift_cases(const Options& options);
 std::vector<Case> loss_cases(const Options& options);
 std::vector<Case> lpips_cases(const Options& options);
+std::vector<Case> muon_cases(const Options& options);
 std::vector<Case> patch_embed_cases(const Options& options);
 std::vector<Case> picture_target_cases(const Options& options);
 std::vector<Case> plucker_cases(const Options& options);

@@ -24,6 +24,7 @@ constexpr const char* kVersion = "1";
 constexpr std::string_view kFirst = "checkpoint-", kLast = ".safetensors", kUnfinished = ".tmp";
 constexpr const char* kM = "adamw.m.";
 constexpr const char* kV = "adamw.v.";
+constexpr const char* kMomentum = "muon.m.";
 constexpr const char* kAverage = "average.";
 constexpr const char* kState = "state.";
 
@@ -155,6 +156,7 @@ void save_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
   add(tensors, path, "", expected, checkpoint.parameters, true);
   add(tensors, path, kM, expected, checkpoint.m, false);
   add(tensors, path, kV, expected, checkpoint.v, false);
+  add(tensors, path, kMomentum, expected, checkpoint.momentum, false);
   if (checkpoint.config.ema != 0) add(tensors, path, kAverage, expected, checkpoint.average, true);
   std::map<std::string, std::string> metadata = {{"format", kFormat},
                                                  {"version", kVersion},
@@ -177,10 +179,12 @@ Checkpoint load_checkpoint(const std::string& path) {
   out.parameters = read_weights(file, out.config.model, "");
   out.m = read_moments(file, expected, kM);
   out.v = read_moments(file, expected, kV);
+  out.momentum = read_moments(file, expected, kMomentum);
   if (out.config.ema != 0) out.average = read_weights(file, out.config.model, kAverage);
   check_moments(path, out);
-  const std::size_t known =
-      out.parameters.all().size() + out.m.all().size() + out.v.all().size() + out.average.all().size();
+  std::size_t known = 0;
+  for (const Weights* some : {&out.parameters, &out.m, &out.v, &out.momentum, &out.average})
+    known += some->all().size();
   if (known != file.tensors().size())
     fail(Status::format, "{}: {} tensors, of which this configuration has {}", path, file.tensors().size(), known);
   for (const auto& [key, text] : file.metadata())

@@ -15,6 +15,7 @@ struct Checkpoint {
   long step = 0;       // steps done
   Weights parameters;  // all of parameters(config.model)
   Weights m, v;        // AdamW's moments of those parameters that it has touched: the same names in both
+  Weights momentum;    // Muon's, of those that it has touched
   Weights average;     // the moving average, all of parameters(config.model); empty where config.ema is 0
   std::map<std::string, std::string> state;  // what else the trainer needs, text by name
 };

@@ -36,10 +36,12 @@ void each_field(C& c, Visit visit) {
   visit("extend", c.schedule.extend);
   visit("batch", c.batch);
   visit("accumulate", c.accumulate);
+  visit("optimizer", c.optimizer);
   visit("beta1", c.beta1);
   visit("beta2", c.beta2);
   visit("eps", c.eps);
   visit("weight_decay", c.weight_decay);
+  visit("momentum", c.momentum);
   visit("clip_norm", c.clip_norm);
   visit("ssim_weight", c.ssim_weight);
   visit("alpha_weight", c.alpha_weight);
@@ -81,7 +83,9 @@ void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   for (const long more : s.extend) is.within("each of extend", more, 1, kMostSteps);
   is.within("batch", c.batch, 1, 1024);
   is.within("accumulate", c.accumulate, 1, 1024);
-  for (const auto& [name, value] : {std::pair{"beta1", c.beta1}, {"beta2", c.beta2}, {"ema", c.ema}})
+  is.one_of("optimizer", c.optimizer, {"adamw", "muon"});
+  for (const auto& [name, value] :
+       {std::pair{"beta1", c.beta1}, {"beta2", c.beta2}, {"momentum", c.momentum}, {"ema", c.ema}})
     is.in(name, value, value >= 0 && value < 1, "at least 0 and below 1");
   is.in("eps", c.eps, c.eps > 0, "above 0");
   is.in("weight_decay", c.weight_decay, c.weight_decay >= 0, "at least 0");
@@ -124,6 +128,10 @@ Config read_model(const json& value) {
 }
 
 }  // namespace
+
+bool is_muons(const TrainConfig& config, const Parameter& p) {
+  return config.optimizer == "muon" && p.shape.size() >= 2 && (p.init == Init::fan_in || p.init == Init::submanifold);
+}
 
 bool is_frozen(const TrainConfig& config, const std::string& parameter) {
   return std::any_of(config.frozen.begin(), config.frozen.end(),

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "model/params/config.h"
+#include "model/params/parameter.h"
 #include "model/train/schedule.h"
 
 namespace vsplat {
@@ -19,7 +20,11 @@ struct TrainConfig {
   Schedule schedule;
   long batch = 1;
   long accumulate = 1;
+  // adamw; or muon: Muon for the weights that are matrices, AdamW for the others (biases, norms, embeddings, the heads'
+  // weights)
+  std::string optimizer = "adamw";
   double beta1 = 0.9, beta2 = 0.95, eps = 1e-8, weight_decay = 0.05;
+  double momentum = 0.95;    // Muon's
   double clip_norm = 0.5;    // of the gradients' norm
   double ssim_weight = 0.5;  // w in MSE + w (1 - SSIM), for each level
   double alpha_weight = 0;   // a in + a |alpha - the picture's|, in the mean over pixels of views that have a mask
@@ -47,6 +52,9 @@ struct TrainConfig {
 
   bool operator==(const TrainConfig&) const = default;
 };
+
+// Whether Muon moves this parameter.
+bool is_muons(const TrainConfig& config, const Parameter& parameter);
 
 // Whether one of `frozen` starts this parameter's name.
 bool is_frozen(const TrainConfig& config, const std::string& parameter);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/ops/adamw.h"
+#include "model/ops/muon.h"
 #include "model/ops/select.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
@@ -70,7 +71,10 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
       average_[p.name] = ctx.planning() ? ctx.tensor(p.shape, Type::f32, name)
                                         : ctx.upload(p.shape, from.at(p.name).data, Type::f32, name);
     }
-    if (p.trained && p.used && !is_frozen(config_, p.name))
+    if (!p.trained || !p.used || is_frozen(config_, p.name)) continue;
+    if (is_muons(config_, p))
+      moments_[p.name] = {moment(start.momentum, p, "momentum of "), {}, p.decays};
+    else
       moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of "), p.decays};
   }
   memory_ = {rounded(planned_)};
@@ -151,6 +155,30 @@ void Trainer::clip(Context& ctx, const Tensor& out) const {
   gradient_clip(ctx, clip);
 }
 
+void Trainer::move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const {
+  for (const auto& [name, moments] : moments_) {
+    const LearntTensor& w = weights_.at(name);
+    const double decay = moments.decays ? config_.weight_decay : 0;
+    if (!moments.v) {
+      muon_step(ctx, {w.value, w.gradient, moments.m, norm, report.lr, config_.momentum, decay});
+      continue;
+    }
+    AdamwStep a;
+    a.param = w.value;
+    a.grad = w.gradient;
+    a.m = moments.m;
+    a.v = moments.v;
+    a.clip = norm;
+    a.step = report.step;
+    a.lr = report.lr;
+    a.beta1 = config_.beta1;
+    a.beta2 = config_.beta2;
+    a.eps = config_.eps;
+    a.weight_decay = decay;
+    adamw_step(ctx, a);
+  }
+}
+
 StepReport Trainer::step(const std::vector<StepItem>& items) {
   if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
     fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
@@ -167,22 +195,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
   report.gradient_norm = static_cast<double>(ctx_.read<float>(norm)[0]);
   if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) refuse(report.loss);
 
-  for (const auto& [name, moments] : moments_) {
-    const LearntTensor& w = weights_.at(name);
-    AdamwStep a;
-    a.param = w.value;
-    a.grad = w.gradient;
-    a.m = moments.m;
-    a.v = moments.v;
-    a.clip = norm;
-    a.step = report.step;
-    a.lr = report.lr;
-    a.beta1 = config_.beta1;
-    a.beta2 = config_.beta2;
-    a.eps = config_.eps;
-    a.weight_decay = moments.decays ? config_.weight_decay : 0;
-    adamw_step(ctx_, a);
-  }
+  move_weights(ctx_, report, norm);
   for (const auto& [name, average] : average_) average_step(ctx_, average, weights_.at(name).value, config_.ema);
   ctx_.finish();
   step_ = report.step;
@@ -213,8 +226,8 @@ Checkpoint Trainer::checkpoint() const {
   const auto read = [&](const Tensor& t) { return HostTensor{t.shape(), ctx_.read<float>(t)}; };
   if (step_ > 0)
     for (const auto& [name, moments] : moments_) {
-      out.m.set(name, read(moments.m));
-      out.v.set(name, read(moments.v));
+      (moments.v ? out.m : out.momentum).set(name, read(moments.m));
+      if (moments.v) out.v.set(name, read(moments.v));
     }
   for (const auto& [name, average] : average_) out.average.set(name, read(average));
   out.state = state_;

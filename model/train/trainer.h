@@ -73,7 +73,7 @@ class Trainer {
  private:
   // What the optimiser has of a parameter.
   struct Moments {
-    Tensor m, v;
+    Tensor m, v;         // no v: Muon moves it, m is its momentum
     bool decays = true;  // as Parameter has it
   };
   // The memory that an object is given.
@@ -93,6 +93,8 @@ class Trainer {
   // With the noise in `options`.
   PassViews upload(Context& ctx, const StepObject& object, PassOptions& options) const;
   void clip(Context& ctx, const Tensor& out) const;
+  // One step of the optimiser by the gradients that are there, clipped by `norm`.
+  void move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const;
   // Means over the objects; the gradients are those of the weights then.
   StepReport gradients(const std::vector<StepItem>& items, bool recompute);
   // Forward and drawing in memory that was made for it; `memory` becomes what it took. `planned`: selected voxels, on a

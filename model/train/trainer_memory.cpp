@@ -121,7 +121,11 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
     } else {
       finish_pass(*ctx, model, draw_in_memory(*ctx, model, object, options, memory, selected));
     }
-    clip(*ctx, ctx->tensor({2}, Type::f32, "gradient norm"));
+    const Tensor norm = ctx->tensor({2}, Type::f32, "gradient norm");
+    clip(*ctx, norm);
+    StepReport first;
+    first.step = 1;
+    move_weights(*ctx, first, norm);
     ran = true;
   } catch (const Error& e) {
     if (e.status() != Status::memory) throw;

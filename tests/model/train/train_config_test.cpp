@@ -38,6 +38,8 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"ssim_weight", 0.5},
                          {"alpha_weight", 0.0},
                          {"weight_decay", 0.05},
+                         {"optimizer", "adamw"},
+                         {"momentum", 0.95},
                          {"ema", 0.0},
                          {"inputs_min", 4},
                          {"inputs_max", 4},
@@ -67,6 +69,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.batch = 3, c.accumulate = 2;
   c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25,
   c.alpha_weight = 0.1;
+  c.optimizer = "muon", c.momentum = 0.9;
   c.ema = 0.999;
   c.frozen = {"encoder.model.blocks.0", "dir_norm"};
   c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
@@ -202,6 +205,8 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"accumulate": 0})", "accumulate must be 1 to 1024 (found 0)"},
       {R"({"beta1": 1})", "beta1 must be at least 0 and below 1 (found 1)"},
       {R"({"beta2": -0.5})", "beta2 must be at least 0 and below 1 (found -0.5)"},
+      {R"({"optimizer": "sgd"})", "optimizer must be one of adamw, muon (found \"sgd\")"},
+      {R"({"momentum": 1})", "momentum must be at least 0 and below 1 (found 1)"},
       {R"({"ema": 1})", "ema must be at least 0 and below 1 (found 1)"},
       {R"({"eps": 0})", "eps must be above 0 (found 0)"},
       {R"({"weight_decay": -1})", "weight_decay must be at least 0 (found -1)"},

@@ -1,6 +1,7 @@
 // Gradients of everything, and steps of the optimiser, against PyTorch's.
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 #include <tuple>
 
@@ -8,6 +9,8 @@
 #include "model/params/params.h"
 #include "model/splat/render_backward.h"
 #include "model/train/trainer.h"
+#include "tests/reference/adamw.h"
+#include "tests/reference/muon.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
@@ -232,6 +235,55 @@ TEST_P(Training, TenStepsGiveTheLossesOfPyTorch) {
     EXPECT_EQ(report.step, static_cast<long>(s) + 1);
   }
   EXPECT_LT(want.back(), want.front() - 1e-3f) << "the reference learns nothing: nothing is tested";
+}
+
+// Each parameter of a step goes where its optimiser would take it by the step's gradient: Muon the matrices, AdamW what
+// else is learnt. And what a checkpoint has of them is enough to go on with the same bits.
+TEST_P(Training, MuonMovesMatricesAndNothingElse) {
+  const Golden golden = Golden::load("micro");
+  const TrainingViews views = views_of(golden);
+  Checkpoint start;
+  start.config.model = golden.config();
+  start.config.schedule = {0.01, 0, 10, 1.0, 0.1, 9};
+  start.config.optimizer = "muon";
+  start.parameters = golden.weights();
+  Trainer trainer(ctx(), start);
+  const StepReport report = trainer.step({{&views, views.background}});
+  const double factor = ref::clip_factor(report.gradient_norm, start.config.clip_norm);
+  const Checkpoint after = trainer.checkpoint();
+  long matrices = 0, others = 0;
+  for (const Parameter& p : parameters(start.config.model)) {
+    if (!p.trained || !p.used) continue;
+    const auto doubles = [](const std::vector<float>& x) { return std::vector<double>(x.begin(), x.end()); };
+    std::vector<double> want = doubles(start.parameters.of(p).data);
+    std::vector<double> gradient = doubles(ctx().read<float>(trainer.weights().at(p.name).gradient));
+    for (double& g : gradient) g *= factor;
+    const double decay = p.decays ? start.config.weight_decay : 0;
+    const bool matrix = p.shape.size() >= 2 && p.name.ends_with(".weight") && !p.name.starts_with("predictor.");
+    ++(matrix ? matrices : others);
+    EXPECT_EQ(after.momentum.has(p.name), matrix) << p.name;
+    EXPECT_EQ(after.m.has(p.name), !matrix) << p.name;
+    if (matrix) {
+      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+      const long columns = p.count() / p.shape[0];
+      Eigen::MatrixXd param = Eigen::Map<RowMajor>(want.data(), p.shape[0], columns), m = 0 * param;
+      ref::muon({report.lr, start.config.momentum, decay}, Eigen::Map<RowMajor>(gradient.data(), p.shape[0], columns),
+                param, m);
+      Eigen::Map<RowMajor>(want.data(), p.shape[0], columns) = param;
+    } else {
+      std::vector<double> m(want.size()), v(want.size());
+      ref::adamw({report.lr, 0.9, 0.95, 1e-8, decay}, 1, gradient, want, m, v);
+    }
+    EXPECT_TRUE(test::close(after.parameters.of(p).data, want, 1e-5)) << p.name;
+  }
+  EXPECT_GT(matrices, 20);
+  EXPECT_GT(others, 20);
+
+  Trainer resumed(ctx(), after);
+  for (Trainer* each : {&trainer, &resumed}) each->step({{&views, views.background}});
+  const Checkpoint one = trainer.checkpoint(), other = resumed.checkpoint();
+  for (const Parameter& p : parameters(start.config.model))
+    EXPECT_EQ(one.parameters.of(p).data, other.parameters.of(p).data) << p.name;
 }
 
 }  // namespace
