@@ -111,12 +111,10 @@ Block::Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t of
   arena_->note_peaks();
   if (!home.buffer) return;
   try {
-    const cl_buffer_region region{offset_, size_};
-    buffer_ = std::make_unique<cl::Buffer>(
-        home.buffer->createSubBuffer(CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region));
-  } catch (const cl::Error& e) {
+    make_buffer(*home.buffer);
+  } catch (const Error&) {
     arena_->release(slab, offset, size);
-    fail_cl(e, fmt::format("a sub-buffer of {} bytes at {}", size_, offset_));
+    throw;
   }
   if (guard_) {
     what_ = what;
@@ -124,7 +122,28 @@ Block::Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t of
   }
 }
 
+Block::Block(std::shared_ptr<Block> whole, std::size_t first, std::size_t bytes)
+    : arena_(whole->arena_), whole_(std::move(whole)), slab_(whole_->slab_), guard_(0), bytes_(bytes) {
+  offset_ = whole_->offset_ + first;
+  size_ = std::max<std::size_t>(bytes, 1);
+  if (first % arena_->limits.align != 0 || first + size_ > whole_->size_)
+    fail(Status::internal, "{} bytes from {} on of a piece of {}", size_, first, whole_->size_);
+  if (slab()) make_buffer(*slab());
+}
+
+void Block::make_buffer(const cl::Buffer& slab) {
+  const cl_buffer_region region{offset_, size_};
+  try {
+    // Of the slab: the standard has no part of a part.
+    buffer_ = std::make_unique<cl::Buffer>(
+        cl::Buffer(slab).createSubBuffer(CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region));
+  } catch (const cl::Error& e) {
+    fail_cl(e, fmt::format("a sub-buffer of {} bytes at {}", size_, offset_));
+  }
+}
+
 Block::~Block() {
+  if (whole_) return;
   if (guard_) arena_->guarded.erase({slab_, offset_});
   arena_->release(slab_, offset_ - guard_, size_ + 2 * guard_);
 }

@@ -24,6 +24,9 @@ class Block {
   // `size`, red zones with it, is taken at `offset` already; `bytes` of it were asked for, by `what`.
   Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size, std::size_t bytes,
         const std::string& what);
+  // `bytes` of another from `first` on, a multiple of the arena's `align`. They stay that one's, which lives as long as
+  // its parts do; there are no red zones between these.
+  Block(std::shared_ptr<Block> whole, std::size_t first, std::size_t bytes);
   ~Block();
   Block(const Block&) = delete;
   Block& operator=(const Block&) = delete;
@@ -39,7 +42,10 @@ class Block {
   const std::string& what() const { return what_; }
 
  private:
+  void make_buffer(const cl::Buffer& slab);
+
   std::shared_ptr<ArenaState> arena_;
+  std::shared_ptr<Block> whole_;  // of which this is a part; null: a piece of its own
   std::size_t slab_, offset_, size_, guard_, bytes_;
   std::string what_;  // kept between red zones only
   std::unique_ptr<cl::Buffer> buffer_;

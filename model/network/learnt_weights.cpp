@@ -1,19 +1,48 @@
 #include "model/network/learnt_weights.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "model/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/side_by_side.h"
 
 namespace vsplat {
+namespace {
 
-LearntWeights::LearntWeights(Context& ctx, const Config& config, const Weights& weights) {
+// Small enough for any device and to be placed easily, large enough for few launches.
+constexpr std::size_t kLongestRun = std::size_t{64} << 20;
+
+}  // namespace
+
+LearntWeights::LearntWeights(Context& ctx, const Config& config, const Weights& weights, const KindOf& kind_of) {
+  // Buffers first, then by kind.
+  std::map<std::pair<bool, int>, std::vector<Parameter>> kinds;
   for (const Parameter& p : parameters(config)) {
     names_.push_back(p.name);
-    LearntTensor& t = tensors_[p.name];
-    t.value = ctx.planning() ? ctx.tensor(p.shape, Type::f32, p.name)
-                             : ctx.upload(p.shape, weights.of(p).data, Type::f32, p.name);
-    if (!p.trained) continue;
-    t.gradient = ctx.tensor(p.shape, Type::f32, "gradient of " + p.name);
-    ctx.fill_zero(t.gradient);
+    kinds[{p.trained, p.trained && kind_of ? kind_of(p) : 0}].push_back(p);
+  }
+  const std::size_t longest = std::min(kLongestRun, ctx.memory().limits().max_alloc);
+  for (const auto& [kind, all] : kinds) {
+    std::vector<Shape> shapes;
+    for (const Parameter& p : all) shapes.push_back(p.shape);
+    std::size_t first = 0;
+    for (const std::size_t count : split_to_fit(ctx, shapes, longest)) {
+      LearntRun& run = runs_.emplace_back();
+      run.kind = kind.second;
+      run.shapes.assign(shapes.begin() + static_cast<std::ptrdiff_t>(first),
+                        shapes.begin() + static_cast<std::ptrdiff_t>(first + count));
+      const SideBySide values = side_by_side(ctx, run.shapes, "weights");
+      const SideBySide gradients = kind.first ? side_by_side(ctx, run.shapes, "gradients") : SideBySide();
+      run.all = {values.whole, gradients.whole};
+      for (std::size_t i = 0; i < count; ++i) {
+        const Parameter& p = all[first + i];
+        run.names.push_back(p.name);
+        tensors_[p.name] = {values.parts[i], kind.first ? gradients.parts[i] : Tensor()};
+        if (!ctx.planning()) ctx.write(values.parts[i], weights.of(p).data.data());
+      }
+      first += count;
+    }
   }
 }
 
@@ -24,8 +53,8 @@ const LearntTensor& LearntWeights::at(const std::string& name) const {
 }
 
 void LearntWeights::zero_gradients(Context& ctx) const {
-  for (const auto& [name, t] : tensors_)
-    if (t.gradient) ctx.fill_zero(t.gradient);
+  for (const LearntRun& run : runs_)
+    if (run.all.gradient) ctx.fill_zero(run.all.gradient);
 }
 
 Weights LearntWeights::download(Context& ctx) const {

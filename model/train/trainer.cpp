@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "model/ops/adamw.h"
 #include "model/ops/muon.h"
@@ -51,31 +52,35 @@ Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start) {
   return ctx;
 }
 
+Trainer::Mover Trainer::mover_of(const TrainConfig& config, const Parameter& p) {
+  if (!p.trained || !p.used || is_frozen(config, p.name)) return nobody;
+  if (is_muons(config, p)) return muon;
+  return p.decays ? adamw_decaying : adamw;
+}
+
+// Those of `values` that the run has; zeros where there are none.
+SideBySide Trainer::like(const LearntRun& run, const char* what, const Weights& values) const {
+  SideBySide out = side_by_side(ctx_, run.shapes, what);
+  for (std::size_t i = 0; i < run.names.size(); ++i)
+    if (values.has(run.names[i])) ctx_.write(out.parts[i], values.at(run.names[i]).data.data());
+  return out;
+}
+
 Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
     : ctx_(with_slabs(ctx, start)),
       config_(start.config),
       planned_(planned_selected),
       step_(start.step),
-      weights_(ctx, start.config.model, start.parameters),
+      weights_(ctx, start.config.model, start.parameters,
+               [&start](const Parameter& p) { return mover_of(start.config, p); }),
       state_(start.state) {
-  const auto moment = [&](const Weights& from, const Parameter& p, const char* what) {
-    if (from.has(p.name) && !ctx.planning()) return ctx.upload(p.shape, from.at(p.name).data, Type::f32, what + p.name);
-    const Tensor zero = ctx.tensor(p.shape, Type::f32, what + p.name);
-    ctx.fill_zero(zero);
-    return zero;
-  };
-  for (const Parameter& p : parameters(config_.model)) {
-    if (config_.ema > 0) {
-      const std::string name = "average of " + p.name;
-      const Weights& from = start.average.has(p.name) ? start.average : start.parameters;
-      average_[p.name] = ctx.planning() ? ctx.tensor(p.shape, Type::f32, name)
-                                        : ctx.upload(p.shape, from.at(p.name).data, Type::f32, name);
-    }
-    if (!p.trained || !p.used || is_frozen(config_, p.name)) continue;
-    if (is_muons(config_, p))
-      moments_[p.name] = {moment(start.momentum, p, "momentum of "), {}, p.decays};
-    else
-      moments_[p.name] = {moment(start.m, p, "m of "), moment(start.v, p, "v of "), p.decays};
+  for (const LearntRun& run : weights_.runs()) {
+    Moments& moments = moments_.emplace_back();
+    if (run.kind == muon) moments.m = like(run, "momentum", start.momentum);
+    if (run.kind == adamw || run.kind == adamw_decaying)
+      moments = {like(run, "first moments", start.m), like(run, "second moments", start.v)};
+    if (config_.ema > 0)
+      average_.push_back(like(run, "average", start.average.all().empty() ? start.parameters : start.average));
   }
   memory_ = {rounded(planned_)};
   if (ctx.planning()) return;
@@ -149,32 +154,37 @@ StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute
 
 void Trainer::clip(Context& ctx, const Tensor& out) const {
   GradientClip clip;
-  for (const auto& [name, moments] : moments_) clip.grads.push_back(weights_.at(name).gradient);
+  for (const LearntRun& run : weights_.runs())
+    if (run.kind != nobody) clip.grads.push_back(run.all.gradient);
   clip.max_norm = static_cast<float>(config_.clip_norm);
   clip.out = out;
   gradient_clip(ctx, clip);
 }
 
 void Trainer::move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const {
-  for (const auto& [name, moments] : moments_) {
-    const LearntTensor& w = weights_.at(name);
-    const double decay = moments.decays ? config_.weight_decay : 0;
-    if (!moments.v) {
-      muon_step(ctx, {w.value, w.gradient, moments.m, norm, report.lr, config_.momentum, decay});
+  for (std::size_t r = 0; r < moments_.size(); ++r) {
+    const LearntRun& run = weights_.runs()[r];
+    if (run.kind == nobody) continue;
+    if (run.kind == muon) {
+      for (std::size_t i = 0; i < run.names.size(); ++i) {
+        const LearntTensor& w = weights_.at(run.names[i]);
+        muon_step(ctx, {w.value, w.gradient, moments_[r].m.parts[i], norm, report.lr, config_.momentum,
+                        config_.weight_decay});
+      }
       continue;
     }
     AdamwStep a;
-    a.param = w.value;
-    a.grad = w.gradient;
-    a.m = moments.m;
-    a.v = moments.v;
+    a.param = run.all.value;
+    a.grad = run.all.gradient;
+    a.m = moments_[r].m.whole;
+    a.v = moments_[r].v.whole;
     a.clip = norm;
     a.step = report.step;
     a.lr = report.lr;
     a.beta1 = config_.beta1;
     a.beta2 = config_.beta2;
     a.eps = config_.eps;
-    a.weight_decay = decay;
+    a.weight_decay = run.kind == adamw_decaying ? config_.weight_decay : 0;
     adamw_step(ctx, a);
   }
 }
@@ -196,7 +206,8 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
   if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) refuse(report.loss);
 
   move_weights(ctx_, report, norm);
-  for (const auto& [name, average] : average_) average_step(ctx_, average, weights_.at(name).value, config_.ema);
+  for (std::size_t r = 0; r < average_.size(); ++r)
+    average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);
   ctx_.finish();
   step_ = report.step;
   return report;
@@ -204,8 +215,11 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
 
 void Trainer::refuse(double loss) const {
   const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
+  std::set<std::string> moved;
+  for (const LearntRun& run : weights_.runs())
+    if (run.kind != nobody) moved.insert(run.names.begin(), run.names.end());
   for (const std::string& name : weights_.names()) {
-    if (moments_.count(name) == 0) continue;
+    if (moved.count(name) == 0) continue;
     gradient_clip(ctx_, {{weights_.at(name).gradient}, 1, 1, norm});
     const float found = ctx_.read<float>(norm)[0];
     if (!std::isfinite(found))
@@ -223,13 +237,18 @@ Checkpoint Trainer::checkpoint() const {
   out.config = config_;
   out.step = step_;
   out.parameters = weights_.download(ctx_);
-  const auto read = [&](const Tensor& t) { return HostTensor{t.shape(), ctx_.read<float>(t)}; };
-  if (step_ > 0)
-    for (const auto& [name, moments] : moments_) {
-      (moments.v ? out.m : out.momentum).set(name, read(moments.m));
-      if (moments.v) out.v.set(name, read(moments.v));
+  const auto read = [&](const LearntRun& run, const SideBySide& from, Weights& to) {
+    for (std::size_t i = 0; i < from.parts.size(); ++i)
+      to.set(run.names[i], {run.shapes[i], ctx_.read<float>(from.parts[i])});
+  };
+  for (std::size_t r = 0; r < moments_.size(); ++r) {
+    const LearntRun& run = weights_.runs()[r];
+    if (step_ > 0) {
+      read(run, moments_[r].m, run.kind == muon ? out.momentum : out.m);
+      read(run, moments_[r].v, out.v);
     }
-  for (const auto& [name, average] : average_) out.average.set(name, read(average));
+    if (!average_.empty()) read(run, average_[r], out.average);
+  }
   out.state = state_;
   return out;
 }

@@ -10,6 +10,7 @@
 #include "model/network/learnt_weights.h"
 #include "model/train/checkpoint.h"
 #include "model/train/training_pass.h"
+#include "runtime/side_by_side.h"
 
 namespace vsplat {
 
@@ -71,10 +72,11 @@ class Trainer {
   Plan bound() const;
 
  private:
-  // What the optimiser has of a parameter.
+  // How a weight is moved; those that are moved alike lie in one run.
+  enum Mover { nobody, adamw, adamw_decaying, muon };
+  // What the optimiser has of a run, side by side as the weights are; nothing of what nobody moves.
   struct Moments {
-    Tensor m, v;         // no v: Muon moves it, m is its momentum
-    bool decays = true;  // as Parameter has it
+    SideBySide m, v;  // no v: Muon's momentum alone
   };
   // The memory that an object is given.
   struct ObjectMemory {
@@ -86,6 +88,8 @@ class Trainer {
     bool kept_between = false;
   };
   static Context& with_slabs(Context& ctx, const Checkpoint& start);
+  static Mover mover_of(const TrainConfig& config, const Parameter& parameter);
+  SideBySide like(const LearntRun& run, const char* what, const Weights& values) const;
   struct StepObject {
     const StepItem& given;
     std::uint32_t noise_draw = 0;  // which of the draws from the seed its noise is
@@ -115,8 +119,8 @@ class Trainer {
   ObjectMemory memory_;
   long step_ = 0;
   LearntWeights weights_;
-  std::map<std::string, Moments> moments_;  // of what is trained
-  std::map<std::string, Tensor> average_;
+  std::vector<Moments> moments_;     // of each run
+  std::vector<SideBySide> average_;  // of each run, where there is one
   std::map<std::string, std::string> state_;
 };
 
