@@ -1,13 +1,13 @@
-# vsplat_embed(OUT files...): a C++ source that holds the text of every kernel file, so that an
-# installed library needs no files beside it. One rule, re-run when any of the files changes.
-function(vsplat_embed out)
+# vsplat_embed(OUT FUNCTION files...): a C++ source with a function (as in runtime/embedded.h) that returns the text of
+# every file, so that an installed library needs no files beside it. One rule, re-run when any of the files changes.
+function(vsplat_embed out function)
   set(paths)
   foreach(file ${ARGN})
     list(APPEND paths ${CMAKE_CURRENT_SOURCE_DIR}/${file})
   endforeach()
   string(REPLACE ";" "|" joined "${paths}")
   add_custom_command(OUTPUT ${out}
-    COMMAND ${CMAKE_COMMAND} -DOUT=${out} "-DFILES=${joined}" -P ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
+    COMMAND ${CMAKE_COMMAND} -DOUT=${out} -DFUNCTION=${function} "-DFILES=${joined}" -P ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
     DEPENDS ${paths} ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
-    COMMENT "Embedding kernels" VERBATIM)
+    COMMENT "Embedding for ${function}" VERBATIM)
 endfunction()

@@ -1,7 +1,7 @@
-# cmake -DOUT=x.cpp "-DFILES=a.cl|b.clh" -P embed.cmake
+# cmake -DOUT=x.cpp -DFUNCTION=name "-DFILES=a.cl|b.clh" -P embed.cmake
 # Text goes into raw literals of under 8 KB each (compilers need accept no more than 64 KB).
 string(REPLACE "|" ";" FILES "${FILES}")
-set(body "// Made by cmake/embed.cmake from cl/. Do not edit.\n#include \"runtime/embedded.h\"\n\nconst vsplat::EmbeddedFile* vsplat_embedded_files(std::size_t* count) {\n  static const vsplat::EmbeddedFile files[] = {\n")
+set(body "// Made by cmake/embed.cmake. Do not edit.\n#include \"runtime/embedded.h\"\n\nconst vsplat::EmbeddedFile* ${FUNCTION}(std::size_t* count);\nconst vsplat::EmbeddedFile* ${FUNCTION}(std::size_t* count) {\n  static const vsplat::EmbeddedFile files[] = {\n")
 foreach(path ${FILES})
   get_filename_component(name ${path} NAME)
   file(READ ${path} text)

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 struct Options {
   Common common;
   std::string config, output, init, textures;
-  std::vector<std::string> data;
+  std::vector<std::string> data, compare;
   std::string selection, assume_selected, assume_intersections;
   std::vector<std::int64_t> extend;
   bool resume = false, print_config = false, skip_bad = false, dry_run = false;
@@ -115,11 +115,13 @@ void expect_run(const Options& o, const std::string& config, Outputs& outputs) {
     folders.push_back(folders.front() / ("stage-" + std::to_string(i)));
   std::vector<std::string> files, checkpoints;
   for (const fs::path& folder : folders) {
-    for (const char* name : {"config.json", "log.csv", "model.safetensors"}) files.push_back((folder / name).string());
+    for (const char* name : {"config.json", "log.csv", "model.safetensors", "record.json"})
+      files.push_back((folder / name).string());
     for (std::string& sheet : numbered_files(folder / "sheets", "step-", ".png")) files.push_back(std::move(sheet));
     for (std::string& file : numbered_files(folder, "checkpoint-", ".safetensors"))
       checkpoints.push_back(std::move(file));
   }
+  files.push_back((folders.front() / "report.html").string());
   if (!checkpoints.empty() && !o.resume)
     throw UsageError(o.output + ": a training's checkpoints are there already (" + checkpoints.front() +
                      "): --resume goes on from them; or name another folder");
@@ -135,8 +137,51 @@ void expect_run(const Options& o, const std::string& config, Outputs& outputs) {
   }
 }
 
+// UsageError where a comparison, which trains nothing, was asked for with what a training alone takes.
+void refuse_training(const Options& o) {
+  const auto refuse = [](const char* what, bool given) {
+    if (given) throw UsageError(std::string("--compare trains nothing: ") + what + " has no effect with it");
+  };
+  refuse("CONFIG", !o.config.empty());
+  refuse("--data", !o.data.empty());
+  refuse("--textures", !o.textures.empty());
+  refuse("--init", !o.init.empty());
+  refuse("--resume", o.resume);
+  refuse("--extend", !o.extend.empty());
+  refuse("--print-config", o.print_config);
+  refuse("--skip-bad", o.skip_bad);
+  refuse("--dry-run", o.dry_run);
+  refuse("--selection", !o.selection.empty());
+  refuse("--assume-selected", !o.assume_selected.empty());
+  refuse("--assume-intersections", !o.assume_intersections.empty());
+  refuse("--profile", !o.common.profile.empty());
+  refuse("--trace", !o.common.trace.empty());
+}
+
+// One page about runs that are there.
+void compare(const Options& o) {
+  refuse_training(o);
+  if (o.output.empty()) throw UsageError("--compare needs --output, the page that it writes");
+  need_ending("--output", o.output, ".html", "the page of --compare is HTML");
+  Outputs outputs(o.common.overwrite);
+  outputs.expect(o.output);
+  for (const fs::path run : o.compare) {
+    std::vector<std::string> folders = numbered_files(run, "stage-", "");
+    folders.push_back(run.string());
+    for (const fs::path folder : folders) {
+      for (const char* name : {"config.json", "log.csv", "record.json"}) outputs.input((folder / name).string());
+      for (const std::string& sheet : numbered_files(folder / "sheets", "step-", ".png")) outputs.input(sheet);
+    }
+  }
+  vsplat::train_report(o.compare, outputs.begin(o.output));
+  say(o.common, "report " + o.output);
+  if (o.common.json) print_json(nlohmann::ordered_json{{"output", o.output}, {"runs", o.compare}});
+  outputs.commit();
+}
+
 void train(const Options& o) {
   set_up_library(o.common);
+  if (!o.compare.empty()) return compare(o);
   const std::string config = whole_config(o.config);
   if (o.print_config) {
     std::printf("%s\n", config.c_str());
@@ -202,7 +247,9 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_option("--textures", o->textures,
                   "A folder of pictures that procedural objects are covered with (the configuration's procedural)")
       ->type_name("DIR");
-  sub->add_option("-o,--output", o->output, "The run's folder: log.csv, sheets, checkpoints, model.safetensors")
+  sub->add_option(
+         "-o,--output", o->output,
+         "The run's folder: log.csv, report.html, sheets, checkpoints, model.safetensors; the page of --compare")
       ->type_name("RUN");
   sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
       ->type_name("MODEL.safetensors");
@@ -214,6 +261,9 @@ void add_train(CLI::App& app, Run& run) {
       ->delimiter(',')
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1000000000}))
       ->type_name("N[,M...]");
+  sub->add_option("--compare", o->compare,
+                  "Train nothing: write one page with the curves of these runs, --output FILE.html")
+      ->type_name("RUN...");
   sub->add_flag("--print-config", o->print_config, "Print the configuration with every field, and stop");
   sub->add_flag("--skip-bad", o->skip_bad, "Pass over and count data that cannot be read");
   const char* memory = "Memory";
@@ -239,7 +289,8 @@ void add_train(CLI::App& app, Run& run) {
       "  vsplat train small.json --dry-run\n"
       "  vsplat train small.json --data objects --output run\n"
       "  vsplat train small.json --data objects --output run --resume\n"
-      "  vsplat train small.json --data objects --output run --resume --extend 5000");
+      "  vsplat train small.json --data objects --output run --resume --extend 5000\n"
+      "  vsplat train --compare run other --output both.html");
   sub->callback([o, &run] { run = [o] { train(*o); }; });
 }
 

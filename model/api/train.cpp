@@ -4,6 +4,7 @@
 #include "model/api/device.h"
 #include "model/api/plan.h"
 #include "model/api/selected.h"
+#include "model/train/report.h"
 #include "model/train/stages.h"
 #include "runtime/fail.h"
 
@@ -141,6 +142,19 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     clear(device);
     const Trainer::Plan plan = plan_of_stages(device->context, config, o);
     give(out_plan, plan_of(device->context, plan.stages, plan.peak, plan.fits), "out_plan");
+  });
+}
+
+vsplat_status vsplat_train_report(const char* const* runs, size_t num_runs, const char* path) {
+  return guarded([&] {
+    need_array(runs, num_runs, "runs");
+    need(path, "path");
+    std::vector<std::string> folders;
+    for (size_t i = 0; i < num_runs; ++i) {
+      need(runs[i], "a path of runs");
+      folders.emplace_back(runs[i]);
+    }
+    write_report(folders, path);
   });
 }
 

@@ -57,6 +57,7 @@ TrainResult train_stages(Context& ctx, const std::vector<TrainConfig>& stages, c
     TrainOptions o = options(stages[i]);
     const std::string run = o.output;
     o.output = stage_folder(run, i, stages.size());
+    o.run = run;
     const bool last = i + 1 == stages.size();
     if (i > 0) o.init = before;
     if (!last) o.extend.clear();

@@ -11,6 +11,8 @@
 #include "model/io/image_file.h"
 #include "model/io/selection_file.h"
 #include "model/train/beginning.h"
+#include "model/train/report.h"
+#include "model/train/run_record.h"
 #include "model/train/training_sheet.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
@@ -149,7 +151,8 @@ void remove_unfinished(const fs::path& folder) {
        it.increment(problem)) {
     const std::string name = it->path().filename().string();
     if (!name.ends_with(".tmp")) continue;
-    for (const char* ours : {"checkpoint-", "config.json.", "log.csv.", "model.safetensors.", "step-"})
+    for (const char* ours :
+         {"checkpoint-", "config.json.", "log.csv.", "model.safetensors.", "record.json.", "report.html.", "step-"})
       if (name.starts_with(ours)) found.push_back(it->path());
   }
   for (const fs::path& path : found) fs::remove(path, problem);
@@ -247,6 +250,77 @@ class RunFolder {
   std::string model_;
 };
 
+// Seconds from one page to the next at the least, where there is a new sheet or checkpoint, and where there is none.
+constexpr double kPageAfterFile = 10, kPageAfterLine = 600;
+
+// The run's page and the record that it is made of. Made anew now and then, of the training's time a twentieth at the
+// most; where they cannot be written it goes on without them.
+class Page {
+ public:
+  Page(const Context& ctx, const DataSet& data, const TrainOptions& options, long step)
+      : ctx_(ctx),
+        path_((fs::path(run_of(options)) / "report.html").string()),
+        run_(run_of(options)),
+        start_(step),
+        record_((fs::path(options.output) / "record.json").string(), step, part_of(ctx)) {
+    record_.set_data(data, options.textures);
+    if (run_ == options.output) return;
+    remove_unfinished(run_);
+  }
+
+  // After that step; not where the last one was made less than so many seconds ago. The first is made in any case.
+  void renew(long step, int bad, double seconds) {
+    if (made_ && seconds_since(*made_) < std::max(seconds, 19 * took_)) return;
+    const Clock::time_point begun = Clock::now();
+    write(step, bad);
+    made_ = Clock::now();
+    took_ = seconds_since(begun);
+  }
+
+  // Whether it is there as of now.
+  bool write(long step, int bad) {
+    record_.reach(step, seconds_since(began_), ctx_.memory().peak(), bad);
+    try {
+      if (step > start_) record_.write();
+      write_report({run_}, path_);
+      return true;
+    } catch (const Error& e) {
+      tell(e.what());
+    } catch (const std::bad_alloc&) {
+      tell(path_ + ": not enough host memory to make it");
+    }
+    return false;
+  }
+
+  const std::string& path() const { return path_; }
+
+ private:
+  static std::string run_of(const TrainOptions& options) { return options.run.empty() ? options.output : options.run; }
+
+  static RunRecord::Part part_of(const Context& ctx) {
+    RunRecord::Part out;
+    out.device = ctx.device().name;
+    out.driver = ctx.device().platform_name + " " + ctx.device().driver;
+    out.kernels = name_of(ctx.flavour());
+    out.limit = ctx.memory().limits().total;
+    return out;
+  }
+
+  // Once, and not each time that it is tried.
+  void tell(const std::string& problem) {
+    if (problem != told_) warn("{}; the training goes on without it", problem);
+    told_ = problem;
+  }
+
+  const Context& ctx_;
+  std::string path_, run_, told_;
+  long start_;  // steps that were done before
+  RunRecord record_;
+  const Clock::time_point began_ = Clock::now();
+  std::optional<Clock::time_point> made_;
+  double took_ = 0;  // seconds
+};
+
 // A step on those objects; an error of it names the last good checkpoint.
 StepReport step(Trainer& trainer, const std::vector<TrainingViews>& views,
                 const std::optional<std::vector<int>>& selection, const RunFolder& folder) {
@@ -303,6 +377,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
     folder.say(going_on(config, start.step));
   }
 
+  Page page(ctx, data, options, start.step);
   TrainResult result;
   Telling telling(steps);
   while (trainer.step() < steps && !result.stopped) {
@@ -310,14 +385,18 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
     const StepReport report = step(trainer, views, selection, folder);
     telling.add(report);
     const bool stop = options.stop && options.stop();
-    if (is_due(config.log_every, report.step, steps) || stop) folder.tell(telling.take(views.size()));
-    if (config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps))
-      folder.add_sheet(ctx, trainer, views.front(), report.temperature);
-    if (is_due(config.checkpoint_every, report.step, steps) || stop) folder.save(trainer);
+    const bool logs = is_due(config.log_every, report.step, steps) || stop;
+    const bool draws = config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps);
+    const bool saves = is_due(config.checkpoint_every, report.step, steps) || stop;
+    if (logs) folder.tell(telling.take(views.size()));
+    if (draws) folder.add_sheet(ctx, trainer, views.front(), report.temperature);
+    if (saves) folder.save(trainer);
+    if (logs || draws || saves) page.renew(report.step, reader.bad(), draws || saves ? kPageAfterFile : kPageAfterLine);
     result.stopped = stop && report.step < steps;
     views.clear();
   }
   folder.save(trainer);
+  if (page.write(trainer.step(), reader.bad())) folder.say("report " + page.path());
   result.step = trainer.step();
   result.model = folder.model();
   result.bad = reader.bad();

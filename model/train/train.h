@@ -30,6 +30,7 @@ struct TrainProgress {
 
 struct TrainOptions {
   std::string output;   // the run's folder, made where there is none
+  std::string run;      // the folder of the run that this is a stage of, whose page tells of it; "": output
   std::string init;     // a model file to begin with, of the configuration's model; "": random weights, by the seed
   bool resume = false;  // go on from the newest good checkpoint in it; it must be of the same configuration
   // Schedule::extend, instead of the configuration's; empty: that, or the checkpoint's where it has none. Needs
@@ -58,10 +59,12 @@ struct TrainResult {
 };
 
 // Writes into `output`: config.json, log.csv, sheets/step-00000500.png, checkpoint-00000500.safetensors (the newest
-// few) and, with every checkpoint, model.safetensors. The same configuration, data, device and seed give the same bits,
-// however often the run was interrupted. Error(usage) where the folder holds checkpoints and `resume` is not asked for,
-// or those of another configuration; Error(format) where `init` is of another model; errors of data as TrainingReader
-// has them. Error(memory) before anything is written where a step would not fit.
+// few) and, with every checkpoint, model.safetensors; beside them record.json and, into the run's folder,
+// report.html (report.h), without which it goes on where they cannot be written. The same configuration, data,
+// device and seed give the same bits, however often the run was interrupted. Error(usage) where the folder holds
+// checkpoints and `resume` is not asked for, or those of another configuration; Error(format) where `init` is of
+// another model; errors of data as TrainingReader has them. Error(memory) before anything is written where a step
+// would not fit.
 TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options);
 
 }  // namespace vsplat

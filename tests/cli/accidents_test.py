@@ -28,7 +28,7 @@ class Outputs(train_support.Case):
         other = self.config("other.json")
         self.refuses(2, ["model.safetensors", "cannot be the output"],
                      *self.train(other, "", "--init", self.path("model.safetensors"), "--overwrite"))
-        for name in ("config.json", "log.csv", "model.safetensors", os.path.join("sheets", "step-00000002.png")):
+        for name in ("config.json", "log.csv", "model.safetensors", "record.json", "report.html", os.path.join("sheets", "step-00000002.png")):
             self.put("run", name)
             for more in ((), ("--resume",)):
                 self.refuses(1, [name, "--overwrite"], *self.train(other, "run", *more))

@@ -23,7 +23,7 @@ class Train(train_support.Case):
         result = json.loads(out)
         self.assertEqual((result["step"], result["stopped"], result["bad"]), (4, False, 0))
         self.assertEqual(sorted(os.listdir(self.path("run"))),
-                         ["checkpoint-00000004.safetensors", "config.json", "log.csv", "model.safetensors", "sheets"])
+                         ["checkpoint-00000004.safetensors", "config.json", "log.csv", "model.safetensors", "record.json", "report.html", "sheets"])
         self.assertEqual(sorted(os.listdir(self.path("run", "sheets"))), ["step-00000002.png", "step-00000004.png"])
         self.assertIn("PSNR", err)
         self.assertEqual(json.loads(self.read("p.json"))["peak_bytes"], result["peak_bytes"])
@@ -140,7 +140,7 @@ class Train(train_support.Case):
         _, err = self.succeeds(*self.train(config, "whole"))
         for words in ("stage 1 of 2", "step 5 of 5", "stage 2 of 2", "goes on with 32 and 8", "step 6 of 6"):
             self.assertIn(words, err)
-        self.assertEqual(sorted(os.listdir(self.path("whole"))), ["config.json", "model.safetensors", "stage-1", "stage-2"])
+        self.assertEqual(sorted(os.listdir(self.path("whole"))), ["config.json", "model.safetensors", "report.html", "stage-1", "stage-2"])
         self.assertEqual(self.read("whole", "model.safetensors"), self.read("whole", "stage-2", "model.safetensors"))
         self.assertEqual(len(json.loads(self.read("whole", "config.json"))["stages"]), 2)
         for at in (os.path.join("stage-1", "checkpoint-00000002.safetensors"), os.path.join("stage-2", "checkpoint-00000002.safetensors")):
@@ -219,8 +219,9 @@ class Train(train_support.Case):
                 process.send_signal(signal.SIGKILL)
                 process.communicate()
                 kills += 1
-        with open(self.path("killed", "log.csv.1-0.tmp"), "w") as f:  # as a kill between two moments would leave it
-            f.write("step")
+        for name in ("log.csv", "record.json", "report.html"):  # as a kill between two moments would leave them
+            with open(self.path("killed", name + ".1-0.tmp"), "w") as f:
+                f.write("step")
         self.succeeds(*self.train(config, "killed", "--resume"))
         self.same_training("whole", "killed", 40)
         self.assertFalse([name for name in os.listdir(self.path("killed")) if name.endswith(".tmp")])

@@ -39,6 +39,12 @@ static void refuses(vsplat_device device) {
   plan_options.selected = 0;
   plan_options.selection = "/nonexistent/voxels.txt";
   EXPECT(VSPLAT_ERROR_FILE, vsplat_train_plan(device, micro, &plan_options, &plan));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_report(nowhere, 0, "page.html"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_report(NULL, 1, "page.html"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_report(null_path, 1, "page.html"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_report(nowhere, 1, NULL));
+  EXPECT(VSPLAT_ERROR_FILE, vsplat_train_report(nowhere, 1, "page.html"));
+  HOLD(strstr(vsplat_last_error(), nowhere[0]) != NULL);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_config(NULL, NULL));
   EXPECT(VSPLAT_ERROR_FORMAT, vsplat_train_config("{\"steps\": true}", &text));
   HOLD(!text);

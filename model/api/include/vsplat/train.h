@@ -71,7 +71,9 @@ typedef struct vsplat_train_result {
 
 /* Where the configuration has `stages`, one training after another: see model/train/README.md.
    Trains, from the beginning or from a checkpoint, and writes into `output`: config.json, log.csv, sheets/, the newest
-   checkpoints, each whole or not at all, and with them model.safetensors, which vsplat_model_load takes. `config`: a
+   checkpoints, each whole or not at all, and with them model.safetensors, which vsplat_model_load takes. Beside them,
+   as it goes and at the end, report.html, the page of vsplat_train_report about it, and record.json, which that reads;
+   it goes on with a warning where these two cannot be written. `config`: a
    JSON object, see vsplat_train_config. The same configuration, data and device give the same bits, however often the
    training was interrupted. Callbacks are called on this thread and may not use the device.
    VSPLAT_ERROR_USAGE where the folder holds checkpoints and `resume` is 0, or checkpoints of another configuration;
@@ -100,6 +102,13 @@ typedef struct vsplat_train_plan_options {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train_plan(vsplat_device device, const char* config,
                                                             const vsplat_train_plan_options* options,
                                                             vsplat_plan* out_plan);
+
+/* Writes one page about trainings whose folders these are, at work or done, in HTML that fetches nothing: the curves of
+   log.csv, the configuration, data and devices. Of one training also its sheets, as far as they are no more than 12 MiB;
+   of several the curves lie on the same axes. No device is needed. What is missing or damaged in a folder is left out,
+   and told in the page. VSPLAT_ERROR_FILE where one is no training's folder, or where the page cannot be written. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train_report(const char* const* runs, size_t num_runs,
+                                                              const char* path);
 
 /* The configuration with every field, as JSON; `config` NULL: the defaults. vsplat_text_free frees the text. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train_config(const char* config, char** out_text);

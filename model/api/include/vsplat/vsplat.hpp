@@ -511,6 +511,11 @@ inline vsplat_train_result train(const Device& device, const std::string& config
   check(vsplat_train(device.get(), config.c_str(), &options, &out));
   return out;
 }
+inline void train_report(const std::vector<std::string>& runs, const std::string& path) {
+  std::vector<const char*> paths;
+  for (const std::string& run : runs) paths.push_back(run.c_str());
+  check(vsplat_train_report(paths.data(), paths.size(), path.c_str()));
+}
 
 }  // namespace cxx
 }  // namespace vsplat
