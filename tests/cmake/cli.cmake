@@ -44,3 +44,11 @@ add_test(NAME cli_train_kills
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/train_test.py Train.test_killed_at_any_moment)
 set_tests_properties(cli_train_kills PROPERTIES LABELS "cli;slow" TIMEOUT 900
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_KILLS=20;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+
+# A training on another machine. Quick: the script with a program in place of vsplat; slow: with it, twice, and what is packed for that machine,
+# which is of a build without sanitizers.
+add_test(NAME cli_gpu_script COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_script_test.py StandIn)
+add_test(NAME cli_gpu_script_trains COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_script_test.py GpuScript)
+set_tests_properties(cli_gpu_script cli_gpu_script_trains PROPERTIES LABELS cli TIMEOUT 900 COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_BUNDLE=$<IF:$<BOOL:${VSPLAT_SANITIZE}>,,${PROJECT_BINARY_DIR}>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+set_tests_properties(cli_gpu_script_trains PROPERTIES LABELS "cli;slow" TIMEOUT 1800)

@@ -1,0 +1,140 @@
+#!/bin/sh
+# Packs a built vsplat so that it runs from any folder of a machine where nothing is installed but an OpenCL driver: the command, its
+# library, every shared library that they need, the OpenCL loader among them, and what trains on a GPU (model/weights/train-on-a-gpu.sh). The C
+# library comes along, too, but is used only where the machine's is older than the one here.
+#   cmake/bundle.sh [--build DIR] [--reader] [--limit MIB] OUTPUT
+# OUTPUT is NAME.tar.xz, NAME.tar.gz (larger, but a bare machine may have no xz), or a folder that is not there yet. DIR is the build,
+# build/release where none is named; an archive of more than MIB (40) is an error. --reader adds the program that reads meshes and HDF5 files,
+# with its libraries: training on random objects and on folders of pictures does without.
+set -eu
+usage() {
+  echo "usage: $0 [--build DIR] [--reader] [--limit MIB] OUTPUT.tar.xz|OUTPUT.tar.gz|FOLDER" >&2
+  exit 2
+}
+fail() {
+  echo "bundle: $*" >&2
+  exit 1
+}
+root=$(cd "$(dirname "$0")/.." && pwd)
+build=$root/build/release
+limit=40
+with_reader=no
+output=
+while [ $# -gt 0 ]; do
+  case $1 in
+    --build) [ $# -gt 1 ] || usage; build=$2; shift ;;
+    --limit) [ $# -gt 1 ] || usage; limit=$2; shift ;;
+    --reader) with_reader=yes ;;
+    -h | --help) sed -n '2,/^set -eu/{/^set -eu/d;s/^# \{0,1\}//;p;}' "$0"; exit 0 ;;
+    -*) usage ;;
+    *) [ -z "$output" ] || usage; output=$1 ;;
+  esac
+  shift
+done
+[ -n "$output" ] || usage
+case $limit in '' | *[!0-9]*) usage ;; esac
+[ ! -e "$output" ] || fail "$output is there already"
+build=$(cd "$build" && pwd) || exit 1
+
+program=$build/bin/vsplat
+library=$build/model/api/libvsplat.so.0
+reader=$build/model/libexec/vsplat/vsplat-read
+set -- "$program" "$library"
+if [ $with_reader = yes ]; then set -- "$@" "$reader"; fi
+for file in "$@"; do
+  [ -f "$file" ] || fail "$file is missing: build it first (cmake --build $build --target bin/vsplat)"
+done
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+top=$work/vsplat
+mkdir -p "$top/bin" "$top/lib" "$top/libc" "$top/model/weights"
+
+cp "$program" "$top/bin/vsplat.elf"
+cp -L "$library" "$top/lib/libvsplat.so.0"
+own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.0"
+if [ $with_reader = yes ]; then
+  # As in the build's tree, it is looked for beside the folder of the library.
+  mkdir -p "$top/libexec/vsplat"
+  cp "$reader" "$top/libexec/vsplat/vsplat-read.elf"
+  own="$own;$top/libexec/vsplat/vsplat-read.elf"
+fi
+cp "$root/model/weights/train-on-a-gpu.sh" "$root/model/weights/gpu.json" "$top/model/weights/"
+
+# ldd has all libraries with what those need in turn; what it does not find is told by name.
+LD_LIBRARY_PATH=$(dirname "$library")${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} ldd "$@" >"$work/needed"
+missing=$(awk '/not found/ { print $1 }' "$work/needed" | sort -u | tr '\n' ' ')
+[ -z "$missing" ] || fail "libraries that are not found here: $missing"
+awk '$2 == "=>" && $3 ~ /^\// { print $3 } $1 ~ /^\/.*\/ld-linux/ { print $1 }' "$work/needed" | sort -u >"$work/libraries"
+while read -r file; do
+  name=$(basename "$file")
+  case $name in
+    libvsplat.so*) ;;
+    ld-linux* | libc.so* | libm.so* | libdl.so* | libpthread.so* | librt.so* | libresolv.so* | libutil.so* | libanl.so*)
+      cp -L "$file" "$top/libc/$name" ;;
+    *) cp -L "$file" "$top/lib/$name" ;;
+  esac
+done <"$work/libraries"
+[ -f "$top/lib/libOpenCL.so.1" ] || fail "vsplat needs no libOpenCL.so.1: the OpenCL loader is missing in what was packed"
+# What a driver may ask the C library for though nothing here does.
+for name in libdl.so.2 libpthread.so.0 librt.so.1; do
+  file=$(dirname "$(awk '$1 == "libc.so.6" { print $3; exit }' "$work/needed")")/$name
+  if [ -f "$file" ]; then cp -L "$file" "$top/libc/$name"; fi
+done
+loader=$(cd "$top/libc" && ls ld-linux*) || fail "no ld-linux is among the libraries that ldd names"
+
+# No folder of this machine stays in what is packed, and no symbols.
+cat >"$work/strip.cmake" <<'END'
+foreach(file ${FILES})
+  file(RPATH_REMOVE FILE "${file}")
+endforeach()
+END
+chmod -R u+w "$top"
+cmake "-DFILES=$own" -P "$work/strip.cmake" >/dev/null
+find "$top" -type f \( -name '*.elf' -o -path '*/lib/*' \) -exec strip --strip-unneeded {} +
+wanted=$(find "$top" -type f \( -name '*.elf' -o -path '*/lib/*' \) -exec objdump -T {} + 2>/dev/null |
+  grep -o 'GLIBC_2\.[0-9]*' | sort -t. -k2n | tail -n 1 | sed 's/GLIBC_//')
+carried=$(objdump -T "$top/libc/libc.so.6" | grep -o 'GLIBC_2\.[0-9]*' | sort -t. -k2n | tail -n 1 | sed 's/GLIBC_//')
+
+# launcher FILE UP PROGRAM: starts PROGRAM of the bundle, whose top is UP from FILE's folder.
+launcher() {
+  sed -e "s|@UP@|$2|g" -e "s|@PROGRAM@|$3|g" -e "s|@LOADER@|$loader|g" -e "s|@WANTED@|${wanted#2.}|g" >"$1" <<'END'
+#!/bin/sh
+# Starts @PROGRAM@ with the libraries of this folder. With this machine's C library (glibc) where that is 2.@WANTED@ or newer, else with the
+# one that came along, which drivers that were built with older ones run with, too.
+here=$(cd "$(dirname "$0")/@UP@" && pwd) || exit 1
+LD_LIBRARY_PATH=$here/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
+export LD_LIBRARY_PATH
+version=$(getconf GNU_LIBC_VERSION 2>/dev/null) || version=
+case $version in
+  "glibc 2."*)
+    minor=${version#glibc 2.}
+    if [ "${minor%%[!0-9]*}" -ge @WANTED@ ]; then exec "$here/@PROGRAM@" "$@"; fi
+    ;;
+esac
+exec "$here/libc/@LOADER@" --library-path "$here/libc:$LD_LIBRARY_PATH" "$here/@PROGRAM@" "$@"
+END
+  chmod 755 "$1"
+}
+launcher "$top/bin/vsplat" .. bin/vsplat.elf
+if [ $with_reader = yes ]; then launcher "$top/libexec/vsplat/vsplat-read" ../.. libexec/vsplat/vsplat-read.elf; fi
+
+echo "bundle: needs glibc $wanted, carries $carried; $(find "$top/lib" -type f | wc -l) libraries, $(du -sk "$top" | cut -f1) KiB unpacked" >&2
+find "$top" -type f -size +1024k -exec du -k {} + | sort -rn | sed "s|$top/||; s/^/bundle:   KiB /" >&2
+
+case $output in
+  *.tar.xz) tar -C "$work" -cf - vsplat | xz -6 -T0 >"$work/archive" ;;
+  *.tar.gz) tar -C "$work" -cf - vsplat | gzip -6 >"$work/archive" ;;
+  *)
+    mkdir -p "$(dirname "$output")"
+    cp -r "$top" "$output"
+    exit 0
+    ;;
+esac
+size=$(wc -c <"$work/archive")
+echo "bundle: $output: $((size / 1024)) KiB" >&2
+[ "$size" -le $((limit * 1024 * 1024)) ] || fail "$output has $size bytes, more than the $limit MiB of --limit: not written"
+mkdir -p "$(dirname "$output")"
+cp "$work/archive" "$output"
