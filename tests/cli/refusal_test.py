@@ -51,7 +51,7 @@ class Outputs(support.Case):
             settings = [f"{name}={value}" for name, value in {"OCL_ICD_VENDORS": POCL, **variables}.items() if value is not None]
             for command in (["devices"], self.reconstruct()):
                 with self.subTest(folder=folder, command=command[0]):
-                    done = subprocess.run(["env", *unset, *settings, support.VSPLAT, *command], capture_output=True, text=True, timeout=280)
+                    done = subprocess.run(["env", *unset, *settings, support.VSPLAT, *command], capture_output=True, text=True, timeout=support.PATIENCE)
                     self.assertEqual((done.returncode, done.stdout), (1, ""), done.stderr)
                     for word in ("Portable Computing Language", folder + ",", "POCL_CACHE_DIR", "XDG_CACHE_HOME"):
                         self.assertIn(word, done.stderr)

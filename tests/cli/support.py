@@ -11,11 +11,13 @@ import unittest
 import zlib
 
 VSPLAT = os.environ["VSPLAT"]
+# Seconds after which a command counts as one that hangs; several times as many under sanitizers.
+PATIENCE = 280 * int(os.environ.get("VSPLAT_PATIENCE", "1"))
 
 
 def run(*arguments, env=None, cwd=None):
     """-> exit code, stdout, stderr."""
-    done = subprocess.run([VSPLAT, *map(str, arguments)], capture_output=True, text=True, errors="backslashreplace", cwd=cwd, timeout=280,
+    done = subprocess.run([VSPLAT, *map(str, arguments)], capture_output=True, text=True, errors="backslashreplace", cwd=cwd, timeout=PATIENCE,
                           env={**os.environ, **(env or {})})
     return done.returncode, done.stdout, done.stderr
 

@@ -10,7 +10,7 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   if(VSPLAT_SANITIZE)
     # llvmpipe registers its kernels' frames, and whoever looks for a frame first sorts them: with a lock, in memory that the sanitizer
     # asks whole call stacks for, which looks for frames. So without these stacks, and without leaks, which need them.
-    list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:detect_leaks=0")
+    list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:intercept_tls_get_addr=0:detect_leaks=0")
   endif()
   add_test(NAME rusticl.network
     COMMAND network_tests --gtest_filter=*GoldenModel*micro:*GoldenModel*_tiny:*GoldenModel*tiny_noise:*GoldenModel*tiny_views6:*Model/Model.*)
