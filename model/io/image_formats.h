@@ -49,6 +49,9 @@ std::unique_ptr<FileRows> open_png(const FileBytes& file);
 std::unique_ptr<FileRows> open_jpeg(const FileBytes& file);
 std::unique_ptr<FileRows> open_exr(const FileBytes& file);
 std::unique_ptr<FileRows> open_tiff(const FileBytes& file);
+// The same with another limit on the bytes that decoding may hold, the file's with them: parts of a long strip are
+// unpacked one after the other.
+std::unique_ptr<FileRows> open_tiff_within(const FileBytes& file, double most);
 std::unique_ptr<FileRows> open_webp(const FileBytes& file);
 std::unique_ptr<FileRows> open_bmp(const FileBytes& file);
 

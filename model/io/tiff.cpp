@@ -1,6 +1,7 @@
 #include <tiffio.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
@@ -61,6 +62,9 @@ int keep_error(TIFF*, void* user, const char*, const char* format, va_list argum
 
 int ignore_warning(TIFF*, void*, const char*, const char*, va_list) { return 1; }
 
+// Bytes of host memory that decoding may hold: with the program itself no more than 1.5 GiB.
+constexpr double most_held = 1.25 * (1u << 30);
+
 [[noreturn]] void damaged(const FileBytes& file, const char* why) {
   fail(Status::format, "{}: a damaged or cut-off TIFF, or of a kind that is not read: {}", file.path,
        *why ? printable(why) : std::string("no reason given"));
@@ -69,7 +73,8 @@ int ignore_warning(TIFF*, void*, const char*, const char*, va_list) { return 1; 
 // The first picture of the file, opened.
 class Reader {
  public:
-  explicit Reader(const FileBytes& file) : file_(file), source_{file.data, file.size} {
+  // `most`: bytes that decoding may hold.
+  Reader(const FileBytes& file, double most) : file_(file), most_(most), source_{file.data, file.size} {
     const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                                TIFFOpenOptionsFree);
     if (!options) fail(Status::memory, "{}: not enough memory to decode the picture", file.path);
@@ -99,17 +104,26 @@ class Reader {
     int orientation = ORIENTATION_TOPLEFT;
     if (image_.orientation >= 1 && image_.orientation <= 8) orientation = image_.orientation;  // EXIF's are TIFF's
     ImageInfo out{static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
-    out.held = unpacked_bytes() + sizeof(std::uint32_t) * static_cast<double>(width) * rows_at_once(out);
+    if (unpacked_bytes() + row_bytes(out) > most_)
+      fail(Status::input,
+           "{}: a strip or tile of the TIFF has {:.3g} GiB when it is unpacked, at most {:.3g} GiB are read; write it "
+           "with shorter strips",
+           file_.path, unpacked_bytes() / (1u << 30), most_ / (1u << 30));
+    out.held = unpacked_bytes() + row_bytes(out) * rows_at_once(out);
     return out;
   }
 
-  // How many rows are best read at once: those of a strip or of a row of tiles, which are unpacked as a whole.
+  // How many rows are best read at once: those of a strip or of a row of tiles, which are unpacked as a whole, and anew
+  // for each part of them where all are too many.
   int rows_at_once(const ImageInfo& info) {
     std::uint32_t rows = 0;
     if (!TIFFGetField(tiff_, TIFFIsTiled(tiff_) ? TIFFTAG_TILELENGTH : TIFFTAG_ROWSPERSTRIP, &rows) || rows == 0)
-      return info.height;
-    return static_cast<int>(std::min<std::uint32_t>(rows, static_cast<std::uint32_t>(info.height)));
+      rows = static_cast<std::uint32_t>(info.height);
+    const double all = std::min(static_cast<double>(rows), static_cast<double>(info.height));
+    const double room = (most_ - unpacked_bytes() - static_cast<double>(file_.size)) / row_bytes(info);
+    return static_cast<int>(std::clamp(std::floor(room), std::ceil(all / 8), all));  // (an eighth: unpacked 8 times)
   }
+  static double row_bytes(const ImageInfo& info) { return sizeof(std::uint32_t) * static_cast<double>(info.width); }
   double unpacked_bytes() {
     return static_cast<double>(TIFFIsTiled(tiff_) ? TIFFTileSize64(tiff_) : TIFFStripSize64(tiff_));
   }
@@ -124,6 +138,7 @@ class Reader {
 
  private:
   const FileBytes file_;
+  const double most_;
   Source source_;
   TIFF* tiff_ = nullptr;
   TIFFRGBAImage image_{};
@@ -172,10 +187,12 @@ bool is_tiff(const FileBytes& file) {
   return false;
 }
 
-ImageInfo tiff_info(const FileBytes& file) { return Reader(file).begin(); }
+ImageInfo tiff_info(const FileBytes& file) { return Reader(file, most_held).begin(); }
 
-std::unique_ptr<FileRows> open_tiff(const FileBytes& file) {
-  auto reader = std::make_unique<Reader>(file);
+std::unique_ptr<FileRows> open_tiff(const FileBytes& file) { return open_tiff_within(file, most_held); }
+
+std::unique_ptr<FileRows> open_tiff_within(const FileBytes& file, double most) {
+  auto reader = std::make_unique<Reader>(file, most);
   const ImageInfo info = reader->begin();
   return std::make_unique<TiffRows>(file, std::move(reader), info);
 }

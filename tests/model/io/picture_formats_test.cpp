@@ -77,6 +77,44 @@ TEST(TiffIn, ReadsEveryLayout) {
   expect_samples(folder / "deep.tif", deep, 3, 65535, 1.0 / 255);  // as 8 bits
 }
 
+// One strip for all rows: what is unpacked of it fits, but not beside all of its pixels.
+TEST(TiffIn, ALongStripIsReadInParts) {
+  constexpr int width = 9, height = 37;
+  const TemporaryFolder folder;
+  TIFF* tiff = TIFFOpen((folder / "long.tif").c_str(), "w");
+  for (const auto& [tag, value] : {std::pair{TIFFTAG_IMAGEWIDTH, width},
+                                   {TIFFTAG_IMAGELENGTH, height},
+                                   {TIFFTAG_SAMPLESPERPIXEL, 3},
+                                   {TIFFTAG_BITSPERSAMPLE, 8},
+                                   {TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB},
+                                   {TIFFTAG_ROWSPERSTRIP, height},
+                                   {TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG},
+                                   {TIFFTAG_COMPRESSION, COMPRESSION_ADOBE_DEFLATE}})
+    TIFFSetField(tiff, static_cast<std::uint32_t>(tag), value);
+  std::vector<std::uint8_t> samples(static_cast<std::size_t>(width * height * 3));
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = static_cast<std::uint8_t>(i * 89 % 251);
+  for (int y = 0; y < height; ++y)
+    TIFFWriteScanline(tiff, samples.data() + static_cast<std::ptrdiff_t>(y * width * 3), static_cast<std::uint32_t>(y));
+  TIFFClose(tiff);
+  const std::string path = folder / "long.tif", bytes = test::contents_of(path);
+  const FileBytes file{path, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()};
+  const auto beside = static_cast<double>(samples.size() + bytes.size());
+  for (const int at_once : {5, 6, 36, 37, 1000}) {
+    const std::unique_ptr<FileRows> rows = open_tiff_within(file, beside + 4.0 * width * at_once);
+    std::vector<float> row(width * 3);
+    for (int y = 0; y < height; ++y) {
+      rows->next(row.data());
+      for (int i = 0; i < width * 3; ++i)
+        ASSERT_NEAR(row[static_cast<std::size_t>(i)], samples[static_cast<std::size_t>(y * width * 3 + i)] / 255.0,
+                    1e-7)
+            << at_once << " rows at once: row " << y;
+    }
+  }
+  const std::string refused =
+      test::refusal([&] { open_tiff_within(file, static_cast<double>(samples.size())); }, Status::input);
+  EXPECT_NE(refused.find(path + ": a strip or tile of the TIFF has"), std::string::npos) << refused;
+}
+
 TEST(TiffIn, AlphaIsStraightAfterwards) {
   const TemporaryFolder folder;
   std::vector<std::uint16_t> straight, multiplied;
