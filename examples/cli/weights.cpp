@@ -1,4 +1,5 @@
-// vsplat weights: what is in a model file, whether it is whole, and the same model with other values' types.
+// vsplat weights: what is in a model file, whether it is whole, the same model with other values' types, and models of
+// PyTorch's files.
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -13,7 +14,8 @@ namespace {
 
 struct Options {
   Common common;
-  std::string model, dtype, output;
+  std::string model, dtype, output, checkpoint, config;
+  std::vector<std::string> fields;
   int view_count = 0;  // 0: as it is
 
   // What the C interface takes: NULL for the built-in model.
@@ -75,6 +77,34 @@ void convert(const Options& o) {
   if (o.common.json) print_json(nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}});
 }
 
+void import(const Options& o) {
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.checkpoint);
+  outputs.input(o.config);
+  outputs.expect(o.output);
+  std::vector<const char*> fields;
+  for (const std::string& field : o.fields) fields.push_back(field.c_str());
+  vsplat_import_options options = VSPLAT_IMPORT_OPTIONS_INIT;
+  options.config_file = o.config.empty() ? nullptr : o.config.c_str();
+  options.fields = fields.data();
+  options.num_fields = fields.size();
+  std::string told;
+  const vsplat::Model model = vsplat::Model::imported(o.checkpoint, options, &told);
+  model.save(outputs.begin(o.output));
+  outputs.commit();
+  nlohmann::ordered_json all = nlohmann::ordered_json::parse(told);
+  for (const auto& name : all["left_out"]) say(o.common, "left out: " + name.get<std::string>());
+  const std::string shapes =
+      all["named"].is_null() ? "of no named configuration" : "as " + all["named"].get<std::string>();
+  say(o.common, o.output + ": " + std::to_string(model.info().parameters) + " parameters, shapes " + shapes + ", " +
+                    bytes_text(std::filesystem::file_size(o.output)));
+  if (!o.common.json) return;
+  nlohmann::ordered_json out{{"output", o.output}, {"parameters", model.info().parameters}};
+  out.update(all);
+  print_json(out);
+}
+
 CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>& o, const char* name, const char* what,
                      void (*action)(const Options&), bool writes = false) {
   CLI::App* sub = parent.add_subcommand(name, what);
@@ -99,10 +129,34 @@ void add_convert(CLI::App& parent, Run& run) {
   sub->footer("Example:\n  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
 }
 
+void add_import(CLI::App& parent, Run& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = parent.add_subcommand("import", "Make a model file of a PyTorch checkpoint of VS-Splat");
+  sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
+      ->required()
+      ->type_name("FILE");
+  sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
+  sub->add_option("--config", o->config, "Fields of the configuration, which shapes do not tell")
+      ->type_name("FILE.json");
+  sub->add_option("--set", o->fields, "Such a field, after those of --config")->type_name("FIELD=VALUE");
+  add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
+  sub->callback([o, &run] { run = [o] { import(*o); }; });
+  sub->footer(
+      "Nothing in the file is run: what is not a state dict's is refused by its name. Sizes come from the tensors' "
+      "shapes;\n"
+      "what they do not tell (heads, groups, the pictures' and the volume's size) is that of the named configuration "
+      "that\n"
+      "has all of them, else it has to be said.\n"
+      "Examples:\n"
+      "  vsplat weights import epoch=49.ckpt --output model.safetensors\n"
+      "  vsplat weights import own.ckpt --output own.safetensors --set vit_heads=6 --set groups=16 --set image=256 \\\n"
+      "    --set volume=32");
+}
+
 }  // namespace
 
 void add_weights(CLI::App& app, Run& run) {
-  CLI::App* sub = app.add_subcommand("weights", "Look into a model file, or convert it");
+  CLI::App* sub = app.add_subcommand("weights", "Look into a model file, convert it, or import one");
   sub->require_subcommand(1);
   add_action(*sub, run, std::make_shared<Options>(), "info", "Configuration, size, tensors and origin", info)
       ->footer("Examples:\n  vsplat weights info\n  vsplat weights info model.safetensors");
@@ -110,11 +164,13 @@ void add_weights(CLI::App& app, Run& run) {
              "Read all of it: structure, every tensor's shape and values, and the hash where one is stated", verify)
       ->footer("Example:\n  vsplat weights verify model.safetensors");
   add_convert(*sub, run);
+  add_import(*sub, run);
   sub->footer(
       "Examples:\n"
       "  vsplat weights info\n"
       "  vsplat weights verify model.safetensors\n"
-      "  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors");
+      "  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors\n"
+      "  vsplat weights import epoch=49.ckpt --output model.safetensors");
 }
 
 }  // namespace command

@@ -6,7 +6,9 @@
 #include "model/input/view_choice.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/built_in_model.h"
+#include "model/params/import.h"
 #include "model/params/init.h"
+#include "model/params/load_encoder.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
 
@@ -44,6 +46,25 @@ std::string json_of(const ModelInfo& info) {
   return out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+std::string json_of(const ImportedModel& imported) {
+  nlohmann::ordered_json out;
+  out["config"] = nlohmann::ordered_json::parse(to_json(imported.model.config));
+  out["named"] = nullptr;
+  if (!imported.named.empty()) out["named"] = imported.named;
+  out["left_out"] = imported.left_out;
+  return out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::vector<std::string> texts(const char* const* given, size_t count, const char* what) {
+  need_array(given, count, what);
+  std::vector<std::string> out;
+  for (size_t i = 0; i < count; ++i) {
+    need(given[i], (std::string("an element of ") + what).c_str());
+    out.emplace_back(given[i]);
+  }
+  return out;
+}
+
 }  // namespace
 
 const VsplatModel& vsplat::api::model_on(vsplat_device device, vsplat_model model) {
@@ -63,14 +84,8 @@ vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_mode
     need(out_model, "out_model");
     const vsplat_model_options o = taken(options, VSPLAT_MODEL_OPTIONS_INIT, "options");
     need(o.config, "options.config");
-    need_array(o.fields, o.num_fields, "options.fields");
-    std::vector<std::string> fields;
-    for (size_t i = 0; i < o.num_fields; ++i) {
-      need(o.fields[i], "an element of options.fields");
-      fields.emplace_back(o.fields[i]);
-    }
     ModelFile file;
-    file.config = with_fields(named_config(o.config), fields);
+    file.config = with_fields(named_config(o.config), texts(o.fields, o.num_fields, "options.fields"));
     file.weights = initial_weights(file.config, o.seed);
     file.metadata["seed"] = std::to_string(o.seed);
     file.metadata["origin"] = std::string("random weights, vsplat ") + VSPLAT_VERSION_STRING;
@@ -91,6 +106,26 @@ vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
     model->file = std::make_shared<const ModelFile>(load_model(opened(path)));
     // load_model() compares the hash where there is one.
     model->hash = model->file->metadata.count("sha256") ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+    *out_model = model.release();
+  });
+}
+
+vsplat_status vsplat_model_import(const char* path, const vsplat_import_options* options, vsplat_model* out_model,
+                                  char** out_text) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_model, "out_model");
+    const vsplat_import_options o = taken(options, VSPLAT_IMPORT_OPTIONS_INIT, "options");
+    ImportOptions how;
+    if (o.config_file) how.config_file = o.config_file;
+    how.fields = texts(o.fields, o.num_fields, "options.fields");
+    ImportedModel imported = import_model(path, how);
+    imported.model.metadata["origin"] =
+        std::string("imported from a PyTorch checkpoint, vsplat ") + VSPLAT_VERSION_STRING;
+    const std::string told = json_of(imported);
+    auto model = std::make_unique<vsplat_model_impl>();
+    model->file = std::make_shared<const ModelFile>(std::move(imported.model));
+    if (out_text) *out_text = new_text(told);
     *out_model = model.release();
   });
 }

@@ -221,16 +221,38 @@ std::string to_json(const Config& config) {
   return out.dump(-1, ' ', true, ordered_json::error_handler_t::replace);
 }
 
-Config config_from_json(const std::string& text, const Config& base) {
+std::vector<std::string> set_fields_from_json(Config& config, const std::string& text) {
   const json object = parse_json("the configuration", text);
   if (!object.is_object()) fail(Status::format, "the configuration is not a JSON object: {}", shown(text));
   json_fields::refuse_unknown(object, field_names(), "the configuration");
-  Config config = base;
+  std::vector<std::string> names;
   each_field(config, [&](const char* name, auto& value) {
     json_fields::read_present(object, name, value, "the configuration");
+    if (object.contains(name)) names.emplace_back(name);
   });
+  return names;
+}
+
+Config config_from_json(const std::string& text, const Config& base) {
+  Config config = base;
+  set_fields_from_json(config, text);
   check(config, Status::format);
   return config;
+}
+
+std::string field_text(const Config& config, const std::string& field) {
+  std::string out;
+  each_field(config, [&](const char* name, const auto& value) {
+    if (name == field) out = json(value).dump();
+  });
+  return out;
+}
+
+std::vector<std::string> differing_fields(const Config& a, const Config& b, const std::vector<std::string>& fields) {
+  std::vector<std::string> out;
+  for (const std::string& field : fields)
+    if (field_text(a, field) != field_text(b, field)) out.push_back(field);
+  return out;
 }
 
 }  // namespace vsplat

@@ -26,4 +26,12 @@ std::string to_json(const Config& config);
 // Absent fields are those of `base`; unknown ones and wrong types are an Error(format) that names them. Checked.
 Config config_from_json(const std::string& text, const Config& base = {});
 
+// The fields that `text` has are put into `config`, which is not checked; -> their names. Errors as above.
+std::vector<std::string> set_fields_from_json(Config& config, const std::string& text);
+
+// A field's value as JSON has it.
+std::string field_text(const Config& config, const std::string& field);
+// Those of `fields` in which two configurations differ.
+std::vector<std::string> differing_fields(const Config& a, const Config& b, const std::vector<std::string>& fields);
+
 }  // namespace vsplat

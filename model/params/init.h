@@ -1,4 +1,4 @@
-// Initial weights, for training from scratch, and encoders taken from DINO's files.
+// Initial weights, for training from scratch.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -17,12 +17,6 @@ Weights initial_weights(const Config& config, std::uint64_t seed);
 // Scales the places of the fine primitives within their voxel, which are in units of the cube's edge, for a cube with
 // another number of voxels: `factor` is the old number over the new one. How many values that were.
 std::size_t scale_places(Weights& weights, const Config& config, double factor);
-
-// Replaces the encoder's weights by those of a ViT in timm's naming (cls_token, blocks.0.attn.qkv.weight, ...), all
-// under one of the prefixes "", "model.", "encoder.model.", "net.encoder.model.", "backbone." or "module."; with a
-// prefix, what lies outside it is left alone, so a whole model file serves too. A classification head is ignored. A ViT
-// of other sizes is an Error(format) that names the configuration's field.
-void load_encoder(Weights& weights, const Config& config, const std::string& path);
 
 // The first `count` points of the unscrambled three-dimensional Sobol sequence after the origin, in Gray-code order,
 // [count,3] in (0,1).

@@ -2,10 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <set>
 
+#include "model/params/match_tensors.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
 #include "runtime/half.h"
@@ -17,14 +16,6 @@ namespace {
 constexpr const char* kFormat = "vsplat-model";
 constexpr const char* kVersion = "1";
 constexpr const char* kReserved[] = {"format", "version", "config", "sha256"};
-
-std::string list_of(const std::vector<std::string>& names) {
-  constexpr std::size_t kMost = 5;
-  std::string out;
-  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) out += (i ? ", " : "") + printable(names[i]);
-  if (names.size() > kMost) out += fmt::format(" and {} more", names.size() - kMost);
-  return out;
-}
 
 const std::string& metadata_at(const SafetensorsFile& file, const std::string& key) {
   const auto it = file.metadata().find(key);
@@ -51,54 +42,16 @@ bool is_harmless(const std::string& name) {
   return name.starts_with("encoder.model.head.") || name.starts_with("encoder.model.fc_norm.");
 }
 
-bool is_weight_type(Dtype dtype) { return dtype == Dtype::f32 || dtype == Dtype::f16 || dtype == Dtype::bf16; }
-
-// parameters()[i] -> its entry, found under the name with or without `prefix`; complains of what is missing, misshapen
-// or unexpected (of the latter not when `others` may be there).
-std::vector<const TensorEntry*> match(const SafetensorsFile& file, const std::vector<Parameter>& expected,
-                                      const std::vector<std::string>& prefixes, bool others) {
-  std::vector<const TensorEntry*> found;
-  std::vector<std::string> missing;
-  std::set<const TensorEntry*> used;
-  for (const Parameter& parameter : expected) {
-    const TensorEntry* entry = nullptr;
-    for (const std::string& prefix : prefixes) {
-      const TensorEntry* candidate = file.find(prefix + parameter.name);
-      if (candidate == nullptr) continue;
-      if (entry != nullptr)
-        fail(Status::format, "{}: tensor {} is there twice, also as {}", file.path(), entry->name, candidate->name);
-      entry = candidate;
-    }
-    found.push_back(entry);
-    used.insert(entry);
-    if (entry == nullptr) {
-      missing.push_back(parameter.name);
-      continue;
-    }
-    if (entry->shape != parameter.shape)
-      fail(Status::format, "{}: tensor {} has shape {}, expected {} for this configuration", file.path(), entry->name,
-           printable(text_of(entry->shape)), text_of(parameter.shape));
-    if (!is_weight_type(entry->dtype))
-      fail(Status::format, "{}: tensor {} is {}, expected F32, F16 or BF16", file.path(), entry->name,
-           name_of(entry->dtype));
-  }
-  if (!missing.empty())
-    fail(Status::format, "{}: {} of {} expected tensors missing: {}", file.path(), missing.size(), expected.size(),
-         list_of(missing));
-  if (others) return found;
+// With or without "net."; complains of tensors that the configuration does not have, too.
+std::vector<const TensorEntry*> match_model(const SafetensorsFile& file, const Config& config) {
+  const std::vector<const TensorEntry*> found = match_tensors(file, parameters(config), {"", "net."});
   std::vector<std::string> unexpected;
-  for (const TensorEntry& entry : file.tensors()) {
-    const std::string bare = entry.name.starts_with("net.") ? entry.name.substr(4) : entry.name;
-    if (used.count(&entry) == 0 && !is_harmless(bare)) unexpected.push_back(entry.name);
-  }
+  for (const std::string& name : beside(file, found))
+    if (!is_harmless(name.starts_with("net.") ? name.substr(4) : name)) unexpected.push_back(name);
   if (!unexpected.empty())
     fail(Status::format, "{}: {} tensors that this configuration does not have: {}", file.path(), unexpected.size(),
          list_of(unexpected));
   return found;
-}
-
-std::vector<const TensorEntry*> match_model(const SafetensorsFile& file, const Config& config) {
-  return match(file, parameters(config), {"", "net."}, false);
 }
 
 HashState checked_hash(const SafetensorsFile& file) {
@@ -107,25 +60,6 @@ HashState checked_hash(const SafetensorsFile& file) {
     fail(Status::format, "{}: its content does not match its sha256 {}: the file is damaged", file.path(),
          file.metadata().at("sha256"));
   return state;
-}
-
-// A network with one NaN in it may give plausible pictures, or none.
-std::vector<float> finite_values(const SafetensorsFile& file, const TensorEntry& entry) {
-  std::vector<float> out = file.floats(entry);
-  const auto bad = std::find_if(out.begin(), out.end(), [](float value) { return !std::isfinite(value); });
-  if (bad != out.end())
-    fail(Status::format,
-         "{}: tensor {} holds {} at element {} of {}; finite numbers are expected: the model is damaged", file.path(),
-         entry.name, *bad, bad - out.begin(), out.size());
-  return out;
-}
-
-Weights read_values(const SafetensorsFile& file, const std::vector<Parameter>& expected,
-                    const std::vector<const TensorEntry*>& entries) {
-  Weights weights;
-  for (std::size_t i = 0; i < expected.size(); ++i)
-    weights.set(expected[i].name, {expected[i].shape, finite_values(file, *entries[i])});
-  return weights;
 }
 
 std::vector<std::uint16_t> halves_of(const std::string& path, const std::string& name,
@@ -145,7 +79,7 @@ std::vector<std::uint16_t> halves_of(const std::string& path, const std::string&
 
 Weights read_weights(const SafetensorsFile& file, const Config& config, const std::string& prefix) {
   const std::vector<Parameter> expected = parameters(config);
-  return read_values(file, expected, match(file, expected, {prefix}, true));
+  return read_values(file, expected, match_tensors(file, expected, {prefix}));
 }
 
 ModelFile load_model(const SafetensorsFile& file) {

@@ -10,6 +10,7 @@ vsplat_tests(fuzz_replay_test
   fuzz/targets.cpp
   fuzz/tensors.cpp
   fuzz/texts.cpp
+  fuzz/torch.cpp
   fuzz/views.cpp
   LABELS unit LIBS vsplat_messages)
 include(fuzz/targets.cmake)

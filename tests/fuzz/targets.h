@@ -33,6 +33,9 @@ void selection(std::string_view bytes);
 void model(std::string_view bytes);
 void checkpoint(std::string_view bytes);
 void fit_checkpoint(std::string_view bytes);
+// PyTorch's: the pickle in a checkpoint, which its checksum does not keep mutations from there, and all of one.
+void pickle(std::string_view bytes);
+void torch_file(std::string_view bytes);
 // An entry of the compiled kernels' cache: "s" and a payload that is stored, or "f", the file, as it may lie there.
 void kernel_cache(std::string_view bytes);
 

@@ -37,6 +37,8 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load("model", NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load(NULL, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_import(NULL, NULL, &model, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_import("model", NULL, NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save(NULL, "model"));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_as(NULL, "model", VSPLAT_DTYPE_F16));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_get_info(NULL, &model_info));

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "model/base/normal_quantile.h"
+#include "model/params/load_encoder.h"
 #include "model/params/model_file.h"
 #include "model/params/params.h"
 #include "runtime/sha256.h"

@@ -209,7 +209,8 @@ typedef struct vsplat_model_options {
   const char* const* fields; /* [num_fields] "FIELD=VALUE" changes to it; may be NULL */
   size_t num_fields;
   uint64_t seed;       /* of the random weights: the same file everywhere */
-  const char* encoder; /* a safetensors file with DINO ViT weights (timm's names) for the encoder; NULL: random, too */
+  const char* encoder; /* a file with DINO ViT weights (timm's names; safetensors, or of torch.save) for the encoder;
+                          NULL: random, too */
 } vsplat_model_options;
 #define VSPLAT_MODEL_OPTIONS_INIT \
   { sizeof(vsplat_model_options), "paper", NULL, 0, 0, NULL }
@@ -236,6 +237,15 @@ typedef struct vsplat_model_info {
 #define VSPLAT_MODEL_INFO_INIT \
   { sizeof(vsplat_model_info), 0, 0, 0, 0, 0, 0, 0, VSPLAT_HASH_ABSENT, 0 }
 
+typedef struct vsplat_import_options {
+  size_t size;
+  const char* config_file;   /* a JSON object with fields of the configuration; NULL: none */
+  const char* const* fields; /* [num_fields] "FIELD=VALUE" changes to it; may be NULL */
+  size_t num_fields;
+} vsplat_import_options;
+#define VSPLAT_IMPORT_OPTIONS_INIT \
+  { sizeof(vsplat_import_options), NULL, NULL, 0 }
+
 /* How a model file holds its values; the library computes with float32. */
 typedef enum vsplat_dtype {
   VSPLAT_DTYPE_F32 = 1,
@@ -248,6 +258,15 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_init(const vsplat_model_o
 /* Reads a model file (safetensors): checks its structure, every expected tensor and, where it states one, its hash.
    `path` NULL: the model that the library carries; VSPLAT_ERROR_FILE where it was built without one. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model);
+/* A VS-Splat network of PyTorch's: a state dict in the published code's naming, with or without "net.", bare or in a
+   checkpoint of Lightning's, as torch.save writes them since PyTorch 1.6. Nothing in the file is run: what is not a state
+   dict's is refused by its name. What the tensors' shapes do not tell of the configuration is that of the named one which
+   has all of them, else `options` says it, or the fields are named (VSPLAT_ERROR_USAGE). `negate_camera_centre` is true
+   unless `options` says otherwise. `out_text`, which may be NULL, becomes a JSON object: "config" (every field), "named"
+   (the named configuration, or null) and "left_out", a list of what in the file is no part of the model. `options` NULL:
+   defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_import(const char* path, const vsplat_import_options* options,
+                                                              vsplat_model* out_model, char** out_text);
 /* Writes a model file, whole or not at all; with its hash. An existing file is replaced. Values are float32. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save(vsplat_model model, const char* path);
 /* The same with values of `dtype`. Of F16 each is rounded to the nearest, ties to even; VSPLAT_ERROR_INPUT where one is

@@ -130,6 +130,14 @@ class Model : public ModelHandle {
     check(vsplat_model_load(nullptr, &out));
     return Model(out);
   }
+  // Of a PyTorch checkpoint; `told`, where it is given, becomes what vsplat_model_import tells as JSON.
+  static Model imported(const std::string& path, const vsplat_import_options& options, std::string* told = nullptr) {
+    vsplat_model out = nullptr;
+    char* out_text = nullptr;
+    check(vsplat_model_import(path.c_str(), &options, &out, told ? &out_text : nullptr));
+    if (told) *told = text(out_text);
+    return Model(out);
+  }
   void save(const std::string& path, vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {
     check(vsplat_model_save_as(get(), path.c_str(), dtype));
   }

@@ -1,0 +1,87 @@
+#include "model/params/deduced_config.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "model/params/network_layers.h"
+#include "runtime/fail.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+class Shapes {
+ public:
+  Shapes(const TorchFile& file, const std::string& prefix) : file_(file), prefix_(prefix) {}
+
+  // Of a tensor with `rank` sides the one at `axis`.
+  int side(const std::string& name, std::size_t rank, std::size_t axis) const {
+    constexpr long kMost = 1 << 20;
+    const TensorEntry& entry = file_.at(prefix_ + name);
+    if (entry.shape.size() != rank || entry.shape[axis] < 1 || entry.shape[axis] > kMost)
+      fail(Status::format, "{}: tensor {} has shape {}, {} sides from 1 to {} are expected", file_.path(),
+           printable(entry.name), printable(text_of(entry.shape)), rank, kMost);
+    return static_cast<int>(entry.shape[axis]);
+  }
+  // How many of first.0.last, first.1.last, ... there are.
+  int count(const std::string& first, const std::string& last) const {
+    int out = 0;
+    while (file_.find(fmt::format("{}{}.{}.{}", prefix_, first, out, last)) != nullptr) ++out;
+    return out;
+  }
+  [[noreturn]] void bad(const std::string& name, long found, const char* expected) const {
+    fail(Status::format, "{}: tensor {}{} has {} rows, {}", file_.path(), prefix_, name, found, expected);
+  }
+
+ private:
+  const TorchFile& file_;
+  const std::string& prefix_;
+};
+
+int position_grid(const Shapes& shapes) {
+  const int positions = shapes.side("encoder.model.pos_embed", 3, 1);
+  const int grid = static_cast<int>(std::lround(std::sqrt(static_cast<double>(positions - 1))));
+  if (grid < 1 || grid * grid != positions - 1)
+    shapes.bad("encoder.model.pos_embed", positions, "a square and the class token's are expected");
+  return grid;
+}
+
+int sh_degree(const Shapes& shapes) {
+  const int rows = shapes.side("predictor.coarse_predictor.4.weight", 2, 0);
+  Config c;
+  for (c.sh_degree = 0; c.sh_degree <= 3; ++c.sh_degree)
+    if (c.primitive_size() == rows) return c.sh_degree;
+  shapes.bad("predictor.coarse_predictor.4.weight", rows, "11 + 3 (degree + 1)^2 are expected");
+}
+
+}  // namespace
+
+DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix) {
+  const Shapes shapes(file, prefix);
+  DeducedConfig out;
+  Config& c = out.config;
+  c.patch = shapes.side("encoder.model.patch_embed.proj.weight", 4, 3);
+  c.vit_dim = shapes.side("encoder.model.cls_token", 3, 2);
+  c.vit_depth = shapes.count("encoder.model.blocks", "norm1.weight");
+  c.vit_pos_grid = position_grid(shapes);
+  c.volume_ch = shapes.side("volume_network.conv_out.weight", 5, 0);
+  c.volume_mult.clear();
+  const int levels = shapes.count("volume_network.down_blocks", "res.0.conv1.weight");
+  for (int i = 0; i == 0 || i < levels; ++i)
+    c.volume_mult.push_back(shapes.side(fmt::format("volume_network.down_blocks.{}.res.0.conv1.weight", i), 5, 0) /
+                            c.volume_ch);
+  c.voxel_ch = shapes.side("voxel_network.conv_in.weight", 5, 0);
+  c.voxel_levels = shapes.count("voxel_network.conv_blocks", "res.0.conv1.weight");
+  c.fine_dim = shapes.side("voxel_network.conv_out.weight", 5, 0);
+  c.refine_out_kernel = shapes.side("voxel_network.conv_out.weight", 5, 1);
+  c.use_projected = shapes.side("voxel_network.comp_linear.weight", 2, 1) != c.volume_ch + kPositionValues;
+  c.fine_count = shapes.side("div_offset", 2, 0);
+  c.sh_degree = sh_degree(shapes);
+  out.fields = {"patch",         "vit_dim",    "vit_depth",    "vit_pos_grid", "volume_ch",
+                "volume_mult",   "voxel_ch",   "voxel_levels", "fine_dim",     "refine_out_kernel",
+                "use_projected", "fine_count", "sh_degree"};
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,157 @@
+#include "model/params/import.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <set>
+
+#include "model/io/torch_file.h"
+#include "model/params/deduced_config.h"
+#include "model/params/match_tensors.h"
+#include "model/params/params.h"
+#include "runtime/fail.h"
+#include "runtime/file.h"
+#include "runtime/host_memory.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+bool has_part(const TorchFile& file, std::string_view part) {
+  return std::any_of(file.tensors().begin(), file.tensors().end(),
+                     [part](const TensorEntry& entry) { return entry.name.find(part) != std::string::npos; });
+}
+
+// Networks that are known by their tensors, and not read.
+void refuse_others(const TorchFile& file) {
+  const bool dense = has_part(file, "dec.0.up.");
+  const char* other = nullptr;
+  if (has_part(file, "vol_decoder.pos_embed"))
+    other = dense ? "GenDen's network" : "LaRa's network";
+  else if (dense)
+    other = "a VS-Splat network with GenDen's densifier";
+  else if (has_part(file, "share.transformer."))
+    other = "a VS-Splat network with predicted Plücker maps";
+  else if (has_part(file, "storage_tokens") || has_part(file, "reg_token") || has_part(file, "register_tokens"))
+    other = "an encoder with registers, as DINOv3 has them";
+  if (other != nullptr) fail(Status::format, "{}: {}, which is not read yet", file.path(), other);
+}
+
+// What stands before the network's names.
+std::string network_prefix(const TorchFile& file) {
+  for (const char* prefix :
+       {"", "net.", "model.", "module.", "module.net.", "model.net.", "_orig_mod.", "net._orig_mod."})
+    if (file.find(std::string(prefix) + "encoder.model.cls_token") != nullptr) return prefix;
+  if (has_part(file, "cls_token") && has_part(file, "blocks.0."))
+    fail(Status::format, "{}: an encoder alone: vsplat_model_init takes it (vsplat_model_options.encoder)",
+         file.path());
+  fail(
+      Status::format,
+      "{}: no tensor encoder.model.cls_token, with or without the prefix net.: not a VS-Splat network ({} tensors: {})",
+      file.path(), file.tensors().size(), list_of(beside(file, {})));
+}
+
+std::string read_text(const std::string& path) {
+  constexpr std::size_t kMost = 1 << 20;
+  std::vector<unsigned char> bytes;
+  InputFile(path).read(kMost + 1, bytes);
+  if (bytes.size() > kMost) fail(Status::format, "{}: more than {} bytes, a configuration is expected", path, kMost);
+  return {bytes.begin(), bytes.end()};
+}
+
+// Puts what was asked for into `config`; -> its fields' names.
+std::set<std::string> set_given(Config& config, const ImportOptions& options) {
+  std::set<std::string> given;
+  if (!options.config_file.empty()) {
+    const std::string text = read_text(options.config_file);
+    try {
+      for (std::string& name : set_fields_from_json(config, text)) given.insert(std::move(name));
+    } catch (const Error& e) {
+      fail(e.status(), "{}: {}", options.config_file, e.what());
+    }
+  }
+  for (const std::string& assignment : options.fields) {
+    set_field(config, assignment);
+    given.insert(assignment.substr(0, assignment.find('=')));
+  }
+  return given;
+}
+
+// The named configuration with every value that the shapes told.
+std::string name_of_shapes(const DeducedConfig& deduced) {
+  for (const std::string& name : config_names()) {
+    const Config named = named_config(name);
+    if (differing_fields(named, deduced.config, deduced.fields).empty()) return name;
+  }
+  return "";
+}
+
+Config complete(const std::string& path, const DeducedConfig& deduced, const std::string& named,
+                const ImportOptions& options) {
+  Config config = named.empty() ? deduced.config : named_config(named);
+  config.negate_camera_centre = true;
+  const std::set<std::string> given = set_given(config, options);
+  for (const std::string& field : differing_fields(config, deduced.config, deduced.fields))
+    fail(Status::usage, "{}: its shapes tell {}, which is {}, and {} was asked for", path, field,
+         field_text(deduced.config, field), field_text(config, field));
+  std::vector<std::string> missing;
+  for (const std::string& field : untold_fields)
+    if (given.count(field) == 0) missing.push_back(field);
+  if (named.empty() && !missing.empty())
+    fail(Status::usage,
+         "{}: its shapes are of no named configuration, and shapes do not tell {}: give each as FIELD=VALUE "
+         "(vsplat_import_options.fields) or in a JSON file (vsplat_import_options.config_file)",
+         path, fmt::join(missing, ", "));
+  try {
+    check(config);
+  } catch (const Error& e) {
+    fail(e.status(), "{}: {}", path, e.what());
+  }
+  return config;
+}
+
+bool in_network(std::string_view name) {
+  for (const char* module : {"encoder.", "dir_norm.", "volume_network.", "voxel_network.", "predictor."})
+    if (name.starts_with(module)) return true;
+  return false;
+}
+
+// What the network would compute with, and ours does not: leaving it out would make another network of it.
+void refuse_more(const TorchFile& file, const std::string& prefix, const std::vector<std::string>& names) {
+  std::vector<std::string> more;
+  for (const std::string& name : names) {
+    const std::string_view bare = std::string_view(name).substr(name.starts_with(prefix) ? prefix.size() : 0);
+    if (bare.starts_with("encoder.model.head.") || bare.starts_with("encoder.model.fc_norm.")) continue;
+    if (name.starts_with(prefix) && in_network(bare)) more.push_back(name);
+  }
+  if (!more.empty())
+    fail(Status::format, "{}: {} tensors in the network that VS-Splat's does not have: {}", file.path(), more.size(),
+         list_of(more));
+}
+
+}  // namespace
+
+ImportedModel import_model(const std::string& path, const ImportOptions& options) {
+  const TorchFile file(path);
+  refuse_others(file);
+  const std::string prefix = network_prefix(file);
+  const DeducedConfig deduced = deduced_config(file, prefix);
+  const std::vector<Parameter> expected = parameters(deduced.config);  // whose shapes are by what was deduced alone
+  const std::vector<const TensorEntry*> entries = match_tensors(file, expected, {prefix});
+
+  ImportedModel out;
+  out.left_out = beside(file, entries);
+  refuse_more(file, prefix, out.left_out);
+  out.left_out.insert(out.left_out.end(), file.others().begin(), file.others().end());
+  out.named = name_of_shapes(deduced);
+  out.model.config = complete(path, deduced, out.named, options);
+
+  double bytes = 0;
+  for (const Parameter& parameter : expected) bytes += static_cast<double>(parameter.count()) * sizeof(float);
+  const HostMemory memory(path + ": reading its values", bytes);
+  file.verify();
+  out.model.weights = read_values(file, expected, entries);
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,68 @@
+#include "model/io/torch_file.h"
+
+#include <gtest/gtest.h>
+
+#include "runtime/error.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+// As the fuzzers' seeds were made by PyTorch.
+std::string seed(const char* name) { return std::string(VSPLAT_TORCH_FILES) + "/" + name; }
+
+std::string refusal(const std::string& path) {
+  try {
+    TorchFile file(path);
+    file.verify();
+    return "accepted";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::format);
+    return e.what();
+  }
+}
+
+TEST(TorchFile, TensorsOfACheckpoint) {
+  const TorchFile file(seed("lightning.ckpt"));
+  ASSERT_EQ(file.tensors().size(), 3u);
+  EXPECT_EQ(file.others(), (std::vector<std::string>{"epoch", "loops", "f"}));
+  EXPECT_EQ(file.at("net.a").shape, (Shape{2, 3}));
+  EXPECT_EQ(file.floats(file.at("net.a")), (std::vector<float>{0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(file.at("net.b").shape, (Shape{3, 2}));
+  EXPECT_EQ(file.floats(file.at("net.b")), (std::vector<float>{0, 3, 1, 4, 2, 5}));
+  EXPECT_EQ(file.at("net.c").dtype, Dtype::f16);
+  EXPECT_EQ(file.floats(file.at("net.c")), (std::vector<float>{0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(file.find("a"), nullptr);
+  EXPECT_THROW(file.at("a"), Error);
+  EXPECT_NO_THROW(file.verify());
+}
+
+TEST(TorchFile, ABareStateDict) {
+  const TorchFile file(seed("bare.pth"));
+  EXPECT_TRUE(file.others().empty());
+  EXPECT_EQ(file.floats(file.at("n")), (std::vector<float>{0, 1, 2}));
+  EXPECT_EQ(file.floats(file.at("s")), (std::vector<float>{2}));
+  EXPECT_TRUE(file.at("s").shape.empty());
+  EXPECT_TRUE(file.floats(file.at("e")).empty());
+}
+
+TEST(TorchFile, DamageToAnArrayIsFound) {
+  test::TemporaryFolder folder;
+  std::string bytes = test::contents_of(seed("torch.pth"));
+  const std::string value{'\0', '\0', '\x80', '\x3f'};  // 1
+  const std::size_t at = bytes.find(value);
+  ASSERT_NE(at, std::string::npos);
+  bytes[at + 2] = '\x40';
+  test::put_file(folder / "x.pth", bytes);
+  EXPECT_NE(refusal(folder / "x.pth").find("data/0"), std::string::npos);
+  EXPECT_EQ(refusal(seed("torch.pth")), "accepted");
+}
+
+TEST(TorchFile, WhatItLooksLike) {
+  EXPECT_TRUE(TorchFile::looks_like(seed("torch.pth")));
+  EXPECT_FALSE(TorchFile::looks_like(seed("none")));
+  EXPECT_FALSE(TorchFile::looks_like(std::string(VSPLAT_TORCH_FILES)));
+}
+
+}  // namespace
+}  // namespace vsplat
