@@ -171,7 +171,7 @@ def webps(maker, put):
 
 def bmps(maker, put):
     def bmp(width, height, bits=24, compression=0, data=b"", offset=54):
-        return b"BM" + struct.pack("<IHHI", offset + len(data), 0, 0, offset) + struct.pack("<IiiHHIIiiII", 40, width, height, 1, bits, compression, 0, 0, 0, 0, 0) + data
+        return b"BM" + struct.pack("<IHHI", offset + len(data) & 0xffffffff, 0, 0, offset) + struct.pack("<IiiHHIIiiII", 40, width, height, 1, bits, compression, 0, 0, 0, 0, 0) + data
     choose = maker.random.choice
     put("claims", "bmp", bmp(SIDE_MOST, choose((-1, 1)) * SIDE_MOST))
     put("beyond", "bmp", bmp(2**31 - 1, choose((2**31 - 1, -2**31))))
