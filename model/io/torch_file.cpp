@@ -224,6 +224,12 @@ std::vector<float> TorchFile::floats(const TensorEntry& entry) const {
   return out;
 }
 
+std::uint64_t TorchFile::stored_bytes() const {
+  std::uint64_t out = 0;
+  for (const auto& [name, entry] : archive_->zip().entries()) out += entry.bytes;
+  return out;
+}
+
 void TorchFile::verify() const {
   for (const auto& [name, entry] : archive_->zip().entries()) archive_->zip().verify(name, entry);
 }

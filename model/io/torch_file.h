@@ -1,6 +1,7 @@
 // Files of torch.save (.ckpt, .pth, .pt): a zip archive with a pickle and raw arrays. Of a state dict, bare or in a
 // checkpoint of Lightning's, the tensors' names, shapes and values; nothing in the file is ever run.
 #pragma once
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -32,6 +33,8 @@ class TorchFile {
   // Row by row, whatever the strides. Any dtype becomes float, as SafetensorsFile::floats() has it. The host's budget
   // has to have room for the storage that it lies in.
   std::vector<float> floats(const TensorEntry& entry) const;
+  // Of all entries of the archive.
+  std::uint64_t stored_bytes() const;
   // Reads every entry of the archive: Error(format) where one does not match its checksum.
   void verify() const;
 

@@ -129,6 +129,16 @@ void refuse_more(const TorchFile& file, const std::string& prefix, const std::ve
          list_of(more));
 }
 
+// Strides and shared arrays let a few bytes stand for any number of values; a saved model has as many as it has.
+void refuse_repeated(const TorchFile& file, const std::vector<const TensorEntry*>& entries) {
+  std::uint64_t bytes = 0;
+  for (const TensorEntry* entry : entries) bytes += entry->bytes;
+  if (bytes > file.stored_bytes())
+    fail(Status::format,
+         "{}: the network's tensors have {} bytes in an archive of {}: parts of it stand for many values", file.path(),
+         bytes, file.stored_bytes());
+}
+
 }  // namespace
 
 ImportedModel import_model(const std::string& path, const ImportOptions& options) {
@@ -146,6 +156,7 @@ ImportedModel import_model(const std::string& path, const ImportOptions& options
   out.named = name_of_shapes(deduced);
   out.model.config = complete(path, deduced, out.named, options);
 
+  refuse_repeated(file, entries);
   double bytes = 0;
   for (const Parameter& parameter : expected) bytes += static_cast<double>(parameter.count()) * sizeof(float);
   const HostMemory memory(path + ": reading its values", bytes);

@@ -120,6 +120,7 @@ class Import(Checkpoints):
         name = "net.dir_norm.mlp.0.weight"
         self.refused(["1 of", "missing", "dir_norm.mlp.0.weight"], "missing.ckpt")
         self.refused([name, "[32, 12]", "[12, 32]"], "misshapen.ckpt")
+        self.refused("parts of it stand for many values", "repeated.ckpt")
         self.refused([name, "I64", "F32"], "whole.ckpt")
         self.refused([name, "nan"], "nan.ckpt")
         self.refused(["missing", "dir_norm.mlp.0.weight"], "text.ckpt")

@@ -79,6 +79,7 @@ def main():
     save("whole.ckpt", lightning({**net, some: net[some].long()}))
     save("nan.ckpt", lightning({**net, some: net[some] * math.nan}))
     save("text.ckpt", lightning({**net, some: torch.zeros(2)}) | {"state_dict": {**net, some: "weights"}})
+    save("repeated.ckpt", {k: torch.zeros(1).expand(v.shape) for k, v in net.items()})
     save("extra.ckpt", lightning(changed(net__predictor__third__weight=torch.ones(2))))
     save("sparse.ckpt", lightning({**net, some: net[some].to_sparse()}))
     save("complex.ckpt", lightning({**net, some: net[some].to(torch.complex64)}))
