@@ -6,6 +6,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "runtime/base64.h"
 #include "runtime/error.h"
 #include "runtime/file.h"
 
@@ -71,19 +72,6 @@ std::vector<Found> those_that_fit(const std::vector<Found>& all) {
     const auto share = static_cast<double>(kMostBytes) / static_cast<double>(bytes);
     count = std::min(count - 1, static_cast<std::size_t>(static_cast<double>(count) * share));
   }
-}
-
-std::string base64(const std::vector<unsigned char>& bytes) {
-  constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t three = 0;
-    for (std::size_t k = 0; k < 3; ++k) three = three << 8 | (k < left ? bytes[i + k] : 0u);
-    for (std::size_t k = 0; k < 4; ++k) out += k <= left ? digits[three >> (18 - 6 * k) & 63] : '=';
-  }
-  return out;
 }
 
 bool is_png(const std::vector<unsigned char>& bytes) {
