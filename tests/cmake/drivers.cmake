@@ -28,16 +28,20 @@ else()
 endif()
 find_program(OCLGRIND oclgrind)
 if(OCLGRIND AND NOT VSPLAT_SANITIZE)
-  add_test(NAME oclgrind.network
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*GoldenModel*micro)
+  foreach(flavour cpu gpu)
+    add_test(NAME oclgrind.network.${flavour}
+      COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*GoldenModel*${flavour}_micro)
+  endforeach()
   add_test(NAME oclgrind.render
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*seventeen:Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
   add_test(NAME oclgrind.gradient
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*_one:Committed/RenderBackwardGolden.*seventeen)
   # It reports and goes on by default; nothing that it reports is to be accepted.
-  set_tests_properties(oclgrind.network oclgrind.render oclgrind.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
+  set_tests_properties(oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
+  # Two minutes: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
+  set_tests_properties(oclgrind.network.gpu PROPERTIES LABELS "model;drivers;slow")
 elseif(NOT OCLGRIND)
   message(${left_out} "No oclgrind (Debian: oclgrind): its tests are left out")
 endif()

@@ -3,9 +3,8 @@
 #   tests/fuzz/run.sh SECONDS [TARGET...]      targets: the folders of corpus/, all of them where none is named
 #   tests/fuzz/run.sh build                    only builds
 #   tests/fuzz/run.sh run SECONDS [TARGET...]  only runs
-# VSPLAT_FUZZ_SEED fixes the seed, VSPLAT_FUZZ_RUNS how many inputs are tried at most: with both, every machine tries
-# much the same ones. An input that breaks something is kept in build/fuzz/found: with the fix it goes into
-# tests/fuzz/regressions/TARGET, which the test `fuzz_replay_test` reads in every build.
+# VSPLAT_FUZZ_SEED fixes the seed, VSPLAT_FUZZ_RUNS how many inputs are tried at most. An input that breaks something is kept in
+# build/fuzz/found: with the fix it goes into tests/fuzz/regressions/TARGET, which the test `fuzz_replay_test` reads in every build.
 set -eu
 cd "$(dirname "$0")/../.."
 

@@ -148,12 +148,20 @@ TEST_P(GoldenGradients, OfTheLossMatch) {
     EXPECT_LE(std::sqrt(error / norm), 1e-2);
 }
 
-const auto kFlavours = ::testing::Values(Flavour::cpu, Flavour::gpu);
 std::string case_name(const ::testing::TestParamInfo<GoldenGradients::ParamType>& info) {
   return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
 }
-INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients,
-                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::training_cases())), case_name);
+const auto kFlavours = ::testing::Values(Flavour::cpu, Flavour::gpu);
+const auto kEveryCase = ::testing::ValuesIn(test::training_cases());
+INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::cpu), kEveryCase),
+                         case_name);
+// Three times as long on a CPU: some of them quick.
+INSTANTIATE_TEST_SUITE_P(Slow, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::gpu), kEveryCase),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(Some, GoldenGradients,
+                         ::testing::Combine(::testing::Values(Flavour::gpu),
+                                            ::testing::Values("train", "train_empty_ste", "train_mirrored")),
+                         case_name);
 INSTANTIATE_TEST_SUITE_P(Committed, GoldenGradients,
                          ::testing::Combine(kFlavours, ::testing::Values("micro", "micro_noise")), case_name);
 
