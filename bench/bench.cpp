@@ -92,6 +92,8 @@ const std::vector<Suite> kOperations = {
     {"add_columns", add_columns_cases},
     {"attention", attention_cases},
     {"compact", compact_cases},
+    {"conv3d_up", conv3d_up_cases},
+    {"cross_attention", cross_attention_cases},
     {"decode", decode_cases},
     {"exposure", exposure_cases},
     {"gather", gather_cases},
@@ -110,6 +112,7 @@ const std::vector<Suite> kOperations = {
     {"project_features", project_features_cases},
     {"radix_sort", radix_sort_cases},
     {"rasterize", rasterize_cases},
+    {"sample_points", sample_points_cases},
     {"scan", scan_cases},
     {"scatter_rows", scatter_rows_cases},
     {"select", select_cases},
@@ -119,7 +122,9 @@ const std::vector<Suite> kOperations = {
     {"splat_parameters", splat_parameters_cases},
     {"splat_relocate", splat_relocate_cases},
     {"tile_bin", tile_bin_cases},
+    {"transpose", transpose_cases},
     {"upsample3d", upsample3d_cases},
+    {"view_maps", view_maps_cases},
     {"visible", visible_cases},
 };
 

@@ -1,11 +1,11 @@
-// GELU (exact) and SiLU by themselves, where the input is kept for the backward, and their derivatives.
+// GELU (exact), SiLU and ReLU by themselves, where the input is kept for the backward, and their derivatives.
 // ```
 // argument      type  shape  what
 // x             f32   [N]    input
 // out           f32   [N]    written: act(x); may be x
 // dy            f32   [N]    backward: gradient of out
 // dx            f32   [N]    backward, written: dy act'(x); may be dy
-// act           int          1 GELU, 2 SiLU
+// act           int          1 GELU, 2 SiLU, 3 ReLU
 // define BLOCK  1024         elements of a work-item in the cpu flavour
 // work-items    cpu: one per BLOCK elements; gpu: one per element
 // ```
@@ -22,6 +22,7 @@
 // sigmoid(x). x is held within 40: beyond, either derivative is 0 or 1 in float, but exp_16 never returns 0, which a
 // large x would magnify.
 static inline float16 slope_16(float16 v, int act) {
+  if (act == 3) return select((float16)(0.0f), (float16)(1.0f), v > 0.0f);
   const float16 x = clamp(v, -40.0f, 40.0f);
   if (act == 1) return 0.5f * (1.0f + erf_16(x * SQRT_HALF)) + x * SQRT_TWO_PI_INVERSE * exp_16(-0.5f * x * x);
   const float16 s = 1.0f / (1.0f + exp_16(-x));
@@ -29,6 +30,7 @@ static inline float16 slope_16(float16 v, int act) {
 }
 
 static inline float slope(float x, int act) {
+  if (act == 3) return x > 0.0f ? 1.0f : 0.0f;
   if (act == 1) return 0.5f * (1.0f + erf(x * SQRT_HALF)) + x * SQRT_TWO_PI_INVERSE * exp(-0.5f * x * x);
   const float s = sigmoid(x);
   return s * (1.0f + x * (1.0f - s));

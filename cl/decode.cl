@@ -1,18 +1,20 @@
 // What the heads' raw numbers mean: Gaussians in the object's frame.
 //   mean    = anchor + (2 sigmoid(offset) - 1) reach      opacity = sigmoid(x - 2.1792)
 //   scale   = softplus(x + scale_shift)                   quat    = x / max(|x|, 1e-12)
+//             or exp(x + scale_shift)
 // The spherical harmonics (SH, S coefficients x 3 colours) are taken as they are.
 // ```
 // argument     type   shape    what
-// raw          f32    [..,A]   a Gaussian's A = 11 + 3S numbers: offset 3, SH 3S, opacity 1, scale 3, rotation 4
+// raw          f32    [..,A]   a Gaussian's A = 8 + 3S + D numbers: offset 3, SH 3S, opacity 1, scale D, rotation 4
 // means        f32    [K,3]    written
-// scales       f32    [K,3]    written
+// scales       f32    [K,D]    written; D = 3, or 2 of surfels
 // quats        f32    [K,4]    written: w x y z, of length 1
 // opacities    f32    [K]      written
 // sh           f32    [K,S,3]  written
 // sh_size      int             3S
 // reach        float           how far from its anchor a mean may lie along each axis
 // scale_shift  float           what a raw scale of 0 stands for
+// exponential  int             0: softplus, else exp
 // work-items   one per Gaussian, in all kernels
 // ```
 #include "common.clh"
@@ -22,17 +24,20 @@
 static inline float softplus(float x) { return fmax(x, 0.0f) + log1p(exp(-fabs(x))); }
 
 // One Gaussian, into row k.
-static inline void decode(global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, long k,
-                          global float* means, global float* scales, global float* quats, global float* opacities,
-                          global float* sh) {
+static inline void decode(global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, int D,
+                          int exponential, long k, global float* means, global float* scales, global float* quats,
+                          global float* opacities, global float* sh) {
   const float3 offset = vload3(0, raw);
   const float3 away = (float3)(sigmoid(offset.x), sigmoid(offset.y), sigmoid(offset.z)) * 2.0f - 1.0f;
   vstore3(anchor + away * reach, k, means);
   for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[3 + i];
   raw += 3 + sh_size;
   opacities[k] = sigmoid(raw[0] + OPACITY_SHIFT);
-  for (int i = 0; i < 3; ++i) scales[3 * k + i] = softplus(raw[1 + i] + scale_shift);
-  const float4 q = vload4(0, raw + 4);
+  for (int i = 0; i < D; ++i) {
+    const float x = raw[1 + i] + scale_shift;
+    scales[D * k + i] = exponential ? exp(x) : softplus(x);
+  }
+  const float4 q = vload4(0, raw + 1 + D);
   // The largest component is divided out first: squares of small or large ones would leave float32's range.
   const float largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));
   const float4 unit = q / fmax(largest, 1e-30f);
@@ -40,16 +45,17 @@ static inline void decode(global const float* raw, float3 anchor, float reach, f
   vstore4(q / fmax(norm, 1e-12f), k, quats);
 }
 
-// One Gaussian for each voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3,A].
+// `each` Gaussians for each voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3,each A].
 kernel void decode_coarse_forward(global const float* restrict raw, global float* restrict means,
                                   global float* restrict scales, global float* restrict quats,
-                                  global float* restrict opacities, global float* restrict sh, int R, int sh_size,
-                                  float reach, float scale_shift) {
+                                  global float* restrict opacities, global float* restrict sh, int R, int each,
+                                  int sh_size, int D, int exponential, float reach, float scale_shift) {
   const int k = get_global_id(0);
-  if (k >= R * R * R) return;
-  const float3 voxel = (float3)((float)(k / (R * R)), (float)(k / R % R), (float)(k % R));
-  decode(raw + (long)k * (11 + sh_size), (voxel + 0.5f) / (float)R - 0.5f, reach, scale_shift, sh_size, k, means,
-         scales, quats, opacities, sh);
+  if (k >= R * R * R * each) return;
+  const int at = k / each;
+  const float3 voxel = (float3)((float)(at / (R * R)), (float)(at / R % R), (float)(at % R));
+  decode(raw + (long)k * (8 + D + sh_size), (voxel + 0.5f) / (float)R - 0.5f, reach, scale_shift, sh_size, D,
+         exponential, k, means, scales, quats, opacities, sh);
 }
 
 // M Gaussians for each of P voxels, anchored at the coarse centre plus an offset that is one of M.
@@ -67,7 +73,8 @@ kernel void decode_fine_forward(global const float* restrict raw, global const f
   const int k = get_global_id(0);
   if (k >= P * M) return;
   const float3 anchor = vload3(k / M, centres) + vload3(k % M, div_offset);
-  decode(raw + (long)k * (11 + sh_size), anchor, reach, scale_shift, sh_size, k, means, scales, quats, opacities, sh);
+  decode(raw + (long)k * (11 + sh_size), anchor, reach, scale_shift, sh_size, 3, 0, k, means, scales, quats, opacities,
+         sh);
 }
 
 // The skeleton's P coarse Gaussians, with new SH and with opacities times sigmoid(factor).
@@ -107,35 +114,43 @@ kernel void decode_adjusted_forward(global const float* restrict raw, global con
 
 static inline float sigmoid_slope(float x) { return sigmoid(x) * sigmoid(-x); }
 
-static inline void decode_backward(global const float* raw, float reach, float scale_shift, int sh_size, long k,
-                                   global const float* dmeans, global const float* dscales, global const float* dquats,
-                                   global const float* dopacities, global const float* dsh, global float* draw) {
+static inline void decode_backward(global const float* raw, float reach, float scale_shift, int sh_size, int D,
+                                   int exponential, long k, global const float* dmeans, global const float* dscales,
+                                   global const float* dquats, global const float* dopacities, global const float* dsh,
+                                   global float* draw) {
   for (int i = 0; i < 3; ++i) draw[i] = dmeans[3 * k + i] * 2.0f * reach * sigmoid_slope(raw[i]);
   for (int i = 0; i < sh_size; ++i) draw[3 + i] = dsh[k * sh_size + i];
   raw += 3 + sh_size;
   draw += 3 + sh_size;
   draw[0] = dopacities[k] * sigmoid_slope(raw[0] + OPACITY_SHIFT);
-  for (int i = 0; i < 3; ++i) draw[1 + i] = dscales[3 * k + i] * sigmoid(raw[1 + i] + scale_shift);
-  const float4 q = vload4(0, raw + 4), d = vload4(k, dquats);
+  for (int i = 0; i < D; ++i) {
+    const float x = raw[1 + i] + scale_shift;
+    draw[1 + i] = dscales[D * k + i] * (exponential ? exp(x) : sigmoid(x));
+  }
+  raw += 1 + D;
+  draw += 1 + D;
+  const float4 q = vload4(0, raw), d = vload4(k, dquats);
   const float largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));
   const float4 scaled = q / fmax(largest, 1e-30f);
   const float length = sqrt(dot(scaled, scaled)), norm = largest * length;
   if (norm >= 1e-12f) {
     const float4 unit = scaled / length;
-    vstore4((d - unit * dot(unit, d)) / norm, 0, draw + 4);
+    vstore4((d - unit * dot(unit, d)) / norm, 0, draw);
   } else {
-    vstore4(d / 1e-12f, 0, draw + 4);  // divided by a constant, as F.normalize does
+    vstore4(d / 1e-12f, 0, draw);  // divided by a constant, as F.normalize does
   }
 }
 
 kernel void decode_coarse_backward(global const float* restrict raw, global const float* restrict dmeans,
                                    global const float* restrict dscales, global const float* restrict dquats,
                                    global const float* restrict dopacities, global const float* restrict dsh,
-                                   global float* restrict draw, int R, int sh_size, float reach, float scale_shift) {
+                                   global float* restrict draw, int R, int each, int sh_size, int D, int exponential,
+                                   float reach, float scale_shift) {
   const int k = get_global_id(0);
-  if (k >= R * R * R) return;
-  const long row = (long)k * (11 + sh_size);
-  decode_backward(raw + row, reach, scale_shift, sh_size, k, dmeans, dscales, dquats, dopacities, dsh, draw + row);
+  if (k >= R * R * R * each) return;
+  const long row = (long)k * (8 + D + sh_size);
+  decode_backward(raw + row, reach, scale_shift, sh_size, D, exponential, k, dmeans, dscales, dquats, dopacities, dsh,
+                  draw + row);
 }
 
 kernel void decode_fine_backward(global const float* restrict raw, global const float* restrict dmeans,
@@ -146,7 +161,8 @@ kernel void decode_fine_backward(global const float* restrict raw, global const 
   const int k = get_global_id(0);
   if (k >= P * M) return;
   const long row = (long)k * (11 + sh_size);
-  decode_backward(raw + row, reach, scale_shift, sh_size, k, dmeans, dscales, dquats, dopacities, dsh, draw + row);
+  decode_backward(raw + row, reach, scale_shift, sh_size, 3, 0, k, dmeans, dscales, dquats, dopacities, dsh,
+                  draw + row);
   if (k % M) return;
   float3 sum = vload3(k, dmeans);
   for (int m = 1; m < M; ++m) sum += vload3(k + m, dmeans);

@@ -142,6 +142,26 @@ kernel void lift_mean_forward(global const float* maps, global const int4* index
   }
 }
 
+// ```
+// argument             type  shape    what
+// maps, index, weight                 as in lift_variance_forward
+// out                  f32   [n,V,C]  written: the samples
+// work-items           as in lift_variance_forward
+// ```
+kernel void lift_samples_forward(global const float* maps, global const int4* index, global const float4* weight,
+                                 global float* out, int n, int V, int C) {
+  const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
+  const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
+  for (int i = get_group_id(0) * VOXELS; i < end; ++i)
+    for (int v = 0; v < V; ++v) {
+      const size_t row = (size_t)i * V + v;
+      global float* to = out + row * C;
+      for (int c = lane * LANES; c < whole; c += lanes * LANES)
+        STORE(sample(maps + c, C, index[row], weight[row]), to + c);
+      for (int c = whole + lane; c < C; c += lanes) to[c] = sample_one(maps + c, C, index[row], weight[row]);
+    }
+}
+
 // Backward of lift_variance_forward by the samples, which are then scattered to the maps.
 // ```
 // argument             type  shape    what

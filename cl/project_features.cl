@@ -193,16 +193,7 @@ kernel void project_features_backward_points(global const float* restrict points
     }
     sum -= n * a * (dot(f.weight, h) - mean) * slope;
 
-    if (!(f.inside.x || f.inside.y || f.inside.z || f.inside.w)) continue;
-    const float by_x = mix(h.y - h.x, h.w - h.z, f.fraction.y), by_y = mix(h.z - h.x, h.w - h.y, f.fraction.x);
-    // Through the bilinear weights: with the point at (X, Y, Z) in the camera, the map's column is fx t / image * X / Z
-    // plus a constant, its row fy t / image * Y / Z plus another.
-    const float4 at = (float4)(point, 1.0f);
-    const float x = dot(vload4(0, m), at) / f.depth, y = dot(vload4(1, m), at) / f.depth;
-    const float by_cx = n * by_x * k.x * (float)t / image / f.depth,
-                by_cy = n * by_y * k.y * (float)t / image / f.depth;
-    sum += by_cx * (float3)(m[0], m[1], m[2]) + by_cy * (float3)(m[4], m[5], m[6]) -
-           (by_cx * x + by_cy * y) * (float3)(m[8], m[9], m[10]);
+    sum += n * footprint_gradient(f, h, point, m, k, image, t);
   }
   vstore3(vload3(p, dpoints) + sum, p, dpoints);
 }

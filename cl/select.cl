@@ -5,11 +5,11 @@
 //   4 opacity           factor = 1, flag = opacity > threshold
 // ```
 // argument    type  shape  what
-// logits      f32   [n]    the network's vote for each voxel
+// logits      f32   [n]    the network's vote for each voxel; null in variant 4
 // noise       f32   [n]    added to the logits in variant 1; null: none
 // opacities   f32   [n]    of the coarse Gaussians
-// factor      f32   [n]    written: see the variants
-// refined     f32   [n]    written: opacity * factor
+// factor      f32   [n]    written: see the variants; null: not wanted
+// refined     f32   [n]    written: opacity * factor; null: not wanted
 // flags       u32   [n]    written: 1 where the voxel is refined, else 0
 // variant     int          1 to 4
 // work-items  one per voxel
@@ -32,8 +32,8 @@ kernel void select_forward(global const float* restrict logits, global const flo
     chosen = value > 0.5f;
     if (variant == 3) value = chosen ? 1.0f : 0.0f;
   }
-  factor[i] = value;
-  refined[i] = opacities[i] * value;
+  if (factor) factor[i] = value;
+  if (refined) refined[i] = opacities[i] * value;
   flags[i] = chosen ? 1u : 0u;
 }
 

@@ -31,6 +31,7 @@ WITHOUT = {
     "project": {"reference": "bench/reference/splat.h: that of whole pictures, which benchmarks are checked with, too"},
     "radix_sort": {"reference": "std::stable_sort"},
     "tile_bin": {"reference": "what a tile sees, which the test tells from the rectangles"},
+    "transpose": {"reference": "rows as columns, which the test writes down"},
     "visible": {"reference": "what is counted, which the test counts"},
 }
 

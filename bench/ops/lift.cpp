@@ -43,6 +43,21 @@ std::vector<Case> lift_cases(const Options&) {
                            random(ctx, {kDim}, 2),        0,       ctx.tensor({kBlock, kDim})};
          return operation(ctx, [&ctx, a] { lift_mean_forward(ctx, a); }, {a.out});
        }},
+      {"samples forward",
+       [](Context& ctx) {
+         const LiftCorners c = corners(ctx);
+         lift_corners(ctx, c);
+         LiftSamplesForward a{random(ctx, {kMaps, kDim}, 1), c.index, c.weight, ctx.tensor({kBlock, kViews, kDim})};
+         return operation(ctx, [&ctx, a] { lift_samples_forward(ctx, a); }, {a.out});
+       }},
+      {"samples backward",
+       [](Context& ctx) {
+         const LiftCorners c = corners(ctx);
+         lift_corners(ctx, c);
+         const auto plan = std::make_shared<ScatterPlan>(make_scatter_plan(ctx, c.index, c.weight, kMaps));
+         LiftSamplesBackward a{plan.get(), random(ctx, {kBlock, kViews, kDim}, 2), random(ctx, {kMaps, kDim}, 3)};
+         return operation(ctx, [&ctx, a, plan] { lift_samples_backward(ctx, a); }, {a.dmaps});
+       }},
       {"variance backward",
        [](Context& ctx) {
          const LiftCorners c = corners(ctx);

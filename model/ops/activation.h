@@ -1,4 +1,4 @@
-// GELU and SiLU outside of a GEMM: in training their inputs are kept, which the GEMM's epilogue would not do.
+// GELU, SiLU and ReLU outside of a GEMM: in training their inputs are kept, which the GEMM's epilogue would not do.
 #pragma once
 #include "runtime/gemm.h"
 
@@ -13,7 +13,7 @@ struct ActivationForward {
 void activation_forward(Context& ctx, const ActivationForward& a);
 
 struct ActivationBackward {
-  Tensor x;  // as forward had it
+  Tensor x;  // as forward had it; of ReLU forward's out does as well, which is above 0 where x is
   Activation activation = Activation::silu;
   Tensor dy;  // as x
   Tensor dx;  // as x; may be dy; written

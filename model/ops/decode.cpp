@@ -16,22 +16,45 @@ float scale_shift(long volume) {
 }
 
 template <class Tensors>  // DeviceGaussians or GaussianGradients
-Dims& bind(Dims& d, const Tensors& g, const std::string& name, const std::string& k) {
+Dims& bind(Dims& d, const Tensors& g, const std::string& name, const std::string& k, const char* scales = "3") {
   d.bind(name + ".means", g.means, {k, "3"})
-      .bind(name + ".scales", g.scales, {k, "3"})
+      .bind(name + ".scales", g.scales, {k, scales})
       .bind(name + ".quats", g.quats, {k, "4"});
   return d.bind(name + ".opacities", g.opacities, {k}).bind(name + ".sh", g.sh, {k, "S", "3"});
 }
+
+// What both directions of the coarse ones are told.
+struct Coarse {
+  long voxels, count, each, exponential;
+  float reach, shift;
+
+  Coarse(long volume, const CoarseKind& kind)
+      : voxels(volume * volume * volume),
+        count(voxels * kind.each),
+        each(kind.each),
+        exponential(kind.exponential ? 1 : 0),
+        reach(static_cast<float>(kind.reach / static_cast<double>(volume))),
+        shift(kind.exponential ? static_cast<float>(-std::log(3.0 * static_cast<double>(volume)))
+                               : scale_shift(volume)) {}
+
+  template <class Tensors>
+  void bind(Dims& d, const char* name, const Tensors& g) const {
+    d.set("R^3", voxels).set("K R^3", count);
+    vsplat::bind(d, g, name, "K R^3", "D");
+    if (d["D"] != 2 && d["D"] != 3) fail(Status::internal, "decode: {} scales, 2 or 3 are expected", d["D"]);
+    d.set("A", 8 + d["D"] + 3 * d["S"]).set("K A", each * d["A"]);
+  }
+};
 
 Cost cost_of(double gaussians, double numbers) { return {gaussians * 60, gaussians * numbers * 8}; }
 Cost backward_cost(double gaussians, double numbers) { return {gaussians * 100, gaussians * numbers * 12}; }
 
 }  // namespace
 
-DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what) {
+DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what, long scales) {
   DeviceGaussians g;
   g.means = ctx.tensor({count, 3}, Type::f32, what + ".means");
-  g.scales = ctx.tensor({count, 3}, Type::f32, what + ".scales");
+  g.scales = ctx.tensor({count, scales}, Type::f32, what + ".scales");
   g.quats = ctx.tensor({count, 4}, Type::f32, what + ".quats");
   g.opacities = ctx.tensor({count}, Type::f32, what + ".opacities");
   g.sh = ctx.tensor({count, sh_count, 3}, Type::f32, what + ".sh");
@@ -39,29 +62,25 @@ DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const st
 }
 
 void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a) {
-  const long r = a.volume, n = r * r * r;
+  const Coarse c(a.volume, a.kind);
   Dims d;
-  d.set("R^3", n);
-  bind(d, a.out, "out", "R^3");
-  const long sh = 3 * d["S"];
-  d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"});
-  ctx.launch({"decode", "decode_coarse_forward", ""}, items(n, kLocal),
-             cost_of(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, written(a.out.means),
-             written(a.out.scales), written(a.out.quats), written(a.out.opacities), written(a.out.sh), r, sh,
-             0.25f / static_cast<float>(r), scale_shift(r));
+  c.bind(d, "out", a.out);
+  d.bind("raw", a.raw, {"R^3", "K A"});
+  ctx.launch({"decode", "decode_coarse_forward", ""}, items(c.count, kLocal),
+             cost_of(static_cast<double>(c.count), static_cast<double>(d["A"])), a.raw, written(a.out.means),
+             written(a.out.scales), written(a.out.quats), written(a.out.opacities), written(a.out.sh), a.volume, c.each,
+             3 * d["S"], d["D"], c.exponential, c.reach, c.shift);
 }
 
 void decode_coarse_backward(Context& ctx, const DecodeCoarseBackward& a) {
-  const long r = a.volume, n = r * r * r;
+  const Coarse c(a.volume, a.kind);
   Dims d;
-  d.set("R^3", n);
-  bind(d, a.dout, "dout", "R^3");
-  const long sh = 3 * d["S"];
-  d.set("A", 11 + sh).bind("raw", a.raw, {"R^3", "A"}).bind("draw", a.draw, {"R^3", "A"});
-  ctx.launch({"decode", "decode_coarse_backward", ""}, items(n, kLocal),
-             backward_cost(static_cast<double>(n), static_cast<double>(11 + sh)), a.raw, a.dout.means, a.dout.scales,
-             a.dout.quats, a.dout.opacities, a.dout.sh, written(a.draw), r, sh, 0.25f / static_cast<float>(r),
-             scale_shift(r));
+  c.bind(d, "dout", a.dout);
+  d.bind("raw", a.raw, {"R^3", "K A"}).bind("draw", a.draw, {"R^3", "K A"});
+  ctx.launch({"decode", "decode_coarse_backward", ""}, items(c.count, kLocal),
+             backward_cost(static_cast<double>(c.count), static_cast<double>(d["A"])), a.raw, a.dout.means,
+             a.dout.scales, a.dout.quats, a.dout.opacities, a.dout.sh, written(a.draw), a.volume, c.each, 3 * d["S"],
+             d["D"], c.exponential, c.reach, c.shift);
 }
 
 void decode_fine_forward(Context& ctx, const DecodeFineForward& a) {

@@ -1,26 +1,36 @@
-// The heads' raw numbers as Gaussians. A = 3 + 3S + 1 + 3 + 4 numbers each: offset, SH, opacity, scale, rotation.
+// The heads' raw numbers as Gaussians. A = 3 + 3S + 1 + D + 4 numbers each: offset, SH, opacity, scale, rotation. D =
+// 3, or 2 of surfels.
 #pragma once
 #include "model/base/gaussians.h"
 #include "runtime/context.h"
 
 namespace vsplat {
 
-// Room for `count` Gaussians with S = sh_count coefficients.
-DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what);
+// Room for `count` Gaussians with S = sh_count coefficients and D = scales.
+DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what, long scales = 3);
 
-// One per voxel, within a quarter voxel of its centre.
+// What the networks' coarse primitives differ in.
+struct CoarseKind {
+  long each = 1;             // K, primitives of a voxel
+  double reach = 0.25;       // how far, in voxels, one may lie from its voxel's centre along each axis
+  bool exponential = false;  // a scale is exp(x + log(voxel / 3)), else softplus(x + log(exp(voxel / 6) - 1))
+};
+
+// K per voxel, near its centre, voxel by voxel.
 struct DecodeCoarseForward {
-  Tensor raw;           // [R^3, A]
+  Tensor raw;           // [R^3, K A]
   long volume = 0;      // R
-  DeviceGaussians out;  // R^3
+  DeviceGaussians out;  // K R^3
+  CoarseKind kind = {};
 };
 void decode_coarse_forward(Context& ctx, const DecodeCoarseForward& a);
 
 struct DecodeCoarseBackward {
-  Tensor raw;              // [R^3, A], as forward had it
+  Tensor raw;              // [R^3, K A], as forward had it
   long volume = 0;         // R
-  GaussianGradients dout;  // R^3
-  Tensor draw;             // [R^3, A], not raw; written
+  GaussianGradients dout;  // K R^3
+  Tensor draw;             // [R^3, K A], not raw; written
+  CoarseKind kind = {};
 };
 void decode_coarse_backward(Context& ctx, const DecodeCoarseBackward& a);
 

@@ -25,7 +25,7 @@ void gather_forward(Context& ctx, const GatherForward& a) {
   }
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
   ctx.launch({"gather", "gather_forward", ""}, range, {0, 8.0 * static_cast<double>(p) * static_cast<double>(c)}, a.x,
-             a.index, c == w ? written(a.out) : written_somewhere(a.out), p, c, w, a.column);
+             a.index, c == w ? written(a.out) : written_somewhere(a.out), p, c, w, a.column, a.shared);
 }
 
 void gather_backward(Context& ctx, const GatherBackward& a) {
@@ -38,7 +38,7 @@ void gather_backward(Context& ctx, const GatherBackward& a) {
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
   ctx.launch({"gather", "gather_backward", ""}, range,
              {static_cast<double>(p) * static_cast<double>(c), 12.0 * static_cast<double>(p) * static_cast<double>(c)},
-             a.dout, a.index, written(a.dx), p, c, w, a.column);
+             a.dout, a.index, written(a.dx), p, c, w, a.column, a.shared);
 }
 
 DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
@@ -50,7 +50,7 @@ DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Ten
   };
   DeviceGaussians out;
   out.means = rows(g.means, {p, 3}, "gather.means");
-  out.scales = rows(g.scales, {p, 3}, "gather.scales");
+  out.scales = rows(g.scales, {p, g.scales.dim(1)}, "gather.scales");
   out.quats = rows(g.quats, {p, 4}, "gather.quats");
   out.opacities = rows(g.opacities, {p}, "gather.opacities");
   out.sh = rows(g.sh, {p, g.sh.dim(1), 3}, "gather.sh");

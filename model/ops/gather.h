@@ -7,17 +7,19 @@ namespace vsplat {
 
 struct GatherForward {
   Tensor x;      // [N, C]
-  Tensor index;  // i32 [P], each in 0..N-1
+  Tensor index;  // i32 [P], each in 0..N shared - 1
   Tensor out;    // [P, W]; columns column .. column + C - 1 are written
   long column = 0;
+  long shared = 1;  // how many indices mean one row: index / shared is the row (primitives of a voxel)
 };
 void gather_forward(Context& ctx, const GatherForward& a);
 
 struct GatherBackward {
   Tensor dout;   // [P, W]
-  Tensor index;  // i32 [P], each in 0..N-1 and no two equal; negative ones are passed over
-  Tensor dx;     // [N, C], added to: to row index[p] dout's row p, columns column .. column + C - 1; other rows stay
+  Tensor index;  // i32 [P], each in 0..N shared - 1 and no two equal; negative ones are passed over
+  Tensor dx;  // [N, C], added to: to row index[p] / shared dout's row p, columns column .. column + C - 1; others stay
   long column = 0;
+  long shared = 1;  // above 1 the indices ascend, and none is negative
 };
 void gather_backward(Context& ctx, const GatherBackward& a);
 

@@ -63,6 +63,17 @@ void lift_mean_forward(Context& ctx, const LiftMeanForward& a) {
              d["V"], d["C"]);
 }
 
+void lift_samples_forward(Context& ctx, const LiftSamplesForward& a) {
+  Dims d;
+  d.bind("maps", a.maps, {"texels", "C"}).bind("index", a.index, {"n", "V", "4"}, Type::i32);
+  d.bind("weight", a.weight, {"n", "V", "4"}).bind("out", a.out, {"n", "V", "C"});
+  const Launch shape = shape_of(ctx.flavour(), d["n"]);
+  Cost cost = cost_of(a.maps, d["n"], d["V"], d["C"], 8);
+  cost.bytes += static_cast<double>(a.out.bytes()) * static_cast<double>(d["V"] - 1) / static_cast<double>(d["V"]);
+  ctx.launch({"lift", "lift_samples_forward", shape.defines}, shape.range, cost, a.maps, a.index, a.weight,
+             written(a.out), d["n"], d["V"], d["C"]);
+}
+
 void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a) {
   Dims d;
   d.bind("maps", a.maps, {"texels", "C"}).bind("index", a.index, {"n", "V", "4"}, Type::i32);
@@ -79,6 +90,12 @@ void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a) {
 
 void lift_mean_backward(Context& ctx, const LiftMeanBackward& a) {
   scatter_rows(ctx, {a.plan, a.dout, a.first, 4 * a.views, 1.0f / static_cast<float>(a.views), a.dmaps});
+}
+
+void lift_samples_backward(Context& ctx, const LiftSamplesBackward& a) {
+  Dims d;
+  d.bind("dout", a.dout, {"n", "V", "C"}).bind("dmaps", a.dmaps, {"texels", "C"});
+  scatter_rows(ctx, {a.plan, a.dout.reshaped({d["n"] * d["V"], d["C"]}), 0, 4, 1, a.dmaps});
 }
 
 }  // namespace vsplat

@@ -37,6 +37,14 @@ struct LiftMeanForward {
 };
 void lift_mean_forward(Context& ctx, const LiftMeanForward& a);
 
+// The V samples themselves, side by side.
+struct LiftSamplesForward {
+  Tensor maps;           // [V t t, C]
+  Tensor index, weight;  // [n, V, 4]
+  Tensor out;            // [n, V, C]
+};
+void lift_samples_forward(Context& ctx, const LiftSamplesForward& a);
+
 // Gradients by the maps, of the same run of voxels: with `plan`, make_scatter_plan() of its index and weight for as
 // many rows as the maps have.
 struct LiftVarianceBackward {
@@ -57,5 +65,12 @@ struct LiftMeanBackward {
   Tensor dmaps;  // [V t t, C], added to
 };
 void lift_mean_backward(Context& ctx, const LiftMeanBackward& a);
+
+struct LiftSamplesBackward {
+  const ScatterPlan* plan = nullptr;
+  Tensor dout;   // [n, V, C]
+  Tensor dmaps;  // [V t t, C], added to
+};
+void lift_samples_backward(Context& ctx, const LiftSamplesBackward& a);
 
 }  // namespace vsplat

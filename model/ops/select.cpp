@@ -25,8 +25,10 @@ Selection selection_of(const std::string& name) {
 
 void select_forward(Context& ctx, const SelectForward& a) {
   Dims d;
-  d.bind("logits", a.logits, {"n"}).bind_optional("noise", a.noise, {"n"}).bind("opacities", a.opacities, {"n"});
-  d.bind("factor", a.factor, {"n"}).bind("refined", a.refined, {"n"}).bind("flags", a.flags, {"n"}, Type::u32);
+  d.bind("opacities", a.opacities, {"n"}).bind_optional("noise", a.noise, {"n"});
+  if (a.logits || a.selection != Selection::opacity) d.bind("logits", a.logits, {"n"});
+  d.bind_optional("factor", a.factor, {"n"}).bind_optional("refined", a.refined, {"n"});
+  d.bind("flags", a.flags, {"n"}, Type::u32);
   check_temperature(a.selection, a.temperature);
   const long n = d["n"];
   const auto count = static_cast<double>(n);

@@ -11,14 +11,14 @@ enum class Selection : int { gumbel = 1, sigmoid = 2, ste = 3, opacity = 4 };
 Selection selection_of(const std::string& name);  // the configuration's word
 
 struct SelectForward {
-  Tensor logits;     // [n]
+  Tensor logits;     // [n]; opacity does without
   Tensor noise;      // [n] or none; gumbel alone uses it
   Tensor opacities;  // [n]
   Selection selection = Selection::gumbel;
   float temperature = 0.1f;          // of gumbel
   float opacity_threshold = 0.005f;  // of opacity
-  Tensor factor;                     // [n]: by how much the opacity counts
-  Tensor refined;                    // [n]: opacity * factor
+  Tensor factor;                     // [n]: by how much the opacity counts; or none
+  Tensor refined;                    // [n]: opacity * factor; or none
   Tensor flags;                      // u32 [n]: 1 where the voxel is selected
 };
 void select_forward(Context& ctx, const SelectForward& a);

@@ -1,4 +1,4 @@
-// The derivatives of GELU and SiLU in double.
+// The derivatives of GELU, SiLU and ReLU in double.
 #pragma once
 #include <cmath>
 
@@ -6,9 +6,10 @@
 
 namespace vsplat::ref {
 
-// 1 GELU, 2 SiLU
+// 1 GELU, 2 SiLU, 3 ReLU (0 at 0)
 inline double activation_slope(double x, int act) {
   if (act == 1) return 0.5 * std::erfc(-x / std::sqrt(2.0)) + x * std::exp(-x * x / 2) / std::sqrt(2 * std::acos(-1.0));
+  if (act == 3) return x > 0 ? 1 : 0;
   const double s = 1 / (1 + std::exp(-x));
   return s + x * s * (1 - s);
 }

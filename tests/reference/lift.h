@@ -33,6 +33,37 @@ inline Lifted lift(const std::vector<float>& features, long t, long channels, co
   return out;
 }
 
+// All samples [R^3, V, C].
+inline std::vector<double> lift_samples(const std::vector<float>& features, long t, long channels,
+                                        const std::vector<Camera>& cameras, int image, bool half_pixel, int volume) {
+  std::vector<double> out, one;
+  for (int voxel = 0; voxel < volume * volume * volume; ++voxel) {
+    const Eigen::Vector3d at(voxel / (volume * volume), voxel / volume % volume, voxel % volume);
+    for (std::size_t v = 0; v < cameras.size(); ++v) {
+      sample_view(features, t, channels, static_cast<long>(v), cameras[v], image, half_pixel,
+                  (at.array() + 0.5) / volume - 0.5, one);
+      out.insert(out.end(), one.begin(), one.end());
+    }
+  }
+  return out;
+}
+
+// The gradient by `features` of sum(dsamples samples): each texel's, with all its channels, by a picture that is 1
+// there and 0 elsewhere.
+inline std::vector<double> lift_samples_gradient(std::size_t texels, long t, long channels,
+                                                 const std::vector<Camera>& cameras, int image, bool half_pixel,
+                                                 int volume, const std::vector<float>& dsamples) {
+  const auto c = static_cast<std::size_t>(channels);
+  std::vector<double> gradient(texels * c, 0);
+  for (std::size_t texel = 0; texel < texels; ++texel) {
+    std::vector<float> picture(texels, 0.0f);
+    picture[texel] = 1;
+    const std::vector<double> weight = lift_samples(picture, t, 1, cameras, image, half_pixel, volume);
+    for (std::size_t i = 0; i < dsamples.size(); ++i) gradient[texel * c + i % c] += weight[i / c] * dsamples[i];
+  }
+  return gradient;
+}
+
 // The gradient by `features` of sum(dmean mean + dvariance variance), both [R^3, C]. By central differences of the
 // above, which are exact here: each channel's loss is a polynomial of degree two in each of its texels.
 inline std::vector<double> lift_gradient(std::vector<float> features, long t, long channels,

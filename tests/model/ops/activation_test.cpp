@@ -9,12 +9,13 @@
 namespace vsplat {
 namespace {
 
-constexpr Activation kAll[] = {Activation::gelu, Activation::silu};
+constexpr Activation kAll[] = {Activation::gelu, Activation::silu, Activation::relu};
 
 TEST(ActivationReference, SlopesAreThoseOfDifferences) {
-  for (const int act : {1, 2})
+  for (const int act : {1, 2, 3})
     for (int i = -144; i < 144; ++i) {
       const double x = i / 16.0;
+      if (act == 3 && i == 0) continue;  // where there is none
       EXPECT_NEAR(ref::activation_slope(x, act), (ref::activate(x + 1e-5, act) - ref::activate(x - 1e-5, act)) / 2e-5,
                   1e-9)
           << x;
@@ -78,6 +79,22 @@ TEST_P(ActivationTest, LargeValuesAreFinite) {
       EXPECT_NEAR(got[i], want, 1e-6) << x[i] << " act " << static_cast<int>(act);
     }
   }
+}
+
+// As PyTorch has it: nothing comes back where ReLU begins.
+TEST_P(ActivationTest, ReluHasNoSlopeAtZero) {
+  const Tensor x = ctx().upload({2}, std::vector<float>{0.0f, -0.0f}), d = ctx().upload({2}, std::vector<float>{1, 1});
+  activation_backward(ctx(), {x, Activation::relu, d, d});
+  EXPECT_EQ(ctx().read<float>(d), (std::vector<float>{0, 0}));
+}
+
+TEST_P(ActivationTest, ReluKeepsWhatIsNoNumber) {
+  const Tensor x = ctx().upload({3}, std::vector<float>{-1, NAN, 2});
+  activation_forward(ctx(), {x, Activation::relu, x});
+  const auto got = ctx().read<float>(x);
+  EXPECT_EQ(got[0], 0);
+  EXPECT_TRUE(std::isnan(got[1]));
+  EXPECT_EQ(got[2], 2);
 }
 
 TEST_P(ActivationTest, EmptyInput) {

@@ -11,13 +11,13 @@ namespace {
 
 using test::close;
 
-DeviceGaussians nan_gaussians(Context& ctx, long n, long s) {
+DeviceGaussians nan_gaussians(Context& ctx, long n, long s, long scales = 3) {
   DeviceGaussians g;
   const auto make = [&](const Shape& shape, long count) {
     return ctx.upload(shape, test::nans(static_cast<std::size_t>(count)));
   };
   g.means = make({n, 3}, 3 * n);
-  g.scales = make({n, 3}, 3 * n);
+  g.scales = make({n, scales}, scales * n);
   g.quats = make({n, 4}, 4 * n);
   g.opacities = make({n}, n);
   g.sh = make({n, s, 3}, 3 * s * n);
@@ -100,11 +100,11 @@ ref::GaussianLists cotangents(long n, long s) {
   return {random(3 * n, 51), random(3 * n, 52), random(4 * n, 53), random(n, 54), random(3 * s * n, 55)};
 }
 
-GaussianGradients upload(Context& ctx, const ref::GaussianLists& g, long n, long s) {
+GaussianGradients upload(Context& ctx, const ref::GaussianLists& g, long n, long s, long scales = 3) {
   const auto floats = [&](const Shape& shape, const std::vector<double>& x) {
     return ctx.upload(shape, std::vector<float>(x.begin(), x.end()));
   };
-  return {floats({n, 3}, g.means), floats({n, 3}, g.scales), floats({n, 4}, g.quats), floats({n}, g.opacities),
+  return {floats({n, 3}, g.means), floats({n, scales}, g.scales), floats({n, 4}, g.quats), floats({n}, g.opacities),
           floats({n, s, 3}, g.sh)};
 }
 
@@ -112,36 +112,37 @@ TEST(DecodeReference, GradientsAreThoseOfDifferences) {
   constexpr double step = 1e-5, anchor[3] = {0.1, -0.2, 0.3};
   const std::vector<float> random = test::random_floats(23 * 20, 56, -4.0f, 4.0f);
   const ref::GaussianLists d = cotangents(1, 4);
-  for (std::size_t row = 0; row < random.size(); row += 23) {
-    std::vector<double> raw(random.begin() + static_cast<long>(row), random.begin() + static_cast<long>(row + 23));
-    const auto loss = [&] {
-      ref::GaussianLists g;
-      ref::decode(raw.data(), anchor, 0.25, 1, 12, g);
-      const auto dot = [](const std::vector<double>& x, const std::vector<double>& y) {
-        return std::inner_product(x.begin(), x.end(), y.begin(), 0.0);
+  for (const bool exponential : {false, true})
+    for (std::size_t row = 0; row < random.size(); row += 23) {
+      std::vector<double> raw(random.begin() + static_cast<long>(row), random.begin() + static_cast<long>(row + 23));
+      const auto loss = [&] {
+        ref::GaussianLists g;
+        ref::decode(raw.data(), anchor, 0.25, 1, 12, g, 3, exponential);
+        const auto dot = [](const std::vector<double>& x, const std::vector<double>& y) {
+          return std::inner_product(x.begin(), x.end(), y.begin(), 0.0);
+        };
+        return dot(g.means, d.means) + dot(g.scales, d.scales) + dot(g.quats, d.quats) + dot(g.opacities, d.opacities) +
+               dot(g.sh, d.sh);
       };
-      return dot(g.means, d.means) + dot(g.scales, d.scales) + dot(g.quats, d.quats) + dot(g.opacities, d.opacities) +
-             dot(g.sh, d.sh);
-    };
-    std::vector<double> got;
-    ref::decode_backward(raw.data(), 0.25, 1, 12, d, 0, got);
-    ASSERT_EQ(got.size(), raw.size());
-    for (std::size_t i = 0; i < raw.size(); ++i) {
-      const double at = raw[i];
-      raw[i] = at + step;
-      const double above = loss();
-      raw[i] = at - step;
-      EXPECT_NEAR(got[i], (above - loss()) / (2 * step), 1e-8) << i;
-      raw[i] = at;
+      std::vector<double> got;
+      ref::decode_backward(raw.data(), 0.25, 1, 12, d, 0, got, 3, exponential);
+      ASSERT_EQ(got.size(), raw.size());
+      for (std::size_t i = 0; i < raw.size(); ++i) {
+        const double at = raw[i];
+        raw[i] = at + step;
+        const double above = loss();
+        raw[i] = at - step;
+        EXPECT_NEAR(got[i], (above - loss()) / (2 * step), 1e-8) << i;
+        raw[i] = at;
+      }
     }
-  }
 }
 
 // Part by part: they are of different sizes.
-void expect_raw(Context& ctx, const Tensor& draw, const std::vector<double>& want, long sh_size) {
+void expect_raw(Context& ctx, const Tensor& draw, const std::vector<double>& want, long sh_size, long scales = 3) {
   const std::vector<float> got = ctx.read<float>(draw);
   ASSERT_EQ(got.size(), want.size());
-  const long size = 11 + sh_size, ends[] = {0, 3, 3 + sh_size, 4 + sh_size, 7 + sh_size, size};
+  const long size = 8 + scales + sh_size, ends[] = {0, 3, 3 + sh_size, 4 + sh_size, 4 + scales + sh_size, size};
   for (int part = 0; part < 5; ++part) {
     std::vector<float> some;
     std::vector<double> expected;
@@ -152,6 +153,39 @@ void expect_raw(Context& ctx, const Tensor& draw, const std::vector<double>& wan
       expected.push_back(want[i]);
     }
     EXPECT_TRUE(close(some, expected, part == 1 ? 0 : 1e-6)) << "part " << part;
+  }
+}
+
+// Several of a voxel, as surfels and as Gaussians, with exponential scales, farther from its centre; and their
+// backward.
+TEST(Decode, CoarseOfEveryKindMatchesReference) {
+  Context& ctx = test::context(Flavour::cpu);
+  for (const auto& [r, s, each, scales, exponential] :
+       {std::tuple{3L, 4L, 2L, 2L, true}, {3L, 1L, 1L, 3L, true}, {2L, 9L, 3L, 2L, false}, {5L, 4L, 2L, 3L, false}}) {
+    const long n = r * r * r * each, size = 8 + scales + 3 * s;
+    const CoarseKind kind{each, 0.6, exponential};
+    const std::vector<float> raw = test::random_floats(static_cast<std::size_t>(n * size), 41, -4.0f, 4.0f);
+    const DeviceGaussians out = nan_gaussians(ctx, n, s, scales);
+    const Tensor on_device = ctx.upload({r * r * r, each * size}, raw);
+    decode_coarse_forward(ctx, {on_device, r, out, kind});
+    ref::GaussianLists want, d = cotangents(n, s);
+    d.scales.resize(static_cast<std::size_t>(n * scales));
+    std::vector<double> by_raw;
+    const double voxel = 1.0 / static_cast<double>(r);
+    for (long k = 0; k < n; ++k) {
+      const long i = k / each;
+      const double anchor[3] = {(static_cast<double>(i / (r * r)) + 0.5) * voxel - 0.5,
+                                (static_cast<double>(i / r % r) + 0.5) * voxel - 0.5,
+                                (static_cast<double>(i % r) + 0.5) * voxel - 0.5};
+      const float* row = &raw[static_cast<std::size_t>(k * size)];
+      ref::decode(row, anchor, 0.6 * voxel, voxel, 3 * s, want, static_cast<int>(scales), exponential);
+      ref::decode_backward(row, 0.6 * voxel, voxel, 3 * s, d, static_cast<std::size_t>(k), by_raw,
+                           static_cast<std::size_t>(scales), exponential);
+    }
+    expect_equal(ctx, out, want);
+    const Tensor draw = ctx.upload(on_device.shape(), test::nans(raw.size()));
+    decode_coarse_backward(ctx, {on_device, r, upload(ctx, d, n, s, scales), draw, kind});
+    expect_raw(ctx, draw, by_raw, 3 * s, scales);
   }
 }
 
@@ -267,6 +301,8 @@ TEST(Decode, RejectsBadShape) {
   Context& ctx = test::context(Flavour::cpu);
   EXPECT_THROW(decode_coarse_forward(ctx, {ctx.tensor({8, 22}), 2, make_gaussians(ctx, 8, 4, "out")}), Error);
   EXPECT_THROW(decode_coarse_forward(ctx, {ctx.tensor({8, 23}), 3, make_gaussians(ctx, 8, 4, "out")}), Error);
+  EXPECT_THROW(decode_coarse_forward(ctx, {ctx.tensor({8, 22}), 2, make_gaussians(ctx, 8, 4, "out", 2), {2}}), Error);
+  EXPECT_THROW(decode_coarse_forward(ctx, {ctx.tensor({8, 21}), 2, make_gaussians(ctx, 8, 4, "out", 1)}), Error);
   const DeviceGaussians three = make_gaussians(ctx, 3, 4, "out");
   EXPECT_THROW(decode_fine_forward(ctx, {ctx.tensor({2, 46}), ctx.tensor({2, 3}), ctx.tensor({2, 3}), 4, three}),
                Error);

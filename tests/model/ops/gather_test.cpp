@@ -49,6 +49,30 @@ TEST_P(Gather, BackwardAddsToTheRowsThatWereRead) {
   EXPECT_EQ(ctx().read<float>(none), std::vector<float>(6, 1.0f));
 }
 
+// Indices of which three mean one row: what comes back to it is the sum of those that are there.
+TEST_P(Gather, SharedRows) {
+  const std::vector<int> index = {0, 2, 3, 4, 5, 11, 12, 20};
+  for (const long c : {1L, 7L, 33L}) {
+    const auto width = static_cast<std::size_t>(c);
+    const std::vector<float> x = test::random_floats(7 * width, 65);
+    const std::vector<float> dout = test::random_floats(8 * (width + 1), 66);
+    std::vector<float> want, before = test::random_floats(7 * width, 67);
+    std::vector<double> sums(before.begin(), before.end());
+    for (std::size_t p = 0; p < index.size(); ++p)
+      for (std::size_t i = 0; i < width; ++i) {
+        const std::size_t at = static_cast<std::size_t>(index[p] / 3) * width + i;
+        want.push_back(x[at]);
+        sums[at] += dout[p * (width + 1) + 1 + i];
+      }
+    const Tensor rows = ctx().upload({8}, index, Type::i32), out = ctx().upload({8, c}, test::nans(8 * width));
+    gather_forward(ctx(), {ctx().upload({7, c}, x), rows, out, 0, 3});
+    EXPECT_EQ(ctx().read<float>(out), want) << c;
+    const Tensor dx = ctx().upload({7, c}, before);
+    gather_backward(ctx(), {ctx().upload({8, c + 1}, dout), rows, dx, 1, 3});
+    EXPECT_TRUE(test::close(ctx().read<float>(dx), sums, 1e-6)) << c;
+  }
+}
+
 TEST_P(Gather, Gaussians) {
   Gaussians g;
   g.count = 9;

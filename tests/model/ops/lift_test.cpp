@@ -77,6 +77,34 @@ class Lift : public test::FlavourTest {
     }
   }
 
+  // The samples by themselves, and their backward.
+  void check_samples(const Case& k) {
+    const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
+    const auto c = static_cast<std::size_t>(k.channels),
+               texels = static_cast<std::size_t>(k.views) * k.tokens * k.tokens;
+    const long voxels = static_cast<long>(k.volume) * k.volume * k.volume, v = k.views;
+    const std::size_t values = static_cast<std::size_t>(voxels * v) * c;
+    const auto features = test::random_floats(texels * c, 1, -1.0f, 2.0f), before = test::random_floats(texels * c, 4);
+    const auto dout = test::random_floats(values, 5);
+    const Tensor index = ctx().tensor({voxels, v, 4}, Type::i32), weight = ctx().tensor({voxels, v, 4});
+    lift_corners(ctx(), {upload_cameras(ctx(), cameras), k.volume, k.tokens, k.tokens * k.patch, k.half_pixel, 0, index,
+                         weight});
+    const Tensor out = ctx().upload({voxels, v, k.channels}, test::nans(values));
+    const Shape maps{static_cast<long>(texels), k.channels};
+    lift_samples_forward(ctx(), {ctx().upload(maps, features), index, weight, out});
+    EXPECT_TRUE(test::close(
+        ctx().read<float>(out),
+        ref::lift_samples(features, k.tokens, k.channels, cameras, k.tokens * k.patch, k.half_pixel, k.volume), 2e-5))
+        << k.channels;
+    const Tensor dmaps = ctx().upload(maps, before);
+    const ScatterPlan plan = make_scatter_plan(ctx(), index, weight, static_cast<long>(texels));
+    lift_samples_backward(ctx(), {&plan, ctx().upload({voxels, v, k.channels}, dout), dmaps});
+    std::vector<double> want = ref::lift_samples_gradient(texels, k.tokens, k.channels, cameras, k.tokens * k.patch,
+                                                          k.half_pixel, k.volume, dout);
+    for (std::size_t i = 0; i < want.size(); ++i) want[i] += before[i];
+    EXPECT_TRUE(test::close(ctx().read<float>(dmaps), want, 2e-5)) << k.channels;
+  }
+
   void check(const Case& k) {
     const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
     const auto c = static_cast<std::size_t>(k.channels);
@@ -130,17 +158,25 @@ TEST_P(Lift, BackwardMatchesReference) {
   check_backward({4, 7, 4, 18, 6, 0.3, true});
 }
 
+TEST_P(Lift, SamplesOfEveryViewMatchReference) {
+  for (const int channels : {1, 3, 7, 15, 16, 17, 33}) check_samples({3, 4, 8, channels, 5, 1.6, true});
+  check_samples({1, 1, 4, 5, 1, 1.6, false});
+  check_samples({4, 5, 4, 18, 6, 0.3, true});
+}
+
 TEST_P(Lift, RejectsBadShape) {
   const Tensor maps = ctx().tensor({8, 4}), index = ctx().tensor({5, 2, 4}, Type::i32);
   const Tensor weight = ctx().tensor({5, 2, 4}), bias = ctx().tensor({4}), out = ctx().tensor({5, 4});
   EXPECT_THROW(lift_variance_forward(ctx(), {maps, index, ctx().tensor({5, 3, 4}), out}), Error);
   EXPECT_THROW(lift_variance_forward(ctx(), {maps, weight, weight, out}), Error);
   EXPECT_THROW(lift_mean_forward(ctx(), {maps, index, weight, bias, 1, out}), Error);
+  EXPECT_THROW(lift_samples_forward(ctx(), {maps, index, weight, out}), Error);
   const ScatterPlan plan = make_scatter_plan(ctx(), ctx().upload({5, 2, 4}, std::vector<int>(40, 1), Type::i32),
                                              ctx().upload({5, 2, 4}, std::vector<float>(40, 1.0f)), 8);
   EXPECT_THROW(lift_variance_backward(ctx(), {maps, index, weight, &plan, ctx().tensor({4, 4}), maps}), Error);
   EXPECT_THROW(lift_variance_backward(ctx(), {maps, index, weight, &plan, out, out}), Error);
   EXPECT_THROW(lift_mean_backward(ctx(), {2, &plan, out, 1, maps}), Error);
+  EXPECT_THROW(lift_samples_backward(ctx(), {&plan, ctx().tensor({4, 2, 4}), maps}), Error);
   EXPECT_THROW(lift_mean_backward(ctx(), {0, &plan, out, 0, maps}), Error);
 }
 

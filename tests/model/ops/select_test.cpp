@@ -69,6 +69,23 @@ TEST(Select, EveryVariantMatchesReferenceAndCompactsInOrder) {
   }
 }
 
+// What asks for nothing but the flags, and by the opacity alone.
+TEST(Select, FlagsAlone) {
+  Context& ctx = test::context(Flavour::cpu);
+  const std::vector<float> opacities = test::random_floats(65, 52, 0.0f, 1.0f);
+  SelectForward a;
+  a.opacities = ctx.upload({65}, opacities);
+  a.selection = Selection::opacity;
+  a.opacity_threshold = 0.4f;
+  a.flags = ctx.upload({65}, std::vector<std::uint32_t>(65, 7), Type::u32);
+  select_forward(ctx, a);
+  std::vector<std::uint32_t> want;
+  for (const float opacity : opacities) want.push_back(opacity > 0.4f);
+  EXPECT_EQ(ctx.read<std::uint32_t>(a.flags), want);
+  a.selection = Selection::sigmoid;
+  EXPECT_THROW(select_forward(ctx, a), Error) << "without logits";
+}
+
 // Except that of "ste" by the logit, which is that of "sigmoid".
 TEST(SelectReference, GradientsAreThoseOfDifferences) {
   const auto random = test::random_floats(4 * 50, 54);
