@@ -2,6 +2,7 @@
 
 #include "model/ops/activation.h"
 #include "model/ops/groupnorm.h"
+#include "model/ops/layernorm.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 
@@ -41,7 +42,7 @@ void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b)
     }
     transposed_gemm(ctx, {b.dy, x, layer.dweight, true, b.name});
   }
-  column_sum(ctx, {b.dy, layer.dbias, true});
+  if (layer.dbias) column_sum(ctx, {b.dy, layer.dbias, true});
 
   long first = 0;
   for (const Tensor& dx : {b.dx0, b.dx1}) {
@@ -57,6 +58,56 @@ void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b)
     g.name = b.name;
     gemm(ctx, g);
   }
+}
+
+Tensor flat(const Tensor& x) { return x.reshaped({x.count() / x.shape().back(), x.shape().back()}); }
+
+void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tensor& x, const Tensor& out,
+                const char* name) {
+  Gemm g;
+  g.a.x0 = in;
+  g.b = &linear.w;
+  g.bias = linear.bias;
+  g.residual = flat(x);
+  g.out = flat(out);
+  g.name = name;
+  gemm(ctx, g);
+}
+
+Tensor normed_forward(Context& ctx, const LayerNorm& norm, const Tensor& x, float eps, const char* what) {
+  const Tensor out = ctx.tensor(flat(x).shape(), Type::f32, what);
+  layernorm_forward(ctx, {flat(x), norm.gamma, norm.beta, eps, out});
+  return out;
+}
+
+void normed_backward(Context& ctx, const LayerNorm& norm, const Tensor& x, float eps, const Tensor& dy,
+                     const Tensor& dx, bool add) {
+  layernorm_backward(ctx, {flat(x), norm.gamma, eps, flat(dy), flat(dx), norm.dgamma, norm.dbeta, add});
+}
+
+void gelu_mlp_forward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& out, Tensor* kept) {
+  Tensor hidden = linear_forward(ctx, mlp.fc1, rows_of(normed_forward(ctx, mlp.norm, x, mlp.eps, "mlp.normed")),
+                                 "mlp.fc1", kept ? Activation::none : Activation::gelu);
+  if (kept) {
+    *kept = hidden;
+    hidden = ctx.tensor(hidden.shape(), Type::f32, "mlp.hidden");
+    activation_forward(ctx, {*kept, Activation::gelu, hidden});
+  }
+  add_linear(ctx, mlp.fc2, hidden, x, out, "mlp.fc2");
+}
+
+void gelu_mlp_backward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& hidden, const Tensor& dx) {
+  const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "mlp gradient"); };
+  const Tensor dnormed = like(flat(dx)), dhidden = like(hidden);
+  {
+    const Tensor active = like(hidden);
+    activation_forward(ctx, {hidden, Activation::gelu, active});
+    linear_backward(ctx, mlp.fc2, {rows_of(active), flat(dx), dhidden, {}, false, "mlp.fc2"});
+  }
+  activation_backward(ctx, {hidden, Activation::gelu, dhidden, dhidden});
+  const Tensor normed = normed_forward(ctx, mlp.norm, x, mlp.eps, "mlp.normed");
+  linear_backward(ctx, mlp.fc1, {rows_of(normed), dhidden, dnormed, {}, false, "mlp.fc1"});
+  normed_backward(ctx, mlp.norm, x, mlp.eps, dnormed, dx);
 }
 
 RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1, NormSaved* saved) {
@@ -102,6 +153,60 @@ void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& sa
   b.dgamma = norm.dgamma;
   b.dbeta = norm.dbeta;
   groupnorm_backward(ctx, b);
+}
+
+Tensor volume_conv_forward(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
+                           const Tensor& residual, const Tensor& out) {
+  Conv3dForward c;
+  c.in = in;
+  c.x = c.y = c.z = edge;
+  c.weights = &conv.w;
+  c.residual = residual;
+  c.out = out ? out : ctx.tensor({edge * edge * edge, conv.w.cout}, Type::f32, name);
+  c.name = name;
+  conv3d_forward(ctx, c);
+  return c.out;
+}
+
+Tensor volume_conv_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
+                            const char* name) {
+  Conv3dBackwardWeights g;
+  g.in = in;
+  g.x = g.y = g.z = edge;
+  g.dy = dy;
+  g.dw = conv.dweight;
+  g.dbias = conv.dbias;
+  g.name = name;
+  conv3d_backward_weights(ctx, g);
+  Conv3dBackwardInputs i;
+  i.w = conv.plain;
+  i.x = i.y = i.z = edge;
+  i.dy = dy;
+  i.dx = ctx.tensor({edge * edge * edge, conv.w.cin}, Type::f32, name);
+  i.name = name;
+  conv3d_backward_inputs(ctx, i);
+  return i.dx;
+}
+
+Tensor relu_mlp_forward(Context& ctx, const std::vector<Linear>& mlp, const Tensor& x, const char* name,
+                        std::vector<Tensor>* saved) {
+  Tensor at = x;
+  for (std::size_t i = 0; i < mlp.size(); ++i) {
+    if (saved) saved->push_back(at);
+    at = linear_forward(ctx, mlp[i], rows_of(at), name, i + 1 < mlp.size() ? Activation::relu : Activation::none);
+  }
+  return at;
+}
+
+void relu_mlp_backward(Context& ctx, const std::vector<Linear>& mlp, const std::vector<Tensor>& saved, const Tensor& dy,
+                       const Tensor& dx, bool add, const char* name) {
+  Tensor d = dy;
+  for (std::size_t i = mlp.size(); i-- > 0;) {
+    const Tensor next = i == 0 ? dx : ctx.tensor(saved[i].shape(), Type::f32, "mlp gradient");
+    linear_backward(ctx, mlp[i], {rows_of(saved[i]), d, next, {}, i == 0 && add, name});
+    if (i > 0) activation_backward(ctx, {saved[i], Activation::relu, next, next});
+    d = next;
+  }
 }
 
 Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved) {

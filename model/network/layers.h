@@ -1,6 +1,8 @@
 // The layers that the stages are made of, and what several of them do with those. Backwards add to the gradients by
 // weights, which are there in training only (see LearntWeights). Layers are made by WeightLoader.
 #pragma once
+#include <vector>
+
 #include "model/ops/conv3d.h"
 #include "runtime/gemm.h"
 
@@ -9,10 +11,15 @@ namespace vsplat {
 // The rows of x, or of SiLU(x).
 RowSource rows_of(const Tensor& x, bool silu = false);
 
+// What is learnt as it is, and in training the gradient by it.
+struct Learnt {
+  Tensor value, gradient;
+};
+
 // A Linear, a 1x1x1 convolution or a convolution of patches.
 struct Linear {
   PackedMatrix w;
-  Tensor bias;
+  Tensor bias;                   // may be none
   Tensor plain, dweight, dbias;  // in training: [out, in], and the gradients
 };
 Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, const char* name,
@@ -30,11 +37,35 @@ struct LinearBackward {
 };
 void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b);
 
+// x [.., C] as [rows, C].
+Tensor flat(const Tensor& x);
+
+// out = x + linear(in); out may be x.
+void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tensor& x, const Tensor& out,
+                const char* name);
+
 // See model/ops/layernorm.h.
 struct LayerNorm {
   Tensor gamma, beta;
   Tensor dgamma, dbeta;  // in training
 };
+// x [.., C] -> [rows, C]
+Tensor normed_forward(Context& ctx, const LayerNorm& norm, const Tensor& x, float eps, const char* what);
+// dx += what comes back through the norm of x; without `add` dx is written.
+void normed_backward(Context& ctx, const LayerNorm& norm, const Tensor& x, float eps, const Tensor& dy,
+                     const Tensor& dx, bool add = true);
+
+// fc2(GELU(fc1(norm(x)))), the second half of a transformer's block.
+struct GeluMlp {
+  const LayerNorm& norm;
+  const Linear &fc1, &fc2;
+  float eps;
+};
+// out = x + MLP(x); out may be x where nothing is kept. `hidden` [rows, fc1.out] before GELU, for the backward, or
+// null.
+void gelu_mlp_forward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& out, Tensor* hidden = nullptr);
+// dx: by the output before, by x after.
+void gelu_mlp_backward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& hidden, const Tensor& dx);
 
 struct GroupNorm {
   Tensor gamma, beta;
@@ -67,12 +98,33 @@ struct Conv {
   Tensor plain, dweight, dbias;
 };
 
+// 3x3x3 at edge^3 voxels; `residual` and `out` may be none, a new tensor then.
+Tensor volume_conv_forward(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
+                           const Tensor& residual = {}, const Tensor& out = {});
+// -> by the composed rows of `in`.
+Tensor volume_conv_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
+                            const char* name);
+
+// A transposed convolution 2x2x2, see model/ops/conv3d_up.h.
+struct ConvUp {
+  PackedMatrix w;
+  Tensor bias;
+  Tensor plain, dweight, dbias;  // in training: [in, out, 2, 2, 2], and the gradients
+};
+
 // The encoder's position embedding, resampled to the grid of its tokens, with the class token.
 struct Positions {
   int from = 0, to = 0;          // g, t
   Tensor resampled;              // [1 + t t, C], the class token added to its own
   Tensor dstored, dclass_token;  // in training, by what is stored: [1 + g g, C], [C]
 };
+
+// Linear layers with ReLU between them. `saved`: what each was given, for the backward, or null.
+Tensor relu_mlp_forward(Context& ctx, const std::vector<Linear>& mlp, const Tensor& x, const char* name,
+                        std::vector<Tensor>* saved = nullptr);
+// dy [rows, out] -> dx [rows, in]: written, or with `add` added to.
+void relu_mlp_backward(Context& ctx, const std::vector<Linear>& mlp, const std::vector<Tensor>& saved, const Tensor& dy,
+                       const Tensor& dx, bool add, const char* name);
 
 // Three linear layers with SiLU between them.
 struct Mlp3 {

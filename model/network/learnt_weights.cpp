@@ -15,10 +15,14 @@ constexpr std::size_t kLongestRun = std::size_t{64} << 20;
 
 }  // namespace
 
-LearntWeights::LearntWeights(Context& ctx, const Config& config, const Weights& weights, const KindOf& kind_of) {
+LearntWeights::LearntWeights(Context& ctx, const Config& config, const Weights& weights, const KindOf& kind_of)
+    : LearntWeights(ctx, parameters(config), weights, kind_of) {}
+
+LearntWeights::LearntWeights(Context& ctx, const std::vector<Parameter>& listed, const Weights& weights,
+                             const KindOf& kind_of) {
   // Buffers first, then by kind.
   std::map<std::pair<bool, int>, std::vector<Parameter>> kinds;
-  for (const Parameter& p : parameters(config)) {
+  for (const Parameter& p : listed) {
     names_.push_back(p.name);
     kinds[{p.trained, p.trained && kind_of ? kind_of(p) : 0}].push_back(p);
   }

@@ -34,6 +34,8 @@ class LearntWeights {
   // A context that only plans asks for no values: `weights` may be empty, so that a model beyond memory is planned.
   // Without `kind_of` all are of one kind. Buffers have a run of their own.
   LearntWeights(Context& ctx, const Config& config, const Weights& weights, const KindOf& kind_of = {});
+  // The same of a list of them.
+  LearntWeights(Context& ctx, const std::vector<Parameter>& listed, const Weights& weights, const KindOf& kind_of = {});
 
   // Error(format) names what is missing.
   const LearntTensor& at(const std::string& name) const;

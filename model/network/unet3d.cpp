@@ -9,19 +9,6 @@
 namespace vsplat {
 namespace {
 
-Tensor convolve(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
-                const Tensor& residual = {}, const Tensor& out = {}) {
-  Conv3dForward c;
-  c.in = in;
-  c.x = c.y = c.z = edge;
-  c.weights = &conv.w;
-  c.residual = residual;
-  c.out = out ? out : ctx.tensor({edge * edge * edge, conv.w.cout}, Type::f32, name);
-  c.name = name;
-  conv3d_forward(ctx, c);
-  return c.out;
-}
-
 Tensor downsample(Context& ctx, const Conv& conv, const Tensor& x, long edge) {
   Conv3dDownForward c;
   c.in.x0 = x;
@@ -31,27 +18,6 @@ Tensor downsample(Context& ctx, const Conv& conv, const Tensor& x, long edge) {
   c.name = "downsample.conv";
   conv3d_down_forward(ctx, c);
   return c.out;
-}
-
-// -> by the composed rows of `in`.
-Tensor convolve_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
-                         const char* name) {
-  Conv3dBackwardWeights g;
-  g.in = in;
-  g.x = g.y = g.z = edge;
-  g.dy = dy;
-  g.dw = conv.dweight;
-  g.dbias = conv.dbias;
-  g.name = name;
-  conv3d_backward_weights(ctx, g);
-  Conv3dBackwardInputs i;
-  i.w = conv.plain;
-  i.x = i.y = i.z = edge;
-  i.dy = dy;
-  i.dx = ctx.tensor({edge * edge * edge, conv.w.cin}, Type::f32, name);
-  i.name = name;
-  conv3d_backward_inputs(ctx, i);
-  return i.dx;
 }
 
 // By x at edge^3 voxels, added to dx.
@@ -94,9 +60,9 @@ VolumeNetwork::VolumeNetwork(Context& ctx, const Config& config, const WeightSou
     : config_(config), layers_(layers_of(ctx, weights), config) {}
 
 Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge, ResSaved* saved) const {
-  const Tensor h =
-      convolve(ctx, block.conv1, norm_silu_forward(ctx, block.norm1, x0, x1, saved ? &saved->norm1 : nullptr), edge,
-               "res.conv1");
+  const Tensor h = volume_conv_forward(ctx, block.conv1,
+                                       norm_silu_forward(ctx, block.norm1, x0, x1, saved ? &saved->norm1 : nullptr),
+                                       edge, "res.conv1");
   Tensor residual = x0, out;
   if (block.shortcut.bias) {
     RowSource x;
@@ -104,8 +70,9 @@ Tensor VolumeNetwork::res(Context& ctx, const ResBlock& block, Tensor x0, Tensor
     x.x1 = std::move(x1);
     residual = out = linear_forward(ctx, block.shortcut, x, "res.nin_shortcut");
   }
-  return convolve(ctx, block.conv2, norm_silu_forward(ctx, block.norm2, h, {}, saved ? &saved->norm2 : nullptr), edge,
-                  "res.conv2", residual, out);
+  return volume_conv_forward(ctx, block.conv2,
+                             norm_silu_forward(ctx, block.norm2, h, {}, saved ? &saved->norm2 : nullptr), edge,
+                             "res.conv2", residual, out);
 }
 
 Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
@@ -117,7 +84,7 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
   };
   if (saved) *saved = {};
   long edge = config_.volume;
-  Tensor h = convolve(
+  Tensor h = volume_conv_forward(
       ctx, layers_.conv_in,
       norm_silu_forward(ctx, layers_.norm_in, std::exchange(volume, {}), {}, saved ? &saved->norm_in : nullptr), edge,
       "conv_in.3");
@@ -141,7 +108,7 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
       edge *= 2;
     }
   }
-  return convolve(
+  return volume_conv_forward(
       ctx, layers_.conv_out,
       norm_silu_forward(ctx, layers_.norm_out, std::exchange(h, {}), {}, saved ? &saved->norm_out : nullptr), edge,
       "conv_out");
@@ -149,10 +116,10 @@ Tensor VolumeNetwork::forward(Context& ctx, Tensor volume, Saved* saved) const {
 
 std::pair<Tensor, Tensor> VolumeNetwork::res_backward(Context& ctx, const ResBlock& block, ResSaved saved, Tensor dy,
                                                       long edge) const {
-  Tensor dh = convolve_backward(ctx, block.conv2, saved.norm2.rows, dy, edge, "res.conv2");
+  Tensor dh = volume_conv_backward(ctx, block.conv2, saved.norm2.rows, dy, edge, "res.conv2");
   norm_silu_backward(ctx, block.norm2, std::exchange(saved.norm2, {}), dh, dh);
   const Tensor dcomposed =
-      convolve_backward(ctx, block.conv1, saved.norm1.rows, std::exchange(dh, {}), edge, "res.conv1");
+      volume_conv_backward(ctx, block.conv1, saved.norm1.rows, std::exchange(dh, {}), edge, "res.conv1");
   Tensor dx0 = dy, dx1;  // where the residual is x0 itself
   if (block.shortcut.bias) {
     RowSource x;
@@ -170,7 +137,8 @@ Tensor VolumeNetwork::backward(Context& ctx, Saved saved, Tensor dout) const {
   const Stage stage(ctx, "volume");
   Dims().set("R^3", config_.voxels()).set("C~", config_.volume_ch).bind("dout", dout, {"R^3", "C~"});
   long edge = config_.volume;
-  Tensor d = convolve_backward(ctx, layers_.conv_out, saved.norm_out.rows, std::exchange(dout, {}), edge, "conv_out");
+  Tensor d =
+      volume_conv_backward(ctx, layers_.conv_out, saved.norm_out.rows, std::exchange(dout, {}), edge, "conv_out");
   norm_silu_backward(ctx, layers_.norm_out, std::exchange(saved.norm_out, {}), d, d);
   std::vector<Tensor> dskips;  // the first skip's gradient comes first, as it was the last to be used
   for (std::size_t i = layers_.up.size(); i-- > 0;) {
@@ -196,7 +164,7 @@ Tensor VolumeNetwork::backward(Context& ctx, Saved saved, Tensor dout) const {
     d = res_backward(ctx, layers_.down[i].res, take_last(saved.down), std::move(d), edge).first;
   }
   add_columns(ctx, {take_last(dskips), d});
-  d = convolve_backward(ctx, layers_.conv_in, saved.norm_in.rows, d, edge, "conv_in.3");
+  d = volume_conv_backward(ctx, layers_.conv_in, saved.norm_in.rows, d, edge, "conv_in.3");
   norm_silu_backward(ctx, layers_.norm_in, saved.norm_in, d, d);
   return d;
 }

@@ -1,5 +1,6 @@
 #include "model/network/upload_weights.h"
 
+#include "model/ops/conv3d_up.h"
 #include "model/ops/position_resample.h"
 #include "model/ops/sparse_conv.h"
 
@@ -15,23 +16,26 @@ Tensor as_matrix(const Tensor& weight) {
 
 const std::vector<float>& WeightLoader::host(const Parameter& p) const { return weights_.host_->of(p).data; }
 
-const LearntTensor& WeightLoader::learnt(const Parameter& p) const {
+const LearntTensor& WeightLoader::on_device(const Parameter& p) const {
   const LearntTensor& found = weights_.learnt_->at(p.name);
   require_shape(p, found.value.shape());
   return found;
 }
 
 Tensor WeightLoader::value(const Parameter& p) const {
-  return weights_.learnt_ ? learnt(p).value : ctx_->upload(p.shape, host(p), Type::f32, p.name);
+  if (p.name.empty()) return {};
+  return weights_.learnt_ ? on_device(p).value : ctx_->upload(p.shape, host(p), Type::f32, p.name);
 }
 
-Tensor WeightLoader::plain(const Parameter& p) const { return weights_.learnt_ ? learnt(p).value : Tensor(); }
+Tensor WeightLoader::plain(const Parameter& p) const { return weights_.learnt_ ? on_device(p).value : Tensor(); }
 
-Tensor WeightLoader::gradient(const Parameter& p) const { return weights_.learnt_ ? learnt(p).gradient : Tensor(); }
+Tensor WeightLoader::gradient(const Parameter& p) const {
+  return weights_.learnt_ && !p.name.empty() ? on_device(p).gradient : Tensor();
+}
 
 PackedMatrix WeightLoader::columns(const Parameter& p, long k0, long k) const {
   const long n = p.shape.at(0), stride = p.count() / n;
-  if (weights_.learnt_) return pack_matrix(*ctx_, learnt(p).value, k, n, 1, stride, p.name, k0);
+  if (weights_.learnt_) return pack_matrix(*ctx_, on_device(p).value, k, n, 1, stride, p.name, k0);
   return pack_matrix(*ctx_, host(p).data() + k0, k, n, 1, stride, p.name);
 }
 
@@ -64,20 +68,28 @@ Conv WeightLoader::conv(const LayerParameters& p, ConvWeights weights) const {
 }
 
 Conv WeightLoader::conv3d(const LayerParameters& p) const {
-  if (weights_.learnt_) return conv(p, pack_conv3d(*ctx_, learnt(p.weight).value, value(p.bias), p.name));
+  if (weights_.learnt_) return conv(p, pack_conv3d(*ctx_, on_device(p.weight).value, value(p.bias), p.name));
   const long out = p.weight.shape.at(0), in = p.weight.shape.at(1);
-  return conv(p, pack_conv3d(*ctx_, host(p.weight).data(), host(p.bias).data(), out, in, p.name));
+  const float* bias = p.bias.name.empty() ? nullptr : host(p.bias).data();
+  return conv(p, pack_conv3d(*ctx_, host(p.weight).data(), bias, out, in, p.name));
 }
 
 Conv WeightLoader::conv3d_down(const LayerParameters& p) const {
-  if (weights_.learnt_) return conv(p, pack_conv3d_down(*ctx_, learnt(p.weight).value, value(p.bias), p.name));
+  if (weights_.learnt_) return conv(p, pack_conv3d_down(*ctx_, on_device(p.weight).value, value(p.bias), p.name));
   const long out = p.weight.shape.at(0), in = p.weight.shape.at(1);
   return conv(p, pack_conv3d_down(*ctx_, host(p.weight).data(), host(p.bias).data(), out, in, p.name));
 }
 
+ConvUp WeightLoader::conv3d_up(const LayerParameters& p) const {
+  const long in = p.weight.shape.at(0), out = p.weight.shape.at(1);
+  PackedMatrix w = weights_.learnt_ ? pack_conv3d_up(*ctx_, on_device(p.weight).value, p.name)
+                                    : pack_conv3d_up(*ctx_, host(p.weight).data(), in, out, p.name);
+  return {std::move(w), value(p.bias), plain(p.weight), gradient(p.weight), gradient(p.bias)};
+}
+
 Conv WeightLoader::submanifold(const LayerParameters& p) const {
   const long out = p.weight.shape.at(0), in = p.weight.shape.at(4), taps = p.weight.count() / (out * in);
-  if (weights_.learnt_) return conv(p, pack_submanifold(*ctx_, learnt(p.weight).value, value(p.bias), p.name));
+  if (weights_.learnt_) return conv(p, pack_submanifold(*ctx_, on_device(p.weight).value, value(p.bias), p.name));
   return conv(p, pack_submanifold(*ctx_, host(p.weight).data(), host(p.bias).data(), out, taps, in, p.name));
 }
 

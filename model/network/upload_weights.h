@@ -25,10 +25,12 @@ class WeightSource {
 class WeightLoader {
  public:
   using Fixed = Tensor;
+  using Learnt = vsplat::Learnt;
   using Positions = vsplat::Positions;
   using Linear = vsplat::Linear;
   using SplitLinear = vsplat::SplitLinear;
   using Conv = vsplat::Conv;
+  using ConvUp = vsplat::ConvUp;
   using LayerNorm = vsplat::LayerNorm;
   using GroupNorm = vsplat::GroupNorm;
   using Mlp3 = vsplat::Mlp3;
@@ -36,19 +38,21 @@ class WeightLoader {
   WeightLoader(Context& ctx, const WeightSource& weights) : ctx_(&ctx), weights_(weights) {}
 
   Tensor fixed(const Parameter& p) const { return value(p); }
+  Learnt learnt(const Parameter& p) const { return {value(p), gradient(p)}; }
   Positions positions(const Parameter& class_token, const Parameter& stored, int from, int to) const;
   Linear linear(const LayerParameters& p) const;
   SplitLinear split_linear(const LayerParameters& p, long first) const;
   Conv conv3d(const LayerParameters& p) const;
   Conv conv3d_down(const LayerParameters& p) const;
+  ConvUp conv3d_up(const LayerParameters& p) const;
   Conv submanifold(const LayerParameters& p) const;
   LayerNorm layer_norm(const LayerParameters& p) const;
   GroupNorm group_norm(const LayerParameters& p, int groups) const;
 
  private:
   const std::vector<float>& host(const Parameter& p) const;
-  const LearntTensor& learnt(const Parameter& p) const;
-  // As it is.
+  const LearntTensor& on_device(const Parameter& p) const;
+  // As it is; none of one without a name, which the layer does without.
   Tensor value(const Parameter& p) const;
   // In training the tensor itself, for what only the backward wants, and the gradient by it, which is added to; else
   // none.

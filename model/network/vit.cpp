@@ -1,6 +1,5 @@
 #include "model/network/vit.h"
 
-#include "model/ops/activation.h"
 #include "model/ops/attention.h"
 #include "model/ops/layernorm.h"
 #include "model/ops/patch_embed.h"
@@ -10,37 +9,16 @@
 namespace vsplat {
 namespace {
 
-// x [.., C] as [rows, C].
-Tensor flat(const Tensor& x) { return x.reshaped({x.count() / x.shape().back(), x.shape().back()}); }
+constexpr float kEps = 1e-6f;
 
 Tensor normed(Context& ctx, const LayerNorm& norm, const Tensor& x) {
-  const Tensor out = ctx.tensor(flat(x).shape(), Type::f32, "encoder.normed");
-  layernorm_forward(ctx, {flat(x), norm.gamma, norm.beta, 1e-6f, out});
-  return out;
-}
-
-// dx += what comes back through the norm of x.
-void normed_backward(Context& ctx, const LayerNorm& norm, const Tensor& x, const Tensor& dy, const Tensor& dx) {
-  layernorm_backward(ctx, {flat(x), norm.gamma, 1e-6f, dy, flat(dx), norm.dgamma, norm.dbeta, true});
-}
-
-// out = x + linear(in); out may be x.
-void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tensor& x, const Tensor& out,
-                const char* name) {
-  Gemm g;
-  g.a.x0 = in;
-  g.b = &linear.w;
-  g.bias = linear.bias;
-  g.residual = flat(x);
-  g.out = flat(out);
-  g.name = name;
-  gemm(ctx, g);
+  return normed_forward(ctx, norm, x, kEps, "encoder.normed");
 }
 
 }  // namespace
 
-Vit::Vit(Context& ctx, const Config& config, const WeightSource& weights)
-    : config_(config), layers_(layers_of(ctx, weights), config) {}
+Vit::Vit(Context& ctx, const EncoderSizes& sizes, const WeightSource& weights, const std::string& module)
+    : config_(sizes), layers_(layers_of(ctx, weights).in(module), sizes) {}
 
 // y = x + attention(norm1(x)), then y + mlp(norm2(y)); in x's memory where nothing is saved.
 Tensor Vit::forward(Context& ctx, const Block& l, const Tensor& x, BlockSaved* saved) const {
@@ -57,14 +35,7 @@ Tensor Vit::forward(Context& ctx, const Block& l, const Tensor& x, BlockSaved* s
     if (saved) *saved = {x, qkv, attended, stats, middle, {}};
   }
   const Tensor out = beside("encoder.tokens");
-  Tensor hidden = linear_forward(ctx, l.fc1, rows_of(normed(ctx, l.norm2, middle)), "mlp.fc1",
-                                 saved ? Activation::none : Activation::gelu);
-  if (saved) {
-    saved->hidden = hidden;
-    hidden = ctx.tensor(hidden.shape(), Type::f32, "encoder.hidden");
-    activation_forward(ctx, {saved->hidden, Activation::gelu, hidden});
-  }
-  add_linear(ctx, l.fc2, hidden, middle, out, "mlp.fc2");
+  gelu_mlp_forward(ctx, {l.norm2, l.fc1, l.fc2, kEps}, middle, out, saved ? &saved->hidden : nullptr);
   return out;
 }
 
@@ -78,7 +49,7 @@ Tensor Vit::forward(Context& ctx, const Tensor& images, Saved* saved) const {
   for (std::size_t i = 0; i < layers_.blocks.size(); ++i)
     x = forward(ctx, layers_.blocks[i], x, saved ? &saved->blocks[i] : nullptr);
   if (!saved) {
-    layernorm_forward(ctx, {flat(x), layers_.norm.gamma, layers_.norm.beta, 1e-6f, flat(x)});
+    layernorm_forward(ctx, {flat(x), layers_.norm.gamma, layers_.norm.beta, kEps, flat(x)});
     return x;
   }
   saved->last = x;
@@ -88,18 +59,8 @@ Tensor Vit::forward(Context& ctx, const Tensor& images, Saved* saved) const {
 // dx [V T, C]: by the block's result before, by its input after.
 void Vit::backward(Context& ctx, const Block& l, const BlockSaved& s, const Tensor& dx) const {
   const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "encoder.gradient"); };
+  gelu_mlp_backward(ctx, {l.norm2, l.fc1, l.fc2, kEps}, s.middle, s.hidden, dx);
   const Tensor dnormed = like(dx);
-  {
-    const Tensor dhidden = like(s.hidden);
-    {
-      const Tensor active = like(s.hidden);
-      activation_forward(ctx, {s.hidden, Activation::gelu, active});
-      linear_backward(ctx, l.fc2, {rows_of(active), dx, dhidden, {}, false, "mlp.fc2"});
-    }
-    activation_backward(ctx, {s.hidden, Activation::gelu, dhidden, dhidden});
-    linear_backward(ctx, l.fc1, {rows_of(normed(ctx, l.norm2, s.middle)), dhidden, dnormed, {}, false, "mlp.fc1"});
-  }
-  normed_backward(ctx, l.norm2, s.middle, dnormed, dx);
   const Tensor dqkv = like(s.qkv);
   {
     const Tensor dattended = like(s.attended);
@@ -108,7 +69,7 @@ void Vit::backward(Context& ctx, const Block& l, const BlockSaved& s, const Tens
   }
   const Tensor by_row = dqkv.reshaped({dx.dim(0), l.qkv.w.n});
   linear_backward(ctx, l.qkv, {rows_of(normed(ctx, l.norm1, s.x)), by_row, dnormed, {}, false, "attn.qkv"});
-  normed_backward(ctx, l.norm1, s.x, dnormed, dx);
+  normed_backward(ctx, l.norm1, s.x, kEps, dnormed, dx);
 }
 
 void Vit::backward(Context& ctx, const Saved& saved, const Tensor& dtokens) const {
@@ -117,7 +78,7 @@ void Vit::backward(Context& ctx, const Saved& saved, const Tensor& dtokens) cons
   const Positions& positions = layers_.positions;
   if (!norm.dgamma) fail(Status::internal, "the encoder's weights have no gradients: it was made for inference");
   const Tensor dx = ctx.tensor(flat(saved.last).shape(), Type::f32, "encoder.gradient");
-  layernorm_backward(ctx, {flat(saved.last), norm.gamma, 1e-6f, flat(dtokens), dx, norm.dgamma, norm.dbeta, false});
+  layernorm_backward(ctx, {flat(saved.last), norm.gamma, kEps, flat(dtokens), dx, norm.dgamma, norm.dbeta, false});
   for (std::size_t i = layers_.blocks.size(); i-- > 0;) backward(ctx, layers_.blocks[i], saved.blocks[i], dx);
   const Tensor dposition = ctx.tensor(positions.resampled.shape(), Type::f32, "encoder.gradient");
   const long p = config_.patch;

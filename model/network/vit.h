@@ -1,16 +1,17 @@
 // The image encoder: a DINO vision transformer (class token, learned positions resampled to the token grid).
 #pragma once
+#include <string>
 #include <vector>
 
 #include "model/network/upload_weights.h"
-#include "model/params/config.h"
+#include "model/params/config_fields.h"
 
 namespace vsplat {
 
 class Vit {
  public:
-  // Takes "encoder.model.*". Resamples the positions once, here.
-  Vit(Context& ctx, const Config& config, const WeightSource& weights);
+  // Takes "<module>.model.*". Resamples the positions once, here.
+  Vit(Context& ctx, const EncoderSizes& sizes, const WeightSource& weights, const std::string& module = "encoder");
 
   // What the backward wants of a forward; norms and GELU it makes again. 10 values a block, token and channel.
   struct BlockSaved {
@@ -35,7 +36,7 @@ class Vit {
   Tensor forward(Context& ctx, const Block& block, const Tensor& x, BlockSaved* saved) const;
   void backward(Context& ctx, const Block& block, const BlockSaved& saved, const Tensor& dx) const;
 
-  Config config_;
+  EncoderSizes config_;
   EncoderLayers<WeightLoader> layers_;
 };
 

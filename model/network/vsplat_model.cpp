@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/network/running.h"
 #include "model/network/vsplat_modules.h"
 #include "model/ops/gather.h"
 #include "model/splat/render.h"
@@ -34,25 +35,6 @@ struct Work {
   double total() const { return encoder + modulation + lifting + volume + heads + fine; }
 };
 
-// Names the stage that begins and the share of the work behind it. The queue is drained first, where somebody listens,
-// so that what is told is true.
-class Progress {
- public:
-  Progress(Context& ctx, const ForwardOptions& options, double total) : ctx_(ctx), options_(options), total_(total) {}
-  void begin(const char* stage, double work) {
-    if (!options_.progress || ctx_.planning()) return;
-    ctx_.finish();
-    options_.progress(stage, done_ / total_);
-    done_ += work;
-  }
-  void skip(double work) { done_ += work; }
-
- private:
-  Context& ctx_;
-  const ForwardOptions& options_;
-  double total_, done_ = 0;
-};
-
 // Drawing the result, once the network's own tensors are gone and their slabs free: a picture of the network's size,
 // with the number of tiles a Gaussian touches taken for RenderOptions::assumed_tiles (how many do is known only when it
 // is drawn).
@@ -69,17 +51,6 @@ std::unique_ptr<Context> plan_picture(const Context& ctx, const Arena& after_net
   camera.cx = camera.cy = config.image / 2.0;
   render(*plan, g, camera, {});
   return plan;
-}
-
-void refuse_unless_fits(const Context& plan, const std::string& what) {
-  const ArenaLimits& limits = plan.memory().limits();
-  if (plan.memory().peak() <= limits.total) return;
-  fail(Status::memory,
-       "not enough device memory for {}: {:.4g} GiB needed, {:.4g} GiB may be used "
-       "(vsplat_device_options.max_memory_gib, fewer views, a "
-       "smaller "
-       "model or another device)",
-       what, gib(plan.memory().peak()), gib(limits.total));
 }
 
 }  // namespace
@@ -100,7 +71,7 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
                                         const ForwardOptions& options, Saved* saved) const {
   const Modules& m = *modules_;
   const Work work(config_, cameras.count(), options.planned_selected);
-  Progress progress(ctx, options, work.total());
+  Progress progress(ctx, options.progress, work.total());
   const auto tap = [&](const char* name, const Tensor& t) {
     if (options.tap && !ctx.planning()) options.tap(name, t);
   };
@@ -157,7 +128,7 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
     if (options.tap && t && !ctx.planning()) options.tap(name, t);
   };
   const Work work(config_, cameras.count(), options.planned_selected);
-  Progress progress(ctx, options, work.total());
+  Progress progress(ctx, options.progress, work.total());
   progress.skip(work.total() - work.fine);
   progress.begin("refinement", work.fine);
   Saved::Fine* const kept = saved ? saved->fine.place() : nullptr;

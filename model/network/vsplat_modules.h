@@ -22,7 +22,7 @@ struct VsplatModel::Modules {
   FineHeads fine_heads;
 
   Modules(Context& ctx, const Config& config, const WeightSource& weights)
-      : encoder(ctx, config, weights),
+      : encoder(ctx, config.encoder(), weights),
         modulation(ctx, config, weights),
         lifting(ctx, config, weights),
         volume(ctx, config, weights),

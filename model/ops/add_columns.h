@@ -1,13 +1,15 @@
-// Gradients that come together: one is added to another, or to some of its columns.
+// Tensors that come together: one is added to another, or some of its columns to some of the other's.
 #pragma once
 #include "runtime/context.h"
 
 namespace vsplat {
 
 struct AddColumns {
-  Tensor x;         // [R, C]
+  Tensor x;         // [R, X]; C is all of its columns
   Tensor out;       // [R, W], not x: columns column .. column + C - 1 are added to, the others stay
   long column = 0;  // column + C <= W
+  // Columns from .. from + count - 1 of x are added, C = count; count < 0: all from there on.
+  long from = 0, count = -1;
 };
 void add_columns(Context& ctx, const AddColumns& a);
 

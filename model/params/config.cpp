@@ -3,26 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <utility>
 
 #include "model/base/field_checks.h"
-#include "model/base/json_fields.h"
+#include "model/params/field_list.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
-#include "runtime/json_text.h"
 
 namespace vsplat {
-namespace {
 
-using json_fields::expected_for;
-using json_fields::json;
 using json_fields::shown;
-using nlohmann::ordered_json;
 
 // The one list of fields: visit(name, field) for each, in the header's order.
 template <class C, class Visit>
-void each_field(C& c, Visit visit) {
+static void each(C& c, Visit visit) {
   visit("image", c.image);
   visit("views", c.views);
   visit("use_views", c.use_views);
@@ -50,48 +44,16 @@ void each_field(C& c, Visit visit) {
   visit("negate_camera_centre", c.negate_camera_centre);
   visit("rebase", c.rebase);
 }
-
-std::vector<std::string> field_names() {
-  std::vector<std::string> names;
-  const Config defaults;
-  each_field(defaults, [&](const char* name, const auto&) { names.emplace_back(name); });
-  return names;
+template <class Visit>
+static void each_field(Config& c, Visit visit) {
+  each(c, visit);
+}
+template <class Visit>
+static void each_field(const Config& c, Visit visit) {
+  each(c, visit);
 }
 
-template <class Number>
-bool parse_number(const char* begin, const char* end, Number& out) {
-  Number value{};
-  const auto [stop, problem] = std::from_chars(begin, end, value);
-  if (problem != std::errc() || stop != end) return false;
-  out = value;
-  return true;
-}
-
-bool parse_field(const std::string& text, int& out) {
-  return parse_number(text.data(), text.data() + text.size(), out);
-}
-bool parse_field(const std::string& text, double& out) {
-  return parse_number(text.data(), text.data() + text.size(), out);
-}
-bool parse_field(const std::string& text, bool& out) {
-  out = text == "true";
-  return text == "true" || text == "false";
-}
-bool parse_field(const std::string& text, std::string& out) {
-  out = text;
-  return true;
-}
-bool parse_field(const std::string& text, std::vector<int>& out) {
-  out.clear();
-  for (std::size_t at = 0; at <= text.size();) {
-    const std::size_t comma = std::min(text.find(',', at), text.size());
-    int value = 0;
-    if (!parse_number(text.data() + at, text.data() + comma, value)) return false;
-    out.push_back(value);
-    at = comma + 1;
-  }
-  return true;
-}
+namespace {
 
 // Bounds so far out that no sensible model meets them, so near that products of a few of them fit 64 bits.
 void check_bounds(const Config& c, const FieldChecks& is) {
@@ -192,21 +154,7 @@ void check(const Config& c, Status status) {
   check_sizes(c, is);
 }
 
-void set_field(Config& config, const std::string& assignment) {
-  const std::size_t equals = assignment.find('=');
-  if (equals == std::string::npos) fail(Status::usage, "{}: expected FIELD=VALUE", shown(assignment));
-  const std::string name = assignment.substr(0, equals), text = assignment.substr(equals + 1);
-  bool known = false;
-  each_field(config, [&](const char* field, auto& value) {
-    if (name != field) return;
-    known = true;
-    auto parsed = value;
-    if (!parse_field(text, parsed))
-      fail(Status::usage, "{} must be {} (found {})", name, expected_for(value), shown(text));
-    value = parsed;
-  });
-  if (!known) fail(Status::usage, "no field {}; there are {}", shown(name), fmt::join(field_names(), ", "));
-}
+void set_field(Config& config, const std::string& assignment) { field_list::set(config, assignment); }
 
 Config with_fields(Config config, const std::vector<std::string>& assignments) {
   for (const std::string& assignment : assignments) set_field(config, assignment);
@@ -215,22 +163,13 @@ Config with_fields(Config config, const std::vector<std::string>& assignments) {
 }
 
 std::string to_json(const Config& config) {
-  ordered_json out = ordered_json::object();
-  each_field(config, [&](const char* name, const auto& value) { out[name] = value; });
+  nlohmann::ordered_json out = field_list::object_of(config);
   if (config.use_views == 0) out.erase("use_views");  // files without it stay as they are, and readable everywhere
-  return out.dump(-1, ' ', true, ordered_json::error_handler_t::replace);
+  return field_list::text_of(out);
 }
 
 std::vector<std::string> set_fields_from_json(Config& config, const std::string& text) {
-  const json object = parse_json("the configuration", text);
-  if (!object.is_object()) fail(Status::format, "the configuration is not a JSON object: {}", shown(text));
-  json_fields::refuse_unknown(object, field_names(), "the configuration");
-  std::vector<std::string> names;
-  each_field(config, [&](const char* name, auto& value) {
-    json_fields::read_present(object, name, value, "the configuration");
-    if (object.contains(name)) names.emplace_back(name);
-  });
-  return names;
+  return field_list::set_from_json(config, text);
 }
 
 Config config_from_json(const std::string& text, const Config& base) {
@@ -240,19 +179,10 @@ Config config_from_json(const std::string& text, const Config& base) {
   return config;
 }
 
-std::string field_text(const Config& config, const std::string& field) {
-  std::string out;
-  each_field(config, [&](const char* name, const auto& value) {
-    if (name == field) out = json(value).dump();
-  });
-  return out;
-}
+std::string field_text(const Config& config, const std::string& field) { return field_list::field_text(config, field); }
 
 std::vector<std::string> differing_fields(const Config& a, const Config& b, const std::vector<std::string>& fields) {
-  std::vector<std::string> out;
-  for (const std::string& field : fields)
-    if (field_text(a, field) != field_text(b, field)) out.push_back(field);
-  return out;
+  return field_list::differing(a, b, fields);
 }
 
 }  // namespace vsplat

@@ -6,6 +6,15 @@
 
 namespace vsplat {
 
+// Of the image encoder, which all networks have.
+struct EncoderSizes {
+  int image = 512, patch = 16;
+  int vit_dim = 768, vit_depth = 12, vit_heads = 12;
+  int vit_pos_grid = 14;
+
+  int tokens() const { return image / patch; }  // along an edge
+};
+
 struct Config {
   int image = 512;  // input and render resolution, square, pixels
   int views = 4;    // how many views it is trained and measured with; the network takes 1 to 16
@@ -37,7 +46,8 @@ struct Config {
 
   int views_to_use() const { return use_views > 0 ? use_views : views; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
-  int tokens() const { return image / patch; }                           // along an edge
+  int tokens() const { return encoder().tokens(); }  // along an edge
+  EncoderSizes encoder() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }
   int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation
   int projected_ch() const { return use_projected ? vit_dim : 0; }
   long voxels() const { return static_cast<long>(volume) * volume * volume; }

@@ -41,12 +41,8 @@ std::vector<float> fine_places(const Config& config) {
   return out;
 }
 
-HostTensor initial_tensor(const Parameter& p, const Config& config, std::uint64_t seed) {
+HostTensor initial_tensor(const Parameter& p, std::uint64_t seed) {
   HostTensor out{p.shape, {}};
-  if (p.init == Init::sobol) {
-    out.data = fine_places(config);
-    return out;
-  }
   out.data.resize(static_cast<std::size_t>(p.count()), p.init == Init::ones ? 1.0f : 0.0f);
   const std::uint32_t stream = stream_of(p.name);
   const auto fan_in = static_cast<double>(p.fan_in);
@@ -58,6 +54,7 @@ HostTensor initial_tensor(const Parameter& p, const Config& config, std::uint64_
       draw_uniform(out.data, seed, stream, std::sqrt(6 / (fan_in + static_cast<double>(p.fan_out))));
       break;
     case Init::submanifold:
+    case Init::normal:
       draw_normal(out.data, seed, stream, 1 / std::sqrt(fan_in));
       break;
     case Init::position:
@@ -95,7 +92,15 @@ std::vector<double> sobol_points(int count) {
 Weights initial_weights(const Config& config, std::uint64_t seed) {
   check(config);
   Weights weights;
-  for (const Parameter& p : parameters(config)) weights.set(p.name, initial_tensor(p, config, seed));
+  for (const Parameter& p : parameters(config))
+    weights.set(p.name, p.init == Init::sobol ? HostTensor{p.shape, fine_places(config)} : initial_tensor(p, seed));
+  return weights;
+}
+
+Weights initial_weights(const LaraConfig& config, std::uint64_t seed) {
+  check(config);
+  Weights weights;
+  for (const Parameter& p : parameters(config)) weights.set(p.name, initial_tensor(p, seed));
   return weights;
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "model/params/config.h"
+#include "model/params/lara_config.h"
 #include "model/params/weights.h"
 
 namespace vsplat {
@@ -13,6 +14,7 @@ namespace vsplat {
 // element's index alone, and takes only operations that IEEE 754 defines to the bit: a seed gives the same file
 // everywhere.
 Weights initial_weights(const Config& config, std::uint64_t seed);
+Weights initial_weights(const LaraConfig& config, std::uint64_t seed);
 
 // Scales the places of the fine primitives within their voxel, which are in units of the cube's edge, for a cube with
 // another number of voxels: `factor` is the old number over the new one. How many values that were.

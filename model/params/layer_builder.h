@@ -9,7 +9,7 @@
 
 namespace vsplat {
 
-// "<name>.weight" and "<name>.bias".
+// "<name>.weight" and "<name>.bias", which has no name in a layer without one.
 struct LayerParameters {
   std::string name;
   Parameter weight, bias;
@@ -42,6 +42,12 @@ class LayerBuilder {
     p.trained = false;
     return make_.fixed(p);
   }
+  // A tensor that is learnt as it is; begins normal with variance 1/width.
+  typename Make::Learnt learnt(const std::string& name, Shape shape, long width) const {
+    Parameter p = parameter(name, std::move(shape), Init::normal);
+    p.fan_in = width;
+    return make_.learnt(p);
+  }
   // What is added to tokens: a class token, and position embeddings stored for a grid of `from` x `from` tokens (and
   // the class token's), to be resampled to `to` x `to`.
   typename Make::Positions positions(const std::string& class_token, const std::string& name, int from, int to,
@@ -51,6 +57,20 @@ class LayerBuilder {
   }
 
   Linear linear(const std::string& name, long in, long out) const { return make_.linear(dense(name, {out, in})); }
+  // One without a bias, whose weight has the name alone.
+  Linear matrix(const std::string& name, long in, long out) const {
+    LayerParameters p{prefix_ + name, parameter(name, {out, in}, Init::xavier), {}};
+    p.weight.fan_in = in;
+    p.weight.fan_out = out;
+    return make_.linear(p);
+  }
+  // One of a head, which begins as heads do.
+  Linear head(const std::string& name, long in, long out) const {
+    LayerParameters p = layer(name, {out, in}, Init::xavier, Init::zeros);
+    p.weight.fan_in = in;
+    p.weight.fan_out = out;
+    return make_.linear(p);
+  }
   // A 1x1x1 convolution.
   Linear pointwise(const std::string& name, long in, long out) const {
     return make_.linear(dense(name, {out, in, 1, 1, 1}));
@@ -68,8 +88,21 @@ class LayerBuilder {
   Conv conv3d(const std::string& name, long in, long out) const {
     return make_.conv3d(dense(name, {out, in, 3, 3, 3}));
   }
+  Conv conv3d_unbiased(const std::string& name, long in, long out) const {
+    LayerParameters p = dense(name, {out, in, 3, 3, 3});
+    p.bias = {};
+    return make_.conv3d(p);
+  }
   Conv conv3d_down(const std::string& name, long in, long out) const {
     return make_.conv3d_down(dense(name, {out, in, 2, 2, 2}));
+  }
+  // Transposed 2x2x2 with stride 2, whose weight is [in, out, ..]; PyTorch takes its second size for the inputs' count.
+  typename Make::ConvUp conv3d_up(const std::string& name, long in, long out) const {
+    LayerParameters p{prefix_ + name, parameter(name + ".weight", {in, out, 2, 2, 2}, Init::fan_in),
+                      parameter(name + ".bias", {out}, Init::fan_in)};
+    p.weight.fan_in = p.bias.fan_in = 8 * out;
+    p.bias.decays = false;
+    return make_.conv3d_up(p);
   }
   Conv submanifold(const std::string& name, long in, long out, long kernel) const {
     LayerParameters p = layer(name, {out, kernel, kernel, kernel, in}, Init::submanifold, Init::zeros);
@@ -88,7 +121,7 @@ class LayerBuilder {
 
   // Three linear layers, SiLU between them.
   typename Make::Mlp3 mlp3(const std::string& name, long in, long out) const {
-    return {mlp_layer(name + ".0", in, in), mlp_layer(name + ".2", in, in), mlp_layer(name + ".4", in, out)};
+    return {head(name + ".0", in, in), head(name + ".2", in, in), head(name + ".4", in, out)};
   }
 
  private:
@@ -113,12 +146,6 @@ class LayerBuilder {
     LayerParameters p = layer(name, std::move(shape), Init::fan_in, Init::fan_in);
     p.weight.fan_in = p.bias.fan_in = p.weight.count() / p.weight.shape.at(0);
     return p;
-  }
-  Linear mlp_layer(const std::string& name, long in, long out) const {
-    LayerParameters p = layer(name, {out, in}, Init::xavier, Init::zeros);
-    p.weight.fan_in = in;
-    p.weight.fan_out = out;
-    return make_.linear(p);
   }
 
   Make make_;

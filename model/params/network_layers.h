@@ -26,8 +26,9 @@ struct EncoderLayers {
   std::vector<Block> blocks;
   typename Make::LayerNorm norm;
 
-  EncoderLayers(const LayerBuilder<Make>& network, const Config& c) {
-    const LayerBuilder<Make> build = network.in("encoder").in("model");
+  // `network` with the name of the module that the encoder is.
+  EncoderLayers(const LayerBuilder<Make>& network, const EncoderSizes& c) {
+    const LayerBuilder<Make> build = network.in("model");
     const long dim = c.vit_dim;
     positions = build.positions("cls_token", "pos_embed", c.vit_pos_grid, c.tokens(), dim);
     patches = build.patches("patch_embed.proj", 3, dim, c.patch);

@@ -10,6 +10,7 @@ enum class Init {
   fan_in,       // uniform in +-1/sqrt(fan_in): Linear and dense convolutions, weights and biases
   xavier,       // uniform in +-sqrt(6/(fan_in + fan_out)): the heads' weights
   submanifold,  // normal with variance 1/fan_in
+  normal,       // the same, of what is learnt as it is
   position,     // normal with deviation 0.02
   zeros,
   ones,

@@ -1,5 +1,6 @@
 #include "model/params/params.h"
 
+#include "model/params/lara_layers.h"
 #include "model/params/network_layers.h"
 
 namespace vsplat {
@@ -10,10 +11,12 @@ class Lister {
  public:
   struct Listed {};
   using Fixed = Listed;
+  using Learnt = Listed;
   using Positions = Listed;
   using Linear = Listed;
   using SplitLinear = Listed;
   using Conv = Listed;
+  using ConvUp = Listed;
   using LayerNorm = Listed;
   using GroupNorm = Listed;
   struct Mlp3 {
@@ -23,6 +26,7 @@ class Lister {
   explicit Lister(std::vector<Parameter>& out) : out_(&out) {}
 
   Listed fixed(const Parameter& p) const { return add({p}); }
+  Listed learnt(const Parameter& p) const { return add({p}); }
   Listed positions(const Parameter& class_token, const Parameter& stored, int, int) const {
     return add({class_token, stored});
   }
@@ -30,18 +34,27 @@ class Lister {
   Listed split_linear(const LayerParameters& p, long) const { return add({p.weight, p.bias}); }
   Listed conv3d(const LayerParameters& p) const { return add({p.weight, p.bias}); }
   Listed conv3d_down(const LayerParameters& p) const { return add({p.weight, p.bias}); }
+  Listed conv3d_up(const LayerParameters& p) const { return add({p.weight, p.bias}); }
   Listed submanifold(const LayerParameters& p) const { return add({p.weight, p.bias}); }
   Listed layer_norm(const LayerParameters& p) const { return add({p.weight, p.bias}); }
   Listed group_norm(const LayerParameters& p, int) const { return add({p.weight, p.bias}); }
 
  private:
   Listed add(std::initializer_list<Parameter> some) const {
-    out_->insert(out_->end(), some);
+    for (const Parameter& p : some)
+      if (!p.name.empty()) out_->push_back(p);
     return {};
   }
 
   std::vector<Parameter>* out_;
 };
+
+long trained_values(const std::vector<Parameter>& all) {
+  long n = 0;
+  for (const Parameter& parameter : all)
+    if (parameter.trained) n += parameter.count();
+  return n;
+}
 
 }  // namespace
 
@@ -49,7 +62,7 @@ std::vector<Parameter> parameters(const Config& config) {
   std::vector<Parameter> out;
   const LayerBuilder<Lister> build{Lister(out)};
   FinePlaceLayers<Lister>(build, config);
-  EncoderLayers<Lister>(build, config);
+  EncoderLayers<Lister>(build.in("encoder"), config.encoder());
   ModulationLayers<Lister>(build, config);
   LiftingLayers<Lister>(build, config);
   VolumeLayers<Lister>(build, config);
@@ -59,11 +72,19 @@ std::vector<Parameter> parameters(const Config& config) {
   return out;
 }
 
-long parameter_count(const Config& config) {
-  long n = 0;
-  for (const Parameter& parameter : parameters(config))
-    if (parameter.trained) n += parameter.count();
-  return n;
+std::vector<Parameter> parameters(const LaraConfig& config) {
+  std::vector<Parameter> out;
+  const LayerBuilder<Lister> build{Lister(out)};
+  LaraViewLayers<Lister>(build, config);
+  EncoderLayers<Lister>(build.in("img_encoder"), config.encoder());
+  LaraModulationLayers<Lister>(build, config);
+  LaraVolumeLayers<Lister>(build, config);
+  LaraCoarseLayers<Lister>(build, config);
+  LaraFineLayers<Lister>(build, config);
+  return out;
 }
+
+long parameter_count(const Config& config) { return trained_values(parameters(config)); }
+long parameter_count(const LaraConfig& config) { return trained_values(parameters(config)); }
 
 }  // namespace vsplat

@@ -101,6 +101,9 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
         EXPECT_GT(m.most * std::sqrt(fan_in), 3) << p.name;  // a normal's tail, which no uniform has
         EXPECT_TRUE(p.name.starts_with("voxel_network.") && p.shape.size() == 5) << p.name;
         break;
+      case Init::normal:
+        ADD_FAILURE() << p.name << ": LaRa's alone";
+        break;
       case Init::position:
         expect(0.02 * 0.02);
         EXPECT_EQ(p.name, "encoder.model.pos_embed");
@@ -119,6 +122,26 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
         break;
     }
   }
+}
+
+// What LaRa's network has beside VS-Splat's: embeddings, attention without biases, heads.
+TEST(InitialWeights, OfLaraFollowTheirKind) {
+  const LaraConfig config = named_lara_config("tiny");
+  const Weights weights = initial_weights(config, 3);
+  ASSERT_EQ(weights.all().size(), parameters(config).size());
+  const auto expect = [&](const char* name, double variance) {
+    const HostTensor& tensor = weights.at(name);
+    const Moments m = moments_of(tensor.data);
+    const double n = static_cast<double>(tensor.data.size());
+    EXPECT_NEAR(m.mean, 0, 6 * std::sqrt(variance / n)) << name;
+    EXPECT_NEAR(m.variance, variance, 6 * variance * std::sqrt(2 / n)) << name;
+  };
+  expect("view_embed", 1.0 / 4);
+  expect("vol_decoder.pos_embed", 1.0 / 16);
+  expect("vol_decoder.layers.0.cross_attn.k_proj_weight", 2.0 / (16 + 28));
+  expect("vol_decoder.layers.2.cnn.weight", 1.0 / (16 * 27) / 3);
+  expect("vol_decoder.deconv.weight", 1.0 / (12 * 8) / 3);
+  expect("decoder.mlp_coarse.0.weight", 2.0 / 24);
 }
 
 TEST(InitialWeights, ASeedGivesTheSameBytesEverywhere) {
