@@ -17,4 +17,16 @@ case $size in
 esac
 # Its tensors are small: a second thread takes half as much again of the processor's time, or more, and saves next to none of ours.
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
+case $size in
+  micro|tiny)  # and LaRa's; of micro where it is not there, with the list of the published size's parameters
+    if [ $size = micro ] && [ ! -e "${1:-$here}/lara_parameters.txt" ]; then
+      "$here/../reference/pytorch/run.sh" lara_reference.py published | tr -s " " > "${1:-$here}/lara_parameters.txt"
+    fi
+    for lara in $([ $size = micro ] && echo micro || echo tiny tiny_gaussian micro_gaussian); do
+      made=${1:-$here}/lara_$lara.safetensors
+      if [ ! -e "$made" ] || [ $size != micro ] && [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$made")" ]; then
+        "$here/../reference/pytorch/run.sh" make_published.py --system lara --size "$lara" --tests --output "${1:-$here}"
+      fi
+    done ;;
+esac
 exec "$here/../reference/pytorch/run.sh" $script "${1:-$here}" "$size"
