@@ -1,6 +1,6 @@
 // K Gaussians, on the host and on the device. Means and scales (standard deviations) in the frame's units, unit
 // quaternions w x y z, opacities in [0,1], spherical harmonics with colour = max(0, basis . sh + 0.5), S = (degree +
-// 1)^2 coefficients.
+// 1)^2 coefficients. All of a scene are of one kind, which says how many scales D each has.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -9,33 +9,40 @@
 
 namespace vsplat {
 
+// A volume has three axes and three scales. A surfel is flat: its first two axes are tangents, with a scale each, its
+// third is its normal.
+enum class GaussianKind { volume, surfel };
+inline int scales_of(GaussianKind kind) { return kind == GaussianKind::surfel ? 2 : 3; }
+
 struct Gaussians {
   std::size_t count = 0;
   int sh_degree = 0;             // 0 to 3
   std::vector<float> means;      // [K,3]
-  std::vector<float> scales;     // [K,3]
+  std::vector<float> scales;     // [K,D]
   std::vector<float> quats;      // [K,4]
   std::vector<float> opacities;  // [K]
   std::vector<float> sh;         // [K,S,3]
+  GaussianKind kind = GaussianKind::volume;
 
   std::size_t sh_count() const { return static_cast<std::size_t>(sh_degree + 1) * (sh_degree + 1); }
 };
 
 struct DeviceGaussians {
   Tensor means;      // f32 [K,3]
-  Tensor scales;     // f32 [K,3]
+  Tensor scales;     // f32 [K,D]
   Tensor quats;      // f32 [K,4]
   Tensor opacities;  // f32 [K]
   Tensor sh;         // f32 [K,S,3]
 
   long count() const { return means ? means.dim(0) : 0; }
   int sh_degree() const;
+  GaussianKind kind() const;  // by D
 };
 
 // A loss's derivatives by Gaussians, shaped as they are.
 struct GaussianGradients {
   Tensor means;      // f32 [K,3]
-  Tensor scales;     // f32 [K,3]
+  Tensor scales;     // f32 [K,D]
   Tensor quats;      // f32 [K,4], by the quaternions as given, of whatever length
   Tensor opacities;  // f32 [K]
   Tensor sh;         // f32 [K,S,3]
@@ -43,7 +50,7 @@ struct GaussianGradients {
 
 class Context;
 // Of `count` Gaussians.
-GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree);
+GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree, GaussianKind kind = GaussianKind::volume);
 Gaussians download(Context& ctx, const DeviceGaussians& g);
 DeviceGaussians upload(Context& ctx, const Gaussians& g);
 // `n` of them from `first` on.

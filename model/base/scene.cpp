@@ -98,10 +98,10 @@ void rotate_sh(Gaussians& g, const Eigen::Matrix3d& rotation) {
 
 void transform(Gaussians& g, const Similarity& move) {
   const Eigen::Quaterniond turn(move.rotation);
+  for (float& s : g.scales) s = static_cast<float>(s * move.scale);
   for (std::size_t k = 0; k < g.count; ++k) {
     Eigen::Map<Eigen::Vector3f> mean(&g.means[3 * k]);
     mean = (move.scale * (move.rotation * mean.cast<double>()) + move.translation).cast<float>();
-    for (int i = 0; i < 3; ++i) g.scales[3 * k + i] = static_cast<float>(g.scales[3 * k + i] * move.scale);
     float* q = &g.quats[4 * k];
     const Eigen::Quaterniond turned = (turn * Eigen::Quaterniond(q[0], q[1], q[2], q[3])).normalized();
     q[0] = static_cast<float>(turned.w());

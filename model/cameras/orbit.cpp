@@ -97,12 +97,14 @@ struct Ball {
 std::vector<Ball> visible_balls(const Gaussians& g) {
   constexpr float seen = 0.1f;
   constexpr double deviations = 2;
+  const auto axes = static_cast<std::size_t>(scales_of(g.kind));
   std::vector<Ball> out;
   for (const float least : {seen, 0.0f}) {
     for (std::size_t i = 0; i < g.count; ++i) {
       const Vector3d mean(g.means[3 * i], g.means[3 * i + 1], g.means[3 * i + 2]);
-      const float* s = &g.scales[3 * i];
-      if (mean.allFinite() && g.opacities[i] >= least) out.push_back({mean, deviations * std::max({s[0], s[1], s[2]})});
+      const float* s = &g.scales[axes * i];
+      if (mean.allFinite() && g.opacities[i] >= least)
+        out.push_back({mean, deviations * *std::max_element(s, s + axes)});
     }
     if (!out.empty()) break;
   }
