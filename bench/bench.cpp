@@ -110,8 +110,10 @@ const std::vector<Suite> kOperations = {
     {"position_resample", position_resample_cases},
     {"project", project_cases},
     {"project_features", project_features_cases},
+    {"project_surfels", project_surfels_cases},
     {"radix_sort", radix_sort_cases},
     {"rasterize", rasterize_cases},
+    {"rasterize_surfels", rasterize_surfels_cases},
     {"sample_points", sample_points_cases},
     {"scan", scan_cases},
     {"scatter_rows", scatter_rows_cases},
@@ -132,6 +134,8 @@ const std::vector<Suite> kOperations = {
 std::string stage_of(const std::string& kernel) {
   // The first that fits.
   static const std::pair<const char*, const char*> families[] = {{"project_backward", "project_backward"},
+                                                                 {"project_surfels_backward", "project_backward"},
+                                                                 {"project_surfels_cull", "cull"},
                                                                  {"project_cull", "cull"},
                                                                  {"project", "project"},
                                                                  {"visible", "cull"},
@@ -139,6 +143,7 @@ std::string stage_of(const std::string& kernel) {
                                                                  {"scan_", "sort"},
                                                                  {"tile_bin", "bin"},
                                                                  {"rasterize_backward", "rasterize_backward"},
+                                                                 {"rasterize_surfels_backward", "rasterize_backward"},
                                                                  {"rasterize", "rasterize"},
                                                                  {"loss_", "loss"},
                                                                  {"picture_target", "loss"},

@@ -19,63 +19,10 @@
 // work-items       one per visible Gaussian
 // ```
 // Constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
-#include "common.clh"
+#include "project_backward.clh"
 
 #define COLUMNS 10
 #define LN2 0.693147180559945309f
-
-// For coefficient i, with the value of its basis function and that function's gradient: adds to the coefficient's
-// gradient, and returns the direction's.
-static inline float3 sh_term(global const float* sh, global float* dsh, int i, float3 by_colour, float basis,
-                             float3 slope) {
-  vstore3(vload3(i, dsh) + basis * by_colour, i, dsh);
-  return dot(vload3(i, sh), by_colour) * slope;
-}
-
-// Backward of project.cl's colour: adds to the gradients of the coefficients, and returns the gradient by the unit
-// direction d.
-static inline float3 sh_backward(global const float* sh, global float* dsh, int count, float3 d, float3 by_colour) {
-#define TERM(i, scale, basis, sx, sy, sz) \
-  sum += sh_term(sh, dsh, i, by_colour, (scale) * (basis), (scale) * (float3)(sx, sy, sz))
-  float3 sum = 0.0f;
-  const float x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z;
-  TERM(0, 0.28209479177387814f, 1.0f, 0.0f, 0.0f, 0.0f);
-  if (count > 1) {
-    TERM(1, -0.4886025119029199f, y, 0.0f, 1.0f, 0.0f);
-    TERM(2, 0.4886025119029199f, z, 0.0f, 0.0f, 1.0f);
-    TERM(3, -0.4886025119029199f, x, 1.0f, 0.0f, 0.0f);
-  }
-  if (count > 4) {
-    TERM(4, 1.0925484305920792f, x * y, y, x, 0.0f);
-    TERM(5, -1.0925484305920792f, y * z, 0.0f, z, y);
-    TERM(6, 0.31539156525252005f, 2.0f * zz - xx - yy, -2.0f * x, -2.0f * y, 4.0f * z);
-    TERM(7, -1.0925484305920792f, x * z, z, 0.0f, x);
-    TERM(8, 0.5462742152960396f, xx - yy, 2.0f * x, -2.0f * y, 0.0f);
-  }
-  if (count > 9) {
-    TERM(9, -0.5900435899266435f, y * (3.0f * xx - yy), 6.0f * x * y, 3.0f * (xx - yy), 0.0f);
-    TERM(10, 2.890611442640554f, x * y * z, y * z, x * z, x * y);
-    TERM(11, -0.4570457994644658f, y * (4.0f * zz - xx - yy), -2.0f * x * y, 4.0f * zz - xx - 3.0f * yy, 8.0f * y * z);
-    TERM(12, 0.3731763325901154f, z * (2.0f * zz - 3.0f * (xx + yy)), -6.0f * x * z, -6.0f * y * z,
-         6.0f * zz - 3.0f * (xx + yy));
-    TERM(13, -0.4570457994644658f, x * (4.0f * zz - xx - yy), 4.0f * zz - 3.0f * xx - yy, -2.0f * x * y, 8.0f * x * z);
-    TERM(14, 1.445305721320277f, z * (xx - yy), 2.0f * x * z, -2.0f * y * z, xx - yy);
-    TERM(15, -0.5900435899266435f, x * (xx - 3.0f * yy), 3.0f * (xx - yy), -6.0f * x * y, 0.0f);
-  }
-  return sum;
-}
-
-// From the gradient by the rotation matrix of a unit quaternion q (c0, c1, c2: its columns) to the gradient by q (w x y
-// z).
-static inline float4 rotation_backward(float4 q, float3 c0, float3 c1, float3 c2) {
-  const float w = q.x, x = q.y, y = q.z, z = q.w;
-  return 2.0f * (float4)(x * (c1.z - c2.y) + y * (c2.x - c0.z) + z * (c0.y - c1.x),
-                         w * (c1.z - c2.y) + y * (c1.x + c0.y) + z * (c2.x + c0.z) - 2.0f * x * (c1.y + c2.z),
-                         w * (c2.x - c0.z) + x * (c1.x + c0.y) + z * (c2.y + c1.z) - 2.0f * y * (c0.x + c2.z),
-                         w * (c0.y - c1.x) + x * (c2.x + c0.z) + y * (c2.y + c1.z) - 2.0f * z * (c0.x + c1.y));
-}
-
-static inline void add3(float3 value, int i, global float* to) { vstore3(vload3(i, to) + value, i, to); }
 
 // The sums of a Gaussian's rows over its tiles, in their order.
 typedef struct {
@@ -178,17 +125,6 @@ static inline float3 place_backward(Seen f, Ellipse p, Jacobian by, float by_z) 
   const float by_sx = -f.fx * f.rz * dot(by.j1, f.W2), by_sy = -f.fy * f.rz * dot(by.j2, f.W2);
   const float by_xz = -f.fx * p.x + (f.sx == f.xz ? by_sx : 0.0f), by_yz = -f.fy * p.y + (f.sy == f.yz ? by_sy : 0.0f);
   return (float3)(by_xz, by_yz, by_z * f.z - dot(by.j1, f.j1) - dot(by.j2, f.j2) - by_xz * f.xz - by_yz * f.yz) * f.rz;
-}
-
-// Through the colour: adds to the gradients of the coefficients, and returns that by where the mean lies as seen from
-// where colours are seen from.
-static inline float3 colour_backward(global const float* camera, float3 mean, global const float* sh, global float* dsh,
-                                     int S, float3 by_colour) {
-  float3 from = (mean - (float3)(camera[22], camera[23], camera[24])) - (float3)(camera[25], camera[26], camera[27]);
-  const float from2 = dot(from, from), from1 = from2 > 0.0f ? rsqrt(from2) : 0.0f;
-  from *= from1;
-  const float3 by_unit = sh_backward(sh, dsh, S, from, by_colour);
-  return from1 * (by_unit - dot(by_unit, from) * from);
 }
 
 // The gradient by the camera's pose. A turn moves the place and turns J W. A shift by tau moves the place and, by -W^T

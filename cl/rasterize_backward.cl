@@ -25,43 +25,7 @@
 #define COLUMNS 10
 
 #ifdef BATCH
-#define BLOCK 4
-#define BLOCKS 16
-#define LANES 16
-
-// A block's pixels of a picture with one value a pixel; 0 outside of it, or where there is none.
-static inline float16 load_block(global const float* picture, int x, int y, int width, int height) {
-  float values[LANES];
-  for (int row = 0; row < BLOCK; ++row) {
-    const bool there = picture && y + row < height;
-    global const float* from = picture + ((size_t)(y + row) * width + x);
-    if (there && x + BLOCK <= width) {
-      vstore4(vload4(0, from), row, values);
-    } else {
-      for (int i = 0; i < BLOCK; ++i) values[BLOCK * row + i] = there && x + i < width ? from[i] : 0.0f;
-    }
-  }
-  return vload16(0, values);
-}
-
-// The same with three values a pixel, channel by channel.
-static inline void load_colours(global const float* picture, int x, int y, int width, int height, float16* channels) {
-  float values[3][LANES];
-  for (int row = 0; row < BLOCK; ++row) {
-    const bool there = picture && y + row < height;
-    global const float* from = picture + 3 * ((size_t)(y + row) * width + x);
-    if (there && x + BLOCK <= width) {
-      const float4 a = vload4(0, from), b = vload4(1, from), c = vload4(2, from);
-      vstore4((float4)(a.x, a.w, b.z, c.y), row, values[0]);
-      vstore4((float4)(a.y, b.x, b.w, c.z), row, values[1]);
-      vstore4((float4)(a.z, b.y, c.x, c.w), row, values[2]);
-    } else {
-      for (int i = 0; i < 3 * BLOCK; ++i)
-        values[i % 3][BLOCK * row + i / 3] = there && x + i / 3 < width ? from[i] : 0.0f;
-    }
-  }
-  for (int c = 0; c < 3; ++c) channels[c] = vload16(0, values[c]);
-}
+#include "picture_blocks.clh"
 
 // Pictures that blending made, and the loss's gradients by them.
 typedef struct {
@@ -153,17 +117,6 @@ static inline void reach_blocks(const Batch* batch, int n, uint* masks) {
   }
 }
 
-// Ten sums over 16 lanes, side by side: each fold adds lanes in pairs and puts the sums of a before those of b; four
-// folds in a row leave one lane for each sum.
-static inline float16 fold8(float16 a, float16 b) { return (float16)(a.lo, b.lo) + (float16)(a.hi, b.hi); }
-static inline float16 fold4(float16 a, float16 b) {
-  return (float16)(a.s012389ab, b.s012389ab) + (float16)(a.s4567cdef, b.s4567cdef);
-}
-static inline float16 fold2(float16 a, float16 b) {
-  return (float16)(a.s014589cd, b.s014589cd) + (float16)(a.s2367abef, b.s2367abef);
-}
-static inline float16 fold1(float16 a, float16 b) { return (float16)(a.even, b.even) + (float16)(a.odd, b.odd); }
-
 // Blends record i into the blocks of `todo`, of which there is one at least. Returns its row: ten numbers, then zeros.
 static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint todo) {
   float16 m = 0.0f, mx = 0.0f, mt = 0.0f, mxx = 0.0f, mxt = 0.0f, mtt = 0.0f;
@@ -239,7 +192,7 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
 #ifdef PIXELS
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
-#define PARTS (WG / 16)       // sums of 16 items each make a column's sum
+#include "rows_gpu.clh"
 
 // Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
@@ -306,31 +259,6 @@ static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint,
   }
   own->left = left;
   return hit;
-}
-
-// Adds up the group's sums of one record, where any pixel sees it (hit), in a fixed order: of 16 items each, then of
-// these. Writes row *slot of rows and its byte of touched. values, parts: local memory, see the kernel. It holds
-// barriers, so every work-item must call it.
-static inline void write_row(const float* sums, local const int* hit, local float* values, local float* parts,
-                             global const uint* slot, global float* rows, global uchar* touched) {
-  const int item = get_local_id(0);
-  for (int q = 0; q < COLUMNS; ++q) values[q * (WG + PARTS) + item] = sums[q];
-  barrier(CLK_LOCAL_MEM_FENCE);
-  if (*hit) {
-    for (int j = item; j < COLUMNS * PARTS; j += WG) {
-      local const float* from = values + j / PARTS * (WG + PARTS) + j % PARTS;
-      float sum = 0.0f;
-      for (int k = 0; k < WG; k += PARTS) sum += from[k];
-      parts[j] = sum;
-    }
-  }
-  barrier(CLK_LOCAL_MEM_FENCE);
-  if (*hit && item < COLUMNS) {
-    float sum = 0.0f;
-    for (int k = 0; k < PARTS; ++k) sum += parts[item * PARTS + k];
-    rows[(size_t)*slot * COLUMNS + item] = sum;
-    if (item == 0) touched[*slot] = 1;
-  }
 }
 
 kernel void rasterize_backward_gpu(global const float* records, global const uint* ids, global const uint* starts,

@@ -53,37 +53,34 @@ Tensor upload_views(Context& ctx, const std::vector<Camera>& cameras, float near
   return ctx.upload({static_cast<long>(cameras.size()), kViewFloats}, data, Type::f32, "views");
 }
 
+long projection_width(const Context& ctx) {
+  return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4 ? 16 : 1;
+}
+
+void bind_gaussians(Dims& d, const DeviceGaussians& g, const char* n, GaussianKind kind) {
+  d.bind("means", g.means, {n, "3"}).bind("scales", g.scales, {n, std::to_string(scales_of(kind)).c_str()});
+  d.bind("quats", g.quats, {n, "4"}).bind("opacities", g.opacities, {n}).bind("sh", g.sh, {n, "S", "3"});
+  const long s = d["S"];
+  if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project: {} spherical harmonics", s);
+}
+
 namespace {
 
 struct Launch {
-  int width;  // Gaussians per work-item
+  long width;  // Gaussians per work-item
   std::string defines;
 };
 
-// Compilers that take vectors apart are given scalars.
 Launch launch_of(const Context& ctx) {
-  const int width = ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4 ? 16 : 1;
+  const long width = projection_width(ctx);
   return {width, "-DWIDTH=" + std::to_string(width)};
 }
 
 Range range_of(const Launch& l, long n) { return items((n + l.width - 1) / l.width, l.width == 1 ? 64 : 16); }
 
-// Of the scene's arrays, of Gaussians that are counted by the label `n`; S goes into `d`, too.
-void bind(Dims& d, const DeviceGaussians& g, const char* n) {
-  d.bind("means", g.means, {n, "3"}).bind("scales", g.scales, {n, "3"}).bind("quats", g.quats, {n, "4"});
-  d.bind("opacities", g.opacities, {n}).bind("sh", g.sh, {n, "S", "3"});
-  const long s = d["S"];
-  if (s != 1 && s != 4 && s != 9 && s != 16) fail(Status::internal, "project: {} spherical harmonics", s);
-}
-
 }  // namespace
 
-void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, int width,
-                  int height, const Culled& out) {
-  Dims d;
-  bind(d, g, "n");
-  d.bind("views", views, {"V", "32"}).bind("rects", out.rects, {"K", "2"}, Type::u32);
-  d.bind("keys", out.keys, {"K"}, Type::u32);
+void check_culling(const Dims& d, long view, long base, int width, int height) {
   const long n = d["n"];
   if (view < 0 || view >= d["V"]) fail(Status::internal, "project: view {} of {}", view, d["V"]);
   if (base < 0 || base + n > d["K"]) fail(Status::internal, "project: {} Gaussians from {} of {}", n, base, d["K"]);
@@ -91,6 +88,16 @@ void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tenso
   if (tiles_along(width) > 65535 || tiles_along(height) > 65535)
     fail(Status::usage, "a picture of {} x {} pixels: at most 1048560 along an edge can be drawn", width, height);
   if (d["K"] >= (1L << 31)) fail(Status::memory, "{} Gaussians: at most 2^31 - 1 can be drawn at once", d["K"]);
+}
+
+void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tensor& views, long view, int width,
+                  int height, const Culled& out) {
+  Dims d;
+  bind_gaussians(d, g, "n", GaussianKind::volume);
+  d.bind("views", views, {"V", "32"}).bind("rects", out.rects, {"K", "2"}, Type::u32);
+  d.bind("keys", out.keys, {"K"}, Type::u32);
+  const long n = d["n"];
+  check_culling(d, view, base, width, height);
   const Launch l = launch_of(ctx);
   const double count = static_cast<double>(n);
   ctx.launch({"project", "project_cull", l.defines}, range_of(l, n), {count * 190, count * 56}, g.means, g.scales,
@@ -101,7 +108,7 @@ void project_cull(Context& ctx, const DeviceGaussians& g, long base, const Tenso
 void project_forward(Context& ctx, const ProjectForward& a) {
   const DeviceGaussians& g = a.chunk;
   Dims d;
-  bind(d, g, "n");
+  bind_gaussians(d, g, "n", GaussianKind::volume);
   d.bind("views", a.views, {"V", "32"}).bind("ids", a.ids, {"N"}, Type::u32).bind("records", a.records, {"N", "12"});
   if (a.from < 0 || a.from + a.n > d["N"]) fail(Status::internal, "project: {} from {} of {}", a.n, a.from, d["N"]);
   const Launch l = launch_of(ctx);
@@ -114,7 +121,7 @@ void project_forward(Context& ctx, const ProjectForward& a) {
 void project_backward(Context& ctx, const ProjectBackward& a) {
   const DeviceGaussians& g = a.chunk;
   Dims d;
-  bind(d, g, "K");
+  bind_gaussians(d, g, "K", GaussianKind::volume);
   d.bind("views", a.views, {"V", "32"});
   d.bind("ids", a.visible.ids, {"N"}, Type::u32).bind("records", a.visible.records, {"N", "12"});
   d.bind("rows", a.intersections.rows, {"M", "10"});

@@ -10,12 +10,24 @@
 
 namespace vsplat {
 
+class Dims;
+
 constexpr int kTile = 16;  // pixels along a tile's edge
 inline long tiles_along(long pixels) { return (pixels + kTile - 1) / kTile; }
 
 // Cameras as cl/project.cl reads them, pinhole (distortion is ignored): f32 [V,32].
 Tensor upload_views(Context& ctx, const std::vector<Camera>& cameras, float near,
                     const std::optional<std::array<float, 3>>& mirror);
+
+// Gaussians that a work-item of projection takes: compilers that take vectors apart are given scalars.
+long projection_width(const Context& ctx);
+// Names the shapes of a scene's arrays, of Gaussians that are counted by the label `n`; S goes into `d`, too.
+void bind_gaussians(Dims& d, const DeviceGaussians& g, const char* n, GaussianKind kind);
+// Of the sizes n, V and K in `d`: what culling cannot do is refused.
+void check_culling(const Dims& d, long view, long base, int width, int height);
+
+// Numbers of a record.
+constexpr long kRecord = 12;
 
 // Every Gaussian of a scene, in one view; see cl/project.cl.
 struct Culled {
@@ -30,7 +42,7 @@ struct Projected {
   Tensor rects;      // u32 [V,2]: of a part of the picture, counted from its corner
   Tensor keys;       // u32 [V]: order as depth does
   int key_bits = 0;  // of the largest key
-  Tensor records;    // f32 [V,12]
+  Tensor records;    // f32 [V,12], of surfels (project_surfels.h) [V,20]
 };
 
 // A chunk of the scene, whose first Gaussian is the scene's `base`, in one view: `view` of upload_views' [V,32]; width
@@ -51,9 +63,9 @@ struct ProjectForward {
 void project_forward(Context& ctx, const ProjectForward& a);
 
 // What a picture's gradient says of each Gaussian in each tile: a row per intersection of the two, where Binned::slots
-// puts it. See cl/rasterize_backward.cl for the columns.
+// puts it. See cl/rasterize_backward.cl (of surfels cl/rasterize_surfels_backward.cl) for the columns.
 struct IntersectionGradients {
-  Tensor rows;     // f32 [M,10]
+  Tensor rows;     // f32 [M,10], of surfels [M,20]
   Tensor touched;  // u8 [M]: 1 where a row was written; the others are zeros, and not written
 };
 

@@ -6,11 +6,8 @@
 namespace vsplat {
 namespace {
 
-constexpr long kBatch = 64;          // of a tile's Gaussians, that a work-item looks at together on a CPU
 constexpr long kColumns = 10;        // of a row of IntersectionGradients
 constexpr long kBackwardPixels = 4;  // of a work-item, at the least: fewer items share a sum
-
-using LocalBytes = std::size_t (*)(long group);  // of a group of so many items
 
 std::size_t forward_bytes(long group) { return static_cast<std::size_t>(group) * 48 + 64; }
 
@@ -18,22 +15,6 @@ std::size_t backward_bytes(long group) {
   const auto items = static_cast<std::size_t>(group), parts = items / 16;
   return items * 52 + 4 * kColumns * (items + 2 * parts) + 64;
 }
-
-// A group owns a tile: as many items as the device lets it have, each with the fewest pixels.
-KernelId gpu_kernel(Context& ctx, const char* file, const char* kernel, long least_pixels, LocalBytes bytes,
-                    long& group) {
-  for (long pixels = least_pixels; pixels <= kTile; pixels *= 2) {
-    group = kTile * kTile / pixels;
-    const KernelId id{file, kernel, "-DPIXELS=" + std::to_string(pixels)};
-    if (group > static_cast<long>(ctx.device().max_work_group)) continue;
-    if (bytes(group) > ctx.device().local_memory) continue;
-    if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return id;
-  }
-  fail(Status::device, "{}: {} allows work-groups of {} items with {} bytes of local memory, {} with {} are needed",
-       file, ctx.device().name, ctx.device().max_work_group, ctx.device().local_memory, kTile, bytes(kTile));
-}
-
-bool wide_cpu(const Context& ctx) { return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4; }
 
 // What both directions read.
 void bind(Dims& d, const Projected& p, const Binned& b, const Part& part, const DevicePicture& picture,
@@ -45,17 +26,45 @@ void bind(Dims& d, const Projected& p, const Binned& b, const Part& part, const 
       .bind("colour", picture.colour, {"H", "W", "3"})
       .bind("alpha", picture.alpha, {"H", "W"})
       .bind("depth", picture.depth, {"H", "W"});
-  if (part.x0 < 0 || part.y0 < 0 || part.x1 > tiles_along(d["W"]) || part.y1 > tiles_along(d["H"]))
-    fail(Status::internal, "{}: a part that ends at tile {}, {} of {} x {} pixels", name, part.x1, part.y1, d["W"],
-         d["H"]);
+  check_part(part, d["W"], d["H"], name);
 }
 
 }  // namespace
 
-DevicePicture make_picture(Context& ctx, int width, int height) {
+bool rasterizes_in_blocks(const Context& ctx) {
+  return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4;
+}
+
+TileLaunch tile_launch(const TileKernel& kernel, Context& ctx) {
+  for (long pixels = kernel.least_pixels; pixels <= kTile; pixels *= 2) {
+    const long group = kTile * kTile / pixels;
+    const KernelId id{kernel.file, kernel.name, "-DPIXELS=" + std::to_string(pixels) + kernel.defines};
+    if (group > static_cast<long>(ctx.device().max_work_group)) continue;
+    if (kernel.bytes(group) > ctx.device().local_memory) continue;
+    if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return {id, group};
+  }
+  fail(Status::device, "{}: {} allows work-groups of {} items with {} bytes of local memory, {} with {} are needed",
+       kernel.file, ctx.device().name, ctx.device().max_work_group, ctx.device().local_memory, kTile,
+       kernel.bytes(kTile));
+}
+
+void check_part(const Part& part, long width, long height, const char* operation) {
+  if (part.x0 < 0 || part.y0 < 0 || part.x1 > tiles_along(width) || part.y1 > tiles_along(height))
+    fail(Status::internal, "{}: a part that ends at tile {}, {} of {} x {} pixels", operation, part.x1, part.y1, width,
+         height);
+}
+
+DevicePicture make_picture(Context& ctx, int width, int height, const SurfelMaps& maps) {
+  const auto map = [&](bool wanted, const Shape& shape, const char* what) {
+    return wanted ? ctx.tensor(shape, Type::f32, what) : Tensor();
+  };
   return {ctx.tensor({height, width, 3}, Type::f32, "picture.colour"),
           ctx.tensor({height, width}, Type::f32, "picture.alpha"),
-          ctx.tensor({height, width}, Type::f32, "picture.depth")};
+          ctx.tensor({height, width}, Type::f32, "picture.depth"),
+          map(maps.normal, {height, width, 3}, "picture.normal"),
+          map(maps.median, {height, width}, "picture.median"),
+          map(maps.distortion, {height, width}, "picture.distortion"),
+          map(maps.distortion, {height, width, 2}, "picture.moments")};
 }
 
 void rasterize_forward(Context& ctx, const RasterizeForward& a) {
@@ -73,12 +82,11 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
                drawn(a.picture.alpha), drawn(a.picture.depth), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
                a.background[0], a.background[1], a.background[2]);
   };
-  if (wide_cpu(ctx)) {
-    run({"rasterize", "rasterize_forward_cpu", "-DBATCH=" + std::to_string(kBatch)}, groups(tiles, 1));
+  if (rasterizes_in_blocks(ctx)) {
+    run({"rasterize", "rasterize_forward_cpu", "-DBATCH=" + std::to_string(kRasterizeBatch)}, groups(tiles, 1));
   } else {
-    long group = 0;
-    const KernelId id = gpu_kernel(ctx, "rasterize", "rasterize_forward_gpu", 1, forward_bytes, group);
-    run(id, groups(tiles, group));
+    const TileLaunch l = tile_launch({"rasterize", "rasterize_forward_gpu", "", 1, forward_bytes}, ctx);
+    run(l.id, groups(tiles, l.group));
   }
 }
 
@@ -104,13 +112,13 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
                written(out.touched), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles, a.background[0],
                a.background[1], a.background[2]);
   };
-  if (wide_cpu(ctx)) {
-    run({"rasterize_backward", "rasterize_backward_cpu", "-DBATCH=" + std::to_string(kBatch)}, groups(tiles, 1));
+  if (rasterizes_in_blocks(ctx)) {
+    run({"rasterize_backward", "rasterize_backward_cpu", "-DBATCH=" + std::to_string(kRasterizeBatch)},
+        groups(tiles, 1));
   } else {
-    long group = 0;
-    const KernelId id =
-        gpu_kernel(ctx, "rasterize_backward", "rasterize_backward_gpu", kBackwardPixels, backward_bytes, group);
-    run(id, groups(tiles, group));
+    const TileLaunch l =
+        tile_launch({"rasterize_backward", "rasterize_backward_gpu", "", kBackwardPixels, backward_bytes}, ctx);
+    run(l.id, groups(tiles, l.group));
   }
   return out;
 }

@@ -10,9 +10,20 @@ struct DevicePicture {
   Tensor colour;  // f32 [H,W,3], over the background
   Tensor alpha;   // f32 [H,W]
   Tensor depth;   // f32 [H,W]: sum of weight x camera z
+  // Of surfels alone, and each of them only where it is asked for:
+  Tensor normal{};      // f32 [H,W,3]: sum of weight x normal, in the camera's axes, towards the camera
+  Tensor median{};      // f32 [H,W]: the depth of the last that met a transmittance over 0.5; 0 where none did
+  Tensor distortion{};  // f32 [H,W]: how far apart along the ray its weights are, see cl/rasterize_surfels.cl
+  Tensor moments{};     // f32 [H,W,2]: what the derivative of the distortion needs beside it
 };
 
-DevicePicture make_picture(Context& ctx, int width, int height);
+// What a picture of surfels has beside colour, alpha and depth.
+struct SurfelMaps {
+  bool normal = false, median = false;
+  bool distortion = false;  // with its moments
+};
+
+DevicePicture make_picture(Context& ctx, int width, int height, const SurfelMaps& maps = {});
 
 // Draws a part of the picture.
 struct RasterizeForward {
@@ -29,6 +40,9 @@ struct PictureGradient {
   Tensor colour;  // f32 [H,W,3]
   Tensor alpha;   // f32 [H,W]
   Tensor depth;   // f32 [H,W]
+  // Of surfels alone:
+  Tensor normal{};      // f32 [H,W,3]
+  Tensor distortion{};  // f32 [H,W]
 };
 
 struct RasterizeBackward {
@@ -40,5 +54,25 @@ struct RasterizeBackward {
   PictureGradient dpicture;
 };
 IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& a);
+
+// Gaussians of a tile that a work-item of the cpu flavour looks at together.
+constexpr long kRasterizeBatch = 64;
+// Whether blending is that of the cpu flavour: the device must take vectors, too.
+bool rasterizes_in_blocks(const Context& ctx);
+// A kernel of the gpu flavour, in which a group owns a tile: as many items as the device lets it have, each with the
+// fewest pixels, but no fewer than `least_pixels`. `bytes`: of local memory that a group of so many items takes.
+struct TileKernel {
+  const char *file, *name;
+  std::string defines;
+  long least_pixels;
+  std::size_t (*bytes)(long group);
+};
+struct TileLaunch {
+  KernelId id;
+  long group;
+};
+TileLaunch tile_launch(const TileKernel& kernel, Context& ctx);
+// Refuses a part that is not one of a picture of width x height pixels.
+void check_part(const Part& part, long width, long height, const char* operation);
 
 }  // namespace vsplat

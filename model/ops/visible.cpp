@@ -48,7 +48,8 @@ VisibleCount count_visible(Context& ctx, const Culled& culled, const Part& part)
   return out;
 }
 
-Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, const VisibleCount& count) {
+Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, const VisibleCount& count,
+                          long record) {
   const long k =
       Dims().bind("rects", culled.rects, {"K", "2"}, Type::u32).bind("keys", culled.keys, {"K"}, Type::u32)["K"];
   const long n = static_cast<long>(count.gaussians), blocks = (k + count.block - 1) / count.block;
@@ -56,7 +57,7 @@ Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, 
   out.ids = ctx.tensor({n}, Type::u32, "splat.ids");
   out.rects = ctx.tensor({n, 2}, Type::u32, "splat.rects");
   out.keys = ctx.tensor({n}, Type::u32, "splat.keys");
-  out.records = ctx.tensor({n, 12}, Type::f32, "splat.records");
+  out.records = ctx.tensor({n, record}, Type::f32, "splat.records");
   out.key_bits = std::bit_width(count.largest_key - count.least_key);
   ctx.launch({"visible", "visible_compact", ""}, items(blocks, 1),
              {0, 8.0 * static_cast<double>(k) + 20.0 * static_cast<double>(n)}, culled.rects, culled.keys, culled.sums,

@@ -29,7 +29,9 @@ Culled make_culled(Context& ctx, long k);
 // Waits for the device: these numbers set the size of what follows.
 VisibleCount count_visible(Context& ctx, const Culled& culled, const Part& part);
 
-// All but the records' values, for which there is room. The count must be the last one made of `culled`.
-Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, const VisibleCount& count);
+// All but the records' values, for which there is room. The count must be the last one made of `culled`. `record`: how
+// many numbers of each.
+Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, const VisibleCount& count,
+                          long record = kRecord);
 
 }  // namespace vsplat

@@ -84,6 +84,16 @@ inline Gaussians make_scene(const SceneCase& c, std::uint32_t seed) {
   return g;
 }
 
+// The same as surfels: without their third axis.
+inline Gaussians make_surfels(const SceneCase& c, std::uint32_t seed) {
+  Gaussians g = make_scene(c, seed);
+  g.kind = GaussianKind::surfel;
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (std::size_t i = 0; i < 2; ++i) g.scales[2 * k + i] = g.scales[3 * k + i];
+  g.scales.resize(2 * g.count);
+  return g;
+}
+
 inline Camera make_camera(const SceneCase& c, std::uint32_t seed) {
   std::mt19937 engine(seed + 1000);
   std::normal_distribution<double> normal;
