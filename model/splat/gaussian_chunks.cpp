@@ -2,12 +2,15 @@
 
 #include <algorithm>
 
+#include "model/ops/project_surfels.h"
 #include "model/splat/room.h"
 
 namespace vsplat {
 namespace {
 
-double bytes_of(const Gaussians& g) { return 4.0 * (11.0 + 3.0 * static_cast<double>(g.sh_count())); }
+double bytes_of(const Gaussians& g) {
+  return 4.0 * (8.0 + scales_of(g.kind) + 3.0 * static_cast<double>(g.sh_count()));
+}
 
 long whole_units(double gaussians) {
   return std::max(static_cast<long>(gaussians / static_cast<double>(kChunkUnit)), 1L) * kChunkUnit;
@@ -19,16 +22,19 @@ GaussianChunks::GaussianChunks(const DeviceGaussians& g)
     : count(g.count()),
       sh_degree(g.sh_degree()),
       chunk((g.count() / kChunkUnit + 1) * kChunkUnit),
-      get([g](Context&, long) { return g; }) {}
+      get([g](Context&, long) { return g; }),
+      kind(g.kind()) {}
 
-GaussianChunks::GaussianChunks(long all, int degree, long each, std::function<DeviceGaussians(Context&, long)> chunk_at)
-    : count(all), sh_degree(degree), chunk(each), get(std::move(chunk_at)) {}
+GaussianChunks::GaussianChunks(long all, int degree, long each, std::function<DeviceGaussians(Context&, long)> chunk_at,
+                               GaussianKind what)
+    : count(all), sh_degree(degree), chunk(each), get(std::move(chunk_at)), kind(what) {}
 
 GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) {
   const ArenaLimits& limits = ctx.memory().limits();
   const long k = static_cast<long>(g.count);
+  const bool surfels = g.kind == GaussianKind::surfel;
   // Beside the scene: a picture, and of each Gaussian what is projected and sorted, with a few tiles that it touches.
-  constexpr double drawing = 12 + 64 + 16 + 4 * 8;
+  const double drawing = 12 + 16 + 4.0 * static_cast<double>(surfels ? kSurfelRecord : kRecord) + 16 + 4 * 8;
   const double limit = static_cast<double>(limits.total), n = static_cast<double>(k);
   const double left = limit - static_cast<double>(ctx.memory().live()) - n * (bytes_of(g) + drawing) - 20 * pixels;
   const double largest = 12.0 * static_cast<double>(g.sh_count());  // bytes of a Gaussian in the largest array
@@ -36,7 +42,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
     const long chunk =
         std::min(whole_units(static_cast<double>(limits.max_alloc) / largest), whole_units(n) + kChunkUnit);
     std::vector<DeviceGaussians> parts;
-    GaussianChunks out(k, g.sh_degree, chunk, nullptr);
+    GaussianChunks out(k, g.sh_degree, chunk, nullptr, g.kind);
     const auto place = [&](Context& c) {
       parts.clear();
       for (long i = 0; i < out.chunks(); ++i) parts.push_back(upload(c, g, i * chunk, out.size_of(i)));
@@ -48,7 +54,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
     }
   }
   const double room = std::min(limit / 8 / bytes_of(g), static_cast<double>(limits.max_alloc) / largest);
-  GaussianChunks out(k, g.sh_degree, whole_units(room), nullptr);
+  GaussianChunks out(k, g.sh_degree, whole_units(room), nullptr, g.kind);
   out.get = [&g, size = out](Context& c, long i) { return upload(c, g, i * size.chunk, size.size_of(i)); };
   return out;
 }

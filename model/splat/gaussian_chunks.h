@@ -14,7 +14,8 @@ struct GaussianChunks {
   // All of it, on the device.
   GaussianChunks(const DeviceGaussians& gaussians);  // NOLINT(google-explicit-constructor): a scene in one chunk is one
   // `chunk` Gaussians each, a multiple of kChunkUnit; `get` has the i-th on the context's device.
-  GaussianChunks(long count, int sh_degree, long chunk, std::function<DeviceGaussians(Context&, long)> get);
+  GaussianChunks(long count, int sh_degree, long chunk, std::function<DeviceGaussians(Context&, long)> get,
+                 GaussianKind kind = GaussianKind::volume);
 
   long chunks() const { return (count + chunk - 1) / chunk; }
   long size_of(long i) const { return i + 1 < chunks() ? chunk : count - i * chunk; }
@@ -23,6 +24,7 @@ struct GaussianChunks {
   int sh_degree = 0;
   long chunk = 1;
   std::function<DeviceGaussians(Context&, long)> get;
+  GaussianKind kind = GaussianKind::volume;
 };
 
 // A host's scene for pictures of up to that many pixels: on the device for good, if that leaves enough memory to draw

@@ -28,8 +28,14 @@ struct View {
 
 View cull(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
   View out{upload_views(ctx, {camera}, options.near, options.mirror), make_culled(ctx, scene.count)};
-  for (long i = 0; i < scene.chunks(); ++i)
-    project_cull(ctx, scene.get(ctx, i), i * scene.chunk, out.camera, 0, camera.width, camera.height, out.culled);
+  for (long i = 0; i < scene.chunks(); ++i) {
+    const DeviceGaussians chunk = scene.get(ctx, i);
+    const long base = i * scene.chunk;
+    if (scene.kind == GaussianKind::surfel)
+      project_surfels_cull(ctx, chunk, base, out.camera, 0, camera.width, camera.height, options.revision, out.culled);
+    else
+      project_cull(ctx, chunk, base, out.camera, 0, camera.width, camera.height, out.culled);
+  }
   return out;
 }
 
@@ -49,9 +55,10 @@ VisibleCount assumed(const GaussianChunks& scene, const RenderOptions& options, 
   return out;
 }
 
-Projected project_part(Context& ctx, const GaussianChunks& scene, const View& view, const Part& part,
-                       const VisibleCount& count) {
-  Projected out = compact_visible(ctx, view.culled, part, count);
+Projected project_part(Context& ctx, const GaussianChunks& scene, const View& view, const RenderOptions& options,
+                       const Part& part, const VisibleCount& count) {
+  const bool surfels = scene.kind == GaussianKind::surfel;
+  Projected out = compact_visible(ctx, view.culled, part, count, surfels ? kSurfelRecord : kRecord);
   for (long i = 0; i < scene.chunks(); ++i) {
     if (ctx.planning()) {
       (void)scene.get(ctx, i);
@@ -61,8 +68,14 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
       return static_cast<long>(count.before.at(static_cast<std::size_t>((gaussian + count.block - 1) / count.block)));
     };
     const long from = seen_before(i * scene.chunk), to = seen_before(i * scene.chunk + scene.size_of(i));
-    if (from < to)
-      project_forward(ctx, {scene.get(ctx, i), i * scene.chunk, view.camera, 0, out.ids, from, to - from, out.records});
+    if (from == to) continue;
+    const DeviceGaussians chunk = scene.get(ctx, i);
+    const long base = i * scene.chunk;
+    if (surfels)
+      project_surfels_forward(ctx,
+                              {chunk, base, view.camera, 0, out.ids, from, to - from, out.records, options.revision});
+    else
+      project_forward(ctx, {chunk, base, view.camera, 0, out.ids, from, to - from, out.records});
   }
   return out;
 }
@@ -91,8 +104,10 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
     parts.pop_back();
     const VisibleCount count = ctx.planning() ? assumed(scene, options, part) : count_visible(ctx, view.culled, part);
     const auto draw = [&](Context& c) {
-      const Projected projected = project_part(c, scene, view, part, count);
-      work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, options.exact_tiles}));
+      const Projected projected = project_part(c, scene, view, options, part, count);
+      // (What a surfel's alpha is in a tile is not known from its record alone.)
+      const bool exact = options.exact_tiles && scene.kind == GaussianKind::volume;
+      work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, exact}));
     };
     if (make_room(ctx, draw)) {
       draw(ctx);
@@ -109,14 +124,29 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
   }
 }
 
-DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
+void draw_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
+               const Projected& projected, const Binned& binned, const DevicePicture& picture) {
+  if (scene.kind == GaussianKind::surfel)
+    rasterize_surfels_forward(ctx,
+                              {projected, binned, part, options.background, picture, options.near, options.revision});
+  else
+    rasterize_forward(ctx, {projected, binned, part, options.background, picture});
+}
+
+DevicePicture picture_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const SurfelMaps& maps) {
   check_size(camera);
+  if (scene.kind != GaussianKind::surfel && (maps.normal || maps.median || maps.distortion))
+    fail(Status::usage, "normals, median depths and distortion are those of surfels; these Gaussians are volumes");
+  make_room(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height, maps); });
+  return make_picture(ctx, camera.width, camera.height, maps);
+}
+
+DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
   const Stage stage(ctx, "splat");
-  make_room(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height); });
-  const DevicePicture out = make_picture(ctx, camera.width, camera.height);
+  const DevicePicture out = picture_in_room(ctx, scene, camera, options.maps);
   for_each_part(ctx, scene, camera, options, false,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
-                  rasterize_forward(c, {projected, binned, part, options.background, out});
+                  draw_part(c, scene, options, part, projected, binned, out);
                 });
   return out;
 }
@@ -131,12 +161,14 @@ void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, co
 
 Picture download(Context& ctx, const DevicePicture& picture) {
   const int height = static_cast<int>(picture.alpha.dim(0)), width = static_cast<int>(picture.alpha.dim(1));
-  Picture out{Image(width, height, 3), Image(width, height, 1), Image(width, height, 1)};
-  if (ctx.planning()) return out;
-  ctx.read(picture.colour, out.colour.data.data());
-  ctx.read(picture.alpha, out.alpha.data.data());
-  ctx.read(picture.depth, out.depth.data.data());
-  return out;
+  const auto image = [&](const Tensor& map, int channels) {
+    if (!map) return Image();
+    Image out(width, height, channels);
+    if (!ctx.planning()) ctx.read(map, out.data.data());
+    return out;
+  };
+  return {image(picture.colour, 3), image(picture.alpha, 1),  image(picture.depth, 1),
+          image(picture.normal, 3), image(picture.median, 1), image(picture.distortion, 1)};
 }
 
 Picture render_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {

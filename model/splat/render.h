@@ -1,4 +1,5 @@
-// Pictures of Gaussians: 3D Gaussian splatting, as its original rasteriser defines it. Cameras are drawn as pinholes.
+// Pictures of Gaussians: 3D Gaussian splatting, and 2D where they are surfels, as their original rasterisers define it.
+// Cameras are drawn as pinholes.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -8,7 +9,7 @@
 
 #include "model/base/camera.h"
 #include "model/base/image.h"
-#include "model/ops/rasterize.h"
+#include "model/ops/rasterize_surfels.h"
 #include "model/splat/gaussian_chunks.h"
 #include "runtime/context.h"
 
@@ -23,12 +24,19 @@ struct RenderOptions {
   // taken to be seen and to touch `assumed_tiles`.
   std::function<VisibleCount(const Part&)> counts;
   double assumed_tiles = 8;
+  // Of surfels alone. Maps that are asked for where volumes are drawn are refused.
+  SurfelMaps maps = {};
+  SurfelRevision revision = SurfelRevision::lara;
 };
 
 struct Picture {
   Image colour;  // 3 channels, over the background, not clamped
   Image alpha;   // 1 channel
   Image depth;   // 1 channel: sum of weight x camera z
+  // What was asked for of surfels, see DevicePicture; else empty.
+  Image normal{};      // 3 channels
+  Image median{};      // 1 channel
+  Image distortion{};  // 1 channel
 };
 
 // One camera, on the device. Waits once for each part of the picture that is drawn by itself (one, where memory
@@ -39,9 +47,16 @@ Picture download(Context& ctx, const DevicePicture& picture);
 
 // One picture's part at a time: what it sees, projected and binned. The picture is one part where that fits into
 // memory, else its halves, and theirs. `slots`: as tile_bin takes it. `work` is also run on a context that only plans.
+// A part that surfels see has their records.
 using PartWork = std::function<void(Context&, const Part&, const Projected&, const Binned&)>;
 void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                    bool slots, const PartWork& work);
+
+// A picture for what is drawn, on the device, once there is room for it.
+DevicePicture picture_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const SurfelMaps& maps);
+// Blends what a part sees into its picture.
+void draw_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
+               const Projected& projected, const Binned& binned, const DevicePicture& picture);
 
 // What render() would take: runs it on `planner`, as made from `ctx`, with the scene as the plan has it, for which
 // `ctx` projects `scene` and counts.

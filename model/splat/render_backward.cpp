@@ -9,7 +9,8 @@ namespace vsplat {
 SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene) {
   const auto make = [&](Context& c) {
     SceneGradient out;
-    for (long i = 0; i < scene.chunks(); ++i) out.push_back(zero_gradients(c, scene.size_of(i), scene.sh_degree));
+    for (long i = 0; i < scene.chunks(); ++i)
+      out.push_back(zero_gradients(c, scene.size_of(i), scene.sh_degree, scene.kind));
     return out;
   };
   make_room(ctx, [&](Context& c) { make(c); });
@@ -41,29 +42,35 @@ namespace {
 void part_backward(Context& ctx, const GaussianChunks& scene, const Tensor& views, const RenderOptions& options,
                    const Part& part, const Projected& projected, const Binned& binned, const DevicePicture& picture,
                    const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists) {
+  const bool surfels = scene.kind == GaussianKind::surfel, mirrored = options.mirror.has_value();
   const IntersectionGradients rows =
-      rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient});
-  for (long i = 0; i < scene.chunks(); ++i)
-    project_backward(ctx, {scene.get(ctx, i), i * scene.chunk, views, 0, options.mirror.has_value(), projected,
-                           binned.offsets, rows, out.at(static_cast<std::size_t>(i)), twists});
-}
-
-DevicePicture picture_in_room(Context& ctx, const Camera& camera) {
-  make_room(ctx, [&](Context& c) { make_picture(c, camera.width, camera.height); });
-  return make_picture(ctx, camera.width, camera.height);
+      surfels ? rasterize_surfels_backward(ctx, {projected, binned, part, options.background, picture, gradient,
+                                                 options.near, options.revision})
+              : rasterize_backward(ctx, {projected, binned, part, options.background, picture, gradient});
+  for (long i = 0; i < scene.chunks(); ++i) {
+    const DeviceGaussians chunk = scene.get(ctx, i);
+    const GaussianGradients& to = out.at(static_cast<std::size_t>(i));
+    const long base = i * scene.chunk;
+    if (surfels)
+      project_surfels_backward(
+          ctx, {chunk, base, views, 0, mirrored, projected, binned.offsets, rows, to, twists, options.revision});
+    else
+      project_backward(ctx, {chunk, base, views, 0, mirrored, projected, binned.offsets, rows, to, twists});
+  }
 }
 
 }  // namespace
 
 void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                      const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose) {
+  const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
   const Stage stage(ctx, "splat");
   const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
-  const DevicePicture picture = picture_in_room(ctx, camera);
+  const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
   std::vector<Tensor> poses;  // of each part
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
-                  rasterize_forward(c, {projected, binned, part, options.background, picture});
+                  draw_part(c, scene, options, part, projected, binned, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
                   part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
                   if (!pose) return;
@@ -83,12 +90,12 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                                   std::array<double, 6>* pose) {
   const Stage stage(ctx, "splat");
   const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
-  const DevicePicture picture = picture_in_room(ctx, camera);
+  const DevicePicture picture = picture_in_room(ctx, scene, camera, options.maps);
   DrawnPicture drawn{picture};
   bool done = false;
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
-                  rasterize_forward(c, {projected, binned, part, options.background, picture});
+                  draw_part(c, scene, options, part, projected, binned, picture);
                   if (&c == &ctx) drawn.intersections += static_cast<std::uint64_t>(binned.ids.count());
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);

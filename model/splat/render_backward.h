@@ -14,15 +14,15 @@ using SceneGradient = std::vector<GaussianGradients>;
 SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene);
 Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree);
 
-// Draws the picture once more, and adds to `out` the derivatives of a loss whose derivatives by the picture are
-// `gradient`. They are the true ones, with tiles, order and what is left out held as they are; the same bits every
-// time. `pose`, where it is not null: by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
-// Waits for the device.
+// Draws the picture once more, with what maps of surfels there are gradients of, and adds to `out` the derivatives of a
+// loss whose derivatives by the picture are `gradient`. They are the true ones, with tiles, order and what is left out
+// held as they are; the same bits every time. `pose`, where it is not null: by (omega, tau) at 0, where the pose is
+// exp([omega, tau]) times world to camera. Waits for the device.
 void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                      const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose);
 
-// render(), then render_backward() with what `loss` makes of the picture, without drawing it twice where it is one
-// part. `loss` is run on a plan, too. `pose`: as render_backward() has it.
+// render(), with the maps that the options ask for, then render_backward() with what `loss` makes of the picture,
+// without drawing it twice where it is one part. `loss` is run on a plan, too. `pose`: as render_backward() has it.
 using PictureLossWork = std::function<PictureGradient(Context&, const DevicePicture&)>;
 struct DrawnPicture {
   DevicePicture picture;

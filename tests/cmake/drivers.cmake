@@ -18,8 +18,8 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
   add_test(NAME rusticl.profile COMMAND runtime_tests --gtest_filter=*ProfilesTimesThatCanBe)
-  add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*)
-  add_test(NAME rusticl.gradient COMMAND splat_tests --gtest_filter=Committed/RenderBackwardGolden.*:*IsZeroWhereTheLossIs*)
+  add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*:CommittedSurfels/RenderGolden.*)
+  add_test(NAME rusticl.gradient COMMAND splat_tests --gtest_filter=Committed/RenderBackwardGolden.*:CommittedSurfels/RenderBackwardGolden.*:*IsZeroWhereTheLossIs*)
   set_tests_properties(rusticl.profile rusticl.render rusticl.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 300 COST 200
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
@@ -36,8 +36,10 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*seventeen:Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
   add_test(NAME oclgrind.gradient
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*_one:Committed/RenderBackwardGolden.*seventeen)
+  add_test(NAME oclgrind.surfels
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=CommittedSurfels/RenderBackwardGolden.*prime)
   # It reports and goes on by default; nothing that it reports is to be accepted.
-  set_tests_properties(oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
+  set_tests_properties(oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
   # Two minutes: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.

@@ -20,5 +20,7 @@ add_test(NAME golden_tiny COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${g
 set_tests_properties(golden_tiny PROPERTIES FIXTURES_SETUP golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_splat COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir}/splat splat)
 set_tests_properties(golden_splat PROPERTIES FIXTURES_SETUP golden_splat FIXTURES_REQUIRED golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
+add_test(NAME golden_surfels COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir}/splat surfels)
+set_tests_properties(golden_surfels PROPERTIES FIXTURES_SETUP golden_splat SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_train COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} train)
 set_tests_properties(golden_train PROPERTIES FIXTURES_SETUP golden_train SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)

@@ -4,6 +4,7 @@
 #   tests/golden/make.sh DIR tiny        the larger ones, as ctest's golden_tiny does before the tests that read them
 #   tests/golden/make.sh DIR train       those of training, as ctest's golden_train does
 #   tests/golden/make.sh DIR splat       scenes to draw, as ctest's golden_splat does; `splat_small` makes the committed ones in splat/
+#   tests/golden/make.sh DIR surfels     the same of surfels; `surfels_small` makes the committed ones in splat/
 #   tests/golden/make.sh FILE lpips      distances of LPIPS: the committed lpips.safetensors
 # Exits with 77 where there is no Python with torch, see run.sh there.
 set -eu
@@ -13,6 +14,7 @@ size=${2:-micro}
 case $size in
   splat) script=make_splat.py size=large ;;
   splat_small) script=make_splat.py size=small ;;
+  surfels | surfels_small) script=make_surfels.py ;;
   lpips) script=make_lpips.py ;;
 esac
 # Its tensors are small: a second thread takes half as much again of the processor's time, or more, and saves next to none of ours.

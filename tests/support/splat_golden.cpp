@@ -22,6 +22,7 @@ Gaussians read_gaussians(const SafetensorsFile& file, const std::string& prefix)
   Gaussians g;
   g.count = static_cast<std::size_t>(number_at(file, "count"));
   g.sh_degree = number_at(file, "degree");
+  g.kind = file.at(prefix + ".scales").shape.at(1) == 2 ? GaussianKind::surfel : GaussianKind::volume;
   g.means = floats(file, prefix + ".means");
   g.scales = floats(file, prefix + ".scales");
   g.quats = floats(file, prefix + ".quats");
@@ -42,28 +43,33 @@ std::vector<Camera> read_cameras(const SafetensorsFile& file) {
   return cameras;
 }
 
-// picture.* or cotangent.*.
+// picture.* or cotangent.*; what is not there stays empty.
 std::vector<Picture> read_pictures(const SafetensorsFile& file, const std::string& prefix) {
-  const std::vector<float> colour = floats(file, prefix + ".colour"), alpha = floats(file, prefix + ".alpha"),
-                           depth = floats(file, prefix + ".depth");
   const int width = number_at(file, "width"), height = number_at(file, "height");
-  std::vector<Picture> pictures;
-  for (int v = 0; v < number_at(file, "views"); ++v) {
-    Picture p{Image(width, height, 3), Image(width, height, 1), Image(width, height, 1)};
-    const auto part = [v](const std::vector<float>& all, Image& image) {
-      std::copy_n(all.begin() + static_cast<long>(image.data.size()) * v, image.data.size(), image.data.begin());
-    };
-    part(colour, p.colour), part(alpha, p.alpha), part(depth, p.depth);
-    pictures.push_back(std::move(p));
-  }
+  std::vector<Picture> pictures(static_cast<std::size_t>(number_at(file, "views")));
+  const auto read = [&](const std::string& name, int channels, Image Picture::*map) {
+    if (!file.find(prefix + "." + name)) return;
+    const std::vector<float> all = floats(file, prefix + "." + name);
+    auto from = all.begin();
+    for (Picture& p : pictures) {
+      p.*map = Image(width, height, channels);
+      std::copy_n(from, (p.*map).data.size(), (p.*map).data.begin());
+      from += static_cast<std::ptrdiff_t>((p.*map).data.size());
+    }
+  };
+  read("colour", 3, &Picture::colour), read("alpha", 1, &Picture::alpha), read("depth", 1, &Picture::depth);
+  read("normal", 3, &Picture::normal), read("median", 1, &Picture::median);
+  read("distortion", 1, &Picture::distortion);
   return pictures;
 }
 
 }  // namespace
 
 std::string SplatGolden::path_of(const std::string& name) {
-  const auto& committed = splat_committed();
-  const bool here = std::find(committed.begin(), committed.end(), name) != committed.end();
+  const auto in = [&name](const std::vector<std::string>& all) {
+    return std::find(all.begin(), all.end(), name) != all.end();
+  };
+  const bool here = in(splat_committed()) || in(surfels_committed());
   return (here ? VSPLAT_SOURCE_DIR "/tests/golden/splat/" : VSPLAT_GOLDEN_DIR "/splat/") + name + ".safetensors";
 }
 
@@ -80,6 +86,11 @@ SplatGolden SplatGolden::load(const std::string& name) {
   if (file.find("input.mirror")) {
     const std::vector<float> point = floats(file, "input.mirror");
     out.options.mirror = {point[0], point[1], point[2]};
+  }
+  if (out.gaussians.kind == GaussianKind::surfel) {
+    out.options.maps = {true, true, true};
+    const std::string& revision = file.metadata().at("revision");
+    out.options.revision = revision == "current" ? SurfelRevision::current : SurfelRevision::lara;
   }
   out.pictures = read_pictures(file, "picture");
   out.cotangents = read_pictures(file, "cotangent");
@@ -100,6 +111,19 @@ const std::vector<std::string>& splat_committed() {
 const std::vector<std::string>& splat_made() {
   static const std::vector<std::string> names = {"plain",      "lengths", "around", "many_needles",
                                                  "many_discs", "large",   "dense",  "many"};
+  return names;
+}
+
+const std::vector<std::string>& surfels_committed() {
+  static const std::vector<std::string> names = {"surfels_seventeen", "surfels_prime"};
+  return names;
+}
+
+const std::vector<std::string>& surfels_made() {
+  static const std::vector<std::string> names = {
+      "surfels_plain",  "surfels_current",        "surfels_lengths",  "surfels_around",
+      "surfels_edge",   "surfels_around_current", "surfels_low_pass", "surfels_low_pass_current",
+      "surfels_mirror", "surfels_large",          "surfels_stops",    "surfels_empty"};
   return names;
 }
 

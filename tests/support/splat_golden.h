@@ -1,5 +1,6 @@
 // Scenes with what the PyTorch specification draws of them, and its gradients: the files of
-// tests/reference/pytorch/make_splat.py. See there for how they keep clear of thresholds.
+// tests/reference/pytorch/make_splat.py, and of surfels those of make_surfels.py. See there for how they keep clear of
+// thresholds.
 #pragma once
 #include <array>
 #include <optional>
@@ -15,7 +16,7 @@ namespace vsplat::test {
 struct SplatGolden {
   Gaussians gaussians;  // quaternions of any length
   std::vector<Camera> cameras;
-  RenderOptions options;          // background, near plane, mirror
+  RenderOptions options;          // background, near plane, mirror; of surfels all maps, and the revision
   std::vector<Picture> pictures;  // one a camera
   std::vector<Picture> cotangents;
 
@@ -24,7 +25,7 @@ struct SplatGolden {
   Gaussians gradient;
   std::vector<std::array<double, 6>> pose_gradient;
 
-  // A name of splat_committed() or splat_made().
+  // A name of splat_committed(), splat_made(), surfels_committed() or surfels_made().
   static SplatGolden load(const std::string& name);
   static std::string path_of(const std::string& name);
   static bool exists(const std::string& name);
@@ -32,7 +33,10 @@ struct SplatGolden {
 
 const std::vector<std::string>& splat_committed();  // small, in tests/golden/splat/
 const std::vector<std::string>& splat_made();       // by the ctest fixture, where PyTorch is there
-// The committed ones, and of the others those that are there.
+// The same of surfels.
+const std::vector<std::string>& surfels_committed();
+const std::vector<std::string>& surfels_made();
+// The committed ones of volumes, and of the others those that are there.
 std::vector<std::string> splat_present();
 
 }  // namespace vsplat::test

@@ -23,7 +23,11 @@ constexpr double kTolerance = 1e-4;
 
 PictureGradient upload_cotangent(Context& ctx, const Picture& p) {
   const long h = p.alpha.height, w = p.alpha.width;
-  return {ctx.upload({h, w, 3}, p.colour.data), ctx.upload({h, w}, p.alpha.data), ctx.upload({h, w}, p.depth.data)};
+  const auto map = [&](const Image& image, const Shape& shape) {
+    return image.empty() ? Tensor() : ctx.upload(shape, image.data);
+  };
+  return {map(p.colour, {h, w, 3}), map(p.alpha, {h, w}), map(p.depth, {h, w}), map(p.normal, {h, w, 3}),
+          map(p.distortion, {h, w})};
 }
 
 struct Gradient {
@@ -298,6 +302,14 @@ INSTANTIATE_TEST_SUITE_P(Committed, RenderBackwardGolden,
 INSTANTIATE_TEST_SUITE_P(Made, RenderBackwardGolden,
                          ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
                                             ::testing::ValuesIn(test::splat_made())),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(CommittedSurfels, RenderBackwardGolden,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::surfels_committed())),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(MadeSurfels, RenderBackwardGolden,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::surfels_made())),
                          case_name);
 
 }  // namespace
