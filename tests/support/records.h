@@ -9,7 +9,7 @@
 namespace vsplat::test {
 
 struct Records {
-  std::vector<float> records;              // [V,12]
+  std::vector<float> records;              // [V,12], of surfels [V,20]
   std::vector<std::uint32_t> ids, starts;  // [N], [tiles + 1]
 };
 
@@ -48,17 +48,17 @@ inline Records make_records(int width, int height, int per_tile, float opacity, 
   return c;
 }
 
-// Where each record's run of intersections begins, [V+1], when they are ordered by record.
-inline std::vector<std::uint32_t> offsets_of(const Records& c) {
-  std::vector<std::uint32_t> offsets(c.records.size() / 12 + 1, 0);
+// Where each record's run of intersections begins, [V+1], when they are ordered by record. `numbers`: of a record.
+inline std::vector<std::uint32_t> offsets_of(const Records& c, std::size_t numbers = 12) {
+  std::vector<std::uint32_t> offsets(c.records.size() / numbers + 1, 0);
   for (const std::uint32_t id : c.ids) ++offsets[id + 1];
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
   return offsets;
 }
 
 // The place of each intersection in that order.
-inline std::vector<std::uint32_t> slots_of(const Records& c) {
-  std::vector<std::uint32_t> next = offsets_of(c), slots;
+inline std::vector<std::uint32_t> slots_of(const Records& c, std::size_t numbers = 12) {
+  std::vector<std::uint32_t> next = offsets_of(c, numbers), slots;
   for (const std::uint32_t id : c.ids) slots.push_back(next[id]++);
   return slots;
 }

@@ -1,0 +1,323 @@
+// Surfels drawn and differentiated whole: as render_test.cpp and render_backward_test.cpp have it for volumes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/splat/render.h"
+#include "model/splat/render_backward.h"
+#include "tests/reference/project_surfels.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/scenes.h"
+#include "tests/support/twist.h"
+
+namespace vsplat {
+namespace {
+
+using test::SceneCase;
+
+class RenderSurfels : public test::FlavourTest {};
+
+RenderOptions all_maps(bool current = false) {
+  RenderOptions options;
+  options.background = {1, 0.5f, 0};
+  options.maps = {true, true, true};
+  options.revision = current ? SurfelRevision::current : SurfelRevision::lara;
+  return options;
+}
+
+// 99.9 % of the values within 2e-3 of the largest (or `least`), their mean within 1e-5: single pixels flip at the
+// thresholds.
+::testing::AssertionResult maps_close(const Image& got, const std::vector<double>& want, double least) {
+  if (got.data.size() != want.size())
+    return ::testing::AssertionFailure() << got.data.size() << " values, " << want.size() << " expected";
+  double largest = least, sum = 0;
+  for (const double v : want) largest = std::max(largest, std::abs(v));
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < want.size(); ++i) {
+    const double e = std::abs(got.data[i] - want[i]) / largest;
+    if (!std::isfinite(e)) return ::testing::AssertionFailure() << "value " << i << " is " << got.data[i];
+    errors.push_back(e);
+    sum += e;
+  }
+  std::sort(errors.begin(), errors.end());
+  const double q = errors[static_cast<std::size_t>(0.999 * static_cast<double>(errors.size() - 1))];
+  const double mean = sum / static_cast<double>(errors.size());
+  if (q <= 2e-3 && mean <= 1e-5) return ::testing::AssertionSuccess();
+  return ::testing::AssertionFailure() << "99.9 % within " << q << ", mean " << mean;
+}
+
+ref::SurfelOptions reference_of(const RenderOptions& options) {
+  ref::SurfelOptions o{{}, options.revision == SurfelRevision::current};
+  o.options.near = options.near;
+  for (std::size_t c = 0; c < 3; ++c) o.options.background[c] = options.background[c];
+  if (options.mirror) o.options.mirror = Eigen::Vector3f((*options.mirror).data()).cast<double>();
+  return o;
+}
+
+void expect_like_reference(Context& ctx, const Gaussians& g, const Camera& cam, const RenderOptions& options) {
+  const ref::SurfelFrame want = ref::render_surfels(g, cam, reference_of(options));
+  const Picture got = render_picture(ctx, upload(ctx, g), cam, options);
+  EXPECT_TRUE(maps_close(got.colour, want.colour, 1)) << "colour";
+  EXPECT_TRUE(maps_close(got.alpha, want.alpha, 1)) << "alpha";
+  EXPECT_TRUE(maps_close(got.depth, want.depth, 1)) << "depth";
+  EXPECT_TRUE(maps_close(got.normal, want.normal, 1)) << "normal";
+  EXPECT_TRUE(maps_close(got.distortion, want.distortion, 1e-3)) << "distortion";
+  // (The median's jumps are as large as it is.)
+  std::size_t off = 0;
+  for (std::size_t i = 0; i < want.median.size(); ++i)
+    off += !(std::abs(got.median.data[i] - want.median[i]) <= 1e-4 * (1 + want.median[i]));
+  EXPECT_LE(static_cast<double>(off), 1 + 1e-3 * static_cast<double>(want.median.size())) << "median";
+}
+
+TEST_P(RenderSurfels, MatchesReference) {
+  for (const SceneCase& c : test::scene_cases()) {
+    if (c.count > 1000) continue;
+    for (const bool current : {false, true}) {
+      // What the later state draws of a plane near its horizon is as large as it is uncertain.
+      if (current && (c.kind == "near" || c.kind == "large")) continue;
+      SCOPED_TRACE(c.name + (current ? ", current" : ""));
+      expect_like_reference(ctx(), test::make_surfels(c, 1), test::make_camera(c, 1), all_maps(current));
+    }
+  }
+}
+
+TEST_P(RenderSurfels, ObeysNearPlaneAndMirrorsTheCameraForColours) {
+  const SceneCase c{"", 200, 3, 40, 40, ""};
+  RenderOptions options = all_maps();
+  options.near = 1.5f;
+  options.mirror = {0.1f, -0.2f, 0.3f};
+  expect_like_reference(ctx(), test::make_surfels(c, 5), test::make_camera(c, 5), options);
+}
+
+TEST_P(RenderSurfels, MapsAreOfSurfelsAlone) {
+  const SceneCase c{"", 20, 1, 20, 20, ""};
+  const Camera cam = test::make_camera(c, 6);
+  EXPECT_THROW(render(ctx(), upload(ctx(), test::make_scene(c, 6)), cam, all_maps()), Error);
+  const Picture plain = render_picture(ctx(), upload(ctx(), test::make_surfels(c, 6)), cam, {});
+  EXPECT_TRUE(plain.normal.empty() && plain.median.empty() && plain.distortion.empty());
+  EXPECT_FALSE(plain.colour.empty() || plain.depth.empty());
+}
+
+void expect_same(const Picture& got, const Picture& want) {
+  EXPECT_EQ(got.colour.data, want.colour.data);
+  EXPECT_EQ(got.alpha.data, want.alpha.data);
+  EXPECT_EQ(got.depth.data, want.depth.data);
+  EXPECT_EQ(got.normal.data, want.normal.data);
+  EXPECT_EQ(got.median.data, want.median.data);
+  EXPECT_EQ(got.distortion.data, want.distortion.data);
+}
+
+// However little memory there is, the maps have the same bits: in parts, and with the scene uploaded in chunks.
+TEST_P(RenderSurfels, DrawsInPartsWhatDoesNotFit) {
+  const SceneCase c{"", 150000, 0, 300, 200, ""};
+  const Gaussians g = test::make_surfels(c, 12);
+  const Camera cam = test::make_camera(c, 12);
+  const Picture want = render_picture(ctx(), upload(ctx(), g), cam, all_maps());
+  for (const double gib : {0.08, 0.018}) {
+    ContextOptions options;
+    options.max_memory_gib = gib;
+    const auto small = test::open_context(GetParam(), options);
+    const GaussianChunks scene = place_on_device(*small, g, 300 * 200);
+    int parts = 0;
+    for_each_part(*small, scene, cam, all_maps(), false,
+                  [&](Context& on, const Part&, const Projected&, const Binned&) { parts += !on.planning(); });
+    EXPECT_EQ(parts > 1, gib < 0.02) << gib;
+    EXPECT_EQ(scene.chunks() > 1, gib < 0.02) << gib;
+    expect_same(render_picture(*small, scene, cam, all_maps()), want);
+    EXPECT_LE(static_cast<double>(small->memory().peak()), gib * (1 << 30));
+  }
+}
+
+// What a plan says is what a run of several cameras takes, on a device that nothing was done on before.
+TEST_P(RenderSurfels, PlansWhatItTakes) {
+  const SceneCase c{"", 30000, 1, 200, 160, ""};
+  const Gaussians g = test::make_surfels(c, 13);
+  ContextOptions options;
+  options.max_memory_gib = 0.012;
+  const auto counting = test::open_context(GetParam(), options), drawing = test::open_context(GetParam(), options);
+  const auto plan = counting->planner();
+  const GaussianChunks planned = place_on_device(*plan, g, 200 * 160);
+  const GaussianChunks scene = place_on_device(*counting, g, 200 * 160),
+                       drawn = place_on_device(*drawing, g, 200 * 160);
+  for (std::uint32_t seed = 0; seed < 3; ++seed) {
+    const Camera cam = test::make_camera(c, seed);
+    plan_render(*counting, scene, *plan, planned, cam, all_maps());
+    render(*drawing, drawn, cam, all_maps());
+  }
+  EXPECT_EQ(plan->memory().peak(), drawing->memory().peak());
+}
+
+// A picture's cotangents at random, of all maps that have any.
+struct Cotangent {
+  Cotangent(Context& ctx, int width, int height, std::uint32_t seed = 41) {
+    const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    colour = test::random_floats(3 * pixels, seed), alpha = test::random_floats(pixels, seed + 1);
+    depth = test::random_floats(pixels, seed + 2), normal = test::random_floats(3 * pixels, seed + 3);
+    distortion = test::random_floats(pixels, seed + 4, -30.0f, 30.0f);
+    const long h = height, w = width;
+    gradient = {ctx.upload({h, w, 3}, colour), ctx.upload({h, w}, alpha), ctx.upload({h, w}, depth),
+                ctx.upload({h, w, 3}, normal), ctx.upload({h, w}, distortion)};
+  }
+  double loss(const ref::SurfelFrame& f) const {
+    double sum = 0;
+    const auto add = [&sum](const std::vector<double>& map, const std::vector<float>& by) {
+      for (std::size_t i = 0; i < by.size(); ++i) sum += map[i] * by[i];
+    };
+    add(f.colour, colour), add(f.alpha, alpha), add(f.depth, depth), add(f.normal, normal);
+    add(f.distortion, distortion);
+    return sum;
+  }
+  std::vector<float> colour, alpha, depth, normal, distortion;
+  PictureGradient gradient;
+};
+
+struct Gradient {
+  Gaussians gaussians;
+  std::array<double, 6> pose{};
+};
+
+Gradient differentiate(Context& ctx, const GaussianChunks& scene, const Camera& cam, const RenderOptions& options,
+                       const PictureGradient& by) {
+  const SceneGradient out = zero_gradient(ctx, scene);
+  Gradient result;
+  render_backward(ctx, scene, cam, options, by, out, &result.pose);
+  result.gaussians = download(ctx, out, scene.sh_degree);
+  return result;
+}
+
+void expect_close(const Gaussians& got, const Gaussians& want, double tolerance) {
+  EXPECT_TRUE(test::close(got.means, want.means, tolerance)) << "means";
+  EXPECT_TRUE(test::close(got.scales, want.scales, tolerance)) << "scales";
+  EXPECT_TRUE(test::close(got.quats, want.quats, tolerance)) << "quats";
+  EXPECT_TRUE(test::close(got.opacities, want.opacities, tolerance)) << "opacities";
+  EXPECT_TRUE(test::close(got.sh, want.sh, tolerance)) << "sh";
+}
+
+// Against differences of the reference's maps in double. Every surfel is seen in every pixel, turned towards the
+// camera, faint, and far from where the low pass decides: no threshold is near.
+TEST_P(RenderSurfels, MatchesDifferences) {
+  Gaussians g;
+  g.kind = GaussianKind::surfel;
+  g.count = 5;
+  g.sh_degree = 2;
+  const std::vector<float> at = test::random_floats(1000, 44);
+  const Camera cam = test::make_camera({"", 0, 0, 13, 11, ""}, 45);
+  const Eigen::Quaterniond towards(cam.w2c.topLeftCorner<3, 3>().transpose());
+  for (std::size_t k = 0; k < g.count; ++k) {
+    const float* r = &at[60 * k];
+    const Eigen::Vector3d mean = cam.centre() + towards * Eigen::Vector3d(1.5 + 0.1 * r[0], 1.5 + 0.1 * r[1],
+                                                                          1.5 + 0.1 * static_cast<double>(k));
+    for (int i = 0; i < 3; ++i) g.means.push_back(static_cast<float>(mean[i]));
+    g.scales.insert(g.scales.end(), {1.5f + 0.2f * r[3], 1.5f + 0.2f * r[4]});
+    const Eigen::Quaterniond q = towards * Eigen::Quaterniond(1, 0.1 * r[5], 0.1 * r[6], r[7]);
+    for (const double v : {q.w(), q.x(), q.y(), q.z()}) g.quats.push_back(static_cast<float>(v));
+    g.opacities.push_back(0.4f + 0.2f * r[9]);
+    for (std::size_t i = 0; i < 27; ++i) g.sh.push_back(0.2f * r[10 + i] + (i < 3 ? 0.8f : 0.0f));
+  }
+  for (const bool current : {false, true}) {
+    SCOPED_TRACE(current ? "current" : "lara");
+    RenderOptions options = all_maps(current);
+    options.mirror = {0.1f, -0.2f, 0.3f};
+    const ref::SurfelOptions reference = reference_of(options);
+    const Cotangent by(ctx(), cam.width, cam.height);
+    const auto loss = [&](const Gaussians& scene, const Camera& camera) {
+      return by.loss(ref::render_surfels(scene, camera, reference));
+    };
+    const Gradient got = differentiate(ctx(), upload(ctx(), g), cam, options, by.gradient);
+    const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name,
+                             std::size_t channels = 1) {
+      std::vector<double> want;
+      Gaussians moved = g;
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        float& value = (moved.*field)[i];
+        const float base = value;
+        const auto slope = [&](float h) {
+          const float low = base - h, high = base + h;
+          value = high;
+          const double above = loss(moved, cam);
+          value = low;
+          const double below = loss(moved, cam);
+          value = base;
+          return (above - below) / (static_cast<double>(high) - low);
+        };
+        want.push_back((4 * slope(0x1p-10f) - slope(0x1p-9f)) / 3);
+      }
+      EXPECT_TRUE(test::close_by_channel(values, want, channels, 2e-5)) << name;
+    };
+    compare(got.gaussians.means, &Gaussians::means, "means");
+    compare(got.gaussians.scales, &Gaussians::scales, "scales");
+    compare(got.gaussians.quats, &Gaussians::quats, "quats");
+    compare(got.gaussians.opacities, &Gaussians::opacities, "opacities");
+    compare(got.gaussians.sh, &Gaussians::sh, "sh", 27);
+    std::vector<double> pose;
+    for (long i = 0; i < 6; ++i) {
+      const auto slope = [&](double h) {
+        const auto at_step = [&](double step) {
+          Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
+          twist[i] = step;
+          Camera moved = cam;
+          moved.w2c = test::exp_twist(twist) * cam.w2c;
+          return loss(g, moved);
+        };
+        return (at_step(h) - at_step(-h)) / (2 * h);
+      };
+      pose.push_back((4 * slope(0x1p-11) - slope(0x1p-10)) / 3);
+    }
+    EXPECT_TRUE(test::close(std::vector<double>(got.pose.begin(), got.pose.end()), pose, 2e-5)) << "pose";
+  }
+}
+
+// In parts, where memory is short, sums are taken in another order, which is all that may differ; in chunks nothing
+// does.
+TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
+  const SceneCase c{"", 70000, 1, 200, 120, ""};
+  const Gaussians g = test::make_surfels(c, 47);
+  const Camera cam = test::make_camera(c, 47);
+  const Gradient want =
+      differentiate(ctx(), upload(ctx(), g), cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
+  const GaussianChunks chunks(
+      static_cast<long>(g.count), g.sh_degree, kChunkUnit,
+      [&g](Context& on, long i) {
+        const long first = i * kChunkUnit;
+        return upload(on, g, first, std::min(static_cast<long>(g.count) - first, kChunkUnit));
+      },
+      GaussianKind::surfel);
+  ASSERT_EQ(chunks.chunks(), 2);
+  const Gradient same = differentiate(ctx(), chunks, cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
+  expect_close(same.gaussians, want.gaussians, 0);
+  EXPECT_EQ(same.pose, want.pose);
+  ContextOptions few;
+  few.max_memory_gib = 0.04;
+  const auto small = test::open_context(GetParam(), few);
+  const Gradient got =
+      differentiate(*small, upload(*small, g), cam, {}, Cotangent(*small, cam.width, cam.height).gradient);
+  expect_close(got.gaussians, want.gaussians, 2e-5);
+  EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));
+}
+
+// Drawing once or twice: the same, for a gradient that depends on the maps.
+TEST_P(RenderSurfels, AlongWithThePictureIsTheSame) {
+  const SceneCase c{"", 400, 1, 61, 40, ""};
+  const Camera cam = test::make_camera(c, 12);
+  const GaussianChunks scene = upload(ctx(), test::make_surfels(c, 12));
+  const auto loss = [](Context& on, const DevicePicture& picture) {
+    const auto copy = [&on](const Tensor& map) {
+      const Tensor out = on.tensor(map.shape());
+      on.copy(map, out);
+      return out;
+    };
+    return PictureGradient{
+        copy(picture.colour), {}, copy(picture.depth), copy(picture.normal), copy(picture.distortion)};
+  };
+  const SceneGradient want = zero_gradient(ctx(), scene), got = zero_gradient(ctx(), scene);
+  render_backward(ctx(), scene, cam, all_maps(), loss(ctx(), render(ctx(), scene, cam, all_maps())), want, nullptr);
+  render_with_backward(ctx(), scene, cam, all_maps(), loss, got);
+  expect_close(download(ctx(), got, 1), download(ctx(), want, 1), 0);
+}
+
+VSPLAT_FLAVOURS(RenderSurfels);
+
+}  // namespace
+}  // namespace vsplat
