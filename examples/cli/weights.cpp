@@ -43,6 +43,7 @@ void info(const Options& o) {
     std::printf("  %-20s %s tensors\n", dtype.c_str(), count.dump().c_str());
   const std::string hash = value(all["sha256"]);
   std::printf("  %-20s %s\n", "sha256", hash.empty() ? "none stated" : hash.c_str());
+  std::printf("  %-20s %s\n", "system", value(all["system"]).c_str());
   std::printf("configuration\n");
   for (const auto& [name, field] : all["config"].items())
     std::printf("  %-20s %s\n", for_terminal(name).c_str(), value(field).c_str());
@@ -131,7 +132,7 @@ void add_convert(CLI::App& parent, Run& run) {
 
 void add_import(CLI::App& parent, Run& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* sub = parent.add_subcommand("import", "Make a model file of a PyTorch checkpoint of VS-Splat");
+  CLI::App* sub = parent.add_subcommand("import", "Make a model file of a PyTorch checkpoint of VS-Splat or LaRa");
   sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
       ->required()
       ->type_name("FILE");
@@ -144,7 +145,8 @@ void add_import(CLI::App& parent, Run& run) {
   sub->footer(
       "Nothing in the file is run: what is not a state dict's is refused by its name. Sizes come from the tensors' "
       "shapes;\n"
-      "what they do not tell (heads, groups, the pictures' and the volume's size) is that of the named configuration "
+      "what they do not tell (heads, groups, windows, the pictures' and the volume's size) is that of the named "
+      "configuration "
       "that\n"
       "has all of them, else it has to be said.\n"
       "Examples:\n"

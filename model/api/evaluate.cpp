@@ -79,7 +79,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
     how.refine = o.refine != 0;
-    how.planned_selected = voxels_of(0, VSPLAT_ASSUME_SELECTED, model->file->config, "selected");
+    how.planned_selected = voxels_of(0, VSPLAT_ASSUME_SELECTED, vsplat_file(model).config, "selected");
     if (o.progress)
       how.progress = [&o](const std::string& object, double done) {
         if (!o.progress(o.user, object.c_str(), done)) fail(Status::cancelled, "stopped before object {}", object);

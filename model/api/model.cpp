@@ -17,6 +17,19 @@ using namespace vsplat::api;
 
 namespace {
 
+vsplat_model_info describe(const LaraConfig& config, vsplat_hash_state hash) {
+  vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
+  out.image = config.image;
+  out.views = out.use_views = config.views;
+  out.max_views = config.view_slots;
+  out.volume = config.grid();
+  out.sh_degree = config.sh_degree;
+  out.max_gaussians = static_cast<uint64_t>(config.most_primitives());
+  out.parameters = static_cast<uint64_t>(parameter_count(config));
+  out.hash = hash;
+  return out;
+}
+
 vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
   out.image = config.image;
@@ -35,7 +48,8 @@ SafetensorsFile opened(const char* path) { return path ? SafetensorsFile(path) :
 
 std::string json_of(const ModelInfo& info) {
   nlohmann::ordered_json out;
-  out["config"] = nlohmann::ordered_json::parse(to_json(info.config));
+  out["system"] = info.system;
+  out["config"] = nlohmann::ordered_json::parse(info.config);
   out["tensors"] = info.tensors;
   out["parameters"] = info.parameters;
   out["file_bytes"] = info.file_bytes;
@@ -48,11 +62,28 @@ std::string json_of(const ModelInfo& info) {
 
 std::string json_of(const ImportedModel& imported) {
   nlohmann::ordered_json out;
-  out["config"] = nlohmann::ordered_json::parse(to_json(imported.model.config));
+  out["system"] = system_of(imported.model);
+  out["config"] = nlohmann::ordered_json::parse(
+      std::visit([](const auto& model) { return to_json(model.config); }, imported.model));
   out["named"] = nullptr;
   if (!imported.named.empty()) out["named"] = imported.named;
   out["left_out"] = imported.left_out;
   return out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::unique_ptr<vsplat_model_impl> handle_of(AnyModel model) {
+  auto out = std::make_unique<vsplat_model_impl>();
+  if (ModelFile* own = std::get_if<ModelFile>(&model))
+    out->file = std::make_shared<const ModelFile>(std::move(*own));
+  else
+    out->lara = std::make_shared<const LaraModelFile>(std::move(std::get<LaraModelFile>(model)));
+  return out;
+}
+
+// visit(file) of whichever the handle has.
+template <class Visit>
+auto with_file(vsplat_model model, const Visit& visit) {
+  return model->file ? visit(*model->file) : visit(*model->lara);
 }
 
 std::vector<std::string> texts(const char* const* given, size_t count, const char* what) {
@@ -67,7 +98,14 @@ std::vector<std::string> texts(const char* const* given, size_t count, const cha
 
 }  // namespace
 
+const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
+  if (!model->file)
+    fail(Status::usage, "the model is of {}, and this takes one of {}", LaraSystem::network, VsplatSystem::network);
+  return *model->file;
+}
+
 const VsplatModel& vsplat::api::model_on(vsplat_device device, vsplat_model model) {
+  vsplat_file(model);
   const std::shared_ptr<const ModelFile>& file = model->file;
   if (device->model_key.lock() != file) {
     device->model.reset();
@@ -102,10 +140,10 @@ vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_mode
 vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
   return guarded([&] {
     need(out_model, "out_model");
-    auto model = std::make_unique<vsplat_model_impl>();
-    model->file = std::make_shared<const ModelFile>(load_model(opened(path)));
-    // load_model() compares the hash where there is one.
-    model->hash = model->file->metadata.count("sha256") ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+    auto model = handle_of(load_any_model(opened(path)));
+    // load_any_model() compares the hash where there is one.
+    const bool stated = with_file(model.get(), [](const auto& file) { return file.metadata.count("sha256") != 0; });
+    model->hash = stated ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
     *out_model = model.release();
   });
 }
@@ -120,11 +158,10 @@ vsplat_status vsplat_model_import(const char* path, const vsplat_import_options*
     if (o.config_file) how.config_file = o.config_file;
     how.fields = texts(o.fields, o.num_fields, "options.fields");
     ImportedModel imported = import_model(path, how);
-    imported.model.metadata["origin"] =
-        std::string("imported from a PyTorch checkpoint, vsplat ") + VSPLAT_VERSION_STRING;
+    const std::string origin = std::string("imported from a PyTorch checkpoint, vsplat ") + VSPLAT_VERSION_STRING;
+    std::visit([&](auto& made) { made.metadata["origin"] = origin; }, imported.model);
     const std::string told = json_of(imported);
-    auto model = std::make_unique<vsplat_model_impl>();
-    model->file = std::make_shared<const ModelFile>(std::move(imported.model));
+    auto model = handle_of(std::move(imported.model));
     if (out_text) *out_text = new_text(told);
     *out_model = model.release();
   });
@@ -140,10 +177,11 @@ vsplat_status vsplat_model_save_as(vsplat_model model, const char* path, vsplat_
     need(path, "path");
     if (value_of(dtype) != VSPLAT_DTYPE_F32 && value_of(dtype) != VSPLAT_DTYPE_F16)
       fail(Status::usage, "dtype is {}, not a value of vsplat_dtype", value_of(dtype));
-    std::map<std::string, std::string> provenance = model->file->metadata;
-    for (const char* own : {"format", "version", "config", "sha256"}) provenance.erase(own);
-    save_model(path, model->file->config, model->file->weights, provenance,
-               dtype == VSPLAT_DTYPE_F16 ? Dtype::f16 : Dtype::f32);
+    with_file(model, [&](const auto& file) {
+      std::map<std::string, std::string> provenance = file.metadata;
+      for (const char* own : {"format", "version", "config", "sha256", "system"}) provenance.erase(own);
+      save_model(path, file.config, file.weights, provenance, dtype == VSPLAT_DTYPE_F16 ? Dtype::f16 : Dtype::f32);
+    });
   });
 }
 
@@ -153,7 +191,7 @@ vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,
     need(out_model, "out_model");
     if (use_views < 1 || use_views > max_views)
       fail(Status::usage, "use_views is {}: 1 to {} expected", use_views, max_views);
-    ModelFile file = *model->file;
+    ModelFile file = vsplat_file(model);
     file.config.use_views = use_views;
     auto out = std::make_unique<vsplat_model_impl>();
     out->file = std::make_shared<const ModelFile>(std::move(file));
@@ -167,15 +205,17 @@ void vsplat_model_release(vsplat_model model) { release(model); }
 vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_info) {
   return guarded([&] {
     need(model, "model");
-    give(out_info, describe(model->file->config, model->hash), "out_info");
+    give(out_info, with_file(model, [&](const auto& file) { return describe(file.config, model->hash); }), "out_info");
   });
 }
 
 vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info, char** out_text) {
   return guarded([&] {
     const ModelInfo info = model_info(opened(path));
+    const vsplat_hash_state hash = info.sha256.empty() ? VSPLAT_HASH_ABSENT : VSPLAT_HASH_STATED;
     if (out_info)
-      give(out_info, describe(info.config, info.sha256.empty() ? VSPLAT_HASH_ABSENT : VSPLAT_HASH_STATED), "out_info");
+      give(out_info, std::visit([hash](const auto& model) { return describe(model.config, hash); }, info.model),
+           "out_info");
     if (out_text) *out_text = new_text(json_of(info));
   });
 }

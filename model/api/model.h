@@ -5,12 +5,17 @@
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
 
+// One of the two is there: by the network that the model is of.
 struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::ModelFile> file;
+  std::shared_ptr<const vsplat::LaraModelFile> lara;
   vsplat_hash_state hash = VSPLAT_HASH_ABSENT;
 };
 
 namespace vsplat::api {
+
+// For what takes VS-Splat's network alone: Error(usage) names the other one.
+const ModelFile& vsplat_file(vsplat_model model);
 
 // The network with these weights, uploaded and repacked at the first call for a model and kept with the device until
 // another one is asked for.

@@ -52,9 +52,9 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     how.dump = o.dump ? o.dump : "";
     how.masked = input->input.masked;
     how.forward.planned_selected =
-        voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, model->file->config, "options.assume_selected");
+        voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, vsplat_file(model).config, "options.assume_selected");
     if (o.has_seed) how.forward.selection_seed = o.seed;
-    const std::optional<std::vector<int>> selection = selection_of(o, model->file->config.voxels());
+    const std::optional<std::vector<int>> selection = selection_of(o, vsplat_file(model).config.voxels());
     if (selection) how.forward.selection = &*selection;
     if (o.progress)
       how.forward.progress = [&o](const std::string& stage, double done) {
@@ -81,11 +81,13 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     need(model, "model");
     if (views < 1 || views > max_views) fail(Status::usage, "{} views: 1 to {} expected", views, max_views);
     const Context& ctx = device->context;
-    const Config& config = model->file->config;
+    const Config& config = vsplat_file(model).config;
     const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, config, "selected");
     MemoryPlan plan;
-    const bool fits = fits_within([&] { plan = VsplatModel::plan(ctx, config, model->file->weights, views, planned); });
-    give(out_plan, plan_of(ctx, plan.stages, plan.peak, fits, host_bytes(config, model->file->weights, views, planned)),
+    const bool fits =
+        fits_within([&] { plan = VsplatModel::plan(ctx, config, vsplat_file(model).weights, views, planned); });
+    give(out_plan,
+         plan_of(ctx, plan.stages, plan.peak, fits, host_bytes(config, vsplat_file(model).weights, views, planned)),
          "out_plan");
   });
 }

@@ -97,14 +97,14 @@ class Network {
         model_(o.model),
         fit_(input.fit),
         placement_(placement),
-        options_(reconstruct_options_of(o, o.model->file->config)),
+        options_(reconstruct_options_of(o, vsplat_file(o.model).config)),
         named_(!input.names.empty()),
-        usual_(view_count(input, o.model->file->config)),
+        usual_(view_count(input, vsplat_file(o.model).config)),
         inputs_(std::move(inputs)),
         selected_(std::move(selected)) {}
 
   Scene operator()(const std::vector<int>& views) const {
-    const Config& config = model_.get()->file->config;
+    const Config& config = vsplat_file(model_.get()).config;
     const std::vector<int> chosen = chosen_of(views);
     const Framing framing{config.image, fit_, placement_.centre, placement_.edge};
     std::vector<PreparedView> prepared;
@@ -182,7 +182,8 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
       need(o.model, "options.model");
       out.placement = place(photographs, input, nullptr, used);
       {
-        std::vector<int> inputs = inputs_of(photographs.set, input, used, view_count(input, o.model->file->config));
+        std::vector<int> inputs =
+            inputs_of(photographs.set, input, used, view_count(input, vsplat_file(o.model).config));
         if (!input.names.empty()) made.named = inputs;
         out.make = Network(device, photographs, o, input, out.placement, std::move(inputs), made.selected);
       }

@@ -39,12 +39,23 @@ class Shapes {
   const std::string& prefix_;
 };
 
-int position_grid(const Shapes& shapes) {
-  const int positions = shapes.side("encoder.model.pos_embed", 3, 1);
+int position_grid(const Shapes& shapes, const std::string& name) {
+  const int positions = shapes.side(name, 3, 1);
   const int grid = static_cast<int>(std::lround(std::sqrt(static_cast<double>(positions - 1))));
   if (grid < 1 || grid * grid != positions - 1)
-    shapes.bad("encoder.model.pos_embed", positions, "a square and the class token's are expected");
+    shapes.bad(name, positions, "a square and the class token's are expected");
   return grid;
+}
+
+// What is told of the encoder, which is the module `encoder`.
+template <class Config>
+void tell_encoder(const Shapes& shapes, const std::string& encoder, Deduced<Config>& out) {
+  Config& c = out.config;
+  c.patch = shapes.side(encoder + ".model.patch_embed.proj.weight", 4, 3);
+  c.vit_dim = shapes.side(encoder + ".model.cls_token", 3, 2);
+  c.vit_depth = shapes.count(encoder + ".model.blocks", "norm1.weight");
+  c.vit_pos_grid = position_grid(shapes, encoder + ".model.pos_embed");
+  out.fields = {"patch", "vit_dim", "vit_depth", "vit_pos_grid"};
 }
 
 int sh_degree(const Shapes& shapes) {
@@ -57,14 +68,57 @@ int sh_degree(const Shapes& shapes) {
 
 }  // namespace
 
+namespace {
+
+// K primitives of 8 + D + 3 S numbers each, and F features beside 3 S: two counts of rows tell all four, and where more
+// than one answer fits, degree 1 is what the published code has.
+void tell_primitives(const Shapes& shapes, LaraConfig& c) {
+  const char* const coarse = "decoder.mlp_coarse.4.weight";
+  const int rows = shapes.side(coarse, 2, 0), fine = shapes.side("decoder.mlp_fine.2.weight", 2, 0);
+  for (const int degree : {1, 0, 2, 3})
+    for (const char* kind : {"surfel", "gaussian"}) {
+      c.sh_degree = degree, c.kind = kind;
+      c.primitives = rows / c.primitive_size();
+      c.fine_features = fine - 3 * c.sh_count();
+      if (c.primitives >= 1 && c.primitives * c.primitive_size() == rows && c.fine_features >= 0) return;
+    }
+  shapes.bad(coarse, rows, "of each primitive 10 (surfels) or 11 (Gaussians) and 3 (degree + 1)^2 are expected");
+}
+
+}  // namespace
+
+DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& prefix) {
+  const Shapes shapes(file, prefix);
+  DeducedLaraConfig out;
+  LaraConfig& c = out.config;
+  tell_encoder(shapes, "img_encoder", out);
+  c.volume_ch = shapes.side("vol_decoder.pos_embed", 5, 1);
+  c.volume = shapes.side("vol_decoder.pos_embed", 5, 2);
+  c.layers = shapes.count("vol_decoder.layers", "cnn.weight");
+  c.view_slots = shapes.side("view_embed", 6, 1);
+  c.view_ch = shapes.side("view_embed", 6, 2);
+  c.out_ch = shapes.side("vol_decoder.deconv.weight", 5, 1);
+  c.fine_hidden = shapes.side("decoder.mlp_fine.0.weight", 2, 0);
+  tell_primitives(shapes, c);
+  for (const char* field : {"volume_ch", "volume", "layers", "view_slots", "view_ch", "out_ch", "fine_hidden",
+                            "primitives", "kind", "fine_features", "sh_degree"})
+    out.fields.emplace_back(field);
+  out.untold = {"vit_heads", "heads", "fine_heads", "windows", "image", "offset_cells"};
+  // A buffer that nothing reads, and which says what else no shape does.
+  if (file.find(prefix + "volume_grid") != nullptr) {
+    c.feature_volume = shapes.side("volume_grid", 4, 0);
+    out.fields.emplace_back("feature_volume");
+  } else {
+    out.untold.emplace_back("feature_volume");
+  }
+  return out;
+}
+
 DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix) {
   const Shapes shapes(file, prefix);
   DeducedConfig out;
   Config& c = out.config;
-  c.patch = shapes.side("encoder.model.patch_embed.proj.weight", 4, 3);
-  c.vit_dim = shapes.side("encoder.model.cls_token", 3, 2);
-  c.vit_depth = shapes.count("encoder.model.blocks", "norm1.weight");
-  c.vit_pos_grid = position_grid(shapes);
+  tell_encoder(shapes, "encoder", out);
   c.volume_ch = shapes.side("volume_network.conv_out.weight", 5, 0);
   c.volume_mult.clear();
   const int levels = shapes.count("volume_network.down_blocks", "res.0.conv1.weight");
@@ -78,9 +132,10 @@ DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix) {
   c.use_projected = shapes.side("voxel_network.comp_linear.weight", 2, 1) != c.volume_ch + kPositionValues;
   c.fine_count = shapes.side("div_offset", 2, 0);
   c.sh_degree = sh_degree(shapes);
-  out.fields = {"patch",         "vit_dim",    "vit_depth",    "vit_pos_grid", "volume_ch",
-                "volume_mult",   "voxel_ch",   "voxel_levels", "fine_dim",     "refine_out_kernel",
-                "use_projected", "fine_count", "sh_degree"};
+  for (const char* field : {"volume_ch", "volume_mult", "voxel_ch", "voxel_levels", "fine_dim", "refine_out_kernel",
+                            "use_projected", "fine_count", "sh_degree"})
+    out.fields.emplace_back(field);
+  out.untold = {"vit_heads", "groups", "image", "volume"};
   return out;
 }
 

@@ -5,19 +5,21 @@
 
 #include "model/io/torch_file.h"
 #include "model/params/config.h"
+#include "model/params/lara_config.h"
 
 namespace vsplat {
 
-// Of those that they do not tell, these have no value that goes without saying; the others are choices, for which the
-// published code's stand.
-inline const std::vector<std::string> untold_fields = {"vit_heads", "groups", "image", "volume"};
-
-struct DeducedConfig {
-  Config config;                    // all else as it is in an empty one
+template <class Configuration>
+struct Deduced {
+  Configuration config;             // all else as it is in an empty one
   std::vector<std::string> fields;  // those that were told
+  std::vector<std::string> untold;  // of the others, those that have no value which goes without saying
 };
+using DeducedConfig = Deduced<Config>;
+using DeducedLaraConfig = Deduced<LaraConfig>;
 
-// From the tensors below `prefix`. Error(format) that names the tensor which is missing or of no VS-Splat's shape.
+// From the tensors below `prefix`. Error(format) that names the tensor which is missing or of no such network's shape.
 DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix);
+DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& prefix);
 
 }  // namespace vsplat

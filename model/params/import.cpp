@@ -22,14 +22,15 @@ bool has_part(const TorchFile& file, std::string_view part) {
                      [part](const TensorEntry& entry) { return entry.name.find(part) != std::string::npos; });
 }
 
+// Or GenDen's, whose backbone it is.
+bool is_lara(const TorchFile& file) { return has_part(file, "vol_decoder.pos_embed"); }
+
 // Networks that are known by their tensors, and not read.
 void refuse_others(const TorchFile& file) {
   const bool dense = has_part(file, "dec.0.up.");
   const char* other = nullptr;
-  if (has_part(file, "vol_decoder.pos_embed"))
-    other = dense ? "GenDen's network" : "LaRa's network";
-  else if (dense)
-    other = "a VS-Splat network with GenDen's densifier";
+  if (dense)
+    other = is_lara(file) ? "GenDen's network" : "a VS-Splat network with GenDen's densifier";
   else if (has_part(file, "share.transformer."))
     other = "a VS-Splat network with predicted Plücker maps";
   else if (has_part(file, "storage_tokens") || has_part(file, "reg_token") || has_part(file, "register_tokens"))
@@ -38,17 +39,16 @@ void refuse_others(const TorchFile& file) {
 }
 
 // What stands before the network's names.
+template <class S>
 std::string network_prefix(const TorchFile& file) {
   for (const char* prefix :
        {"", "net.", "model.", "module.", "module.net.", "model.net.", "_orig_mod.", "net._orig_mod."})
-    if (file.find(std::string(prefix) + "encoder.model.cls_token") != nullptr) return prefix;
-  if (has_part(file, "cls_token") && has_part(file, "blocks.0."))
+    if (file.find(std::string(prefix) + S::mark) != nullptr) return prefix;
+  if (has_part(file, "cls_token") && has_part(file, "blocks.0.") && !is_lara(file))
     fail(Status::format, "{}: an encoder alone: vsplat_model_init takes it (vsplat_model_options.encoder)",
          file.path());
-  fail(
-      Status::format,
-      "{}: no tensor encoder.model.cls_token, with or without the prefix net.: not a VS-Splat network ({} tensors: {})",
-      file.path(), file.tensors().size(), list_of(beside(file, {})));
+  fail(Status::format, "{}: no tensor {}, with or without the prefix net.: not {} ({} tensors: {})", file.path(),
+       S::mark, S::network, file.tensors().size(), list_of(beside(file, {})));
 }
 
 std::string read_text(const std::string& path) {
@@ -60,6 +60,7 @@ std::string read_text(const std::string& path) {
 }
 
 // Puts what was asked for into `config`; -> its fields' names.
+template <class Config>
 std::set<std::string> set_given(Config& config, const ImportOptions& options) {
   std::set<std::string> given;
   if (!options.config_file.empty()) {
@@ -78,24 +79,26 @@ std::set<std::string> set_given(Config& config, const ImportOptions& options) {
 }
 
 // The named configuration with every value that the shapes told.
-std::string name_of_shapes(const DeducedConfig& deduced) {
-  for (const std::string& name : config_names()) {
-    const Config named = named_config(name);
+template <class S>
+std::string name_of_shapes(const Deduced<typename S::Config>& deduced) {
+  for (const std::string& name : S::names()) {
+    const typename S::Config named = S::named(name);
     if (differing_fields(named, deduced.config, deduced.fields).empty()) return name;
   }
   return "";
 }
 
-Config complete(const std::string& path, const DeducedConfig& deduced, const std::string& named,
-                const ImportOptions& options) {
-  Config config = named.empty() ? deduced.config : named_config(named);
+template <class S>
+typename S::Config complete(const std::string& path, const Deduced<typename S::Config>& deduced,
+                            const std::string& named, const ImportOptions& options) {
+  typename S::Config config = named.empty() ? deduced.config : S::named(named);
   config.negate_camera_centre = true;
   const std::set<std::string> given = set_given(config, options);
   for (const std::string& field : differing_fields(config, deduced.config, deduced.fields))
     fail(Status::usage, "{}: its shapes tell {}, which is {}, and {} was asked for", path, field,
          field_text(deduced.config, field), field_text(config, field));
   std::vector<std::string> missing;
-  for (const std::string& field : untold_fields)
+  for (const std::string& field : deduced.untold)
     if (given.count(field) == 0) missing.push_back(field);
   if (named.empty() && !missing.empty())
     fail(Status::usage,
@@ -110,22 +113,24 @@ Config complete(const std::string& path, const DeducedConfig& deduced, const std
   return config;
 }
 
+template <class S>
 bool in_network(std::string_view name) {
-  for (const char* module : {"encoder.", "dir_norm.", "volume_network.", "voxel_network.", "predictor."})
-    if (name.starts_with(module)) return true;
-  return false;
+  return std::any_of(std::begin(S::modules), std::end(S::modules),
+                     [name](const char* module) { return name.starts_with(module); });
 }
 
 // What the network would compute with, and ours does not: leaving it out would make another network of it.
+template <class S>
 void refuse_more(const TorchFile& file, const std::string& prefix, const std::vector<std::string>& names) {
   std::vector<std::string> more;
   for (const std::string& name : names) {
     const std::string_view bare = std::string_view(name).substr(name.starts_with(prefix) ? prefix.size() : 0);
-    if (bare.starts_with("encoder.model.head.") || bare.starts_with("encoder.model.fc_norm.")) continue;
-    if (name.starts_with(prefix) && in_network(bare)) more.push_back(name);
+    const std::string encoder(S::mark, std::string_view(S::mark).rfind('.') + 1);  // "encoder.model."
+    if (bare.starts_with(encoder + "head.") || bare.starts_with(encoder + "fc_norm.")) continue;
+    if (name.starts_with(prefix) && in_network<S>(bare)) more.push_back(name);
   }
   if (!more.empty())
-    fail(Status::format, "{}: {} tensors in the network that VS-Splat's does not have: {}", file.path(), more.size(),
+    fail(Status::format, "{}: {} tensors that {} does not have: {}", file.path(), more.size(), S::network,
          list_of(more));
 }
 
@@ -139,30 +144,48 @@ void refuse_repeated(const TorchFile& file, const std::vector<const TensorEntry*
          bytes, file.stored_bytes());
 }
 
-}  // namespace
+// What is missing is told with what the file was taken for.
+template <class S>
+Deduced<typename S::Config> deduced_as(const TorchFile& file, const std::string& prefix) {
+  try {
+    return S::deduced(file, prefix);
+  } catch (const Error& e) {
+    fail(e.status(), "{} (its tensors are those of {})", e.what(), S::network);
+  }
+}
 
-ImportedModel import_model(const std::string& path, const ImportOptions& options) {
-  const TorchFile file(path);
-  refuse_others(file);
-  const std::string prefix = network_prefix(file);
-  const DeducedConfig deduced = deduced_config(file, prefix);
+template <class S>
+ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
+  using Config = typename S::Config;
+  const std::string prefix = network_prefix<S>(file);
+  const Deduced<Config> deduced = deduced_as<S>(file, prefix);
   const std::vector<Parameter> expected = parameters(deduced.config);  // whose shapes are by what was deduced alone
   const std::vector<const TensorEntry*> entries = match_tensors(file, expected, {prefix});
 
   ImportedModel out;
   out.left_out = beside(file, entries);
-  refuse_more(file, prefix, out.left_out);
+  refuse_more<S>(file, prefix, out.left_out);
   out.left_out.insert(out.left_out.end(), file.others().begin(), file.others().end());
-  out.named = name_of_shapes(deduced);
-  out.model.config = complete(path, deduced, out.named, options);
+  out.named = name_of_shapes<S>(deduced);
+  ModelOf<Config> model;
+  model.config = complete<S>(file.path(), deduced, out.named, options);
 
   refuse_repeated(file, entries);
   double bytes = 0;
   for (const Parameter& parameter : expected) bytes += static_cast<double>(parameter.count()) * sizeof(float);
-  const HostMemory memory(path + ": reading its values", bytes);
+  const HostMemory memory(file.path() + ": reading its values", bytes);
   file.verify();
-  out.model.weights = read_values(file, expected, entries);
+  model.weights = read_values(file, expected, entries);
+  out.model = std::move(model);
   return out;
+}
+
+}  // namespace
+
+ImportedModel import_model(const std::string& path, const ImportOptions& options) {
+  const TorchFile file(path);
+  refuse_others(file);
+  return is_lara(file) ? import_as<LaraSystem>(file, options) : import_as<VsplatSystem>(file, options);
 }
 
 }  // namespace vsplat

@@ -1,4 +1,5 @@
-// Models of PyTorch's files: state dicts of the published VS-Splat code, alone or in a checkpoint of Lightning's.
+// Models of PyTorch's files: state dicts of the published code of any of the systems, alone or in a checkpoint of
+// Lightning's.
 #pragma once
 #include <string>
 #include <vector>
@@ -13,7 +14,7 @@ struct ImportOptions {
 };
 
 struct ImportedModel {
-  ModelFile model;
+  AnyModel model;
   std::string named;                  // the named configuration whose shapes all of them are; empty: none is
   std::vector<std::string> left_out;  // tensors and keys of the file that are no part of the model
 };

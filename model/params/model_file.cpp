@@ -15,7 +15,7 @@ namespace {
 
 constexpr const char* kFormat = "vsplat-model";
 constexpr const char* kVersion = "1";
-constexpr const char* kReserved[] = {"format", "version", "config", "sha256"};
+constexpr const char* kReserved[] = {"format", "version", "config", "sha256", "system"};
 
 const std::string& metadata_at(const SafetensorsFile& file, const std::string& key) {
   const auto it = file.metadata().find(key);
@@ -24,17 +24,46 @@ const std::string& metadata_at(const SafetensorsFile& file, const std::string& k
   return it->second;
 }
 
-Config read_config(const SafetensorsFile& file) {
+std::string read_system(const SafetensorsFile& file) {
   if (const std::string& format = metadata_at(file, "format"); format != kFormat)
     fail(Status::format, "{}: metadata format is \"{}\", expected \"{}\"", file.path(), printable(format), kFormat);
   if (const std::string& version = metadata_at(file, "version"); version != kVersion)
     fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made for another vsplat", file.path(),
          printable(version), kVersion);
+  const auto found = file.metadata().find("system");
+  return found == file.metadata().end() ? VsplatSystem::name : found->second;
+}
+
+// Its messages with the path before them.
+template <class Result, class Read>
+Result of_file(const SafetensorsFile& file, const Read& read) {
   try {
-    return config_from_json(metadata_at(file, "config"));
+    return read();
   } catch (const Error& e) {
     fail(e.status(), "{}: {}", file.path(), e.what());
   }
+}
+
+template <class S>
+typename S::Config read_config(const SafetensorsFile& file) {
+  const std::string& text = metadata_at(file, "config");
+  return of_file<typename S::Config>(file, [&] { return S::from_json(text); });
+}
+
+// The model that the header tells of, without its weights.
+AnyModel read_header(const SafetensorsFile& file) {
+  const std::string system = read_system(file);
+  const auto found = file.metadata().find("system");
+  if (found != file.metadata().end())
+    of_file<bool>(file, [&] { return Systems::of<bool>(system, [](auto) { return true; }); });
+  return Systems::of<AnyModel>(system, [&](auto s) {
+    using S = decltype(s);
+    return AnyModel(ModelOf<typename S::Config>{read_config<S>(file), {}, file.metadata()});
+  });
+}
+
+std::vector<Parameter> parameters_of(const AnyModel& model) {
+  return std::visit([](const auto& m) { return parameters(m.config); }, model);
 }
 
 // A classification head that DINO files carry along; the network has no use for it.
@@ -43,8 +72,8 @@ bool is_harmless(const std::string& name) {
 }
 
 // With or without "net."; complains of tensors that the configuration does not have, too.
-std::vector<const TensorEntry*> match_model(const SafetensorsFile& file, const Config& config) {
-  const std::vector<const TensorEntry*> found = match_tensors(file, parameters(config), {"", "net."});
+std::vector<const TensorEntry*> match_model(const SafetensorsFile& file, const std::vector<Parameter>& expected) {
+  const std::vector<const TensorEntry*> found = match_tensors(file, expected, {"", "net."});
   std::vector<std::string> unexpected;
   for (const std::string& name : beside(file, found))
     if (!is_harmless(name.starts_with("net.") ? name.substr(4) : name)) unexpected.push_back(name);
@@ -82,17 +111,30 @@ Weights read_weights(const SafetensorsFile& file, const Config& config, const st
   return read_values(file, expected, match_tensors(file, expected, {prefix}));
 }
 
-ModelFile load_model(const SafetensorsFile& file) {
+AnyModel load_any_model(const SafetensorsFile& file) {
   // Before anything that damage could have changed is believed, or complained of.
   checked_hash(file);
-  const Config config = read_config(file);
-  return {config, read_values(file, parameters(config), match_model(file, config)), file.metadata()};
+  AnyModel out = read_header(file);
+  const std::vector<Parameter> expected = parameters_of(out);
+  Weights weights = read_values(file, expected, match_model(file, expected));
+  std::visit([&](auto& model) { model.weights = std::move(weights); }, out);
+  return out;
+}
+
+ModelFile load_model(const SafetensorsFile& file) {
+  AnyModel model = load_any_model(file);
+  if (ModelFile* own = std::get_if<ModelFile>(&model)) return std::move(*own);
+  fail(Status::format, "{}: a model of {}, and {} is expected here", file.path(), network_of(model),
+       VsplatSystem::network);
 }
 
 ModelFile load_model(const std::string& path) { return load_model(SafetensorsFile(path)); }
 
-void save_model(const std::string& path, const Config& config, const Weights& weights,
-                const std::map<std::string, std::string>& provenance, Dtype dtype) {
+namespace {
+
+template <class Config>
+void save(const std::string& path, const Config& config, const Weights& weights,
+          const std::map<std::string, std::string>& provenance, Dtype dtype) {
   if (dtype != Dtype::f32 && dtype != Dtype::f16)
     fail(Status::usage, "{}: a model is written as F32 or F16, not as {}", path, name_of(dtype));
   check(config);
@@ -102,6 +144,8 @@ void save_model(const std::string& path, const Config& config, const Weights& we
   metadata["format"] = kFormat;
   metadata["version"] = kVersion;
   metadata["config"] = to_json(config);
+  const std::string system = SystemOf<Config>::name;
+  if (system != VsplatSystem::name) metadata["system"] = system;  // files without it stay as they are
   std::vector<TensorToWrite> tensors;
   std::vector<std::vector<std::uint16_t>> halves;
   for (const Parameter& parameter : parameters(config)) {
@@ -116,13 +160,28 @@ void save_model(const std::string& path, const Config& config, const Weights& we
   write_safetensors(path, tensors, metadata, true);
 }
 
+}  // namespace
+
+void save_model(const std::string& path, const Config& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance, Dtype dtype) {
+  save(path, config, weights, provenance, dtype);
+}
+
+void save_model(const std::string& path, const LaraConfig& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance, Dtype dtype) {
+  save(path, config, weights, provenance, dtype);
+}
+
 ModelInfo model_info(const SafetensorsFile& file) {
   ModelInfo info;
-  info.config = read_config(file);
-  const std::vector<Parameter> expected = parameters(info.config);
-  const auto entries = match_model(file, info.config);
+  info.model = read_header(file);
+  info.system = system_of(info.model);
+  info.config = std::visit([](const auto& model) { return to_json(model.config); }, info.model);
+  const std::vector<Parameter> expected = parameters_of(info.model);
+  const auto entries = match_model(file, expected);
   info.tensors = expected.size();
-  info.parameters = parameter_count(info.config);
+  for (const Parameter& parameter : expected)
+    if (parameter.trained) info.parameters += parameter.count();
   info.file_bytes = file.bytes();
   for (const TensorEntry* entry : entries) ++info.dtypes[name_of(entry->dtype)];
   info.provenance = file.metadata();
@@ -135,7 +194,7 @@ ModelInfo model_info(const std::string& path) { return model_info(SafetensorsFil
 
 HashState verify_model(const SafetensorsFile& file) {
   const HashState state = checked_hash(file);
-  for (const TensorEntry* entry : match_model(file, read_config(file))) finite_values(file, *entry);
+  for (const TensorEntry* entry : match_model(file, parameters_of(read_header(file)))) finite_values(file, *entry);
   return state;
 }
 

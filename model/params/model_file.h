@@ -5,34 +5,33 @@
 #include <string>
 #include <vector>
 
-#include "model/params/config.h"
-#include "model/params/weights.h"
+#include "model/params/systems.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat {
 
-struct ModelFile {
-  Config config;
-  Weights weights;
-  std::map<std::string, std::string> metadata;  // as in the file: config, sha256 and provenance too
-};
-
-// Everything is checked: the file's structure, format and version, the configuration, the hash where one is given, and
-// that the tensors are those of the configuration, each in its shape. Errors name path, tensor or field, found and
-// expected.
+// Everything is checked: the file's structure, format and version, the network that it is of (its metadata's `system`,
+// VS-Splat's where there is none), the configuration, the hash where one is given, and that the tensors are those of
+// the configuration, each in its shape. Errors name path, tensor or field, found and expected.
+AnyModel load_any_model(const SafetensorsFile& file);
+// Of VS-Splat's network: Error(format) names another one.
 ModelFile load_model(const SafetensorsFile& file);
 ModelFile load_model(const std::string& path);
 
-// Writes the tensors in the order of parameters(), with format, version, config and sha256; `provenance` is free-form
-// (data set, steps, seed, commit) and may not hold those four. `dtype` is f32, or f16: each value rounded to nearest,
-// ties to even, and one beyond its range an Error(input).
+// Writes the tensors in the order of parameters(), with format, version, config sha256 and, but for VS-Splat's,
+// system; `provenance` is free-form (data set, steps, seed, commit) and may not hold those five. `dtype` is f32, or
+// f16: each value rounded to nearest, ties to even, and one beyond its range an Error(input).
 void save_model(const std::string& path, const Config& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
+void save_model(const std::string& path, const LaraConfig& config, const Weights& weights,
                 const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
 
 // For `weights info` and `weights verify`: what the header says. The tensors' names and shapes are checked, values not
 // read.
 struct ModelInfo {
-  Config config;
+  AnyModel model;  // without weights
+  std::string system;
+  std::string config;  // as JSON, with every field
   std::size_t tensors = 0;
   long parameters = 0;  // trained values; buffers aside
   std::uint64_t file_bytes = 0;

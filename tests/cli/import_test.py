@@ -156,6 +156,28 @@ class Import(Checkpoints):
             self.refuses(1, words, "init", "micro", "--seed", 9, "--encoder", self.path(name), "--output", self.path("none.safetensors"))
 
 
+class Lara(support.Case):
+    """LaRa's, whose checkpoint is committed: PyTorch is not asked for."""
+    CHECKPOINT = os.path.join(ROOT, "tests", "golden", "lara_micro.ckpt")
+
+    def test_becomes_a_model(self):
+        made = self.path("lara.safetensors")
+        told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json")[0])
+        self.assertEqual((told["system"], told["named"], told["parameters"]), ("lara", "micro", 9390))
+        self.assertIn("net.group_centers", told["left_out"])
+        info = json.loads(self.succeeds("weights", "info", made, "--json")[0])
+        self.assertEqual((info["system"], info["config"]), ("lara", told["config"]))
+        self.assertIn("lara", self.succeeds("weights", "info", made)[0])
+        self.succeeds("weights", "verify", made)
+        self.succeeds("weights", "convert", made, "--dtype", "f16", "--output", self.path("half.safetensors"))
+        self.assertEqual(json.loads(self.succeeds("weights", "info", self.path("half.safetensors"), "--json")[0])["system"], "lara")
+        self.refuses(2, ["LaRa's network", "VS-Splat's"], "weights", "convert", made, "--dtype", "f32", "--view-count", 3, "--output", self.path("more.safetensors"))
+
+    def test_what_is_another_networks_is_refused(self):
+        self.refuses(2, ["view_slots", "3", "4"], "weights", "import", self.CHECKPOINT, "--set", "view_slots=4", "--output", self.path("none.safetensors"))
+        self.refuses(2, "volume_mult", "weights", "import", self.CHECKPOINT, "--set", "volume_mult=1", "--output", self.path("none.safetensors"))
+
+
 class Canary:
     """Unpickled by Python, it makes a file."""
     def __init__(self, path, call=os.system):

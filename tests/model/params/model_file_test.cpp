@@ -87,7 +87,7 @@ TEST_F(ModelFileTest, ReturnsWhatWasSaved) {
 TEST_F(ModelFileTest, InfoTellsWhatTheHeaderSays) {
   const std::string path = saved();
   const ModelInfo info = model_info(path);
-  EXPECT_EQ(info.config, golden_.config());
+  EXPECT_EQ(info.config, to_json(golden_.config()));
   EXPECT_EQ(info.parameters, 38551);
   EXPECT_EQ(info.tensors, parameters(golden_.config()).size());
   EXPECT_EQ(info.dtypes, (std::map<std::string, std::size_t>{{"F32", info.tensors}}));

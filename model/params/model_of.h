@@ -1,0 +1,22 @@
+// A model in memory: its configuration, its weights, and what its file says of it.
+#pragma once
+#include <map>
+#include <string>
+
+#include "model/params/config_fields.h"
+#include "model/params/lara_config.h"
+#include "model/params/weights.h"
+
+namespace vsplat {
+
+template <class Configuration>
+struct ModelOf {
+  Configuration config;
+  Weights weights;
+  std::map<std::string, std::string> metadata;  // as in the file: config, sha256 and provenance too
+};
+
+using ModelFile = ModelOf<Config>;
+using LaraModelFile = ModelOf<LaraConfig>;
+
+}  // namespace vsplat
