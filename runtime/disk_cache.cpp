@@ -10,6 +10,7 @@
 #include <mutex>
 #include <set>
 
+#include "runtime/environment.h"
 #include "runtime/error.h"
 #include "runtime/log.h"
 #include "runtime/output_file.h"
@@ -22,13 +23,9 @@ namespace {
 const std::string magic = "vsplat-kernel-2\n";
 
 std::string folder_from_environment() {
-  const auto get = [](const char* name) {
-    const char* value = std::getenv(name);
-    return std::string(value ? value : "");
-  };
-  if (const std::string own = get("VSPLAT_CACHE_DIR"); !own.empty()) return own == "off" ? "" : own;
-  if (const std::string xdg = get("XDG_CACHE_HOME"); !xdg.empty()) return xdg + "/vsplat";
-  if (const std::string home = get("HOME"); !home.empty()) return home + "/.cache/vsplat";
+  if (const std::string own = environment("VSPLAT_CACHE_DIR"); !own.empty()) return own == "off" ? "" : own;
+  if (const std::string xdg = environment("XDG_CACHE_HOME"); !xdg.empty()) return xdg + "/vsplat";
+  if (const std::string home = environment("HOME"); !home.empty()) return home + "/.cache/vsplat";
   return "";
 }
 

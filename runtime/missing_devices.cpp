@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <vector>
 
+#include "runtime/environment.h"
 #include "runtime/opencl.h"
 #include "runtime/printable.h"
 
@@ -14,11 +14,6 @@ namespace vsplat {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string environment(const char* name) {
-  const char* value = std::getenv(name);
-  return value ? value : "";
-}
 
 // Where PoCL keeps compiled kernels. It gives no device where it cannot make that folder.
 fs::path pocl_cache() {

@@ -9,17 +9,13 @@
 #include <sstream>
 
 #include "runtime/embedded.h"
+#include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {
 
 namespace {
-
-std::string environment(const char* name) {
-  const char* value = std::getenv(name);
-  return value ? value : "";
-}
 
 std::string source_text(const std::string& name) {
   if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {

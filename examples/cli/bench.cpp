@@ -12,7 +12,7 @@
 namespace command {
 namespace {
 
-struct Options {
+struct BenchOptions {
   Common common;
   std::vector<std::string> suites;
   std::string filter;
@@ -36,7 +36,7 @@ vsplat::ContextOptions context_options(const Common& common) {
   return out;
 }
 
-void bench(const Options& o) try {
+void bench(const BenchOptions& o) try {
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : {o.model, o.selection}) outputs.input(path);
@@ -88,7 +88,7 @@ std::string lines_of(const std::vector<std::string>& names) {
 }  // namespace
 
 void add_bench(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<BenchOptions>();
   CLI::App* sub = app.add_subcommand("bench", "Time operations, drawing and training against what the device can do");
   sub->add_option("suites", o->suites, "Which suites (default: all)")
       ->check(one_of(vsplat::bench::suite_names()))

@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-struct Options {
+struct DatasetOptions {
   Common common;
   std::vector<std::string> meshes;
   std::string output, texture, textures, seed = "0";
@@ -23,7 +23,7 @@ struct Options {
   int count = 0, views = 40, pixels = 512;
 };
 
-std::vector<std::string> names_of(const Options& o) {
+std::vector<std::string> names_of(const DatasetOptions& o) {
   std::vector<std::string> out;
   if (o.meshes.empty()) {
     char name[32];
@@ -51,7 +51,7 @@ std::vector<std::string> files_of(const std::string& folder, int views) {
   return out;
 }
 
-void expect_all(const Options& o, Outputs& outputs, const std::string& folder) {
+void expect_all(const DatasetOptions& o, Outputs& outputs, const std::string& folder) {
   for (const std::string& mesh : o.meshes) outputs.input(mesh);
   outputs.input(o.texture);
   const std::vector<std::string> files = files_of(folder, o.views);
@@ -66,7 +66,7 @@ void expect_all(const Options& o, Outputs& outputs, const std::string& folder) {
   }
 }
 
-vsplat::Mesh mesh_of(const Options& o, std::size_t index, std::uint64_t seed) {
+vsplat::Mesh mesh_of(const DatasetOptions& o, std::size_t index, std::uint64_t seed) {
   if (!o.meshes.empty()) return vsplat::Mesh::load(o.meshes[index], o.texture);
   if (o.solids) return vsplat::Mesh::procedural(seed, static_cast<std::uint32_t>(index));
   vsplat_mesh_procedural_options options = VSPLAT_MESH_PROCEDURAL_OPTIONS_INIT;
@@ -86,7 +86,7 @@ struct Progress {
   }
 };
 
-ordered_json write(const Options& o, std::size_t index, const std::string& name, std::uint64_t seed) {
+ordered_json write(const DatasetOptions& o, std::size_t index, const std::string& name, std::uint64_t seed) {
   const std::string folder = (fs::path(o.output) / name).string();
   Outputs outputs(o.common.overwrite);
   expect_all(o, outputs, folder);
@@ -111,7 +111,7 @@ ordered_json write(const Options& o, std::size_t index, const std::string& name,
   return out;
 }
 
-void make(const Options& o) {
+void make(const DatasetOptions& o) {
   set_up_library(o.common);
   const std::uint64_t seed = seed_value("--seed", o.seed);
   const std::vector<std::string> names = names_of(o);
@@ -135,7 +135,7 @@ void make(const Options& o) {
     print_json(ordered_json{{"output", o.output}, {"views", o.views}, {"size", o.pixels}, {"objects", objects}});
 }
 
-void add_shared(CLI::App& sub, Options& o, bool reads) {
+void add_shared(CLI::App& sub, DatasetOptions& o, bool reads) {
   sub.add_option("-o,--output", o.output, "Where each object gets a folder")->required()->type_name("DIR");
   sub.add_option("--views", o.views, "Pictures of each object (40)")->check(CLI::Range(1, 9999))->type_name("N");
   sub.add_option("--size", o.pixels, "Sides of the pictures in pixels (512)")
@@ -146,7 +146,7 @@ void add_shared(CLI::App& sub, Options& o, bool reads) {
 }
 
 void add_render_action(CLI::App& parent, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<DatasetOptions>();
   CLI::App* sub = parent.add_subcommand("render", "Draw meshes from all around, a folder each");
   sub->add_option("meshes", o->meshes, "OBJ, PLY, STL, GLB or glTF files")->required()->type_name("MESH...");
   sub->add_option("--texture", o->texture, "A picture that covers every mesh instead of its own textures and colours")
@@ -163,7 +163,7 @@ void add_render_action(CLI::App& parent, Run& run) {
 }
 
 void add_procedural_action(CLI::App& parent, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<DatasetOptions>();
   CLI::App* sub = parent.add_subcommand("procedural", "Draw random objects, a folder each");
   sub->add_option("--count", o->count, "How many")->required()->check(CLI::Range(1, 9999))->type_name("N");
   CLI::Option* textures = sub->add_option("--textures", o->textures,

@@ -15,7 +15,7 @@ using nlohmann::ordered_json;
 
 constexpr int cell = 256, most_cells = 400, most_views = 8;
 
-struct Options {
+struct DatasetInfoOptions {
   Common common;
   std::vector<std::string> paths;
   std::string sheet;
@@ -38,7 +38,7 @@ void go_on(const Common& common, const std::string& what) {
   show_progress(common, what);
 }
 
-std::vector<Surveyed> survey(const Options& o, const vsplat::DataSet& set) {
+std::vector<Surveyed> survey(const DatasetInfoOptions& o, const vsplat::DataSet& set) {
   std::vector<Surveyed> out(set.count());
   for (size_t i = 0; i < out.size(); ++i) {
     go_on(o.common, "object " + std::to_string(i + 1) + " of " + std::to_string(out.size()));
@@ -59,7 +59,7 @@ std::vector<Surveyed> survey(const Options& o, const vsplat::DataSet& set) {
 }
 
 // A picture of every object, or several where there are few objects.
-void write_sheet(const Options& o, const vsplat::DataSet& set, const std::vector<Surveyed>& objects,
+void write_sheet(const DatasetInfoOptions& o, const vsplat::DataSet& set, const std::vector<Surveyed>& objects,
                  const std::string& path) {
   const int count = static_cast<int>(objects.size()), shown = std::min(count, most_cells);
   int most = 1;
@@ -138,7 +138,7 @@ ordered_json json_of(const Surveyed& object) {
   return out;
 }
 
-void info(const Options& o) {
+void info(const DatasetInfoOptions& o) {
   set_up_library(o.common);
   need_ending("--sheet", o.sheet, ".png");
   Outputs outputs(o.common.overwrite);
@@ -171,7 +171,7 @@ void info(const Options& o) {
 }  // namespace
 
 void add_info_action(CLI::App& parent, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<DatasetInfoOptions>();
   CLI::App* sub = parent.add_subcommand("info", "Show what a data set holds");
   sub->add_option("data", o->paths, "Folders of objects, or HDF5 files")->required()->type_name("DIR...");
   sub->add_option("--sheet", o->sheet, "Pictures of the objects on one: a contact sheet")->type_name("FILE.png");

@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Options {
+struct EvaluateOptions {
   Common common;
   PlacementOptions placement;
   std::vector<std::string> folders;
@@ -105,7 +105,7 @@ void print_table(const Results& results) {
   print_row(shown, static_cast<int>(width), "mean", results.mean);
 }
 
-void print(const Options& o, const Results& results) {
+void print(const EvaluateOptions& o, const Results& results) {
   clear_progress();
   o.common.json ? print_results(results) : print_table(results);
 }
@@ -113,7 +113,7 @@ void print(const Options& o, const Results& results) {
 // What is done of an evaluation that an error or an interrupt ends is printed before that is told.
 class Kept {
  public:
-  explicit Kept(const Options& options) : options_(options) {}
+  explicit Kept(const EvaluateOptions& options) : options_(options) {}
 
   void add(const char* name, const vsplat_scores& scores) { objects_.push_back({name, scores}); }
 
@@ -128,7 +128,7 @@ class Kept {
   }
 
  private:
-  const Options& options_;
+  const EvaluateOptions& options_;
   std::vector<vsplat::Evaluation::Object> objects_;
 };
 
@@ -138,7 +138,7 @@ struct Listener {
   Kept kept;
 };
 
-void evaluate(const Options& o) {
+void evaluate(const EvaluateOptions& o) {
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
@@ -189,7 +189,7 @@ void evaluate(const Options& o) {
 }  // namespace
 
 void add_evaluate(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<EvaluateOptions>();
   CLI::App* sub = app.add_subcommand("evaluate", "Measure a model on the objects of data sets");
   sub->add_option("folders", o->folders,
                   "An object's folder (as reconstruct takes it), LaRa's HDF5 file, or folders of such")

@@ -11,7 +11,7 @@
 namespace command {
 namespace {
 
-struct Options {
+struct HelpOptions {
   std::vector<std::string> words;
   bool man = false;
   std::string pages;
@@ -38,7 +38,7 @@ const CLI::App& find(const CLI::App& root, const std::vector<std::string>& words
   return *at;
 }
 
-void help(const CLI::App& root, const Options& o) {
+void help(const CLI::App& root, const HelpOptions& o) {
   const CLI::App& asked = find(root, o.words);
   const std::vector<CommandRow> table = command_table(root);
   const auto page_of = [&](const CommandRow& row) {
@@ -63,7 +63,7 @@ void help(const CLI::App& root, const Options& o) {
 }  // namespace
 
 void add_help(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<HelpOptions>();
   CLI::App* sub = app.add_subcommand("help", "Tell a command's options, as --help does");
   sub->add_option("command", o->words, "Which one; none: vsplat itself")->type_name("COMMAND");
   // For whoever packages this: the same as man pages, one, or all into a folder.

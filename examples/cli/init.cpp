@@ -9,13 +9,13 @@
 namespace command {
 namespace {
 
-struct Options {
+struct InitOptions {
   Common common;
   std::string config, encoder, output, seed;
   std::vector<std::string> fields;
 };
 
-void init(const Options& o) {
+void init(const InitOptions& o) {
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.encoder);
@@ -40,7 +40,7 @@ void init(const Options& o) {
 }  // namespace
 
 void add_init(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<InitOptions>();
   CLI::App* sub = app.add_subcommand("init", "Make a model file with random weights, for tests and measurements");
   sub->add_option("config", o->config, "Named configuration")
       ->required()

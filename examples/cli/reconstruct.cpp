@@ -12,7 +12,7 @@
 namespace command {
 namespace {
 
-struct Options {
+struct ReconstructOptions {
   Common common;
   PictureOptions pictures;
   PlacementOptions placement;
@@ -27,7 +27,7 @@ constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-
 
 // What the options ask for, read and checked against each other before anything is opened.
 struct Request {
-  explicit Request(const Options& o);
+  explicit Request(const ReconstructOptions& o);
 
   PictureJob pictures;
   std::vector<std::string> names;
@@ -37,7 +37,7 @@ struct Request {
   std::optional<RefineJob> refinement;
 };
 
-Request::Request(const Options& o) : pictures(o.pictures) {
+Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   if (o.output.empty() && !o.dry_run) throw UsageError("reconstruct needs --output, the scene's file");
   need_ending("--output", o.output, ".ply", "scenes are written as 3DGS PLY only");
   if (pictures.wanted && !pictures.written)
@@ -71,7 +71,7 @@ Request::Request(const Options& o) : pictures(o.pictures) {
   run.assume_selected = voxel_share("--assume-selected", o.assume_selected);
 }
 
-void dry_run(const Options& o, const Request& request) {
+void dry_run(const ReconstructOptions& o, const Request& request) {
   Session session(o.common);
   const vsplat::Model model = load_model(o.model);
   const vsplat_model_info info = model.info();
@@ -98,9 +98,9 @@ void dry_run(const Options& o, const Request& request) {
   print_plans(o.common, plans);
 }
 
-void summarise(const Options& o, const PictureJob& job, const vsplat::Input& input, const vsplat::Scene& scene,
-               const SceneFile& file, std::size_t pictures, const std::optional<Comparison>& comparison,
-               const std::optional<RefineJob>& refinement) {
+void summarise(const ReconstructOptions& o, const PictureJob& job, const vsplat::Input& input,
+               const vsplat::Scene& scene, const SceneFile& file, std::size_t pictures,
+               const std::optional<Comparison>& comparison, const std::optional<RefineJob>& refinement) {
   const vsplat_scene_info info = scene.info();
   const std::size_t selected = (refinement ? refinement->start() : scene).selection().size();
   if (comparison) say(o.common, comparison->table());
@@ -128,7 +128,7 @@ void summarise(const Options& o, const PictureJob& job, const vsplat::Input& inp
 
 // Begins with what the network makes of the same views in the same cube, and moves it towards all that are used: those
 // of --views, else all that are listed.
-vsplat::Scene refine(const Options& o, Request& request, Session& session, const vsplat::Model& model,
+vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& session, const vsplat::Model& model,
                      const vsplat::Views& views, const vsplat::Input& input, Outputs& outputs) {
   const vsplat_input_info placed = input.info();
   vsplat_input_options same = request.input;
@@ -146,9 +146,11 @@ vsplat::Scene refine(const Options& o, Request& request, Session& session, const
 }
 
 // Where the library puts what --dump asks for.
-std::string dump_file(const Options& o) { return (std::filesystem::path(o.dump) / "stages.safetensors").string(); }
+std::string dump_file(const ReconstructOptions& o) {
+  return (std::filesystem::path(o.dump) / "stages.safetensors").string();
+}
 
-void reconstruct(const Options& o) {
+void reconstruct(const ReconstructOptions& o) {
   Request request(o);
   set_up_library(o.common);
   if (o.dry_run) {
@@ -204,7 +206,7 @@ void reconstruct(const Options& o) {
   summarise(o, job, input, scene, file, shots.all.size(), comparison, request.refinement);
 }
 
-void add_refinement(CLI::App& sub, Options& o) {
+void add_refinement(CLI::App& sub, ReconstructOptions& o) {
   const std::string group = "Refinement";
   sub.add_flag("--refine", o.refine,
                "Then move the scene towards the pictures, as `vsplat refine --start network` does: those of --views, "
@@ -222,7 +224,7 @@ void add_refinement(CLI::App& sub, Options& o) {
       ->group(group);
 }
 
-void add_extras(CLI::App& sub, Options& o) {
+void add_extras(CLI::App& sub, ReconstructOptions& o) {
   const std::string group = "More";
   sub.add_option("--write-views", o.write_views, "Write what the network gets: pictures and cameras.json")
       ->type_name("DIR")
@@ -248,7 +250,7 @@ void add_extras(CLI::App& sub, Options& o) {
 }  // namespace
 
 void add_reconstruct(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<ReconstructOptions>();
   CLI::App* sub = app.add_subcommand("reconstruct", "Make a scene from posed pictures");
   sub->add_option("views", o->views,
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")

@@ -11,7 +11,7 @@
 namespace command {
 namespace {
 
-struct Options {
+struct RefineSettings {
   Common common;
   PlacementOptions placement;
   RefineOptions refine;
@@ -28,7 +28,7 @@ vsplat_refine_start start_of(const std::string& text) {
                             : VSPLAT_REFINE_SCENE;
 }
 
-void check(const Options& o) {
+void check(const RefineSettings& o) {
   if (o.start.empty()) throw UsageError("refine needs --start: a scene's file, or network, points or random");
   if (o.output.empty() && !o.dry_run) throw UsageError("refine needs --output, the scene's file");
   need_ending("--output", o.output, ".ply");
@@ -40,11 +40,11 @@ void check(const Options& o) {
   }
 }
 
-std::string start_file(const Options& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
+std::string start_file(const RefineSettings& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
 
 // Of all that it may grow to: one and a half Gaussians a pixel of a picture where nothing is said, and what it begins
 // with.
-void dry_run(const Options& o, const RefineJob& job) {
+void dry_run(const RefineSettings& o, const RefineJob& job) {
   Session session(o.common);
   const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
   const std::vector<vsplat_camera> cameras = vsplat::Cameras::load(o.views, unknown, unknown).all();
@@ -80,7 +80,7 @@ void dry_run(const Options& o, const RefineJob& job) {
   print_plans(o.common, plans);
 }
 
-void refine(const Options& o) {
+void refine(const RefineSettings& o) {
   check(o);
   RefineJob job(o.refine);
   job.options.start = start_of(o.start);
@@ -162,7 +162,7 @@ void add_refine_options(CLI::App& sub, RefineOptions& o) {
 }  // namespace
 
 void add_refine(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RefineSettings>();
   CLI::App* sub = app.add_subcommand("refine", "Move a scene towards the pictures that there are of it");
   sub->add_option("views", o->views,
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")

@@ -6,14 +6,14 @@
 namespace command {
 namespace {
 
-struct Options {
+struct RenderOptions {
   Common common;
   PictureOptions pictures;
   std::string scene;
   bool dry_run = false, skip_bad = false;
 };
 
-vsplat::Scene load_scene(const Options& o) {
+vsplat::Scene load_scene(const RenderOptions& o) {
   vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
   options.skip_bad = o.skip_bad;
   return vsplat::Scene::load(o.scene, options);
@@ -25,7 +25,7 @@ nlohmann::ordered_json skipped_json(const vsplat_scene_info& info) {
           {"zero_rotation", info.skipped_zero_rotation}};
 }
 
-void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
+void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scene,
              const std::vector<vsplat_camera>& cameras) {
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = PictureJob(o.pictures).near;
@@ -46,7 +46,7 @@ void dry_run(const Options& o, Session& session, const vsplat::Scene& scene,
                           plan}});
 }
 
-void print_results(const Options& o, const PictureJob& job, const vsplat::Scene& scene, std::size_t count,
+void print_results(const RenderOptions& o, const PictureJob& job, const vsplat::Scene& scene, std::size_t count,
                    const std::optional<Comparison>& comparison) {
   if (comparison) say(o.common, comparison->table());
   say(o.common, job.summary(count) + " of " + std::to_string(scene.info().count) + " Gaussians, " +
@@ -61,7 +61,7 @@ void print_results(const Options& o, const PictureJob& job, const vsplat::Scene&
   print_json(out);
 }
 
-void render(const Options& o) {
+void render(const RenderOptions& o) {
   const PictureJob job(o.pictures);
   if (o.dry_run) refuse_profile_of_dry_run(o.common);
   if (!job.wanted) throw UsageError("render needs --cameras");
@@ -101,7 +101,7 @@ void render(const Options& o) {
 }  // namespace
 
 void add_render(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RenderOptions>();
   CLI::App* sub = app.add_subcommand("render", "Draw a scene from a 3DGS PLY file");
   sub->add_option("scene", o->scene, "A standard 3DGS PLY file")->required()->type_name("SCENE.ply");
   add_picture_options(*sub, o->pictures, "--cameras");

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct TrainOptions {
   Common common;
   std::string config, output, init, textures;
   std::vector<std::string> data, compare;
@@ -61,7 +61,7 @@ void tell(void* user, const vsplat_train_progress* p) {
   say(*common, line);
 }
 
-uint64_t intersections(const Options& o) {
+uint64_t intersections(const TrainOptions& o) {
   if (o.assume_intersections.empty()) return 0;
   const double out = positive_number("--assume-intersections", o.assume_intersections, "a number of them");
   if (out != std::floor(out) || out > 1e15)
@@ -70,7 +70,7 @@ uint64_t intersections(const Options& o) {
 }
 
 // The stated case, and what no step can go beyond.
-void dry_run(const Options& o, const std::string& config) {
+void dry_run(const TrainOptions& o, const std::string& config) {
   Session session(o.common);
   vsplat_train_plan_options options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT;
   options.selected = voxel_share("--assume-selected", o.assume_selected);
@@ -107,7 +107,7 @@ std::vector<std::string> numbered_files(const fs::path& folder, const std::strin
 
 // What a run writes under the same names whatever its configuration says, and sheets that are there. Checkpoints belong
 // to the library: it begins no training where there are any.
-void expect_run(const Options& o, const std::string& config, Outputs& outputs) {
+void expect_run(const TrainOptions& o, const std::string& config, Outputs& outputs) {
   const nlohmann::json fields = nlohmann::json::parse(config);
   const std::size_t stages = fields.contains("stages") ? fields["stages"].size() : 1;
   std::vector<fs::path> folders{o.output};
@@ -138,7 +138,7 @@ void expect_run(const Options& o, const std::string& config, Outputs& outputs) {
 }
 
 // UsageError where a comparison, which trains nothing, was asked for with what a training alone takes.
-void refuse_training(const Options& o) {
+void refuse_training(const TrainOptions& o) {
   const auto refuse = [](const char* what, bool given) {
     if (given) throw UsageError(std::string("--compare trains nothing: ") + what + " has no effect with it");
   };
@@ -159,7 +159,7 @@ void refuse_training(const Options& o) {
 }
 
 // One page about runs that are there.
-void compare(const Options& o) {
+void compare(const TrainOptions& o) {
   refuse_training(o);
   if (o.output.empty()) throw UsageError("--compare needs --output, the page that it writes");
   need_ending("--output", o.output, ".html", "the page of --compare is HTML");
@@ -179,7 +179,7 @@ void compare(const Options& o) {
   outputs.commit();
 }
 
-void train(const Options& o) {
+void train(const TrainOptions& o) {
   set_up_library(o.common);
   if (!o.compare.empty()) return compare(o);
   const std::string config = whole_config(o.config);
@@ -236,7 +236,7 @@ void train(const Options& o) {
 }  // namespace
 
 void add_train(CLI::App& app, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<TrainOptions>();
   CLI::App* sub = app.add_subcommand("train", "Train a model on data sets of posed pictures");
   sub->add_option("config", o->config, "What to train and how, a JSON file; absent fields take their defaults")
       ->type_name("CONFIG.json");

@@ -12,7 +12,7 @@
 namespace command {
 namespace {
 
-struct Options {
+struct WeightsOptions {
   Common common;
   std::string model, dtype, output, checkpoint, config;
   std::vector<std::string> fields;
@@ -23,7 +23,7 @@ struct Options {
   std::string name() const { return model.empty() ? "built-in model" : model; }
 };
 
-void info(const Options& o) {
+void info(const WeightsOptions& o) {
   set_up_library(o.common);
   char* out = nullptr;
   vsplat::check(vsplat_model_inspect(o.path(), nullptr, &out));
@@ -52,7 +52,7 @@ void info(const Options& o) {
     std::printf("  %-20s %s\n", for_terminal(name).c_str(), value(field).c_str());
 }
 
-void verify(const Options& o) {
+void verify(const WeightsOptions& o) {
   set_up_library(o.common);
   vsplat_hash_state state = VSPLAT_HASH_ABSENT;
   vsplat::check(vsplat_model_verify(o.path(), &state));
@@ -64,7 +64,7 @@ void verify(const Options& o) {
                 verified ? "the SHA-256 matches" : "no SHA-256 is stated, so damage to the values would go unseen");
 }
 
-void convert(const Options& o) {
+void convert(const WeightsOptions& o) {
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
@@ -78,7 +78,7 @@ void convert(const Options& o) {
   if (o.common.json) print_json(nlohmann::ordered_json{{"output", o.output}, {"dtype", o.dtype}, {"bytes", bytes}});
 }
 
-void import(const Options& o) {
+void import(const WeightsOptions& o) {
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
   outputs.input(o.checkpoint);
@@ -106,8 +106,8 @@ void import(const Options& o) {
   print_json(out);
 }
 
-CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>& o, const char* name, const char* what,
-                     void (*action)(const Options&), bool writes = false) {
+CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<WeightsOptions>& o, const char* name,
+                     const char* what, void (*action)(const WeightsOptions&), bool writes = false) {
   CLI::App* sub = parent.add_subcommand(name, what);
   sub->add_option("model", o->model, "A model file (default: the built-in model)")->type_name("MODEL");
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = writes, .outside = false});
@@ -116,7 +116,7 @@ CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<Options>&
 }
 
 void add_convert(CLI::App& parent, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<WeightsOptions>();
   CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert, true);
   sub->add_option("--dtype", o->dtype, "f16 takes half the space: each value rounded to the nearest, ties to even")
       ->required()
@@ -131,7 +131,7 @@ void add_convert(CLI::App& parent, Run& run) {
 }
 
 void add_import(CLI::App& parent, Run& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<WeightsOptions>();
   CLI::App* sub = parent.add_subcommand("import", "Make a model file of a PyTorch checkpoint of VS-Splat or LaRa");
   sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
       ->required()
@@ -160,9 +160,9 @@ void add_import(CLI::App& parent, Run& run) {
 void add_weights(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("weights", "Look into a model file, convert it, or import one");
   sub->require_subcommand(1);
-  add_action(*sub, run, std::make_shared<Options>(), "info", "Configuration, size, tensors and origin", info)
+  add_action(*sub, run, std::make_shared<WeightsOptions>(), "info", "Configuration, size, tensors and origin", info)
       ->footer("Examples:\n  vsplat weights info\n  vsplat weights info model.safetensors");
-  add_action(*sub, run, std::make_shared<Options>(), "verify",
+  add_action(*sub, run, std::make_shared<WeightsOptions>(), "verify",
              "Read all of it: structure, every tensor's shape and values, and the hash where one is stated", verify)
       ->footer("Example:\n  vsplat weights verify model.safetensors");
   add_convert(*sub, run);

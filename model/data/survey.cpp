@@ -10,7 +10,7 @@ namespace {
 
 constexpr int looked_at_size = 64;
 
-void widen(Range& range, double value, bool first) {
+void widen(Extent& range, double value, bool first) {
   range.low = first ? value : std::min(range.low, value);
   range.high = first ? value : std::max(range.high, value);
 }

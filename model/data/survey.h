@@ -7,16 +7,16 @@
 
 namespace vsplat {
 
-struct Range {
+struct Extent {
   double low = 0, high = 0;
 };
 
 struct ObjectSurvey {
   int views = 0;                 // that can be used
   std::vector<std::string> bad;  // what is wrong with others, and with pictures that were looked at
-  Range width, height;           // pixels
-  Range fov;                     // degrees, across the picture
-  Range distance;                // of the cameras from the cube's middle, in its edges
+  Extent width, height;          // pixels
+  Extent fov;                    // degrees, across the picture
+  Extent distance;               // of the cameras from the cube's middle, in its edges
   Placement placement;
   int looked_at = 0;    // pictures that were decoded
   double coverage = 0;  // the mean of their alpha over the square that the network sees
