@@ -48,8 +48,8 @@ void tap_gaussians(const LaraOptions& options, const std::string& name, const De
 }  // namespace
 
 DrawView draw_view(const LaraConfig& config) {
-  if (config.kind != "gaussian") fail(Status::usage, "kind is {}: surfels cannot be drawn yet", config.kind);
   RenderOptions options;
+  options.revision = config.revision == "current" ? SurfelRevision::current : SurfelRevision::lara;
   if (config.negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
   const long edge = config.image;
   return [options, edge](Context& ctx, const DeviceGaussians& gaussians, const Camera& camera) {
@@ -210,11 +210,6 @@ MemoryPlan LaraModel::plan(const Context& ctx, long views, long kept) const {
   }
   LaraOptions options;
   options.planned_kept = kept;
-  // Surfels that cannot be drawn yet: their pictures take that much at the least.
-  if (config_.kind == "surfel")
-    options.draw = [edge](Context& on, const DeviceGaussians&, const Camera&) {
-      return ViewDrawings{on.tensor({1, edge, edge, 3}), on.tensor({1, edge, edge}), on.tensor({1, edge, edge})};
-    };
   const Tensor images = first->tensor({views, edge, edge, 3}, Type::f32, "pictures");
   const Coarse state = coarse(*first, images, cameras, options, nullptr);
   out.selected = state.index.dim(0);

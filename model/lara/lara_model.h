@@ -36,7 +36,7 @@ struct LaraResult {
   std::vector<int> kept;   // which: ascending
 };
 
-// 3D Gaussians by model/splat's renderer, as the configuration says; surfels cannot be drawn yet, Error(unsupported).
+// By model/splat's renderer, as the configuration says.
 DrawView draw_view(const LaraConfig& config);
 
 class LaraModel {
