@@ -273,13 +273,16 @@ def make_case(system, size, seed, residual):
     raise SystemExit("no seed with clear choices found: " + json.dumps(m))
 
 
-def gradients(case, t):
-    """Cotangents on the coarse and final fields, and the parameters' gradients. The choices are held as in `t`."""
+def gradients(case, t, through_drawings=True):
+    """Cotangents on the coarse and final fields, and the parameters' gradients. The choices are held as in `t`. Without
+    `through_drawings` none that takes a rasteriser's gradients."""
     model, out = case.model, {}
     fixed = {"selection": t["selected"], "score": t["score"]} if "selected" in t else {}
     gen = torch.Generator().manual_seed(case.seed)
     held = {} if case.system == "vsplat+genden" else {"drawings": case.drawings(t)}
     runs = [("coarse", held), ("final", {})] + ([("fixed", held)] if held else [])
+    if not through_drawings:
+        runs.remove(("final", {}))
     for name, more in runs:
         model.zero_grad(set_to_none=True)
         results = case.forward(**fixed, **more)
@@ -291,7 +294,7 @@ def gradients(case, t):
                 out[key] = (torch.randn(getattr(g, f).shape, generator=gen) * 0.1).double()
         torch.autograd.backward(g.fields(), [out[f"cotangent.{which}.{f}"] for f in FIELDS])
         out.update({f"cograd.{name}.{k}": p.grad.clone() for k, p in model.named_parameters() if p.grad is not None})
-    if held:
+    if held and through_drawings:
         model.zero_grad(set_to_none=True)
         coarse, final = case.forward(**fixed)
         value = lara.loss([case.draw(coarse), case.draw(final)], case.images)
@@ -342,7 +345,7 @@ def for_tests(case, t, state, path):
     checkpoint(path + ".ckpt", state, dict(case.model.named_parameters()))
     out = {f"input.{k}": v[:case.views] for k, v in {"images": case.images, "c2w": case.c2w, "K": case.K}.items()}
     out.update({f"stage.{k}": v for k, v in t.items() if not k.startswith("drawing.") or k.split(".")[1] in ("image", "alpha", "depth")})
-    out.update({k: v for k, v in gradients(case, t).items() if k.startswith(("cotangent.", "cograd.coarse.", "cograd.fixed."))})
+    out.update({k: v for k, v in gradients(case, t, through_drawings=False).items()})
     save(path + ".safetensors", out, {"config": json.dumps(json.loads(case.config)["backbone"]), "views": case.views})
     print(f"{os.path.basename(path)}, seed {case.seed}: {lara.count(case.model):,} parameters, {len(t['final.means'])} final primitives")
 
