@@ -1,6 +1,7 @@
 // PyTorch's checkpoints.
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 #include "model/io/pickle.h"
 #include "model/io/torch_file.h"
@@ -41,11 +42,13 @@ void torch_file(std::string_view bytes) {
       if (entry.count() > 100'000) continue;  // one element may be there many times
       hold(found.floats(entry).size() == static_cast<std::size_t>(entry.count()), "as many values as it says");
     }
-    const ImportedModel model = import_model(file.path());
-    for (const Parameter& p : parameters(model.model.config)) {
-      const std::vector<float>& values = model.model.weights.of(p).data;
-      hold(std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); }), "weights are finite");
-    }
+    const auto finite = [](const auto& model) {
+      for (const Parameter& p : parameters(model.config)) {
+        const std::vector<float>& values = model.weights.of(p).data;
+        hold(std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); }), "weights are finite");
+      }
+    };
+    std::visit(finite, import_model(file.path()).model);
   } catch (const Error& e) {
     if (e.status() != Status::usage) hold_message(e, file.path());  // fields that shapes do not tell
   }
