@@ -104,17 +104,43 @@ const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
   return *model->file;
 }
 
+TakenViews vsplat::api::taken_views(vsplat_model model) {
+  return with_file(model, [](const auto& file) { return file.config.taken(); });
+}
+
+namespace {
+
+// One network at a time stays on a device.
+void forget_networks(vsplat_device device) {
+  device->model.reset();
+  device->model_key.reset();
+  device->lara.reset();
+  device->lara_key.reset();
+}
+
+}  // namespace
+
 const VsplatModel& vsplat::api::model_on(vsplat_device device, vsplat_model model) {
   vsplat_file(model);
   const std::shared_ptr<const ModelFile>& file = model->file;
   if (device->model_key.lock() != file) {
-    device->model.reset();
-    device->model_key.reset();
+    forget_networks(device);
     const Stage stage(device->context, "encoder");  // its position embedding is resampled on the device
     device->model = std::make_unique<VsplatModel>(device->context, file->config, file->weights);
     device->model_key = file;
   }
   return *device->model;
+}
+
+const LaraModel& vsplat::api::lara_on(vsplat_device device, vsplat_model model) {
+  const std::shared_ptr<const LaraModelFile>& file = model->lara;
+  if (device->lara_key.lock() != file) {
+    forget_networks(device);
+    const Stage stage(device->context, "encoder");
+    device->lara = std::make_unique<LaraModel>(device->context, file->config, file->weights);
+    device->lara_key = file;
+  }
+  return *device->lara;
 }
 
 vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {

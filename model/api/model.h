@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "model/api/handle.h"
+#include "model/lara/lara_model.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
 
@@ -16,9 +17,12 @@ namespace vsplat::api {
 
 // For what takes VS-Splat's network alone: Error(usage) names the other one.
 const ModelFile& vsplat_file(vsplat_model model);
+// Of any.
+TakenViews taken_views(vsplat_model model);
 
 // The network with these weights, uploaded and repacked at the first call for a model and kept with the device until
 // another one is asked for.
 const VsplatModel& model_on(vsplat_device device, vsplat_model model);
+const LaraModel& lara_on(vsplat_device device, vsplat_model model);
 
 }  // namespace vsplat::api

@@ -8,6 +8,7 @@
 #include "model/api/scene.h"
 #include "model/api/selected.h"
 #include "model/io/selection_file.h"
+#include "model/params/systems.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -27,13 +28,20 @@ std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o
 }
 
 // The model as it was read, the pictures as the network gets them, and its Gaussians twice: here and in the scene.
-double host_bytes(const Config& config, const Weights& weights, int views, long selected) {
+double host_bytes(int image, const Weights& weights, int views, long gaussians) {
   double values = 0;
   for (const auto& [name, tensor] : weights.all()) values += static_cast<double>(tensor.data.size());
-  values += 3.0 * views * config.image * config.image;
+  values += 3.0 * views * image * image;
   constexpr double values_of_gaussian = 59;  // with spherical harmonics of degree 3
-  values += 2 * values_of_gaussian * static_cast<double>(selected) * (config.fine_count + 1);
+  values += 2 * values_of_gaussian * static_cast<double>(gaussians);
   return values * sizeof(float);
+}
+
+// What only VS-Splat's network has.
+void refuse_selection(const vsplat_reconstruct_options& o) {
+  if (o.has_seed || o.selection || o.voxels)
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed, .selection and .voxels are of {}",
+         LaraSystem::network, VsplatSystem::network);
 }
 
 }  // namespace
@@ -51,17 +59,27 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     how.near = o.near_plane;
     how.dump = o.dump ? o.dump : "";
     how.masked = input->input.masked;
-    how.forward.planned_selected =
-        voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, vsplat_file(model).config, "options.assume_selected");
-    if (o.has_seed) how.forward.selection_seed = o.seed;
-    const std::optional<std::vector<int>> selection = selection_of(o, vsplat_file(model).config.voxels());
-    if (selection) how.forward.selection = &*selection;
+    std::optional<std::vector<int>> selection;
+    if (model->lara) {
+      refuse_selection(o);
+      how.forward.planned_selected =
+          primitives_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, model->lara->config, "options.assume_selected");
+    } else {
+      const Config& config = vsplat_file(model).config;
+      how.forward.planned_selected =
+          voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
+      if (o.has_seed) how.forward.selection_seed = o.seed;
+      selection = selection_of(o, config.voxels());
+      if (selection) how.forward.selection = &*selection;
+    }
     if (o.progress)
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    Reconstruction made =
-        reconstruct(device->context, model_on(device, model), input->input.views, input->input.placement, how);
+    const auto run = [&](const auto& network) {
+      return reconstruct(device->context, network, input->input.views, input->input.placement, how);
+    };
+    Reconstruction made = model->lara ? run(lara_on(device, model)) : run(model_on(device, model));
     made.scene.up = up_of(o.up, "options.up");
     if (!made.scene.up) {
       const Eigen::Vector3f up = input->up.cast<float>();
@@ -79,15 +97,23 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
   return guarded([&] {
     need(device, "device");
     need(model, "model");
-    if (views < 1 || views > max_views) fail(Status::usage, "{} views: 1 to {} expected", views, max_views);
+    const int most = taken_views(model).most;
+    if (views < 1 || views > most) fail(Status::usage, "{} views: 1 to {} expected", views, most);
     const Context& ctx = device->context;
-    const Config& config = vsplat_file(model).config;
-    const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, config, "selected");
     MemoryPlan plan;
-    const bool fits =
-        fits_within([&] { plan = VsplatModel::plan(ctx, config, vsplat_file(model).weights, views, planned); });
-    give(out_plan,
-         plan_of(ctx, plan.stages, plan.peak, fits, host_bytes(config, vsplat_file(model).weights, views, planned)),
-         "out_plan");
+    double host = 0;
+    bool fits = false;
+    if (model->lara) {
+      const LaraModelFile& file = *model->lara;
+      const long planned = primitives_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
+      fits = fits_within([&] { plan = LaraModel::plan(ctx, file.config, file.weights, views, planned); });
+      host = host_bytes(file.config.image, file.weights, views, planned);
+    } else {
+      const ModelFile& file = vsplat_file(model);
+      const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
+      fits = fits_within([&] { plan = VsplatModel::plan(ctx, file.config, file.weights, views, planned); });
+      host = host_bytes(file.config.image, file.weights, views, planned * (file.config.fine_count + 1));
+    }
+    give(out_plan, plan_of(ctx, plan.stages, plan.peak, fits, host), "out_plan");
   });
 }

@@ -3,6 +3,7 @@
 #include "model/base/resample.h"
 #include "model/input/auto_frame.h"
 #include "model/input/pose_check.h"
+#include "runtime/fail.h"
 #include "runtime/log.h"
 
 namespace vsplat {
@@ -49,14 +50,18 @@ std::vector<Camera> cameras_of(const Input& input) {
   return out;
 }
 
-Input prepare_input(const Photographs& photographs, const Config& config, const InputRequest& request) {
+Input prepare_input(const Photographs& photographs, const TakenViews& taken, const InputRequest& request) {
   std::vector<std::optional<LoadedPhotograph>> loaded;
   std::vector<Camera> cameras;
   std::string names;
   const bool asked = request.view_count != 0;
-  const ViewRequest wanted{request.names, asked ? request.view_count : config.views_to_use(),
-                           asked ? request.view_count : config.views};
-  for (const int view : choose_views(photographs.set, wanted)) {
+  const ViewRequest wanted{request.names, asked ? request.view_count : taken.usual,
+                           asked ? request.view_count : taken.trained};
+  const std::vector<int> chosen_views = choose_views(photographs.set, wanted);
+  if (static_cast<int>(chosen_views.size()) > taken.most)
+    fail(Status::usage, "{} views are asked for, and this network takes 1 to {} (view_slots)", chosen_views.size(),
+         taken.most);
+  for (const int view : chosen_views) {
     const ListedView& listed = loaded.emplace_back(std::in_place, photographs, view)->listed();
     names += (names.empty() ? "" : ", ") + listed.name;
     cameras.push_back(listed.camera);
@@ -69,8 +74,8 @@ Input prepare_input(const Photographs& photographs, const Config& config, const 
   out.placement = chosen.placement;
   info("{}", chosen.found);
   check_centre_is_seen(cameras, photographs.set.convention, out.placement, request.force);
-  check_cube_is_in_front(place_views(cameras, out.placement, config.rebase).cameras, out.placement);
-  const Framing framing{config.image, request.fit, out.placement.centre, out.placement.edge};
+  check_cube_is_in_front(place_views(cameras, out.placement, taken.rebase).cameras, out.placement);
+  const Framing framing{taken.image, request.fit, out.placement.centre, out.placement.edge};
   out.masked = true;
   for (std::optional<LoadedPhotograph>& view : loaded) {
     out.masked &= view->is_masked();

@@ -19,7 +19,7 @@ ChosenPlacement find_placement(const Photographs& photographs, std::span<const i
 
 struct InputRequest {
   std::vector<std::string> names;  // as ViewRequest has them
-  int view_count = 0;              // how many views where none are named; 0: the model's views_to_use()
+  int view_count = 0;              // how many views where none are named; 0: TakenViews::usual
   PlacementRequest placement;
   Fit fit = Fit::automatic;
   bool force = false;  // of check_centre_is_seen()
@@ -33,6 +33,6 @@ struct Input {
 std::vector<Camera> cameras_of(const Input& input);
 
 // Chooses, places, checks and prepares; says what it chose and found as information in the log.
-Input prepare_input(const Photographs& photographs, const Config& config, const InputRequest& request);
+Input prepare_input(const Photographs& photographs, const TakenViews& taken, const InputRequest& request);
 
 }  // namespace vsplat

@@ -14,12 +14,13 @@ constexpr std::size_t kRows = 4096;  // Gaussians in memory at a time, beside th
 // Their sigmoid (exponential) is 0 or 1 (0) in float arithmetic, yet every reader takes them.
 constexpr float kLogitOfOne = 40, kLogitOfZero = -110, kLogOfZero = -110;
 
-// "x", "f_rest_12", ... in the order in which they are written.
-std::vector<std::string> property_names(std::size_t sh_count) {
+// "x", "f_rest_12", ... in the order in which they are written. A surfel has no scale_2, which is how readers know it.
+std::vector<std::string> property_names(std::size_t sh_count, int scales) {
   std::vector<std::string> names{"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
   for (std::size_t i = 0; i < 3 * (sh_count - 1); ++i) names.push_back(fmt::format("f_rest_{}", i));
-  for (const char* name : {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
-    names.emplace_back(name);
+  names.emplace_back("opacity");
+  for (int i = 0; i < scales; ++i) names.push_back(fmt::format("scale_{}", i));
+  for (const char* name : {"rot_0", "rot_1", "rot_2", "rot_3"}) names.emplace_back(name);
   return names;
 }
 
@@ -56,8 +57,9 @@ void put_row(const Gaussians& g, std::size_t k, float* out) {
   for (std::size_t c = 0; c < 3; ++c)
     for (std::size_t i = 1; i < g.sh_count(); ++i) *out++ = sh[3 * i + c];
   *out++ = std::isnan(g.opacities[k]) ? g.opacities[k] : logit(g.opacities[k]);
-  for (std::size_t i = 0; i < 3; ++i) {
-    const float s = g.scales[3 * k + i];
+  const auto scales = static_cast<std::size_t>(scales_of(g.kind));
+  for (std::size_t i = 0; i < scales; ++i) {
+    const float s = g.scales[scales * k + i];
     *out++ = s > 0 ? static_cast<float>(std::log(static_cast<double>(s))) : s == 0 ? kLogOfZero : std::nanf("");
   }
   double norm = 0;
@@ -70,7 +72,7 @@ void put_row(const Gaussians& g, std::size_t k, float* out) {
 
 void write_ply(const std::string& path, const Scene& scene) {
   const Gaussians& g = scene.gaussians;
-  const std::vector<std::string> names = property_names(g.sh_count());
+  const std::vector<std::string> names = property_names(g.sh_count(), scales_of(g.kind));
   const std::string header = make_header(scene, names);
   OutputFile file(path);
   file.write(header);

@@ -15,6 +15,15 @@ struct EncoderSizes {
   int tokens() const { return image / patch; }  // along an edge
 };
 
+// Of the pictures that a network takes.
+struct TakenViews {
+  int image;           // edge in pixels
+  int trained;         // how many views it is trained and measured with
+  int usual;           // how many a reconstruction picks where more are there
+  int most;            // more are refused
+  std::string rebase;  // rotate, move
+};
+
 struct Config {
   int image = 512;  // input and render resolution, square, pixels
   int views = 4;    // how many views it is trained and measured with; the network takes 1 to 16
@@ -45,6 +54,7 @@ struct Config {
   std::string rebase = "rotate";  // rotate, move
 
   int views_to_use() const { return use_views > 0 ? use_views : views; }
+  TakenViews taken() const { return {image, views, views_to_use(), 16, rebase}; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int tokens() const { return encoder().tokens(); }  // along an edge
   EncoderSizes encoder() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }

@@ -41,6 +41,7 @@ struct LaraConfig {
   std::string rebase = "move";    // rotate, move: as its weights were trained
 
   int tokens() const { return encoder().tokens(); }
+  TakenViews taken() const { return {image, views, views, view_slots, rebase}; }
   EncoderSizes encoder() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int scales() const { return kind == "surfel" ? 2 : 3; }

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "model/params/systems.h"
 #include "model/reconstruct/dump.h"
 #include "model/reconstruct/selection_check.h"
 #include "runtime/fail.h"
@@ -37,6 +38,47 @@ void add_inputs(Dump& dump, const PlacedViews& placed) {
   dump.add("input.K", {views, 3, 3}, k);
 }
 
+struct Made {
+  DeviceGaussians final;
+  std::vector<int> selected;
+};
+
+// What the networks' runs share: run(pictures, cameras, tap) -> Made, between the world and the object's frame.
+template <class Config, class Run>
+Reconstruction in_object_frame(Context& ctx, const Config& config, const std::vector<PreparedView>& views,
+                               const Placement& placement, const ReconstructOptions& options, Dump& dump,
+                               const Run& run) {
+  std::vector<Camera> cameras;
+  cameras.reserve(views.size());
+  for (const PreparedView& view : views) cameras.push_back(view.camera);
+  const PlacedViews placed = place_views(cameras, placement, config.rebase);
+  auto tap = options.forward.tap;
+  if (!options.dump.empty()) {
+    tap = dump.tap(ctx);
+    add_inputs(dump, placed);
+  }
+  Reconstruction out;
+  {
+    const Tensor pictures = upload_pictures(ctx, views, config.image);
+    if (!options.dump.empty()) dump.add("input.images", pictures.shape(), ctx.read<float>(pictures));
+    const Made made = run(pictures, placed.cameras, tap);
+    out.selected = made.selected;
+    out.scene.gaussians = download(ctx, made.final);
+  }
+  ctx.finish();
+  out.scene.near = static_cast<float>(kNearInObject);
+  if (config.negate_camera_centre) out.scene.mirror = std::array<float, 3>{0, 0, 0};
+  transform(out.scene, placed.to_world, offset_for(placement.centre, placement.edge));
+  if (options.near > 0) out.scene.near = static_cast<float>(options.near);
+  return out;
+}
+
+void write(Dump& dump, const ReconstructOptions& options, const char* system, const std::string& config,
+           std::size_t views) {
+  if (!options.dump.empty())
+    dump.write(options.dump, {{"system", system}, {"config", config}, {"views", std::to_string(views)}});
+}
+
 }  // namespace
 
 Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
@@ -44,43 +86,46 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
   const Config& config = model.config();
   if (views.empty() || views.size() > 16)
     fail(Status::usage, "{} views given, the network takes 1 to 16", views.size());
-  std::vector<Camera> cameras;
-  cameras.reserve(views.size());
-  for (const PreparedView& view : views) cameras.push_back(view.camera);
-  const PlacedViews placed = place_views(cameras, placement, config.rebase);
-
-  ForwardOptions forward = options.forward;
   Dump dump;
-  if (!options.dump.empty()) {
-    forward.tap = dump.tap(ctx);
-    add_inputs(dump, placed);
-  }
-
-  Reconstruction out;
-  {
-    const Tensor pictures = upload_pictures(ctx, views, config.image);
-    if (!options.dump.empty()) dump.add("input.images", pictures.shape(), ctx.read<float>(pictures));
-    const ForwardResult result = model.forward(ctx, pictures, upload_cameras(ctx, placed.cameras), forward);
-    out.selected = result.selected;
-    out.scene.gaussians = download(ctx, result.final);
-  }
-  ctx.finish();
+  Reconstruction out = in_object_frame(
+      ctx, config, views, placement, options, dump,
+      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
+        ForwardOptions forward = options.forward;
+        forward.tap = tap;
+        const ForwardResult result = model.forward(ctx, pictures, upload_cameras(ctx, cameras), forward);
+        return Made{result.final, result.selected};
+      });
   if (out.scene.gaussians.count == 0) warn("no voxel was selected: the scene is empty");
   if (!options.forward.selection) {
     const bool background = !options.masked && shows_background(views);
     const std::string doubts = doubts_about(selected_shares(out.selected, config.volume), config.volume, background);
     if (!doubts.empty()) warn("{}", doubts);
   }
+  if (!options.dump.empty() && config.levels != "coarse") dump.add_coords(out.selected, config.volume);
+  write(dump, options, VsplatSystem::name, to_json(config), views.size());
+  return out;
+}
 
-  out.scene.near = static_cast<float>(kNearInObject);
-  if (config.negate_camera_centre) out.scene.mirror = std::array<float, 3>{0, 0, 0};
-  transform(out.scene, placed.to_world, offset_for(placement.centre, placement.edge));
-  if (options.near > 0) out.scene.near = static_cast<float>(options.near);
-
-  if (!options.dump.empty()) {
-    if (config.levels != "coarse") dump.add_coords(out.selected, config.volume);
-    dump.write(options.dump, {{"config", to_json(config)}, {"views", std::to_string(views.size())}});
-  }
+Reconstruction reconstruct(Context& ctx, const LaraModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options) {
+  const LaraConfig& config = model.config();
+  Dump dump;
+  Reconstruction out = in_object_frame(
+      ctx, config, views, placement, options, dump,
+      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
+        LaraOptions forward;
+        forward.tap = tap;
+        forward.progress = options.forward.progress;
+        forward.planned_kept = options.forward.planned_selected;
+        const LaraResult result = model.forward(ctx, pictures, cameras, forward);
+        Made made{result.final, {}};
+        for (const int primitive : result.kept)  // ascending, and so those of a voxel lie together
+          if (const int voxel = primitive / config.primitives; made.selected.empty() || made.selected.back() != voxel)
+            made.selected.push_back(voxel);
+        return made;
+      });
+  if (out.scene.gaussians.count == 0) warn("every primitive is transparent: the scene is empty");
+  write(dump, options, LaraSystem::name, to_json(config), views.size());
   return out;
 }
 

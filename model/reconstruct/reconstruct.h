@@ -6,6 +6,7 @@
 #include "model/base/scene.h"
 #include "model/input/placement.h"
 #include "model/input/views.h"
+#include "model/lara/lara_model.h"
 #include "model/network/vsplat_model.h"
 
 namespace vsplat {
@@ -18,12 +19,16 @@ struct ReconstructOptions {
 };
 
 struct Reconstruction {
-  Scene scene;  // in the user's world: positions (relative to its offset), scales, rotations and SH
-  std::vector<int> selected;
+  Scene scene;                // in the user's world: positions (relative to its offset), scales, rotations and SH
+  std::vector<int> selected;  // voxels, ascending
 };
 
 // `views`: at least one, the first is the reference view; pictures of the configuration's size.
 Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options);
+// The same with LaRa's network, at most view_slots views; of `forward` it takes `tap`, `progress` and
+// `planned_selected`, a number of primitives here. `selected` are the voxels that have a kept one.
+Reconstruction reconstruct(Context& ctx, const LaraModel& model, const std::vector<PreparedView>& views,
                            const Placement& placement, const ReconstructOptions& options);
 
 }  // namespace vsplat

@@ -173,6 +173,20 @@ class Lara(support.Case):
         self.assertEqual(json.loads(self.succeeds("weights", "info", self.path("half.safetensors"), "--json")[0])["system"], "lara")
         self.refuses(2, ["LaRa's network", "VS-Splat's"], "weights", "convert", made, "--dtype", "f32", "--view-count", 3, "--output", self.path("more.safetensors"))
 
+    def test_reconstructs(self):
+        made, scene = self.path("lara.safetensors"), self.path("scene.ply")
+        self.succeeds("weights", "import", self.CHECKPOINT, "--output", made)
+        self.succeeds("reconstruct", self.views, "--model", made, "--center", "0,0,0", "--scale", 1, "--output", scene)
+        header = open(scene, "rb").read().split(b"end_header")[0].decode()
+        self.assertIn("property float scale_1", header)
+        self.assertNotIn("property float scale_2", header)  # surfels
+        self.assertNotIn("element vertex 0", header)
+        self.succeeds("reconstruct", self.views, "--model", made, "--dry-run")
+        many = self.make_views("many", count=5)
+        self.refuses(2, ["5 views", "1 to 3", "view_slots"], "reconstruct", many, "--model", made, "--view-count", 5, "--output", self.path("none.ply"))
+        self.refuses(2, "selects no voxels", "reconstruct", self.views, "--model", made, "--selection-seed", 1, "--output", self.path("none.ply"))
+        self.refuses(2, ["LaRa's network", "VS-Splat's"], "refine", self.views, "--model", made, "--start", "network", "--steps", 1, "--output", self.path("none.ply"))
+
     def test_what_is_another_networks_is_refused(self):
         self.refuses(2, ["view_slots", "3", "4"], "weights", "import", self.CHECKPOINT, "--set", "view_slots=4", "--output", self.path("none.safetensors"))
         self.refuses(2, "volume_mult", "weights", "import", self.CHECKPOINT, "--set", "volume_mult=1", "--output", self.path("none.safetensors"))

@@ -63,7 +63,7 @@ void expect_as_reconstructed(const std::string& folder, const TrainingOptions& o
   request.placement = options.placement;
   for (const Camera& camera : read.cameras) request.names.push_back(camera.file);
   const Photographs photographs{read_views(fs::path(folder) / read.object), {}};
-  const Input input = prepare_input(photographs, config, request);
+  const Input input = prepare_input(photographs, config.taken(), request);
   const PlacedViews placed = place_views(cameras_of(input), input.placement, options.rebase);
   ASSERT_EQ(read.cameras.size(), 8u);
   for (std::size_t i = 0; i < 8; ++i) {

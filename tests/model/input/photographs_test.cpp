@@ -64,11 +64,11 @@ Photographs ring_of(int count) {
   return out;
 }
 
-Config of_views(int views) {
+TakenViews of_views(int views) {
   Config config;
   config.views = views;
   config.image = 32;
-  return config;
+  return config.taken();
 }
 
 TEST(Photographs, EachFileOfAChosenViewIsOpenedOnceAndNoOther) {

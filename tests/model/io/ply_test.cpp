@@ -429,5 +429,26 @@ TEST_F(Ply, WritesNothingThatIsNoNumber) {
 
 TEST_F(Ply, RefusesAFolderThatIsNotThere) { EXPECT_THROW(write_ply(path("no/scene.ply"), Scene()), Error); }
 
+// A surfel has two scales, and its file no third: that is how others' programs know one.
+TEST_F(Ply, SurfelsAreWrittenWithTwoScales) {
+  Scene scene;
+  Gaussians& g = scene.gaussians;
+  g.kind = GaussianKind::surfel;
+  g.count = 2;
+  g.means = {1, 2, 3, 4, 5, 6};
+  g.scales = {0.5f, 0.25f, 2, 1};
+  g.quats = {1, 0, 0, 0, 0, 0, 0, 1};
+  g.opacities = {0.5f, 0.5f};
+  g.sh = {0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f};
+  write_ply(path(), scene);
+  const std::string written = bytes();
+  const std::size_t end = written.find("end_header\n") + 11;
+  EXPECT_NE(written.find("property float scale_1\nproperty float rot_0\n"), std::string::npos);
+  EXPECT_EQ(written.find("scale_2"), std::string::npos);
+  const auto log = [](float x) { return static_cast<float>(std::log(static_cast<double>(x))); };
+  EXPECT_EQ(written.substr(end), floats({1, 2, 3, 0, 0, 0, 0.1f, 0.2f, 0.3f, 0, log(0.5f), log(0.25f), 1, 0, 0, 0,
+                                         4, 5, 6, 0, 0, 0, 0.4f, 0.5f, 0.6f, 0, log(2),    0,          0, 0, 0, 1}));
+}
+
 }  // namespace
 }  // namespace vsplat
