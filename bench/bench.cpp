@@ -98,6 +98,7 @@ const std::vector<Suite> kOperations = {
     {"exposure", exposure_cases},
     {"gather", gather_cases},
     {"groupnorm", groupnorm_cases},
+    {"lara_maps", lara_maps_cases},
     {"layernorm", layernorm_cases},
     {"lift", lift_cases},
     {"loss", loss_cases},

@@ -109,6 +109,7 @@ std::vector<Case> decode_cases(const Options& options);
 std::vector<Case> exposure_cases(const Options& options);
 std::vector<Case> gather_cases(const Options& options);
 std::vector<Case> groupnorm_cases(const Options& options);
+std::vector<Case> lara_maps_cases(const Options& options);
 std::vector<Case> layernorm_cases(const Options& options);
 std::vector<Case> lift_cases(const Options& options);
 std::vector<Case> loss_cases(const Options& options);
