@@ -26,7 +26,7 @@ case $size in
     fi
     for lara in $([ $size = micro ] && echo micro || echo tiny tiny_gaussian micro_gaussian); do
       made=${1:-$here}/lara_$lara.safetensors
-      if [ ! -e "$made" ] || [ $size != micro ] && [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$made")" ]; then
+      if [ ! -e "$made" ] || { [ $size != micro ] && [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$made")" ]; }; then
         "$here/../reference/pytorch/run.sh" make_published.py --system lara --size "$lara" --tests --output "${1:-$here}" \
           --seed $([ $lara = tiny ] && echo 2000 || echo 0)  # the first that is far from all thresholds
       fi
