@@ -43,6 +43,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_orbit_options, radius, "--orbit-radius"),
     FIELD(vsplat_orbit_options, up, "--up"),
     FIELD(vsplat_reconstruct_options, assume_selected, "--assume-selected"),
+    FIELD(vsplat_reconstruct_options, seed, "--selection-seed"),
     FIELD(vsplat_refine_options, checkpoint, "--checkpoint"),
     FIELD(vsplat_refine_options, freeze, "--freeze"),
     FIELD(vsplat_refine_options, holdout_count, "--holdout"),
