@@ -91,12 +91,16 @@ std::string table(const Report& report);
 std::string json(const Report& report);
 
 // The suites.
+std::vector<Case> cell_map_cases(const Options& options);
+std::vector<Case> confidence_cases(const Options& options);
 std::vector<Case> conv3d_up_cases(const Options& options);
 std::vector<Case> cross_attention_cases(const Options& options);
 std::vector<Case> gemm_cases(const Options& options);
 std::vector<Case> conv3d_cases(const Options& options);
 std::vector<Case> render_cases(const Options& options);
 std::vector<Case> sample_points_cases(const Options& options);
+std::vector<Case> space_curve_cases(const Options& options);
+std::vector<Case> top_k_cases(const Options& options);
 std::vector<Case> train_cases(const Options& options);
 std::vector<Case> refine_cases(const Options& options);
 // Those of single operations: bench/ops/NAME.cpp.
@@ -137,6 +141,7 @@ std::vector<Case> splat_relocate_cases(const Options& options);
 std::vector<Case> tile_bin_cases(const Options& options);
 std::vector<Case> transpose_cases(const Options& options);
 std::vector<Case> upsample3d_cases(const Options& options);
+std::vector<Case> upscale_cases(const Options& options);
 std::vector<Case> view_maps_cases(const Options& options);
 std::vector<Case> visible_cases(const Options& options);
 

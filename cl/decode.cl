@@ -23,15 +23,11 @@
 
 static inline float softplus(float x) { return fmax(x, 0.0f) + log1p(exp(-fabs(x))); }
 
-// One Gaussian, into row k.
-static inline void decode(global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, int D,
-                          int exponential, long k, global float* means, global float* scales, global float* quats,
-                          global float* opacities, global float* sh) {
-  const float3 offset = vload3(0, raw);
-  const float3 away = (float3)(sigmoid(offset.x), sigmoid(offset.y), sigmoid(offset.z)) * 2.0f - 1.0f;
-  vstore3(anchor + away * reach, k, means);
-  for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[3 + i];
-  raw += 3 + sh_size;
+// What a Gaussian looks like, from the numbers behind its offset, into row k.
+static inline void decode_looks(global const float* raw, float scale_shift, int sh_size, int D, int exponential, long k,
+                                global float* scales, global float* quats, global float* opacities, global float* sh) {
+  for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[i];
+  raw += sh_size;
   opacities[k] = sigmoid(raw[0] + OPACITY_SHIFT);
   for (int i = 0; i < D; ++i) {
     const float x = raw[1 + i] + scale_shift;
@@ -43,6 +39,16 @@ static inline void decode(global const float* raw, float3 anchor, float reach, f
   const float4 unit = q / fmax(largest, 1e-30f);
   const float norm = largest * sqrt(dot(unit, unit));
   vstore4(q / fmax(norm, 1e-12f), k, quats);
+}
+
+// One Gaussian, into row k.
+static inline void decode(global const float* raw, float3 anchor, float reach, float scale_shift, int sh_size, int D,
+                          int exponential, long k, global float* means, global float* scales, global float* quats,
+                          global float* opacities, global float* sh) {
+  const float3 offset = vload3(0, raw);
+  const float3 away = (float3)(sigmoid(offset.x), sigmoid(offset.y), sigmoid(offset.z)) * 2.0f - 1.0f;
+  vstore3(anchor + away * reach, k, means);
+  decode_looks(raw + 3, scale_shift, sh_size, D, exponential, k, scales, quats, opacities, sh);
 }
 
 // `each` Gaussians for each voxel of the R^3 grid, anchored at the voxel's centre. raw [R^3,each A].
@@ -75,6 +81,23 @@ kernel void decode_fine_forward(global const float* restrict raw, global const f
   const float3 anchor = vload3(k / M, centres) + vload3(k % M, div_offset);
   decode(raw + (long)k * (11 + sh_size), anchor, reach, scale_shift, sh_size, 3, 0, k, means, scales, quats, opacities,
          sh);
+}
+
+// One for each of P points, which is its mean: no offset among the numbers. Gaussians row0 .. row0 + P - 1 are written.
+// ```
+// argument    type  shape     what
+// raw         f32   [P,A-3]   a Gaussian's numbers without the offset
+// points      f32   [P,3]
+// ```
+kernel void decode_points_forward(global const float* restrict raw, global const float* restrict points,
+                                  global float* restrict means, global float* restrict scales,
+                                  global float* restrict quats, global float* restrict opacities,
+                                  global float* restrict sh, int P, int sh_size, int row0, float scale_shift) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const long k = (long)row0 + p;
+  vstore3(vload3(p, points), k, means);
+  decode_looks(raw + (long)p * (8 + sh_size), scale_shift, sh_size, 3, 1, k, scales, quats, opacities, sh);
 }
 
 // The skeleton's P coarse Gaussians, with new SH and with opacities times sigmoid(factor).
@@ -114,14 +137,12 @@ kernel void decode_adjusted_forward(global const float* restrict raw, global con
 
 static inline float sigmoid_slope(float x) { return sigmoid(x) * sigmoid(-x); }
 
-static inline void decode_backward(global const float* raw, float reach, float scale_shift, int sh_size, int D,
-                                   int exponential, long k, global const float* dmeans, global const float* dscales,
-                                   global const float* dquats, global const float* dopacities, global const float* dsh,
-                                   global float* draw) {
-  for (int i = 0; i < 3; ++i) draw[i] = dmeans[3 * k + i] * 2.0f * reach * sigmoid_slope(raw[i]);
-  for (int i = 0; i < sh_size; ++i) draw[3 + i] = dsh[k * sh_size + i];
-  raw += 3 + sh_size;
-  draw += 3 + sh_size;
+static inline void looks_backward(global const float* raw, float scale_shift, int sh_size, int D, int exponential,
+                                  long k, global const float* dscales, global const float* dquats,
+                                  global const float* dopacities, global const float* dsh, global float* draw) {
+  for (int i = 0; i < sh_size; ++i) draw[i] = dsh[k * sh_size + i];
+  raw += sh_size;
+  draw += sh_size;
   draw[0] = dopacities[k] * sigmoid_slope(raw[0] + OPACITY_SHIFT);
   for (int i = 0; i < D; ++i) {
     const float x = raw[1 + i] + scale_shift;
@@ -139,6 +160,14 @@ static inline void decode_backward(global const float* raw, float reach, float s
   } else {
     vstore4(d / 1e-12f, 0, draw);  // divided by a constant, as F.normalize does
   }
+}
+
+static inline void decode_backward(global const float* raw, float reach, float scale_shift, int sh_size, int D,
+                                   int exponential, long k, global const float* dmeans, global const float* dscales,
+                                   global const float* dquats, global const float* dopacities, global const float* dsh,
+                                   global float* draw) {
+  for (int i = 0; i < 3; ++i) draw[i] = dmeans[3 * k + i] * 2.0f * reach * sigmoid_slope(raw[i]);
+  looks_backward(raw + 3, scale_shift, sh_size, D, exponential, k, dscales, dquats, dopacities, dsh, draw + 3);
 }
 
 kernel void decode_coarse_backward(global const float* restrict raw, global const float* restrict dmeans,
@@ -167,6 +196,23 @@ kernel void decode_fine_backward(global const float* restrict raw, global const 
   float3 sum = vload3(k, dmeans);
   for (int m = 1; m < M; ++m) sum += vload3(k + m, dmeans);
   vstore3(vload3(k / M, dcentres) + sum, k / M, dcentres);
+}
+
+// The means' gradients, rows row0 .. row0 + P - 1 of them, are the points'.
+// ```
+// argument    type  shape    what
+// dpoints     f32   [P,3]    written
+// ```
+kernel void decode_points_backward(global const float* restrict raw, global const float* restrict dmeans,
+                                   global const float* restrict dscales, global const float* restrict dquats,
+                                   global const float* restrict dopacities, global const float* restrict dsh,
+                                   global float* restrict draw, global float* restrict dpoints, int P, int sh_size,
+                                   int row0, float scale_shift) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const long k = (long)row0 + p, row = (long)p * (8 + sh_size);
+  vstore3(vload3(k, dmeans), p, dpoints);
+  looks_backward(raw + row, scale_shift, sh_size, 3, 1, k, dscales, dquats, dopacities, dsh, draw + row);
 }
 
 kernel void decode_adjusted_backward(global const float* restrict raw, global const float* restrict in_opacities,

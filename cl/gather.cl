@@ -3,29 +3,30 @@
 // argument    type  shape  what
 // x           f32   [N,C]  rows
 // index       i32   [P]    which row of x, times `shared`: each in 0 .. N shared - 1
-// out         f32   [P,W]  columns column .. column + C - 1 are written: row index[p] / shared of x; the others stay
+// out         f32   [..,W] rows row0 .. row0 + P - 1, columns column .. column + C - 1 are written: row index[p] /
+//                          shared of x; the others stay
 // work-items  (lane, p): the lanes of a row share its channels, any number of them
 // ```
 kernel void gather_forward(global const float* restrict x, global const int* restrict index, global float* restrict out,
-                           int P, int C, int W, int column, int shared) {
+                           int P, int C, int W, int column, int shared, int row0) {
   const int p = get_global_id(1);
   if (p >= P) return;
   global const float* from = x + (long)(index[p] / shared) * C;
-  global float* to = out + (long)p * W + column;
+  global float* to = out + ((long)row0 + p) * W + column;
   for (int c = get_global_id(0); c < C; c += get_global_size(0)) to[c] = from[c];
 }
 
 // Backward of gather_forward.
 // ```
 // argument    type  shape  what
-// dout        f32   [P,W]  gradient of out, of which columns column .. column + C - 1 are read
+// dout        f32   [..,W] gradient of out, of which rows from row0 on, columns column .. column + C - 1 are read
 // index       i32   [P]    negative: passed over; no two others are equal, so that no row has two writers. Where
 //                          `shared` is above 1 they ascend: those of a row lie side by side, and the first adds up all
 // dx          f32   [N,C]  row index[p] / shared is added to; other rows stay
 // work-items  (lane, p): the lanes of a row share its channels, any number of them
 // ```
 kernel void gather_backward(global const float* restrict dout, global const int* restrict index,
-                            global float* restrict dx, int P, int C, int W, int column, int shared) {
+                            global float* restrict dx, int P, int C, int W, int column, int shared, int row0) {
   const int p = get_global_id(1);
   if (p >= P || index[p] < 0) return;
   const int row = index[p] / shared;
@@ -34,7 +35,7 @@ kernel void gather_backward(global const float* restrict dout, global const int*
     if (p > 0 && index[p - 1] >= 0 && index[p - 1] / shared == row) return;
     while (end < P && index[end] / shared == row) ++end;
   }
-  global const float* from = dout + (long)p * W + column;
+  global const float* from = dout + ((long)row0 + p) * W + column;
   global float* to = dx + (long)row * C;
   for (int c = get_global_id(0); c < C; c += get_global_size(0)) {
     float sum = from[c];

@@ -6,7 +6,7 @@
 // ```
 // argument     type  shape   what
 // x            f32   [R,C]   modulated: [V,1+P,C] with R = V P
-// gamma, beta  f32   [C]     weights
+// gamma, beta  f32   [C]     weights; null: ones and zeros (not where film is given)
 // film         f32   [R,2C]  shift, then scale, of each row of out; null: not modulated
 // out          f32   [R,C]   written; plain: may be x
 // work-items   cpu: one per row; gpu: groups of 64, one per row
@@ -63,9 +63,15 @@ kernel void layernorm_forward_cpu(global const float* x, global const float* gam
     }
     for (int c = whole; c < C; ++c) to[c] = ((from[c] - mean) * by * gamma[c] + beta[c]) * (1.0f + scale[c]) + shift[c];
   } else {
-    for (int c = 0; c < whole; c += 16)
-      vstore16((vload16(0, from + c) - mean) * by * vload16(0, gamma + c) + vload16(0, beta + c), 0, to + c);
-    for (int c = whole; c < C; ++c) to[c] = (from[c] - mean) * by * gamma[c] + beta[c];
+    for (int c = 0; c < whole; c += 16) {
+      float16 n = (vload16(0, from + c) - mean) * by;
+      if (gamma) n = n * vload16(0, gamma + c) + vload16(0, beta + c);
+      vstore16(n, 0, to + c);
+    }
+    for (int c = whole; c < C; ++c) {
+      const float n = (from[c] - mean) * by;
+      to[c] = gamma ? n * gamma[c] + beta[c] : n;
+    }
   }
 }
 
@@ -89,7 +95,8 @@ kernel void layernorm_backward_cpu(global const float* x, global const float* ga
   float16 sums = (float16)(0.0f), dots = (float16)(0.0f);
   for (int c = 0; c < C; c += 16) {
     const int width = C - c;
-    const float16 n = (load_part(x + at + c, width) - s.x) * s.y, by = load_part(gamma + c, width);
+    const float16 n = (load_part(x + at + c, width) - s.x) * s.y;
+    const float16 by = gamma ? load_part(gamma + c, width) : (float16)(1.0f);
     const float16 g = upstream(up, scale, c, width) * by;
     sums += g;
     dots += g * n;
@@ -104,7 +111,8 @@ kernel void layernorm_backward_cpu(global const float* x, global const float* ga
   for (int c = 0; c < C; c += 16) {
     const int width = C - c;
     const float16 n = (load_part(x + at + c, width) - s.x) * s.y;
-    float16 d = (upstream(up, scale, c, width) * load_part(gamma + c, width) - sum - n * dot_) * s.y;
+    const float16 by = gamma ? load_part(gamma + c, width) : (float16)(1.0f);
+    float16 d = (upstream(up, scale, c, width) * by - sum - n * dot_) * s.y;
     if (add) d += load_part(dx + at + c, width);
     store_part(d, width, dx + at + c);
   }
@@ -150,7 +158,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_forward
   const float2 s = group_statistics(from, C, eps, part);
   const float mean = s.x, by = s.y;
   for (int c = item; c < C; c += GROUP) {
-    const float n = (from[c] - mean) * by * gamma[c] + beta[c];
+    const float plain = (from[c] - mean) * by, n = gamma ? plain * gamma[c] + beta[c] : plain;
     to[c] = film ? n * (1.0f + film[(size_t)r * 2 * C + C + c]) + film[(size_t)r * 2 * C + c] : n;
   }
 }
@@ -169,7 +177,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backwar
   float sum = 0.0f, dot_ = 0.0f;
   for (int c = item; c < C; c += GROUP) {
     const float n = (x[at + c] - s.x) * s.y;
-    const float g = up[c] * (scale ? 1.0f + scale[c] : 1.0f) * gamma[c];
+    const float g = up[c] * (scale ? 1.0f + scale[c] : 1.0f) * (gamma ? gamma[c] : 1.0f);
     sum += g;
     dot_ += g * n;
     if (film) {
@@ -181,7 +189,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backwar
   dot_ = group_sum(dot_, part) / C;
   for (int c = item; c < C; c += GROUP) {
     const float n = (x[at + c] - s.x) * s.y;
-    const float d = (up[c] * (scale ? 1.0f + scale[c] : 1.0f) * gamma[c] - sum - n * dot_) * s.y;
+    const float d = (up[c] * (scale ? 1.0f + scale[c] : 1.0f) * (gamma ? gamma[c] : 1.0f) - sum - n * dot_) * s.y;
     dx[at + c] = add ? dx[at + c] + d : d;
   }
   if (r % P == 0 && !add)

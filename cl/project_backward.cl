@@ -189,3 +189,33 @@ kernel void project_backward_pose(global const float* twists, global float* sums
   for (int n = b * block; n < end; ++n) sum += twists[(size_t)n * 6 + c];
   sums[at] = sum;
 }
+
+// How much a picture pulls at each Gaussian's place on the screen: the sums over its tiles, in their order.
+// ```
+// argument    type  shape  what
+// ids         u32   [N]    the visible Gaussians, as indices into the scene
+// rows        f32   [M,2]  of the intersections, as rasterize_backward.cl writes them with PULL
+// touched     u8    [M]    whether a row was written
+// offsets     u32   [N+1]  visible Gaussian i has the rows offsets[i] .. offsets[i + 1] - 1
+// pulls       f32   [K,2]  added to: times by_u, times by_v
+// work-items  one per visible Gaussian
+// ```
+kernel void project_backward_pulls(global const uint* ids, global const float* rows, global const uchar* touched,
+                                   global const uint* offsets, global float* pulls, int N, float by_u, float by_v) {
+  const int n = get_global_id(0);
+  if (n >= N) return;
+  float2 sum = 0.0f;
+  for (uint r = offsets[n]; r < offsets[n + 1]; ++r)
+    if (touched[r]) sum += vload2(r, rows);
+  vstore2(vload2(ids[n], pulls) + sum * (float2)(by_u, by_v), ids[n], pulls);
+}
+
+// ```
+// argument    type  shape  what
+// lengths     f32   [K]    written: of the pairs
+// work-items  one per pair
+// ```
+kernel void project_backward_pull_lengths(global const float* pulls, global float* lengths, int K) {
+  const int k = get_global_id(0);
+  if (k < K) lengths[k] = length(vload2(k, pulls));
+}

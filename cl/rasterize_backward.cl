@@ -12,6 +12,8 @@
 //                                       of the tile sees stay as they are
 // width .. background_b                 as in rasterize.cl
 // define BATCH, PIXELS                  cpu and gpu flavour, as in rasterize.cl
+// define PULL                           rows [N,2] instead: sums over the pixels of |h p|, where p is as below
+// define THROUGH_CLAMP                  with PULL: h is that of an alpha which is not held at 0.99
 // work-items             as in rasterize.cl
 // ```
 // w is the weight of a Gaussian in a pixel, h the loss's derivative by ln alpha (0 where alpha is held at 0.99); dx, t
@@ -20,12 +22,30 @@
 //   T s - (sum of w s behind it) / (1 - alpha);
 // the sum over all Gaussians is known from the picture, so that walking near to far, with blending's own decisions,
 // suffices. Sums are taken in a fixed order.
+// With PULL a row says how much each pixel by itself pulls at the Gaussian's place on the screen, whatever the direction:
+// the loss's derivatives by u and v are h times those of ln alpha, p = 2 ln 2 (qx dx - k qy t, qy t).
 #include "rasterize.clh"
 
+#ifdef PULL
+#define COLUMNS 2
+#else
 #define COLUMNS 10
+#endif
+#define TWO_LN2 1.38629436f
+// h of a pixel: gain and behind as below, a the alpha that was blended, full before it was held at 0.99.
+#ifdef THROUGH_CLAMP
+#define SLOPE(gain, behind, a, full) (((gain) - (a) * (behind) / (1.0f - (a))) * ((full) / (a)))
+#define IS_FREE(full) ((full) >= MIN_ALPHA)
+#else
+#define SLOPE(gain, behind, a, full) ((gain) - (a) * (behind) / (1.0f - (a)))
+#define IS_FREE(full) ((full) <= MAX_ALPHA)
+#endif
 
 #ifdef BATCH
 #include "picture_blocks.clh"
+#ifdef PULL
+#include "vector16.clh"
+#endif
 
 // Pictures that blending made, and the loss's gradients by them.
 typedef struct {
@@ -119,8 +139,12 @@ static inline void reach_blocks(const Batch* batch, int n, uint* masks) {
 
 // Blends record i into the blocks of `todo`, of which there is one at least. Returns its row: ten numbers, then zeros.
 static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint todo) {
+#ifdef PULL
+  float16 pull_u = 0.0f, pull_v = 0.0f;
+#else
   float16 m = 0.0f, mx = 0.0f, mt = 0.0f, mxx = 0.0f, mxt = 0.0f, mtt = 0.0f;
   float16 wr = 0.0f, wg = 0.0f, wb = 0.0f, wz = 0.0f;
+#endif
   const float4 form = (float4)(batch->lo[i], batch->k[i], batch->qx[i], batch->qy[i]);
   const float u = batch->u[i], v = batch->v[i], far = batch->far[i];
   const float red = batch->r[i], green = batch->g[i], blue = batch->b[i];
@@ -139,7 +163,12 @@ static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint
     const float16 gain = w * FMA(red, gr, FMA(green, gg, FMA(blue, gb, FMA(far, gz, tile->base[b]))));
     const float16 behind = tile->rest[b] - gain;
     tile->rest[b] = behind;
-    const float16 h = select((float16)(0.0f), gain - a * behind / (1.0f - a), seen & live & (full <= MAX_ALPHA));
+    const float16 h = select((float16)(0.0f), SLOPE(gain, behind, a, full), seen & live & IS_FREE(full));
+#ifdef PULL
+    const float16 pv = form.w * t;
+    pull_u += fabs(h * (form.z * dx - form.y * pv));
+    pull_v += fabs(h * pv);
+#else
     const float16 hx = h * dx, ht = h * t;
     m += h;
     mx += hx;
@@ -151,10 +180,18 @@ static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint
     wg = FMA(w, gg, wg);
     wb = FMA(w, gb, wb);
     wz = FMA(w, gz, wz);
+#endif
     if ((++tile->visits[b] & 7) == 0 && largest(left) == 0.0f) tile->alive &= ~(1u << b);
   } while (todo);
+#ifdef PULL
+  float16 sums = 0.0f;
+  sums.s0 = TWO_LN2 * sum_of(pull_u);
+  sums.s1 = TWO_LN2 * sum_of(pull_v);
+  return sums;
+#else
   return fold1(fold2(fold4(fold8(m, mx), fold8(mt, mxx)), fold4(fold8(mxt, mtt), fold8(wr, wg))),
                fold2(fold4(fold8(wb, wz), (float16)(0.0f)), (float16)(0.0f)));
+#endif
 }
 
 kernel void rasterize_backward_cpu(global const float* records, global const uint* ids, global const uint* starts,
@@ -181,8 +218,12 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
       if (!todo) continue;
       const float16 sums = blend_backward(&tile, &batch, i, todo);
       const uint slot = slots[first + i];
+#ifdef PULL
+      vstore2(sums.s01, slot, rows);
+#else
       vstore8(sums.lo, 0, rows + (size_t)slot * COLUMNS);
       vstore2(sums.s89, 0, rows + (size_t)slot * COLUMNS + 8);
+#endif
       touched[slot] = 1;
     }
   }
@@ -238,7 +279,13 @@ static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint,
         const float4 grad = own->grad[p];
         const float w = own->T[p] * a, gain = w * (dot(c, grad) + own->base[p]);
         own->rest[p] -= gain;
-        const float h = full <= MAX_ALPHA ? gain - a * own->rest[p] / (1.0f - a) : 0.0f, hx = h * dx, ht = h * t;
+        const float h = IS_FREE(full) ? SLOPE(gain, own->rest[p], a, full) : 0.0f;
+#ifdef PULL
+        const float pv = f.w * t;
+        sums[0] += TWO_LN2 * fabs(h * (f.z * dx - f.y * pv));
+        sums[1] += TWO_LN2 * fabs(h * pv);
+#else
+        const float hx = h * dx, ht = h * t;
         sums[0] += h;
         sums[1] += hx;
         sums[2] += ht;
@@ -249,6 +296,7 @@ static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint,
         sums[7] = FMA(w, grad.y, sums[7]);
         sums[8] = FMA(w, grad.z, sums[8]);
         sums[9] = FMA(w, grad.w, sums[9]);
+#endif
         hit = true;
         own->T[p] = after;
       } else {

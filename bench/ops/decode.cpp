@@ -32,6 +32,22 @@ std::vector<Case> decode_cases(const Options&) {
                               random(ctx, {kSelected, 3}, 7)};
          return operation(ctx, [&ctx, a] { decode_fine_backward(ctx, a); }, {a.draw, a.dcentres});
        }},
+      {"points forward",
+       [](Context& ctx) {
+         DecodePointsForward a{random(ctx, {kVoxels, kRaw - 3}, 1), random(ctx, {kVoxels, 3}, 2), 0.001, 0,
+                               make_gaussians(ctx, kVoxels, kSh, "bench")};
+         return operation(ctx, [&ctx, a] { decode_points_forward(ctx, a); }, {a.out.scales, a.out.sh});
+       }},
+      {"points backward",
+       [](Context& ctx) {
+         DecodePointsBackward a{random(ctx, {kVoxels, kRaw - 3}, 1),
+                                0.001,
+                                0,
+                                random_gradients(ctx, kVoxels, 2),
+                                ctx.tensor({kVoxels, kRaw - 3}),
+                                ctx.tensor({kVoxels, 3})};
+         return operation(ctx, [&ctx, a] { decode_points_backward(ctx, a); }, {a.draw, a.dpoints});
+       }},
       {"adjusted forward",
        [](Context& ctx) {
          DecodeAdjustedForward a{random(ctx, {kSelected, 3 * kSh + 1}, 1), random_gaussians(ctx, kSelected, 2), 0,

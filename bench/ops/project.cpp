@@ -33,6 +33,27 @@ std::vector<Case> project_cases(const Options&) {
          a.twists = ctx.tensor({d.projected.ids.dim(0), 6});
          return operation(ctx, [&ctx, a] { project_backward(ctx, a); }, {a.dchunk.means, a.dchunk.sh, a.twists});
        }},
+      {"pulls",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         const Binned binned = d.bin(ctx, true);
+         RasterizeBackward blend = d.blend_backward(ctx, binned);
+         blend.pulls = Pulls::through;
+         const ProjectPulls a{d.projected,
+                              binned.offsets,
+                              rasterize_backward(ctx, blend),
+                              256,
+                              256,
+                              random(ctx, {d.gaussians.count(), 2}, 1, 0.0f, 1.0f)};
+         const auto out = std::make_shared<Tensor>();
+         return operation_with(
+             ctx,
+             [&ctx, a, out] {
+               project_pulls(ctx, a);
+               *out = pull_lengths(ctx, a.pulls);
+             },
+             [out] { return std::vector{*out}; });
+       }},
       {"sum_twists",
        [](Context& ctx) {
          const Tensor twists = random(ctx, {kVoxels, 6}, 1), copied = ctx.tensor({kVoxels, 6});

@@ -24,6 +24,15 @@ std::vector<Case> rasterize_cases(const Options&) {
          return operation_with(
              ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); }, [out] { return std::vector{out->rows}; });
        }},
+      {"pulls",
+       [](Context& ctx) {
+         const Drawing d(ctx);
+         RasterizeBackward a = d.blend_backward(ctx, d.bin(ctx, true));
+         a.pulls = Pulls::through;
+         const auto out = std::make_shared<IntersectionGradients>();
+         return operation_with(
+             ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); }, [out] { return std::vector{out->rows}; });
+       }},
   };
 }
 

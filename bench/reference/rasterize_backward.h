@@ -9,18 +9,23 @@
 
 namespace vsplat::ref {
 
+// What a row is: the columns of cl/rasterize_backward.cl, or with pulls the two of its PULL.
+enum class Rows { sums, pulls, pulls_through_clamp };
+
 // records [V,12], ids [N] and starts as model/ops/tile_bin.h has them, derivatives of a loss by colour [H,W,3], alpha
-// and depth [H,W]. Returns [N,10], the rows of cl/rasterize_backward.cl in the order of ids.
+// and depth [H,W]. Returns [N,10] (or [N,2]), the rows of cl/rasterize_backward.cl in the order of ids.
 inline std::vector<double> blend_backward(const std::vector<float>& records, const std::vector<std::uint32_t>& ids,
                                           const std::vector<std::uint32_t>& starts, int width, int height,
                                           const std::array<float, 3>& background, const std::vector<float>& by_colour,
-                                          const std::vector<float>& by_alpha, const std::vector<float>& by_depth) {
+                                          const std::vector<float>& by_alpha, const std::vector<float>& by_depth,
+                                          Rows kind = Rows::sums) {
   struct Seen {
     std::size_t i;
-    double alpha, before, dx, t;
+    double alpha, before, dx, t, full;
     bool held;
   };
-  std::vector<double> rows(10 * ids.size());
+  const std::size_t columns = kind == Rows::sums ? 10 : 2;
+  std::vector<double> rows(columns * ids.size());
   std::size_t pixel = 0;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x, ++pixel) {
@@ -35,7 +40,7 @@ inline std::vector<double> blend_backward(const std::vector<float>& records, con
         const double full = std::exp2(r[4] + r[6] * dx * dx + r[7] * t * t), a = std::min<double>(0.99f, full);
         if (a < static_cast<double>(1.0f / 255.0f)) continue;
         if (T * (1 - a) < static_cast<double>(1e-4f)) break;
-        all.push_back({i, a, T, dx, t, full > static_cast<double>(0.99f)});
+        all.push_back({i, a, T, dx, t, full, full > static_cast<double>(0.99f)});
         T *= 1 - a;
       }
       double by_after = 0;  // the loss by the transmittance after this Gaussian
@@ -45,7 +50,16 @@ inline std::vector<double> blend_backward(const std::vector<float>& records, con
         double by_weight = by_alpha[pixel] + by_depth[pixel] * r[3];
         for (std::size_t c = 0; c < 3; ++c) by_weight += by_colour[3 * pixel + c] * r[8 + c];
         const double w = s->before * s->alpha;
-        const double h = s->held ? 0 : s->alpha * s->before * (by_weight - by_after);
+        const double by_free = kind == Rows::pulls_through_clamp ? s->full : s->held ? 0 : s->alpha;
+        const double h = by_free * s->before * (by_weight - by_after);
+        if (kind != Rows::sums) {
+          // ln alpha = ln 2 (.. + qx dx^2 + qy (dy - k dx)^2)
+          const double ln4 = 2 * std::log(2.0), by_t = ln4 * r[7] * s->t;
+          rows[2 * s->i] += std::abs(h * (ln4 * r[6] * s->dx - r[5] * by_t));
+          rows[2 * s->i + 1] += std::abs(h * by_t);
+          by_after = s->alpha * by_weight + (1 - s->alpha) * by_after;
+          continue;
+        }
         const double row[] = {h,
                               h * s->dx,
                               h * s->t,
@@ -56,7 +70,7 @@ inline std::vector<double> blend_backward(const std::vector<float>& records, con
                               w * by_colour[3 * pixel + 1],
                               w * by_colour[3 * pixel + 2],
                               w * by_depth[pixel]};
-        for (std::size_t c = 0; c < 10; ++c) rows[10 * s->i + c] += row[c];
+        for (std::size_t c = 0; c < columns; ++c) rows[columns * s->i + c] += row[c];
         by_after = s->alpha * by_weight + (1 - s->alpha) * by_after;
       }
     }

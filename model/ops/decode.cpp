@@ -110,6 +110,41 @@ void decode_fine_backward(Context& ctx, const DecodeFineBackward& a) {
              0.125f / static_cast<float>(a.volume), scale_shift(a.volume));
 }
 
+namespace {
+
+// Some of K Gaussians from the raw numbers of P points; -> 3 S.
+template <class Tensors>
+long bind_points(Dims& d, const Tensors& g, const char* name, const Tensor& raw, const Tensor& points, long row0) {
+  bind(d, g, name, "K");
+  const long sh = 3 * d["S"];
+  d.set("A - 3", 8 + sh).bind("raw", raw, {"P", "A - 3"}).bind("points", points, {"P", "3"});
+  if (row0 < 0 || d["K"] < row0 + d["P"])
+    fail(Status::internal, "decode: rows {} to {} of {}", row0, row0 + d["P"], g.means.describe());
+  return sh;
+}
+
+}  // namespace
+
+void decode_points_forward(Context& ctx, const DecodePointsForward& a) {
+  Dims d;
+  const long sh = bind_points(d, a.out, "out", a.raw, a.points, a.row0), p = d["P"];
+  ctx.launch({"decode", "decode_points_forward", ""}, items(p, kLocal),
+             cost_of(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.points,
+             written(a.out.means, 3 * a.row0, 3 * p), written(a.out.scales, 3 * a.row0, 3 * p),
+             written(a.out.quats, 4 * a.row0, 4 * p), written(a.out.opacities, a.row0, p),
+             written(a.out.sh, sh * a.row0, sh * p), p, sh, a.row0, static_cast<float>(std::log(a.unit)));
+}
+
+void decode_points_backward(Context& ctx, const DecodePointsBackward& a) {
+  Dims d;
+  const long sh = bind_points(d, a.dout, "dout", a.raw, a.dpoints, a.row0), p = d["P"];
+  d.bind("draw", a.draw, {"P", "A - 3"});
+  ctx.launch({"decode", "decode_points_backward", ""}, items(p, kLocal),
+             backward_cost(static_cast<double>(p), static_cast<double>(11 + sh)), a.raw, a.dout.means, a.dout.scales,
+             a.dout.quats, a.dout.opacities, a.dout.sh, written(a.draw), written(a.dpoints), p, sh, a.row0,
+             static_cast<float>(std::log(a.unit)));
+}
+
 void decode_adjusted_forward(Context& ctx, const DecodeAdjustedForward& a) {
   Dims d;
   bind(d, a.skeleton, "skeleton", "P");

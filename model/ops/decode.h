@@ -53,6 +53,26 @@ struct DecodeFineBackward {
 };
 void decode_fine_backward(Context& ctx, const DecodeFineBackward& a);
 
+// One for each of P points, which is its mean; a scale is exp(x + log(unit)).
+struct DecodePointsForward {
+  Tensor raw;       // [P, A - 3]: no offset
+  Tensor points;    // [P, 3]
+  double unit = 1;  // the scale that a raw one of 0 means
+  long row0 = 0;    // Gaussians row0 .. row0 + P - 1 of `out` are written
+  DeviceGaussians out;
+};
+void decode_points_forward(Context& ctx, const DecodePointsForward& a);
+
+struct DecodePointsBackward {
+  Tensor raw;  // [P, A - 3], as forward had it
+  double unit = 1;
+  long row0 = 0;  // Gaussians row0 .. row0 + P - 1 are read
+  GaussianGradients dout;
+  Tensor draw;     // [P, A - 3], not raw; written
+  Tensor dpoints;  // [P, 3], written
+};
+void decode_points_backward(Context& ctx, const DecodePointsBackward& a);
+
 // The skeleton with new SH and opacity = sigmoid(factor) * its opacity; the rest is copied.
 struct DecodeAdjustedForward {
   Tensor raw;                // [P, 3S + 1]: SH, factor

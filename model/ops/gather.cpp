@@ -1,5 +1,7 @@
 #include "model/ops/gather.h"
 
+#include <algorithm>
+
 #include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
@@ -14,55 +16,73 @@ Tensor rows_of(const Tensor& x) {
   return x.reshaped({x.dim(0), c});
 }
 
+// Of a wider and longer matrix `whole`.
+void check_part(long column, long columns, long row0, long rows, const Tensor& whole) {
+  if (column < 0 || column + columns > whole.dim(1))
+    fail(Status::internal, "gather: columns {} to {} of {}", column, column + columns, whole.describe());
+  if (row0 + rows > whole.dim(0))
+    fail(Status::internal, "gather: rows {} to {} of {}", row0, row0 + rows, whole.describe());
+}
+
 }  // namespace
 
 void gather_forward(Context& ctx, const GatherForward& a) {
   Dims d;
-  d.bind("x", a.x, {"N", "C"}).bind("index", a.index, {"P"}, Type::i32).bind("out", a.out, {"P", "W"});
-  const long c = d["C"], p = d["P"], w = d["W"];
-  if (a.column < 0 || a.column + c > w) {
-    fail(Status::internal, "gather: columns {} to {} of {}", a.column, a.column + c, a.out.describe());
-  }
+  d.bind("x", a.x, {"N", "C"})
+      .bind("index", a.index, {"P"}, Type::i32)
+      .bind("out", a.out, {a.row0 < 0 ? "P" : "rows", "W"});
+  const long c = d["C"], p = d["P"], w = d["W"], row0 = std::max(a.row0, 0L);
+  check_part(a.column, c, row0, p, a.out);
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
   ctx.launch({"gather", "gather_forward", ""}, range, {0, 8.0 * static_cast<double>(p) * static_cast<double>(c)}, a.x,
-             a.index, c == w ? written(a.out) : written_somewhere(a.out), p, c, w, a.column, a.shared);
+             a.index, c == w ? written(a.out, row0 * w, p * w) : written_somewhere(a.out), p, c, w, a.column, a.shared,
+             row0);
 }
 
 void gather_backward(Context& ctx, const GatherBackward& a) {
   Dims d;
-  d.bind("dx", a.dx, {"N", "C"}).bind("index", a.index, {"P"}, Type::i32).bind("dout", a.dout, {"P", "W"});
-  const long c = d["C"], p = d["P"], w = d["W"];
-  if (a.column < 0 || a.column + c > w) {
-    fail(Status::internal, "gather_backward: columns {} to {} of {}", a.column, a.column + c, a.dout.describe());
-  }
+  d.bind("dx", a.dx, {"N", "C"})
+      .bind("index", a.index, {"P"}, Type::i32)
+      .bind("dout", a.dout, {a.row0 < 0 ? "P" : "rows", "W"});
+  const long c = d["C"], p = d["P"], w = d["W"], row0 = std::max(a.row0, 0L);
+  check_part(a.column, c, row0, p, a.dout);
   const Range range = ctx.flavour() == Flavour::cpu ? groups(1, 1, p) : groups(1, 32, p);
   ctx.launch({"gather", "gather_backward", ""}, range,
              {static_cast<double>(p) * static_cast<double>(c), 12.0 * static_cast<double>(p) * static_cast<double>(c)},
-             a.dout, a.index, written(a.dx), p, c, w, a.column, a.shared);
+             a.dout, a.index, written(a.dx), p, c, w, a.column, a.shared, row0);
 }
 
 DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
   const long p = index.dim(0);
-  const auto rows = [&](const Tensor& x, const Shape& shape, const char* what) {
-    const Tensor out = ctx.tensor(shape, Type::f32, what);
-    gather_forward(ctx, {rows_of(x), index, rows_of(out)});
-    return out;
-  };
-  DeviceGaussians out;
-  out.means = rows(g.means, {p, 3}, "gather.means");
-  out.scales = rows(g.scales, {p, g.scales.dim(1)}, "gather.scales");
-  out.quats = rows(g.quats, {p, 4}, "gather.quats");
-  out.opacities = rows(g.opacities, {p}, "gather.opacities");
-  out.sh = rows(g.sh, {p, g.sh.dim(1), 3}, "gather.sh");
+  const auto rows = [&](const Shape& shape, const char* what) { return ctx.tensor(shape, Type::f32, what); };
+  const DeviceGaussians out{rows({p, 3}, "gather.means"), rows({p, g.scales.dim(1)}, "gather.scales"),
+                            rows({p, 4}, "gather.quats"), rows({p}, "gather.opacities"),
+                            rows({p, g.sh.dim(1), 3}, "gather.sh")};
+  gather_forward(ctx, g, index, out, 0);
   return out;
 }
 
-void gather_backward(Context& ctx, const GaussianGradients& dout, const Tensor& index, const GaussianGradients& dx) {
+void gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index, const DeviceGaussians& out,
+                    long row0) {
+  const auto rows = [&](const Tensor& from, const Tensor& to) {
+    const Tensor source = rows_of(from), target = rows_of(to);
+    Dims().bind("x", source, {"N", "C"}).bind("out", target, {"rows", "C"});  // whole rows
+    gather_forward(ctx, {source, index, target, 0, 1, row0});
+  };
+  rows(g.means, out.means);
+  rows(g.scales, out.scales);
+  rows(g.quats, out.quats);
+  rows(g.opacities, out.opacities);
+  rows(g.sh, out.sh);
+}
+
+void gather_backward(Context& ctx, const GaussianGradients& dout, const Tensor& index, const GaussianGradients& dx,
+                     long row0) {
   const auto rows = [&](const Tensor& from, const Tensor& to) {
     if (!from) return;
     const Tensor source = rows_of(from), target = rows_of(to);
-    Dims().bind("dout", source, {"P", "C"}).bind("dx", target, {"N", "C"});  // whole rows
-    gather_backward(ctx, {source, index, target});
+    Dims().bind("dout", source, {"rows", "C"}).bind("dx", target, {"N", "C"});  // whole rows
+    gather_backward(ctx, {source, index, target, 0, 1, row0});
   };
   rows(dout.means, dx.means);
   rows(dout.scales, dx.scales);

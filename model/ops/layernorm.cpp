@@ -35,6 +35,7 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
              cpu ? groups(rows, 1) : groups(rows, 64),
              {(a.film ? 20.0 : 16.0) * values, (a.film ? 28.0 : 12.0) * values}, a.x, a.gamma, a.beta, a.film, a.dy,
              written(a.dx), written(a.dfilm), written(stats), rows, c, run, skip, a.eps, a.add ? 1 : 0);
+  if (!a.gamma) return;
   const long sums = (rows + kRows - 1) / kRows;
   const Tensor by_gamma = ctx.tensor({sums, c}, Type::f32, "partial sums");
   const Tensor by_beta = ctx.tensor({sums, c}, Type::f32, "partial sums");
@@ -51,14 +52,16 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
 
 void layernorm_forward(Context& ctx, const LayerNormForward& a) {
   Dims d;
-  d.bind("x", a.x, {"R", "C"}).bind("gamma", a.gamma, {"C"}).bind("beta", a.beta, {"C"}).bind("out", a.out, {"R", "C"});
+  d.bind("x", a.x, {"R", "C"}).bind("out", a.out, {"R", "C"});
+  if (a.gamma || a.beta) d.bind("gamma", a.gamma, {"C"}).bind("beta", a.beta, {"C"});
   launch(ctx, a.x, a.gamma, a.beta, {}, a.out, d["R"], d["C"], d["R"], 0, a.eps);
 }
 
 void layernorm_backward(Context& ctx, const LayerNormBackward& a) {
   Dims d;
-  d.bind("x", a.x, {"R", "C"}).bind("gamma", a.gamma, {"C"}).bind("dy", a.dy, {"R", "C"}).bind("dx", a.dx, {"R", "C"});
-  d.bind("dgamma", a.dgamma, {"C"}).bind("dbeta", a.dbeta, {"C"});
+  d.bind("x", a.x, {"R", "C"}).bind("dy", a.dy, {"R", "C"}).bind("dx", a.dx, {"R", "C"});
+  if (a.gamma || a.dgamma || a.dbeta)
+    d.bind("gamma", a.gamma, {"C"}).bind("dgamma", a.dgamma, {"C"}).bind("dbeta", a.dbeta, {"C"});
   launch_backward(ctx, {a.x, a.gamma, {}, {}, a.eps, a.dy, a.dx, {}, a.dgamma, a.dbeta, a.add}, d["R"], d["C"],
                   std::max(1L, d["R"]), 0);
 }

@@ -6,7 +6,7 @@ namespace vsplat {
 
 struct LayerNormForward {
   Tensor x;            // [R, C]
-  Tensor gamma, beta;  // [C]
+  Tensor gamma, beta;  // [C]; both none: ones and zeros
   float eps = 1e-6f;
   Tensor out;  // [R, C]; may be x
 };
@@ -16,11 +16,11 @@ void layernorm_forward(Context& ctx, const LayerNormForward& a);
 // Takes what the forward was given, and nothing that it would have to save: means and deviations are computed again.
 struct LayerNormBackward {
   Tensor x;      // [R, C], as forward had it
-  Tensor gamma;  // [C]
+  Tensor gamma;  // [C]; or none
   float eps = 1e-6f;
   Tensor dy;             // [R, C]: the loss by forward's out
   Tensor dx;             // [R, C], neither x nor dy; written, or with `add` added to
-  Tensor dgamma, dbeta;  // [C], added to
+  Tensor dgamma, dbeta;  // [C], added to; none where there is no gamma
   bool add = false;
 };
 

@@ -142,6 +142,28 @@ void project_backward(Context& ctx, const ProjectBackward& a) {
              written_somewhere(a.twists), n, d["K"], a.base, s);
 }
 
+void project_pulls(Context& ctx, const ProjectPulls& a) {
+  Dims d;
+  d.bind("ids", a.visible.ids, {"N"}, Type::u32).bind("rows", a.intersections.rows, {"M", "2"});
+  d.bind("touched", a.intersections.touched, {"M"}, Type::u8).bind("pulls", a.pulls, {"K", "2"});
+  const long n = d["N"];
+  d.set("N + 1", n + 1).bind("offsets", a.offsets, {"N + 1"}, Type::u32);
+  const double rows = static_cast<double>(d["M"]);
+  ctx.launch({"project_backward", "project_backward_pulls", ""}, items(n),
+             {2 * rows, 9 * rows + 24.0 * static_cast<double>(n)}, a.visible.ids, a.intersections.rows,
+             a.intersections.touched, a.offsets, written(a.pulls), n, static_cast<float>(a.by_u),
+             static_cast<float>(a.by_v));
+}
+
+Tensor pull_lengths(Context& ctx, const Tensor& pulls) {
+  const long k = Dims().bind("pulls", pulls, {"K", "2"})["K"];
+  const Tensor out = ctx.tensor({k}, Type::f32, "pull lengths");
+  const auto count = static_cast<double>(k);
+  ctx.launch({"project_backward", "project_backward_pull_lengths", ""}, items(k), {4 * count, 12 * count}, pulls,
+             written(out), k);
+  return out;
+}
+
 Tensor sum_twists(Context& ctx, Tensor twists) {
   while (twists.dim(0) != 1) {
     const long n = twists.dim(0), blocks = std::max(1L, (n + kSumBlock - 1) / kSumBlock);

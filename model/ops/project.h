@@ -65,7 +65,7 @@ void project_forward(Context& ctx, const ProjectForward& a);
 // What a picture's gradient says of each Gaussian in each tile: a row per intersection of the two, where Binned::slots
 // puts it. See cl/rasterize_backward.cl (of surfels cl/rasterize_surfels_backward.cl) for the columns.
 struct IntersectionGradients {
-  Tensor rows;     // f32 [M,10], of surfels [M,20]
+  Tensor rows;     // f32 [M,10], of surfels [M,20]; of pulls [M,2]
   Tensor touched;  // u8 [M]: 1 where a row was written; the others are zeros, and not written
 };
 
@@ -86,5 +86,17 @@ void project_backward(Context& ctx, const ProjectBackward& a);
 
 // f32 [6]: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
 Tensor sum_twists(Context& ctx, Tensor twists);
+
+// How much a picture pulls at each Gaussian's place on the screen (rasterize_backward() with Pulls).
+struct ProjectPulls {
+  Projected visible;                    // N of them
+  Tensor offsets;                       // u32 [N + 1]: as Binned has them
+  IntersectionGradients intersections;  // rows [M,2]
+  double by_u = 1, by_v = 1;            // what the sums are multiplied by
+  Tensor pulls;                         // f32 [K,2], of all of the scene: added to
+};
+void project_pulls(Context& ctx, const ProjectPulls& a);
+// pulls [K,2] -> [K]
+Tensor pull_lengths(Context& ctx, const Tensor& pulls);
 
 }  // namespace vsplat

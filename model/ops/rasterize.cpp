@@ -100,7 +100,9 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   d.bind_optional("dpicture.colour", dp.colour, {"H", "W", "3"});
   d.bind_optional("dpicture.alpha", dp.alpha, {"H", "W"});
   d.bind_optional("dpicture.depth", dp.depth, {"H", "W"});
-  const IntersectionGradients out{ctx.tensor({d["N"], kColumns}, Type::f32, "rasterize_backward.rows"),
+  const bool pulls = a.pulls != Pulls::none;
+  const std::string flavour = !pulls ? "" : a.pulls == Pulls::through ? " -DPULL -DTHROUGH_CLAMP" : " -DPULL";
+  const IntersectionGradients out{ctx.tensor({d["N"], pulls ? 2 : kColumns}, Type::f32, "rasterize_backward.rows"),
                                   ctx.tensor({d["N"]}, Type::u8, "rasterize_backward.touched")};
   ctx.fill_zero(out.touched);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
@@ -113,11 +115,11 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
                a.background[1], a.background[2]);
   };
   if (rasterizes_in_blocks(ctx)) {
-    run({"rasterize_backward", "rasterize_backward_cpu", "-DBATCH=" + std::to_string(kRasterizeBatch)},
+    run({"rasterize_backward", "rasterize_backward_cpu", "-DBATCH=" + std::to_string(kRasterizeBatch) + flavour},
         groups(tiles, 1));
   } else {
     const TileLaunch l =
-        tile_launch({"rasterize_backward", "rasterize_backward_gpu", "", kBackwardPixels, backward_bytes}, ctx);
+        tile_launch({"rasterize_backward", "rasterize_backward_gpu", flavour, kBackwardPixels, backward_bytes}, ctx);
     run(l.id, groups(tiles, l.group));
   }
   return out;

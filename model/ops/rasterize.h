@@ -45,6 +45,14 @@ struct PictureGradient {
   Tensor distortion{};  // f32 [H,W]
 };
 
+// Instead of gradients how much each pixel by itself pulls at a Gaussian's place on the screen, summed whatever the
+// direction: rows [N,2] of |dE/du| and |dE/dv|, with the Gaussian's shape held.
+enum class Pulls {
+  none,
+  held,     // alpha held at 0.99 does not move
+  through,  // it is taken to move as if it were not held
+};
+
 struct RasterizeBackward {
   Projected projected;
   Binned binned;  // with slots
@@ -52,6 +60,7 @@ struct RasterizeBackward {
   std::array<float, 3> background = {};
   DevicePicture picture;  // as the forward made it
   PictureGradient dpicture;
+  Pulls pulls = Pulls::none;
 };
 IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& a);
 

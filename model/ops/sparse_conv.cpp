@@ -24,6 +24,10 @@ Sizes check(const SubmanifoldBackward& a) {
     fail(Status::internal, "{}: inputs of {} channels, weights {}", a.name, channels, a.w.describe());
   d.set("taps", taps);
   if (a.in.map || taps != 1) d.bind("map", a.in.map, {"P", "taps"}, Type::i32);
+  if (a.back) {
+    d.set("rows", 2 * d["P"]).bind("back", a.back, {"P", "taps"}, Type::i32);
+    d.bind("back_dy", a.back_dy, {"rows", "Cout"});
+  }
   return {d["P"], taps, d["Cin"], d["Cout"]};
 }
 
@@ -39,8 +43,8 @@ void by_inputs(Context& ctx, const SubmanifoldBackward& a, const Sizes& s) {
   const PackedMatrix packed =
       pack_matrix(ctx, mirrored, s.taps * s.cout, s.cin, s.cin, 1, std::string(a.name) + " mirrored");
   Gemm g;
-  g.a.x0 = a.dy;
-  g.a.map = a.in.map;
+  g.a.x0 = a.back ? a.back_dy : a.dy;
+  g.a.map = a.back ? a.back : a.in.map;
   g.b = &packed;
   if (a.add) g.residual = a.dx;
   g.out = a.dx;

@@ -23,7 +23,7 @@ void submanifold_forward(Context& ctx, const SubmanifoldForward& a);
 // Gradients by the convolution's inputs, weights and biases, from dy, the gradient by its outputs. Summed in a fixed
 // order: the same bits each time.
 struct SubmanifoldBackward {
-  RowSource in;                      // as for the forward; the map's taps are symmetric
+  RowSource in;                      // as for the forward; the map's taps are symmetric, but see `back`
   Tensor w;                          // [Cout, kx, ky, kz, Cin], as pack_submanifold() took it
   Tensor dy;                         // [P, Cout]
   Tensor dx;                         // [P, Cin] or none where it is not wanted: by the composed inputs
@@ -31,6 +31,9 @@ struct SubmanifoldBackward {
   Tensor dw;                         // [Cout, kx, ky, kz, Cin], added to
   Tensor dbias;                      // [Cout], added to
   const char* name = "submanifold";  // its rows in the profile
+  // Where points share cells (cell_map.h), and the map's taps are not symmetric: cell_map_backward()'s map [P, taps],
+  // and cell_sums() of dy [2 P, Cout].
+  Tensor back, back_dy;
 };
 void submanifold_backward(Context& ctx, const SubmanifoldBackward& a);
 

@@ -113,4 +113,31 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
   return drawn;
 }
 
+void screen_pulls(Context& ctx, const DeviceGaussians& scene, const Camera& camera, const RenderOptions& options,
+                  const PictureLossWork& loss, Pulls pulls, const Tensor& out) {
+  const Stage stage(ctx, "splat");
+  const GaussianChunks chunks(scene);
+  const DevicePicture picture = picture_in_room(ctx, chunks, camera, {});
+  const auto pull = [&](Context& c, const Part& part, const Projected& projected, const Binned& binned,
+                        const PictureGradient& gradient) {
+    const IntersectionGradients rows =
+        rasterize_backward(c, {projected, binned, part, options.background, picture, gradient, pulls});
+    project_pulls(c, {projected, binned.offsets, rows, camera.width / 2.0, camera.height / 2.0, out});
+  };
+  bool done = false;
+  for_each_part(ctx, chunks, camera, options, true,
+                [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
+                  draw_part(c, chunks, options, part, projected, binned, picture);
+                  if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
+                  pull(c, part, projected, binned, loss(c, picture));
+                  if (&c == &ctx) done = true;  // not on the plan, which may not fit
+                });
+  if (done) return;
+  const PictureGradient gradient = loss(ctx, picture);  // which looks at all of the picture
+  for_each_part(ctx, chunks, camera, options, true,
+                [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
+                  pull(c, part, projected, binned, gradient);
+                });
+}
+
 }  // namespace vsplat

@@ -32,4 +32,10 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                                   const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
                                   std::array<double, 6>* pose = nullptr);
 
+// How much a loss on the picture pulls at each Gaussian's place on the screen: the picture is drawn once more, and to
+// `out` [K,2] the sums over its pixels of |dE/du| width/2 and |dE/dv| height/2 are added, with Gaussians' shapes held.
+// Volumes alone, in one chunk. `loss` is run on a plan, too.
+void screen_pulls(Context& ctx, const DeviceGaussians& scene, const Camera& camera, const RenderOptions& options,
+                  const PictureLossWork& loss, Pulls pulls, const Tensor& out);
+
 }  // namespace vsplat

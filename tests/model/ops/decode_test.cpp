@@ -206,6 +206,55 @@ TEST(Decode, CoarseBackwardMatchesReference) {
   }
 }
 
+// Of points, which are their means: a Gaussian of a voxel eight times as large without its offset; in some of the rows.
+TEST(Decode, PointsAndTheirBackwardMatchReference) {
+  Context& ctx = test::context(Flavour::cpu);
+  for (const auto& [p, s, row0] : {std::tuple{1L, 1L, 0L}, {7L, 4L, 2L}, {65L, 4L, 5L}, {3L, 9L, 0L}}) {
+    const long size = 8 + 3 * s, n = row0 + p + 1;
+    const std::vector<float> raw = test::random_floats(static_cast<std::size_t>(p * size), 61, -4.0f, 4.0f);
+    const std::vector<float> points = test::random_floats(static_cast<std::size_t>(3 * p), 62);
+    const DeviceGaussians out = nan_gaussians(ctx, n, s);
+    const Tensor on_device = ctx.upload({p, size}, raw);
+    const double unit = 0.02;
+    decode_points_forward(ctx, {on_device, ctx.upload({p, 3}, points), unit, row0, out});
+    const ref::GaussianLists d = cotangents(n, s);
+    ref::GaussianLists want;
+    std::vector<double> by_raw, by_points;
+    for (long i = 0; i < p; ++i) {
+      // With an offset of 0 in front, which moves nothing.
+      std::vector<double> row(raw.begin() + i * size, raw.begin() + (i + 1) * size);
+      row.insert(row.begin(), 3, 0.0);
+      const auto at = static_cast<std::size_t>(3 * i);
+      const double anchor[3] = {points[at], points[at + 1], points[at + 2]};
+      ref::decode(row.data(), anchor, 0, 3 * unit, 3 * s, want, 3, true);
+      std::vector<double> back;
+      const auto k = static_cast<std::size_t>(row0 + i);
+      ref::decode_backward(row.data(), 0, 3 * unit, 3 * s, d, k, back, 3, true);
+      by_raw.insert(by_raw.end(), back.begin() + 3, back.end());
+      for (std::size_t a = 0; a < 3; ++a) by_points.push_back(d.means[3 * k + a]);
+    }
+    const auto written_rows = [&](const Tensor& t) {
+      const auto all = ctx.read<float>(t);
+      const long width = t.count() / n;
+      for (long i = 0; i < n * width; ++i)
+        EXPECT_EQ(std::isnan(all[static_cast<std::size_t>(i)]), i / width < row0 || i / width >= row0 + p);
+      return std::vector<float>(all.begin() + row0 * width, all.begin() + (row0 + p) * width);
+    };
+    EXPECT_TRUE(close(written_rows(out.means), want.means, 0));
+    EXPECT_TRUE(close(written_rows(out.scales), want.scales, 1e-6));
+    EXPECT_TRUE(close(written_rows(out.quats), want.quats, 1e-6));
+    EXPECT_TRUE(close(written_rows(out.opacities), want.opacities, 1e-6));
+    EXPECT_TRUE(close(written_rows(out.sh), want.sh, 0));
+
+    const Tensor draw = ctx.upload({p, size}, test::nans(raw.size()));
+    const Tensor dpoints = ctx.upload({p, 3}, test::nans(points.size()));
+    decode_points_backward(ctx, {on_device, unit, row0, upload(ctx, d, n, s), draw, dpoints});
+    EXPECT_TRUE(close(ctx.read<float>(draw), by_raw, 1e-6));
+    EXPECT_TRUE(close(ctx.read<float>(dpoints), by_points, 0));
+    EXPECT_THROW(decode_points_forward(ctx, {on_device, dpoints, unit, row0 + 2, out}), Error);
+  }
+}
+
 TEST(Decode, FineThenAdjustedBackwardMatchReference) {
   Context& ctx = test::context(Flavour::cpu);
   for (const auto& [p, m, s] : {std::tuple{1L, 1L, 1L}, {7L, 3L, 4L}, {65L, 2L, 4L}, {3L, 16L, 4L}}) {

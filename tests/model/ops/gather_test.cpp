@@ -27,6 +27,24 @@ TEST_P(Gather, RowsGoToTheirColumnsAndNowhereElse) {
   }
 }
 
+// Into some rows of a longer matrix, and back out of them.
+TEST_P(Gather, SomeRowsOfALongerMatrix) {
+  const std::vector<int> index = {4, 0, 6};
+  const std::vector<float> x = test::random_floats(7 * 5, 61);
+  std::vector<float> want(8 * 5, 9.0f);
+  for (std::size_t i = 0; i < 15; ++i) want[3 * 5 + i] = x[static_cast<std::size_t>(index[i / 5]) * 5 + i % 5];
+  const Tensor out = ctx().upload({8, 5}, std::vector<float>(40, 9.0f)), rows = ctx().upload({3}, index, Type::i32);
+  gather_forward(ctx(), {ctx().upload({7, 5}, x), rows, out, 0, 1, 3});
+  EXPECT_EQ(ctx().read<float>(out), want);
+  std::vector<float> sums = test::random_floats(7 * 5, 64);
+  const Tensor dx = ctx().upload({7, 5}, sums);
+  for (std::size_t i = 0; i < 15; ++i) sums[static_cast<std::size_t>(index[i / 5]) * 5 + i % 5] += want[3 * 5 + i];
+  gather_backward(ctx(), {out, rows, dx, 0, 1, 3});
+  EXPECT_EQ(ctx().read<float>(dx), sums);
+  EXPECT_THROW(gather_forward(ctx(), {dx, rows, out, 0, 1, 6}), Error);
+  EXPECT_THROW(gather_backward(ctx(), {out, rows, dx, 0, 1, 6}), Error);
+}
+
 // The transpose of gathering, added to what is there; each row has one source at most, so the sum is one rounded once.
 TEST_P(Gather, BackwardAddsToTheRowsThatWereRead) {
   const std::vector<int> index = {4, 0, -1, 6, 1};

@@ -31,6 +31,24 @@ TEST_P(LayerNorm, MatchesReferenceAtEverySizeThatBreaksThings) {
             1e-5);
 }
 
+// Without weights: as with ones and zeros, there and back.
+TEST_P(LayerNorm, WithoutWeights) {
+  for (const long c : {3L, 16L, 33L, 96L, 161L}) {
+    SCOPED_TRACE(c);
+    constexpr long rows = 7;
+    const auto n = static_cast<std::size_t>(c);
+    const auto x = test::random_floats(rows * n, 5, -2, 3), dy = test::random_floats(rows * n, 6);
+    const std::vector<float> ones(n, 1.0f), zeros(n, 0.0f);
+    const Tensor in = ctx().upload({rows, c}, x), out = ctx().upload({rows, c}, test::nans(x.size()));
+    layernorm_forward(ctx(), {in, {}, {}, 1e-5f, out});
+    EXPECT_TRUE(test::close(ctx().read<float>(out), ref::layernorm(x, n, ones, zeros, 1e-5), 1e-5));
+    const auto want = ref::layernorm_backward(x, n, ones, 1e-5, std::vector<double>(dy.begin(), dy.end()));
+    const Tensor dx = ctx().upload({rows, c}, test::nans(x.size()));
+    layernorm_backward(ctx(), {in, {}, 1e-5f, ctx().upload({rows, c}, dy), dx, {}, {}});
+    EXPECT_TRUE(test::close(ctx().read<float>(dx), want.x, 1e-5));
+  }
+}
+
 // Values far from zero with a small deviation: float32 itself keeps them to 3 * 6e-8 / 0.01 of the deviation.
 TEST_P(LayerNorm, MeansFarFromZeroWithSmallVariance) {
   auto x = test::random_floats(5 * 96, 7, -0.01f, 0.01f);
@@ -212,6 +230,8 @@ TEST_P(LayerNorm, RejectsBadShape) {
   const Tensor x = ctx().tensor({3, 4}), four = ctx().tensor({4}), five = ctx().tensor({5});
   EXPECT_THROW(layernorm_forward(ctx(), {x, four, five, 1e-6f, x}), Error);
   EXPECT_THROW(layernorm_backward(ctx(), {x, four, 1e-6f, x, x, four, five}), Error);
+  EXPECT_THROW(layernorm_forward(ctx(), {x, {}, four, 1e-6f, x}), Error);
+  EXPECT_THROW(layernorm_backward(ctx(), {x, four, 1e-6f, x, x, {}, {}}), Error);
   const Tensor tokens = ctx().tensor({1, 4, 4}), film = ctx().tensor({1, 3, 8}), out = ctx().tensor({1, 3, 4});
   EXPECT_THROW(modulate_forward(ctx(), {out, four, four, film, 1e-6f, out}), Error);
   EXPECT_THROW(modulate_forward(ctx(), {tokens, four, four, out, 1e-6f, out}), Error);

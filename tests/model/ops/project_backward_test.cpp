@@ -307,5 +307,29 @@ TEST_P(ProjectBackward, RejectsBadShape) {
 
 VSPLAT_FLAVOURS(ProjectBackward);
 
+// Sums of the rows that were written, into the scene's own Gaussians; what no pixel sees stays.
+TEST_P(ProjectBackward, PullsAreSumsOfTouchedRows) {
+  const std::vector<std::uint32_t> ids = {4, 0, 6}, offsets = {0, 3, 3, 5};
+  const std::vector<std::uint8_t> touched = {1, 0, 1, 1, 1};
+  std::vector<float> rows = test::random_floats(10, 1, 0, 1);
+  rows[2] = rows[3] = std::numeric_limits<float>::quiet_NaN();
+  std::vector<float> pulls = test::random_floats(14, 2, 0, 1);
+  ProjectPulls a;
+  a.visible.ids = ctx().upload({3}, ids, Type::u32);
+  a.offsets = ctx().upload({4}, offsets, Type::u32);
+  a.intersections = {ctx().upload({5, 2}, rows), ctx().upload({5}, touched, Type::u8)};
+  a.by_u = 3, a.by_v = 0.5;
+  a.pulls = ctx().upload({7, 2}, pulls);
+  project_pulls(ctx(), a);
+  std::vector<double> want(pulls.begin(), pulls.end()), lengths;
+  for (const std::size_t r : {0u, 2u}) want[8] += 3.0 * rows[2 * r], want[9] += 0.5 * rows[2 * r + 1];
+  for (const std::size_t r : {3u, 4u}) want[12] += 3.0 * rows[2 * r], want[13] += 0.5 * rows[2 * r + 1];
+  EXPECT_TRUE(test::close(ctx().read<float>(a.pulls), want, 1e-6));
+  for (std::size_t k = 0; k < 7; ++k) lengths.push_back(std::hypot(want[2 * k], want[2 * k + 1]));
+  EXPECT_TRUE(test::close(ctx().read<float>(pull_lengths(ctx(), a.pulls)), lengths, 1e-6));
+  a.pulls = ctx().tensor({7, 3});
+  EXPECT_THROW(project_pulls(ctx(), a), Error);
+}
+
 }  // namespace
 }  // namespace vsplat

@@ -27,7 +27,7 @@ class RasterizeBackward : public test::FlavourTest {
   }
 
   // Rows in the order of ids, zeros where none was written.
-  std::vector<float> run(const test::Records& c, int width, int height, const Upstream& up) {
+  std::vector<float> run(const test::Records& c, int width, int height, const Upstream& up, Pulls pulls = Pulls::none) {
     const auto upload = [&](const std::vector<float>& v, const Shape& shape) {
       return v.empty() ? Tensor() : ctx().upload(shape, v);
     };
@@ -44,19 +44,22 @@ class RasterizeBackward : public test::FlavourTest {
     const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
     const DevicePicture picture = make_picture(ctx(), width, height);
     rasterize_forward(ctx(), {p, b, whole, background, picture});
-    const IntersectionGradients got =
-        rasterize_backward(ctx(), {p,
-                                   b,
-                                   whole,
-                                   background,
-                                   picture,
-                                   {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}),
-                                    upload(up.depth, {height, width})}});
+    const IntersectionGradients got = rasterize_backward(
+        ctx(),
+        {p,
+         b,
+         whole,
+         background,
+         picture,
+         {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}), upload(up.depth, {height, width})},
+         pulls});
     const auto rows = ctx().read<float>(got.rows);
     const auto touched = ctx().read<std::uint8_t>(got.touched);
     std::vector<float> out(rows.size(), 0.0f);
+    const std::size_t columns = pulls == Pulls::none ? 10 : 2;
     for (std::size_t i = 0; i < slots.size(); ++i)
-      for (std::size_t col = 0; col < 10 && touched[slots[i]]; ++col) out[10 * i + col] = rows[10 * slots[i] + col];
+      for (std::size_t col = 0; col < columns && touched[slots[i]]; ++col)
+        out[columns * i + col] = rows[columns * slots[i] + col];
     return out;
   }
 
@@ -90,6 +93,22 @@ TEST_P(RasterizeBackward, HandlesAnyNumberPerTile) {
 }
 
 TEST_P(RasterizeBackward, ReachesFullOpacityAndStops) { check(48, 32, 400, 1.0f); }
+
+// How much each pixel pulls at a Gaussian's place, with alpha at its limit among them.
+TEST_P(RasterizeBackward, PullsMatchReference) {
+  for (const auto& [width, height, per_tile, opacity] :
+       {std::tuple{40, 17, 30, 0.8f}, {33, 20, 65, 1.0f}, {48, 32, 400, 1.0f}, {7, 3, 1, 0.5f}, {33, 20, 0, 0.5f}}) {
+    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
+    const test::Records c = test::make_records(width, height, per_tile, opacity, 3);
+    const Upstream up = random_upstream(width, height);
+    for (const auto& [pulls, rows] :
+         {std::pair{Pulls::held, ref::Rows::pulls}, {Pulls::through, ref::Rows::pulls_through_clamp}}) {
+      const auto want = ref::blend_backward(c.records, c.ids, c.starts, width, height, background, up.colour, up.alpha,
+                                            up.depth, rows);
+      EXPECT_TRUE(test::close(run(c, width, height, up, pulls), want, 2e-5, per_tile == 0));
+    }
+  }
+}
 
 TEST_P(RasterizeBackward, TakesWhatIsNoneAsZeros) {
   const int width = 20, height = 33;

@@ -1,0 +1,90 @@
+// Every point becomes F: its children lie within half a cell of it, and what they are made of are waves of how far they
+// lie from it, beside its own feature.
+// ```
+// argument    type  shape      what
+// raw         f32   [P,3F]     how far each child lies, before tanh
+// points      f32   [P,3]      the points
+// feature     f32   [P,C]      the points' features
+// children    f32   [P F,3]    written: point + offset, offset = reach tanh(raw); a point's children together
+// offsets     f32   [P F,3]    written
+// wide        f32   [P F,W]    written, W = 6 N + C: sines, then cosines of 2^f unit offset for f = 0 .. N - 1, x y z
+//                              each; then the point's feature
+// reach       float            half a cell
+// unit        float            what offsets are multiplied by in the waves
+// work-items  (lane, child): the lanes of a child share its numbers, any number of them
+// ```
+static inline float wave(float offset, float unit, int f, int is_cosine) {
+  const float phase = ldexp(unit * offset, f);
+  return is_cosine ? cos(phase) : sin(phase);
+}
+
+kernel void upscale_forward(global const float* restrict raw, global const float* restrict points,
+                            global const float* restrict feature, global float* restrict children,
+                            global float* restrict offsets, global float* restrict wide, int P, int F, int N, int C,
+                            float reach, float unit) {
+  const int child = get_global_id(1);
+  if (child >= P * F) return;
+  const int p = child / F, waves = 6 * N, lane = get_global_id(0), lanes = get_global_size(0);
+  const float3 offset = reach * tanh(vload3(child, raw));
+  if (lane == 0) {
+    vstore3(offset, child, offsets);
+    vstore3(vload3(p, points) + offset, child, children);
+  }
+  const float axes[3] = {offset.x, offset.y, offset.z};
+  global float* to = wide + (size_t)child * (waves + C);
+  for (int i = lane; i < waves; i += lanes) {
+    const int j = i % (3 * N);
+    to[i] = wave(axes[j % 3], unit, j / 3, i >= 3 * N);
+  }
+  for (int c = lane; c < C; c += lanes) to[waves + c] = feature[(size_t)p * C + c];
+}
+
+// Backward.
+// ```
+// argument    type  shape     what
+// dchildren   f32   [P F,3]   gradient of children
+// dwide       f32   [P F,W]   gradient of wide
+// draw        f32   [P,3F]    written
+// dpoints     f32   [P,3]     written: the children's sum
+// dfeature    f32   [P,C]     added to
+// work-items  one per point
+// ```
+kernel void upscale_backward_points(global const float* restrict raw, global const float* restrict dchildren,
+                                    global const float* restrict dwide, global float* restrict draw,
+                                    global float* restrict dpoints, int P, int F, int N, int C, float reach,
+                                    float unit) {
+  const int p = get_global_id(0);
+  if (p >= P) return;
+  const int waves = 6 * N;
+  float3 sum = 0.0f;
+  for (int f = 0; f < F; ++f) {
+    const size_t child = (size_t)p * F + f;
+    const float3 t = tanh(vload3(child, raw)), d = vload3(child, dchildren);
+    sum += d;
+    const float axes[3] = {reach * t.x, reach * t.y, reach * t.z};
+    float by[3] = {d.x, d.y, d.z};
+    global const float* from = dwide + child * (waves + C);
+    for (int j = 0; j < 3 * N; ++j) {
+      const float slope = ldexp(unit, j / 3);
+      by[j % 3] +=
+          slope * (from[j] * wave(axes[j % 3], unit, j / 3, 1) - from[3 * N + j] * wave(axes[j % 3], unit, j / 3, 0));
+    }
+    vstore3((float3)(by[0], by[1], by[2]) * reach * (1.0f - t * t), child, draw);
+  }
+  vstore3(sum, p, dpoints);
+}
+
+// ```
+// work-items  (lane, point): the lanes of a point share its channels, any number of them
+// ```
+kernel void upscale_backward_features(global const float* restrict dwide, global float* restrict dfeature, int P, int F,
+                                      int N, int C) {
+  const int p = get_global_id(1);
+  if (p >= P) return;
+  const int width = 6 * N + C;
+  for (int c = get_global_id(0); c < C; c += get_global_size(0)) {
+    float sum = 0.0f;
+    for (int f = 0; f < F; ++f) sum += dwide[((size_t)p * F + f) * width + 6 * N + c];
+    dfeature[(size_t)p * C + c] += sum;
+  }
+}

@@ -1,0 +1,25 @@
+// How sure a network is of each point, and the gradient of the choice that is made by it (straight through).
+#pragma once
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct ConfidenceForward {
+  Tensor logits;         // [P]
+  bool softmax = false;  // over the points; else a sigmoid of each
+  Tensor confidence;     // [P], written
+};
+void confidence_forward(Context& ctx, const ConfidenceForward& a);
+
+// Features pass the choice as they are; their gradient is that of feature x confidence.
+struct ConfidenceBackward {
+  Tensor x;              // [P, C]: the features
+  Tensor confidence;     // [P], as forward left it
+  bool softmax = false;  // as forward had it
+  Tensor dy;             // [P, C]: the loss by what passes
+  Tensor dx;             // [P, C], written; may be dy
+  Tensor dlogits;        // [P], written
+};
+void confidence_backward(Context& ctx, const ConfidenceBackward& a);
+
+}  // namespace vsplat
