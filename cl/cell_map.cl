@@ -53,8 +53,8 @@ kernel void cell_map_forward(global const int* restrict cells, global const ulon
 }
 
 // The other way, for a convolution's derivative by its inputs: what reads a point through tap t comes back to it
-// through tap 26 - t. It is read out of 2 P rows: each point's own, then for each point that stands for a cell the sum of the
-// rows of the points in it.
+// through tap 26 - t. It is read out of 2 P rows: each point's own, then for each point that stands for a cell the sum
+// of the rows of the points in it.
 // ```
 // argument    type  shape   what
 // standing    i32   [P]     as the forward left it

@@ -22,8 +22,8 @@
 //   T s - (sum of w s behind it) / (1 - alpha);
 // the sum over all Gaussians is known from the picture, so that walking near to far, with blending's own decisions,
 // suffices. Sums are taken in a fixed order.
-// With PULL a row says how much each pixel by itself pulls at the Gaussian's place on the screen, whatever the direction:
-// the loss's derivatives by u and v are h times those of ln alpha, p = 2 ln 2 (qx dx - k qy t, qy t).
+// With PULL a row says how much each pixel by itself pulls at the Gaussian's place on the screen, whatever the
+// direction: the loss's derivatives by u and v are h times those of ln alpha, p = 2 ln 2 (qx dx - k qy t, qy t).
 #include "rasterize.clh"
 
 #ifdef PULL

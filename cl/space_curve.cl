@@ -96,13 +96,17 @@ kernel void space_curve_codes(global const int* restrict cells, global ulong* re
 // order       u32   [P]    the points along the curve
 // slots       i32   [S]    written: which point is where in the runs, S a multiple of `size` (or P, where P <= size)
 // places      i32   [P]    written: where each point itself is in the runs
+// filled      i32   [S-P]  written: the points in the slots behind the first P
 // work-items  one per slot
 // ```
 kernel void space_curve_runs(global const uint* restrict order, global int* restrict slots, global int* restrict places,
-                             int P, int S, int size) {
+                             global int* restrict filled, int P, int S, int size) {
   const int s = get_global_id(0);
   if (s >= S) return;
   const int at = s < P ? s : s - size;
   slots[s] = (int)order[at];
-  if (s < P) places[order[s]] = s;
+  if (s < P)
+    places[order[s]] = s;
+  else
+    filled[s - P] = (int)order[at];
 }

@@ -132,7 +132,7 @@ void add_convert(CLI::App& parent, Run& run) {
 
 void add_import(CLI::App& parent, Run& run) {
   auto o = std::make_shared<WeightsOptions>();
-  CLI::App* sub = parent.add_subcommand("import", "Make a model file of a PyTorch checkpoint of VS-Splat or LaRa");
+  CLI::App* sub = parent.add_subcommand("import", "Make a model file of a checkpoint of VS-Splat, LaRa or GenDen");
   sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
       ->required()
       ->type_name("FILE");

@@ -5,6 +5,7 @@
 #include "model/api/handle.h"
 #include "model/base/gaussians.h"
 #include "model/base/scene.h"
+#include "model/genden/genden_model.h"
 #include "model/lara/lara_model.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
@@ -22,6 +23,8 @@ struct vsplat_device_impl : vsplat::api::Counted {
   std::unique_ptr<vsplat::VsplatModel> model;
   std::weak_ptr<const vsplat::LaraModelFile> lara_key;
   std::unique_ptr<vsplat::LaraModel> lara;
+  std::weak_ptr<const vsplat::GendenModelFile> genden_key;
+  std::unique_ptr<vsplat::GendenModel> genden;
   std::weak_ptr<const vsplat::Scene> scene_key;
   std::optional<vsplat::GaussianChunks> scene;
 };

@@ -30,6 +30,13 @@ vsplat_model_info describe(const LaraConfig& config, vsplat_hash_state hash) {
   return out;
 }
 
+vsplat_model_info describe(const GendenConfig& config, vsplat_hash_state hash) {
+  vsplat_model_info out = describe(static_cast<const LaraConfig&>(config), hash);
+  out.max_gaussians = static_cast<uint64_t>(densified_count(config.densify, config.most_primitives()));
+  out.parameters = static_cast<uint64_t>(parameter_count(config));
+  return out;
+}
+
 vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
   out.image = config.image;
@@ -75,15 +82,17 @@ std::unique_ptr<vsplat_model_impl> handle_of(AnyModel model) {
   auto out = std::make_unique<vsplat_model_impl>();
   if (ModelFile* own = std::get_if<ModelFile>(&model))
     out->file = std::make_shared<const ModelFile>(std::move(*own));
+  else if (LaraModelFile* lara = std::get_if<LaraModelFile>(&model))
+    out->lara = std::make_shared<const LaraModelFile>(std::move(*lara));
   else
-    out->lara = std::make_shared<const LaraModelFile>(std::move(std::get<LaraModelFile>(model)));
+    out->genden = std::make_shared<const GendenModelFile>(std::move(std::get<GendenModelFile>(model)));
   return out;
 }
 
 // visit(file) of whichever the handle has.
 template <class Visit>
 auto with_file(vsplat_model model, const Visit& visit) {
-  return model->file ? visit(*model->file) : visit(*model->lara);
+  return model->file ? visit(*model->file) : model->lara ? visit(*model->lara) : visit(*model->genden);
 }
 
 std::vector<std::string> texts(const char* const* given, size_t count, const char* what) {
@@ -100,7 +109,8 @@ std::vector<std::string> texts(const char* const* given, size_t count, const cha
 
 const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
   if (!model->file)
-    fail(Status::usage, "the model is of {}, and this takes one of {}", LaraSystem::network, VsplatSystem::network);
+    fail(Status::usage, "the model is of {}, and this takes one of {}",
+         model->lara ? LaraSystem::network : GendenSystem::network, VsplatSystem::network);
   return *model->file;
 }
 
@@ -116,6 +126,8 @@ void forget_networks(vsplat_device device) {
   device->model_key.reset();
   device->lara.reset();
   device->lara_key.reset();
+  device->genden.reset();
+  device->genden_key.reset();
 }
 
 }  // namespace
@@ -141,6 +153,17 @@ const LaraModel& vsplat::api::lara_on(vsplat_device device, vsplat_model model) 
     device->lara_key = file;
   }
   return *device->lara;
+}
+
+const GendenModel& vsplat::api::genden_on(vsplat_device device, vsplat_model model) {
+  const std::shared_ptr<const GendenModelFile>& file = model->genden;
+  if (device->genden_key.lock() != file) {
+    forget_networks(device);
+    const Stage stage(device->context, "encoder");
+    device->genden = std::make_unique<GendenModel>(device->context, file->config, file->weights);
+    device->genden_key = file;
+  }
+  return *device->genden;
 }
 
 vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {

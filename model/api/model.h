@@ -2,14 +2,16 @@
 #include <memory>
 
 #include "model/api/handle.h"
+#include "model/genden/genden_model.h"
 #include "model/lara/lara_model.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
 
-// One of the two is there: by the network that the model is of.
+// One of them is there: by the network that the model is of.
 struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::ModelFile> file;
   std::shared_ptr<const vsplat::LaraModelFile> lara;
+  std::shared_ptr<const vsplat::GendenModelFile> genden;
   vsplat_hash_state hash = VSPLAT_HASH_ABSENT;
 };
 
@@ -24,5 +26,6 @@ TakenViews taken_views(vsplat_model model);
 // another one is asked for.
 const VsplatModel& model_on(vsplat_device device, vsplat_model model);
 const LaraModel& lara_on(vsplat_device device, vsplat_model model);
+const GendenModel& genden_on(vsplat_device device, vsplat_model model);
 
 }  // namespace vsplat::api

@@ -37,11 +37,11 @@ double host_bytes(int image, const Weights& weights, int views, long gaussians) 
   return values * sizeof(float);
 }
 
-// What only VS-Splat's network has.
-void refuse_selection(const vsplat_reconstruct_options& o) {
-  if (o.has_seed || o.selection || o.voxels)
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed, .selection and .voxels are of {}",
-         LaraSystem::network, VsplatSystem::network);
+// What only VS-Splat's network has. (GenDen's takes the seed for the order of its curves.)
+void refuse_selection(const vsplat_reconstruct_options& o, bool takes_seed) {
+  if ((o.has_seed && !takes_seed) || o.selection || o.voxels)
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options{}.selection and .voxels are of {}",
+         takes_seed ? GendenSystem::network : LaraSystem::network, takes_seed ? "" : ".seed, ", VsplatSystem::network);
 }
 
 }  // namespace
@@ -60,10 +60,12 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     how.dump = o.dump ? o.dump : "";
     how.masked = input->input.masked;
     std::optional<std::vector<int>> selection;
-    if (model->lara) {
-      refuse_selection(o);
+    if (model->lara || model->genden) {
+      refuse_selection(o, model->genden != nullptr);
+      const LaraConfig& config = model->lara ? model->lara->config : model->genden->config;
       how.forward.planned_selected =
-          primitives_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, model->lara->config, "options.assume_selected");
+          primitives_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
+      if (o.has_seed) how.forward.selection_seed = o.seed;
     } else {
       const Config& config = vsplat_file(model).config;
       how.forward.planned_selected =
@@ -79,7 +81,9 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     const auto run = [&](const auto& network) {
       return reconstruct(device->context, network, input->input.views, input->input.placement, how);
     };
-    Reconstruction made = model->lara ? run(lara_on(device, model)) : run(model_on(device, model));
+    Reconstruction made = model->lara     ? run(lara_on(device, model))
+                          : model->genden ? run(genden_on(device, model))
+                                          : run(model_on(device, model));
     made.scene.up = up_of(o.up, "options.up");
     if (!made.scene.up) {
       const Eigen::Vector3f up = input->up.cast<float>();
@@ -103,11 +107,21 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
     MemoryPlan plan;
     double host = 0;
     bool fits = false;
-    if (model->lara) {
-      const LaraModelFile& file = *model->lara;
+    const auto plan_of_primitives = [&](const auto& file, const auto& of_model, const auto& count) {
       const long planned = primitives_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
-      fits = fits_within([&] { plan = LaraModel::plan(ctx, file.config, file.weights, views, planned); });
-      host = host_bytes(file.config.image, file.weights, views, planned);
+      fits = fits_within([&] { plan = of_model(file, planned); });
+      host = host_bytes(file.config.image, file.weights, views, count(planned));
+    };
+    if (model->lara) {
+      plan_of_primitives(
+          *model->lara,
+          [&](const auto& f, long kept) { return LaraModel::plan(ctx, f.config, f.weights, views, kept); },
+          [](long kept) { return kept; });
+    } else if (model->genden) {
+      plan_of_primitives(
+          *model->genden,
+          [&](const auto& f, long kept) { return GendenModel::plan(ctx, f.config, f.weights, views, kept); },
+          [&](long kept) { return densified_count(model->genden->config.densify, kept); });
     } else {
       const ModelFile& file = vsplat_file(model);
       const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");

@@ -138,6 +138,8 @@ LaraModel::Coarse LaraModel::coarse(Context& ctx, const Tensor& images, const st
 LaraResult LaraModel::fine(Context& ctx, const Coarse& state, const LaraOptions& options, Saved* saved) const {
   LaraResult out;
   out.coarse = state.gaussians;
+  out.index = state.index;
+  out.volume = state.volume;
   // The fine decoder takes some at a time, and results tell which they are.
   out.kept.resize(static_cast<std::size_t>(state.index.dim(0)));
   if (!ctx.planning()) out.kept = ctx.read<int>(state.index);

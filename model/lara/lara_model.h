@@ -34,6 +34,14 @@ struct LaraResult {
   DeviceGaussians final;   // the P of them that are kept, with their finer colours
   Tensor features;         // [P, F], what the fine decoder gives beside colours; none where F = 0
   std::vector<int> kept;   // which: ascending
+  Tensor index;            // i32 [P]: the same on the device
+  Tensor volume;           // [(2R)^3, out_ch]: primitive / K is its voxel
+};
+
+// Gradients by what a result tells beside primitives; none where nothing depends on it.
+struct LaraFeatureGradients {
+  Tensor features;  // [P, F]
+  Tensor voxels;    // [P, out_ch], by the volume's rows of the kept ones
 };
 
 // By model/splat's renderer, as the configuration says.
@@ -65,8 +73,8 @@ class LaraModel {
   // From gradients by the coarse and the final primitives to those by the weights, which are added to LearntWeights'.
   // `dcoarse` is used up. `dfinal` without tensors: nothing depends on the final ones. The drawings are held: nothing
   // goes back through them.
-  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                const GaussianGradients& dfinal) const;
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
+                const LaraFeatureGradients& by = {}) const;
 
   // What forward would take for so many views and kept primitives. `ctx` may be a planner.
   MemoryPlan plan(const Context& ctx, long views, long kept) const;

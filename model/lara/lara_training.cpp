@@ -32,7 +32,7 @@ void LaraModel::hold_inputs(Saved& saved, const Tensor& images, const Coarse& st
 
 // What each stage kept goes back to the arena as soon as its backward is done.
 void LaraModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                         const GaussianGradients& dfinal) const {
+                         const GaussianGradients& dfinal, const LaraFeatureGradients& by) const {
   const Modules& m = *modules_;
   Saved& saved = *trained.saved;
   Tensor dvolume = ctx.tensor(saved.fine.volume.shape(), Type::f32, "gradient by volume");
@@ -46,6 +46,8 @@ void LaraModel::backward(Context& ctx, Trained& trained, const GaussianGradients
     const Tensor dfine = ctx.tensor({p, features + colours}, Type::f32, "gradient by the fine decoder's");
     ctx.fill_zero(dfine);
     add_columns(ctx, {dfinal.sh.reshaped({p, colours}), dfine, features});
+    if (by.features) add_columns(ctx, {by.features, dfine});
+    if (by.voxels) gather_backward(ctx, {by.voxels, saved.index, dvolume, 0, config_.primitives});
     m.fine_decoder.backward(ctx, std::exchange(saved.fine, {}), dfine, {dvolume, dcoarse.means, {}});
   }
   saved.fine = {};

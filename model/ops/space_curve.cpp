@@ -68,8 +68,9 @@ CurveRuns curve_runs(Context& ctx, const Tensor& order, long size) {
   const long slots = out.runs * out.size;
   out.slots = ctx.tensor({slots}, Type::i32, "space_curve.slots");
   out.places = ctx.tensor({p}, Type::i32, "space_curve.places");
+  out.filled = ctx.tensor({slots - p}, Type::i32, "space_curve.filled");
   ctx.launch({"space_curve", "space_curve_runs", ""}, items(slots), {0, 12.0 * static_cast<double>(slots)}, order,
-             written(out.slots), written(out.places), p, slots, out.size);
+             written(out.slots), written(out.places), written(out.filled), p, slots, out.size);
   return out;
 }
 

@@ -24,6 +24,7 @@ struct CurveRuns {
   long runs = 0, size = 0;
   Tensor slots;   // i32 [runs size]: which point is in each slot; the first P of them name each point once
   Tensor places;  // i32 [P]: which of the first P slots is a point's own
+  Tensor filled;  // i32 [runs size - P]: the points in the slots behind the first P
 };
 // order u32 [P]: the points along the curve.
 CurveRuns curve_runs(Context& ctx, const Tensor& order, long size);

@@ -114,6 +114,41 @@ DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& 
   return out;
 }
 
+DeducedGendenConfig deduced_genden_config(const TorchFile& file, const std::string& prefix) {
+  const DeducedLaraConfig backbone = deduced_lara_config(file, prefix);
+  const Shapes shapes(file, prefix);
+  DeducedGendenConfig out;
+  static_cast<LaraConfig&>(out.config) = backbone.config;
+  out.fields = backbone.fields, out.untold = backbone.untold;
+  DensifyConfig& d = out.config.densify;
+  d.channels.clear(), d.depths.clear(), d.upscale.clear();
+  const int levels = shapes.count("dec", "up.skip.weight");
+  for (int s = 0; s == 0 || s < levels; ++s) {
+    const std::string level = fmt::format("dec.{}.", s);
+    d.channels.push_back(shapes.side(level + "up.skip.weight", 2, 1));
+    d.upscale.push_back(shapes.side(level + "up.delta_x.2.weight", 2, 0) / 3);
+    d.depths.push_back(0);
+    while (file.find(fmt::format("{}{}block{}.cpe.1.weight", prefix, level, d.depths.back())) != nullptr)
+      ++d.depths.back();
+    if (s > 0) continue;
+    d.mlp_ratio = shapes.side(level + "block0.mlp.0.fc1.weight", 2, 0) / d.channels[0];
+    d.frequencies = (shapes.side(level + "up.delta_f.1.weight", 2, 1) - d.channels[0]) / 6;
+  }
+  // One entry a level, whatever they are, for what shapes alone are asked of.
+  d.heads.assign(d.channels.size(), 1), d.patch.assign(d.channels.size(), 1);
+  for (const char* field :
+       {"densify.channels", "densify.depths", "densify.upscale", "densify.mlp_ratio", "densify.frequencies"})
+    out.fields.emplace_back(field);
+  for (const char* field : {"densify.heads", "densify.patch", "densify.top_k", "densify.cell"})
+    out.untold.emplace_back(field);
+  for (const TensorEntry& entry : file.tensors()) {
+    if (!entry.name.starts_with(prefix + "dec.0.mask.") && !entry.name.starts_with(prefix + "dec.0.head.")) continue;
+    d.residual = entry.name.starts_with(prefix + "dec.0.head.");
+    break;
+  }
+  return out;
+}
+
 DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix) {
   const Shapes shapes(file, prefix);
   DeducedConfig out;

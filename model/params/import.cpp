@@ -24,13 +24,13 @@ bool has_part(const TorchFile& file, std::string_view part) {
 
 // Or GenDen's, whose backbone it is.
 bool is_lara(const TorchFile& file) { return has_part(file, "vol_decoder.pos_embed"); }
+bool has_densifier(const TorchFile& file) { return has_part(file, "dec.0.up."); }
 
 // Networks that are known by their tensors, and not read.
 void refuse_others(const TorchFile& file) {
-  const bool dense = has_part(file, "dec.0.up.");
   const char* other = nullptr;
-  if (dense)
-    other = is_lara(file) ? "GenDen's network" : "a VS-Splat network with GenDen's densifier";
+  if (has_densifier(file) && !is_lara(file))
+    other = "a VS-Splat network with GenDen's densifier";
   else if (has_part(file, "share.transformer."))
     other = "a VS-Splat network with predicted Plücker maps";
   else if (has_part(file, "storage_tokens") || has_part(file, "reg_token") || has_part(file, "register_tokens"))
@@ -78,20 +78,38 @@ std::set<std::string> set_given(Config& config, const ImportOptions& options) {
   return given;
 }
 
-// The named configuration with every value that the shapes told.
+// What no shape tells and the order of the tensors does.
+template <class Config>
+void take_order(Config&, const Config&) {}
+void take_order(GendenConfig& config, const GendenConfig& deduced) {
+  config.densify.residual = deduced.densify.residual;
+}
+template <class Config>
+bool same_order(const Config&, const Config&) {
+  return true;
+}
+bool same_order(const GendenConfig& config, const GendenConfig& deduced) {
+  return config.densify.residual == deduced.densify.residual;
+}
+
+// The named configuration with every value that the shapes told, and what the order tells where there are several.
 template <class S>
 std::string name_of_shapes(const Deduced<typename S::Config>& deduced) {
+  std::string by_shapes;
   for (const std::string& name : S::names()) {
     const typename S::Config named = S::named(name);
-    if (differing_fields(named, deduced.config, deduced.fields).empty()) return name;
+    if (!differing_fields(named, deduced.config, deduced.fields).empty()) continue;
+    if (same_order(named, deduced.config)) return name;
+    if (by_shapes.empty()) by_shapes = name;
   }
-  return "";
+  return by_shapes;
 }
 
 template <class S>
 typename S::Config complete(const std::string& path, const Deduced<typename S::Config>& deduced,
                             const std::string& named, const ImportOptions& options) {
   typename S::Config config = named.empty() ? deduced.config : S::named(named);
+  take_order(config, deduced.config);
   config.negate_camera_centre = true;
   const std::set<std::string> given = set_given(config, options);
   for (const std::string& field : differing_fields(config, deduced.config, deduced.fields))
@@ -119,6 +137,24 @@ bool in_network(std::string_view name) {
                      [name](const char* module) { return name.starts_with(module); });
 }
 
+// Of the densifier's waves, a buffer: "dec.0.up.frequencies".
+bool is_frequencies(std::string_view name) { return name.starts_with("dec.") && name.ends_with(".up.frequencies"); }
+
+// Ours are powers of two, as the published code makes them.
+void check_frequencies(const TorchFile& file, const std::string& prefix) {
+  for (const TensorEntry& entry : file.tensors()) {
+    if (!entry.name.starts_with(prefix) || !is_frequencies(std::string_view(entry.name).substr(prefix.size())))
+      continue;
+    float want = 1;
+    for (const float found : file.floats(entry)) {
+      if (found != want)
+        fail(Status::format, "{}: tensor {} has {} where {} is expected: its waves are not powers of two", file.path(),
+             printable(entry.name), found, want);
+      want *= 2;
+    }
+  }
+}
+
 // What the network would compute with, and ours does not: leaving it out would make another network of it.
 template <class S>
 void refuse_more(const TorchFile& file, const std::string& prefix, const std::vector<std::string>& names) {
@@ -127,6 +163,7 @@ void refuse_more(const TorchFile& file, const std::string& prefix, const std::ve
     const std::string_view bare = std::string_view(name).substr(name.starts_with(prefix) ? prefix.size() : 0);
     const std::string encoder(S::mark, std::string_view(S::mark).rfind('.') + 1);  // "encoder.model."
     if (bare.starts_with(encoder + "head.") || bare.starts_with(encoder + "fc_norm.")) continue;
+    if (is_frequencies(bare)) continue;  // looked at by check_frequencies()
     if (name.starts_with(prefix) && in_network<S>(bare)) more.push_back(name);
   }
   if (!more.empty())
@@ -175,6 +212,7 @@ ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
   for (const Parameter& parameter : expected) bytes += static_cast<double>(parameter.count()) * sizeof(float);
   const HostMemory memory(file.path() + ": reading its values", bytes);
   file.verify();
+  check_frequencies(file, prefix);
   model.weights = read_values(file, expected, entries);
   out.model = std::move(model);
   return out;
@@ -185,7 +223,8 @@ ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
 ImportedModel import_model(const std::string& path, const ImportOptions& options) {
   const TorchFile file(path);
   refuse_others(file);
-  return is_lara(file) ? import_as<LaraSystem>(file, options) : import_as<VsplatSystem>(file, options);
+  if (!is_lara(file)) return import_as<VsplatSystem>(file, options);
+  return has_densifier(file) ? import_as<GendenSystem>(file, options) : import_as<LaraSystem>(file, options);
 }
 
 }  // namespace vsplat

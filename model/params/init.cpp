@@ -97,12 +97,16 @@ Weights initial_weights(const Config& config, std::uint64_t seed) {
   return weights;
 }
 
-Weights initial_weights(const LaraConfig& config, std::uint64_t seed) {
+template <class AnyConfig>
+static Weights drawn_weights(const AnyConfig& config, std::uint64_t seed) {
   check(config);
   Weights weights;
   for (const Parameter& p : parameters(config)) weights.set(p.name, initial_tensor(p, seed));
   return weights;
 }
+
+Weights initial_weights(const LaraConfig& config, std::uint64_t seed) { return drawn_weights(config, seed); }
+Weights initial_weights(const GendenConfig& config, std::uint64_t seed) { return drawn_weights(config, seed); }
 
 std::size_t scale_places(Weights& weights, const Config& config, double factor) {
   std::size_t count = 0;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "model/params/config.h"
+#include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/weights.h"
 
@@ -15,6 +16,7 @@ namespace vsplat {
 // everywhere.
 Weights initial_weights(const Config& config, std::uint64_t seed);
 Weights initial_weights(const LaraConfig& config, std::uint64_t seed);
+Weights initial_weights(const GendenConfig& config, std::uint64_t seed);
 
 // Scales the places of the fine primitives within their voxel, which are in units of the cube's edge, for a cube with
 // another number of voxels: `factor` is the old number over the new one. How many values that were.

@@ -172,6 +172,11 @@ void save_model(const std::string& path, const LaraConfig& config, const Weights
   save(path, config, weights, provenance, dtype);
 }
 
+void save_model(const std::string& path, const GendenConfig& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance, Dtype dtype) {
+  save(path, config, weights, provenance, dtype);
+}
+
 ModelInfo model_info(const SafetensorsFile& file) {
   ModelInfo info;
   info.model = read_header(file);

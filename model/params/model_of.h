@@ -4,6 +4,7 @@
 #include <string>
 
 #include "model/params/config_fields.h"
+#include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/weights.h"
 
@@ -18,5 +19,6 @@ struct ModelOf {
 
 using ModelFile = ModelOf<Config>;
 using LaraModelFile = ModelOf<LaraConfig>;
+using GendenModelFile = ModelOf<GendenConfig>;
 
 }  // namespace vsplat

@@ -1,5 +1,6 @@
 #include "model/params/params.h"
 
+#include "model/params/densify_layers.h"
 #include "model/params/lara_layers.h"
 #include "model/params/network_layers.h"
 
@@ -84,7 +85,14 @@ std::vector<Parameter> parameters(const LaraConfig& config) {
   return out;
 }
 
+std::vector<Parameter> parameters(const GendenConfig& config) {
+  std::vector<Parameter> out = parameters(static_cast<const LaraConfig&>(config));
+  DensifyLayers<Lister>(LayerBuilder<Lister>{Lister(out)}, config.densify, config.sh_count());
+  return out;
+}
+
 long parameter_count(const Config& config) { return trained_values(parameters(config)); }
 long parameter_count(const LaraConfig& config) { return trained_values(parameters(config)); }
+long parameter_count(const GendenConfig& config) { return trained_values(parameters(config)); }
 
 }  // namespace vsplat

@@ -1,9 +1,10 @@
-// The list of what a model is made of, as network_layers.h and lara_layers.h here declare it. Weight files, initial
-// weights and the optimiser all go by it.
+// The list of what a model is made of, as network_layers.h, lara_layers.h and densify_layers.h declare it. Weight
+// files, initial weights and the optimiser all go by it.
 #pragma once
 #include <vector>
 
 #include "model/params/config_fields.h"
+#include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/parameter.h"
 
@@ -14,9 +15,11 @@ namespace vsplat {
 std::vector<Parameter> parameters(const Config& config);
 // The published state dict's, but for its buffers, which nothing reads.
 std::vector<Parameter> parameters(const LaraConfig& config);
+std::vector<Parameter> parameters(const GendenConfig& config);
 
 // Of what is trained.
 long parameter_count(const Config& config);
 long parameter_count(const LaraConfig& config);
+long parameter_count(const GendenConfig& config);
 
 }  // namespace vsplat

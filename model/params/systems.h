@@ -8,6 +8,7 @@
 #include "model/io/torch_file.h"
 #include "model/params/config.h"
 #include "model/params/deduced_config.h"
+#include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/model_of.h"
 #include "runtime/fail.h"
@@ -43,6 +44,21 @@ struct LaraSystem {
   }
 };
 
+struct GendenSystem {
+  using Config = GendenConfig;
+  static constexpr const char* name = "genden";
+  static constexpr const char* network = "GenDen's network";
+  static constexpr const char* mark = "img_encoder.model.cls_token";
+  static constexpr const char* modules[] = {"img_encoder.", "dir_norm.",  "vol_decoder.",
+                                            "decoder.",     "view_embed", "dec."};
+  static const std::vector<std::string>& names() { return genden_config_names(); }
+  static Config named(const std::string& config) { return named_genden_config(config); }
+  static Config from_json(const std::string& text) { return genden_config_from_json(text); }
+  static DeducedGendenConfig deduced(const TorchFile& file, const std::string& prefix) {
+    return deduced_genden_config(file, prefix);
+  }
+};
+
 template <class... All>
 struct SystemList {
   using Model = std::variant<ModelOf<typename All::Config>...>;
@@ -63,7 +79,7 @@ struct SystemList {
 };
 
 // The table.
-using Systems = SystemList<VsplatSystem, LaraSystem>;
+using Systems = SystemList<VsplatSystem, LaraSystem, GendenSystem>;
 
 // A model of any of them.
 using AnyModel = Systems::Model;
@@ -74,6 +90,8 @@ template <>
 struct SystemOf<Config> : VsplatSystem {};
 template <>
 struct SystemOf<LaraConfig> : LaraSystem {};
+template <>
+struct SystemOf<GendenConfig> : GendenSystem {};
 
 // "lara", and "LaRa's network".
 inline std::string system_of(const AnyModel& model) {

@@ -106,26 +106,59 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
   return out;
 }
 
+namespace {
+
+// Of the kept primitives, ascending, K of each voxel.
+std::vector<int> voxels_of(const std::vector<int>& kept, int each) {
+  std::vector<int> out;
+  for (const int primitive : kept)  // those of a voxel lie together
+    if (const int voxel = primitive / each; out.empty() || out.back() != voxel) out.push_back(voxel);
+  return out;
+}
+
+LaraOptions backbone_options(const ReconstructOptions& options,
+                             const std::function<void(const std::string&, const Tensor&)>& tap) {
+  LaraOptions out;
+  out.tap = tap;
+  out.progress = options.forward.progress;
+  out.planned_kept = options.forward.planned_selected;
+  return out;
+}
+
+constexpr const char* kEmpty = "every primitive is transparent: the scene is empty";
+
+}  // namespace
+
 Reconstruction reconstruct(Context& ctx, const LaraModel& model, const std::vector<PreparedView>& views,
                            const Placement& placement, const ReconstructOptions& options) {
   const LaraConfig& config = model.config();
   Dump dump;
-  Reconstruction out = in_object_frame(
-      ctx, config, views, placement, options, dump,
-      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
-        LaraOptions forward;
-        forward.tap = tap;
-        forward.progress = options.forward.progress;
-        forward.planned_kept = options.forward.planned_selected;
-        const LaraResult result = model.forward(ctx, pictures, cameras, forward);
-        Made made{result.final, {}};
-        for (const int primitive : result.kept)  // ascending, and so those of a voxel lie together
-          if (const int voxel = primitive / config.primitives; made.selected.empty() || made.selected.back() != voxel)
-            made.selected.push_back(voxel);
-        return made;
-      });
-  if (out.scene.gaussians.count == 0) warn("every primitive is transparent: the scene is empty");
+  Reconstruction out =
+      in_object_frame(ctx, config, views, placement, options, dump,
+                      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
+                        const LaraResult result = model.forward(ctx, pictures, cameras, backbone_options(options, tap));
+                        return Made{result.final, voxels_of(result.kept, config.primitives)};
+                      });
+  if (out.scene.gaussians.count == 0) warn("{}", kEmpty);
   write(dump, options, LaraSystem::name, to_json(config), views.size());
+  return out;
+}
+
+Reconstruction reconstruct(Context& ctx, const GendenModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options) {
+  const GendenConfig& config = model.config();
+  Dump dump;
+  Reconstruction out =
+      in_object_frame(ctx, config, views, placement, options, dump,
+                      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
+                        GendenOptions forward;
+                        forward.backbone = backbone_options(options, tap);
+                        forward.seed = options.forward.selection_seed.value_or(0);
+                        const GendenResult result = model.forward(ctx, pictures, cameras, forward);
+                        return Made{result.final, voxels_of(result.kept, config.primitives)};
+                      });
+  if (out.scene.gaussians.count == 0) warn("{}", kEmpty);
+  write(dump, options, GendenSystem::name, to_json(config), views.size());
   return out;
 }
 

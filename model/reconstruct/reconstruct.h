@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "model/base/scene.h"
+#include "model/genden/genden_model.h"
 #include "model/input/placement.h"
 #include "model/input/views.h"
 #include "model/lara/lara_model.h"
@@ -29,6 +30,10 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
 // The same with LaRa's network, at most view_slots views; of `forward` it takes `tap`, `progress` and
 // `planned_selected`, a number of primitives here. `selected` are the voxels that have a kept one.
 Reconstruction reconstruct(Context& ctx, const LaraModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options);
+
+// With GenDen's network: as LaRa's, and `selection_seed` is that of the order in which its curves are taken; 0 without.
+Reconstruction reconstruct(Context& ctx, const GendenModel& model, const std::vector<PreparedView>& views,
                            const Placement& placement, const ReconstructOptions& options);
 
 }  // namespace vsplat

@@ -20,15 +20,27 @@ esac
 # Its tensors are small: a second thread takes half as much again of the processor's time, or more, and saves next to none of ours.
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
 case $size in
-  micro|tiny)  # and LaRa's; of micro where it is not there, with the list of the published size's parameters
-    if [ $size = micro ] && [ ! -e "${1:-$here}/lara_parameters.txt" ]; then
-      "$here/../reference/pytorch/run.sh" lara_reference.py published | tr -s " " > "${1:-$here}/lara_parameters.txt"
+  micro|tiny)  # and LaRa's and GenDen's; of micro where it is not there, with the lists of the published sizes' parameters
+    if [ $size = micro ]; then
+      for system in lara genden; do
+        if [ ! -e "${1:-$here}/${system}_parameters.txt" ]; then
+          "$here/../reference/pytorch/run.sh" $([ $system = lara ] && echo lara_reference.py || echo genden_reference.py genden) published |
+            tr -s " " > "${1:-$here}/${system}_parameters.txt"
+        fi
+      done
     fi
     for lara in $([ $size = micro ] && echo micro || echo tiny tiny_gaussian micro_gaussian); do
       made=${1:-$here}/lara_$lara.safetensors
       if [ ! -e "$made" ] || { [ $size != micro ] && [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$made")" ]; }; then
         "$here/../reference/pytorch/run.sh" make_published.py --system lara --size "$lara" --tests --output "${1:-$here}" \
           --seed $([ $lara = tiny ] && echo 2000 || echo 0)  # the first that is far from all thresholds
+      fi
+    done
+    for genden in $([ $size = micro ] && echo micro || echo tiny tiny_residual); do
+      made=${1:-$here}/genden_$genden.safetensors
+      if [ ! -e "$made" ] || { [ $size != micro ] && [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$made")" ]; }; then
+        "$here/../reference/pytorch/run.sh" make_published.py --system genden --size "${genden%_residual}" --tests --output "${1:-$here}" \
+          $([ "${genden%_residual}" = "$genden" ] || echo --residual) --seed $([ $genden = micro ] && echo 0 || echo 1000)
       fi
     done ;;
 esac

@@ -10,17 +10,26 @@
 
 namespace vsplat::test {
 
-std::string LaraGolden::checkpoint_of(const std::string& name) {
+template <class C>
+std::string PublishedGolden<C>::checkpoint_of(const std::string& name) {
   const std::string vectors = Golden::path_of(name);
   return vectors.substr(0, vectors.rfind('.')) + ".ckpt";
 }
 
-bool LaraGolden::exists(const std::string& name) { return std::filesystem::exists(Golden::path_of(name)); }
+template <class C>
+bool PublishedGolden<C>::exists(const std::string& name) {
+  return std::filesystem::exists(Golden::path_of(name));
+}
 
-LaraGolden LaraGolden::load(const std::string& name) { return {Golden::path_of(name), checkpoint_of(name)}; }
+template <class C>
+PublishedGolden<C> PublishedGolden<C>::load(const std::string& name) {
+  return {Golden::path_of(name), checkpoint_of(name)};
+}
 
-LaraGolden::LaraGolden(const std::string& path, const std::string& checkpoint)
-    : file_(path), config_(lara_config_from_json(file_.metadata().at("config"))) {
+template <class C>
+PublishedGolden<C>::PublishedGolden(const std::string& path, const std::string& checkpoint) : file_(path) {
+  set_fields_from_json(config_, file_.metadata().at("config"));
+  check(config_);
   const TorchFile weights(checkpoint);
   const std::vector<Parameter> expected = parameters(config_);
   weights_ = read_values(weights, expected, match_tensors(weights, expected, {"net."}));
@@ -36,18 +45,28 @@ LaraGolden::LaraGolden(const std::string& path, const std::string& checkpoint)
   }
 }
 
-HostTensor LaraGolden::tensor(const std::string& name) const {
+template <class C>
+HostTensor PublishedGolden<C>::tensor(const std::string& name) const {
   const TensorEntry& entry = file_.at(name);
   return {entry.shape, file_.floats(entry)};
 }
 
-std::vector<int> LaraGolden::kept() const {
-  const std::vector<std::int64_t> index = file_.integers(file_.at("stage.fine.index"));
-  return {index.begin(), index.end()};
+template <class C>
+std::vector<int> PublishedGolden<C>::integers(const std::string& name) const {
+  const std::vector<std::int64_t> values = file_.integers(file_.at(name));
+  return {values.begin(), values.end()};
 }
+
+template class PublishedGolden<LaraConfig>;
+template class PublishedGolden<GendenConfig>;
 
 const std::vector<std::string>& lara_cases() {
   static const std::vector<std::string> names = {"lara_tiny", "lara_tiny_gaussian", "lara_micro_gaussian"};
+  return names;
+}
+
+const std::vector<std::string>& genden_cases() {
+  static const std::vector<std::string> names = {"genden_tiny", "genden_tiny_residual"};
   return names;
 }
 

@@ -1,45 +1,52 @@
-// Vectors of LaRa's specification: a file of tests/reference/pytorch/make_published.py --tests, with the weights in a
-// checkpoint beside it.
+// Vectors of LaRa's and GenDen's specifications: a file of tests/reference/pytorch/make_published.py --tests, with the
+// weights in a checkpoint beside it.
 #pragma once
 #include <string>
 #include <vector>
 
 #include "model/base/camera.h"
+#include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/weights.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat::test {
 
-class LaraGolden {
+template <class Configuration>
+class PublishedGolden {
  public:
-  // "lara_micro" is committed; golden_tiny makes lara_cases().
-  static LaraGolden load(const std::string& name);
+  // "lara_micro" and "genden_micro" are committed; golden_tiny makes lara_cases() and genden_cases().
+  static PublishedGolden load(const std::string& name);
   static bool exists(const std::string& name);
   // The checkpoint.
   static std::string checkpoint_of(const std::string& name);
 
-  const LaraConfig& config() const { return config_; }
+  const Configuration& config() const { return config_; }
   const Weights& weights() const { return weights_; }
   const std::vector<Camera>& cameras() const { return cameras_; }
 
   bool has(const std::string& name) const { return file_.find(name) != nullptr; }
   HostTensor tensor(const std::string& name) const;
   std::vector<float> floats(const std::string& name) const { return tensor(name).data; }
-  std::vector<int> kept() const;  // stage.fine.index
+  std::vector<int> integers(const std::string& name) const;
+  std::vector<int> kept() const { return integers("stage.fine.index"); }
   const SafetensorsFile& file() const { return file_; }
 
  private:
-  LaraGolden(const std::string& path, const std::string& checkpoint);
+  PublishedGolden(const std::string& path, const std::string& checkpoint);
 
   SafetensorsFile file_;
-  LaraConfig config_;
+  Configuration config_;
   Weights weights_;
   std::vector<Camera> cameras_;
 };
 
+using LaraGolden = PublishedGolden<LaraConfig>;
+using GendenGolden = PublishedGolden<GendenConfig>;
+
 // Those that golden_tiny makes where PyTorch is there.
 const std::vector<std::string>& lara_cases();
+const std::vector<std::string>& genden_cases();
 
 }  // namespace vsplat::test
 

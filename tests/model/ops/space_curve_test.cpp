@@ -113,6 +113,7 @@ TEST_P(SpaceCurve, RunsAreFilledUp) {
       const CurveRuns got = curve_runs(ctx(), ctx().upload({n}, order, Type::u32), size);
       const std::vector<int> want = ref::curve_runs(order, size);
       EXPECT_EQ(ctx().read<int>(got.slots), want);
+      EXPECT_EQ(ctx().read<int>(got.filled), std::vector<int>(want.begin() + n, want.end()));
       EXPECT_EQ(got.runs * got.size, static_cast<long>(want.size()));
       const auto places = ctx().read<int>(got.places);
       for (std::size_t p = 0; p < places.size(); ++p)

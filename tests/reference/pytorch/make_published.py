@@ -17,7 +17,7 @@ indices as int64. Names are those of the specification's `trace`. In DIR:
   surfels.safetensors    (lara) the rasteriser alone: scene.*, then for both revisions maps, cotangents and gradients
 
 With --tests there are two files instead: SYSTEM_SIZE.ckpt, as model.ckpt, and SYSTEM_SIZE.safetensors with what the tests read of the
-others: input.*, stage.*, cotangent.* and cograd.*; metadata: "config" (the backbone's alone), "views".
+others: input.*, stage.*, cotangent.* and cograd.*; metadata: "config" (as model files have it), "views", "seed".
 
 No discrete choice lies close to its threshold: `margins` in the metadata of stages.safetensors says how far, and the seed is
 moved by 1000 until all exceed their limits. (Single pixel-primitive pairs near 1/255 remain, as in every drawing.)
@@ -346,14 +346,23 @@ def for_tests(case, t, state, path):
     out = {f"input.{k}": v[:case.views] for k, v in {"images": case.images, "c2w": case.c2w, "K": case.K}.items()}
     out.update({f"stage.{k}": v for k, v in t.items() if not k.startswith("drawing.") or k.split(".")[1] in ("image", "alpha", "depth")})
     out.update({k: v for k, v in gradients(case, t, through_drawings=False).items()})
-    save(path + ".safetensors", out, {"config": json.dumps(json.loads(case.config)["backbone"]), "views": case.views})
+    config = json.loads(case.config)
+    flat = dict(config["backbone"])                             # as model files have it
+    for k, v in config.get("densify", {}).items():
+        if k != "sh_degree" and (k != "opacity_threshold" or case.system == "vsplat+genden"):
+            flat[f"densify.{k}"] = ",".join(v) if k == "orders" else v
+    meta = {"config": json.dumps(flat), "views": case.views}
+    if case.orders is not None:
+        out["input.orders"] = torch.tensor(case.orders)
+        meta["seed"] = case.seed
+    save(path + ".safetensors", out, meta)
     print(f"{os.path.basename(path)}, seed {case.seed}: {lara.count(case.model):,} parameters, {len(t['final.means'])} final primitives")
 
 
 def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("--system", required=True, choices=("lara", "genden", "vsplat+genden"))
-    ap.add_argument("--size", default="tiny", choices=("tiny", "micro", "tiny_gaussian", "micro_gaussian"), help="all but tiny: of lara alone")
+    ap.add_argument("--size", default="tiny", choices=("tiny", "micro", "tiny_gaussian", "micro_gaussian"), help="those with _gaussian: of lara alone; micro: not of vsplat+genden")
     ap.add_argument("--seed", type=int, default=0)
     ap.add_argument("--residual", action="store_true", help="GenDen's second published model")
     ap.add_argument("--tests", action="store_true", help="only what the tests read, in two files")
@@ -365,7 +374,7 @@ def main():
     case, t, far = make_case(a.system, a.size, a.seed, a.residual and a.system == "genden")
     model, state = case.model, {k: v.detach().float() for k, v in case.model.state_dict().items()}
     if a.tests:
-        return for_tests(case, t, state, to(f"{a.system}_{a.size}"))
+        return for_tests(case, t, state, to(f"{a.system}_{a.size}" + ("_residual" if a.residual else "")))
     meta = {"config": case.config, "seed": case.seed, "views": case.views}
     checkpoint(to("model.ckpt"), state, dict(model.named_parameters()))
     save(to("model.safetensors"), state, {"format": "published-model", "version": 1, **meta})

@@ -258,13 +258,13 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_init(const vsplat_model_o
 /* Reads a model file (safetensors): checks its structure, every expected tensor and, where it states one, its hash.
    `path` NULL: the model that the library carries; VSPLAT_ERROR_FILE where it was built without one. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model);
-/* A VS-Splat or LaRa network of PyTorch's: a state dict in the published code's naming, with or without "net.", bare
-   or in a checkpoint of Lightning's, as torch.save writes them since PyTorch 1.6. Nothing in the file is run: what is
-   not a state dict's is refused by its name. What the tensors' shapes do not tell of the configuration is that of the
+/* A VS-Splat, LaRa or GenDen network of PyTorch's: a state dict in the published code's naming, with or without "net.",
+   bare or in a checkpoint of Lightning's, as torch.save writes them since PyTorch 1.6. Nothing in the file is run: what
+   is not a state dict's is refused by its name. What the tensors' shapes do not tell of the configuration is that of the
    named one which has all of them, else `options` says it, or the fields are named (VSPLAT_ERROR_USAGE).
    `negate_camera_centre` is true unless `options` says otherwise. `out_text`, which may be NULL, becomes a JSON
-   object: "system" ("vsplat" or "lara"), "config" (every field), "named" (the named configuration, or null) and
-   "left_out", a list of what in the file is no part of the model. `options` NULL: defaults. */
+   object: "system" ("vsplat", "lara" or "genden"), "config" (every field), "named" (the named configuration, or null)
+   and "left_out", a list of what in the file is no part of the model. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_import(const char* path, const vsplat_import_options* options,
                                                               vsplat_model* out_model, char** out_text);
 /* Writes a model file, whole or not at all; with its hash. An existing file is replaced. Values are float32. */
@@ -518,7 +518,7 @@ typedef struct vsplat_reconstruct_options {
   const int32_t* voxels; /* [num_voxels] a list, ascending, that replaces the network's selection; NULL: none */
   size_t num_voxels;
   const char* selection; /* the same from a file; NULL: none */
-  int32_t has_seed;      /* 1: the selection is drawn with noise from `seed` */
+  int32_t has_seed; /* 1: the selection is drawn with noise from `seed`; of GenDen's network: the order of curves */
   uint64_t seed;
   double near_plane; /* of the scene, world units; 0: 0.2 times the cube's edge */
   const char* dump;  /* a folder: every stage in its stages.safetensors; NULL: none */

@@ -1,0 +1,178 @@
+#include "model/genden/genden_model.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <utility>
+
+#include "model/network/running.h"
+#include "model/ops/gather.h"
+#include "model/ops/loss.h"
+#include "model/splat/render_backward.h"
+#include "runtime/fail.h"
+#include "runtime/units.h"
+
+namespace vsplat {
+namespace {
+
+void tap_fields(const DensifyTap& tap, const std::string& name, const DeviceGaussians& g) {
+  tap(name + ".means", g.means);
+  tap(name + ".scales", g.scales);
+  tap(name + ".quats", g.quats);
+  tap(name + ".opacities", g.opacities);
+  tap(name + ".sh", g.sh);
+}
+
+}  // namespace
+
+Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tensor& images,
+                     const std::vector<Camera>& cameras, const RenderOptions& options, bool through_clamp,
+                     const DensifyTap& tap) {
+  const Stage stage(ctx, "splat");
+  const Tensor pulls = ctx.tensor({gaussians.count(), 2}, Type::f32, "pulls");
+  ctx.fill_zero(pulls);
+  const long views = static_cast<long>(cameras.size()), height = images.dim(1), width = images.dim(2);
+  const Tensor by_view = images.reshaped({views, height * width * 3});
+  for (long v = 0; v < views; ++v) {
+    const Tensor target = ctx.tensor({1, height * width * 3}, Type::f32, "photograph");
+    gather_forward(ctx, {by_view, ctx.upload({1}, std::vector<int>{static_cast<int>(v)}, Type::i32), target});
+    const PictureLossWork error = [&](Context& c, const DevicePicture& drawn) {
+      PictureLoss loss;
+      loss.pictures = drawn.colour.reshaped({1, height, width, 3});
+      loss.target = target.reshaped({1, height, width, 3});
+      loss.out = c.tensor({3}, Type::f32, "error");
+      loss.dpictures = c.tensor({1, height, width, 3}, Type::f32, "error's gradient");
+      loss.gradient_scale = 1.0f / static_cast<float>(views);
+      loss.similarity = SimilarityKind::none;
+      picture_loss(c, loss);
+      return PictureGradient{loss.dpictures.reshaped({height, width, 3}), {}, {}};
+    };
+    screen_pulls(ctx, gaussians, cameras[static_cast<std::size_t>(v)], options, error,
+                 through_clamp ? Pulls::through : Pulls::held, pulls);
+  }
+  const Tensor out = pull_lengths(ctx, pulls);
+  if (tap && !ctx.planning()) tap("pull", pulls), tap("score", out);
+  return out;
+}
+
+GendenModel::GendenModel(Context& ctx, const GendenConfig& config, const WeightSource& weights)
+    : config_(config), backbone_(ctx, config, weights) {
+  const auto make = [&](Context& c) {
+    return std::make_unique<Densifier>(c, config_.densify, config_.sh_count(), weights);
+  };
+  if (!ctx.planning()) {  // the weights' slabs, made at once and to measure
+    const auto planner = ctx.planner();
+    const auto counted = make(*planner);
+    refuse_unless_fits(*planner, "the densifier's weights");
+    ctx.memory().commit(planner->memory());
+  }
+  densifier_ = make(ctx);
+}
+
+Tensor GendenModel::score(Context& ctx, const LaraResult& base, const Tensor& images,
+                          const std::vector<Camera>& cameras, const GendenOptions& options) const {
+  if (options.score) return *options.score;
+  RenderOptions drawing;
+  if (config_.negate_camera_centre) drawing.mirror = std::array<float, 3>{0, 0, 0};
+  return screen_scores(ctx, base.coarse, images, cameras, drawing, config_.densify.score_through_clamp,
+                       options.backbone.tap);
+}
+
+DeviceGaussians GendenModel::densify(Context& ctx, const LaraResult& base, const Tensor& score,
+                                     const GendenOptions& options, std::shared_ptr<Densifier::Saved>* saved) const {
+  const long p = base.final.count(), f = config_.fine_features, c = config_.out_ch;
+  Densifier::Input in;
+  in.candidates = base.final;
+  in.score = ctx.tensor({p}, Type::f32, "densify.score");
+  gather_forward(ctx, {score.reshaped({score.dim(0), 1}), base.index, in.score.reshaped({p, 1})});
+  // What the fine decoder made for it, then its voxel's.
+  in.features = [&](Context& on, const Tensor& selected) {
+    const long k = selected.dim(0);
+    const Tensor out = on.tensor({k, f + c}, Type::f32, "densify.feature");
+    const Tensor voxels = on.tensor({p, c}, Type::f32, "densify.voxels");
+    gather_forward(on, {base.volume, base.index, voxels, 0, config_.primitives});
+    if (f > 0) gather_forward(on, {base.features, selected, out});
+    gather_forward(on, {voxels, selected, out, f});
+    return out;
+  };
+  in.orders = options.orders.empty() ? random_orders(config_.densify, options.seed) : options.orders;
+  return densifier_->forward(ctx, in, saved, ctx.planning() ? DensifyTap() : options.backbone.tap);
+}
+
+GendenResult GendenModel::forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                                  const GendenOptions& options) const {
+  LaraOptions backbone = options.backbone;
+  const auto tap = options.backbone.tap;
+  if (tap)
+    backbone.tap = [&](const std::string& name, const Tensor& t) {
+      tap(name.starts_with("final.") ? "kept." + name.substr(6) : name, t);
+    };
+  const LaraResult base = backbone_.forward(ctx, images, cameras, backbone);
+  const Tensor scores = score(ctx, base, images, cameras, options);
+  {
+    const auto planner = ctx.planner();
+    densify(*planner, base, scores, options, nullptr);
+    refuse_unless_fits(*planner, fmt::format("the densifier at {} candidates", base.final.count()));
+    ctx.memory().commit(planner->memory());
+  }
+  GendenResult out{base.coarse, densify(ctx, base, scores, options, nullptr), base.kept};
+  if (tap) tap_fields(tap, "final", out.final);
+  ctx.finish();
+  return out;
+}
+
+MemoryPlan GendenModel::plan(const Context& ctx, long views, long kept) const {
+  MemoryPlan out = backbone_.plan(ctx, views, kept);
+  const auto planner = ctx.planner();
+  const long n = config_.most_primitives(), p = out.selected, s = config_.sh_count();
+  const auto rows = [&](const Shape& shape) { return planner->tensor(shape); };
+  const auto gaussians = [&](long count) {
+    return DeviceGaussians{rows({count, 3}), rows({count, 3}), rows({count, 4}), rows({count}), rows({count, s, 3})};
+  };
+  LaraResult base{gaussians(n), gaussians(p), {}, {}, planner->tensor({p}, Type::i32), rows({n, config_.out_ch})};
+  if (config_.fine_features > 0) base.features = rows({p, config_.fine_features});
+  densify(*planner, base, rows({n}), {}, nullptr);
+  out.peak = std::max(out.peak, planner->memory().peak());
+  for (const StageMemory& stage : planner->stage_memory())
+    if (!stage.stage.empty()) out.stages.push_back(stage);
+  return out;
+}
+
+MemoryPlan GendenModel::plan(const Context& ctx, const GendenConfig& config, const Weights& weights, long views,
+                             long kept) {
+  const auto planner = ctx.planner();
+  const GendenModel model(*planner, config, weights);
+  return model.plan(*planner, views, kept);
+}
+
+GendenModel::Trained GendenModel::forward_in_training(Context& ctx, const Tensor& images,
+                                                      const std::vector<Camera>& cameras, const GendenOptions& options,
+                                                      bool recompute) const {
+  Trained out;
+  out.backbone = backbone_.forward_in_training(ctx, images, cameras, options.backbone, recompute);
+  const LaraResult& base = out.backbone.result;
+  const DeviceGaussians final = densify(ctx, base, score(ctx, base, images, cameras, options), options, &out.saved);
+  out.result = {base.coarse, final, base.kept};
+  return out;
+}
+
+void GendenModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
+                           const GaussianGradients& dfinal) const {
+  if (!dfinal.sh) return backbone_.backward(ctx, trained.backbone, dcoarse, dfinal);
+  const Densifier::Gradients d = densifier_->backward(ctx, *trained.saved, dfinal);
+  LaraFeatureGradients by;
+  if (d.features) {
+    const long p = d.candidates.means.dim(0), f = config_.fine_features, c = config_.out_ch;
+    by.voxels = ctx.tensor({p, c}, Type::f32, "gradient by voxels");
+    ctx.fill_zero(by.voxels);
+    gather_backward(ctx, {d.features, d.selected, by.voxels, f});
+    if (f > 0) {
+      by.features = ctx.tensor({p, f}, Type::f32, "gradient by features");
+      ctx.fill_zero(by.features);
+      gather_backward(ctx, {d.features, d.selected, by.features});
+    }
+  }
+  backbone_.backward(ctx, trained.backbone, dcoarse, d.candidates, by);
+}
+
+}  // namespace vsplat
