@@ -23,10 +23,6 @@ Tensor upload_gradient(Context& ctx, const float* values, const Shape& shape, co
   return ctx.upload(shape, values, Type::f32, "gradient of the picture");
 }
 
-void copy(const std::vector<float>& from, float* to) {
-  if (to) std::copy(from.begin(), from.end(), to);
-}
-
 }  // namespace
 
 vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
@@ -60,11 +56,7 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
     render_backward(ctx, placed, view, how, by_picture, out, out_pose ? &pose : nullptr);
     const Gaussians got = download(ctx, out, g.sh_degree);
     ctx.finish();
-    copy(got.means, a.means);
-    copy(got.scales, a.scales);
-    copy(got.quats, a.rotations);
-    copy(got.opacities, a.opacities);
-    copy(got.sh, a.sh);
+    copy_out(got, a);
     if (out_pose) std::copy(pose.begin(), pose.end(), out_pose);
   });
 }

@@ -34,6 +34,20 @@ void check_rotations(const float* quats, size_t count) {
   }
 }
 
+// A caller's three scales each of surfels, as they are held here: the third, which is 0, is left out.
+std::vector<float> tangent_scales(const float* scales, size_t count) {
+  std::vector<float> out;
+  out.reserve(2 * count);
+  for (size_t k = 0; k < count; ++k) {
+    const float* s = scales + 3 * k;
+    if (s[2] != 0)
+      fail(Status::input, "arrays.scales: {} in value 2 of Gaussian {}: 0 expected, since the scene's are surfels",
+           s[2], k);
+    out.insert(out.end(), {s[0], s[1]});
+  }
+  return out;
+}
+
 // A copy of the scene with those of the arrays that are there.
 std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussians& a) {
   const size_t n = scene.gaussians.count;
@@ -43,8 +57,10 @@ std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussi
   auto out = std::make_shared<Scene>(scene);
   Gaussians& g = out->gaussians;
   replace(g.means, a.means, n, 3, "means", finite, "a finite number");
+  std::vector<float> scales;
   replace(
-      g.scales, a.scales, n, 3, "scales", [](float v) { return v >= 0 && std::isfinite(v); }, "a number from 0 up");
+      scales, a.scales, n, 3, "scales", [](float v) { return v >= 0 && std::isfinite(v); }, "a number from 0 up");
+  if (a.scales) g.scales = g.kind == GaussianKind::surfel ? tangent_scales(a.scales, n) : std::move(scales);
   replace(g.quats, a.rotations, n, 4, "rotations", finite, "a finite number");
   replace(
       g.opacities, a.opacities, n, 1, "opacities", [](float v) { return v >= 0 && v <= 1; }, "0 to 1");
@@ -60,6 +76,22 @@ std::optional<std::array<float, 3>> vsplat::api::up_of(const double (&up)[3], co
   if (length == 0) return std::nullopt;
   const auto part = [&](double v) { return static_cast<float>(v / length); };
   return std::array<float, 3>{part(up[0]), part(up[1]), part(up[2])};
+}
+
+void vsplat::api::copy_out(const Gaussians& from, const vsplat_gaussians& to) {
+  const auto copy = [](const std::vector<float>& values, float* out) {
+    if (out) std::copy(values.begin(), values.end(), out);
+  };
+  copy(from.means, to.means);
+  copy(from.quats, to.rotations);
+  copy(from.opacities, to.opacities);
+  copy(from.sh, to.sh);
+  if (from.kind == GaussianKind::volume) return copy(from.scales, to.scales);
+  for (size_t k = 0; to.scales && k < from.count; ++k) {
+    to.scales[3 * k] = from.scales[2 * k];
+    to.scales[3 * k + 1] = from.scales[2 * k + 1];
+    to.scales[3 * k + 2] = 0;
+  }
 }
 
 vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene) {
@@ -98,6 +130,8 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
     Scene empty;
     empty.gaussians.count = i.count;
     empty.gaussians.sh_degree = i.sh_degree;
+    if (i.surfels != 0 && i.surfels != 1) fail(Status::usage, "info.surfels is {}: 0 or 1 expected", i.surfels);
+    if (i.surfels) empty.gaussians.kind = GaussianKind::surfel;
     if (i.near_plane > 0) empty.near = static_cast<float>(i.near_plane);
     if (i.has_mirror) {
       empty.mirror.emplace();
@@ -149,6 +183,7 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     for (size_t i = 0; s.mirror && i < 3; ++i) info.mirror[i] = static_cast<double>((*s.mirror)[i]);
     for (size_t c = 0; s.up && c < 3; ++c) info.up[c] = static_cast<double>((*s.up)[c]);
     for (size_t c = 0; c < 3; ++c) info.offset[c] = s.offset[static_cast<Eigen::Index>(c)];
+    info.surfels = s.gaussians.kind == GaussianKind::surfel;
     info.skipped_not_finite = scene->skipped.not_finite;
     info.skipped_huge_scale = scene->skipped.huge_scale;
     info.skipped_zero_rotation = scene->skipped.zero_rotation;
@@ -164,14 +199,7 @@ vsplat_status vsplat_scene_get_gaussians(vsplat_scene scene, const vsplat_gaussi
     const Gaussians& g = scene->scene->gaussians;
     if (a.capacity < g.count)
       fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, g.count);
-    const auto copy = [](const std::vector<float>& from, float* to) {
-      if (to) std::copy(from.begin(), from.end(), to);
-    };
-    copy(g.means, a.means);
-    copy(g.scales, a.scales);
-    copy(g.quats, a.rotations);
-    copy(g.opacities, a.opacities);
-    copy(g.sh, a.sh);
+    copy_out(g, a);
   });
 }
 

@@ -44,8 +44,6 @@ SplatParameters zeros_like(Context& ctx, const SplatParameters& x) {
 }
 
 SplatParameters parameters_of(Context& ctx, const Gaussians& g, const FitOptions& options, long capacity) {
-  if (g.kind != GaussianKind::volume)
-    fail(Status::usage, "surfels cannot be fitted: Gaussians of three scales are expected");
   const auto n = static_cast<long>(g.count);
   std::vector<float> log_scales(g.scales.size()), logits(g.opacities.size());
   for (std::size_t i = 0; i < log_scales.size(); ++i)

@@ -134,6 +134,8 @@ void SceneFit::Impl::begin_leg() {
   const Leg& now = legs[leg];
   Scene scene = given.make(now.views);
   if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
+  if (scene.gaussians.kind != GaussianKind::volume)
+    fail(Status::usage, "the start's Gaussians are surfels: those of three scales can be refined");
   if (!in_folds()) first = scene;
   transform(scene, to_world.inverse());
   recipe = fit_recipe(request, static_cast<long>(used.size()), object_pixels(now.views),

@@ -20,6 +20,8 @@ SceneGradient zero_gradient(Context& ctx, const GaussianChunks& scene) {
 Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
   Gaussians out;
   out.sh_degree = sh_degree;
+  if (!gradient.empty() && gradient.front().scales.dim(1) == scales_of(GaussianKind::surfel))
+    out.kind = GaussianKind::surfel;
   const auto append = [&](std::vector<float>& to, const Tensor& from) {
     const auto at = to.size();
     to.resize(at + static_cast<std::size_t>(from.count()));

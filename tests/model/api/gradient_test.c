@@ -71,6 +71,11 @@ static void refuses_bad_values(void) {
   info.near_plane = 0;
   info.count = 4;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene)); /* room for 3 */
+  info.surfels = 2;
+  info.count = count;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
+  HOLD(strstr(vsplat_last_error(), "info.surfels") != NULL);
+  info.surfels = 0;
   info.count = UINT64_MAX;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_create(&info, &arrays, &scene));
   info.count = count;
@@ -137,6 +142,33 @@ static void update_replaces_what_is_given(void) {
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_update(scene, &some));
   EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &all));
   HOLD(got.opacities[0] == 0.25f && got.opacities[1] == 0.5f); /* as it was */
+  vsplat_scene_release(scene);
+}
+
+/* Their third scale is there and 0, in and out. */
+static void surfels_are_flat(void) {
+  values v = make_values(), got;
+  vsplat_scene scene = NULL;
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_gaussians arrays = arrays_of(&v), out = arrays_of(&got);
+  info.count = count;
+  info.sh_degree = 1;
+  info.surfels = 1;
+  EXPECT(VSPLAT_ERROR_INPUT, vsplat_scene_create(&info, &arrays, &scene));
+  HOLD(strstr(vsplat_last_error(), "arrays.scales") && strstr(vsplat_last_error(), "value 2 of Gaussian 0"));
+  v.scales[2] = v.scales[5] = 0;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &scene));
+  info.surfels = 0;
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
+  HOLD(info.surfels == 1);
+  memset(&got, 0x7f, sizeof got);
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &out));
+  HOLD(memcmp(got.scales, v.scales, sizeof(float) * 3 * count) == 0);
+  HOLD(memcmp(got.sh, v.sh, sizeof(float) * 3 * coefficients * count) == 0);
+  v.scales[3] = 0.25f;
+  EXPECT(VSPLAT_OK, vsplat_scene_update(scene, &arrays));
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &out));
+  HOLD(memcmp(got.scales, v.scales, sizeof(float) * 3 * count) == 0);
   vsplat_scene_release(scene);
 }
 
@@ -259,6 +291,31 @@ static void matches_differences(vsplat_device device) {
   vsplat_scene_release(scene);
 }
 
+/* Scales of two values each inside, of three in the caller's arrays. */
+static void matches_differences_of_surfels(vsplat_device device) {
+  values v = make_values(), by;
+  vsplat_scene scene = NULL;
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_camera camera = make_camera();
+  float weights[5 * pixels];
+  vsplat_picture gradient = make_weights(weights);
+  vsplat_gaussians arrays = arrays_of(&v), out = arrays_of(&by);
+  int i;
+  for (i = 0; i < 3 * count; ++i) v.scales[i] = i % 3 == 2 ? 0 : 2 * v.scales[i]; /* slanted, they fill less */
+  info.count = count;
+  info.sh_degree = 1;
+  info.surfels = 1;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &scene));
+  memset(&by, 0x7f, sizeof by);
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &out, NULL));
+  NEAR((double)by.scales[0], difference(device, scene, &v, &v.scales[0], 0.005f, weights));
+  NEAR((double)by.scales[4], difference(device, scene, &v, &v.scales[4], 0.005f, weights));
+  NEAR((double)by.opacities[1], difference(device, scene, &v, &v.opacities[1], 0.02f, weights));
+  NEAR((double)by.sh[7], difference(device, scene, &v, &v.sh[7], 0.02f, weights));
+  HOLD(by.scales[2] == 0 && by.scales[5] == 0);
+  vsplat_scene_release(scene);
+}
+
 /* A scene far away in the world, and a camera there: the same picture and derivatives to rounding. */
 static void is_as_good_far_away(vsplat_device device) {
   values v = make_values(), by, far_by;
@@ -293,10 +350,12 @@ int main(void) {
   vsplat_device device = NULL;
   refuses_bad_values();
   update_replaces_what_is_given();
+  surfels_are_flat();
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   if (device) {
     refuses_bad_gradients(device);
     matches_differences(device);
+    matches_differences_of_surfels(device);
     is_as_good_far_away(device);
   }
   vsplat_device_release(device);

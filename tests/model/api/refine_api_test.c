@@ -16,8 +16,8 @@ static vsplat_device open_device(void) {
   return out;
 }
 
-/* Balls in a spiral, in colours or in grey. */
-static vsplat_scene make_scene(int coloured) {
+/* Balls in a spiral, in colours or in grey; or discs. */
+static vsplat_scene make_shapes(int coloured, int surfels) {
   static float means[3 * count], scales[3 * count], rotations[4 * count], opacities[count], sh[3 * count];
   vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
   vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
@@ -37,9 +37,13 @@ static vsplat_scene make_scene(int coloured) {
   info.near_plane = 0.1;
   arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
   arrays.opacities = opacities, arrays.sh = sh;
+  for (i = 0; surfels && i < count; ++i) scales[3 * i + 2] = 0;
+  info.surfels = surfels;
   EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
   return out;
 }
+
+static vsplat_scene make_scene(int coloured) { return make_shapes(coloured, 0); }
 
 /* Camera `i` of a circle about the origin, at a distance of 2. */
 static vsplat_camera make_camera(int i) {
@@ -86,6 +90,7 @@ static vsplat_refine_options make_options(vsplat_scene start) {
 
 static void refuses(vsplat_device device, vsplat_views from, vsplat_scene start) {
   const char* nobody = "nobody";
+  vsplat_scene discs = make_shapes(1, 1);
   vsplat_refinement none = NULL;
   vsplat_refine_options o = make_options(start);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(NULL, from, &o, &none));
@@ -119,6 +124,10 @@ static void refuses(vsplat_device device, vsplat_views from, vsplat_scene start)
   o = make_options(start);
   o.sh_degree = 4;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  o = make_options(discs);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_refinement_create(device, from, &o, &none));
+  HOLD(strstr(vsplat_last_error(), "surfels") != NULL);
+  vsplat_scene_release(discs);
   HOLD(!none);
 }
 

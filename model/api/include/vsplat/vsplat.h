@@ -447,18 +447,17 @@ typedef struct vsplat_scene_info {
      0, 0, 0 but for an object so far from the world's origin that floats would not hold it to 1e-4 of its cube's edge.
      Cameras are in the world in any case. */
   double offset[3];
+  int32_t surfels; /* 1: flat, scales[2] of each is 0 and its third axis is its normal; 0: volumes of three scales */
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT                                                          \
-  {                                                                                     \
-    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, { 0, 0, 0 } \
-  }
+#define VSPLAT_SCENE_INFO_INIT \
+  { sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, 0 }
 
 /* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
   size_t size;
   uint64_t capacity; /* Gaussians that fit into every array */
   float* means;      /* [K][3] world, relative to vsplat_scene_info.offset */
-  float* scales;     /* [K][3] standard deviations, world units */
+  float* scales;     /* [K][3] standard deviations, world units; of surfels the third is 0 */
   float* rotations;  /* [K][4] quaternions w, x, y, z; of length 1 unless the caller gave others */
   float* opacities;  /* [K] in [0,1] */
   float* sh;         /* [K][S][3] colour = max(0, 0.5 + basis . sh), in the basis of 3DGS files */
@@ -483,7 +482,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_with(const char* pat
                                                                  vsplat_scene* out_scene);
 
 /* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2), mirror, up (of any
-   length) and offset are taken.
+   length), offset and surfels are taken.
    Of `arrays`, none may be NULL: rotations of any length but 0, scales not negative, opacities in [0,1], every value
    finite; VSPLAT_ERROR_INPUT names the first that is not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
