@@ -87,7 +87,7 @@ class Context {
   // kernel writes is given as written(): ctx.launch(kernel, range, cost, x, rows, columns, written(y)).
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
-    launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
+    if (!planning()) launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
   }
   void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
   // Largest work-group that this kernel can run in, and no more than the device's.
