@@ -13,22 +13,22 @@ namespace {
 
 using test::random_floats;
 
-std::size_t count(long a, long b) { return static_cast<std::size_t>(a * b); }
+std::size_t elements(long a, long b) { return static_cast<std::size_t>(a * b); }
 
-constexpr double kTolerance = 1e-5;  // as in gemm_test.cpp
+constexpr double kProductTolerance = 1e-5;  // as in gemm_test.cpp
 
 class GemmBackward : public test::FlavourTest {
  protected:
-  void expect_product(long rows, long m, long n, float low = -1, double tolerance = kTolerance) {
+  void expect_product(long rows, long m, long n, float low = -1, double tolerance = kProductTolerance) {
     SCOPED_TRACE(fmt::format("{} rows, {} x {}", rows, m, n));
-    const auto a = random_floats(count(rows, m), 1, low), b = random_floats(count(rows, n), 2, low);
-    const auto before = random_floats(count(m, n), 3);
+    const auto a = random_floats(elements(rows, m), 1, low), b = random_floats(elements(rows, n), 2, low);
+    const auto before = random_floats(elements(m, n), 3);
     auto want = ref::transposed_product(a, b, static_cast<std::size_t>(rows), static_cast<std::size_t>(m),
                                         static_cast<std::size_t>(n));
     TransposedGemm g;
     g.a = ctx().upload({rows, m}, a);
     g.b = ctx().upload({rows, n}, b);
-    g.out = ctx().upload({m, n}, test::nans(count(m, n)));
+    g.out = ctx().upload({m, n}, test::nans(elements(m, n)));
     transposed_gemm(ctx(), g);
     EXPECT_TRUE(test::close(ctx().read<float>(g.out), want, tolerance));
     ctx().write(g.out, before.data());
@@ -44,7 +44,7 @@ VSPLAT_FLAVOURS(GemmBackward);
 TEST_P(GemmBackward, TheDevicePacksAsTheHostDoes) {
   for (const long k : {1L, 3L, 15L, 63L, 64L, 65L, 130L})
     for (const long n : {1L, 7L, 16L, 31L, 32L, 33L, 97L}) {
-      const auto w = random_floats(count(k, n), 1);
+      const auto w = random_floats(elements(k, n), 1);
       const Tensor on_device = ctx().upload({k, n}, w);
       for (const auto& [k_stride, n_stride] : {std::pair<long, long>{1, k}, {n, 1}}) {
         const PackedMatrix want = pack_matrix(ctx(), w.data(), k, n, k_stride, n_stride, "w");
@@ -60,7 +60,7 @@ TEST_P(GemmBackward, TheDevicePacksAsTheHostDoes) {
 // A part of a matrix, as a Linear's weight by one of two inputs side by side.
 TEST_P(GemmBackward, APartIsPackedFromItsFirstElementOn) {
   constexpr long rows = 19, all = 37, from = 5, part = 21;
-  const auto w = random_floats(count(rows, all), 1);
+  const auto w = random_floats(elements(rows, all), 1);
   const Tensor on_device = ctx().upload({rows, all}, w);
   const auto expect_same = [&](const PackedMatrix& got, const PackedMatrix& want) {
     EXPECT_EQ(ctx().read<float>(got.data), ctx().read<float>(want.data));
@@ -77,7 +77,7 @@ TEST_P(GemmBackward, ThePlainCopyIsPackedToo) {
   ContextOptions options;
   options.gemm = GemmChoice::clblast;
   const auto own = test::open_context(GetParam(), options);
-  const auto w = random_floats(count(35, 17), 1);
+  const auto w = random_floats(elements(35, 17), 1);
   const PackedMatrix got = pack_matrix(*own, own->upload({35, 17}, w), 17, 35, 1, 17, "w");
   const PackedMatrix want = pack_matrix(*own, w.data(), 17, 35, 1, 17, "w");
   EXPECT_EQ(static_cast<bool>(got.plain), static_cast<bool>(want.plain));
@@ -108,8 +108,9 @@ TEST_P(GemmBackward, LinearGradientsAreThoseOfDifferences) {
   const long m = 5, n = 6, k = 7;
   ref::GemmCase c;
   c.m = c.a.rows = m, c.n = n, c.k = c.a.c0 = k;
-  c.a.x0 = random_floats(count(m, k), 1), c.w = random_floats(count(n, k), 2), c.bias = random_floats(count(n, 1), 3);
-  const auto dy = random_floats(count(m, n), 4);
+  c.a.x0 = random_floats(elements(m, k), 1), c.w = random_floats(elements(n, k), 2),
+  c.bias = random_floats(elements(n, 1), 3);
+  const auto dy = random_floats(elements(m, n), 4);
   const auto differences = [&](std::vector<float>& v) {
     std::vector<double> out;
     for (float& at : v) {
@@ -154,8 +155,8 @@ TEST_P(GemmBackward, LeadingDimensionsAreRowsAndNoneGiveZero) {
 }
 
 TEST_P(GemmBackward, SameBitsTwice) {
-  const Tensor a = ctx().upload({5000, 33}, random_floats(count(5000, 33), 1));
-  const Tensor b = ctx().upload({5000, 40}, random_floats(count(5000, 40), 2)), out = ctx().tensor({33, 40});
+  const Tensor a = ctx().upload({5000, 33}, random_floats(elements(5000, 33), 1));
+  const Tensor b = ctx().upload({5000, 40}, random_floats(elements(5000, 40), 2)), out = ctx().tensor({33, 40});
   transposed_gemm(ctx(), {a, b, out});
   const auto first = ctx().read<float>(out);
   transposed_gemm(ctx(), {a, b, out});

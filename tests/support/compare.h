@@ -20,6 +20,14 @@ inline std::vector<float> random_floats(std::size_t count, std::uint32_t seed, f
   return out;
 }
 
+inline std::vector<double> as_doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
+inline std::vector<float> as_floats(const std::vector<double>& x) { return {x.begin(), x.end()}; }
+
+// The same numbers.
+inline std::vector<double> random_doubles(std::size_t count, std::uint32_t seed, float low = -1.0f, float high = 1.0f) {
+  return as_doubles(random_floats(count, seed, low, high));
+}
+
 inline std::vector<float> nans(std::size_t count) {
   return std::vector<float>(count, std::numeric_limits<float>::quiet_NaN());
 }

@@ -43,8 +43,9 @@ class Golden {
 // and micro ones, which have gradients.
 const std::vector<std::string>& golden_cases();
 
-// Those with all gradients, which golden_train makes.
-const std::vector<std::string>& training_cases();
+// Those with all gradients, which golden_train makes, and which golden_train_slow does.
+const std::vector<std::string>& quick_training_cases();
+const std::vector<std::string>& slow_training_cases();
 
 }  // namespace vsplat::test
 

@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector3d;
 using test::expect_error;
 
-void expect_rigid(const Camera& c) {
+void expect_rotation(const Camera& c) {
   const Eigen::Matrix3d R = c.w2c.topLeftCorner<3, 3>();
   EXPECT_LT((R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-12);
   EXPECT_NEAR(R.determinant(), 1, 1e-12);
@@ -31,7 +31,7 @@ TEST(Orbit, TakesWhatTheInputsHave) {
   ASSERT_EQ(orbit.size(), 8U);
   EXPECT_LT((orbit[0].centre() - inputs[0].centre()).norm(), 1e-9);
   for (const Camera& c : orbit) {
-    expect_rigid(c);
+    expect_rotation(c);
     EXPECT_EQ(c.width, 512);
     EXPECT_EQ(c.height, 384);
     EXPECT_NEAR((c.centre() - centre).norm(), 2.5, 1e-12);
@@ -81,7 +81,7 @@ TEST(Orbit, StraightFromAbove) {
     const auto orbit =
         orbit_about(test::ring(4), {0, 0, 0}, 4, 64, 64, {.radius = {}, .elevation_deg = degrees, .up = {}});
     for (const Camera& c : orbit) {
-      expect_rigid(c);
+      expect_rotation(c);
       EXPECT_LT((c.centre() - Vector3d(0, degrees > 0 ? -2 : 2, 0)).norm(), 1e-9);
     }
     EXPECT_GT((orbit[0].w2c - orbit[1].w2c).norm(), 0.5);  // the picture turns
@@ -90,7 +90,7 @@ TEST(Orbit, StraightFromAbove) {
   for (Camera& c : above) c.w2c = look_at({0, -3, 0}, {0, 0, 0}, {0, 0, 1});
   for (const Camera& c :
        orbit_about(above, {0, 0, 0}, 3, 64, 64, {.radius = {}, .elevation_deg = {}, .up = Vector3d(0, -1, 0)}))
-    expect_rigid(c);
+    expect_rotation(c);
 }
 
 TEST(UpAxis, OfFewViewsFromAboveIsNotTilted) {
@@ -121,7 +121,7 @@ TEST(LookAt, AlongUpOrFromThePlaceItself) {
   Camera c;
   for (const Vector3d& target : {Vector3d(0, 5, 0), Vector3d(0, -5, 0), Vector3d(0, 0, 0), Vector3d(1, 2, 3)}) {
     c.w2c = look_at({0, 0, 0}, target, {0, -1, 0});
-    expect_rigid(c);
+    expect_rotation(c);
     EXPECT_NEAR((c.w2c * target.homogeneous()).z(), target.norm(), 1e-12);
   }
 }

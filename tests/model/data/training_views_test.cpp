@@ -27,9 +27,9 @@ using test::expect_error;
 using test::TemporaryFolder;
 using test::Warnings;
 
-constexpr int size = 12;
+constexpr int kSide = 12;
 
-TrainingOptions options_of(int image = size) {
+TrainingOptions options_of(int image = kSide) {
   TrainingOptions out;
   out.image = image;
   out.seed = 4;
@@ -81,7 +81,7 @@ void expect_as_reconstructed(const std::string& folder, const TrainingOptions& o
 
 TEST(TrainingReader, GivesWhatReconstructFeedsTheNetwork) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 2, 12, size);
+  test::write_solids(folder, 2, 12, kSide);
   expect_as_reconstructed(folder.string(), options_of(), 0);
   TrainingOptions options = options_of();
   options.rebase = "move";
@@ -123,7 +123,7 @@ TEST(TrainingReader, ReadsMasksAndLensesAsReconstructDoes) {
 
 TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 3, 11, size);
+  test::write_solids(folder, 3, 11, kSide);
   TrainingOptions options = options_of();
   options.batch = 2;
   options.min_inputs = 2;
@@ -133,7 +133,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
   TrainingReader plain(open_data_set({folder.string()}), options);
   TrainingOptions hurried = options;
   hurried.threads = 3;
-  hurried.cache_bytes = 10 * size * size * 4;  // far less than there is
+  hurried.cache_bytes = 10 * kSide * kSide * 4;  // far less than there is
   TrainingReader threaded(open_data_set({folder.string()}), hurried);
   hurried.cache_bytes = 0;
   hurried.ahead = 0;
@@ -145,7 +145,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
       first.push_back(plain.at(step, item));
       inputs.insert(first.back().inputs);
       EXPECT_TRUE(same(first.back(), threaded.at(step, item))) << step << " " << item;
-      EXPECT_LE(threaded.cached_bytes(), 10u * size * size * 4);
+      EXPECT_LE(threaded.cached_bytes(), 10u * kSide * kSide * 4);
       EXPECT_EQ(first.back().cameras.size(), static_cast<std::size_t>(first.back().inputs) + 4);
     }
   EXPECT_EQ(inputs, (std::set<int>{2, 3, 4}));
@@ -161,7 +161,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
 // Of pictures with alpha: its colours over the background are the pictures. An opaque picture has none.
 TEST(TrainingReader, GivesAlphaWhereItIsAskedFor) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 1, 11, size);
+  test::write_solids(folder, 1, 11, kSide);
   TrainingOptions options = options_of();
   options.random_background = true;
   EXPECT_TRUE(TrainingReader(open_data_set({folder.string()}), options).at(0, 0).rgba.empty());
@@ -172,26 +172,26 @@ TEST(TrainingReader, GivesAlphaWhereItIsAskedFor) {
     std::size_t covered = 0;
     for (std::size_t v = 0; v < views.rgba.size(); ++v) {
       const float shade = static_cast<int>(v) < views.inputs ? 1.0f : views.background[0];
-      ASSERT_EQ(views.rgba[v].size(), static_cast<std::size_t>(4 * size * size));
-      for (std::size_t i = 0; i < static_cast<std::size_t>(size * size); ++i) {
+      ASSERT_EQ(views.rgba[v].size(), static_cast<std::size_t>(4 * kSide * kSide));
+      for (std::size_t i = 0; i < static_cast<std::size_t>(kSide * kSide); ++i) {
         const std::uint8_t* p = &views.rgba[v][4 * i];
-        const float* picture = &views.pictures[3 * (v * static_cast<std::size_t>(size * size) + i)];
+        const float* picture = &views.pictures[3 * (v * static_cast<std::size_t>(kSide * kSide) + i)];
         covered += p[3] == 255 ? 1 : 0;
         for (int c = 0; c < 3; ++c)
           ASSERT_NEAR(static_cast<float>(p[c] + (255 - p[3]) * shade) / 255, picture[c], 1.01 / 255);
       }
     }
     EXPECT_GT(covered, 0u);
-    EXPECT_LT(covered, views.rgba.size() * size * size);
+    EXPECT_LT(covered, views.rgba.size() * kSide * kSide);
   }
 }
 
 TEST(TrainingReader, KeepsWhatItHasDecoded) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 1, 8, size);
+  test::write_solids(folder, 1, 8, kSide);
   TrainingReader reader(open_data_set({folder.string()}), options_of());
   const TrainingViews before = reader.at(0, 0);
-  EXPECT_GE(reader.cached_bytes(), 8u * size * size * 4);
+  EXPECT_GE(reader.cached_bytes(), 8u * kSide * kSide * 4);
   fs::remove_all(folder / "solid_0/images");
   EXPECT_TRUE(same(reader.at(0, 0), before)) << "all eight views are in every step";
 }
@@ -212,7 +212,7 @@ TEST(TrainingReader, TakesEveryObjectOnceARound) {
 // command writes with the same numbers; neither threads nor the order in which they are asked for change a bit.
 TEST(TrainingReader, DrawsProceduralObjectsBetweenThoseOfTheSet) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 3, 9, size);
+  test::write_solids(folder, 3, 9, kSide);
   TrainingOptions options = options_of();
   options.random_background = true;
   options.alpha = true;
@@ -239,14 +239,14 @@ TEST(TrainingReader, DrawsProceduralObjectsBetweenThoseOfTheSet) {
 
   const TemporaryFolder written;
   ObjectOptions object;
-  object.views = 40, object.size = size, object.seed = options.seed, object.object = 2;  // the first one's number
+  object.views = 40, object.size = kSide, object.seed = options.seed, object.object = 2;  // the first one's number
   ASSERT_EQ(all[2].object, "procedural 2");
   write_object(written / "object_0002", random_object(options.seed, 2, nullptr), object);
   for (std::size_t i = 0; i < all[2].cameras.size(); ++i) {
     const Image stored = read_image(written / ("object_0002/" + all[2].cameras[i].file));
     const float shade = static_cast<int>(i) < all[2].inputs ? 1.0f : all[2].background[0];
     const Image flat = over(premultiplied(stored), {shade, shade, shade});
-    const std::vector<float> drawn = picture(all[2], i, size);
+    const std::vector<float> drawn = picture(all[2], i, kSide);
     for (std::size_t k = 0; k < drawn.size(); ++k) ASSERT_NEAR(drawn[k], flat.data[k], 1.01 / 255) << i << " " << k;
   }
 }
@@ -285,7 +285,7 @@ TEST(TrainingReader, NamesTexturesThatCannotBeRead) {
 
 TEST(TrainingReader, PutsNovelViewsAloneOnTheBackground) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 1, 10, size);
+  test::write_solids(folder, 1, 10, kSide);
   TrainingOptions options = options_of();
   options.random_background = true;
   TrainingReader reader(open_data_set({folder.string()}), options);
@@ -294,15 +294,15 @@ TEST(TrainingReader, PutsNovelViewsAloneOnTheBackground) {
     const TrainingViews views = reader.at(step, 0);
     seen.insert(views.background[0]);
     for (std::size_t i = 0; i < 8; ++i) {
-      const std::vector<float> p = picture(views, i, size);
+      const std::vector<float> p = picture(views, i, kSide);
       EXPECT_EQ(p[0], i < 4 ? 1.0f : views.background[0]);  // a corner
     }
   }
   EXPECT_EQ(seen, (std::set<float>{0.0f, 0.5f, 1.0f}));
   for (const auto& entry : fs::directory_iterator(folder / "solid_0/images")) {  // no alpha: no background shows
     const Image rgba = read_image(entry.path().string());
-    Image rgb(size, size, 3, 0.25f);
-    for (int i = 0; i < size * size; ++i) std::copy_n(&rgba.data[4 * i], 3, &rgb.data[3 * i]);
+    Image rgb(kSide, kSide, 3, 0.25f);
+    for (int i = 0; i < kSide * kSide; ++i) std::copy_n(&rgba.data[4 * i], 3, &rgb.data[3 * i]);
     write_png(entry.path().string(), rgb);
   }
   TrainingReader opaque(open_data_set({folder.string()}), options);
@@ -311,7 +311,7 @@ TEST(TrainingReader, PutsNovelViewsAloneOnTheBackground) {
 
 TEST(TrainingReader, TurnsAndScalesTheFrame) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 1, 10, size);
+  test::write_solids(folder, 1, 10, kSide);
   TrainingOptions options = options_of();
   TrainingReader plain(open_data_set({folder.string()}), options);
   options.turn_degrees = 30;
@@ -341,7 +341,7 @@ TEST(TrainingReader, TurnsAndScalesTheFrame) {
 }
 
 // One damage to solid_1 of three; what the error must say.
-struct Damage {
+struct DamagedObject {
   const char* what;
   std::function<void(const std::string& folder)> apply;
   Status status;
@@ -355,7 +355,7 @@ void change_frame(const std::string& folder, const std::function<void(nlohmann::
   test::write_transforms(folder, root);
 }
 
-std::vector<Damage> damages() {
+std::vector<DamagedObject> damaged_objects() {
   const std::string third = "/images/0003.png";
   return {
       {"a picture is missing",
@@ -374,7 +374,7 @@ std::vector<Damage> damages() {
        {"object solid_1", "images/0003.png", "5 x 9", "12 x 12"},
        1},
       {"an alpha is empty",
-       [=](const std::string& f) { write_png(f + third, Image(size, size, 4, 0.0f)); },
+       [=](const std::string& f) { write_png(f + third, Image(kSide, kSide, 4, 0.0f)); },
        Status::input,
        {"object solid_1", "images/0003.png", "alpha"},
        1},
@@ -430,10 +430,10 @@ std::vector<Damage> damages() {
 }
 
 TEST(TrainingReader, NamesBadDataOrCountsItAndGoesOn) {
-  for (const Damage& damage : damages()) {
+  for (const DamagedObject& damage : damaged_objects()) {
     SCOPED_TRACE(damage.what);
     const TemporaryFolder folder;
-    test::write_solids(folder, 3, 9, size);
+    test::write_solids(folder, 3, 9, kSide);
     damage.apply(folder / "solid_1");
     const auto read = [&](TrainingReader& reader) {
       std::vector<TrainingViews> out;
@@ -464,7 +464,7 @@ TEST(TrainingReader, NamesBadDataOrCountsItAndGoesOn) {
 
 TEST(TrainingReader, SaysSoWhereNothingIsLeft) {
   const TemporaryFolder folder;
-  test::write_solids(folder, 1, 9, size);
+  test::write_solids(folder, 1, 9, kSide);
   fs::remove_all(folder / "solid_0/images");
   TrainingOptions options = options_of();
   options.skip_bad = true;

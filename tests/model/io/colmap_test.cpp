@@ -14,7 +14,7 @@ namespace {
 
 using test::expect_error;
 
-struct Image {
+struct PosedImage {
   std::uint32_t id, camera;
   std::string name;
   int points;
@@ -48,7 +48,7 @@ class Colmap : public ::testing::Test {
     cameras_txt = "# a comment\n7 PINHOLE 640 480 800 790 322 237\r\n\n2 SIMPLE_RADIAL 640 480 700 320 240 0.125\n";
     put<std::uint64_t>(images_bin, images.size());
     images_txt = "# two lines an image\n";
-    for (const Image& image : images) {
+    for (const PosedImage& image : images) {
       put(images_bin, image.id);
       images_txt += fmt::format("{}", image.id);
       for (const double v : pose(image.id)) put(images_bin, v), images_txt += fmt::format(" {:.17g}", v);
@@ -98,7 +98,7 @@ class Colmap : public ::testing::Test {
     EXPECT_EQ(b.distortion.model, Distortion::Model::none);
   }
 
-  std::vector<Image> images = {{1, 7, "left/a.jpg", 2}, {9, 7, "b.jpg", 0}, {5, 2, "a 1.jpg", 1}};
+  std::vector<PosedImage> images = {{1, 7, "left/a.jpg", 2}, {9, 7, "b.jpg", 0}, {5, 2, "a 1.jpg", 1}};
   std::string cameras_bin, cameras_txt, images_bin, images_txt;
   test::ViewFolder folder;
 };

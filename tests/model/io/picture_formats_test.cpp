@@ -248,7 +248,7 @@ TEST(Orientation, IsReadFromEveryFormatThatStatesIt) {
   }
 }
 
-std::vector<std::string> specimens(const TemporaryFolder& folder) {
+std::vector<std::string> picture_specimens(const TemporaryFolder& folder) {
   const auto rgb = random_samples<std::uint8_t>(3, 255), rgba = random_samples<std::uint8_t>(4, 255);
   const auto deep = random_samples<std::uint16_t>(3, 65535);
   const std::vector<std::uint16_t> wide(rgba.begin(), rgba.end());
@@ -267,7 +267,7 @@ std::vector<std::string> specimens(const TemporaryFolder& folder) {
 
 TEST(BadPictureFormats, EveryTruncationIsAnErrorAndNothingIsPrinted) {
   const TemporaryFolder folder;
-  test::expect_truncations_are_errors(specimens(folder));
+  test::expect_truncations_are_errors(picture_specimens(folder));
 }
 
 TEST(BadPictureFormats, FlippedBitsAreAnErrorOrAPictureNeverACrash) {
@@ -277,7 +277,7 @@ TEST(BadPictureFormats, FlippedBitsAreAnErrorOrAPictureNeverACrash) {
     const ImageInfo info = is_webp(file) ? webp_info(file) : is_bmp(file) ? bmp_info(file) : tiff_info(file);
     return static_cast<long>(info.width) * info.height > 1 << 22;
   };
-  test::expect_flips_are_survived(specimens(folder), 13, 120, large);
+  test::expect_flips_are_survived(picture_specimens(folder), 13, 120, large);
 }
 
 }  // namespace

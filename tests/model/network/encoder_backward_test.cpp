@@ -18,12 +18,12 @@ using Row = std::vector<double>;
 constexpr long kViews = 2;
 
 // Positions are resampled (3 x 3 from 2 x 2), and what begins as zeros and ones does not stay so.
-struct Model {
+struct Encoders {
   Config config = with_fields(named_config("micro"), {"image=12", "patch=4", "vit_depth=2", "vit_pos_grid=2"});
   Weights weights = initial_weights(config, 5);
   ref::Encoder reference{config, {}};
 
-  Model() {
+  Encoders() {
     for (const auto& [name, t] : std::map<std::string, HostTensor>(weights.all())) {
       HostTensor other = t;
       const auto more = test::random_floats(t.data.size(), static_cast<std::uint32_t>(name.size()), -0.2f, 0.2f);
@@ -46,13 +46,13 @@ struct Model {
   }
 };
 
-const Model& model() {
-  static const Model m;
+const Encoders& model() {
+  static const Encoders m;
   return m;
 }
 
 // Of sum(dy * f()) by each of x, by central differences.
-Row differences(Row& x, const std::vector<float>& dy, const std::function<Row()>& f) {
+Row encoder_differences(Row& x, const std::vector<float>& dy, const std::function<Row()>& f) {
   const auto loss = [&] {
     const Row y = f();
     double sum = 0;
@@ -72,11 +72,12 @@ Row differences(Row& x, const std::vector<float>& dy, const std::function<Row()>
 }
 
 // By every weight whose name begins with `prefix`.
-std::map<std::string, Row> differences(const std::string& prefix, ref::Encoder encoder, const std::vector<float>& dy,
-                                       const std::function<Row(const ref::Encoder&)>& f) {
+std::map<std::string, Row> encoder_differences(const std::string& prefix, ref::Encoder encoder,
+                                               const std::vector<float>& dy,
+                                               const std::function<Row(const ref::Encoder&)>& f) {
   std::map<std::string, Row> out;
   for (auto& [name, values] : encoder.weights)
-    if (name.rfind(prefix, 0) == 0) out[name] = differences(values, dy, [&] { return f(encoder); });
+    if (name.rfind(prefix, 0) == 0) out[name] = encoder_differences(values, dy, [&] { return f(encoder); });
   return out;
 }
 
@@ -109,7 +110,8 @@ VSPLAT_FLAVOURS(EncoderBackward);
 TEST_P(EncoderBackward, OfTheVitAgreesWithDifferences) {
   const Vit vit(ctx(), model().config.encoder(), learnt_);
   const auto forward = [](const ref::Encoder& e) { return e.tokens(model().images(), kViews); };
-  static const std::map<std::string, Row> want = differences("encoder.model.", model().reference, dtokens(), forward);
+  static const std::map<std::string, Row> want =
+      encoder_differences("encoder.model.", model().reference, dtokens(), forward);
   Vit::Saved saved;
   const Tensor tokens = vit.forward(ctx(), images(), &saved);
   EXPECT_TRUE(test::close(ctx().read<float>(tokens), forward(model().reference), 1e-5));
@@ -149,9 +151,9 @@ TEST_P(EncoderBackward, OfTheModulationAgreesWithDifferences) {
   EXPECT_TRUE(test::close(ctx().read<float>(modulation.forward(ctx(), tokens, cameras)), want, 1e-5));
   const Tensor dfeatures = ctx().upload(features.shape(), dy);
   const Tensor dtokens = modulation.backward(ctx(), saved, dfeatures);
-  EXPECT_TRUE(
-      test::close(ctx().read<float>(dtokens), differences(x, dy, [&] { return forward(model().reference); }), 2e-5));
-  const auto by_weights = differences("dir_norm.", model().reference, dy, forward);
+  EXPECT_TRUE(test::close(ctx().read<float>(dtokens),
+                          encoder_differences(x, dy, [&] { return forward(model().reference); }), 2e-5));
+  const auto by_weights = encoder_differences("dir_norm.", model().reference, dy, forward);
   check(by_weights, 1);
   modulation.backward(ctx(), saved, dfeatures);
   check(by_weights, 2);

@@ -17,15 +17,11 @@ namespace {
 using test::close;
 using test::close_by_channel;
 
-std::vector<double> random_doubles(std::size_t n, std::uint32_t seed, float low = -1, float high = 1) {
-  const std::vector<float> x = test::random_floats(n, seed, low, high);
-  return {x.begin(), x.end()};
-}
-
 // Of n Gaussians: coefficients of a loss that is linear in them, or Gaussians.
 ref::GaussianLists random_lists(std::size_t n, std::size_t s, std::uint32_t seed) {
-  return {random_doubles(3 * n, seed), random_doubles(3 * n, seed + 1), random_doubles(4 * n, seed + 2),
-          random_doubles(n, seed + 3, 0.1f, 1), random_doubles(3 * s * n, seed + 4)};
+  return {test::random_doubles(3 * n, seed), test::random_doubles(3 * n, seed + 1),
+          test::random_doubles(4 * n, seed + 2), test::random_doubles(n, seed + 3, 0.1f, 1),
+          test::random_doubles(3 * s * n, seed + 4)};
 }
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
@@ -39,7 +35,7 @@ double dot(const ref::GaussianLists& a, const ref::GaussianLists& b) {
 }
 
 // By central differences; the loss reads x.
-std::vector<double> differences(std::vector<double>& x, const std::function<double()>& loss) {
+std::vector<double> head_differences(std::vector<double>& x, const std::function<double()>& loss) {
   constexpr double step = 1e-5;
   std::vector<double> out;
   for (double& v : x) {
@@ -98,11 +94,11 @@ VSPLAT_FLAVOURS(HeadBackward);
 TEST_P(HeadBackward, OfCoarseHeadsAgreesWithDifferences) {
   const auto voxels = static_cast<std::size_t>(config_.voxels()), s = static_cast<std::size_t>(config_.sh_count());
   const auto channels = static_cast<std::size_t>(config_.volume_ch);
-  std::vector<double> volume = random_doubles(voxels * channels, 1);
-  const std::vector<double> dlogits = random_doubles(voxels, 2);
+  std::vector<double> volume = test::random_doubles(voxels * channels, 1);
+  const std::vector<double> dlogits = test::random_doubles(voxels, 2);
   const ref::GaussianLists d = random_lists(voxels, s, 3);
   const auto by_volume = [&](bool with_logits) {
-    return differences(volume, [&] {
+    return head_differences(volume, [&] {
       const ref::CoarseHeads out = ref::coarse_heads(config_, weights_, volume);
       return (with_logits ? dot(out.logits, dlogits) : 0.0) + dot(out.gaussians, d);
     });
@@ -130,7 +126,7 @@ TEST_P(HeadBackward, OfFineHeadsAgreesWithDifferences) {
   for (const std::size_t p : {1UL, 3UL, 17UL}) {
     SCOPED_TRACE(p);
     const auto s = static_cast<std::size_t>(config_.sh_count()), m = static_cast<std::size_t>(config_.fine_count);
-    std::vector<double> refined = random_doubles(p * static_cast<std::size_t>(config_.fine_dim), 1);
+    std::vector<double> refined = test::random_doubles(p * static_cast<std::size_t>(config_.fine_dim), 1);
     ref::GaussianLists skeleton = random_lists(p, s, 2), before = random_lists(p, s, 8);
     const ref::GaussianLists d = random_lists(p * m + p, s, 14);
     const auto loss = [&] { return dot(ref::fine_heads(config_, weights_, refined, skeleton), d); };
@@ -144,10 +140,10 @@ TEST_P(HeadBackward, OfFineHeadsAgreesWithDifferences) {
     auto dskeleton = upload<GaussianGradients>(before);
     dskeleton.sh = {};
     heads.backward(ctx(), saved, upload<GaussianGradients>(d), drefined, dskeleton);
-    EXPECT_TRUE(close_by_channel(ctx().read<float>(drefined), differences(refined, loss),
+    EXPECT_TRUE(close_by_channel(ctx().read<float>(drefined), head_differences(refined, loss),
                                  static_cast<std::size_t>(config_.fine_dim), 1e-5));
     const auto expect = [&](const Tensor& got, std::vector<double>& x, const std::vector<double>& added) {
-      std::vector<double> want = differences(x, loss);
+      std::vector<double> want = head_differences(x, loss);
       for (std::size_t i = 0; i < want.size(); ++i) want[i] += added[i];
       EXPECT_TRUE(close(ctx().read<float>(got), want, 1e-5));
     };

@@ -49,7 +49,7 @@ double dot(const Matrix& a, const std::vector<float>& b) {
 Matrix doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
 
 // d loss / d x by central differences.
-std::vector<double> differences(Matrix& x, const std::function<double()>& loss) {
+std::vector<double> layer_differences(Matrix& x, const std::function<double()>& loss) {
   std::vector<double> out;
   constexpr double h = 1e-5;
   for (double& v : x) {
@@ -144,12 +144,12 @@ TEST_P(Layers, Mlp3AgreesWithDifferences) {
   EXPECT_TRUE(test::close(ctx().read<float>(mlp3_forward(ctx(), mlp, on_device, "mlp")), value(), 1e-5));
   const Tensor dx = ctx().upload({rows, in}, test::nans(x.size()));
   mlp3_backward(ctx(), mlp, saved, ctx().upload({rows, out}, dy), dx, false, "mlp");
-  EXPECT_TRUE(test::close(ctx().read<float>(dx), differences(input, loss), 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".0.weight"), differences(first.w, loss), 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".0.bias"), differences(first.b, loss), 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".2.weight"), differences(second.w, loss), 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".4.weight"), differences(third.w, loss), 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".4.bias"), differences(third.b, loss), 2e-5));
+  EXPECT_TRUE(test::close(ctx().read<float>(dx), layer_differences(input, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".0.weight"), layer_differences(first.w, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".0.bias"), layer_differences(first.b, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".2.weight"), layer_differences(second.w, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".4.weight"), layer_differences(third.w, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".4.bias"), layer_differences(third.b, loss), 2e-5));
 }
 
 // GroupNorm and SiLU of two inputs, whose gradients the layer after it sends back side by side.
@@ -185,13 +185,13 @@ TEST_P(Layers, NormSiluOfTwoInputsAgreesWithDifferences) {
   norm_silu_forward(ctx(), norm, ctx().upload({rows, c0}, x0), ctx().upload({rows, c - c0}, x1), &saved);
   const Tensor dx0 = ctx().upload({rows, c0}, x0), dx1 = ctx().upload({rows, c - c0}, x1);
   norm_silu_backward(ctx(), norm, saved, ctx().upload({rows, c}, dy), dx0, dx1, true);  // added to x0 and x1
-  auto want0 = differences(a, loss), want1 = differences(b, loss);
+  auto want0 = layer_differences(a, loss), want1 = layer_differences(b, loss);
   for (std::size_t i = 0; i < want0.size(); ++i) want0[i] += x0[i];
   for (std::size_t i = 0; i < want1.size(); ++i) want1[i] += x1[i];
   EXPECT_TRUE(test::close(ctx().read<float>(dx0), want0, 2e-5));
   EXPECT_TRUE(test::close(ctx().read<float>(dx1), want1, 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".weight"), differences(gamma, loss), 2e-5));
-  EXPECT_TRUE(test::close(gradient(name + ".bias"), differences(beta, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".weight"), layer_differences(gamma, loss), 2e-5));
+  EXPECT_TRUE(test::close(gradient(name + ".bias"), layer_differences(beta, loss), 2e-5));
 }
 
 }  // namespace

@@ -13,15 +13,15 @@
 namespace vsplat {
 namespace {
 
-const std::string kPrefix = "volume_network.conv_in.0.";
+const std::string kConvIn = "volume_network.conv_in.0.";
 
-struct Problem {
+struct LiftProblem {
   Config config;
   Weights weights;
   std::vector<Camera> cameras;
   std::vector<float> features, dout, before;
 
-  Problem(int volume, int views, double radius) : config(named_config("micro")) {
+  LiftProblem(int volume, int views, double radius) : config(named_config("micro")) {
     config.volume = volume, config.volume_mult = {1};
     weights = initial_weights(config, 5);
     cameras = test::orbit(views, config.image, radius);
@@ -37,10 +37,10 @@ struct Gradients {
 };
 
 // out = W_mean mean + W_variance variance + bias, for each voxel.
-Gradients reference(const Problem& p) {
+Gradients reference(const LiftProblem& p) {
   const auto c = static_cast<std::size_t>(p.config.vit_dim), wide = 4 * static_cast<std::size_t>(p.config.volume_ch);
   const auto voxels = static_cast<std::size_t>(p.config.voxels());
-  const std::vector<float>& w = p.weights.at(kPrefix + "weight").data;
+  const std::vector<float>& w = p.weights.at(kConvIn + "weight").data;
   const ref::Lifted lifted =
       ref::lift(p.features, p.config.tokens(), p.config.vit_dim, p.cameras, p.config.image, true, p.config.volume);
   Gradients g{{}, std::vector<double>(w.size()), std::vector<double>(wide)};
@@ -70,7 +70,7 @@ Gradients reference(const Problem& p) {
 class LiftingBackward : public test::FlavourTest {
  protected:
   // The gradient by the features, added to `before`; those by weight and bias are in `learnt`.
-  static std::vector<float> run(Context& on, const Problem& p, const LearntWeights& learnt) {
+  static std::vector<float> run(Context& on, const LiftProblem& p, const LearntWeights& learnt) {
     const Lifting lifting(on, p.config, learnt);
     const long v = static_cast<long>(p.cameras.size()), t = p.config.tokens(), c = p.config.vit_dim;
     const Tensor features = on.upload({v, t, t, c}, p.features), dfeatures = on.upload({v, t, t, c}, p.before);
@@ -87,27 +87,27 @@ TEST_P(LiftingBackward, MatchesReference) {
   for (const auto& [volume, views, radius] :
        {std::tuple{4, 2, 1.6}, {2, 1, 1.6}, {5, 4, 0.8}, {6, 3, 0.3}, {22, 3, 1.6}}) {
     SCOPED_TRACE(fmt::format("{}^3, {} views", volume, views));
-    const Problem p(volume, views, radius);
+    const LiftProblem p(volume, views, radius);
     const LearntWeights learnt(ctx(), p.config, p.weights);
     const Gradients want = reference(p);
     const auto features = run(ctx(), p, learnt);
-    const auto gradient = [&](const char* name) { return ctx().read<float>(learnt.at(kPrefix + name).gradient); };
+    const auto gradient = [&](const char* name) { return ctx().read<float>(learnt.at(kConvIn + name).gradient); };
     EXPECT_TRUE(test::close_by_channel(features, want.features, static_cast<std::size_t>(p.config.vit_dim), 1e-5));
     EXPECT_TRUE(test::close(gradient("weight"), want.weight, 1e-5));
     EXPECT_TRUE(test::close(gradient("bias"), want.bias, 1e-5));
 
     const LearntWeights twice(ctx(), p.config, p.weights);
     EXPECT_EQ(run(ctx(), p, twice), features) << "the same bits";
-    EXPECT_EQ(ctx().read<float>(twice.at(kPrefix + "weight").gradient), gradient("weight"));
+    EXPECT_EQ(ctx().read<float>(twice.at(kConvIn + "weight").gradient), gradient("weight"));
     run(ctx(), p, twice);
     std::vector<double> both = want.weight;
     for (double& v : both) v *= 2;
-    EXPECT_TRUE(test::close(ctx().read<float>(twice.at(kPrefix + "weight").gradient), both, 1e-5)) << "added to";
+    EXPECT_TRUE(test::close(ctx().read<float>(twice.at(kConvIn + "weight").gradient), both, 1e-5)) << "added to";
   }
 }
 
 TEST_P(LiftingBackward, GivesItsMemoryBackAndRunsInAPlan) {
-  const Problem p(4, 2, 1.6);
+  const LiftProblem p(4, 2, 1.6);
   const auto own = test::open_context(GetParam());
   const LearntWeights learnt(*own, p.config, p.weights);
   const auto plan = own->planner();
@@ -120,7 +120,7 @@ TEST_P(LiftingBackward, GivesItsMemoryBackAndRunsInAPlan) {
 }
 
 TEST_P(LiftingBackward, RejectsBadShape) {
-  const Problem p(4, 2, 1.6);
+  const LiftProblem p(4, 2, 1.6);
   const LearntWeights learnt(ctx(), p.config, p.weights);
   const Lifting lifting(ctx(), p.config, learnt);
   const Tensor features = ctx().upload({2, 2, 2, 12}, p.features);

@@ -12,14 +12,7 @@
 namespace vsplat {
 namespace {
 
-const std::string kPrefix = "voxel_network.";
-
-std::vector<double> random_doubles(std::size_t count, std::uint32_t seed, float low = -1, float high = 1) {
-  const std::vector<float> x = test::random_floats(count, seed, low, high);
-  return {x.begin(), x.end()};
-}
-
-std::vector<float> floats(const std::vector<double>& x) { return {x.begin(), x.end()}; }
+const std::string kVoxelNetwork = "voxel_network.";
 
 // Every number random; `share` of the voxels selected.
 ref::RefineCase make_case(const Config& config, float share) {
@@ -30,16 +23,16 @@ ref::RefineCase make_case(const Config& config, float share) {
   for (std::size_t v = 0; v < lot.size(); ++v)
     if (lot[v] < share) in.index.push_back(static_cast<int>(v));
   const auto count = [](long a, long b) { return static_cast<std::size_t>(a * b); };
-  in.volume = random_doubles(count(config.voxels(), config.volume_ch), 2);
-  in.features = random_doubles(count(3L * config.tokens() * config.tokens(), config.vit_dim), 3);
-  in.means = random_doubles(3 * in.index.size(), 4, -0.5f, 0.5f);
+  in.volume = test::random_doubles(count(config.voxels(), config.volume_ch), 2);
+  in.features = test::random_doubles(count(3L * config.tokens() * config.tokens(), config.vit_dim), 3);
+  in.means = test::random_doubles(3 * in.index.size(), 4, -0.5f, 0.5f);
   std::uint32_t seed = 5;
   for (const Parameter& p : parameters(config)) {
-    if (p.name.rfind(kPrefix, 0) != 0) continue;
+    if (p.name.rfind(kVoxelNetwork, 0) != 0) continue;
     const long terms = p.shape.size() > 1 ? p.count() / p.shape[0] : 3;
     const float size = 1.7f / std::sqrt(static_cast<float>(terms));
-    in.weights[p.name.substr(kPrefix.size())] =
-        random_doubles(static_cast<std::size_t>(p.count()), seed++, -size, size);
+    in.weights[p.name.substr(kVoxelNetwork.size())] =
+        test::random_doubles(static_cast<std::size_t>(p.count()), seed++, -size, size);
   }
   return in;
 }
@@ -49,7 +42,8 @@ Weights all_weights(const ref::RefineCase& in) {
   Weights out;
   for (const Parameter& p : parameters(in.config)) {
     HostTensor t{p.shape, std::vector<float>(static_cast<std::size_t>(p.count()))};
-    if (p.name.rfind(kPrefix, 0) == 0) t.data = floats(in.weights.at(p.name.substr(kPrefix.size())));
+    if (p.name.rfind(kVoxelNetwork, 0) == 0)
+      t.data = test::as_floats(in.weights.at(p.name.substr(kVoxelNetwork.size())));
     out.set(p.name, std::move(t));
   }
   return out;
@@ -65,13 +59,13 @@ class RefinementBackward : public test::FlavourTest {
     const long p = static_cast<long>(in.rows());
     const LearntWeights weights(ctx(), config, all_weights(in));
     for (const auto& [name, values] : in.weights)
-      ctx().write(weights.at(kPrefix + name).gradient, std::vector<float>(values.size(), before).data());
+      ctx().write(weights.at(kVoxelNetwork + name).gradient, std::vector<float>(values.size(), before).data());
     const Refinement refinement(ctx(), config, weights);
     const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
     const long t = config.tokens(), views = cameras.count();
-    Refinement::Input input{ctx().upload({config.voxels(), config.volume_ch}, floats(in.volume)),
-                            ctx().upload({views, t, t, config.vit_dim}, floats(in.features)), &cameras,
-                            ctx().upload({p, 3}, floats(in.means)), ctx().upload({p}, in.index, Type::i32)};
+    Refinement::Input input{ctx().upload({config.voxels(), config.volume_ch}, test::as_floats(in.volume)),
+                            ctx().upload({views, t, t, config.vit_dim}, test::as_floats(in.features)), &cameras,
+                            ctx().upload({p, 3}, test::as_floats(in.means)), ctx().upload({p}, in.index, Type::i32)};
     Refinement::Saved saved;
     const std::vector<float> refined = ctx().read<float>(refinement.forward(ctx(), input, &saved).refined);
     EXPECT_EQ(refined, ctx().read<float>(refinement.forward(ctx(), input).refined)) << "saving changes it";
@@ -90,7 +84,7 @@ class RefinementBackward : public test::FlavourTest {
     std::uint32_t seed = 100;
     const auto compare = [&](const std::string& name, std::vector<double>& x, const Tensor& got) {
       const std::vector<float> g = ctx().read<float>(got);
-      const std::vector<double> at = x, along = random_doubles(x.size(), seed++);
+      const std::vector<double> at = x, along = test::random_doubles(x.size(), seed++);
       double derivative = 0, scale = 0;
       for (std::size_t i = 0; i < x.size(); ++i) {
         const double term = (static_cast<double>(g[i]) - before) * along[i];
@@ -115,7 +109,7 @@ class RefinementBackward : public test::FlavourTest {
     compare("volume", in.volume, d.volume);
     compare("features", in.features, d.features);
     compare("means", in.means, d.means);
-    for (auto& [name, values] : in.weights) compare(name, values, weights.at(kPrefix + name).gradient);
+    for (auto& [name, values] : in.weights) compare(name, values, weights.at(kVoxelNetwork + name).gradient);
   }
 };
 VSPLAT_FLAVOURS(RefinementBackward);
@@ -146,9 +140,9 @@ TEST_P(RefinementBackward, PlanTakesTheSameMemory) {
     const LearntWeights weights(on, config, all_weights(in));
     const Refinement refinement(on, config, weights);
     const DeviceCameras cameras = upload_cameras(on, in.cameras);
-    const Refinement::Input input{on.upload({config.voxels(), config.volume_ch}, floats(in.volume)),
-                                  on.upload({3, t, t, config.vit_dim}, floats(in.features)), &cameras,
-                                  on.upload({p, 3}, floats(in.means)), on.upload({p}, in.index, Type::i32)};
+    const Refinement::Input input{on.upload({config.voxels(), config.volume_ch}, test::as_floats(in.volume)),
+                                  on.upload({3, t, t, config.vit_dim}, test::as_floats(in.features)), &cameras,
+                                  on.upload({p, 3}, test::as_floats(in.means)), on.upload({p}, in.index, Type::i32)};
     Refinement::Saved saved;
     refinement.forward(on, input, &saved);
     const Tensor drefined = on.tensor({p, config.fine_dim});

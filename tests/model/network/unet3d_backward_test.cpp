@@ -10,16 +10,16 @@
 namespace vsplat {
 namespace {
 
-const std::string kPrefix = "volume_network.";
+const std::string kVolumeNetwork = "volume_network.";
 
-struct Problem {
+struct Unet3dProblem {
   Config config;
   Weights weights;
   std::vector<float> in, dout;
   ref::VolumeNetwork reference;
 
   // micro's sizes otherwise. Norms are moved off 1 and 0.
-  Problem(int volume, const std::vector<int>& mult) : config(named_config("micro")) {
+  Unet3dProblem(int volume, const std::vector<int>& mult) : config(named_config("micro")) {
     config.volume = volume;
     config.volume_mult = mult;
     weights = initial_weights(config, 5);
@@ -29,8 +29,8 @@ struct Problem {
       const auto by = test::random_floats(t.data.size(), 17, -0.2f, 0.2f);
       for (std::size_t i = 0; i < by.size(); ++i) moved.data[i] += by[i];
       weights.set(name, moved);
-      if (name.starts_with(kPrefix))
-        reference.weights[name.substr(kPrefix.size())] = {moved.data.begin(), moved.data.end()};
+      if (name.starts_with(kVolumeNetwork))
+        reference.weights[name.substr(kVolumeNetwork.size())] = {moved.data.begin(), moved.data.end()};
     }
     const auto voxels = static_cast<std::size_t>(config.voxels()), ch = static_cast<std::size_t>(config.volume_ch);
     in = test::random_floats(voxels * 4 * ch, 1);
@@ -70,7 +70,7 @@ struct Problem {
 class VolumeBackward : public test::FlavourTest {
  protected:
   // The gradient by the input; those by the weights are in `learnt`.
-  std::vector<float> run(const Problem& p, const LearntWeights& learnt) {
+  std::vector<float> run(const Unet3dProblem& p, const LearntWeights& learnt) {
     const VolumeNetwork network(ctx(), p.config, learnt);
     VolumeNetwork::Saved saved;
     const long voxels = p.config.voxels(), ch = p.config.volume_ch;
@@ -86,20 +86,20 @@ TEST_P(VolumeBackward, AgreesWithDifferences) {
   for (const auto& [volume, mult] :
        {std::pair{6, std::vector<int>{1, 2}}, {3, std::vector<int>{1}}, {4, std::vector<int>{2, 1, 3}}}) {
     SCOPED_TRACE(volume);
-    Problem p(volume, mult);
+    Unet3dProblem p(volume, mult);
     const LearntWeights learnt(ctx(), p.config, p.weights);
     std::vector<double> x(p.in.begin(), p.in.end());
     const std::vector<float> by_input = run(p, learnt);
     p.expect_gradient("input", x, x, by_input);
     for (auto& [name, weight] : p.reference.weights) {
       if (name.starts_with("conv_in.0.")) continue;  // lifting's
-      p.expect_gradient(name, weight, x, ctx().read<float>(learnt.at(kPrefix + name).gradient));
+      p.expect_gradient(name, weight, x, ctx().read<float>(learnt.at(kVolumeNetwork + name).gradient));
     }
   }
 }
 
 TEST_P(VolumeBackward, AddsToTheGradientsOfWeightsAndSaysTheSameTwice) {
-  const Problem p(4, {1, 2});
+  const Unet3dProblem p(4, {1, 2});
   const LearntWeights learnt(ctx(), p.config, p.weights), twice(ctx(), p.config, p.weights);
   const std::vector<float> by_input = run(p, learnt);
   EXPECT_EQ(run(p, twice), by_input);
@@ -110,14 +110,14 @@ TEST_P(VolumeBackward, AddsToTheGradientsOfWeightsAndSaysTheSameTwice) {
   }
   EXPECT_EQ(run(p, twice), by_input);
   for (const char* name : {"conv_out.weight", "down_blocks.0.downsample.conv.weight", "up_blocks.1.res.0.norm1.bias"}) {
-    std::vector<float> want = ctx().read<float>(learnt.at(kPrefix + name).gradient);
+    std::vector<float> want = ctx().read<float>(learnt.at(kVolumeNetwork + name).gradient);
     for (float& v : want) v *= 2;
-    EXPECT_TRUE(test::close(ctx().read<float>(twice.at(kPrefix + name).gradient), want, 1e-6)) << name;
+    EXPECT_TRUE(test::close(ctx().read<float>(twice.at(kVolumeNetwork + name).gradient), want, 1e-6)) << name;
   }
 }
 
 TEST_P(VolumeBackward, GivesItsMemoryBackAndRunsInAPlan) {
-  const Problem p(4, {1, 2});
+  const Unet3dProblem p(4, {1, 2});
   const auto own = test::open_context(GetParam());
   const LearntWeights learnt(*own, p.config, p.weights);
   const VolumeNetwork network(*own, p.config, learnt);

@@ -11,8 +11,6 @@
 namespace vsplat {
 namespace {
 
-std::vector<double> doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
-
 class Adamw : public test::FlavourTest {
  protected:
   Tensor upload(const std::vector<float>& x) { return ctx().upload({static_cast<long>(x.size())}, x); }
@@ -36,7 +34,7 @@ TEST_P(Adamw, StepsMatchReferenceAtEverySizeThatBreaksThings) {
     const auto start = test::random_floats(n, seed);
     AdamwStep a{upload(start), {}, zeros(n), zeros(n), upload({7.0f, 0.25f})};
     a.lr = 0.1, a.weight_decay = 0.5;
-    auto param = doubles(start);
+    auto param = test::as_doubles(start);
     std::vector<double> m(n), v(n);
     for (a.step = 1; a.step <= 5; ++a.step) {
       // Over many magnitudes, down to where eps counts.
@@ -44,7 +42,7 @@ TEST_P(Adamw, StepsMatchReferenceAtEverySizeThatBreaksThings) {
       for (std::size_t i = 0; i < n; i += 2) grad[i] *= 1e6f;
       a.grad = upload(grad);
       adamw_step(ctx(), a);
-      auto clipped = doubles(grad);
+      auto clipped = test::as_doubles(grad);
       for (double& g : clipped) g *= 0.25;
       ref::adamw({a.lr, a.beta1, a.beta2, a.eps, a.weight_decay}, a.step, clipped, param, m, v);
       EXPECT_TRUE(test::close(ctx().read<float>(a.param), param, 1e-6)) << n << ", step " << a.step;
@@ -176,7 +174,7 @@ TEST_P(Adamw, NoGradientsAtAll) {
 TEST_P(Adamw, AverageMovesTowardsWeights) {
   const auto start = test::random_floats(101, 7), param = test::random_floats(101, 8);
   const Tensor average = upload(start), weights = upload(param);
-  std::vector<double> want = doubles(start);
+  std::vector<double> want = test::as_doubles(start);
   for (int s = 0; s < 3; ++s) {
     average_step(ctx(), average, weights, 0.875);
     for (std::size_t i = 0; i < want.size(); ++i) want[i] = 0.875 * want[i] + 0.125 * static_cast<double>(param[i]);

@@ -10,10 +10,10 @@
 namespace vsplat {
 namespace {
 
+using test::ConvTry;
 using test::make_conv_case;
 using test::random_floats;
 using test::upload_rows;
-using Try = test::ConvTry;
 
 class Conv3dInputs : public ::testing::TestWithParam<test::ConvWay> {
  protected:
@@ -67,7 +67,7 @@ class Conv3dWeights : public ::testing::TestWithParam<test::ConvWay> {
     return g;
   }
 
-  void expect_matches(const Try& t) {
+  void expect_matches(const ConvTry& t) {
     SCOPED_TRACE(fmt::format("{}x{}x{} {}+{} -> {} affine {} silu {}", t.size[0], t.size[1], t.size[2], t.cin, t.c1,
                              t.cout, t.affine, t.silu));
     const ref::ConvCase c = make_conv_case(t);
@@ -91,7 +91,7 @@ TEST_P(Conv3dWeights, EveryCompositionMatchesReference) {
   for (const long c1 : {0L, 5L, 16L})
     for (const bool affine : {false, true})
       for (const bool silu : {false, true}) {
-        Try t{{4, 3, 7}, 17, 20, c1};
+        ConvTry t{{4, 3, 7}, 17, 20, c1};
         t.affine = affine, t.silu = silu;
         expect_matches(t);
       }
@@ -167,7 +167,7 @@ VSPLAT_FLAVOURS(Conv3dDownBackwardTest);
 TEST_P(Conv3dDownBackwardTest, MatchesReference) {
   for (const std::array<long, 3>& size : {std::array<long, 3>{2, 2, 2}, {1, 4, 4}, {5, 3, 7}, {16, 12, 26}})
     for (const auto& [cin, cout] : {std::pair{1L, 1L}, {3L, 7L}, {17L, 33L}}) {
-      Try t{size, cin, cout};
+      ConvTry t{size, cin, cout};
       t.affine = t.silu = cin > 1;
       const ref::ConvCase c = make_conv_case(t, 2);
       const auto out = c.out_size();

@@ -11,10 +11,10 @@
 namespace vsplat {
 namespace {
 
+using test::ConvTry;
 using test::make_conv_case;
 using test::random_floats;
 using test::upload_rows;
-using Try = test::ConvTry;
 using Way = test::ConvWay;
 
 const float* or_null(const std::vector<float>& v) { return v.empty() ? nullptr : v.data(); }
@@ -46,7 +46,7 @@ class Conv3dTest : public ::testing::TestWithParam<Way> {
   // Winograd's transforms triple it.
   double tolerance() const { return GetParam().method == ConvMethod::winograd ? 2e-5 : 1e-5; }
 
-  void expect_matches(const Try& t) {
+  void expect_matches(const ConvTry& t) {
     SCOPED_TRACE(fmt::format("{}x{}x{} {}+{} -> {} affine {} silu {} bias {} residual {}", t.size[0], t.size[1],
                              t.size[2], t.cin, t.c1, t.cout, t.affine, t.silu, t.bias, t.residual));
     const ref::ConvCase c = make_conv_case(t);
@@ -68,7 +68,7 @@ TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
   for (const long c1 : {0L, 5L, 16L})
     for (const bool affine : {false, true})
       for (const bool silu : {false, true}) {
-        Try t{{4, 3, 13}, 16, 20, c1};
+        ConvTry t{{4, 3, 13}, 16, 20, c1};
         t.affine = affine, t.silu = silu;
         expect_matches(t);
         t.bias = false, t.residual = true;
@@ -79,7 +79,7 @@ TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
 // More planes than are packed at a time, so that the ring of planes goes round.
 TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
   // Only the cpu flavour packs: of planes of 1040 channels it does seven at a time, of tiles eight.
-  Try t{{11, 40, 12}, GetParam().flavour == Flavour::cpu ? 1040 : 26, 3};
+  ConvTry t{{11, 40, 12}, GetParam().flavour == Flavour::cpu ? 1040 : 26, 3};
   t.affine = t.silu = true;
   const ref::ConvCase c = make_conv_case(t);
   const auto d = upload(ctx(), c);
@@ -123,7 +123,7 @@ TEST_P(Conv3dTest, RejectsWeightsOfAnotherShape) {
 }
 
 TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
-  Try t{{3, 4, 13}, 5, 33};
+  ConvTry t{{3, 4, 13}, 5, 33};
   t.residual = true;
   const ref::ConvCase c = make_conv_case(t);
   const auto d = upload(ctx(), c);
@@ -142,7 +142,7 @@ TEST_P(Conv3dTest, EmptyIsNothing) {
 TEST_P(Conv3dTest, DownMatchesReference) {
   for (const std::array<long, 3>& size : {std::array<long, 3>{2, 2, 2}, {4, 6, 8}, {5, 3, 7}, {1, 4, 4}})
     for (const long cin : {1L, 17L}) {
-      Try t{size, cin, 33};
+      ConvTry t{size, cin, 33};
       t.affine = t.silu = cin > 1;
       const ref::ConvCase c = make_conv_case(t, 2);
       const auto out = c.out_size();
@@ -191,7 +191,7 @@ TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
 }
 
 TEST_P(Conv3dTest, SameBitsTwice) {
-  Try t{{5, 6, 13}, 20, 40, 12};
+  ConvTry t{{5, 6, 13}, 20, 40, 12};
   t.affine = t.silu = t.residual = true;
   const ref::ConvCase c = make_conv_case(t);
   const auto d = upload(ctx(), c);

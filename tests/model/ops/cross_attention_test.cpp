@@ -11,19 +11,19 @@
 namespace vsplat {
 namespace {
 
-struct Case {
+struct CrossAttentionCase {
   long groups, l, s, heads, width;
   bool mapped;  // rows of a group are anywhere, else one after the other
 };
 
-std::string text_of(const Case& c) {
+std::string text_of(const CrossAttentionCase& c) {
   return fmt::format("{} groups of {} and {}, {} x {}{}", c.groups, c.l, c.s, c.heads, c.width,
                      c.mapped ? " mapped" : "");
 }
 
 class CrossAttention : public test::FlavourTest {
  protected:
-  void make(const Case& c, float spread) {
+  void make(const CrossAttentionCase& c, float spread) {
     const auto rows = [&](long n, std::uint32_t seed, float most) {
       return test::random_floats(static_cast<std::size_t>(n * c.heads * c.width), seed, -most, most);
     };
@@ -83,13 +83,13 @@ class CrossAttention : public test::FlavourTest {
 VSPLAT_FLAVOURS(CrossAttention);
 
 TEST_P(CrossAttention, MatchesReference) {
-  for (const Case& c : {Case{1, 1, 1, 1, 1, false},
-                        {3, 1, 4, 2, 5, false},
-                        {2, 7, 3, 3, 16, true},
-                        {5, 2, 1, 1, 17, true},
-                        {3, 8, 4, 2, 15, true},
-                        {2, 3, 13, 1, 33, false},
-                        {1, 2, 6, 5, 4, true}}) {
+  for (const CrossAttentionCase& c : {CrossAttentionCase{1, 1, 1, 1, 1, false},
+                                      {3, 1, 4, 2, 5, false},
+                                      {2, 7, 3, 3, 16, true},
+                                      {5, 2, 1, 1, 17, true},
+                                      {3, 8, 4, 2, 15, true},
+                                      {2, 3, 13, 1, 33, false},
+                                      {1, 2, 6, 5, 4, true}}) {
     SCOPED_TRACE(text_of(c));
     make(c, 1);
     cross_attention_forward(ctx(), in_);
@@ -100,7 +100,7 @@ TEST_P(CrossAttention, MatchesReference) {
 
 // More groups than a work-group has work-items, as in use, and what comes without statistics is the same.
 TEST_P(CrossAttention, ManyGroups) {
-  const Case c{211, 8, 4, 4, 4, true};
+  const CrossAttentionCase c{211, 8, 4, 4, 4, true};
   make(c, 1);
   cross_attention_forward(ctx(), in_);
   const auto got = ctx().read<float>(in_.out);

@@ -100,7 +100,7 @@ ref::GaussianLists cotangents(long n, long s) {
   return {random(3 * n, 51), random(3 * n, 52), random(4 * n, 53), random(n, 54), random(3 * s * n, 55)};
 }
 
-GaussianGradients upload(Context& ctx, const ref::GaussianLists& g, long n, long s, long scales = 3) {
+GaussianGradients upload_gradients(Context& ctx, const ref::GaussianLists& g, long n, long s, long scales = 3) {
   const auto floats = [&](const Shape& shape, const std::vector<double>& x) {
     return ctx.upload(shape, std::vector<float>(x.begin(), x.end()));
   };
@@ -184,7 +184,7 @@ TEST(Decode, CoarseOfEveryKindMatchesReference) {
     }
     expect_equal(ctx, out, want);
     const Tensor draw = ctx.upload(on_device.shape(), test::nans(raw.size()));
-    decode_coarse_backward(ctx, {on_device, r, upload(ctx, d, n, s, scales), draw, kind});
+    decode_coarse_backward(ctx, {on_device, r, upload_gradients(ctx, d, n, s, scales), draw, kind});
     expect_raw(ctx, draw, by_raw, 3 * s, scales);
   }
 }
@@ -201,7 +201,7 @@ TEST(Decode, CoarseBackwardMatchesReference) {
       ref::decode_backward(&raw[static_cast<std::size_t>(i * size)], voxel / 4, voxel, 3 * s, d,
                            static_cast<std::size_t>(i), want);
     const Tensor draw = ctx.upload({n, size}, test::nans(raw.size()));
-    decode_coarse_backward(ctx, {ctx.upload({n, size}, raw), r, upload(ctx, d, n, s), draw});
+    decode_coarse_backward(ctx, {ctx.upload({n, size}, raw), r, upload_gradients(ctx, d, n, s), draw});
     expect_raw(ctx, draw, want, 3 * s);
   }
 }
@@ -263,8 +263,8 @@ TEST(Decode, FineThenAdjustedBackwardMatchReference) {
     const std::vector<float> update = test::random_floats(static_cast<std::size_t>(p * (3 * s + 1)), 59, -3.0f, 3.0f);
     const std::vector<float> opacities = test::random_floats(static_cast<std::size_t>(p), 60, 0.2f, 1.0f);
     const ref::GaussianLists d = cotangents(n + p, s), before = cotangents(p, s);
-    const GaussianGradients dout = upload(ctx, d, n + p, s);
-    GaussianGradients to = upload(ctx, before, p, s);
+    const GaussianGradients dout = upload_gradients(ctx, d, n + p, s);
+    GaussianGradients to = upload_gradients(ctx, before, p, s);
     to.sh = {};
     const Tensor draw = ctx.upload({p, m * size}, test::nans(raw.size()));
     const Tensor dupdate = ctx.upload({p, 3 * s + 1}, test::nans(update.size()));
@@ -327,7 +327,7 @@ TEST(Decode, BackwardOfExtremeNumbersStaysFinite) {
     std::vector<double> want;
     ref::decode_backward(raw.data(), 0.25, 1, 3, d, 0, want);
     const Tensor draw = ctx.upload({1, 14}, test::nans(14));
-    decode_coarse_backward(ctx, {ctx.upload({1, 14}, raw), 1, upload(ctx, d, 1, 1), draw});
+    decode_coarse_backward(ctx, {ctx.upload({1, 14}, raw), 1, upload_gradients(ctx, d, 1, 1), draw});
     const std::vector<float> got = ctx.read<float>(draw);
     for (std::size_t i = 0; i < 10; ++i) EXPECT_NEAR(got[i], want[i], 1e-6) << i;
     EXPECT_TRUE(close(std::vector<float>(got.begin() + 10, got.end()),

@@ -9,7 +9,7 @@ namespace {
 
 using Doubles = std::vector<double>;
 
-constexpr std::array<float, 3> kBackground = {0.2f, 0.9f, 0.5f};
+constexpr std::array<float, 3> kBehind = {0.2f, 0.9f, 0.5f};
 
 class ExposureOp : public test::FlavourTest {
  protected:
@@ -27,8 +27,8 @@ class ExposureOp : public test::FlavourTest {
     const Tensor dmap = ctx().upload({12}, test::nans(12));
     const DevicePicture drawn{ctx().upload({h, w, 3}, colour), ctx().upload({h, w}, alpha), {}};
     const Tensor m = ctx().upload({12}, map), out = ctx().upload({h, w, 3}, test::nans(3 * pixels));
-    exposure_forward(ctx(), {m, drawn, kBackground, out});
-    const std::array<double, 3> background{kBackground[0], kBackground[1], kBackground[2]};
+    exposure_forward(ctx(), {m, drawn, kBehind, out});
+    const std::array<double, 3> background{kBehind[0], kBehind[1], kBehind[2]};
     const auto value = [&](const Doubles& x, const Doubles& c, const Doubles& a) {
       const Doubles shown = ref::exposure(x, c, a, background);
       double sum = 0;
@@ -39,7 +39,7 @@ class ExposureOp : public test::FlavourTest {
     EXPECT_TRUE(test::close(ctx().read<float>(out), ref::exposure(dm, dc, da, background), 1e-6));
 
     const PictureGradient by{ctx().upload({h, w, 3}, weights), ctx().upload({h, w}, dalpha), {}};
-    exposure_backward(ctx(), {m, drawn, kBackground, by, dmap});
+    exposure_backward(ctx(), {m, drawn, kBehind, by, dmap});
     const auto slopes = [&](Doubles x, const auto& at) {
       Doubles result;
       for (double& v : x) {
@@ -72,7 +72,7 @@ TEST_P(ExposureOp, TheMapThatIsNoneChangesNothing) {
   const DevicePicture drawn{ctx().upload({2, 5, 3}, colour), ctx().upload({2, 5}, alpha), {}};
   const Tensor map = ctx().upload({12}, std::vector<float>{1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
   const Tensor out = ctx().upload({2, 5, 3}, test::nans(30));
-  exposure_forward(ctx(), {map, drawn, kBackground, out});
+  exposure_forward(ctx(), {map, drawn, kBehind, out});
   EXPECT_TRUE(test::close(ctx().read<float>(out), doubles(colour), 1e-6));
 }
 

@@ -8,7 +8,7 @@
 namespace vsplat {
 namespace {
 
-struct Case {
+struct LiftCase {
   int views, tokens, patch, channels, volume;
   double radius;
   bool half_pixel;
@@ -18,7 +18,7 @@ class Lift : public test::FlavourTest {
  protected:
   // Variance and mean, in blocks of `block` voxels; the mean gets a bias.
   std::vector<std::vector<float>> run(const std::vector<float>& features, const std::vector<float>& bias,
-                                      const std::vector<Camera>& cameras, const Case& k, long block) {
+                                      const std::vector<Camera>& cameras, const LiftCase& k, long block) {
     const long voxels = static_cast<long>(k.volume) * k.volume * k.volume, c = k.channels, v = k.views;
     const DeviceCameras on_device = upload_cameras(ctx(), cameras);
     const Tensor maps = ctx().upload({v * k.tokens * k.tokens, c}, features);
@@ -42,7 +42,7 @@ class Lift : public test::FlavourTest {
   // Both backwards, added to `before`.
   std::vector<float> run_backward(const std::vector<float>& features, const std::vector<float>& dmean,
                                   const std::vector<float>& dvariance, const std::vector<float>& before,
-                                  const std::vector<Camera>& cameras, const Case& k, long block) {
+                                  const std::vector<Camera>& cameras, const LiftCase& k, long block) {
     const long voxels = static_cast<long>(k.volume) * k.volume * k.volume, c = k.channels, v = k.views;
     const long texels = v * k.tokens * k.tokens;
     const DeviceCameras on_device = upload_cameras(ctx(), cameras);
@@ -60,7 +60,7 @@ class Lift : public test::FlavourTest {
     return ctx().read<float>(dmaps);
   }
 
-  void check_backward(const Case& k) {
+  void check_backward(const LiftCase& k) {
     const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
     const auto c = static_cast<std::size_t>(k.channels), cells = static_cast<std::size_t>(k.volume);
     const auto texels = static_cast<std::size_t>(k.views * k.tokens * k.tokens);
@@ -78,7 +78,7 @@ class Lift : public test::FlavourTest {
   }
 
   // The samples by themselves, and their backward.
-  void check_samples(const Case& k) {
+  void check_samples(const LiftCase& k) {
     const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
     const auto c = static_cast<std::size_t>(k.channels),
                texels = static_cast<std::size_t>(k.views) * k.tokens * k.tokens;
@@ -105,7 +105,7 @@ class Lift : public test::FlavourTest {
     EXPECT_TRUE(test::close(ctx().read<float>(dmaps), want, 2e-5)) << k.channels;
   }
 
-  void check(const Case& k) {
+  void check(const LiftCase& k) {
     const auto cameras = test::orbit(k.views, k.tokens * k.patch, k.radius);
     const auto c = static_cast<std::size_t>(k.channels);
     const auto features =
@@ -141,7 +141,7 @@ TEST_P(Lift, DepthZeroIsOutside) {
   Camera camera;
   camera.width = camera.height = 8;
   camera.fx = camera.fy = 8, camera.cx = camera.cy = 4;
-  const Case k{2, 4, 2, 3, 1, 0, true};
+  const LiftCase k{2, 4, 2, 3, 1, 0, true};
   const std::vector<float> features = test::random_floats(2 * 16 * 3, 1), bias = {1, 2, 3};
   Camera beside = camera;
   beside.w2c(0, 3) = 0.7;

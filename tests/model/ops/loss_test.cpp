@@ -147,29 +147,29 @@ TEST_P(Loss, ErrorAloneMatchesReferenceAtEverySize) {
 
 // loss() of the PyTorch specification and autograd, in float64.
 TEST_P(Loss, MatchesPyTorch) {
-  struct Case {
+  struct LossCase {
     long n, h, w;
     double loss, similarity, norm;
     std::vector<std::size_t> at;
     std::vector<double> slopes;
   };
-  const Case cases[] = {{2,
-                         13,
-                         24,
-                         0.0273964149,
-                         0.959030217,
-                         0.0220792904,
-                         {0, 1, 267, 624, 937, 1253, 1871},
-                         {0, -0.000146115, 0.0003496026, 0.0001799104, -4.741943e-05, 0, 2.298644e-05}},
-                        {2,
-                         161,
-                         174,
-                         0.0954331726,
-                         0.823007416,
-                         0.00918075313,
-                         {0, 1, 24012, 56028, 84043, 112061, 168083},
-                         {0, -1.627129e-06, 8.58379e-07, 2.723843e-05, 0, -4.033372e-06, 1.448386e-06}}};
-  for (const Case& c : cases) {
+  const LossCase cases[] = {{2,
+                             13,
+                             24,
+                             0.0273964149,
+                             0.959030217,
+                             0.0220792904,
+                             {0, 1, 267, 624, 937, 1253, 1871},
+                             {0, -0.000146115, 0.0003496026, 0.0001799104, -4.741943e-05, 0, 2.298644e-05}},
+                            {2,
+                             161,
+                             174,
+                             0.0954331726,
+                             0.823007416,
+                             0.00918075313,
+                             {0, 1, 24012, 56028, 84043, 112061, 168083},
+                             {0, -1.627129e-06, 8.58379e-07, 2.723843e-05, 0, -4.033372e-06, 1.448386e-06}}};
+  for (const LossCase& c : cases) {
     std::vector<float> target, pictures;
     for (long i = 0; i < c.n * c.h * c.w * 3; ++i) {
       target.push_back(static_cast<float>(i * 7919 % 1009) / 1009.0f);

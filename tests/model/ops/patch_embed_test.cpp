@@ -13,10 +13,11 @@ class PatchEmbed : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PatchEmbed);
 
 TEST_P(PatchEmbed, MatchesTheConvolution) {
-  struct Size {
+  struct PatchEmbedSize {
     long v, s, p, c;
   };
-  for (const Size& n : {Size{1, 1, 1, 1}, {2, 6, 3, 7}, {3, 21, 7, 12}, {1, 48, 16, 33}, {2, 34, 17, 5}}) {
+  for (const PatchEmbedSize& n :
+       {PatchEmbedSize{1, 1, 1, 1}, {2, 6, 3, 7}, {3, 21, 7, 12}, {1, 48, 16, 33}, {2, 34, 17, 5}}) {
     const long k = 3 * n.p * n.p, tokens = 1 + (n.s / n.p) * (n.s / n.p);
     const auto images = test::random_floats(static_cast<std::size_t>(n.v * n.s * n.s * 3), 1, 0, 1);
     const auto weight = test::random_floats(static_cast<std::size_t>(n.c * k), 2);
@@ -87,11 +88,11 @@ class PatchEmbedGradient : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PatchEmbedGradient);
 
 TEST_P(PatchEmbedGradient, MatchesReference) {
-  struct Size {
+  struct PatchEmbedSize {
     long v, s, p, c;
   };
-  for (const Size& n :
-       {Size{1, 1, 1, 1}, {2, 6, 3, 7}, {3, 21, 7, 12}, {1, 48, 16, 33}, {2, 34, 17, 5}, {4, 36, 3, 65}}) {
+  for (const PatchEmbedSize& n :
+       {PatchEmbedSize{1, 1, 1, 1}, {2, 6, 3, 7}, {3, 21, 7, 12}, {1, 48, 16, 33}, {2, 34, 17, 5}, {4, 36, 3, 65}}) {
     SCOPED_TRACE(fmt::format("{} pictures of {}, patches of {}, {} channels", n.v, n.s, n.p, n.c));
     const auto v = static_cast<std::size_t>(n.v), s = static_cast<std::size_t>(n.s), p = static_cast<std::size_t>(n.p),
                c = static_cast<std::size_t>(n.c), tokens = 1 + (s / p) * (s / p);

@@ -16,7 +16,7 @@ namespace vsplat {
 namespace {
 
 // A loss that is linear in what projection makes of one Gaussian: its derivatives.
-struct Loss {
+struct ProjectBackwardLoss {
   double by_u, by_v, by_z, by_a, by_b, by_c, by_log_opacity;
   Eigen::Vector3d by_colour;
 
@@ -41,7 +41,7 @@ class ProjectBackward : public test::FlavourTest {
     std::vector<std::uint32_t> ids, offsets{0};
     std::vector<float> records, rows;
     std::vector<std::uint8_t> touched;
-    std::vector<Loss> losses;
+    std::vector<ProjectBackwardLoss> losses;
   };
 
   struct Result {
@@ -72,14 +72,14 @@ class ProjectBackward : public test::FlavourTest {
         p.records.push_back(static_cast<float>(v));
       // Derivatives of the size that pictures make them: p is of the size of one over the smaller radius.
       const double n[] = {normal(engine), normal(engine), normal(engine)};
-      Loss loss{n[0] / std::sqrt(s.a),
-                n[1] / std::sqrt(s.c),
-                normal(engine),
-                n[0] * n[0] / s.a,
-                n[0] * n[1] / std::sqrt(s.a * s.c),
-                n[1] * n[1] / s.c,
-                normal(engine),
-                {normal(engine), normal(engine), normal(engine)}};
+      ProjectBackwardLoss loss{n[0] / std::sqrt(s.a),
+                               n[1] / std::sqrt(s.c),
+                               normal(engine),
+                               n[0] * n[0] / s.a,
+                               n[0] * n[1] / std::sqrt(s.a * s.c),
+                               n[1] * n[1] / s.c,
+                               normal(engine),
+                               {normal(engine), normal(engine), normal(engine)}};
       // The sums of cl/rasterize_backward.cl from which these come: of h (1, dx, t, dx^2, dx t, t^2).
       const double py = -loss.by_v, px = -loss.by_u, pyy = 2 * loss.by_c, pxy = loss.by_b, pxx = 2 * loss.by_a;
       const double mxt = (pxy + slope * pyy) / (X * Y), mtt = pyy / (Y * Y);

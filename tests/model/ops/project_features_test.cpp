@@ -21,14 +21,13 @@ ref::ProjectFeaturesCase make_case(long views, long t, long c, long p, bool half
   return in;
 }
 
-std::vector<float> floats(const std::vector<double>& x) { return {x.begin(), x.end()}; }
-
 // As the device takes it, which is given the cameras; out is all NaN.
-ProjectFeaturesForward upload(Context& ctx, const ref::ProjectFeaturesCase& in, const DeviceCameras& cameras) {
+ProjectFeaturesForward upload_project_features(Context& ctx, const ref::ProjectFeaturesCase& in,
+                                               const DeviceCameras& cameras) {
   const long v = static_cast<long>(in.cameras.size()), p = static_cast<long>(in.points.size() / 3);
   ProjectFeaturesForward a;
-  a.features = ctx.upload({v, in.t, in.t, in.channels}, floats(in.features));
-  a.points = ctx.upload({p, 3}, floats(in.points));
+  a.features = ctx.upload({v, in.t, in.t, in.channels}, test::as_floats(in.features));
+  a.points = ctx.upload({p, 3}, test::as_floats(in.points));
   a.cameras = &cameras;
   a.image = in.image;
   a.half_pixel = in.half_pixel;
@@ -43,7 +42,7 @@ class ProjectFeatures : public test::FlavourTest {
     SCOPED_TRACE(fmt::format("{} views, {} texels, {} x {}", views, t, c, p));
     const auto in = make_case(views, t, c, p, half_pixel, by_distance, reach);
     const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
-    const ProjectFeaturesForward a = upload(ctx(), in, cameras);
+    const ProjectFeaturesForward a = upload_project_features(ctx(), in, cameras);
     project_features_forward(ctx(), a);
     // A texel's position is exact to about 1e-6 t, and neighbouring texels differ by up to 2.
     EXPECT_TRUE(test::close(ctx().read<float>(a.out), ref::project_features(in), 2e-5));
@@ -81,7 +80,7 @@ TEST_P(ProjectFeatures, EmptyInput) {
   const auto in = make_case(2, 2, 3, 0, true, false, 1);
   const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
   ProjectFeaturesBackward b;
-  b.forward = upload(ctx(), in, cameras);
+  b.forward = upload_project_features(ctx(), in, cameras);
   project_features_forward(ctx(), b.forward);
   EXPECT_TRUE(ctx().read<float>(b.forward.out).empty());
   b.dout = ctx().tensor({0, 3});
@@ -125,9 +124,9 @@ TEST_P(ProjectFeatures, RejectsBadShape) {
   const DeviceCameras three = upload_cameras(ctx(), test::orbit(3, 16)),
                       two = upload_cameras(ctx(), test::orbit(2, 16));
   const auto in = make_case(2, 2, 3, 5, true, false, 1);
-  EXPECT_THROW(project_features_forward(ctx(), upload(ctx(), in, three)), Error);
+  EXPECT_THROW(project_features_forward(ctx(), upload_project_features(ctx(), in, three)), Error);
   ProjectFeaturesBackward b;
-  b.forward = upload(ctx(), in, two);
+  b.forward = upload_project_features(ctx(), in, two);
   b.dout = ctx().tensor({5, 4});
   b.dpoints = ctx().tensor({5, 3});
   b.dfeatures = ctx().tensor({2, 2, 2, 3});

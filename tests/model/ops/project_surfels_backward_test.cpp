@@ -17,9 +17,9 @@ namespace {
 
 // A loss that is linear in a surfel's record: its derivatives, by the record's numbers. That by the opacity is by its
 // logarithm to base e.
-using Loss = std::array<double, 20>;
+using ProjectSurfelsBackwardLoss = std::array<double, 20>;
 
-double value_of(const Loss& by, const ref::Surfel& s) {
+double value_of(const ProjectSurfelsBackwardLoss& by, const ref::Surfel& s) {
   const std::array<double, 20> record = ref::record_of(s);
   double sum = 0;
   for (std::size_t i = 0; i < 20; ++i)
@@ -36,7 +36,7 @@ class ProjectSurfelsBackward : public test::FlavourTest {
     std::vector<std::uint32_t> ids, offsets{0};
     std::vector<float> records, rows;
     std::vector<std::uint8_t> touched;
-    std::vector<Loss> losses;
+    std::vector<ProjectSurfelsBackwardLoss> losses;
   };
 
   // Rows at random, and the loss that they stand for. Each is split over up to four tiles.
@@ -68,7 +68,7 @@ class ProjectSurfelsBackward : public test::FlavourTest {
         p.touched.push_back(1);
       }
       p.offsets.push_back(static_cast<std::uint32_t>(p.touched.size()));
-      Loss by{};
+      ProjectSurfelsBackwardLoss by{};
       by[0] = r[4] * row[1] + r[6] * row[2] + r[8] * row[3] + row[10];
       by[1] = r[5] * row[1] + r[7] * row[2] + r[9] * row[3] + row[11];
       by[2] = row[0];

@@ -22,12 +22,13 @@ SurfelRevision revision_of(const ref::SurfelOptions& o) {
 }
 
 // By the scene's indices; records of those that are seen alone.
-struct Result {
+struct ProjectSurfelsResult {
   std::vector<float> records;
   std::vector<std::uint32_t> rects, keys;
 };
 
-Result run(Context& ctx, const Gaussians& g, const Camera& cam, const ref::SurfelOptions& o = {}) {
+ProjectSurfelsResult run_project_surfels(Context& ctx, const Gaussians& g, const Camera& cam,
+                                         const ref::SurfelOptions& o = {}) {
   std::optional<std::array<float, 3>> mirror;
   if (o.options.mirror) {
     const Eigen::Vector3f m = o.options.mirror->cast<float>();
@@ -40,8 +41,8 @@ Result run(Context& ctx, const Gaussians& g, const Camera& cam, const ref::Surfe
   const Culled culled{ctx.upload({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef), Type::u32),
                       ctx.tensor({k}, Type::u32), Tensor()};
   project_surfels_cull(ctx, d, 0, views, 1, cam.width, cam.height, revision_of(o), culled);
-  Result out{std::vector<float>(20 * g.count, NAN), ctx.read<std::uint32_t>(culled.rects),
-             ctx.read<std::uint32_t>(culled.keys)};
+  ProjectSurfelsResult out{std::vector<float>(20 * g.count, NAN), ctx.read<std::uint32_t>(culled.rects),
+                           ctx.read<std::uint32_t>(culled.keys)};
   std::vector<std::uint32_t> ids;
   for (std::uint32_t i = 0; i < g.count; ++i)
     if (out.rects[2 * i + 1] != 0) ids.push_back(i);
@@ -66,7 +67,8 @@ void for_each_seen(const ref::Surfel& s, const ref::SurfelOptions& o, const Work
       if (ref::meet(s, x + 0.5, y + 0.5, o).alpha > 1.001 / 255) work(x, y);
 }
 
-void check(const ref::Surfel& want, const Result& got, std::size_t k, double focal, const ref::SurfelOptions& o) {
+void check_project_surfels(const ref::Surfel& want, const ProjectSurfelsResult& got, std::size_t k, double focal,
+                           const ref::SurfelOptions& o) {
   const std::uint32_t x = got.rects[2 * k], y = got.rects[2 * k + 1];
   if (want.culled || want.opacity < 1.0f / 255) {
     EXPECT_EQ(x, 0u);
@@ -117,10 +119,10 @@ TEST_P(ProjectSurfels, MatchesReference) {
       const ref::SurfelOptions o{{}, current};
       const Gaussians g = test::make_surfels(c, 21);
       const Camera cam = test::make_camera(c, 21);
-      const Result got = run(ctx(), g, cam, o);
+      const ProjectSurfelsResult got = run_project_surfels(ctx(), g, cam, o);
       for (std::size_t k = 0; k < g.count; ++k) {
         SCOPED_TRACE(c.name + (current ? ", current" : "") + ", surfel " + std::to_string(k));
-        check(ref::project_surfel(g, k, cam, o), got, k, std::max(cam.fx, cam.fy), o);
+        check_project_surfels(ref::project_surfel(g, k, cam, o), got, k, std::max(cam.fx, cam.fy), o);
         if (HasFailure()) return;
       }
     }
@@ -135,8 +137,8 @@ TEST_P(ProjectSurfels, ObeysMirrorNearPlaneAndLengthOfQuaternions) {
   ref::SurfelOptions o;
   o.options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
   o.options.near = 1.5f;
-  const Result got = run(ctx(), g, cam, o);
-  for (std::size_t k = 0; k < g.count; ++k) check(ref::project_surfel(g, k, cam, o), got, k, cam.fx, o);
+  const ProjectSurfelsResult got = run_project_surfels(ctx(), g, cam, o);
+  for (std::size_t k = 0; k < g.count; ++k) check_project_surfels(ref::project_surfel(g, k, cam, o), got, k, cam.fx, o);
 }
 
 // Seen edge on, without extent, behind the camera, at the near plane, or no number: left out. What is beside it is not.
@@ -162,7 +164,7 @@ TEST_P(ProjectSurfels, LeavesOutWhatCannotBeDrawn) {
   cam.fx = cam.fy = 40;
   cam.cx = cam.cy = 20;
   for (const bool current : {false, true}) {
-    const Result got = run(ctx(), g, cam, {{}, current});
+    const ProjectSurfelsResult got = run_project_surfels(ctx(), g, cam, {{}, current});
     for (std::size_t k = 0; k < g.count; ++k) EXPECT_EQ(got.rects[2 * k] != 0, k == 0) << k;
   }
 }
@@ -172,7 +174,7 @@ TEST_P(ProjectSurfels, TakesTheSceneInChunks) {
   const test::SceneCase c{"", 101, 2, 64, 64, ""};
   const Gaussians g = test::make_surfels(c, 25);
   const Camera cam = test::make_camera(c, 25);
-  const Result whole = run(ctx(), g, cam);
+  const ProjectSurfelsResult whole = run_project_surfels(ctx(), g, cam);
   const Tensor views = upload_views(ctx(), {cam}, 0.2f, {});
   const Culled culled{ctx().tensor({101, 2}, Type::u32), ctx().tensor({101}, Type::u32), Tensor()};
   std::vector<std::uint32_t> ids(101);

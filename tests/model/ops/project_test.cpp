@@ -17,13 +17,13 @@ namespace {
 class Project : public test::FlavourTest {};
 
 // By the scene's indices; records of those that are seen alone.
-struct Result {
+struct ProjectResult {
   std::vector<float> records;
   std::vector<std::uint32_t> rects, keys;
 };
 
-Result run(Context& ctx, const Gaussians& g, const Camera& cam,
-           const std::optional<std::array<float, 3>>& mirror = {}) {
+ProjectResult run_project(Context& ctx, const Gaussians& g, const Camera& cam,
+                          const std::optional<std::array<float, 3>>& mirror = {}) {
   const Tensor views =
       upload_views(ctx, {Camera(test::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5)), cam}, 0.2f, mirror);
   const long k = static_cast<long>(g.count);
@@ -31,8 +31,8 @@ Result run(Context& ctx, const Gaussians& g, const Camera& cam,
   const Culled culled{ctx.upload({k, 2}, std::vector<std::uint32_t>(2 * g.count, 0xdeadbeef), Type::u32),
                       ctx.tensor({k}, Type::u32), Tensor()};
   project_cull(ctx, d, 0, views, 1, cam.width, cam.height, culled);
-  Result out{std::vector<float>(12 * g.count, NAN), ctx.read<std::uint32_t>(culled.rects),
-             ctx.read<std::uint32_t>(culled.keys)};
+  ProjectResult out{std::vector<float>(12 * g.count, NAN), ctx.read<std::uint32_t>(culled.rects),
+                    ctx.read<std::uint32_t>(culled.keys)};
   std::vector<std::uint32_t> ids;
   for (std::uint32_t i = 0; i < g.count; ++i)
     if (out.rects[2 * i + 1] != 0) ids.push_back(i);
@@ -62,7 +62,7 @@ bool touches(const ref::Splat& s, int tx, int ty) {
   return false;
 }
 
-void check(const ref::Splat& want, const Result& got, std::size_t k, double focal) {
+void check_project(const ref::Splat& want, const ProjectResult& got, std::size_t k, double focal) {
   const std::uint32_t x = got.rects[2 * k], y = got.rects[2 * k + 1];
   if (want.culled || want.opacity < 1.0f / 255) {
     EXPECT_EQ(x, 0u);
@@ -100,10 +100,10 @@ TEST_P(Project, MatchesReference) {
   for (const test::SceneCase& c : test::scene_cases()) {
     const Gaussians g = test::make_scene(c, 21);
     const Camera cam = test::make_camera(c, 21);
-    const Result got = run(ctx(), g, cam);
+    const ProjectResult got = run_project(ctx(), g, cam);
     for (std::size_t k = 0; k < g.count; ++k) {
       SCOPED_TRACE(c.name + ", Gaussian " + std::to_string(k));
-      check(ref::project(g, k, cam, {}), got, k, std::max(cam.fx, cam.fy));
+      check_project(ref::project(g, k, cam, {}), got, k, std::max(cam.fx, cam.fy));
       if (HasFailure()) return;
     }
   }
@@ -115,8 +115,8 @@ TEST_P(Project, MirrorsTheCameraForColours) {
   const Camera cam = test::make_camera(c, 22);
   ref::Options options;
   options.mirror = Eigen::Vector3d(0.5, -1, 0.25);
-  const Result got = run(ctx(), g, cam, std::array<float, 3>{0.5f, -1, 0.25f});
-  for (std::size_t k = 0; k < g.count; ++k) check(ref::project(g, k, cam, options), got, k, cam.fx);
+  const ProjectResult got = run_project(ctx(), g, cam, std::array<float, 3>{0.5f, -1, 0.25f});
+  for (std::size_t k = 0; k < g.count; ++k) check_project(ref::project(g, k, cam, options), got, k, cam.fx);
 }
 
 TEST_P(Project, TakesQuaternionsOfAnyLength) {
@@ -127,8 +127,8 @@ TEST_P(Project, TakesQuaternionsOfAnyLength) {
     g.quats[i] *= static_cast<float>(1 + gaussian);
   }
   const Camera cam = test::make_camera(c, 23);
-  const Result got = run(ctx(), g, cam);
-  for (std::size_t k = 0; k < g.count; ++k) check(ref::project(g, k, cam, {}), got, k, cam.fx);
+  const ProjectResult got = run_project(ctx(), g, cam);
+  for (std::size_t k = 0; k < g.count; ++k) check_project(ref::project(g, k, cam, {}), got, k, cam.fx);
 }
 
 // A chunk of a larger scene is projected as the whole of it is, wherever it begins and however many it has.
@@ -136,7 +136,7 @@ TEST_P(Project, TakesTheSceneInChunks) {
   const test::SceneCase c{"", 101, 2, 64, 64, ""};
   const Gaussians g = test::make_scene(c, 25);
   const Camera cam = test::make_camera(c, 25);
-  const Result whole = run(ctx(), g, cam);
+  const ProjectResult whole = run_project(ctx(), g, cam);
   const Tensor views = upload_views(ctx(), {cam}, 0.2f, {});
   const Culled culled{ctx().tensor({101, 2}, Type::u32), ctx().tensor({101}, Type::u32), Tensor()};
   std::vector<std::uint32_t> ids(101);

@@ -20,12 +20,11 @@ ref::SamplePointsCase make_case(long views, long size, long p, bool half_pixel, 
   return in;
 }
 
-std::vector<float> floats(const std::vector<double>& x) { return {x.begin(), x.end()}; }
-
-SamplePointsForward upload(Context& ctx, const ref::SamplePointsCase& in, const DeviceCameras& cameras) {
+SamplePointsForward upload_sample_points(Context& ctx, const ref::SamplePointsCase& in, const DeviceCameras& cameras) {
   const long v = static_cast<long>(in.cameras.size()), p = static_cast<long>(in.points.size() / 3);
-  return {ctx.upload({v, in.size, in.size, 8}, floats(in.maps)), ctx.upload({p, 3}, floats(in.points)), &cameras,
-          in.half_pixel, ctx.upload({p, v, 8}, test::nans(static_cast<std::size_t>(8 * p * v)))};
+  return {ctx.upload({v, in.size, in.size, 8}, test::as_floats(in.maps)),
+          ctx.upload({p, 3}, test::as_floats(in.points)), &cameras, in.half_pixel,
+          ctx.upload({p, v, 8}, test::nans(static_cast<std::size_t>(8 * p * v)))};
 }
 
 class SamplePoints : public test::FlavourTest {
@@ -34,7 +33,7 @@ class SamplePoints : public test::FlavourTest {
     SCOPED_TRACE(fmt::format("{} views of {}, {} points", views, size, p));
     const auto in = make_case(views, size, p, half_pixel, reach);
     const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
-    const SamplePointsForward a = upload(ctx(), in, cameras);
+    const SamplePointsForward a = upload_sample_points(ctx(), in, cameras);
     sample_points_forward(ctx(), a);
     // A pixel's position is exact to about 1e-6 of the picture, and neighbouring pixels differ by up to 2.
     EXPECT_TRUE(test::close_by_channel(ctx().read<float>(a.out), in.all(), 8, 2e-5));
@@ -71,11 +70,11 @@ TEST_P(SamplePoints, OutsideThePicturesIsZero) { check(3, 5, 150, true, 1.2f); }
 TEST_P(SamplePoints, EmptyAndBadShape) {
   const auto in = make_case(2, 3, 0, true, 1);
   const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
-  SamplePointsForward a = upload(ctx(), in, cameras);
+  SamplePointsForward a = upload_sample_points(ctx(), in, cameras);
   sample_points_forward(ctx(), a);
   const Tensor none = ctx().tensor({0, 2, 8});
   sample_points_backward(ctx(), {a, none, ctx().tensor({0, 3}), a.maps});
-  EXPECT_EQ(ctx().read<float>(a.maps), floats(in.maps)) << "nothing is added";
+  EXPECT_EQ(ctx().read<float>(a.maps), test::as_floats(in.maps)) << "nothing is added";
   a.points = ctx().tensor({4, 3});
   EXPECT_THROW(sample_points_forward(ctx(), a), Error) << "4 points, room for none";
   a.out = ctx().tensor({4, 3, 8});

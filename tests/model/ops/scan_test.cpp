@@ -17,7 +17,7 @@ std::vector<std::uint32_t> random_counts(long n, std::uint32_t bound) {
   return v;
 }
 
-void check(Context& ctx, long n, std::uint32_t bound) {
+void check_scan(Context& ctx, long n, std::uint32_t bound) {
   const std::vector<std::uint32_t> in = random_counts(n, bound);
   const Tensor x = ctx.upload({n}, in, Type::u32);
   const Tensor y =
@@ -29,12 +29,12 @@ void check(Context& ctx, long n, std::uint32_t bound) {
 TEST(Scan, MatchesReferenceAtEverySizeThatBreaksThings) {
   Context& ctx = test::context(Flavour::cpu);
   // A block is 64 * 32 = 2048 elements; the second and third level begin at 2049 and 2048^2 + 1.
-  for (const long n : {1L, 3L, 7L, 31L, 32L, 33L, 101L, 2047L, 2048L, 2049L, 4096L, 65537L}) check(ctx, n, 1000);
+  for (const long n : {1L, 3L, 7L, 31L, 32L, 33L, 101L, 2047L, 2048L, 2049L, 4096L, 65537L}) check_scan(ctx, n, 1000);
 }
 
-TEST(Scan, ThreeLevels) { check(test::context(Flavour::cpu), 2048L * 2048 + 5, 2); }
+TEST(Scan, ThreeLevels) { check_scan(test::context(Flavour::cpu), 2048L * 2048 + 5, 2); }
 
-TEST(Scan, WrapsAroundModulo2To32) { check(test::context(Flavour::cpu), 5000, 0xFFFFFFFFu); }
+TEST(Scan, WrapsAroundModulo2To32) { check_scan(test::context(Flavour::cpu), 5000, 0xFFFFFFFFu); }
 
 TEST(Scan, EmptyInputHasTotalZero) {
   Context& ctx = test::context(Flavour::cpu);

@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-struct Case {
+struct ScatterRowsCase {
   long entries, rows, channels, per_row;
   long first = 0;
   float scale = 1;
@@ -18,7 +18,7 @@ class ScatterRowsOp : public test::FlavourTest {
  protected:
   // Indices from -1 on, so that some entries are passed over; every fifth weight is 0. A weight of 0 keeps whatever its
   // entry's row of d holds from the result, so those that nothing else reads are NaN.
-  void check(const Case& k) {
+  void check(const ScatterRowsCase& k) {
     const auto entries = static_cast<std::size_t>(k.entries), channels = static_cast<std::size_t>(k.channels);
     const auto per_row = static_cast<std::size_t>(k.per_row), first = static_cast<std::size_t>(k.first);
     std::vector<int> index(entries);

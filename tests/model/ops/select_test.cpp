@@ -31,7 +31,7 @@ Chosen reference(const std::string& selection, const std::vector<float>& logits,
   return out;
 }
 
-void check(const std::string& selection, std::size_t n, bool noisy) {
+void check_select(const std::string& selection, std::size_t n, bool noisy) {
   Context& ctx = test::context(Flavour::cpu);
   const std::vector<float> logits = test::random_floats(n, 51), opacities = test::random_floats(n, 52, 0.0f, 1.0f);
   const std::vector<float> noise = noisy ? test::random_floats(n, 53, -2.0f, 2.0f) : std::vector<float>{};
@@ -61,11 +61,11 @@ void check(const std::string& selection, std::size_t n, bool noisy) {
 
 TEST(Select, EveryVariantMatchesReferenceAndCompactsInOrder) {
   for (const std::size_t n : {1, 3, 63, 64, 65, 1009, 4099}) {
-    check("gumbel", n, false);
-    check("gumbel", n, true);
-    check("sigmoid", n, true);
-    check("ste", n, false);
-    check("opacity", n, true);
+    check_select("gumbel", n, false);
+    check_select("gumbel", n, true);
+    check_select("sigmoid", n, true);
+    check_select("ste", n, false);
+    check_select("opacity", n, true);
   }
 }
 

@@ -17,7 +17,7 @@ using test::random_floats;
 
 std::size_t count(long a, long b) { return static_cast<std::size_t>(a * b); }
 
-struct Try {
+struct SparseConvTry {
   int r;
   float share;  // of the voxels that are active
   long cin, cout;
@@ -26,7 +26,7 @@ struct Try {
   int side = 3;
 };
 
-ref::SparseConvCase make_case(const Try& t) {
+ref::SparseConvCase make_case(const SparseConvTry& t) {
   ref::SparseConvCase c;
   c.side = t.side, c.r = t.r, c.cout = t.cout;
   const auto lot = random_floats(count(t.r, t.r) * static_cast<std::size_t>(t.r), 1, 0, 1);
@@ -69,7 +69,7 @@ class SparseConv : public test::FlavourTest {
     return a;
   }
 
-  void check(const Try& t) {
+  void check(const SparseConvTry& t) {
     SCOPED_TRACE(fmt::format("{} of {}^3, {}+{} -> {}, side {}", t.share, t.r, t.cin, t.c1, t.cout, t.side));
     const ref::SparseConvCase c = make_case(t);
     ASSERT_FALSE(c.voxel.empty());
@@ -95,7 +95,7 @@ class SparseConv : public test::FlavourTest {
 VSPLAT_FLAVOURS(SparseConv);
 
 TEST_P(SparseConv, ForwardMatchesReference) {
-  for (const Try& t : {Try{4, 0.6f, 5, 7, 3, true}, Try{3, 0.5f, 12, 33, 0, false, 1}}) {
+  for (const SparseConvTry& t : {SparseConvTry{4, 0.6f, 5, 7, 3, true}, SparseConvTry{3, 0.5f, 12, 33, 0, false, 1}}) {
     const ref::SparseConvCase c = make_case(t);
     const SubmanifoldBackward a = upload(c, random_floats(count(c.in.rows, t.cout), 9), c.w);
     const ConvWeights packed =

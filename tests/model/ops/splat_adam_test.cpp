@@ -10,8 +10,6 @@
 namespace vsplat {
 namespace {
 
-std::vector<double> doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
-
 class SplatAdamOp : public test::FlavourTest {
  protected:
   // Five steps, at a rate so high that the rounding of the parameters hides nothing of them. `shape` is of one
@@ -35,7 +33,7 @@ class SplatAdamOp : public test::FlavourTest {
                               static_cast<double>(a.high),
                               width,
                               a.head > 0 ? static_cast<std::size_t>(a.head) : width};
-    auto param = doubles(start);
+    auto param = test::as_doubles(start);
     std::vector<double> m(size), v(size);
     for (a.step = 1; a.step <= 5; ++a.step) {
       // Over many magnitudes, down to where a larger eps counts.
@@ -43,7 +41,7 @@ class SplatAdamOp : public test::FlavourTest {
       for (std::size_t i = 0; i < size; i += 2) grad[i] *= 1e6f;
       a.grad = ctx().upload(shape, grad);
       splat_adam(ctx(), a);
-      ref::splat_adam(want, a.step, doubles(grad), param, m, v);
+      ref::splat_adam(want, a.step, test::as_doubles(grad), param, m, v);
       EXPECT_TRUE(test::close(ctx().read<float>(a.param), param, 2e-6)) << "step " << a.step;
       EXPECT_TRUE(test::close(ctx().read<float>(a.m), m, 1e-6)) << "step " << a.step;
       EXPECT_TRUE(test::close(ctx().read<float>(a.v), v, 1e-6)) << "step " << a.step;

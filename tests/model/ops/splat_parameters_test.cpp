@@ -12,8 +12,6 @@ namespace {
 
 constexpr std::size_t kSizes[] = {0, 1, 3, 7, 63, 64, 65, 1009};
 
-std::vector<double> doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
-
 // got / want, for what spans many magnitudes.
 ::testing::AssertionResult close_each(const std::vector<float>& got, const std::vector<double>& want,
                                       double tolerance) {
@@ -39,7 +37,7 @@ class SplatParametersOp : public test::FlavourTest {
          ctx().upload({n}, logits), ctx().upload({n, 4, 3}, test::nans(12 * count))};
     drop = dropping;
     left = {static_cast<double>(dropping.share), dropping.seed, dropping.draw};
-    reference = {doubles(means), doubles(log_scales), doubles(logits)};
+    reference = {test::as_doubles(means), test::as_doubles(log_scales), test::as_doubles(logits)};
   }
 
   std::vector<float> opacities() {
@@ -59,9 +57,9 @@ class SplatParametersOp : public test::FlavourTest {
     SplatParametersBackward a{
         x, drop, {ctx().upload({n, 3}, dmeans), ctx().upload({n, 3}, dscales), {}, ctx().upload({n}, dopacities), {}}};
     a.opacity_weight = opacity_weight, a.scale_weight = scale_weight, a.pull = pull;
-    ref::SplatLoss loss{doubles(dmeans),
-                        doubles(dscales),
-                        doubles(dopacities),
+    ref::SplatLoss loss{test::as_doubles(dmeans),
+                        test::as_doubles(dscales),
+                        test::as_doubles(dopacities),
                         left,
                         static_cast<double>(opacity_weight),
                         static_cast<double>(scale_weight),

@@ -11,11 +11,11 @@ class Resample3d : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Resample3d);
 
 TEST_P(Resample3d, UpsamplingMatchesReference) {
-  struct Size {
+  struct Upsample3dSize {
     long d, h, w, c;
   };
   for (const auto& [d, h, w, c] :
-       {Size{1, 1, 1, 1}, {1, 2, 3, 5}, {2, 3, 1, 16}, {3, 2, 5, 19}, {4, 4, 4, 33}, {2, 2, 2, 130}}) {
+       {Upsample3dSize{1, 1, 1, 1}, {1, 2, 3, 5}, {2, 3, 1, 16}, {3, 2, 5, 19}, {4, 4, 4, 33}, {2, 2, 2, 130}}) {
     const std::vector<float> x = test::random_floats(static_cast<std::size_t>(d * h * w * c), 21);
     const Tensor out = ctx().upload({8 * d * h * w, c}, test::nans(8 * x.size()));
     upsample3d_forward(ctx(), {ctx().upload({d * h * w, c}, x), d, h, w, out});
@@ -26,11 +26,11 @@ TEST_P(Resample3d, UpsamplingMatchesReference) {
 
 // The reference is the forward's differences, exact for a linear map.
 TEST_P(Resample3d, BackwardMatchesReference) {
-  struct Size {
+  struct Upsample3dSize {
     long d, h, w, c;
   };
   for (const auto& [d, h, w, c] :
-       {Size{1, 1, 1, 1}, {1, 2, 3, 5}, {2, 3, 1, 16}, {3, 2, 5, 19}, {4, 4, 4, 3}, {1, 2, 2, 33}}) {
+       {Upsample3dSize{1, 1, 1, 1}, {1, 2, 3, 5}, {2, 3, 1, 16}, {3, 2, 5, 19}, {4, 4, 4, 3}, {1, 2, 2, 33}}) {
     const std::vector<float> dy = test::random_floats(static_cast<std::size_t>(8 * d * h * w * c), 22);
     const Tensor in = ctx().upload({8 * d * h * w, c}, dy),
                  out = ctx().upload({d * h * w, c}, test::nans(dy.size() / 8));

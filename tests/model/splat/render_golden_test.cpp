@@ -64,26 +64,26 @@ TEST_P(RenderGolden, MatchesAndGivesTheSameBytesEveryTime) {
   }
 }
 
-std::string case_name(const ::testing::TestParamInfo<RenderGolden::ParamType>& info) {
+std::string golden_name(const ::testing::TestParamInfo<RenderGolden::ParamType>& info) {
   return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
 }
 
 INSTANTIATE_TEST_SUITE_P(Committed, RenderGolden,
                          ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
                                             ::testing::ValuesIn(test::splat_committed())),
-                         case_name);
+                         golden_name);
 INSTANTIATE_TEST_SUITE_P(Made, RenderGolden,
                          ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
                                             ::testing::ValuesIn(test::splat_made())),
-                         case_name);
+                         golden_name);
 INSTANTIATE_TEST_SUITE_P(CommittedSurfels, RenderGolden,
                          ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
                                             ::testing::ValuesIn(test::surfels_committed())),
-                         case_name);
+                         golden_name);
 INSTANTIATE_TEST_SUITE_P(MadeSurfels, RenderGolden,
                          ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
                                             ::testing::ValuesIn(test::surfels_made())),
-                         case_name);
+                         golden_name);
 
 }  // namespace
 }  // namespace vsplat

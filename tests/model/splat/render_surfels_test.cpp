@@ -56,7 +56,7 @@ ref::SurfelOptions reference_of(const RenderOptions& options) {
   return o;
 }
 
-void expect_like_reference(Context& ctx, const Gaussians& g, const Camera& cam, const RenderOptions& options) {
+void expect_surfels_like_reference(Context& ctx, const Gaussians& g, const Camera& cam, const RenderOptions& options) {
   const ref::SurfelFrame want = ref::render_surfels(g, cam, reference_of(options));
   const Picture got = render_picture(ctx, upload(ctx, g), cam, options);
   EXPECT_TRUE(maps_close(got.colour, want.colour, 1)) << "colour";
@@ -78,7 +78,7 @@ TEST_P(RenderSurfels, MatchesReference) {
       // What the later state draws of a plane near its horizon is as large as it is uncertain.
       if (current && (c.kind == "near" || c.kind == "large")) continue;
       SCOPED_TRACE(c.name + (current ? ", current" : ""));
-      expect_like_reference(ctx(), test::make_surfels(c, 1), test::make_camera(c, 1), all_maps(current));
+      expect_surfels_like_reference(ctx(), test::make_surfels(c, 1), test::make_camera(c, 1), all_maps(current));
     }
   }
 }
@@ -88,7 +88,7 @@ TEST_P(RenderSurfels, ObeysNearPlaneAndMirrorsTheCameraForColours) {
   RenderOptions options = all_maps();
   options.near = 1.5f;
   options.mirror = {0.1f, -0.2f, 0.3f};
-  expect_like_reference(ctx(), test::make_surfels(c, 5), test::make_camera(c, 5), options);
+  expect_surfels_like_reference(ctx(), test::make_surfels(c, 5), test::make_camera(c, 5), options);
 }
 
 TEST_P(RenderSurfels, MapsAreOfSurfelsAlone) {
@@ -173,15 +173,15 @@ struct Cotangent {
   PictureGradient gradient;
 };
 
-struct Gradient {
+struct SurfelsGradient {
   Gaussians gaussians;
   std::array<double, 6> pose{};
 };
 
-Gradient differentiate(Context& ctx, const GaussianChunks& scene, const Camera& cam, const RenderOptions& options,
-                       const PictureGradient& by) {
+SurfelsGradient differentiate(Context& ctx, const GaussianChunks& scene, const Camera& cam,
+                              const RenderOptions& options, const PictureGradient& by) {
   const SceneGradient out = zero_gradient(ctx, scene);
-  Gradient result;
+  SurfelsGradient result;
   render_backward(ctx, scene, cam, options, by, out, &result.pose);
   result.gaussians = download(ctx, out, scene.sh_degree);
   return result;
@@ -225,7 +225,7 @@ TEST_P(RenderSurfels, MatchesDifferences) {
     const auto loss = [&](const Gaussians& scene, const Camera& camera) {
       return by.loss(ref::render_surfels(scene, camera, reference));
     };
-    const Gradient got = differentiate(ctx(), upload(ctx(), g), cam, options, by.gradient);
+    const SurfelsGradient got = differentiate(ctx(), upload(ctx(), g), cam, options, by.gradient);
     const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, const char* name,
                              std::size_t channels = 1) {
       std::vector<double> want;
@@ -275,7 +275,7 @@ TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
   const SceneCase c{"", 70000, 1, 200, 120, ""};
   const Gaussians g = test::make_surfels(c, 47);
   const Camera cam = test::make_camera(c, 47);
-  const Gradient want =
+  const SurfelsGradient want =
       differentiate(ctx(), upload(ctx(), g), cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
   const GaussianChunks chunks(
       static_cast<long>(g.count), g.sh_degree, kChunkUnit,
@@ -285,13 +285,13 @@ TEST_P(RenderSurfels, DifferentiatesInPartsAndChunks) {
       },
       GaussianKind::surfel);
   ASSERT_EQ(chunks.chunks(), 2);
-  const Gradient same = differentiate(ctx(), chunks, cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
+  const SurfelsGradient same = differentiate(ctx(), chunks, cam, {}, Cotangent(ctx(), cam.width, cam.height).gradient);
   expect_close(same.gaussians, want.gaussians, 0);
   EXPECT_EQ(same.pose, want.pose);
   ContextOptions few;
   few.max_memory_gib = 0.04;
   const auto small = test::open_context(GetParam(), few);
-  const Gradient got =
+  const SurfelsGradient got =
       differentiate(*small, upload(*small, g), cam, {}, Cotangent(*small, cam.width, cam.height).gradient);
   expect_close(got.gaussians, want.gaussians, 2e-5);
   EXPECT_LE(static_cast<double>(small->memory().peak()), few.max_memory_gib * (1 << 30));

@@ -281,8 +281,6 @@ TEST_P(Render, SurvivesThePly) {
   std::filesystem::remove(path);
 }
 
-std::vector<double> widened(const std::vector<float>& v) { return {v.begin(), v.end()}; }
-
 // The specification's own Gaussians drawn, against its pictures.
 TEST_P(Render, MatchesTheSpecificationsPictures) {
   for (const std::string& name : test::golden_present()) {
@@ -304,7 +302,7 @@ TEST_P(Render, MatchesTheSpecificationsPictures) {
       }
       // The file has pictures of more views than the network took.
       const auto want = [&](const char* part, std::size_t count) {
-        std::vector<double> all = widened(golden.floats("render." + level + "." + part));
+        std::vector<double> all = test::as_doubles(golden.floats("render." + level + "." + part));
         EXPECT_GE(all.size(), count);
         all.resize(count);
         return all;

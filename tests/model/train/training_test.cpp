@@ -152,12 +152,12 @@ std::string case_name(const ::testing::TestParamInfo<GoldenGradients::ParamType>
   return std::string(name_of(std::get<0>(info.param))) + "_" + std::get<1>(info.param);
 }
 const auto kFlavours = ::testing::Values(Flavour::cpu, Flavour::gpu);
-const auto kEveryCase = ::testing::ValuesIn(test::training_cases());
-INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::cpu), kEveryCase),
-                         case_name);
+const auto kQuick = ::testing::ValuesIn(test::quick_training_cases());
+const auto kSlow = ::testing::ValuesIn(test::slow_training_cases());
+INSTANTIATE_TEST_SUITE_P(Made, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::cpu), kQuick), case_name);
+INSTANTIATE_TEST_SUITE_P(SlowCases, GoldenGradients, ::testing::Combine(kFlavours, kSlow), case_name);
 // Three times as long on a CPU: some of them quick.
-INSTANTIATE_TEST_SUITE_P(Slow, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::gpu), kEveryCase),
-                         case_name);
+INSTANTIATE_TEST_SUITE_P(Slow, GoldenGradients, ::testing::Combine(::testing::Values(Flavour::gpu), kQuick), case_name);
 INSTANTIATE_TEST_SUITE_P(Some, GoldenGradients,
                          ::testing::Combine(::testing::Values(Flavour::gpu),
                                             ::testing::Values("train", "train_empty_ste", "train_mirrored")),
