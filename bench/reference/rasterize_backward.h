@@ -10,7 +10,7 @@
 namespace vsplat::ref {
 
 // What a row is: the columns of cl/rasterize_backward.cl, or with pulls the two of its PULL.
-enum class Rows { sums, pulls, pulls_through_clamp };
+enum class RowKind { sums, pulls, pulls_through_clamp };
 
 // records [V,12], ids [N] and starts as model/ops/tile_bin.h has them, derivatives of a loss by colour [H,W,3], alpha
 // and depth [H,W]. Returns [N,10] (or [N,2]), the rows of cl/rasterize_backward.cl in the order of ids.
@@ -18,13 +18,13 @@ inline std::vector<double> blend_backward(const std::vector<float>& records, con
                                           const std::vector<std::uint32_t>& starts, int width, int height,
                                           const std::array<float, 3>& background, const std::vector<float>& by_colour,
                                           const std::vector<float>& by_alpha, const std::vector<float>& by_depth,
-                                          Rows kind = Rows::sums) {
+                                          RowKind kind = RowKind::sums) {
   struct Seen {
     std::size_t i;
     double alpha, before, dx, t, full;
     bool held;
   };
-  const std::size_t columns = kind == Rows::sums ? 10 : 2;
+  const std::size_t columns = kind == RowKind::sums ? 10 : 2;
   std::vector<double> rows(columns * ids.size());
   std::size_t pixel = 0;
   for (int y = 0; y < height; ++y) {
@@ -50,9 +50,9 @@ inline std::vector<double> blend_backward(const std::vector<float>& records, con
         double by_weight = by_alpha[pixel] + by_depth[pixel] * r[3];
         for (std::size_t c = 0; c < 3; ++c) by_weight += by_colour[3 * pixel + c] * r[8 + c];
         const double w = s->before * s->alpha;
-        const double by_free = kind == Rows::pulls_through_clamp ? s->full : s->held ? 0 : s->alpha;
+        const double by_free = kind == RowKind::pulls_through_clamp ? s->full : s->held ? 0 : s->alpha;
         const double h = by_free * s->before * (by_weight - by_after);
-        if (kind != Rows::sums) {
+        if (kind != RowKind::sums) {
           // ln alpha = ln 2 (.. + qx dx^2 + qy (dy - k dx)^2)
           const double ln4 = 2 * std::log(2.0), by_t = ln4 * r[7] * s->t;
           rows[2 * s->i] += std::abs(h * (ln4 * r[6] * s->dx - r[5] * by_t));

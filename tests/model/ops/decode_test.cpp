@@ -248,7 +248,7 @@ TEST(Decode, PointsAndTheirBackwardMatchReference) {
 
     const Tensor draw = ctx.upload({p, size}, test::nans(raw.size()));
     const Tensor dpoints = ctx.upload({p, 3}, test::nans(points.size()));
-    decode_points_backward(ctx, {on_device, unit, row0, upload(ctx, d, n, s), draw, dpoints});
+    decode_points_backward(ctx, {on_device, unit, row0, upload_gradients(ctx, d, n, s), draw, dpoints});
     EXPECT_TRUE(close(ctx.read<float>(draw), by_raw, 1e-6));
     EXPECT_TRUE(close(ctx.read<float>(dpoints), by_points, 0));
     EXPECT_THROW(decode_points_forward(ctx, {on_device, dpoints, unit, row0 + 2, out}), Error);

@@ -102,7 +102,7 @@ TEST_P(RasterizeBackward, PullsMatchReference) {
     const test::Records c = test::make_records(width, height, per_tile, opacity, 3);
     const Upstream up = random_upstream(width, height);
     for (const auto& [pulls, rows] :
-         {std::pair{Pulls::held, ref::Rows::pulls}, {Pulls::through, ref::Rows::pulls_through_clamp}}) {
+         {std::pair{Pulls::held, ref::RowKind::pulls}, {Pulls::through, ref::RowKind::pulls_through_clamp}}) {
       const auto want = ref::blend_backward(c.records, c.ids, c.starts, width, height, background, up.colour, up.alpha,
                                             up.depth, rows);
       EXPECT_TRUE(test::close(run(c, width, height, up, pulls), want, 2e-5, per_tile == 0));
