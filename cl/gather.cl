@@ -16,6 +16,20 @@ kernel void gather_forward(global const float* restrict x, global const int* res
   for (int c = get_global_id(0); c < C; c += get_global_size(0)) to[c] = from[c];
 }
 
+// The same of whole numbers, one a row.
+// ```
+// argument    type  shape  what
+// x           i32   [N]
+// index       i32   [P]    each in 0 .. N - 1
+// out         i32   [P]    written
+// work-items  one per index
+// ```
+kernel void gather_integers(global const int* restrict x, global const int* restrict index, global int* restrict out,
+                            int P) {
+  const int p = get_global_id(0);
+  if (p < P) out[p] = x[index[p]];
+}
+
 // Backward of gather_forward.
 // ```
 // argument    type  shape  what

@@ -18,6 +18,17 @@ std::vector<Case> gather_cases(const Options&) {
          GatherBackward a{random(ctx, {kSelected, 128}, 1), selected_voxels(ctx), random(ctx, {kVoxels, 128}, 2)};
          return operation(ctx, [&ctx, a] { gather_backward(ctx, a); }, {a.dx});
        }},
+      {"integers",
+       [](Context& ctx) {
+         const Tensor index = selected_voxels(ctx);
+         std::vector<int> rows(static_cast<std::size_t>(kVoxels));
+         for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = static_cast<int>(i);
+         const Tensor x = ctx.upload({kVoxels}, rows, Type::i32);
+         const auto out = std::make_shared<Tensor>();
+         return operation_with(
+             ctx, [&ctx, x, index, out] { *out = gather_integers(ctx, x, index); },
+             [out] { return std::vector{*out}; });
+       }},
       {"gaussians forward",
        [](Context& ctx) {
          const DeviceGaussians x = random_gaussians(ctx, kVoxels, 1);

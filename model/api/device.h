@@ -6,6 +6,7 @@
 #include "model/base/gaussians.h"
 #include "model/base/scene.h"
 #include "model/genden/genden_model.h"
+#include "model/genden/vsplat_genden_model.h"
 #include "model/lara/lara_model.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
@@ -25,6 +26,8 @@ struct vsplat_device_impl : vsplat::api::Counted {
   std::unique_ptr<vsplat::LaraModel> lara;
   std::weak_ptr<const vsplat::GendenModelFile> genden_key;
   std::unique_ptr<vsplat::GendenModel> genden;
+  std::weak_ptr<const vsplat::VsplatGendenModelFile> vsplat_genden_key;
+  std::unique_ptr<vsplat::VsplatGendenModel> vsplat_genden;
   std::weak_ptr<const vsplat::Scene> scene_key;
   std::optional<vsplat::GaussianChunks> scene;
 };

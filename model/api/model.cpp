@@ -51,6 +51,13 @@ vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   return out;
 }
 
+vsplat_model_info describe(const VsplatGendenConfig& config, vsplat_hash_state hash) {
+  vsplat_model_info out = describe(static_cast<const Config&>(config), hash);
+  out.max_gaussians = static_cast<uint64_t>(densified_count(config.densify, VsplatModel::most_gaussians(config)));
+  out.parameters = static_cast<uint64_t>(parameter_count(config));
+  return out;
+}
+
 SafetensorsFile opened(const char* path) { return path ? SafetensorsFile(path) : open_built_in_model(); }
 
 std::string json_of(const ModelInfo& info) {
@@ -84,15 +91,21 @@ std::unique_ptr<vsplat_model_impl> handle_of(AnyModel model) {
     out->file = std::make_shared<const ModelFile>(std::move(*own));
   else if (LaraModelFile* lara = std::get_if<LaraModelFile>(&model))
     out->lara = std::make_shared<const LaraModelFile>(std::move(*lara));
+  else if (GendenModelFile* genden = std::get_if<GendenModelFile>(&model))
+    out->genden = std::make_shared<const GendenModelFile>(std::move(*genden));
   else
-    out->genden = std::make_shared<const GendenModelFile>(std::move(std::get<GendenModelFile>(model)));
+    out->vsplat_genden =
+        std::make_shared<const VsplatGendenModelFile>(std::move(std::get<VsplatGendenModelFile>(model)));
   return out;
 }
 
 // visit(file) of whichever the handle has.
 template <class Visit>
 auto with_file(vsplat_model model, const Visit& visit) {
-  return model->file ? visit(*model->file) : model->lara ? visit(*model->lara) : visit(*model->genden);
+  return model->file     ? visit(*model->file)
+         : model->lara   ? visit(*model->lara)
+         : model->genden ? visit(*model->genden)
+                         : visit(*model->vsplat_genden);
 }
 
 std::vector<std::string> texts(const char* const* given, size_t count, const char* what) {
@@ -110,7 +123,10 @@ std::vector<std::string> texts(const char* const* given, size_t count, const cha
 const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
   if (!model->file)
     fail(Status::usage, "the model is of {}, and this takes one of {}",
-         model->lara ? LaraSystem::network : GendenSystem::network, VsplatSystem::network);
+         model->lara     ? LaraSystem::network
+         : model->genden ? GendenSystem::network
+                         : VsplatGendenSystem::network,
+         VsplatSystem::network);
   return *model->file;
 }
 
@@ -128,6 +144,8 @@ void forget_networks(vsplat_device device) {
   device->lara_key.reset();
   device->genden.reset();
   device->genden_key.reset();
+  device->vsplat_genden.reset();
+  device->vsplat_genden_key.reset();
 }
 
 }  // namespace
@@ -164,6 +182,17 @@ const GendenModel& vsplat::api::genden_on(vsplat_device device, vsplat_model mod
     device->genden_key = file;
   }
   return *device->genden;
+}
+
+const VsplatGendenModel& vsplat::api::vsplat_genden_on(vsplat_device device, vsplat_model model) {
+  const std::shared_ptr<const VsplatGendenModelFile>& file = model->vsplat_genden;
+  if (device->vsplat_genden_key.lock() != file) {
+    forget_networks(device);
+    const Stage stage(device->context, "encoder");
+    device->vsplat_genden = std::make_unique<VsplatGendenModel>(device->context, file->config, file->weights);
+    device->vsplat_genden_key = file;
+  }
+  return *device->vsplat_genden;
 }
 
 vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {

@@ -3,6 +3,7 @@
 
 #include "model/api/handle.h"
 #include "model/genden/genden_model.h"
+#include "model/genden/vsplat_genden_model.h"
 #include "model/lara/lara_model.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
@@ -12,6 +13,7 @@ struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::ModelFile> file;
   std::shared_ptr<const vsplat::LaraModelFile> lara;
   std::shared_ptr<const vsplat::GendenModelFile> genden;
+  std::shared_ptr<const vsplat::VsplatGendenModelFile> vsplat_genden;
   vsplat_hash_state hash = VSPLAT_HASH_ABSENT;
 };
 
@@ -27,5 +29,6 @@ TakenViews taken_views(vsplat_model model);
 const VsplatModel& model_on(vsplat_device device, vsplat_model model);
 const LaraModel& lara_on(vsplat_device device, vsplat_model model);
 const GendenModel& genden_on(vsplat_device device, vsplat_model model);
+const VsplatGendenModel& vsplat_genden_on(vsplat_device device, vsplat_model model);
 
 }  // namespace vsplat::api

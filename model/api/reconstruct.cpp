@@ -67,7 +67,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
           primitives_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
       if (o.has_seed) how.forward.selection_seed = o.seed;
     } else {
-      const Config& config = vsplat_file(model).config;
+      const Config& config = model->vsplat_genden ? model->vsplat_genden->config : vsplat_file(model).config;
       how.forward.planned_selected =
           voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
       if (o.has_seed) how.forward.selection_seed = o.seed;
@@ -81,9 +81,10 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     const auto run = [&](const auto& network) {
       return reconstruct(device->context, network, input->input.views, input->input.placement, how);
     };
-    Reconstruction made = model->lara     ? run(lara_on(device, model))
-                          : model->genden ? run(genden_on(device, model))
-                                          : run(model_on(device, model));
+    Reconstruction made = model->lara            ? run(lara_on(device, model))
+                          : model->genden        ? run(genden_on(device, model))
+                          : model->vsplat_genden ? run(vsplat_genden_on(device, model))
+                                                 : run(model_on(device, model));
     made.scene.up = up_of(o.up, "options.up");
     if (!made.scene.up) {
       const Eigen::Vector3f up = input->up.cast<float>();
@@ -122,6 +123,12 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
           *model->genden,
           [&](const auto& f, long kept) { return GendenModel::plan(ctx, f.config, f.weights, views, kept); },
           [&](long kept) { return densified_count(model->genden->config.densify, kept); });
+    } else if (model->vsplat_genden) {
+      const VsplatGendenModelFile& file = *model->vsplat_genden;
+      const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
+      fits = fits_within([&] { plan = VsplatGendenModel::plan(ctx, file.config, file.weights, views, planned); });
+      const long gaussians = densified_count(file.config.densify, planned * (file.config.fine_count + 1));
+      host = host_bytes(file.config.image, file.weights, views, gaussians);
     } else {
       const ModelFile& file = vsplat_file(model);
       const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");

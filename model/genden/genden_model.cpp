@@ -5,68 +5,17 @@
 #include <array>
 #include <utility>
 
+#include "model/genden/score.h"
 #include "model/network/running.h"
 #include "model/ops/gather.h"
-#include "model/ops/loss.h"
-#include "model/splat/render_backward.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 
 namespace vsplat {
-namespace {
-
-void tap_fields(const DensifyTap& tap, const std::string& name, const DeviceGaussians& g) {
-  tap(name + ".means", g.means);
-  tap(name + ".scales", g.scales);
-  tap(name + ".quats", g.quats);
-  tap(name + ".opacities", g.opacities);
-  tap(name + ".sh", g.sh);
-}
-
-}  // namespace
-
-Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tensor& images,
-                     const std::vector<Camera>& cameras, const RenderOptions& options, bool through_clamp,
-                     const DensifyTap& tap) {
-  const Stage stage(ctx, "splat");
-  const Tensor pulls = ctx.tensor({gaussians.count(), 2}, Type::f32, "pulls");
-  ctx.fill_zero(pulls);
-  const long views = static_cast<long>(cameras.size()), height = images.dim(1), width = images.dim(2);
-  const Tensor by_view = images.reshaped({views, height * width * 3});
-  for (long v = 0; v < views; ++v) {
-    const Tensor target = ctx.tensor({1, height * width * 3}, Type::f32, "photograph");
-    gather_forward(ctx, {by_view, ctx.upload({1}, std::vector<int>{static_cast<int>(v)}, Type::i32), target});
-    const PictureLossWork error = [&](Context& c, const DevicePicture& drawn) {
-      PictureLoss loss;
-      loss.pictures = drawn.colour.reshaped({1, height, width, 3});
-      loss.target = target.reshaped({1, height, width, 3});
-      loss.out = c.tensor({3}, Type::f32, "error");
-      loss.dpictures = c.tensor({1, height, width, 3}, Type::f32, "error's gradient");
-      loss.gradient_scale = 1.0f / static_cast<float>(views);
-      loss.similarity = SimilarityKind::none;
-      picture_loss(c, loss);
-      return PictureGradient{loss.dpictures.reshaped({height, width, 3}), {}, {}};
-    };
-    screen_pulls(ctx, gaussians, cameras[static_cast<std::size_t>(v)], options, error,
-                 through_clamp ? Pulls::through : Pulls::held, pulls);
-  }
-  const Tensor out = pull_lengths(ctx, pulls);
-  if (tap && !ctx.planning()) tap("pull", pulls), tap("score", out);
-  return out;
-}
 
 GendenModel::GendenModel(Context& ctx, const GendenConfig& config, const WeightSource& weights)
     : config_(config), backbone_(ctx, config, weights) {
-  const auto make = [&](Context& c) {
-    return std::make_unique<Densifier>(c, config_.densify, config_.sh_count(), weights);
-  };
-  if (!ctx.planning()) {  // the weights' slabs, made at once and to measure
-    const auto planner = ctx.planner();
-    const auto counted = make(*planner);
-    refuse_unless_fits(*planner, "the densifier's weights");
-    ctx.memory().commit(planner->memory());
-  }
-  densifier_ = make(ctx);
+  densifier_ = load_densifier(ctx, config.densify, config.sh_count(), weights);
 }
 
 Tensor GendenModel::score(Context& ctx, const LaraResult& base, const Tensor& images,

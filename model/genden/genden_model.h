@@ -7,7 +7,6 @@
 #include "model/genden/densifier.h"
 #include "model/lara/lara_model.h"
 #include "model/params/genden_config.h"
-#include "model/splat/render.h"
 
 namespace vsplat {
 
@@ -23,11 +22,6 @@ struct GendenResult {
   DeviceGaussians final;   // the new ones, then those that were not replaced
   std::vector<int> kept;   // of the coarse ones, ascending
 };
-
-// How much the error in the input views pulls at each Gaussian's place on the screen: [N]. `images` [V,S,S,3].
-Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tensor& images,
-                     const std::vector<Camera>& cameras, const RenderOptions& options, bool through_clamp,
-                     const std::function<void(const std::string&, const Tensor&)>& tap = {});
 
 class GendenModel {
  public:

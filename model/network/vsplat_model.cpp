@@ -115,7 +115,7 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
 }
 
 DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras,
-                                  const ForwardOptions& options, Saved* saved) const {
+                                  const ForwardOptions& options, Saved* saved, Tensor* features) const {
   if (config_.levels == "coarse") return state.gaussians;
   DeviceGaussians skeleton;
   {
@@ -139,6 +139,7 @@ DeviceGaussians VsplatModel::fine(Context& ctx, const Coarse& state, const Devic
   tap("projected", refined.projected);
   tap("refined", refined.refined);
   refined.projected = {};
+  if (features) *features = refined.refined;
   progress.begin("decode", 0);
   return modules_->fine_heads.forward(ctx, refined.refined, skeleton, kept ? &kept->heads : nullptr);
 }
@@ -170,7 +171,7 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   }
   ForwardResult out;
   out.coarse = state.gaussians;
-  out.final = fine(ctx, state, cameras, options, nullptr);
+  out.final = fine(ctx, state, cameras, options, nullptr, &out.refined);
   if (state.selected.index) out.selected = ctx.read<int>(state.selected.index);
   if (options.tap) {
     const auto level = [&](const std::string& name, const DeviceGaussians& g) {

@@ -34,6 +34,7 @@ struct ForwardResult {
   DeviceGaussians coarse;     // one per voxel, with refined opacity
   DeviceGaussians final;      // M P fine ones voxel by voxel, then P adjusted skeletal ones (or what `levels` says)
   std::vector<int> selected;  // voxel indices (i R + j) R + k, ascending
+  Tensor refined;             // [P, fine_dim]: the selected voxels' features; none where `levels` is not "fine"
 };
 
 // Device memory that a run takes: the network's, and that of drawing its result at the network's size ("splat", where
@@ -72,6 +73,7 @@ class VsplatModel {
   struct Trained {
     DeviceGaussians coarse, final;
     Tensor selected;               // i32 [P]; none where `levels` is "coarse"
+    Tensor refined;                // as ForwardResult has it
     std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
   };
   // `recompute`: of most stages the inputs alone are kept, and backward runs each once more before its own: the same
@@ -80,9 +82,10 @@ class VsplatModel {
                                 const ForwardOptions& options, bool recompute) const;
   Trained fine_in_training(Context& ctx, CoarseHalf half, const ForwardOptions& options) const;
   // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
-  // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level.
-  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                const GaussianGradients& dfinal) const;
+  // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level. `drefined`: by the refined
+  // features, where something else depends on them.
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
+                const Tensor& drefined = {}) const;
 
   // What forward would take for so many views. `ctx` may be a planner.
   MemoryPlan plan(const Context& ctx, long views, long selected) const;
@@ -98,13 +101,13 @@ class VsplatModel {
   Coarse coarse(Context& ctx, const Tensor& images, const DeviceCameras& cameras, const ForwardOptions& options,
                 Saved* saved) const;
   DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras, const ForwardOptions& options,
-                       Saved* saved) const;
+                       Saved* saved, Tensor* refined = nullptr) const;
   // What either half is run from once more, where its stages do not keep what backward needs.
   void hold_coarse_inputs(Saved& saved, const Tensor& images, const DeviceCameras& cameras, const Coarse& state) const;
   void hold_fine_inputs(Saved& saved, const Coarse& state, const DeviceGaussians& skeleton) const;
   // From the final Gaussians, or the skeletal ones, to what the coarse half gave; all added to.
   void fine_backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
-                     const Tensor& dvolume, const Tensor& dfeatures) const;
+                     const Tensor& drefined, const Tensor& dvolume, const Tensor& dfeatures) const;
 
   Config config_;
   std::unique_ptr<Modules> modules_;

@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "model/network/vsplat_modules.h"
+#include "model/ops/add_columns.h"
 #include "model/ops/gather.h"
 
 namespace vsplat {
@@ -25,7 +26,7 @@ VsplatModel::Trained VsplatModel::fine_in_training(Context& ctx, CoarseHalf half
   Trained out;
   out.coarse = state.gaussians;
   out.selected = state.selected.index;
-  out.final = fine(ctx, state, half.cameras, options, half.saved.get());
+  out.final = fine(ctx, state, half.cameras, options, half.saved.get(), &out.refined);
   out.saved = std::move(half.saved);
   return out;
 }
@@ -58,7 +59,7 @@ void VsplatModel::hold_fine_inputs(Saved& saved, const Coarse& state, const Devi
 
 // What each stage kept goes back to the arena as soon as its backward is done.
 void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                           const GaussianGradients& dfinal) const {
+                           const GaussianGradients& dfinal, const Tensor& drefined) const {
   const Modules& m = *modules_;
   Saved& saved = *trained.saved;
   const auto zeros = [&](const Shape& shape, const char* what) {
@@ -70,7 +71,7 @@ void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradien
   Tensor dvolume = zeros(saved.volume_shape, "gradient by volume"), dlogits;
 
   if (config_.levels != "coarse") {
-    fine_backward(ctx, trained, dcoarse, dfinal, dvolume, dfeatures);
+    fine_backward(ctx, trained, dcoarse, dfinal, drefined, dvolume, dfeatures);
     dlogits = select_voxels_backward(ctx, saved.selection, dcoarse.opacities);
   }
   m.coarse_heads.backward(ctx, saved.coarse_heads.take(ctx), dlogits, dcoarse, dvolume, true);
@@ -82,7 +83,8 @@ void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradien
 }
 
 void VsplatModel::fine_backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                                const GaussianGradients& dfinal, const Tensor& dvolume, const Tensor& dfeatures) const {
+                                const GaussianGradients& dfinal, const Tensor& besides, const Tensor& dvolume,
+                                const Tensor& dfeatures) const {
   GaussianGradients dskeleton = dfinal;  // where `levels` is "skeletal"
   if (config_.levels == "fine") {
     const Modules& m = *modules_;
@@ -92,6 +94,7 @@ void VsplatModel::fine_backward(Context& ctx, Trained& trained, const GaussianGr
     const Stage stage(ctx, "decode");
     const Tensor drefined = ctx.tensor({p, config_.fine_dim}, Type::f32, "gradient by refined");
     m.fine_heads.backward(ctx, std::exchange(kept.heads, {}), dfinal, drefined, dskeleton);
+    if (besides) add_columns(ctx, {besides, drefined});
     m.refinement.backward(ctx, kept.refinement, drefined, {dvolume, dfeatures, dskeleton.means});
   }
   const Stage stage(ctx, "selection");

@@ -52,6 +52,14 @@ void gather_backward(Context& ctx, const GatherBackward& a) {
              a.dout, a.index, written(a.dx), p, c, w, a.column, a.shared, row0);
 }
 
+Tensor gather_integers(Context& ctx, const Tensor& x, const Tensor& index) {
+  const long p = Dims().bind("x", x, {"N"}, Type::i32).bind("index", index, {"P"}, Type::i32)["P"];
+  const Tensor out = ctx.tensor({p}, Type::i32, "gather.integers");
+  ctx.launch({"gather", "gather_integers", ""}, items(p), {0, 12.0 * static_cast<double>(p)}, x, index, written(out),
+             p);
+  return out;
+}
+
 DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index) {
   const long p = index.dim(0);
   const auto rows = [&](const Shape& shape, const char* what) { return ctx.tensor(shape, Type::f32, what); };

@@ -25,6 +25,9 @@ struct GatherBackward {
 };
 void gather_backward(Context& ctx, const GatherBackward& a);
 
+// x i32 [N], index i32 [P], each in 0..N - 1 -> i32 [P]
+Tensor gather_integers(Context& ctx, const Tensor& x, const Tensor& index);
+
 // The Gaussians of the given indices.
 DeviceGaussians gather_forward(Context& ctx, const DeviceGaussians& g, const Tensor& index);
 // The same into the Gaussians row0 .. row0 + P - 1 of `out`.

@@ -114,12 +114,12 @@ DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& 
   return out;
 }
 
-DeducedGendenConfig deduced_genden_config(const TorchFile& file, const std::string& prefix) {
-  const DeducedLaraConfig backbone = deduced_lara_config(file, prefix);
+namespace {
+
+// What is told of the densifier, after that of the network that it stands on.
+template <class Config>
+void tell_densifier(const TorchFile& file, const std::string& prefix, Deduced<Config>& out) {
   const Shapes shapes(file, prefix);
-  DeducedGendenConfig out;
-  static_cast<LaraConfig&>(out.config) = backbone.config;
-  out.fields = backbone.fields, out.untold = backbone.untold;
   DensifyConfig& d = out.config.densify;
   d.channels.clear(), d.depths.clear(), d.upscale.clear();
   const int levels = shapes.count("dec", "up.skip.weight");
@@ -146,6 +146,28 @@ DeducedGendenConfig deduced_genden_config(const TorchFile& file, const std::stri
     d.residual = entry.name.starts_with(prefix + "dec.0.head.");
     break;
   }
+}
+
+// That of a network which has another's fields, too.
+template <class Config, class Backbone>
+Deduced<Config> on_top_of(const Deduced<Backbone>& backbone) {
+  Deduced<Config> out;
+  static_cast<Backbone&>(out.config) = backbone.config;
+  out.fields = backbone.fields, out.untold = backbone.untold;
+  return out;
+}
+
+}  // namespace
+
+DeducedGendenConfig deduced_genden_config(const TorchFile& file, const std::string& prefix) {
+  DeducedGendenConfig out = on_top_of<GendenConfig>(deduced_lara_config(file, prefix));
+  tell_densifier(file, prefix, out);
+  return out;
+}
+
+DeducedVsplatGendenConfig deduced_vsplat_genden_config(const TorchFile& file, const std::string& prefix) {
+  DeducedVsplatGendenConfig out = on_top_of<VsplatGendenConfig>(deduced_config(file, prefix));
+  tell_densifier(file, prefix, out);
   return out;
 }
 

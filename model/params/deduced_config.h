@@ -7,6 +7,7 @@
 #include "model/params/config.h"
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
+#include "model/params/vsplat_genden_config.h"
 
 namespace vsplat {
 
@@ -19,11 +20,13 @@ struct Deduced {
 using DeducedConfig = Deduced<Config>;
 using DeducedLaraConfig = Deduced<LaraConfig>;
 using DeducedGendenConfig = Deduced<GendenConfig>;
+using DeducedVsplatGendenConfig = Deduced<VsplatGendenConfig>;
 
 // From the tensors below `prefix`. Error(format) that names the tensor which is missing or of no such network's shape.
 DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix);
 DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& prefix);
 // Whether the model is the residual one no shape tells: as the file has it whose heads come before its masks.
 DeducedGendenConfig deduced_genden_config(const TorchFile& file, const std::string& prefix);
+DeducedVsplatGendenConfig deduced_vsplat_genden_config(const TorchFile& file, const std::string& prefix);
 
 }  // namespace vsplat

@@ -29,9 +29,7 @@ bool has_densifier(const TorchFile& file) { return has_part(file, "dec.0.up."); 
 // Networks that are known by their tensors, and not read.
 void refuse_others(const TorchFile& file) {
   const char* other = nullptr;
-  if (has_densifier(file) && !is_lara(file))
-    other = "a VS-Splat network with GenDen's densifier";
-  else if (has_part(file, "share.transformer."))
+  if (has_part(file, "share.transformer."))
     other = "a VS-Splat network with predicted Plücker maps";
   else if (has_part(file, "storage_tokens") || has_part(file, "reg_token") || has_part(file, "register_tokens"))
     other = "an encoder with registers, as DINOv3 has them";
@@ -82,6 +80,9 @@ std::set<std::string> set_given(Config& config, const ImportOptions& options) {
 template <class Config>
 void take_order(Config&, const Config&) {}
 void take_order(GendenConfig& config, const GendenConfig& deduced) {
+  config.densify.residual = deduced.densify.residual;
+}
+void take_order(VsplatGendenConfig& config, const VsplatGendenConfig& deduced) {
   config.densify.residual = deduced.densify.residual;
 }
 template <class Config>
@@ -223,8 +224,9 @@ ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
 ImportedModel import_model(const std::string& path, const ImportOptions& options) {
   const TorchFile file(path);
   refuse_others(file);
-  if (!is_lara(file)) return import_as<VsplatSystem>(file, options);
-  return has_densifier(file) ? import_as<GendenSystem>(file, options) : import_as<LaraSystem>(file, options);
+  if (has_densifier(file))
+    return is_lara(file) ? import_as<GendenSystem>(file, options) : import_as<VsplatGendenSystem>(file, options);
+  return is_lara(file) ? import_as<LaraSystem>(file, options) : import_as<VsplatSystem>(file, options);
 }
 
 }  // namespace vsplat

@@ -89,12 +89,19 @@ std::vector<double> sobol_points(int count) {
   return out;
 }
 
-Weights initial_weights(const Config& config, std::uint64_t seed) {
+// VS-Splat's, and what stands on it.
+template <class AnyConfig>
+static Weights weights_with_places(const AnyConfig& config, std::uint64_t seed) {
   check(config);
   Weights weights;
   for (const Parameter& p : parameters(config))
     weights.set(p.name, p.init == Init::sobol ? HostTensor{p.shape, fine_places(config)} : initial_tensor(p, seed));
   return weights;
+}
+
+Weights initial_weights(const Config& config, std::uint64_t seed) { return weights_with_places(config, seed); }
+Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed) {
+  return weights_with_places(config, seed);
 }
 
 template <class AnyConfig>

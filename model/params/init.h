@@ -7,6 +7,7 @@
 #include "model/params/config.h"
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
+#include "model/params/vsplat_genden_config.h"
 #include "model/params/weights.h"
 
 namespace vsplat {
@@ -17,6 +18,7 @@ namespace vsplat {
 Weights initial_weights(const Config& config, std::uint64_t seed);
 Weights initial_weights(const LaraConfig& config, std::uint64_t seed);
 Weights initial_weights(const GendenConfig& config, std::uint64_t seed);
+Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed);
 
 // Scales the places of the fine primitives within their voxel, which are in units of the cube's edge, for a cube with
 // another number of voxels: `factor` is the old number over the new one. How many values that were.

@@ -177,6 +177,11 @@ void save_model(const std::string& path, const GendenConfig& config, const Weigh
   save(path, config, weights, provenance, dtype);
 }
 
+void save_model(const std::string& path, const VsplatGendenConfig& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance, Dtype dtype) {
+  save(path, config, weights, provenance, dtype);
+}
+
 ModelInfo model_info(const SafetensorsFile& file) {
   ModelInfo info;
   info.model = read_header(file);

@@ -27,6 +27,8 @@ void save_model(const std::string& path, const LaraConfig& config, const Weights
                 const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
 void save_model(const std::string& path, const GendenConfig& config, const Weights& weights,
                 const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
+void save_model(const std::string& path, const VsplatGendenConfig& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance = {}, Dtype dtype = Dtype::f32);
 
 // For `weights info` and `weights verify`: what the header says. The tensors' names and shapes are checked, values not
 // read.

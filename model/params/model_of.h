@@ -6,6 +6,7 @@
 #include "model/params/config_fields.h"
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
+#include "model/params/vsplat_genden_config.h"
 #include "model/params/weights.h"
 
 namespace vsplat {
@@ -20,5 +21,6 @@ struct ModelOf {
 using ModelFile = ModelOf<Config>;
 using LaraModelFile = ModelOf<LaraConfig>;
 using GendenModelFile = ModelOf<GendenConfig>;
+using VsplatGendenModelFile = ModelOf<VsplatGendenConfig>;
 
 }  // namespace vsplat

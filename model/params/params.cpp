@@ -91,8 +91,15 @@ std::vector<Parameter> parameters(const GendenConfig& config) {
   return out;
 }
 
+std::vector<Parameter> parameters(const VsplatGendenConfig& config) {
+  std::vector<Parameter> out = parameters(static_cast<const Config&>(config));
+  DensifyLayers<Lister>(LayerBuilder<Lister>{Lister(out)}, config.densify, config.sh_count());
+  return out;
+}
+
 long parameter_count(const Config& config) { return trained_values(parameters(config)); }
 long parameter_count(const LaraConfig& config) { return trained_values(parameters(config)); }
 long parameter_count(const GendenConfig& config) { return trained_values(parameters(config)); }
+long parameter_count(const VsplatGendenConfig& config) { return trained_values(parameters(config)); }
 
 }  // namespace vsplat

@@ -7,6 +7,7 @@
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/parameter.h"
+#include "model/params/vsplat_genden_config.h"
 
 namespace vsplat {
 
@@ -16,10 +17,12 @@ std::vector<Parameter> parameters(const Config& config);
 // The published state dict's, but for its buffers, which nothing reads.
 std::vector<Parameter> parameters(const LaraConfig& config);
 std::vector<Parameter> parameters(const GendenConfig& config);
+std::vector<Parameter> parameters(const VsplatGendenConfig& config);
 
 // Of what is trained.
 long parameter_count(const Config& config);
 long parameter_count(const LaraConfig& config);
 long parameter_count(const GendenConfig& config);
+long parameter_count(const VsplatGendenConfig& config);
 
 }  // namespace vsplat

@@ -11,6 +11,7 @@
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
 #include "model/params/model_of.h"
+#include "model/params/vsplat_genden_config.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"
 
@@ -59,6 +60,21 @@ struct GendenSystem {
   }
 };
 
+struct VsplatGendenSystem {
+  using Config = VsplatGendenConfig;
+  static constexpr const char* name = "vsplat+genden";
+  static constexpr const char* network = "VS-Splat's network with GenDen's densifier";
+  static constexpr const char* mark = "encoder.model.cls_token";
+  static constexpr const char* modules[] = {"encoder.",       "dir_norm.",  "volume_network.",
+                                            "voxel_network.", "predictor.", "dec."};
+  static const std::vector<std::string>& names() { return vsplat_genden_config_names(); }
+  static Config named(const std::string& config) { return named_vsplat_genden_config(config); }
+  static Config from_json(const std::string& text) { return vsplat_genden_config_from_json(text); }
+  static DeducedVsplatGendenConfig deduced(const TorchFile& file, const std::string& prefix) {
+    return deduced_vsplat_genden_config(file, prefix);
+  }
+};
+
 template <class... All>
 struct SystemList {
   using Model = std::variant<ModelOf<typename All::Config>...>;
@@ -79,7 +95,7 @@ struct SystemList {
 };
 
 // The table.
-using Systems = SystemList<VsplatSystem, LaraSystem, GendenSystem>;
+using Systems = SystemList<VsplatSystem, LaraSystem, GendenSystem, VsplatGendenSystem>;
 
 // A model of any of them.
 using AnyModel = Systems::Model;
@@ -92,6 +108,8 @@ template <>
 struct SystemOf<LaraConfig> : LaraSystem {};
 template <>
 struct SystemOf<GendenConfig> : GendenSystem {};
+template <>
+struct SystemOf<VsplatGendenConfig> : VsplatGendenSystem {};
 
 // "lara", and "LaRa's network".
 inline std::string system_of(const AnyModel& model) {

@@ -81,20 +81,22 @@ void write(Dump& dump, const ReconstructOptions& options, const char* system, co
 
 }  // namespace
 
-Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
-                           const Placement& placement, const ReconstructOptions& options) {
-  const Config& config = model.config();
+namespace {
+
+// What VS-Splat's network is given and asked for, with or without a densifier: run(pictures, cameras, options) -> Made.
+template <class Config, class Run>
+Reconstruction of_voxels(Context& ctx, const Config& config, const char* system, const std::vector<PreparedView>& views,
+                         const Placement& placement, const ReconstructOptions& options, const Run& run) {
   if (views.empty() || views.size() > 16)
     fail(Status::usage, "{} views given, the network takes 1 to 16", views.size());
   Dump dump;
-  Reconstruction out = in_object_frame(
-      ctx, config, views, placement, options, dump,
-      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
-        ForwardOptions forward = options.forward;
-        forward.tap = tap;
-        const ForwardResult result = model.forward(ctx, pictures, upload_cameras(ctx, cameras), forward);
-        return Made{result.final, result.selected};
-      });
+  Reconstruction out =
+      in_object_frame(ctx, config, views, placement, options, dump,
+                      [&](const Tensor& pictures, const std::vector<Camera>& cameras, const auto& tap) {
+                        ForwardOptions forward = options.forward;
+                        forward.tap = tap;
+                        return run(pictures, cameras, forward);
+                      });
   if (out.scene.gaussians.count == 0) warn("no voxel was selected: the scene is empty");
   if (!options.forward.selection) {
     const bool background = !options.masked && shows_background(views);
@@ -102,8 +104,30 @@ Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::ve
     if (!doubts.empty()) warn("{}", doubts);
   }
   if (!options.dump.empty() && config.levels != "coarse") dump.add_coords(out.selected, config.volume);
-  write(dump, options, VsplatSystem::name, to_json(config), views.size());
+  write(dump, options, system, to_json(config), views.size());
   return out;
+}
+
+}  // namespace
+
+Reconstruction reconstruct(Context& ctx, const VsplatModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options) {
+  return of_voxels(ctx, model.config(), VsplatSystem::name, views, placement, options,
+                   [&](const Tensor& pictures, const std::vector<Camera>& cameras, const ForwardOptions& forward) {
+                     const ForwardResult result = model.forward(ctx, pictures, upload_cameras(ctx, cameras), forward);
+                     return Made{result.final, result.selected};
+                   });
+}
+
+Reconstruction reconstruct(Context& ctx, const VsplatGendenModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options) {
+  return of_voxels(ctx, model.config(), VsplatGendenSystem::name, views, placement, options,
+                   [&](const Tensor& pictures, const std::vector<Camera>& cameras, const ForwardOptions& forward) {
+                     VsplatGendenOptions dense;
+                     dense.backbone = forward;
+                     const VsplatGendenResult result = model.forward(ctx, pictures, cameras, dense);
+                     return Made{result.final, result.selected};
+                   });
 }
 
 namespace {

@@ -5,6 +5,7 @@
 
 #include "model/base/scene.h"
 #include "model/genden/genden_model.h"
+#include "model/genden/vsplat_genden_model.h"
 #include "model/input/placement.h"
 #include "model/input/views.h"
 #include "model/lara/lara_model.h"
@@ -34,6 +35,9 @@ Reconstruction reconstruct(Context& ctx, const LaraModel& model, const std::vect
 
 // With GenDen's network: as LaRa's, and `selection_seed` is that of the order in which its curves are taken; 0 without.
 Reconstruction reconstruct(Context& ctx, const GendenModel& model, const std::vector<PreparedView>& views,
+                           const Placement& placement, const ReconstructOptions& options);
+// With VS-Splat's and the densifier: as VS-Splat's; the order of the curves is that of seed 0.
+Reconstruction reconstruct(Context& ctx, const VsplatGendenModel& model, const std::vector<PreparedView>& views,
                            const Placement& placement, const ReconstructOptions& options);
 
 }  // namespace vsplat

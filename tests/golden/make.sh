@@ -42,6 +42,10 @@ case $size in
         "$here/../reference/pytorch/run.sh" make_published.py --system genden --size "${genden%_residual}" --tests --output "${1:-$here}" \
           $([ "${genden%_residual}" = "$genden" ] || echo --residual) --seed $([ $genden = micro ] && echo 0 || echo 1000)
       fi
-    done ;;
+    done
+    made=${1:-$here}/vsplat+genden_tiny.safetensors
+    if [ $size = tiny ] && { [ ! -e "$made" ] || [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$made")" ]; }; then
+      "$here/../reference/pytorch/run.sh" make_published.py --system vsplat+genden --tests --output "${1:-$here}"
+    fi ;;
 esac
 exec "$here/../reference/pytorch/run.sh" $script "${1:-$here}" "$size"

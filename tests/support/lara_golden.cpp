@@ -59,6 +59,7 @@ std::vector<int> PublishedGolden<C>::integers(const std::string& name) const {
 
 template class PublishedGolden<LaraConfig>;
 template class PublishedGolden<GendenConfig>;
+template class PublishedGolden<VsplatGendenConfig>;
 
 const std::vector<std::string>& lara_cases() {
   static const std::vector<std::string> names = {"lara_tiny", "lara_tiny_gaussian", "lara_micro_gaussian"};

@@ -7,6 +7,7 @@
 #include "model/base/camera.h"
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"
+#include "model/params/vsplat_genden_config.h"
 #include "model/params/weights.h"
 #include "runtime/safetensors.h"
 
@@ -43,6 +44,7 @@ class PublishedGolden {
 
 using LaraGolden = PublishedGolden<LaraConfig>;
 using GendenGolden = PublishedGolden<GendenConfig>;
+using VsplatGendenGolden = PublishedGolden<VsplatGendenConfig>;
 
 // Those that golden_tiny makes where PyTorch is there.
 const std::vector<std::string>& lara_cases();

@@ -27,6 +27,15 @@ TEST_P(Gather, RowsGoToTheirColumnsAndNowhereElse) {
   }
 }
 
+TEST_P(Gather, Integers) {
+  const std::vector<int> x = {5, -1, 1 << 30, 7}, index = {2, 0, 0, 3, 1};
+  const Tensor from = ctx().upload({4}, x, Type::i32);
+  EXPECT_EQ(ctx().read<int>(gather_integers(ctx(), from, ctx().upload({5}, index, Type::i32))),
+            (std::vector<int>{1 << 30, 5, 5, 7, -1}));
+  EXPECT_EQ(gather_integers(ctx(), from, ctx().tensor({0}, Type::i32)).dim(0), 0);
+  EXPECT_THROW(gather_integers(ctx(), ctx().tensor({4}), from), Error);
+}
+
 // Into some rows of a longer matrix, and back out of them.
 TEST_P(Gather, SomeRowsOfALongerMatrix) {
   const std::vector<int> index = {4, 0, 6};

@@ -134,5 +134,35 @@ TEST(GendenImport, WhatContradictsTheShapesIsRefused) {
                [&] { import_model(path, options); });
 }
 
+TEST(VsplatGendenParams, OfThePaperAndOfACheckpoint) {
+  EXPECT_EQ(parameter_count(named_vsplat_genden_config("paper")), 155890328);
+  for (const std::string& name : vsplat_genden_config_names()) {
+    const VsplatGendenConfig config = named_vsplat_genden_config(name);
+    EXPECT_NO_THROW(check(config)) << name;
+    EXPECT_EQ(vsplat_genden_config_from_json(to_json(config)), config) << name;
+  }
+  VsplatGendenConfig c = named_vsplat_genden_config("tiny");
+  set_field(c, "fine_dim=32");
+  EXPECT_NE(refusal([&] { check(c); }, Status::usage).find("begin with fine_dim (found 24 and 32)"), std::string::npos);
+  c = named_vsplat_genden_config("tiny");
+  set_field(c, "levels=coarse");
+  EXPECT_NE(refusal([&] { check(c); }, Status::usage).find("levels must be fine"), std::string::npos);
+
+  VSPLAT_NEED_LARA_GOLDEN("vsplat+genden_tiny");
+  const auto golden = test::VsplatGendenGolden::load("vsplat+genden_tiny");
+  const ImportedModel got = import_model(test::VsplatGendenGolden::checkpoint_of("vsplat+genden_tiny"));
+  EXPECT_EQ(got.named, "tiny");
+  EXPECT_EQ(system_of(got.model), "vsplat+genden");
+  VsplatGendenConfig config = std::get<VsplatGendenModelFile>(got.model).config;
+  EXPECT_TRUE(config.negate_camera_centre);
+  config.negate_camera_centre = golden.config().negate_camera_centre;
+  EXPECT_EQ(config, golden.config());
+  const test::TemporaryFolder folder;
+  save_model(folder / "dense.safetensors", config, golden.weights());
+  const AnyModel read = load_any_model(SafetensorsFile(folder / "dense.safetensors"));
+  EXPECT_EQ(std::get<VsplatGendenModelFile>(read).config, config);
+  expect_equal(std::get<VsplatGendenModelFile>(read).weights, golden.weights());
+}
+
 }  // namespace
 }  // namespace vsplat

@@ -281,7 +281,7 @@ def gradients(case, t, through_drawings=True):
     gen = torch.Generator().manual_seed(case.seed)
     held = {} if case.system == "vsplat+genden" else {"drawings": case.drawings(t)}
     runs = [("coarse", held), ("final", {})] + ([("fixed", held)] if held else [])
-    if not through_drawings:
+    if not through_drawings and held:
         runs.remove(("final", {}))
     for name, more in runs:
         model.zero_grad(set_to_none=True)

@@ -263,8 +263,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load(const char* path, vs
    is not a state dict's is refused by its name. What the tensors' shapes do not tell of the configuration is that of the
    named one which has all of them, else `options` says it, or the fields are named (VSPLAT_ERROR_USAGE).
    `negate_camera_centre` is true unless `options` says otherwise. `out_text`, which may be NULL, becomes a JSON
-   object: "system" ("vsplat", "lara" or "genden"), "config" (every field), "named" (the named configuration, or null)
-   and "left_out", a list of what in the file is no part of the model. `options` NULL: defaults. */
+   object: "system" ("vsplat", "lara", "genden" or "vsplat+genden"), "config" (every field), "named" (the named
+   configuration, or null) and "left_out", a list of what in the file is no part of the model. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_import(const char* path, const vsplat_import_options* options,
                                                               vsplat_model* out_model, char** out_text);
 /* Writes a model file, whole or not at all; with its hash. An existing file is replaced. Values are float32. */

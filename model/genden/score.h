@@ -1,0 +1,25 @@
+// What the networks with a densifier share: which Gaussians are too coarse, and the densifier's weights.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/genden/densifier.h"
+#include "model/splat/render.h"
+
+namespace vsplat {
+
+// How much the error in the input views pulls at each Gaussian's place on the screen: [N]. `images` [V,S,S,3].
+Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tensor& images,
+                     const std::vector<Camera>& cameras, const RenderOptions& options, bool through_clamp,
+                     const DensifyTap& tap = {});
+
+// With its weights' slabs made at once and to measure.
+std::unique_ptr<Densifier> load_densifier(Context& ctx, const DensifyConfig& config, long sh_count,
+                                          const WeightSource& weights);
+
+// Calls it with each field under its golden name ("final.means").
+void tap_fields(const DensifyTap& tap, const std::string& name, const DeviceGaussians& g);
+
+}  // namespace vsplat
