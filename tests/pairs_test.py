@@ -36,7 +36,7 @@ WITHOUT = {
 }
 
 # What a header declares beside operations, which no benchmark times.
-NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture)|pack_\w+|upload_views")  # they make or pack tensors
+NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|upload_views")  # they make or pack tensors
 
 DECLARATION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)_(forward|backward)(?:_\w+)?\(Context& ctx", re.M)
 STRUCT = re.compile(r"^struct (\w+?)(Forward|Backward)\w* \{", re.M)

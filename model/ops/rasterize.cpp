@@ -1,57 +1,73 @@
 #include "model/ops/rasterize.h"
 
 #include "runtime/fail.h"
-#include "runtime/shape_check.h"
 
 namespace vsplat {
 namespace {
 
 constexpr long kColumns = 10;        // of a row of IntersectionGradients
-constexpr long kBackwardPixels = 4;  // of a work-item, at the least: fewer items share a sum
+constexpr long kBatch = 64;          // Gaussians of a tile that a work-item of the cpu flavour looks at together
+constexpr long kBackwardPixels = 4;  // of an item of the gpu flavour's, at the least: fewer items share a sum
 
-std::size_t forward_bytes(long group) { return static_cast<std::size_t>(group) * 48 + 64; }
+// Whether blending is that of the cpu flavour: the device must take vectors, too.
+bool in_blocks(const Context& ctx) { return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4; }
 
-std::size_t backward_bytes(long group) {
-  const auto items = static_cast<std::size_t>(group), parts = items / 16;
-  return items * 52 + 4 * kColumns * (items + 2 * parts) + 64;
-}
-
-// What both directions read.
-void bind(Dims& d, const Projected& p, const Binned& b, const Part& part, const DevicePicture& picture,
-          const char* name) {
-  d.set("tiles + 1", part.tiles() + 1);
-  d.bind("records", p.records, {"V", "12"})
-      .bind("ids", b.ids, {"N"}, Type::u32)
-      .bind("starts", b.starts, {"tiles + 1"}, Type::u32)
-      .bind("colour", picture.colour, {"H", "W", "3"})
-      .bind("alpha", picture.alpha, {"H", "W"})
-      .bind("depth", picture.depth, {"H", "W"});
-  check_part(part, d["W"], d["H"], name);
+// Of local memory: a record for each item of a group; backward also its number, and sums by parts of 16 items.
+std::size_t local_bytes(const TileKernel& k, long group) {
+  const long each = 4 * k.record + (k.columns ? 4 : 0),
+             sums = k.columns ? 4 * k.columns * (group + 2 * (group / 16)) : 0;
+  return static_cast<std::size_t>(group * each + sums + 64);
 }
 
 }  // namespace
 
-bool rasterizes_in_blocks(const Context& ctx) {
-  return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4;
-}
-
-TileLaunch tile_launch(const TileKernel& kernel, Context& ctx) {
-  for (long pixels = kernel.least_pixels; pixels <= kTile; pixels *= 2) {
+TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles) {
+  if (in_blocks(ctx))
+    return {{kernel.file, kernel.cpu, "-DBATCH=" + std::to_string(kBatch) + kernel.defines}, groups(tiles, 1)};
+  for (long pixels = kernel.columns ? kBackwardPixels : 1; pixels <= kTile; pixels *= 2) {
     const long group = kTile * kTile / pixels;
-    const KernelId id{kernel.file, kernel.name, "-DPIXELS=" + std::to_string(pixels) + kernel.defines};
+    const KernelId id{kernel.file, kernel.gpu, "-DPIXELS=" + std::to_string(pixels) + kernel.defines};
     if (group > static_cast<long>(ctx.device().max_work_group)) continue;
-    if (kernel.bytes(group) > ctx.device().local_memory) continue;
-    if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return {id, group};
+    if (local_bytes(kernel, group) > ctx.device().local_memory) continue;
+    if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return {id, groups(tiles, group)};
   }
   fail(Status::device, "{}: {} allows work-groups of {} items with {} bytes of local memory, {} with {} are needed",
        kernel.file, ctx.device().name, ctx.device().max_work_group, ctx.device().local_memory, kTile,
-       kernel.bytes(kTile));
+       local_bytes(kernel, kTile));
 }
 
-void check_part(const Part& part, long width, long height, const char* operation) {
-  if (part.x0 < 0 || part.y0 < 0 || part.x1 > tiles_along(width) || part.y1 > tiles_along(height))
-    fail(Status::internal, "{}: a part that ends at tile {}, {} of {} x {} pixels", operation, part.x1, part.y1, width,
-         height);
+void bind_blended(Dims& d, const Projected& projected, const Binned& binned, const Part& part,
+                  const DevicePicture& picture, const char* record, const char* operation) {
+  d.set("tiles + 1", part.tiles() + 1);
+  d.bind("records", projected.records, {"V", record})
+      .bind("ids", binned.ids, {"N"}, Type::u32)
+      .bind("starts", binned.starts, {"tiles + 1"}, Type::u32)
+      .bind("colour", picture.colour, {"H", "W", "3"})
+      .bind("alpha", picture.alpha, {"H", "W"})
+      .bind("depth", picture.depth, {"H", "W"});
+  d.bind_optional("normal", picture.normal, {"H", "W", "3"});
+  d.bind_optional("median", picture.median, {"H", "W"});
+  d.bind_optional("distortion", picture.distortion, {"H", "W"});
+  d.bind_optional("moments", picture.moments, {"H", "W", "2"});
+  if (part.x0 < 0 || part.y0 < 0 || part.x1 > tiles_along(d["W"]) || part.y1 > tiles_along(d["H"]))
+    fail(Status::internal, "{}: a part that ends at tile {}, {} of {} x {} pixels", operation, part.x1, part.y1, d["W"],
+         d["H"]);
+}
+
+void bind_gradient(Dims& d, const Binned& binned, const PictureGradient& dpicture) {
+  d.bind("slots", binned.slots, {"N"}, Type::u32);
+  d.bind_optional("dpicture.colour", dpicture.colour, {"H", "W", "3"});
+  d.bind_optional("dpicture.alpha", dpicture.alpha, {"H", "W"});
+  d.bind_optional("dpicture.depth", dpicture.depth, {"H", "W"});
+  d.bind_optional("dpicture.normal", dpicture.normal, {"H", "W", "3"});
+  d.bind_optional("dpicture.distortion", dpicture.distortion, {"H", "W"});
+}
+
+IntersectionGradients make_rows(Context& ctx, long n, long columns) {
+  const IntersectionGradients out{ctx.tensor({n, columns}, Type::f32, "rasterize_backward.rows"),
+                                  ctx.tensor({n}, Type::u8, "rasterize_backward.touched")};
+  ctx.fill_zero(out.touched);
+  return out;
 }
 
 DevicePicture make_picture(Context& ctx, int width, int height, const SurfelMaps& maps) {
@@ -71,23 +87,17 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
   const Part& part = a.part;
   const long tiles = part.tiles();
   Dims d;
-  bind(d, a.projected, a.binned, part, a.picture, "rasterize");
+  bind_blended(d, a.projected, a.binned, part, a.picture, "12", "rasterize");
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // How much of it is blended is known only when it is done: what must move at the least counts alone.
   const Cost cost{0, n * 52.0 + pixels * 20.0};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
-  const auto run = [&](const KernelId& id, const Range& range) {
-    ctx.launch(id, range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(a.picture.colour),
-               drawn(a.picture.alpha), drawn(a.picture.depth), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
-               a.background[0], a.background[1], a.background[2]);
-  };
-  if (rasterizes_in_blocks(ctx)) {
-    run({"rasterize", "rasterize_forward_cpu", "-DBATCH=" + std::to_string(kRasterizeBatch)}, groups(tiles, 1));
-  } else {
-    const TileLaunch l = tile_launch({"rasterize", "rasterize_forward_gpu", "", 1, forward_bytes}, ctx);
-    run(l.id, groups(tiles, l.group));
-  }
+  const TileLaunch l =
+      tile_launch({"rasterize", "rasterize_forward_cpu", "rasterize_forward_gpu", "", kRecord}, ctx, tiles);
+  ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(a.picture.colour),
+             drawn(a.picture.alpha), drawn(a.picture.depth), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
+             a.background[0], a.background[1], a.background[2]);
 }
 
 IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& a) {
@@ -95,33 +105,21 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   const PictureGradient& dp = a.dpicture;
   const long tiles = part.tiles();
   Dims d;
-  bind(d, a.projected, a.binned, part, a.picture, "rasterize_backward");
-  d.bind("slots", a.binned.slots, {"N"}, Type::u32);
-  d.bind_optional("dpicture.colour", dp.colour, {"H", "W", "3"});
-  d.bind_optional("dpicture.alpha", dp.alpha, {"H", "W"});
-  d.bind_optional("dpicture.depth", dp.depth, {"H", "W"});
+  bind_blended(d, a.projected, a.binned, part, a.picture, "12", "rasterize_backward");
+  bind_gradient(d, a.binned, dp);
   const bool pulls = a.pulls != Pulls::none;
   const std::string flavour = !pulls ? "" : a.pulls == Pulls::through ? " -DPULL -DTHROUGH_CLAMP" : " -DPULL";
-  const IntersectionGradients out{ctx.tensor({d["N"], pulls ? 2 : kColumns}, Type::f32, "rasterize_backward.rows"),
-                                  ctx.tensor({d["N"]}, Type::u8, "rasterize_backward.touched")};
-  ctx.fill_zero(out.touched);
+  const IntersectionGradients out = make_rows(ctx, d["N"], pulls ? 2 : kColumns);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // As in drawing, what must move at the least counts alone.
   const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0};
-  const auto run = [&](const KernelId& id, const Range& range) {
-    ctx.launch(id, range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.binned.slots, a.picture.colour,
-               a.picture.alpha, a.picture.depth, dp.colour, dp.alpha, dp.depth, written_somewhere(out.rows),
-               written(out.touched), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles, a.background[0],
-               a.background[1], a.background[2]);
-  };
-  if (rasterizes_in_blocks(ctx)) {
-    run({"rasterize_backward", "rasterize_backward_cpu", "-DBATCH=" + std::to_string(kRasterizeBatch) + flavour},
-        groups(tiles, 1));
-  } else {
-    const TileLaunch l =
-        tile_launch({"rasterize_backward", "rasterize_backward_gpu", flavour, kBackwardPixels, backward_bytes}, ctx);
-    run(l.id, groups(tiles, l.group));
-  }
+  const TileLaunch l = tile_launch(
+      {"rasterize_backward", "rasterize_backward_cpu", "rasterize_backward_gpu", flavour, kRecord, kColumns}, ctx,
+      tiles);
+  ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.binned.slots, a.picture.colour,
+             a.picture.alpha, a.picture.depth, dp.colour, dp.alpha, dp.depth, written_somewhere(out.rows),
+             written(out.touched), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles, a.background[0],
+             a.background[1], a.background[2]);
   return out;
 }
 

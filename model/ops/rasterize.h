@@ -1,8 +1,10 @@
 // Blending of binned Gaussians, near to far; and its derivative.
 #pragma once
 #include <array>
+#include <string>
 
 #include "model/ops/tile_bin.h"
+#include "runtime/shape_check.h"
 
 namespace vsplat {
 
@@ -64,24 +66,32 @@ struct RasterizeBackward {
 };
 IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& a);
 
-// Gaussians of a tile that a work-item of the cpu flavour looks at together.
-constexpr long kRasterizeBatch = 64;
-// Whether blending is that of the cpu flavour: the device must take vectors, too.
-bool rasterizes_in_blocks(const Context& ctx);
-// A kernel of the gpu flavour, in which a group owns a tile: as many items as the device lets it have, each with the
-// fewest pixels, but no fewer than `least_pixels`. `bytes`: of local memory that a group of so many items takes.
+// What blending volumes and blending surfels (rasterize_surfels.h) have alike, forward and backward: what a work-item
+// or a group takes of a picture, what they read, and the rows that they write.
+
+// A kernel of either flavour of which one work-item (cpu) or one group (gpu) blends a tile.
 struct TileKernel {
-  const char *file, *name;
-  std::string defines;
-  long least_pixels;
-  std::size_t (*bytes)(long group);
+  const char *file, *cpu, *gpu;  // the file, and the names of the flavours' kernels
+  std::string defines;           // of both, each beginning with a space
+  long record;                   // floats of a Gaussian's record
+  long columns = 0;              // backward: floats of a row of sums; 0: forward, which sums nothing
 };
+
 struct TileLaunch {
   KernelId id;
-  long group;
+  Range range;
 };
-TileLaunch tile_launch(const TileKernel& kernel, Context& ctx);
-// Refuses a part that is not one of a picture of width x height pixels.
-void check_part(const Part& part, long width, long height, const char* operation);
+// The flavour's kernel over `tiles` tiles. In the gpu flavour as many items a group as the device lets it have, each
+// with the fewest pixels; Error(device) where it allows too few.
+TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles);
+
+// Binds "V", "N", "H", "W" and "tiles + 1" by what both directions read, and maps of surfels where the picture has
+// them. Refuses a part that is not one of the picture. `record`: as in TileKernel, in words.
+void bind_blended(Dims& d, const Projected& projected, const Binned& binned, const Part& part,
+                  const DevicePicture& picture, const char* record, const char* operation);
+// Binds those gradients by a picture that there are, for a backward pass, and the slots that its rows go to.
+void bind_gradient(Dims& d, const Binned& binned, const PictureGradient& dpicture);
+// The rows of sums of N intersections, and their marks, which are zero.
+IntersectionGradients make_rows(Context& ctx, long n, long columns);
 
 }  // namespace vsplat
