@@ -282,6 +282,9 @@ vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, i
     FitMemory memory;
     const bool fits =
         fits_within([&] { memory = plan_fit(ctx, blank_gaussians(1, sh_degree), 0.2f, options, camera); });
-    give(out_plan, plan_of(ctx, memory.stages, memory.peak, fits), "out_plan");
+    // The start, the best so far and what is written, and two pictures in bytes: the one in use and the next.
+    const double each = 11.0 + 3.0 * (sh_degree + 1) * (sh_degree + 1);
+    const double host = 3.0 * sizeof(float) * each * static_cast<double>(gaussians) + 2.0 * 4.0 * width * height;
+    give(out_plan, plan_of(ctx, memory.stages, memory.peak, fits, host), "out_plan");
   });
 }

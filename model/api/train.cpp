@@ -93,6 +93,24 @@ TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
   return t;
 }
 
+// What a checkpoint holds while it is written, the weights, their average and the optimiser's two moments, and the
+// views of two objects, the one in use and the next. Decoded pictures are kept beside that while there is room.
+double host_bytes(const char* config) {
+  double most = 0;
+  for (const TrainConfig& stage : train_stages_from_json(config)) {
+    double values = 0, pixels = stage.model.image;
+    for (const Parameter& p : parameters(stage.model)) {
+      double count = 1;
+      for (const long size : p.shape) count *= static_cast<double>(size);
+      values += 4 * count;
+    }
+    const double views = static_cast<double>(stage.batch * (stage.inputs_max + stage.novel));
+    values += 2 * views * 3 * pixels * pixels;
+    most = std::max(most, values * sizeof(float));
+  }
+  return most;
+}
+
 // Of the stage that takes the most.
 Trainer::Plan plan_of_stages(Context& ctx, const char* config, const vsplat_train_plan_options& o) {
   std::optional<Trainer::Plan> most;
@@ -141,7 +159,7 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
     clear(device);
     const Trainer::Plan plan = plan_of_stages(device->context, config, o);
-    give(out_plan, plan_of(device->context, plan.stages, plan.peak, plan.fits), "out_plan");
+    give(out_plan, plan_of(device->context, plan.stages, plan.peak, plan.fits, host_bytes(config)), "out_plan");
   });
 }
 

@@ -210,6 +210,7 @@ static void a_plan_grows_with_the_scene(vsplat_device device) {
   EXPECT(VSPLAT_OK, vsplat_plan_refinement(device, 1000, 1, side, side, &small));
   EXPECT(VSPLAT_OK, vsplat_plan_refinement(device, 100000, 1, side, side, &large));
   HOLD(small.fits == 1 && large.peak > 10 * small.peak);
+  HOLD(small.host_peak > 0 && large.host_peak > 50 * small.host_peak);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_refinement(device, 0, 1, side, side, &small));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_refinement(device, 1, 4, side, side, &small));
 }

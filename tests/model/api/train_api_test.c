@@ -37,6 +37,8 @@ static void refuses(vsplat_device device) {
   plan_options.selected = -0.5;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_plan(device, micro, &plan_options, &plan));
   plan_options.selected = 0;
+  EXPECT(VSPLAT_OK, vsplat_train_plan(device, micro, &plan_options, &plan));
+  HOLD(plan.fits == 1 && plan.peak > plan.host_peak && plan.host_peak > 0);
   plan_options.selection = "/nonexistent/voxels.txt";
   EXPECT(VSPLAT_ERROR_FILE, vsplat_train_plan(device, micro, &plan_options, &plan));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_train_report(nowhere, 0, "page.html"));
