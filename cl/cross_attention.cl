@@ -2,14 +2,17 @@
 // alone,
 //   out[q] = sum_s p_s v_s,   p = softmax over the group's keys of q . k_s / sqrt(D),
 // head by head. LaRa's windows (the voxels of a cell at what was lifted to it) and its fine decoder (a primitive at
-// what the views show at its place).
+// what the views show at its place); the windows of the ray predictor, where a key is in groups of several views, and
+// where windows join tokens of a picture's opposite sides: of those 100 is taken from the score.
 // ```
 // argument    type   shape    what
 // q           f32    [Q,H,D]  queries; each is in one group
-// k           f32    [N,H,D]  keys; each is in one group
+// k           f32    [N,H,D]  keys
 // v           f32    [N,H,D]  values, of the keys
 // queries     i32    [G,L]    each group's rows of q; null: the g-th L of them
 // keys        i32    [G,S]    each group's rows of k and v; null: the g-th S of them
+// query_parts i32    [G,L]    which part of the picture a query is of, and
+// key_parts   i32    [G,S]    a key: those of different parts are strangers; null: nobody is
 // out         f32    [Q,H,D]  written
 // stats       f32    [Q,H]    written: the logarithm of the sum of exponentials; null: not wanted
 // scale       float           1 / sqrt(D)
@@ -38,9 +41,15 @@ static inline float dot_head(float16* a, float16* b) {
   return sum_of(sum);
 }
 
+// What is added to the score of a query and a key, each by its place in the groups.
+static inline float stranger(global const int* query_parts, int query, global const int* key_parts, int key) {
+  return query_parts && query_parts[query] != key_parts[key] ? -100.0f : 0.0f;
+}
+
 kernel void cross_attention_forward(global const float* restrict q, global const float* restrict k,
                                     global const float* restrict v, global const int* restrict queries,
-                                    global const int* restrict keys, global float* restrict out,
+                                    global const int* restrict keys, global const int* restrict query_parts,
+                                    global const int* restrict key_parts, global float* restrict out,
                                     global float* restrict stats, int G, int L, int S, int H, int D, float scale) {
   const int id = get_global_id(0);
   if (id >= G * L * H) return;
@@ -53,7 +62,7 @@ kernel void cross_attention_forward(global const float* restrict q, global const
   for (int s = 0; s < S; ++s) {
     const size_t key = ((size_t)(keys ? keys[g * S + s] : g * S + s) * H + h) * D;
     load_head(x, k + key, D);
-    const float score = dot_head(query, x);
+    const float score = dot_head(query, x) + stranger(query_parts, at, key_parts, g * S + s);
     if (score > largest) {
       const float less = exp(largest - score);
       total *= less;
@@ -84,7 +93,8 @@ kernel void cross_attention_forward(global const float* restrict q, global const
 // ```
 kernel void cross_attention_backward_by_query(global const float* restrict q, global const float* restrict k,
                                               global const float* restrict v, global const int* restrict queries,
-                                              global const int* restrict keys, global const float* restrict out,
+                                              global const int* restrict keys, global const int* restrict query_parts,
+                                              global const int* restrict key_parts, global const float* restrict out,
                                               global const float* restrict stats, global const float* restrict dout,
                                               global float* restrict dq, global float* restrict delta, int G, int L,
                                               int S, int H, int D, float scale) {
@@ -103,7 +113,8 @@ kernel void cross_attention_backward_by_query(global const float* restrict q, gl
     load_head(x, v + key, D);
     const float dp = dot_head(d, x);
     load_head(x, k + key, D);
-    const float by_score = exp(dot_head(query, x) - normaliser) * (dp - own) * scale;
+    const float score = dot_head(query, x) + stranger(query_parts, at, key_parts, g * S + s);
+    const float by_score = exp(score - normaliser) * (dp - own) * scale;
     for (int i = 0; i < VECTORS; ++i) sum[i] += by_score * x[i];
   }
   store_head(sum, dq + row * D, D);
@@ -112,32 +123,38 @@ kernel void cross_attention_backward_by_query(global const float* restrict q, gl
 
 // ```
 // argument    type  shape    what
+// places      i32   [N,B]    where each key is among the G S of the groups: in B of them; null: each is in one
 // delta       f32   [Q,H]    from cross_attention_backward_by_query
 // dk          f32   [N,H,D]  written
 // dv          f32   [N,H,D]  written
-// work-items  one per (key of a group, head), heads fastest
+// work-items  one per (key, head), heads fastest; without `places` in the order of the groups
 // ```
 kernel void cross_attention_backward_by_key(global const float* restrict q, global const float* restrict k,
                                             global const float* restrict v, global const int* restrict queries,
-                                            global const int* restrict keys, global const float* restrict stats,
-                                            global const float* restrict delta, global const float* restrict dout,
-                                            global float* restrict dk, global float* restrict dv, int G, int L, int S,
-                                            int H, int D, float scale) {
+                                            global const int* restrict keys, global const int* restrict query_parts,
+                                            global const int* restrict key_parts, global const int* restrict places,
+                                            global const float* restrict stats, global const float* restrict delta,
+                                            global const float* restrict dout, global float* restrict dk,
+                                            global float* restrict dv, int G, int L, int S, int H, int D, int B,
+                                            float scale) {
   const int id = get_global_id(0);
-  if (id >= G * S * H) return;
-  const int h = id % H, at = id / H, g = at / S;
-  const size_t key = ((size_t)(keys ? keys[at] : at) * H + h) * D;
+  if (id >= G * S / B * H) return;
+  const int h = id % H, at = id / H;
+  const size_t key = ((size_t)(keys && !places ? keys[at] : at) * H + h) * D;
   float16 own_k[VECTORS], own_v[VECTORS], by_k[VECTORS], by_v[VECTORS], x[VECTORS], d[VECTORS];
   load_head(own_k, k + key, D);
   load_head(own_v, v + key, D);
   for (int i = 0; i < VECTORS; ++i) own_k[i] *= scale, by_k[i] = by_v[i] = (float16)(0.0f);
-  for (int l = 0; l < L; ++l) {
-    const size_t row = (size_t)(queries ? queries[g * L + l] : g * L + l) * H + h;
-    load_head(x, q + row * D, D);
-    load_head(d, dout + row * D, D);
-    const float p = exp(dot_head(own_k, x) - stats[row]);
-    const float by_score = p * (dot_head(own_v, d) - delta[row]) * scale;
-    for (int i = 0; i < VECTORS; ++i) by_v[i] += p * d[i], by_k[i] += by_score * x[i];
+  for (int b = 0; b < B; ++b) {
+    const int place = places ? places[at * B + b] : at, first = place / S * L;
+    for (int l = first; l < first + L; ++l) {
+      const size_t row = (size_t)(queries ? queries[l] : l) * H + h;
+      load_head(x, q + row * D, D);
+      load_head(d, dout + row * D, D);
+      const float p = exp(dot_head(own_k, x) + stranger(query_parts, l, key_parts, place) - stats[row]);
+      const float by_score = p * (dot_head(own_v, d) - delta[row]) * scale;
+      for (int i = 0; i < VECTORS; ++i) by_v[i] += p * d[i], by_k[i] += by_score * x[i];
+    }
   }
   store_head(by_k, dk + key, D);
   store_head(by_v, dv + key, D);

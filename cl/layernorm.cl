@@ -1,11 +1,11 @@
 // LayerNorm over the last axis, with the biased variance in two passes and eps inside the root:
 //   out = n gamma + beta, n = (x - mean) / sqrt(var + eps)
-// Modulated (where film is given): out = (n gamma + beta) (1 + scale) + shift, and the first token of each view is
-// dropped (skip = 1). Row r of out comes from row (r / P) (P + skip) + r % P + skip of x. The plain call has skip = 0
-// and P = R.
+// Modulated (where film is given): out = (n gamma + beta) (1 + scale) + shift, and the first `skip` tokens of each view
+// are dropped. Row r of out comes from row (r / P) (P + skip) + r % P + skip of x. The plain call has skip = 0 and P =
+// R.
 // ```
 // argument     type  shape   what
-// x            f32   [R,C]   modulated: [V,1+P,C] with R = V P
+// x            f32   [R,C]   modulated: [V,skip+P,C] with R = V P
 // gamma, beta  f32   [C]     weights; null: ones and zeros (not where film is given)
 // film         f32   [R,2C]  shift, then scale, of each row of out; null: not modulated
 // out          f32   [R,C]   written; plain: may be x

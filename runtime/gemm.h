@@ -6,7 +6,7 @@
 
 namespace vsplat {
 
-enum class Activation : int { none = 0, gelu = 1, silu = 2, relu = 3 };
+enum class Activation : int { none = 0, gelu = 1, silu = 2, relu = 3, gelu_tanh = 4 };
 
 // B, repacked once at load in the layout that this context's flavour wants. K x N.
 struct PackedMatrix {

@@ -21,6 +21,8 @@ struct EvaluateOptions {
   std::vector<std::string> folders;
   std::string model, protocol = "kmeans", seed, lpips, sheet;
   int size = 0;
+  double pose_noise = 0;
+  int pose_draws = 0;
   bool skip_bad = false, refine = false;
 };
 
@@ -38,13 +40,17 @@ constexpr Column columns[] = {{"psnr", "PSNR", &vsplat_scores::psnr, 2, 1},
                               {"psnr_nearest", "nearest", &vsplat_scores::psnr_nearest, 2, 1},
                               {"selected", "voxels %", &vsplat_scores::selected, 2, 100},
                               {"lpips_alex", "LPIPS alex", &vsplat_scores::lpips_alex, 4, 1},
-                              {"lpips_vgg", "LPIPS vgg", &vsplat_scores::lpips_vgg, 4, 1}};
+                              {"lpips_vgg", "LPIPS vgg", &vsplat_scores::lpips_vgg, 4, 1},
+                              {"pose_degrees", "pose deg", &vsplat_scores::pose_degrees, 3, 1},
+                              {"pose_distance", "pose dist", &vsplat_scores::pose_distance, 4, 1},
+                              {"ray_degrees", "ray deg", &vsplat_scores::ray_degrees, 3, 1},
+                              {"ray_moment", "ray moment", &vsplat_scores::ray_moment, 4, 1}};
 
-// LPIPS only where there were weights for it.
+// LPIPS only where there were weights for it, poses under noise, and rays where they are predicted.
 std::vector<Column> columns_of(const vsplat_scores& mean) {
   std::vector<Column> out;
   for (const Column& column : columns)
-    if (std::string(column.name).rfind("lpips", 0) != 0 || !std::isnan(mean.*column.value)) out.push_back(column);
+    if (!std::isnan(mean.*column.value)) out.push_back(column);
   return out;
 }
 
@@ -142,7 +148,11 @@ void evaluate(const EvaluateOptions& o) {
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
-  if (!o.seed.empty() && o.protocol != "random10") throw UsageError("--seed is of --protocol random10");
+  if (!o.seed.empty() && o.protocol != "random10" && o.pose_noise == 0)
+    throw UsageError("--seed is of --protocol random10 and --pose-noise");
+  if (o.pose_draws != 0 && o.pose_noise == 0) throw UsageError("--pose-draws is of --pose-noise");
+  options.pose_noise = o.pose_noise;
+  options.pose_draws = o.pose_draws;
   set_placement(o.placement, options);
   options.lpips = o.lpips.empty() ? nullptr : o.lpips.c_str();
   options.picture_size = o.size;
@@ -201,7 +211,7 @@ void add_evaluate(CLI::App& app, Run& run) {
                   "at random; the inputs are the first of each group")
       ->check(one_of({"kmeans", "random10"}))
       ->type_name("kmeans|random10");
-  sub->add_option("--seed", o->seed, "Of --protocol random10 (0)")->type_name("S");
+  sub->add_option("--seed", o->seed, "Of --protocol random10 and --pose-noise (0)")->type_name("S");
   sub->add_option("--size", o->size,
                   "Compare pictures of N x N pixels: the truth resampled by area, the result drawn at N; what goes in "
                   "stays at the model's size (default: compare at that, too)")
@@ -213,17 +223,29 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->type_name("FILE.png");
   sub->add_flag("--refine", o->refine,
                 "Measure the scene moved towards the inputs, and them alone, as `vsplat refine --start network` does");
+  sub->add_option("--pose-noise", o->pose_noise,
+                  "Tell the network of the inputs but the first poses with noise: turned and moved about the object, "
+                  "by normal numbers of this deviation, in radians and edges of its cube")
+      ->check(CLI::Range(0.0, 1.0))
+      ->type_name("SIGMA");
+  sub->add_option("--pose-draws", o->pose_draws, "Draws of that noise, over which each number is the mean (1)")
+      ->check(CLI::Range(1, 1000))
+      ->type_name("N");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
   add_placement_options(*sub, o->placement);
   add_common(*sub, o->common);
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to "
       "each\n"
-      "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white.\n"
+      "novel one; SSIM; the share of voxels that were selected. Of each object's novel views together, on white. "
+      "Under\n"
+      "--pose-noise how far the poses that were told are from the listed ones, and where the model predicts rays, how\n"
+      "far those are: degrees, and distances in edges of the cube.\n"
       "Examples:\n"
       "  vsplat evaluate set/ --sheet sheet.png\n"
       "  vsplat evaluate set/ --size 256 --refine\n"
       "  vsplat evaluate set/ --size 128 --json\n"
+      "  vsplat evaluate set/ --pose-noise 0.02 --pose-draws 3 --seed 1\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
   sub->callback([o, &run] { run = [o] { evaluate(*o); }; });
 }

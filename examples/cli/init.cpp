@@ -50,8 +50,10 @@ void add_init(CLI::App& app, Run& run) {
   sub->add_option("--seed", o->seed, "Of the random numbers: a seed gives the same file everywhere")
       ->required()
       ->type_name("S");
-  sub->add_option("--encoder", o->encoder,
-                  "DINO ViT weights in timm's naming, safetensors or of torch.save, for the encoder alone")
+  sub->add_option(
+         "--encoder", o->encoder,
+         "DINO ViT weights in timm's naming (DINOv3's in Meta's, too), safetensors or of torch.save, for the encoder "
+         "alone")
       ->type_name("FILE");
   sub->add_option("--set", o->fields, "Change a field of the configuration")->type_name("FIELD=VALUE");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});

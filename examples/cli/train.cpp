@@ -22,6 +22,7 @@ struct TrainOptions {
   std::vector<std::string> data, compare;
   std::string selection, assume_selected, assume_intersections;
   std::vector<std::int64_t> extend;
+  double pose_noise = -1;  // below 0: as the configuration says
   bool resume = false, print_config = false, skip_bad = false, dry_run = false;
 };
 
@@ -41,11 +42,22 @@ std::string read_config(const std::string& path) {
   return text.str();
 }
 
+// The configuration with the field of --pose-noise; what is no object is for the library to refuse.
+std::string with_pose_noise(const std::string& text, double sigma) {
+  nlohmann::json config = nlohmann::json::parse(text, nullptr, false);
+  if (sigma < 0 || !config.is_object()) return text;
+  config["pose_noise"] = sigma;
+  if (config.contains("stages") && config["stages"].is_array())
+    for (nlohmann::json& stage : config["stages"])
+      if (stage.is_object()) stage["pose_noise"] = sigma;
+  return config.dump();
+}
+
 // Errors of the configuration begin with its path.
-std::string whole_config(const std::string& path) {
-  if (path.empty()) return vsplat::train_config();
+std::string whole_config(const std::string& path, double pose_noise) {
+  if (path.empty()) return vsplat::train_config(with_pose_noise("{}", pose_noise));
   try {
-    return vsplat::train_config(read_config(path));
+    return vsplat::train_config(with_pose_noise(read_config(path), pose_noise));
   } catch (const vsplat::Error& e) {
     throw vsplat::Error(e.status(), (path + ": " + e.what()).c_str());
   }
@@ -148,6 +160,7 @@ void refuse_training(const TrainOptions& o) {
   refuse("--init", !o.init.empty());
   refuse("--resume", o.resume);
   refuse("--extend", !o.extend.empty());
+  refuse("--pose-noise", o.pose_noise >= 0);
   refuse("--print-config", o.print_config);
   refuse("--skip-bad", o.skip_bad);
   refuse("--dry-run", o.dry_run);
@@ -182,7 +195,7 @@ void compare(const TrainOptions& o) {
 void train(const TrainOptions& o) {
   set_up_library(o.common);
   if (!o.compare.empty()) return compare(o);
-  const std::string config = whole_config(o.config);
+  const std::string config = whole_config(o.config, o.pose_noise);
   if (o.print_config) {
     std::printf("%s\n", config.c_str());
     return;
@@ -253,6 +266,11 @@ void add_train(CLI::App& app, Run& run) {
       ->type_name("RUN");
   sub->add_option("--init", o->init, "Begin with this model's weights, not with random ones (fine-tuning)")
       ->type_name("MODEL.safetensors");
+  sub->add_option("--pose-noise", o->pose_noise,
+                  "Deviation of the noise on input views' poses, drawn anew for each object, instead of the "
+                  "configuration's pose_noise")
+      ->check(CLI::Range(0.0, 1.0))
+      ->type_name("SIGMA");
   sub->add_flag("--resume", o->resume, "Go on from the newest good checkpoint in RUN");
   sub->add_option(
          "--extend", o->extend,

@@ -96,6 +96,10 @@ void import(const WeightsOptions& o) {
   outputs.commit();
   nlohmann::ordered_json all = nlohmann::ordered_json::parse(told);
   for (const auto& name : all["left_out"]) say(o.common, "left out: " + name.get<std::string>());
+  if (all["encoder_alone"].get<bool>())
+    say(o.common,
+        "an encoder alone: the rest of the model has random weights (seed 0) and is to be trained, as with "
+        "vsplat train --init");
   const std::string shapes =
       all["named"].is_null() ? "of no named configuration" : "as " + all["named"].get<std::string>();
   say(o.common, o.output + ": " + std::to_string(model.info().parameters) + " parameters, shapes " + shapes + ", " +
@@ -132,7 +136,8 @@ void add_convert(CLI::App& parent, Run& run) {
 
 void add_import(CLI::App& parent, Run& run) {
   auto o = std::make_shared<WeightsOptions>();
-  CLI::App* sub = parent.add_subcommand("import", "Make a model file of a checkpoint of VS-Splat, LaRa or GenDen");
+  CLI::App* sub = parent.add_subcommand(
+      "import", "Make a model file of a checkpoint of VS-Splat, LaRa or GenDen, or of a DINO or DINOv3 encoder");
   sub->add_option("checkpoint", o->checkpoint, "A .ckpt of Lightning's, or a state dict (.pth, .pt)")
       ->required()
       ->type_name("FILE");
@@ -147,7 +152,9 @@ void add_import(CLI::App& parent, Run& run) {
       "shapes;\n"
       "what they do not tell (heads, groups, windows, the pictures' and the volume's size) is that of the named "
       "configuration\n"
-      "that has all of them, else it has to be said.\n"
+      "that has all of them, else it has to be said. Of an encoder alone, DINO's or DINOv3's in timm's or Meta's "
+      "naming,\n"
+      "a model is made whose other weights are random, to begin a training with.\n"
       "Examples:\n"
       "  vsplat weights import epoch=49.ckpt --output model.safetensors\n"
       "  vsplat weights import own.ckpt --output own.safetensors --set vit_heads=6 --set groups=16 --set image=256 \\\n"

@@ -56,6 +56,10 @@ vsplat_scores scores_of(const Scores& from) {
   out.selected = from.selected;
   out.lpips_alex = from.lpips_alex;
   out.lpips_vgg = from.lpips_vgg;
+  out.pose_degrees = from.pose_degrees;
+  out.pose_distance = from.pose_distance;
+  out.ray_degrees = from.ray_degrees;
+  out.ray_moment = from.ray_moment;
   return out;
 }
 
@@ -79,6 +83,8 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
     how.refine = o.refine != 0;
+    how.pose_noise = o.pose_noise;
+    how.pose_draws = o.pose_draws == 0 ? 1 : o.pose_draws;
     how.planned_selected = voxels_of(0, VSPLAT_ASSUME_SELECTED, vsplat_file(model).config, "selected");
     if (o.progress)
       how.progress = [&o](const std::string& object, double done) {

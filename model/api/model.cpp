@@ -41,7 +41,7 @@ vsplat_model_info describe(const Config& config, vsplat_hash_state hash) {
   vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
   out.image = config.image;
   out.views = config.views;
-  out.max_views = max_views;
+  out.max_views = config.most_views();
   out.volume = config.volume;
   out.sh_degree = config.sh_degree;
   out.max_gaussians = static_cast<uint64_t>(VsplatModel::most_gaussians(config));
@@ -82,6 +82,7 @@ std::string json_of(const ImportedModel& imported) {
   out["named"] = nullptr;
   if (!imported.named.empty()) out["named"] = imported.named;
   out["left_out"] = imported.left_out;
+  out["encoder_alone"] = imported.encoder_alone;
   return out.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
@@ -236,7 +237,10 @@ vsplat_status vsplat_model_import(const char* path, const vsplat_import_options*
     if (o.config_file) how.config_file = o.config_file;
     how.fields = texts(o.fields, o.num_fields, "options.fields");
     ImportedModel imported = import_model(path, how);
-    const std::string origin = std::string("imported from a PyTorch checkpoint, vsplat ") + VSPLAT_VERSION_STRING;
+    const std::string origin =
+        std::string(imported.encoder_alone ? "encoder from a PyTorch file, all else random (seed 0)"
+                                           : "imported from a PyTorch checkpoint") +
+        ", vsplat " + VSPLAT_VERSION_STRING;
     std::visit([&](auto& made) { made.metadata["origin"] = origin; }, imported.model);
     const std::string told = json_of(imported);
     auto model = handle_of(std::move(imported.model));

@@ -7,8 +7,10 @@
 #include <limits>
 #include <optional>
 
+#include "model/base/pose_noise.h"
 #include "model/base/scene.h"
 #include "model/fit/scene_fit.h"
+#include "model/network/ray_predictor.h"
 #include "model/pictures/contact_sheet.h"
 #include "model/pictures/metrics.h"
 #include "model/reconstruct/reconstruct.h"
@@ -22,9 +24,10 @@ namespace {
 constexpr std::array<float, 3> kWhite{1, 1, 1};
 constexpr int kSmallestJudged = 11;  // a window of SSIM
 constexpr int kLargestJudged = 4096;
-constexpr double Scores::*kNumbers[] = {&Scores::psnr,       &Scores::psnr_coarse,  &Scores::ssim,
-                                        &Scores::psnr_white, &Scores::psnr_nearest, &Scores::selected,
-                                        &Scores::lpips_alex, &Scores::lpips_vgg};
+constexpr double Scores::*kNumbers[] = {&Scores::psnr,          &Scores::psnr_coarse,  &Scores::ssim,
+                                        &Scores::psnr_white,    &Scores::psnr_nearest, &Scores::selected,
+                                        &Scores::lpips_alex,    &Scores::lpips_vgg,    &Scores::pose_degrees,
+                                        &Scores::pose_distance, &Scores::ray_degrees,  &Scores::ray_moment};
 
 // Square pictures side by side, clamped, as the published protocol compares them.
 class Strip {
@@ -63,6 +66,7 @@ class Evaluator {
     return evaluation_object(object, model_.config(), options_.request, options_.skip_bad ? &skipped : nullptr,
                              &missing);
   }
+  // Means over the draws of noise.
   Scores score(const EvaluationObject& object) const;
   // Of these objects side by side: their inputs, and below, what was compared.
   Image sheet(const std::vector<const DataObject*>& objects) const;
@@ -70,10 +74,12 @@ class Evaluator {
  private:
   struct Drawn {
     Strip truth, coarse, result;
+    Scores poses;  // those of poses and rays
     std::size_t selected = 0;
   };
 
-  Drawn draw(const EvaluationObject& object) const;
+  Drawn draw(const EvaluationObject& object, int noise_draw = 0) const;
+  Scores score(const EvaluationObject& object, int noise_draw) const;
   Strip render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
                    const std::optional<std::array<float, 3>>& mirror) const;
   Scene reconstructed(const EvaluationObject& object, const std::vector<int>& views) const;
@@ -89,6 +95,15 @@ void Evaluator::check() const {
     fail(Status::usage,
          "vsplat_evaluate_options.picture_size is {}: pictures that are compared have {} to {} pixels an edge",
          judged(), kSmallestJudged, kLargestJudged);
+  if (options_.pose_noise < 0 || options_.pose_noise > 1)
+    fail(Status::usage, "vsplat_evaluate_options.pose_noise is {}: 0 to 1 expected", options_.pose_noise);
+  if (options_.pose_draws < 1 || options_.pose_draws > 1000)
+    fail(Status::usage, "vsplat_evaluate_options.pose_draws is {}: 1 to 1000 expected", options_.pose_draws);
+  if (options_.pose_noise > 0 && options_.refine)
+    fail(Status::usage,
+         "vsplat_evaluate_options.refine is not measured under vsplat_evaluate_options.pose_noise: it moves the scene "
+         "by the "
+         "listed poses");
   for (const Lpips* lpips : options_.lpips)
     if (lpips->smallest() > judged())
       fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",
@@ -131,17 +146,31 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
   return render_all(upload(ctx_, scene.gaussians), object, scene.near, scene.mirror);
 }
 
-Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
+Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw) const {
   const int edge = model_.config().image;
   std::vector<float> pictures;
   for (std::size_t i = 0; i < object.inputs; ++i)
     pictures.insert(pictures.end(), object.pictures[i].data.begin(), object.pictures[i].data.end());
   const Tensor input = ctx_.upload({static_cast<long>(object.inputs), edge, edge, 3}, pictures, Type::f32, "pictures");
-  const std::vector<Camera> cameras(object.cameras.begin(),
-                                    object.cameras.begin() + static_cast<std::ptrdiff_t>(object.inputs));
+  const std::vector<Camera> listed(object.cameras.begin(),
+                                   object.cameras.begin() + static_cast<std::ptrdiff_t>(object.inputs));
+  const bool noisy = options_.pose_noise > 0;
+  const std::vector<Camera> cameras = noisy ? noisy_cameras(listed, options_.pose_noise, options_.request.seed,
+                                                            static_cast<std::uint32_t>(noise_draw), object.name)
+                                            : listed;
   ForwardOptions forward;
   forward.planned_selected = options_.planned_selected;
   const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), forward);
+  Scores poses;
+  if (noisy) {
+    const PoseErrors off = pose_errors(cameras, listed);
+    poses.pose_degrees = off.degrees, poses.pose_distance = off.distance;
+  }
+  if (result.rays) {
+    const Config& config = model_.config();
+    const RayErrors off = ray_errors(ctx_.read<float>(result.rays), patch_rays(listed, config.tokens(), config.patch));
+    poses.ray_degrees = off.degrees, poses.ray_moment = off.moment;
+  }
   Strip truth(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   std::optional<std::array<float, 3>> mirror;
@@ -152,16 +181,34 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object) const {
   const Strip coarse = drawn(result.coarse);
   // With no voxel selected there is nothing to move.
   if (options_.refine && result.final.count() > 0)
-    return {truth, coarse, render_refined(object), result.selected.size()};
-  return {truth, coarse, model_.config().levels == "coarse" ? coarse : drawn(result.final), result.selected.size()};
+    return {truth, coarse, render_refined(object), poses, result.selected.size()};
+  return {truth, coarse, model_.config().levels == "coarse" ? coarse : drawn(result.final), poses,
+          result.selected.size()};
+}
+
+Scores mean_of(const std::vector<ObjectScores>& objects) {
+  Scores out;
+  for (double Scores::*const number : kNumbers) {
+    out.*number = 0;
+    for (const ObjectScores& object : objects) out.*number += object.scores.*number;
+    out.*number /= static_cast<double>(objects.size());
+  }
+  return out;
 }
 
 Scores Evaluator::score(const EvaluationObject& object) const {
-  const Drawn drawn = draw(object);
+  std::vector<ObjectScores> draws;
+  for (int i = 0; i < (options_.pose_noise > 0 ? options_.pose_draws : 1); ++i)
+    draws.push_back({object.name, score(object, i)});
+  return mean_of(draws);
+}
+
+Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
+  const Drawn drawn = draw(object, noise_draw);
   const Image &truth = drawn.truth.image(), &result = drawn.result.image();
   Strip nearest(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) nearest.put(i, object.input_judged(object.nearest[i]));
-  Scores out;
+  Scores out = drawn.poses;
   out.psnr = psnr(result, truth);
   out.psnr_coarse = psnr(drawn.coarse.image(), truth);
   out.ssim = ssim(result, truth);
@@ -198,16 +245,6 @@ Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
   return sheet.sheet();
 }
 
-Scores mean_of(const std::vector<ObjectScores>& objects) {
-  Scores out;
-  for (double Scores::*const number : kNumbers) {
-    out.*number = 0;
-    for (const ObjectScores& object : objects) out.*number += object.scores.*number;
-    out.*number /= static_cast<double>(objects.size());
-  }
-  return out;
-}
-
 // Places in `objects` of the best, the median and the worst, as far as there are so many.
 std::vector<std::size_t> typical(const std::vector<ObjectScores>& objects) {
   std::vector<std::size_t> ranked(objects.size());
@@ -222,7 +259,13 @@ std::vector<std::size_t> typical(const std::vector<ObjectScores>& objects) {
 
 }  // namespace
 
-Scores::Scores() : lpips_alex(std::numeric_limits<double>::quiet_NaN()), lpips_vgg(lpips_alex) {}
+Scores::Scores()
+    : lpips_alex(std::numeric_limits<double>::quiet_NaN()),
+      lpips_vgg(lpips_alex),
+      pose_degrees(lpips_alex),
+      pose_distance(lpips_alex),
+      ray_degrees(lpips_alex),
+      ray_moment(lpips_alex) {}
 
 Evaluation evaluate(Context& ctx, const VsplatModel& model, const DataSet& data, const EvaluateOptions& options) {
   const Evaluator evaluator(ctx, model, options);

@@ -19,6 +19,9 @@ struct Scores {
   double psnr_white = 0, psnr_nearest = 0;  // of white pictures, and of the input view nearest by angle
   double selected = 0;                      // voxels selected, a share of 0 to 1
   double lpips_alex, lpips_vgg;             // of the result; NaN where that was not asked for
+  // How far what the network was told of the inputs' poses is from what is listed (base/pose_noise.h), and its
+  // predicted rays from the listed poses'; NaN without noise, and where none are predicted.
+  double pose_degrees, pose_distance, ray_degrees, ray_moment;
 
   Scores();
 };
@@ -35,6 +38,11 @@ struct EvaluateOptions {
   bool refine = false;              // the result is moved towards the inputs, and them alone
   long planned_selected = 0;        // as ForwardOptions have it
   std::vector<const Lpips*> lpips;  // at most one of each network
+  // Noise on the poses that the network is told of the inputs but the first, in the object's frame: its deviation, in
+  // radians and edges of the cube, and how often it is drawn; an object's numbers are the means. By the request's seed
+  // and the object's name, whatever the model: what is compared is drawn from the poses as listed. Not with `refine`.
+  double pose_noise = 0;
+  int pose_draws = 1;
   // Called before each object with its name and the share of the work that is done. May throw to cancel.
   std::function<void(const std::string& object, double done)> progress;
   // Called after each object: what is done stays the caller's where a later one is an error, or it is cancelled.

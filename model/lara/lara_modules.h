@@ -19,7 +19,7 @@ struct LaraModel::Modules {
   LaraFineDecoder fine_decoder;
 
   Modules(Context& ctx, const LaraConfig& config, const WeightSource& weights)
-      : encoder(ctx, config.encoder(), weights, "img_encoder"),
+      : encoder(ctx, config.encoder_sizes(), weights, "img_encoder"),
         modulation(ctx, config, weights),
         lifting(ctx, config, weights),
         volume(ctx, config, weights),

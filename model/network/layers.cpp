@@ -2,6 +2,7 @@
 
 #include "model/ops/activation.h"
 #include "model/ops/groupnorm.h"
+#include "model/ops/layer_scale.h"
 #include "model/ops/layernorm.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
@@ -60,6 +61,20 @@ void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b)
   }
 }
 
+FoldedGradients::FoldedGradients(Context& ctx, const ScaledLinear& layer) : layer_(layer), linear_(layer.folded) {
+  if (!layer.scale) return;
+  linear_.dweight = ctx.tensor(layer.weight.shape(), Type::f32, "folded weight's gradient");
+  linear_.dbias = ctx.tensor(layer.bias.shape(), Type::f32, "folded bias's gradient");
+  ctx.fill_zero(linear_.dweight);
+  ctx.fill_zero(linear_.dbias);
+}
+
+void FoldedGradients::add(Context& ctx) const {
+  if (!layer_.scale) return;
+  layer_scale_backward(ctx, {layer_.weight, layer_.bias, layer_.scale, linear_.dweight, linear_.dbias, layer_.dweight,
+                             layer_.dbias, layer_.dscale});
+}
+
 Tensor flat(const Tensor& x) { return x.reshaped({x.count() / x.shape().back(), x.shape().back()}); }
 
 void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tensor& x, const Tensor& out,
@@ -87,11 +102,11 @@ void normed_backward(Context& ctx, const LayerNorm& norm, const Tensor& x, float
 
 void gelu_mlp_forward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& out, Tensor* kept) {
   Tensor hidden = linear_forward(ctx, mlp.fc1, rows_of(normed_forward(ctx, mlp.norm, x, mlp.eps, "mlp.normed")),
-                                 "mlp.fc1", kept ? Activation::none : Activation::gelu);
+                                 "mlp.fc1", kept ? Activation::none : mlp.activation);
   if (kept) {
     *kept = hidden;
     hidden = ctx.tensor(hidden.shape(), Type::f32, "mlp.hidden");
-    activation_forward(ctx, {*kept, Activation::gelu, hidden});
+    activation_forward(ctx, {*kept, mlp.activation, hidden});
   }
   add_linear(ctx, mlp.fc2, hidden, x, out, "mlp.fc2");
 }
@@ -101,10 +116,10 @@ void gelu_mlp_backward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const 
   const Tensor dnormed = like(flat(dx)), dhidden = like(hidden);
   {
     const Tensor active = like(hidden);
-    activation_forward(ctx, {hidden, Activation::gelu, active});
+    activation_forward(ctx, {hidden, mlp.activation, active});
     linear_backward(ctx, mlp.fc2, {rows_of(active), flat(dx), dhidden, {}, false, "mlp.fc2"});
   }
-  activation_backward(ctx, {hidden, Activation::gelu, dhidden, dhidden});
+  activation_backward(ctx, {hidden, mlp.activation, dhidden, dhidden});
   const Tensor normed = normed_forward(ctx, mlp.norm, x, mlp.eps, "mlp.normed");
   linear_backward(ctx, mlp.fc1, {rows_of(normed), dhidden, dnormed, {}, false, "mlp.fc1"});
   normed_backward(ctx, mlp.norm, x, mlp.eps, dnormed, dx);

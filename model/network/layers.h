@@ -60,6 +60,7 @@ struct GeluMlp {
   const LayerNorm& norm;
   const Linear &fc1, &fc2;
   float eps;
+  Activation activation = Activation::gelu;  // or its approximation by tanh
 };
 // out = x + MLP(x); out may be x where nothing is kept. `hidden` [rows, fc1.out] before GELU, for the backward, or
 // null.
@@ -84,6 +85,26 @@ RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x
 // where there is no x1.
 void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
                         const Tensor& dx0, const Tensor& dx1 = {}, bool add = false);
+
+// A Linear whose outputs are multiplied by a learnt scale, folded into its weights.
+struct ScaledLinear {
+  Linear folded;        // in training with `plain`, and gradients only where there is no scale
+  Tensor scale;         // [out], or none: then `folded` is all
+  Tensor weight, bias;  // in training, as they are stored
+  Tensor dweight, dbias, dscale;
+};
+// What a scaled layer's backward goes through: the folded layer with gradients of its own, which start as zeros; add()
+// makes the stored ones' of them.
+class FoldedGradients {
+ public:
+  FoldedGradients(Context& ctx, const ScaledLinear& layer);
+  const Linear& linear() const { return linear_; }
+  void add(Context& ctx) const;
+
+ private:
+  const ScaledLinear& layer_;
+  Linear linear_;
+};
 
 // A Linear on channels of two kinds, each of which is multiplied apart.
 struct SplitLinear {

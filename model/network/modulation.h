@@ -13,18 +13,22 @@ class PoseModulation {
 
   // What the backward wants of a forward.
   struct Saved {
-    Tensor tokens;  // as they came
-    Tensor rays;    // [V t t, 32]
-    Tensor hidden;  // [V t t, C], before SiLU
-    Tensor film;    // [V, t t, 2 C]
+    Tensor tokens;     // as they came
+    Tensor predicted;  // likewise
+    Tensor rays;       // [V t t, 32]
+    Tensor hidden;     // [V t t, C], before SiLU
+    Tensor film;       // [V, t t, 2 C]
   };
 
-  // tokens [V, 1 + t t, C] with the class token, which is dropped -> features [V, t, t, C]:
+  // tokens [V, P + t t, C] with the P that are no patches, which are dropped -> features [V, t, t, C]:
   // LayerNorm(x) (1 + scale) + shift, (shift, scale) = MLP(spherical harmonics of the ray's direction and moment).
-  Tensor forward(Context& ctx, const Tensor& tokens, const DeviceCameras& cameras, Saved* saved = nullptr) const;
-  // dfeatures [V, t, t, C], by forward's result -> by the tokens, [V, 1 + t t, C], zeros by the class tokens. Adds to
+  // `predicted` [V, t, t, 6] stand for the cameras' rays, where they are there.
+  Tensor forward(Context& ctx, const Tensor& tokens, const DeviceCameras& cameras, Saved* saved = nullptr,
+                 const Tensor& predicted = {}) const;
+  // dfeatures [V, t, t, C], by forward's result -> by the tokens, [V, P + t t, C], zeros by the first P. Adds to
   // the gradients by the weights. Of the cameras there is none.
-  Tensor backward(Context& ctx, const Saved& saved, const Tensor& dfeatures) const;
+  // drays [V, t, t, 6], by predicted rays, is added to.
+  Tensor backward(Context& ctx, const Saved& saved, const Tensor& dfeatures, const Tensor& drays = {}) const;
 
  private:
   Config config_;

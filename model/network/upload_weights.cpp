@@ -1,6 +1,7 @@
 #include "model/network/upload_weights.h"
 
 #include "model/ops/conv3d_up.h"
+#include "model/ops/layer_scale.h"
 #include "model/ops/position_resample.h"
 #include "model/ops/sparse_conv.h"
 
@@ -55,6 +56,26 @@ Positions WeightLoader::positions(const Parameter& class_token, const Parameter&
 Linear WeightLoader::linear(const LayerParameters& p) const {
   return {columns(p.weight, 0, p.weight.count() / p.weight.shape.at(0)), value(p.bias), as_matrix(plain(p.weight)),
           as_matrix(gradient(p.weight)), gradient(p.bias)};
+}
+
+ScaledLinear WeightLoader::scaled_linear(const LayerParameters& p, const Learnt* scale) const {
+  ScaledLinear out;
+  if (scale == nullptr) {
+    out.folded = linear(p);
+    return out;
+  }
+  const long n = p.weight.shape.at(0), k = p.weight.count() / n;
+  out.scale = scale->value;
+  const Tensor weight = as_matrix(value(p.weight)), bias = value(p.bias);
+  const Tensor folded = ctx_->tensor({n, k}, Type::f32, p.name);
+  out.folded.bias = ctx_->tensor({n}, Type::f32, p.name);
+  layer_scale_forward(*ctx_, {weight, bias, out.scale, folded, out.folded.bias});
+  out.folded.w = pack_matrix(*ctx_, folded, k, n, 1, k, p.name);
+  if (!weights_.learnt_) return out;
+  out.folded.plain = folded;
+  out.weight = weight, out.bias = bias;
+  out.dweight = as_matrix(gradient(p.weight)), out.dbias = gradient(p.bias), out.dscale = scale->gradient;
+  return out;
 }
 
 SplitLinear WeightLoader::split_linear(const LayerParameters& p, long first) const {

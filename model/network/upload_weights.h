@@ -28,6 +28,7 @@ class WeightLoader {
   using Learnt = vsplat::Learnt;
   using Positions = vsplat::Positions;
   using Linear = vsplat::Linear;
+  using ScaledLinear = vsplat::ScaledLinear;
   using SplitLinear = vsplat::SplitLinear;
   using Conv = vsplat::Conv;
   using ConvUp = vsplat::ConvUp;
@@ -41,6 +42,7 @@ class WeightLoader {
   Learnt learnt(const Parameter& p) const { return {value(p), gradient(p)}; }
   Positions positions(const Parameter& class_token, const Parameter& stored, int from, int to) const;
   Linear linear(const LayerParameters& p) const;
+  ScaledLinear scaled_linear(const LayerParameters& p, const Learnt* scale) const;
   SplitLinear split_linear(const LayerParameters& p, long first) const;
   Conv conv3d(const LayerParameters& p) const;
   Conv conv3d_down(const LayerParameters& p) const;

@@ -18,13 +18,19 @@ namespace {
 
 // Shares of the work by stage, for progress: multiplications, roughly.
 struct Work {
-  double encoder, modulation, lifting, volume, heads, fine;
+  double encoder, poses = 0, modulation, lifting, volume, heads, fine;
 
   Work(const Config& c, long view_count, long selected) {
     const auto views = static_cast<double>(view_count);
     const double tokens = views * c.tokens() * c.tokens(), d = c.vit_dim, v = static_cast<double>(c.voxels()),
                  ch = c.volume_ch;
     encoder = c.vit_depth * tokens * (12 * d * d + 2 * tokens / views * d);
+    if (c.predicts_poses()) {
+      const double m = c.share_dim, r = c.share_ray_dim, window = tokens / views / (c.share_splits * c.share_splits);
+      poses = tokens * (d * c.share_reduce[0] + static_cast<double>(c.share_reduce[0]) * c.share_reduce[1] +
+                        c.share_match_layers * (m * m * (8 + 6 * c.share_match_mlp) + 2 * views * window * m) +
+                        c.share_ray_layers * (r * r * (4 + 2 * c.share_ray_mlp) + 2 * tokens * r));
+    }
     modulation = tokens * 3 * d * d;
     lifting = (v + tokens) * d * 4 * ch;
     volume = v * 27 * ch * ch * 12;
@@ -32,7 +38,7 @@ struct Work {
     fine = static_cast<double>(selected) *
            (27.0 * c.voxel_ch * c.voxel_ch * (1 + 4 * c.voxel_levels) + 3.0 * c.fine_dim * c.fine_dim);
   }
-  double total() const { return encoder + modulation + lifting + volume + heads + fine; }
+  double total() const { return encoder + poses + modulation + lifting + volume + heads + fine; }
 };
 
 // Drawing the result, once the network's own tensors are gone and their slabs free: a picture of the network's size,
@@ -72,7 +78,7 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
   const Modules& m = *modules_;
   const Work work(config_, cameras.count(), options.planned_selected);
   Progress progress(ctx, options.progress, work.total());
-  const auto tap = [&](const char* name, const Tensor& t) {
+  const auto tap = [&](const std::string& name, const Tensor& t) {
     if (options.tap && !ctx.planning()) options.tap(name, t);
   };
   Vit::Saved* const encoder = saved ? saved->encoder.place() : nullptr;
@@ -83,8 +89,12 @@ VsplatModel::Coarse VsplatModel::coarse(Context& ctx, const Tensor& images, cons
   Coarse out;
   progress.begin("encoder", work.encoder);
   Tensor tokens = m.encoder.forward(ctx, images, encoder);
+  if (m.rays) {
+    progress.begin("poses", work.poses);
+    out.rays = m.rays->forward(ctx, tokens, saved ? saved->rays.place() : nullptr, tap);
+  }
   progress.begin("modulation", work.modulation);
-  out.features = m.modulation.forward(ctx, tokens, cameras, modulation);
+  out.features = m.modulation.forward(ctx, tokens, cameras, modulation, out.rays);
   if (saved) out.tokens = tokens;
   tokens = {};
   tap("features", out.features);
@@ -171,6 +181,7 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   }
   ForwardResult out;
   out.coarse = state.gaussians;
+  out.rays = state.rays;
   out.final = fine(ctx, state, cameras, options, nullptr, &out.refined);
   if (state.selected.index) out.selected = ctx.read<int>(state.selected.index);
   if (options.tap) {

@@ -35,6 +35,7 @@ struct ForwardResult {
   DeviceGaussians final;      // M P fine ones voxel by voxel, then P adjusted skeletal ones (or what `levels` says)
   std::vector<int> selected;  // voxel indices (i R + j) R + k, ascending
   Tensor refined;             // [P, fine_dim]: the selected voxels' features; none where `levels` is not "fine"
+  Tensor rays;                // [V, t, t, 6], where poses are predicted
 };
 
 // Device memory that a run takes: the network's, and that of drawing its result at the network's size ("splat", where
@@ -74,6 +75,7 @@ class VsplatModel {
     DeviceGaussians coarse, final;
     Tensor selected;               // i32 [P]; none where `levels` is "coarse"
     Tensor refined;                // as ForwardResult has it
+    Tensor rays;                   // [V, t, t, 6], where poses are predicted
     std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
   };
   // `recompute`: of most stages the inputs alone are kept, and backward runs each once more before its own: the same
@@ -83,9 +85,9 @@ class VsplatModel {
   Trained fine_in_training(Context& ctx, CoarseHalf half, const ForwardOptions& options) const;
   // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
   // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level. `drefined`: by the refined
-  // features, where something else depends on them.
+  // features, where something else depends on them. `drays`, by predicted rays alone, is used up, too; none: zeros.
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
-                const Tensor& drefined = {}) const;
+                const Tensor& drefined = {}, Tensor drays = {}) const;
 
   // What forward would take for so many views. `ctx` may be a planner.
   MemoryPlan plan(const Context& ctx, long views, long selected) const;

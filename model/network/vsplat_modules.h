@@ -1,9 +1,12 @@
 // The network's stages, and what passes between its two halves: for the sources of VsplatModel alone.
 #pragma once
+#include <optional>
+
 #include "model/network/head.h"
 #include "model/network/kept.h"
 #include "model/network/lift.h"
 #include "model/network/modulation.h"
+#include "model/network/ray_predictor.h"
 #include "model/network/refine.h"
 #include "model/network/select.h"
 #include "model/network/unet3d.h"
@@ -14,6 +17,7 @@ namespace vsplat {
 
 struct VsplatModel::Modules {
   Vit encoder;
+  std::optional<RayPredictor> rays;  // where poses are predicted
   PoseModulation modulation;
   Lifting lifting;
   VolumeNetwork volume;
@@ -22,18 +26,21 @@ struct VsplatModel::Modules {
   FineHeads fine_heads;
 
   Modules(Context& ctx, const Config& config, const WeightSource& weights)
-      : encoder(ctx, config.encoder(), weights),
+      : encoder(ctx, config.encoder_sizes(), weights),
         modulation(ctx, config, weights),
         lifting(ctx, config, weights),
         volume(ctx, config, weights),
         coarse_heads(ctx, config, weights),
         refinement(ctx, config, weights),
-        fine_heads(ctx, config, weights) {}
+        fine_heads(ctx, config, weights) {
+    if (config.predicts_poses()) rays.emplace(ctx, config, weights);
+  }
 };
 
 // What the coarse half leaves to the fine one.
 struct VsplatModel::Coarse {
-  Tensor tokens;              // [V,1+t t,C]; in training alone
+  Tensor tokens;              // [V,P+t t,C]; in training alone
+  Tensor rays;                // [V,t,t,6], where they are predicted
   Tensor features;            // [V,t,t,C]
   Tensor volume;              // [R^3,C~]
   DeviceGaussians gaussians;  // R^3, opacities refined by the confidence
@@ -53,9 +60,15 @@ struct VsplatModel::Saved {
   };
 
   explicit Saved(bool recompute)
-      : encoder(recompute), modulation(recompute), volume(recompute), coarse_heads(recompute), fine(recompute) {}
+      : encoder(recompute),
+        rays(recompute),
+        modulation(recompute),
+        volume(recompute),
+        coarse_heads(recompute),
+        fine(recompute) {}
 
   Kept<Vit::Saved> encoder;
+  Kept<RayPredictor::Saved> rays;
   Kept<PoseModulation::Saved> modulation;
   Kept<Volume> volume;
   Kept<CoarseHeads::Saved> coarse_heads;

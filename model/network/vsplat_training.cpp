@@ -26,6 +26,7 @@ VsplatModel::Trained VsplatModel::fine_in_training(Context& ctx, CoarseHalf half
   Trained out;
   out.coarse = state.gaussians;
   out.selected = state.selected.index;
+  out.rays = state.rays;
   out.final = fine(ctx, state, half.cameras, options, half.saved.get(), &out.refined);
   out.saved = std::move(half.saved);
   return out;
@@ -36,9 +37,13 @@ void VsplatModel::hold_coarse_inputs(Saved& saved, const Tensor& images, const D
   const Modules& m = *modules_;
   const DeviceCameras& held = saved.cameras = cameras;
   saved.encoder.made_by([&m, images](Context& ctx, Vit::Saved& out) { m.encoder.forward(ctx, images, &out); });
-  saved.modulation.made_by([&m, &held, tokens = state.tokens](Context& ctx, PoseModulation::Saved& out) {
-    m.modulation.forward(ctx, tokens, held, &out);
-  });
+  if (m.rays)
+    saved.rays.made_by(
+        [&m, tokens = state.tokens](Context& ctx, RayPredictor::Saved& out) { m.rays->forward(ctx, tokens, &out); });
+  saved.modulation.made_by(
+      [&m, &held, tokens = state.tokens, rays = state.rays](Context& ctx, PoseModulation::Saved& out) {
+        m.modulation.forward(ctx, tokens, held, &out, rays);
+      });
   saved.volume.made_by([&m, &held, features = state.features](Context& ctx, Saved::Volume& out) {
     m.volume.forward(ctx, m.lifting.forward(ctx, features, held, &out.lifting), &out.network);
   });
@@ -59,7 +64,7 @@ void VsplatModel::hold_fine_inputs(Saved& saved, const Coarse& state, const Devi
 
 // What each stage kept goes back to the arena as soon as its backward is done.
 void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                           const GaussianGradients& dfinal, const Tensor& drefined) const {
+                           const GaussianGradients& dfinal, const Tensor& drefined, Tensor drays) const {
   const Modules& m = *modules_;
   Saved& saved = *trained.saved;
   const auto zeros = [&](const Shape& shape, const char* what) {
@@ -78,7 +83,9 @@ void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradien
   Saved::Volume volume = saved.volume.take(ctx);
   Tensor dlifted = m.volume.backward(ctx, std::exchange(volume.network, {}), std::exchange(dvolume, {}));
   m.lifting.backward(ctx, std::exchange(volume.lifting, {}), std::exchange(dlifted, {}), dfeatures);
-  const Tensor dtokens = m.modulation.backward(ctx, saved.modulation.take(ctx), dfeatures);
+  if (m.rays && !drays) drays = zeros(trained.rays.shape(), "gradient by rays");
+  const Tensor dtokens = m.modulation.backward(ctx, saved.modulation.take(ctx), dfeatures, drays);
+  if (m.rays) m.rays->backward(ctx, saved.rays.take(ctx), drays, dtokens);
   m.encoder.backward(ctx, saved.encoder.take(ctx), dtokens);
 }
 

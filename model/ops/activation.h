@@ -1,4 +1,5 @@
-// GELU, SiLU and ReLU outside of a GEMM: in training their inputs are kept, which the GEMM's epilogue would not do.
+// GELU (also by tanh), SiLU and ReLU outside of a GEMM: in training their inputs are kept, which the GEMM's
+// epilogue would not do.
 #pragma once
 #include "runtime/gemm.h"
 

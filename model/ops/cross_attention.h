@@ -5,12 +5,17 @@
 
 namespace vsplat {
 
-// Who looks at whom. Every query and every key is in one group.
+// Who looks at whom. Every query is in one group, and every key in as many as `places` says.
 struct AttentionGroups {
   Tensor queries;  // i32 [G, L]: each group's rows of q; none: L rows after the other
   Tensor keys;     // i32 [G, S]: each group's rows of k and v; none: S rows after the other
   long l = 1;      // L, where `queries` is none
   long s = 1;      // S, where `keys` is none
+  // i32 [N, B]: of each row of k its places in `keys`, counted over all groups; none: each is in one group.
+  Tensor places = {};
+  // i32 [G, L] and [G, S], both or none: parts of a picture. Of queries and keys of different parts 100 is taken from
+  // the score.
+  Tensor query_parts = {}, key_parts = {};
 };
 
 struct CrossAttentionForward {

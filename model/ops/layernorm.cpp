@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "runtime/column_sum.h"
+#include "runtime/fail.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {
@@ -48,6 +49,12 @@ void launch_backward(Context& ctx, const ModulateBackward& a, long rows, long c,
   column_sum(ctx, {by_beta, a.dbeta, true});
 }
 
+// Tokens of a view that come before those that are modulated.
+int left_out(const Dims& d) {
+  if (d["T"] <= d["P"]) fail(Status::internal, "modulate: {} tokens without the class token of {}", d["P"], d["T"]);
+  return static_cast<int>(d["T"] - d["P"]);
+}
+
 }  // namespace
 
 void layernorm_forward(Context& ctx, const LayerNormForward& a) {
@@ -69,18 +76,18 @@ void layernorm_backward(Context& ctx, const LayerNormBackward& a) {
 void modulate_forward(Context& ctx, const ModulateForward& a) {
   Dims d;
   d.bind("out", a.out, {"V", "P", "C"}).bind("gamma", a.gamma, {"C"}).bind("beta", a.beta, {"C"});
-  d.set("T", 1 + d["P"]).bind("x", a.x, {"V", "T", "C"});
+  d.bind("x", a.x, {"V", "T", "C"});
   d.set("F", 2 * d["C"]).bind("film", a.film, {"V", "P", "F"});
-  launch(ctx, a.x, a.gamma, a.beta, a.film, a.out, d["V"] * d["P"], d["C"], d["P"], 1, a.eps);
+  launch(ctx, a.x, a.gamma, a.beta, a.film, a.out, d["V"] * d["P"], d["C"], d["P"], left_out(d), a.eps);
 }
 
 void modulate_backward(Context& ctx, const ModulateBackward& a) {
   Dims d;
   d.bind("dy", a.dy, {"V", "P", "C"}).bind("gamma", a.gamma, {"C"}).bind("beta", a.beta, {"C"});
   d.bind("dgamma", a.dgamma, {"C"}).bind("dbeta", a.dbeta, {"C"});
-  d.set("T", 1 + d["P"]).bind("x", a.x, {"V", "T", "C"}).bind("dx", a.dx, {"V", "T", "C"});
+  d.bind("x", a.x, {"V", "T", "C"}).bind("dx", a.dx, {"V", "T", "C"});
   d.set("F", 2 * d["C"]).bind("film", a.film, {"V", "P", "F"}).bind("dfilm", a.dfilm, {"V", "P", "F"});
-  launch_backward(ctx, a, d["V"] * d["P"], d["C"], d["P"], 1);
+  launch_backward(ctx, a, d["V"] * d["P"], d["C"], d["P"], left_out(d));
 }
 
 }  // namespace vsplat

@@ -26,9 +26,9 @@ struct LayerNormBackward {
 
 void layernorm_backward(Context& ctx, const LayerNormBackward& a);
 
-// out = LayerNorm(x) * (1 + scale) + shift, the first (class) token of every view left out.
+// out = LayerNorm(x) * (1 + scale) + shift, the first N tokens of every view (class token, registers) left out.
 struct ModulateForward {
-  Tensor x;            // [V, 1 + P, C]
+  Tensor x;            // [V, N + P, C]
   Tensor gamma, beta;  // [C]
   Tensor film;         // [V, P, 2 C]: shift, then scale
   float eps = 1e-6f;
@@ -38,12 +38,12 @@ struct ModulateForward {
 void modulate_forward(Context& ctx, const ModulateForward& a);
 
 struct ModulateBackward {
-  Tensor x;            // [V, 1 + P, C], as forward had it
+  Tensor x;            // [V, N + P, C], as forward had it
   Tensor gamma, beta;  // [C]
   Tensor film;         // [V, P, 2 C]
   float eps = 1e-6f;
   Tensor dy;             // [V, P, C]
-  Tensor dx;             // [V, 1 + P, C], not x; written (class tokens: 0), or with `add` added to
+  Tensor dx;             // [V, N + P, C], not x; written (of those left out: 0), or with `add` added to
   Tensor dfilm;          // [V, P, 2 C], not film; written
   Tensor dgamma, dbeta;  // [C], added to
   bool add = false;

@@ -7,67 +7,73 @@
 namespace vsplat {
 namespace {
 
-// The GEMM's rows, [V (1 + t t), 3 p p], of pictures [V, S, S, 3] with V > 0.
-Tensor patch_rows(Context& ctx, const Tensor& images, int p, long tokens) {
-  const long v = images.dim(0), s = images.dim(1);
-  const Tensor rows = ctx.tensor({v * tokens, 3L * p * p}, Type::f32, "patch_embed.rows");
-  ctx.launch({"patch_embed", "patch_embed_rows", ""}, groups((p + 15) / 16, 16, tokens, v),
-             {2.0 * static_cast<double>(rows.count()), 2.0 * static_cast<double>(rows.bytes())}, images, written(rows),
-             v, s, p);
-  return rows;
-}
+// What both directions are told about a call.
+struct PatchSizes {
+  long v, h, w, t, c, n, prefix;  // V, H, W, T, C; rows of the position, and P
 
-// 1 + t t, and the letters V, S and T bound.
-long bind_images(Dims& d, const Tensor& images, int p) {
-  d.bind("images", images, {"V", "S", "S", "3"});
-  const long s = d["S"];
-  if (p < 1 || s % p != 0) fail(Status::internal, "patch_embed: pictures of {} pixels, patches of {}", s, p);
-  const long tokens = 1 + (s / p) * (s / p);
-  d.set("T", tokens);
-  return tokens;
+  PatchSizes(Dims& d, const Tensor& images, int p, const Tensor& tokens, const char* name, const Tensor& position,
+             const char* position_name) {
+    d.bind("images", images, {"V", "H", "W", "3"}).bind(name, tokens, {"V", "T", "C"});
+    d.bind(position_name, position, {"N", "C"});
+    v = d["V"], h = d["H"], w = d["W"], t = d["T"], c = d["C"], n = d["N"];
+    if (p < 1 || h % p != 0 || w % p != 0)
+      fail(Status::internal, "patch_embed: pictures of {} x {} pixels, patches of {}", w, h, p);
+    prefix = t - (h / p) * (w / p);
+    if (prefix < 0 || (n != t && n != prefix))
+      fail(Status::internal, "patch_embed: {} tokens, {} positions of them, {} patches", t, n, t - prefix);
+  }
+};
+
+// The GEMM's rows, [V T, 3 p p], of pictures with V > 0.
+Tensor patch_rows(Context& ctx, const Tensor& images, int p, const PatchSizes& z) {
+  const Tensor rows = ctx.tensor({z.v * z.t, 3L * p * p}, Type::f32, "patch_embed.rows");
+  ctx.launch({"patch_embed", "patch_embed_rows", ""}, groups((p + 15) / 16, 16, z.t, z.v),
+             {2.0 * static_cast<double>(rows.count()), 2.0 * static_cast<double>(rows.bytes())}, images, written(rows),
+             z.v, z.h, z.w, p, z.prefix);
+  return rows;
 }
 
 }  // namespace
 
 void patch_embed_forward(Context& ctx, const PatchEmbedForward& a) {
   Dims d;
-  const long tokens = bind_images(d, a.images, a.patch), k = 3L * a.patch * a.patch;
-  d.bind("position", a.position, {"T", "C"}).bind("bias", a.bias, {"C"}).bind("out", a.out, {"V", "T", "C"});
-  const long v = d["V"], c = d["C"];
-  if (!a.weight || a.weight->k != k || a.weight->n != c)
-    fail(Status::internal, "patch_embed: the weight is not [{}, {}]", k, c);
-  if (v == 0) return;
+  const PatchSizes z(d, a.images, a.patch, a.out, "out", a.position, "position");
+  const long k = 3L * a.patch * a.patch;
+  d.bind("bias", a.bias, {"C"});
+  if (!a.weight || a.weight->k != k || a.weight->n != z.c)
+    fail(Status::internal, "patch_embed: the weight is not [{}, {}]", k, z.c);
+  if (z.v == 0) return;
   Gemm g;
-  g.a.x0 = patch_rows(ctx, a.images, a.patch, tokens);
+  g.a.x0 = patch_rows(ctx, a.images, a.patch, z);
   g.b = a.weight;
   g.bias = a.bias;
-  g.out = a.out.reshaped({v * tokens, c});
+  g.out = a.out.reshaped({z.v * z.t, z.c});
   g.name = "patch_embed";
   gemm(ctx, g);
-  ctx.launch({"patch_embed", "patch_embed_forward_tokens", ""}, groups((c + 255) / 256, 64, tokens, v),
-             {static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.position, written(a.out),
-             v, tokens, c);
+  if (z.n == 0) return;
+  const auto values = static_cast<double>(z.v * z.n * z.c);
+  ctx.launch({"patch_embed", "patch_embed_forward_tokens", ""}, groups((z.c + 255) / 256, 64, z.n, z.v),
+             {values, 8 * values}, a.position, written(a.out), z.v, z.t, z.c, z.prefix, z.n);
 }
 
 void patch_embed_backward(Context& ctx, const PatchEmbedBackward& a) {
   Dims d;
-  const long tokens = bind_images(d, a.images, a.patch), p = a.patch, k = 3 * p * p;
-  d.bind("dtokens", a.dtokens, {"V", "T", "C"}).bind("dposition", a.dposition, {"T", "C"});
+  const PatchSizes z(d, a.images, a.patch, a.dtokens, "dtokens", a.dposition, "dposition");
+  const long p = a.patch, k = 3 * p * p;
   d.set("p", p).bind("dweight", a.dweight, {"C", "3", "p", "p"}).bind("dbias", a.dbias, {"C"});
-  const long v = d["V"], c = d["C"];
-  if (v == 0) return ctx.fill_zero(a.dposition);
-  // The class tokens' rows are zero: what came back to them reaches no weight.
+  if (z.v == 0) return ctx.fill_zero(a.dposition);
+  // The rows of tokens that are no patches are zero: what came back to them reaches no weight.
   TransposedGemm g;
   g.a = a.dtokens;
-  g.b = patch_rows(ctx, a.images, a.patch, tokens);
-  g.out = a.dweight.reshaped({c, k});
+  g.b = patch_rows(ctx, a.images, a.patch, z);
+  g.out = a.dweight.reshaped({z.c, k});
   g.add = true;
   g.name = "patch_embed.dweight";
   transposed_gemm(ctx, g);
-  const Tensor dpatches = ctx.tensor({tokens - 1, c}, Type::f32, "patch_embed.dpatches");
-  ctx.launch({"patch_embed", "patch_embed_backward_positions", ""}, groups((c + 63) / 64, 64, tokens),
-             {static_cast<double>(a.dtokens.count()), static_cast<double>(a.dtokens.bytes() + 2 * a.dposition.bytes())},
-             a.dtokens, written(a.dposition), written(dpatches), v, tokens, c);
+  const Tensor dpatches = ctx.tensor({z.t - z.prefix, z.c}, Type::f32, "patch_embed.dpatches");
+  ctx.launch({"patch_embed", "patch_embed_backward_positions", ""}, groups((z.c + 63) / 64, 64, z.t),
+             {static_cast<double>(a.dtokens.count()), static_cast<double>(a.dtokens.bytes() + 2 * dpatches.bytes())},
+             a.dtokens, written(a.dposition), written(dpatches), z.v, z.t, z.c, z.prefix, z.n);
   column_sum(ctx, {dpatches, a.dbias, true});
 }
 

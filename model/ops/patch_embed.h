@@ -5,23 +5,25 @@
 namespace vsplat {
 
 struct PatchEmbedForward {
-  Tensor images;                         // [V, S, S, 3] in [0,1]; normalised here by ImageNet's mean and deviation
-  int patch = 0;                         // p, pixels; divides S
+  Tensor images;                         // [V, H, W, 3] in [0,1]; normalised here by ImageNet's mean and deviation
+  int patch = 0;                         // p, pixels; divides H and W
   const PackedMatrix* weight = nullptr;  // [3 p p, C]: channel, then y, then x, as PyTorch stores the convolution
   Tensor bias;                           // [C]
-  Tensor position;                       // [1 + t t, C], t = S / p: class token plus its position, then the positions
-  Tensor out;                            // [V, 1 + t t, C]
+  // [P + h w, C], h = H / p, w = W / p: the tokens before the patches (the class token plus its position), then the
+  // patches' positions; or, where those have none, [P, C].
+  Tensor position;
+  Tensor out;  // [V, P + h w, C]
 };
 
 void patch_embed_forward(Context& ctx, const PatchEmbedForward& a);
 
 struct PatchEmbedBackward {
-  Tensor images;     // [V, S, S, 3], as forward had them
+  Tensor images;     // [V, H, W, 3], as forward had them
   int patch = 0;     // p
-  Tensor dtokens;    // [V, 1 + t t, C]: the loss by forward's out
+  Tensor dtokens;    // [V, P + h w, C]: the loss by forward's out
   Tensor dweight;    // [C, 3, p, p], added to
   Tensor dbias;      // [C], added to
-  Tensor dposition;  // [1 + t t, C]; written
+  Tensor dposition;  // as forward's position; written
 };
 
 // Of the pictures there is no gradient.

@@ -43,6 +43,28 @@ static void each(C& c, Visit visit) {
   visit("sample_half_pixel", c.sample_half_pixel);
   visit("negate_camera_centre", c.negate_camera_centre);
   visit("rebase", c.rebase);
+  visit("encoder", c.encoder);
+  visit("vit_registers", c.vit_registers);
+  visit("vit_norm_eps", c.vit_norm_eps);
+  visit("vit_rope_base", c.vit_rope_base);
+  visit("vit_rope_periods", c.vit_rope_periods);
+  visit("vit_qkv_bias", c.vit_qkv_bias);
+  visit("poses", c.poses);
+  visit("share_dim", c.share_dim);
+  visit("share_reduce", c.share_reduce);
+  visit("share_splits", c.share_splits);
+  visit("share_match_layers", c.share_match_layers);
+  visit("share_match_mlp", c.share_match_mlp);
+  visit("share_cross_mask", c.share_cross_mask);
+  visit("share_pre_conv", c.share_pre_conv);
+  visit("share_max_views", c.share_max_views);
+  visit("share_view_dim", c.share_view_dim);
+  visit("share_ray_dim", c.share_ray_dim);
+  visit("share_ray_layers", c.share_ray_layers);
+  visit("share_ray_heads", c.share_ray_heads);
+  visit("share_ray_mlp", c.share_ray_mlp);
+  visit("share_detach", c.share_detach);
+  visit("share_loss_weight", c.share_loss_weight);
 }
 template <class Visit>
 static void each_field(Config& c, Visit visit) {
@@ -72,8 +94,68 @@ void check_bounds(const Config& c, const FieldChecks& is) {
   is.at_most("fine_count", c.fine_count, 1024);
 }
 
+// Fields of parts that this configuration does not have.
+std::vector<std::string> without_meaning(const Config& c) {
+  std::vector<std::string> out;
+  if (c.encoder != "dinov3")
+    out = {"encoder", "vit_registers", "vit_norm_eps", "vit_rope_base", "vit_rope_periods", "vit_qkv_bias"};
+  if (!c.predicts_poses())
+    out.insert(out.end(),
+               {"poses", "share_dim", "share_reduce", "share_splits", "share_match_layers", "share_match_mlp",
+                "share_cross_mask", "share_pre_conv", "share_max_views", "share_view_dim", "share_ray_dim",
+                "share_ray_layers", "share_ray_heads", "share_ray_mlp", "share_detach", "share_loss_weight"});
+  return out;
+}
+
+void check_predictor(const Config& c, const FieldChecks& is) {
+  is.one_of("poses", c.poses, {"given", "predicted"});
+  if (!c.predicts_poses()) return;
+  is.need(c.share_reduce.size() == 2, "share_reduce must be two widths",
+          fmt::format("[{}]", fmt::join(c.share_reduce, ", ")));
+  const std::pair<const char*, int> sizes[] = {{"share_dim", c.share_dim},
+                                               {"share_reduce", c.share_reduce[0]},
+                                               {"share_reduce", c.share_reduce[1]},
+                                               {"share_ray_dim", c.share_ray_dim}};
+  for (const auto& [name, value] : sizes) is.within(name, value, 1, 16384);
+  for (const int ch : {c.vit_dim, c.share_reduce[0], c.share_reduce[1]})
+    is.need(ch % c.groups == 0, "vit_dim and share_reduce must be multiples of groups",
+            fmt::format("{} and {}", ch, c.groups));
+  is.need(c.share_dim % 4 == 0, "share_dim must be a multiple of 4: sine and cosine of y and x", c.share_dim);
+  is.need(c.share_splits >= 1 && c.tokens() % c.share_splits == 0, "image / patch must be a multiple of share_splits",
+          fmt::format("{} and {}", c.tokens(), c.share_splits));
+  is.within("share_match_layers", c.share_match_layers, 1, 256);
+  is.within("share_match_mlp", c.share_match_mlp, 1, 64);
+  is.one_of("share_cross_mask", c.share_cross_mask, {"tiled", "aligned"});
+  is.within("share_max_views", c.share_max_views, 2, 16);
+  is.need(
+      c.views >= 2 && c.views_to_use() >= 2 && c.views <= c.share_max_views && c.views_to_use() <= c.share_max_views,
+      "views and use_views must be 2 to share_max_views where poses are predicted",
+      fmt::format("{}, {} and {}", c.views, c.views_to_use(), c.share_max_views));
+  is.within("share_view_dim", c.share_view_dim, 0, 1024);
+  is.need(c.share_ray_heads >= 1 && c.share_ray_dim % 2 == 0 && c.share_ray_dim % c.share_ray_heads == 0,
+          "share_ray_dim must be even and a multiple of share_ray_heads",
+          fmt::format("{} and {}", c.share_ray_dim, c.share_ray_heads));
+  is.within("share_ray_layers", c.share_ray_layers, 1, 256);
+  is.need(c.share_ray_mlp * c.share_ray_dim >= 1 && c.share_ray_mlp <= 64,
+          "share_ray_mlp must make an MLP at least 1 wide, and be at most 64", c.share_ray_mlp);
+  is.need(c.share_loss_weight >= 0 && c.share_loss_weight <= 1e6, "share_loss_weight must be 0 to 1e6",
+          c.share_loss_weight);
+}
+
+void check_encoder(const Config& c, const FieldChecks& is) {
+  is.one_of("encoder", c.encoder, {"dino", "dinov3"});
+  if (c.encoder != "dinov3") return;
+  is.need(c.vit_dim % (4L * c.vit_heads) == 0,
+          "vit_dim must be a multiple of 4 vit_heads: half of a head turns with y, half with x, in pairs",
+          fmt::format("{} and {}", c.vit_dim, c.vit_heads));
+  is.need(c.vit_registers >= 0 && c.vit_registers <= 64, "vit_registers must be 0 to 64", c.vit_registers);
+  is.need(c.vit_norm_eps > 0 && c.vit_norm_eps < 1, "vit_norm_eps must be in (0,1)", c.vit_norm_eps);
+  is.need(c.vit_rope_base >= 1 && c.vit_rope_base <= 1e9, "vit_rope_base must be 1 to 1e9", c.vit_rope_base);
+  is.one_of("vit_rope_periods", c.vit_rope_periods, {"exact", "bf16"});
+}
+
 void check_sizes(const Config& c, const FieldChecks& is) {
-  const double tokens = static_cast<double>(c.tokens()) * c.tokens() + 1;
+  const double tokens = static_cast<double>(c.tokens()) * c.tokens() + c.encoder_sizes().prefix();
   is.indexable("the encoder's values for 16 views, 16 (tokens + 1) 4 vit_dim,", 16 * tokens * 4 * c.vit_dim);
   const double voxels = static_cast<double>(c.voxels());
   const double widest = std::max(4, 2 * *std::max_element(c.volume_mult.begin(), c.volume_mult.end()));
@@ -151,6 +233,8 @@ void check(const Config& c, Status status) {
   is.one_of("selection", c.selection, {"gumbel", "sigmoid", "ste", "opacity"});
   is.one_of("view_weight", c.view_weight, {"depth", "distance"});
   is.one_of("rebase", c.rebase, {"rotate", "move"});
+  check_encoder(c, is);
+  check_predictor(c, is);
   check_sizes(c, is);
 }
 
@@ -164,7 +248,10 @@ Config with_fields(Config config, const std::vector<std::string>& assignments) {
 
 std::string to_json(const Config& config) {
   nlohmann::ordered_json out = field_list::object_of(config);
-  if (config.use_views == 0) out.erase("use_views");  // files without it stay as they are, and readable everywhere
+  // Files stay as they are, and readable everywhere, where nothing is said that was not always said.
+  if (config.use_views == 0) out.erase("use_views");
+  for (const std::string& field : without_meaning(config))
+    if (differing_fields(config, Config(), {field}).empty()) out.erase(field);
   return field_list::text_of(out);
 }
 

@@ -11,8 +11,13 @@ struct EncoderSizes {
   int image = 512, patch = 16;
   int vit_dim = 768, vit_depth = 12, vit_heads = 12;
   int vit_pos_grid = 14;
+  bool dinov3 = false;  // the kind of vision transformer; the fields below are of this kind alone
+  int registers = 0;
+  double norm_eps = 1e-6, rope_base = 100;
+  bool rope_bf16 = false, qkv_bias = true;
 
   int tokens() const { return image / patch; }  // along an edge
+  int prefix() const { return 1 + registers; }  // tokens that are no patches: they come first, and are dropped
 };
 
 // Of the pictures that a network takes.
@@ -53,11 +58,46 @@ struct Config {
   bool negate_camera_centre = false;
   std::string rebase = "rotate";  // rotate, move
 
+  // dino: DINO's vision transformer; dinov3: DINOv3's, whose fields follow (vit_pos_grid has no meaning then).
+  std::string encoder = "dino";
+  int vit_registers = 4;
+  double vit_norm_eps = 1e-5;
+  double vit_rope_base = 100;
+  std::string vit_rope_periods = "exact";  // exact: as computed; bf16: rounded, as Meta's files hold them
+  bool vit_qkv_bias = false;               // of queries and values
+
+  // given: tokens are told their rays by the cameras; predicted: by maps that a network makes of the features, whose
+  // fields follow.
+  std::string poses = "given";
+  int share_dim = 128;                         // width of the matching transformer
+  std::vector<int> share_reduce = {512, 256};  // between the three convolutions before it
+  int share_splits = 2;                        // windows along each side of the token grid
+  int share_match_layers = 6;
+  int share_match_mlp = 4;                 // the MLP's width is this x 2 share_dim
+  std::string share_cross_mask = "tiled";  // tiled: as in SHARE's code; aligned: of the keys that are meant
+  bool share_pre_conv = true;
+  int share_max_views = 4;  // it is told which view is which: so many at the most
+  int share_view_dim = 8;   // width of a view's code; 0: none
+  int share_ray_dim = 256;
+  int share_ray_layers = 8;
+  int share_ray_heads = 8;
+  double share_ray_mlp = 4;      // the MLP's width is this x share_ray_dim
+  bool share_detach = false;     // nothing goes back from the predictor to the encoder
+  double share_loss_weight = 1;  // of the maps' mean squared error in a training's loss
+
   int views_to_use() const { return use_views > 0 ? use_views : views; }
-  TakenViews taken() const { return {image, views, views_to_use(), 16, rebase}; }
+  bool predicts_poses() const { return poses == "predicted"; }
+  int most_views() const { return predicts_poses() ? share_max_views : 16; }
+  TakenViews taken() const { return {image, views, views_to_use(), most_views(), rebase}; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
-  int tokens() const { return encoder().tokens(); }  // along an edge
-  EncoderSizes encoder() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }
+  int tokens() const { return encoder_sizes().tokens(); }  // along an edge
+  EncoderSizes encoder_sizes() const {
+    EncoderSizes out{image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid};
+    if (encoder != "dinov3") return out;
+    out.dinov3 = true, out.registers = vit_registers, out.norm_eps = vit_norm_eps, out.rope_base = vit_rope_base;
+    out.rope_bf16 = vit_rope_periods == "bf16", out.qkv_bias = vit_qkv_bias;
+    return out;
+  }
   int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation
   int projected_ch() const { return use_projected ? vit_dim : 0; }
   long voxels() const { return static_cast<long>(volume) * volume * volume; }

@@ -54,8 +54,13 @@ void tell_encoder(const Shapes& shapes, const std::string& encoder, Deduced<Conf
   c.patch = shapes.side(encoder + ".model.patch_embed.proj.weight", 4, 3);
   c.vit_dim = shapes.side(encoder + ".model.cls_token", 3, 2);
   c.vit_depth = shapes.count(encoder + ".model.blocks", "norm1.weight");
-  c.vit_pos_grid = position_grid(shapes, encoder + ".model.pos_embed");
-  out.fields = {"patch", "vit_dim", "vit_depth", "vit_pos_grid"};
+  out.fields = {"patch", "vit_dim", "vit_depth"};
+}
+
+template <class Config>
+void tell_positions(const Shapes& shapes, const std::string& encoder, Deduced<Config>& out) {
+  out.config.vit_pos_grid = position_grid(shapes, encoder + ".model.pos_embed");
+  out.fields.emplace_back("vit_pos_grid");
 }
 
 int sh_degree(const Shapes& shapes) {
@@ -92,6 +97,7 @@ DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& 
   DeducedLaraConfig out;
   LaraConfig& c = out.config;
   tell_encoder(shapes, "img_encoder", out);
+  tell_positions(shapes, "img_encoder", out);
   c.volume_ch = shapes.side("vol_decoder.pos_embed", 5, 1);
   c.volume = shapes.side("vol_decoder.pos_embed", 5, 2);
   c.layers = shapes.count("vol_decoder.layers", "cnn.weight");
@@ -176,6 +182,14 @@ DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix) {
   DeducedConfig out;
   Config& c = out.config;
   tell_encoder(shapes, "encoder", out);
+  if (file.find(prefix + "encoder.model.reg_token") != nullptr) {
+    c.encoder = "dinov3";
+    c.vit_registers = shapes.side("encoder.model.reg_token", 3, 1);
+    c.vit_qkv_bias = file.find(prefix + "encoder.model.blocks.0.attn.q_bias") != nullptr;
+    out.kinds = {"encoder", "vit_registers", "vit_qkv_bias"};
+  } else {
+    tell_positions(shapes, "encoder", out);
+  }
   c.volume_ch = shapes.side("volume_network.conv_out.weight", 5, 0);
   c.volume_mult.clear();
   const int levels = shapes.count("volume_network.down_blocks", "res.0.conv1.weight");

@@ -16,6 +16,7 @@ struct Deduced {
   Configuration config;             // all else as it is in an empty one
   std::vector<std::string> fields;  // those that were told
   std::vector<std::string> untold;  // of the others, those that have no value which goes without saying
+  std::vector<std::string> kinds;   // of those told, the ones that name a part's kind: every named configuration has it
 };
 using DeducedConfig = Deduced<Config>;
 using DeducedLaraConfig = Deduced<LaraConfig>;

@@ -7,6 +7,8 @@
 
 #include "model/io/torch_file.h"
 #include "model/params/deduced_config.h"
+#include "model/params/init.h"
+#include "model/params/load_encoder.h"
 #include "model/params/match_tensors.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
@@ -31,8 +33,8 @@ void refuse_others(const TorchFile& file) {
   const char* other = nullptr;
   if (has_part(file, "share.transformer."))
     other = "a VS-Splat network with predicted Plücker maps";
-  else if (has_part(file, "storage_tokens") || has_part(file, "reg_token") || has_part(file, "register_tokens"))
-    other = "an encoder with registers, as DINOv3 has them";
+  else if (has_part(file, "register_tokens"))
+    other = "DINOv3's encoder in Hugging Face's naming (timm's and Meta's are read)";
   if (other != nullptr) fail(Status::format, "{}: {}, which is not read yet", file.path(), other);
 }
 
@@ -42,9 +44,6 @@ std::string network_prefix(const TorchFile& file) {
   for (const char* prefix :
        {"", "net.", "model.", "module.", "module.net.", "model.net.", "_orig_mod.", "net._orig_mod."})
     if (file.find(std::string(prefix) + S::mark) != nullptr) return prefix;
-  if (has_part(file, "cls_token") && has_part(file, "blocks.0.") && !is_lara(file))
-    fail(Status::format, "{}: an encoder alone: vsplat_model_init takes it (vsplat_model_options.encoder)",
-         file.path());
   fail(Status::format, "{}: no tensor {}, with or without the prefix net.: not {} ({} tensors: {})", file.path(),
        S::mark, S::network, file.tensors().size(), list_of(beside(file, {})));
 }
@@ -74,6 +73,11 @@ std::set<std::string> set_given(Config& config, const ImportOptions& options) {
     given.insert(assignment.substr(0, assignment.find('=')));
   }
   return given;
+}
+
+template <class Config>
+void copy_field(Config& to, const Config& from, const std::string& field) {
+  set_fields_from_json(to, "{\"" + field + "\": " + field_text(from, field) + "}");
 }
 
 // What no shape tells and the order of the tensors does.
@@ -108,12 +112,15 @@ std::string name_of_shapes(const Deduced<typename S::Config>& deduced) {
 
 template <class S>
 typename S::Config complete(const std::string& path, const Deduced<typename S::Config>& deduced,
-                            const std::string& named, const ImportOptions& options) {
+                            const std::string& named, const ImportOptions& options, bool encoder_alone = false) {
   typename S::Config config = named.empty() ? deduced.config : S::named(named);
   take_order(config, deduced.config);
-  config.negate_camera_centre = true;
+  for (const std::string& field : deduced.kinds) copy_field(config, deduced.config, field);
+  config.negate_camera_centre = !encoder_alone;
   const std::set<std::string> given = set_given(config, options);
-  for (const std::string& field : differing_fields(config, deduced.config, deduced.fields))
+  std::vector<std::string> told = deduced.fields;
+  told.insert(told.end(), deduced.kinds.begin(), deduced.kinds.end());
+  for (const std::string& field : differing_fields(config, deduced.config, told))
     fail(Status::usage, "{}: its shapes tell {}, which is {}, and {} was asked for", path, field,
          field_text(deduced.config, field), field_text(config, field));
   std::vector<std::string> missing;
@@ -219,11 +226,41 @@ ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
   return out;
 }
 
+// A VS-Splat about the encoder that the file holds, and nothing else.
+ImportedModel import_encoder(const TorchFile& file, const ImportOptions& options) {
+  DeducedConfig deduced = deduced_encoder(file);
+  deduced.kinds = {"encoder", "vit_registers", "vit_qkv_bias"};
+  ImportedModel out;
+  out.encoder_alone = true;
+  out.named = name_of_shapes<VsplatSystem>(deduced);
+  ModelFile model;
+  model.config = complete<VsplatSystem>(file.path(), deduced, out.named, options, true);
+  const std::string periods = encoder_periods(file, model.config);
+  if (!periods.empty()) model.config.vit_rope_periods = periods;
+  std::vector<const TensorEntry*> all;
+  for (const TensorEntry& entry : file.tensors()) all.push_back(&entry);
+  refuse_repeated(file, all);
+  double bytes = static_cast<double>(file.stored_bytes());
+  for (const Parameter& parameter : parameters(model.config))
+    bytes += static_cast<double>(parameter.count()) * sizeof(float);
+  const HostMemory memory(file.path() + ": a model about its encoder", bytes);
+  file.verify();
+  Weights encoder;  // first, since the rest takes long to make
+  out.left_out = load_encoder(encoder, model.config, file);
+  model.weights = initial_weights(model.config, 0);
+  for (const auto& [name, tensor] : encoder.all()) model.weights.set(name, tensor);
+  out.left_out.insert(out.left_out.end(), file.others().begin(), file.others().end());
+  out.model = std::move(model);
+  return out;
+}
+
 }  // namespace
 
 ImportedModel import_model(const std::string& path, const ImportOptions& options) {
   const TorchFile file(path);
   refuse_others(file);
+  const bool whole = has_part(file, VsplatSystem::mark) && has_part(file, "volume_network.");
+  if (!is_lara(file) && !whole && has_encoder(file)) return import_encoder(file, options);
   if (has_densifier(file))
     return is_lara(file) ? import_as<GendenSystem>(file, options) : import_as<VsplatGendenSystem>(file, options);
   return is_lara(file) ? import_as<LaraSystem>(file, options) : import_as<VsplatSystem>(file, options);

@@ -1,5 +1,6 @@
 #include "model/params/init.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -59,6 +60,9 @@ HostTensor initial_tensor(const Parameter& p, std::uint64_t seed) {
       break;
     case Init::position:
       draw_normal(out.data, seed, stream, 0.02);
+      break;
+    case Init::layer_scale:
+      std::fill(out.data.begin(), out.data.end(), 1e-5f);
       break;
     case Init::zeros:
     case Init::ones:

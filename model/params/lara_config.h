@@ -40,9 +40,9 @@ struct LaraConfig {
   std::string revision = "lara";  // of the surfels' rasteriser: lara, current
   std::string rebase = "move";    // rotate, move: as its weights were trained
 
-  int tokens() const { return encoder().tokens(); }
+  int tokens() const { return encoder_sizes().tokens(); }
   TakenViews taken() const { return {image, views, views, view_slots, rebase}; }
-  EncoderSizes encoder() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }
+  EncoderSizes encoder_sizes() const { return {image, patch, vit_dim, vit_depth, vit_heads, vit_pos_grid}; }
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int scales() const { return kind == "surfel" ? 2 : 3; }
   int primitive_size() const { return 8 + 3 * sh_count() + scales(); }  // offset, SH, opacity, scale, rotation

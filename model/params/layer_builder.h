@@ -36,6 +36,13 @@ class LayerBuilder {
     return out;
   }
 
+  // For layers whose weights start as a head's do.
+  LayerBuilder like_heads() const {
+    LayerBuilder out = *this;
+    out.like_heads_ = true;
+    return out;
+  }
+
   // A tensor that is stored but not learnt.
   typename Make::Fixed fixed(const std::string& name, Shape shape, Init init) const {
     Parameter p = parameter(name, std::move(shape), init);
@@ -56,7 +63,31 @@ class LayerBuilder {
                            parameter(name, {1, static_cast<long>(from) * from + 1, dim}, Init::position), from, to);
   }
 
+  // Tokens that are learnt, as a class token is: [1, count, dim].
+  typename Make::Learnt tokens(const std::string& name, long count, long dim) const {
+    return make_.learnt(parameter(name, {1, count, dim}, Init::position));
+  }
+  // What is added to `size` channels, and what they are multiplied by, by themselves.
+  typename Make::Learnt bias(const std::string& name, long size) const {
+    Parameter p = parameter(name, {size}, Init::zeros);
+    p.decays = false;
+    return make_.learnt(p);
+  }
+  typename Make::Learnt scale(const std::string& name, long size) const {
+    return make_.learnt(parameter(name, {size}, Init::layer_scale));
+  }
+
   Linear linear(const std::string& name, long in, long out) const { return make_.linear(dense(name, {out, in})); }
+  Linear linear_unbiased(const std::string& name, long in, long out) const {
+    LayerParameters p = dense(name, {out, in});
+    p.bias = {};
+    return make_.linear(p);
+  }
+  // One whose outputs are multiplied by `scale`, where that is not null.
+  typename Make::ScaledLinear scaled_linear(const std::string& name, long in, long out,
+                                            const typename Make::Learnt* scale) const {
+    return make_.scaled_linear(dense(name, {out, in}), scale);
+  }
   // One without a bias, whose weight has the name alone.
   Linear matrix(const std::string& name, long in, long out) const {
     LayerParameters p{prefix_ + name, parameter(name, {out, in}, Init::xavier), {}};
@@ -70,6 +101,10 @@ class LayerBuilder {
     p.weight.fan_in = in;
     p.weight.fan_out = out;
     return make_.linear(p);
+  }
+  // A 1x1 convolution of pictures.
+  Linear pixelwise(const std::string& name, long in, long out) const {
+    return make_.linear(dense(name, {out, in, 1, 1}));
   }
   // A 1x1x1 convolution.
   Linear pointwise(const std::string& name, long in, long out) const {
@@ -145,12 +180,13 @@ class LayerBuilder {
   LayerParameters dense(const std::string& name, Shape shape) const {
     LayerParameters p = layer(name, std::move(shape), Init::fan_in, Init::fan_in);
     p.weight.fan_in = p.bias.fan_in = p.weight.count() / p.weight.shape.at(0);
+    if (like_heads_) p.weight.init = Init::xavier, p.weight.fan_out = p.weight.shape.at(0), p.bias.init = Init::zeros;
     return p;
   }
 
   Make make_;
   std::string prefix_;
-  bool used_ = true;
+  bool used_ = true, like_heads_ = false;
 };
 
 }  // namespace vsplat

@@ -12,33 +12,131 @@ namespace vsplat {
 inline constexpr int kPositionValues = 63;  // x, then sine and cosine of 10 octaves, three values each
 inline constexpr int kRayValues = 32;       // spherical harmonics to degree 3 of a ray's direction and moment
 
-// The encoder: a DINO vision transformer.
+// A block of a transformer: x + attention(norm1(x)), then that plus its MLP.
+template <class Make>
+struct TransformerBlock {
+  typename Make::Learnt gamma1, gamma2;  // what proj's and fc2's results are multiplied by; DINOv3's
+  typename Make::LayerNorm norm1;
+  typename Make::Learnt q_bias, v_bias;  // where qkv has none of its own; DINOv3's
+  typename Make::Linear qkv;
+  typename Make::ScaledLinear proj;
+  typename Make::LayerNorm norm2;
+  typename Make::Linear fc1;
+  typename Make::ScaledLinear fc2;
+
+  // `hidden`: the MLP's width.
+  TransformerBlock(const LayerBuilder<Make>& build, long dim, long hidden)
+      : norm1(build.layer_norm("norm1", dim)),
+        qkv(build.linear("attn.qkv", dim, 3 * dim)),
+        proj(build.scaled_linear("attn.proj", dim, dim, nullptr)),
+        norm2(build.layer_norm("norm2", dim)),
+        fc1(build.linear("mlp.fc1", dim, hidden)),
+        fc2(build.scaled_linear("mlp.fc2", hidden, dim, nullptr)) {}
+
+  // DINOv3's.
+  TransformerBlock(const LayerBuilder<Make>& build, const EncoderSizes& c) {
+    const long dim = c.vit_dim;
+    gamma1 = build.scale("gamma_1", dim), gamma2 = build.scale("gamma_2", dim);
+    norm1 = build.layer_norm("norm1", dim);
+    if (c.qkv_bias) q_bias = build.bias("attn.q_bias", dim), v_bias = build.bias("attn.v_bias", dim);
+    qkv = build.linear_unbiased("attn.qkv", dim, 3 * dim);
+    proj = build.scaled_linear("attn.proj", dim, dim, &gamma1);
+    norm2 = build.layer_norm("norm2", dim);
+    fc1 = build.linear("mlp.fc1", dim, 4 * dim);
+    fc2 = build.scaled_linear("mlp.fc2", 4 * dim, dim, &gamma2);
+  }
+};
+
+// The encoder: a vision transformer, DINO's or DINOv3's.
 template <class Make>
 struct EncoderLayers {
-  struct Block {
-    typename Make::LayerNorm norm1;
-    typename Make::Linear qkv, proj;
-    typename Make::LayerNorm norm2;
-    typename Make::Linear fc1, fc2;
-  };
-  typename Make::Positions positions;
+  typename Make::Positions positions;            // DINO's, the class token among them
+  typename Make::Learnt class_token, registers;  // DINOv3's, which adds no positions
   typename Make::Linear patches;
-  std::vector<Block> blocks;
+  std::vector<TransformerBlock<Make>> blocks;
   typename Make::LayerNorm norm;
 
   // `network` with the name of the module that the encoder is.
   EncoderLayers(const LayerBuilder<Make>& network, const EncoderSizes& c) {
     const LayerBuilder<Make> build = network.in("model");
     const long dim = c.vit_dim;
-    positions = build.positions("cls_token", "pos_embed", c.vit_pos_grid, c.tokens(), dim);
+    if (!c.dinov3) positions = build.positions("cls_token", "pos_embed", c.vit_pos_grid, c.tokens(), dim);
+    if (c.dinov3) class_token = build.tokens("cls_token", 1, dim);
+    if (c.registers > 0) registers = build.tokens("reg_token", c.registers, dim);
     patches = build.patches("patch_embed.proj", 3, dim, c.patch);
     for (int i = 0; i < c.vit_depth; ++i) {
       const LayerBuilder<Make> block = build.in("blocks").in(std::to_string(i));
-      blocks.push_back({block.layer_norm("norm1", dim), block.linear("attn.qkv", dim, 3 * dim),
-                        block.linear("attn.proj", dim, dim), block.layer_norm("norm2", dim),
-                        block.linear("mlp.fc1", dim, 4 * dim), block.linear("mlp.fc2", 4 * dim, dim)});
+      if (c.dinov3)
+        blocks.emplace_back(block, c);
+      else
+        blocks.emplace_back(block, dim, 4 * dim);
     }
     norm = build.layer_norm("norm", dim);
+  }
+};
+
+// What predicts rays from the encoder's features: names and layers of SHARE's, behind `reduce`.
+template <class Make>
+struct RayPredictorLayers {
+  struct Reduce {  // norm, SiLU, 1x1 convolution
+    typename Make::GroupNorm norm;
+    typename Make::Linear conv;
+  };
+  struct Matching {  // attention, merge, norm; across views then an MLP and its norm
+    typename Make::Linear q, k, v, merge;
+    typename Make::LayerNorm norm1;
+    typename Make::Linear mlp0, mlp2;
+    typename Make::LayerNorm norm2;
+  };
+  struct MatchBlock {
+    Matching self, cross;
+  };
+  std::vector<Reduce> reduce;
+  std::vector<MatchBlock> matching;
+  typename Make::Linear pre_conv;   // or none
+  typename Make::Learnt view_code;  // [max_views, view_dim], or none
+  typename Make::Linear embedder;
+  std::vector<TransformerBlock<Make>> blocks;
+  typename Make::LayerNorm norm;
+  typename Make::Linear head;
+
+  RayPredictorLayers(const LayerBuilder<Make>& network, const Config& c) {
+    if (!c.predicts_poses()) return;
+    const LayerBuilder<Make> build = network.in("share"), heads = build.like_heads();
+    const long dim = c.share_dim, rays = c.share_ray_dim;
+    if (c.share_view_dim > 0) view_code = build.learnt("view_pos_emb", {c.share_max_views, c.share_view_dim}, 1);
+    const long widths[] = {c.vit_dim, c.share_reduce[0], c.share_reduce[1], dim};
+    for (int i = 0; i < 3; ++i)
+      reduce.push_back({build.group_norm("reduce." + std::to_string(3 * i), widths[i], c.groups),
+                        build.pixelwise("reduce." + std::to_string(3 * i + 2), widths[i], widths[i + 1])});
+    for (int i = 0; i < c.share_match_layers; ++i) {
+      const LayerBuilder<Make> block = heads.in("transformer.layers").in(std::to_string(i));
+      MatchBlock& b = matching.emplace_back();
+      b.self = match(block.in("self_attn"), dim, 0);
+      b.cross = match(block.in("cross_attn_ffn"), dim, 2 * dim * c.share_match_mlp);
+    }
+    if (c.share_pre_conv) pre_conv = build.pixelwise("pre_conv", dim, dim);
+    const LayerBuilder<Make> second = heads.in("ray_predictor");
+    embedder = second.pixelwise("x_embedder.proj", dim + c.share_view_dim, rays);
+    for (int i = 0; i < c.share_ray_layers; ++i)
+      blocks.emplace_back(second.in("blocks").in(std::to_string(i)), rays, static_cast<long>(c.share_ray_mlp * rays));
+    norm = second.layer_norm("final_layer.norm_final", rays);
+    head = second.linear("final_layer.linear", rays, 6);
+  }
+
+ private:
+  static Matching match(const LayerBuilder<Make>& build, long dim, long hidden) {
+    Matching out;
+    out.q = build.linear_unbiased("q_proj", dim, dim);
+    out.k = build.linear_unbiased("k_proj", dim, dim);
+    out.v = build.linear_unbiased("v_proj", dim, dim);
+    out.merge = build.linear_unbiased("merge", dim, dim);
+    out.norm1 = build.layer_norm("norm1", dim);
+    if (hidden == 0) return out;
+    out.mlp0 = build.linear_unbiased("mlp.0", 2 * dim, hidden);
+    out.mlp2 = build.linear_unbiased("mlp.2", hidden, dim);
+    out.norm2 = build.layer_norm("norm2", dim);
+    return out;
   }
 };
 

@@ -12,6 +12,7 @@ enum class Init {
   submanifold,  // normal with variance 1/fan_in
   normal,       // the same, of what is learnt as it is
   position,     // normal with deviation 0.02
+  layer_scale,  // 1e-5
   zeros,
   ones,
   sobol  // the fixed places of the fine primitives within their voxel

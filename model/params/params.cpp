@@ -15,6 +15,7 @@ class Lister {
   using Learnt = Listed;
   using Positions = Listed;
   using Linear = Listed;
+  using ScaledLinear = Listed;
   using SplitLinear = Listed;
   using Conv = Listed;
   using ConvUp = Listed;
@@ -32,6 +33,7 @@ class Lister {
     return add({class_token, stored});
   }
   Listed linear(const LayerParameters& p) const { return add({p.weight, p.bias}); }
+  Listed scaled_linear(const LayerParameters& p, const Listed*) const { return add({p.weight, p.bias}); }
   Listed split_linear(const LayerParameters& p, long) const { return add({p.weight, p.bias}); }
   Listed conv3d(const LayerParameters& p) const { return add({p.weight, p.bias}); }
   Listed conv3d_down(const LayerParameters& p) const { return add({p.weight, p.bias}); }
@@ -63,13 +65,14 @@ std::vector<Parameter> parameters(const Config& config) {
   std::vector<Parameter> out;
   const LayerBuilder<Lister> build{Lister(out)};
   FinePlaceLayers<Lister>(build, config);
-  EncoderLayers<Lister>(build.in("encoder"), config.encoder());
+  EncoderLayers<Lister>(build.in("encoder"), config.encoder_sizes());
   ModulationLayers<Lister>(build, config);
   LiftingLayers<Lister>(build, config);
   VolumeLayers<Lister>(build, config);
   RefinementLayers<Lister>(build, config);
   CoarseHeadLayers<Lister>(build, config);
   FineHeadLayers<Lister>(build, config);
+  RayPredictorLayers<Lister>(build, config);
   return out;
 }
 
@@ -77,7 +80,7 @@ std::vector<Parameter> parameters(const LaraConfig& config) {
   std::vector<Parameter> out;
   const LayerBuilder<Lister> build{Lister(out)};
   LaraViewLayers<Lister>(build, config);
-  EncoderLayers<Lister>(build.in("img_encoder"), config.encoder());
+  EncoderLayers<Lister>(build.in("img_encoder"), config.encoder_sizes());
   LaraModulationLayers<Lister>(build, config);
   LaraVolumeLayers<Lister>(build, config);
   LaraCoarseLayers<Lister>(build, config);

@@ -55,6 +55,7 @@ void each_field(C& c, Visit visit) {
   visit("turn_degrees", c.turn_degrees);
   visit("cube_min", c.cube_min);
   visit("cube_max", c.cube_max);
+  visit("pose_noise", c.pose_noise);
   visit("procedural", c.procedural);
   visit("log_every", c.log_every);
   visit("sheet_every", c.sheet_every);
@@ -112,6 +113,11 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
   is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
   is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
+  is.in("pose_noise", c.pose_noise, c.pose_noise >= 0 && c.pose_noise <= 1, "0 to 1");
+  if (c.model.predicts_poses()) {
+    is.within("inputs_max", c.inputs_max, 2, c.model.share_max_views);
+    is.within("inputs_min", c.inputs_min, 2, c.inputs_max);
+  }
   is.in("procedural", c.procedural, c.procedural >= 0 && c.procedural <= 1, "0 to 1");
 }
 

@@ -41,6 +41,9 @@ struct TrainConfig {
   // drawn for each object.
   double turn_degrees = 0;
   double cube_min = 1, cube_max = 1;
+  // Deviation of the noise on the poses that the network is told of input views but the first, drawn anew for each
+  // object and step (base/pose_noise.h): radians, and edges of the cube. What is drawn and compared knows none.
+  double pose_noise = 0;
   double procedural = 0;  // so much of the objects are none of the data set, but drawn while training; 0 to 1
 
   // In steps; 0: never.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "model/base/pose_noise.h"
 #include "model/ops/adamw.h"
 #include "model/ops/muon.h"
 #include "model/ops/select.h"
@@ -102,6 +103,9 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
   PassViews out;
   out.inputs = ctx.upload({n, s, s, 3}, picture(0), Type::f32, "input pictures");
   out.cameras = views.cameras;
+  if (config_.pose_noise > 0)
+    out.given = noisy_cameras({views.cameras.begin(), views.cameras.begin() + n}, config_.pose_noise, config_.seed,
+                              object.noise_draw, views.object);
   for (long v = 0; v < all; ++v) {
     out.targets.push_back(ctx.upload({1, s, s, 3}, picture(v), Type::f32, "target picture"));
     out.backgrounds.push_back(v < n ? object.given.input_background : views.background);
@@ -141,6 +145,8 @@ StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute
     const Means coarse = read_means(ctx_, result.coarse, inputs);
     const Means fine = result.final.empty() ? coarse : read_means(ctx_, result.final, inputs);
     report.loss += share * (result.final.empty() ? coarse.loss : coarse.loss + fine.loss);
+    if (result.rays)
+      report.loss += share * model_config.share_loss_weight * static_cast<double>(ctx_.read<float>(result.rays)[0]);
     mse += share * fine.mse;
     mse_coarse += share * coarse.mse;
     report.selected += share * static_cast<double>(result.selected) / static_cast<double>(model_config.voxels());

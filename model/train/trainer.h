@@ -27,7 +27,7 @@ struct StepItem {
 struct StepReport {
   long step = 0;                     // from 1
   double lr = 0, temperature = 0;    // of this step
-  double loss = 0;                   // both levels
+  double loss = 0;                   // both levels, and predicted rays
   double psnr = 0, psnr_coarse = 0;  // from the mean squared error over novel views (input views, where there are no
                                      // others); where `levels` is "coarse" they are equal
   double selected = 0;               // share of the voxels

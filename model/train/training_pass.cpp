@@ -3,8 +3,10 @@
 #include <algorithm>
 
 #include "model/base/scene.h"
+#include "model/network/ray_predictor.h"
 #include "model/ops/loss.h"
 #include "model/ops/picture_target.h"
+#include "model/ops/ray_loss.h"
 #include "model/splat/render_backward.h"
 #include "runtime/fail.h"
 
@@ -74,12 +76,30 @@ class Level {
   SceneGradient gradient_;
 };
 
+// The accurate ones.
+std::vector<Camera> input_cameras(const PassViews& views) {
+  return {views.cameras.begin(), views.cameras.begin() + views.input_views()};
+}
+
+// The loss of predicted rays, and its gradient.
+void lose_rays(Context& ctx, const Config& config, const PassViews& views, const PassOptions& options, DrawnPass& out) {
+  const Tensor& predicted = out.trained.rays;
+  const long rays = predicted.count() / 6;
+  const Tensor target =
+      ctx.upload({rays, 6}, patch_rays(input_cameras(views), config.tokens(), config.patch), Type::f32, "target rays");
+  out.result.rays = ctx.tensor({1}, Type::f32, "loss of rays");
+  out.drays = ctx.tensor({rays, 6}, Type::f32, "loss by rays");
+  ray_loss(ctx, {predicted.reshaped({rays, 6}), target, out.result.rays, out.drays,
+                 options.scale * static_cast<float>(config.share_loss_weight)});
+  out.drays = out.drays.reshaped(predicted.shape());
+}
+
 }  // namespace
 
 VsplatModel::CoarseHalf begin_pass(Context& ctx, const VsplatModel& model, const PassViews& views,
                                    const PassOptions& options) {
-  const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + views.input_views());
-  return model.coarse_in_training(ctx, views.inputs, upload_cameras(ctx, inputs), options.forward, options.recompute);
+  const std::vector<Camera> told = views.given.empty() ? input_cameras(views) : views.given;
+  return model.coarse_in_training(ctx, views.inputs, upload_cameras(ctx, told), options.forward, options.recompute);
 }
 
 DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options,
@@ -89,6 +109,7 @@ DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& vie
   out.trained = model.fine_in_training(ctx, std::move(half), options.forward);
   PassResult& result = out.result;
   if (out.trained.selected) result.selected = out.trained.selected.dim(0);
+  if (out.trained.rays) lose_rays(ctx, config, views, options, out);
   {
     Level level(ctx, config, out.trained.coarse);
     level.draw(views, options, result.coarse, result.intersections);
@@ -103,7 +124,7 @@ DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& vie
 }
 
 PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass) {
-  model.backward(ctx, pass.trained, pass.dcoarse, pass.dfinal);
+  model.backward(ctx, pass.trained, pass.dcoarse, pass.dfinal, {}, pass.drays);
   return std::move(pass.result);
 }
 

@@ -14,6 +14,7 @@ namespace vsplat {
 struct PassViews {
   Tensor inputs;                                  // [V, S, S, 3] in [0,1]
   std::vector<Camera> cameras;                    // V input views, then others; S x S
+  std::vector<Camera> given;                      // what the network is told of the V, noise and all; empty: the same
   std::vector<Tensor> targets;                    // [1, S, S, 3] each
   std::vector<std::array<float, 3>> backgrounds;  // that a view is drawn over
   std::vector<Tensor> rgba;  // u8 [S, S, 4] each, as PictureTarget has them, or none; empty: of no view
@@ -40,6 +41,7 @@ using LevelLoss = std::vector<Tensor>;
 
 struct PassResult {
   LevelLoss coarse, final;          // `final` is empty where `levels` is "coarse"
+  Tensor rays;                      // [1]: the mean squared error of predicted rays; none where they are not predicted
   long selected = 0;                // voxels
   std::uint64_t intersections = 0;  // the most in a picture
 };
@@ -53,6 +55,7 @@ struct DrawnPass {
   PassResult result;
   VsplatModel::Trained trained;
   GaussianGradients dcoarse, dfinal;
+  Tensor drays;  // of the ray loss alone, by predicted rays
 };
 DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options,
                     VsplatModel::CoarseHalf half);
@@ -60,9 +63,8 @@ DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& vie
 PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass);
 
 // All three. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
-// levels of the mean over views of MSE + ssim_weight (1 - SSIM), times `scale` in the gradients alone; those have
-// alpha_weight's part, too. The same bits
-// every time.
+// levels of the mean over views of MSE + ssim_weight (1 - SSIM), and where poses are predicted share_loss_weight times
+// the rays' error; times `scale` in the gradients alone; those have alpha_weight's part, too. The same bits every time.
 PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
 
 }  // namespace vsplat

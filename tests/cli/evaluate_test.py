@@ -70,6 +70,32 @@ class Evaluate(support.Case):
         self.assertNotEqual(usual["mean"]["psnr_white"], larger["mean"]["psnr_white"])
         self.refuses(2, "--size", *self.evaluate("--size", 5))
 
+    def test_noise_on_poses(self):
+        """The same for every model; what is compared stays where it is. A model that predicts rays says how far they are."""
+        noise = ("--pose-noise", 0.02, "--pose-draws", 2, "--seed", 5, "--json")
+        plain = json.loads(self.succeeds(*self.evaluate("--json"))[0])
+        out, _ = self.succeeds(*self.evaluate(*noise))
+        noisy = json.loads(out)
+        self.assertEqual(list(noisy["mean"]), NUMBERS + ["pose_degrees", "pose_distance"])
+        self.assertEqual(out, self.succeeds(*self.evaluate(*noise))[0])
+        for a, b in zip(plain["objects"], noisy["objects"]):
+            self.assertEqual((a["psnr_white"], a["psnr_nearest"]), (b["psnr_white"], b["psnr_nearest"]))
+            self.assertNotEqual(a["psnr"], b["psnr"])
+            self.assertTrue(0.05 < b["pose_degrees"] < 4 and 0 < b["pose_distance"] < 0.2, b)
+        self.assertEqual(len({o["pose_degrees"] for o in noisy["objects"]}), 3)
+        first = json.loads(self.succeeds(*self.evaluate(*noise[:2], *noise[4:]))[0])
+        self.assertNotEqual(first["mean"]["pose_degrees"], noisy["mean"]["pose_degrees"])
+        other = self.path("predicts.safetensors")
+        self.succeeds("init", "micro", "--seed", 3, "--set", "poses=predicted", "--set", "share_ray_layers=1", "--set", "share_match_layers=2", "--output", other)
+        told = json.loads(self.succeeds("evaluate", self.set, "--model", other, *noise)[0])
+        self.assertEqual(list(told["mean"]), NUMBERS + ["pose_degrees", "pose_distance", "ray_degrees", "ray_moment"])
+        for a, b in zip(noisy["objects"], told["objects"]):
+            self.assertEqual((a["pose_degrees"], a["pose_distance"]), (b["pose_degrees"], b["pose_distance"]))
+            self.assertGreater(b["ray_degrees"], 1)
+        self.refuses(2, "--pose-noise", *self.evaluate("--pose-draws", 2))
+        self.refuses(2, "--pose-noise", *self.evaluate("--pose-noise", 2))
+        self.refuses(2, ["--refine", "--pose-noise"], *self.evaluate("--refine", "--pose-noise", 0.01))
+
     def test_refined(self):
         told, plain = (json.loads(self.succeeds(*self.evaluate("--size", 32, "--json", *more))[0]) for more in (["--refine"], []))
         for a, b in zip(told["objects"], plain["objects"]):

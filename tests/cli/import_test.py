@@ -130,7 +130,7 @@ class Import(Checkpoints):
 
     def test_other_files_are_told_by_name(self):
         for words, name in (("LaRa", "lara.ckpt"), ("GenDen's network", "genden.ckpt"), ("with GenDen's densifier", "densified.ckpt"), ("Plücker", "share.ckpt"),
-                            ("DINOv3", "dinov3.pth"), (["an encoder alone", "vsplat init", "--encoder"], "dino.pth"), ("no dict", "list.pth"), ("no tensors", "empty.pth"),
+                            (["DINOv3", "Hugging Face"], "dinov3.pth"), ("no dict", "list.pth"), ("no tensors", "empty.pth"),
                             (["before PyTorch 1.6", "save it again"], "old.pth"), (["protocol 4", "expected 2"], "protocol.pth"),
                             ("torch.nn.modules.linear Linear", "module.pth"), ("compressed", "script.pt"), ("no zip archive", "model.safetensors")):
             with self.subTest(name=name):
@@ -152,8 +152,34 @@ class Import(Checkpoints):
         for encoder, out in zip(("model.safetensors", "dino.pth", "dino_teacher.pth", "lightning.ckpt"), made):
             self.succeeds("init", "micro", "--seed", 9, "--encoder", self.path(encoder), "--output", out)
         self.assertEqual(len({open(path, "rb").read() for path in made}), 1)
-        for words, name in (("storage_tokens", "dinov3.pth"), ("cls_token", "lara.ckpt"), ("protocol 4", "protocol.pth")):
+        for words, name in (("register_tokens", "dinov3.pth"), ("cls_token", "lara.ckpt"), ("protocol 4", "protocol.pth")):
             self.refuses(1, words, "init", "micro", "--seed", 9, "--encoder", self.path(name), "--output", self.path("none.safetensors"))
+
+    def test_an_encoder_becomes_a_model_about_it(self):
+        told, err = self.imports("dino.pth")
+        self.assertEqual((told["named"], told["encoder_alone"], told["left_out"]), ("micro", True, []))
+        self.assertIn("vsplat train --init", err)
+        self.succeeds("init", "micro", "--seed", 0, "--encoder", self.path("dino.pth"), "--output", self.path("made.safetensors"))
+        self.assertEqual(tensors(self.path("got.safetensors")), tensors(self.path("made.safetensors")))
+        self.assertIn("random", self.info(self.path("got.safetensors"))["provenance"]["origin"])
+
+
+class Dinov3(support.Case):
+    """Its encoder in Meta's naming, which is committed: PyTorch is not asked for."""
+    CHECKPOINT = os.path.join(ROOT, "tests", "golden", "dinov3_micro_meta.pth")
+    FIELDS = [word for field in ("vit_heads=2", "groups=2", "image=16", "volume=4", "volume_ch=4", "voxel_ch=8", "fine_dim=8", "views=2") for word in ("--set", field)]
+
+    def test_becomes_a_model_that_reconstructs(self):
+        self.refuses(2, "do not tell vit_heads, groups, image, volume:", "weights", "import", self.CHECKPOINT, "--output", self.path("none.safetensors"))
+        made = self.path("dinov3.safetensors")
+        told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json", *self.FIELDS)[0])
+        self.assertEqual((told["config"]["encoder"], told["config"]["vit_registers"], told["encoder_alone"]), ("dinov3", 2, True))
+        self.assertEqual(sorted(told["left_out"]), ["blocks.0.attn.qkv.bias", "blocks.0.attn.qkv.bias_mask", "mask_token", "rope_embed.periods"])
+        self.succeeds("weights", "verify", made)
+        self.succeeds("reconstruct", self.views, "--model", made, "--output", self.path("got.ply"))
+        fields = [word for field in ("encoder=dinov3", "vit_registers=2", "vit_dim=16") for word in ("--set", field)]
+        self.succeeds("init", "micro", "--seed", 1, *fields, "--encoder", self.CHECKPOINT, "--output", self.path("init.safetensors"))
+        self.assertEqual(tensors(self.path("init.safetensors"))["encoder.model.reg_token"], tensors(made)["encoder.model.reg_token"])
 
 
 class Lara(support.Case):

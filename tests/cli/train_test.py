@@ -34,6 +34,22 @@ class Train(train_support.Case):
         out, _ = self.succeeds("weights", "verify", self.path("run", "model.safetensors"), "--json")
         self.assertEqual(json.loads(out)["hash"], "ok")
 
+    def test_noise_on_poses(self):
+        """The option is the configuration's field; the log of a training with it is another, and the same again."""
+        noise = ("--pose-noise", 0.03)
+        self.assertEqual(json.loads(self.succeeds("train", "--print-config", *noise)[0])["pose_noise"], 0.03)
+        stages = self.path("stages.json")
+        json.dump({"model": "micro", "stages": [{"steps": 5}, {"steps": 6, "pose_noise": 0.5}]}, open(stages, "w"))
+        told = json.loads(self.succeeds("train", stages, "--print-config", *noise)[0])
+        self.assertEqual([stage["pose_noise"] for stage in told["stages"]], [0.03, 0.03])
+        self.refuses(2, "--pose-noise", "train", stages, "--print-config", "--pose-noise", 2)
+        config, losses = self.config(steps=2, log_every=1), []
+        for run, more in (("plain", ()), ("noisy", noise), ("again", noise)):
+            self.succeeds(*self.train(config, run, *more))
+            losses.append([line["loss"] for line in self.log(run)])
+        self.assertEqual(losses[1], losses[2])
+        self.assertNotEqual(losses[0], losses[1])
+
     def test_print_config_needs_nothing(self):
         out, _ = self.succeeds("train", "--print-config")
         defaults = json.loads(out)

@@ -13,7 +13,7 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
     list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:intercept_tls_get_addr=0:detect_leaks=0")
   endif()
   add_test(NAME rusticl.network
-    COMMAND network_tests --gtest_filter=*GoldenModel*micro:*GoldenModel*_tiny:*GoldenModel*tiny_noise:*GoldenModel*tiny_views6:*Model/Model.*)
+    COMMAND network_tests --gtest_filter=*GoldenModel*micro:*GoldenModel*_tiny:*GoldenModel*tiny_noise:*GoldenModel*tiny_views6:*Model/Model.*:*Dinov3*micro_square:*RayPredictor*micro_predictor)
   set_tests_properties(rusticl.network PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 FIXTURES_REQUIRED golden_tiny
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
@@ -38,8 +38,10 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*_one:Committed/RenderBackwardGolden.*seventeen)
   add_test(NAME oclgrind.surfels
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=CommittedSurfels/RenderBackwardGolden.*prime)
+  add_test(NAME oclgrind.extensions
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*Dinov3*cpu_dinov3_micro_square:*RayPredictorVectors*cpu_share_micro_predictor)
   # It reports and goes on by default; nothing that it reports is to be accepted.
-  set_tests_properties(oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
+  set_tests_properties(oclgrind.extensions oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
   # Two minutes: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.

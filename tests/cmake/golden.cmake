@@ -23,7 +23,7 @@ set_tests_properties(golden_splat PROPERTIES FIXTURES_SETUP golden_splat FIXTURE
 add_test(NAME golden_surfels COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir}/splat surfels)
 set_tests_properties(golden_surfels PROPERTIES FIXTURES_SETUP golden_splat SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_train COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} train)
-set_tests_properties(golden_train PROPERTIES FIXTURES_SETUP golden_train SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
+set_tests_properties(golden_train PROPERTIES FIXTURES_SETUP golden_train FIXTURES_REQUIRED golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_train_slow COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} train_slow)
 set_tests_properties(golden_train_slow PROPERTIES FIXTURES_SETUP golden_train_slow FIXTURES_REQUIRED golden_train LABELS slow
   SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)

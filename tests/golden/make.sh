@@ -48,4 +48,16 @@ case $size in
       "$here/../reference/pytorch/run.sh" make_published.py --system vsplat+genden --tests --output "${1:-$here}"
     fi ;;
 esac
+case $size in
+  micro|tiny)  # and the extensions'; of micro the small ones are committed
+    for made in $([ $size = micro ] && echo dinov3:micro:small share:micro:small ||
+                  echo dinov3:micro:large share:micro:large dinov3:tiny:all share:tiny:all); do
+      what=${made%%:*} rest=${made#*:}
+      edge=${rest%%:*} part=${rest#*:}
+      last=${1:-$here}/${what}_${edge}_$([ "$part" = small ] && { [ "$what" = share ] && echo aligned || echo wide; } || echo model).safetensors
+      if [ ! -e "$last" ] || { [ $size != micro ] && [ -n "$(find "$here/../reference/pytorch" -name '*.py' -newer "$last")" ]; }; then
+        "$here/../reference/pytorch/run.sh" make_extensions.py --what "$what" --size "$edge" --part "$part" --output "${1:-$here}"
+      fi
+    done ;;
+esac
 exec "$here/../reference/pytorch/run.sh" $script "${1:-$here}" "$size"

@@ -8,21 +8,24 @@ namespace vsplat::ref {
 
 // Groups by their rows: queries[g], keys[g].
 struct CrossAttentionCase {
-  std::size_t heads = 1, width = 1;  // H, D
-  std::vector<double> q, k, v;       // [Q, H D], [N, H D]
-  std::vector<std::vector<int>> queries, keys;
+  std::size_t heads = 1, width = 1;                      // H, D
+  std::vector<double> q, k, v;                           // [Q, H D], [N, H D]
+  std::vector<std::vector<int>> queries, keys;           // a key may be in several groups
+  std::vector<std::vector<int>> query_parts, key_parts;  // as those; empty: of one part
 
   std::vector<double> forward() const {
     std::vector<double> out(q.size(), 0);
     for (std::size_t g = 0; g < queries.size(); ++g)
-      for (const int row : queries[g])
+      for (std::size_t l = 0; l < queries[g].size(); ++l)
         for (std::size_t h = 0; h < heads; ++h) {
+          const int row = queries[g][l];
           std::vector<double> p;
           double total = 0;
-          for (const int key : keys[g]) {
+          for (std::size_t s = 0; s < keys[g].size(); ++s) {
             double score = 0;
-            for (std::size_t i = 0; i < width; ++i) score += q[at(row, h) + i] * k[at(key, h) + i];
-            p.push_back(score / std::sqrt(static_cast<double>(width)));
+            for (std::size_t i = 0; i < width; ++i) score += q[at(row, h) + i] * k[at(keys[g][s], h) + i];
+            const bool stranger = !query_parts.empty() && query_parts[g][l] != key_parts[g][s];
+            p.push_back(score / std::sqrt(static_cast<double>(width)) - (stranger ? 100 : 0));
           }
           const double largest = *std::max_element(p.begin(), p.end());
           for (double& x : p) total += x = std::exp(x - largest);

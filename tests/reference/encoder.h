@@ -55,7 +55,8 @@ struct Encoder {
     add(position, at(model + "cls_token"));
     const Row grid = resample(Row(stored.begin() + config.vit_dim, stored.end()), g, along(), c);
     position.insert(position.end(), grid.begin(), grid.end());
-    Row x = patch_embed(images, v, static_cast<std::size_t>(config.image), static_cast<std::size_t>(config.patch),
+    const auto edge = static_cast<std::size_t>(config.image);
+    Row x = patch_embed(images, {v, edge, edge, static_cast<std::size_t>(config.patch)},
                         at(model + "patch_embed.proj.weight"), at(model + "patch_embed.proj.bias"), position);
     for (int i = 0; i < config.vit_depth; ++i) {
       const std::string block = model + "blocks." + std::to_string(i) + ".";

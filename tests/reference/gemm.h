@@ -8,9 +8,12 @@ namespace vsplat::ref {
 
 inline double silu(double x) { return x / (1 + std::exp(-x)); }
 inline double gelu(double x) { return 0.5 * x * (1 + std::erf(x / std::sqrt(2.0))); }
-// 0 none, 1 GELU, 2 SiLU, 3 ReLU
+inline double gelu_tanh(double x) {
+  return 0.5 * x * (1 + std::tanh(std::sqrt(2 / std::acos(-1.0)) * (x + 0.044715 * x * x * x)));
+}
+// 0 none, 1 GELU, 2 SiLU, 3 ReLU, 4 GELU by tanh
 inline double activate(double x, int act) {
-  return act == 1 ? gelu(x) : act == 2 ? silu(x) : act == 3 && x < 0 ? 0 : x;
+  return act == 1 ? gelu(x) : act == 2 ? silu(x) : act == 4 ? gelu_tanh(x) : act == 3 && x < 0 ? 0 : x;
 }
 
 // Channel c of source row `row` after concatenation, affine and SiLU; a row that is not there is 0.

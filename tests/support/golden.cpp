@@ -64,6 +64,12 @@ const std::vector<std::string>& golden_cases() {
   return names;
 }
 
+const std::vector<std::string>& extension_cases() {
+  static const std::vector<std::string> names = {"dinov3_micro_model", "dinov3_tiny_model", "share_micro_model",
+                                                 "share_tiny_model"};
+  return names;
+}
+
 const std::vector<std::string>& quick_training_cases() {
   static const std::vector<std::string> names = {"train",     "train_seed1", "train_steps",    "train_sigmoid",
                                                  "train_ste", "train_fine4", "train_mirrored", "train_empty_ste"};

@@ -11,8 +11,8 @@
 namespace vsplat::test {
 
 // All that there are: the views that the network took, then those to draw alone.
-inline std::vector<Camera> golden_all_cameras(const Golden& golden) {
-  const auto c2w = golden.floats("input.c2w"), k = golden.floats("input.K");
+inline std::vector<Camera> golden_all_cameras(const Golden& golden, const std::string& poses = "input.c2w") {
+  const auto c2w = golden.floats(poses), k = golden.floats("input.K");
   std::vector<Camera> cameras;
   for (std::size_t v = 0; v < c2w.size() / 16; ++v) {
     Camera camera;
@@ -26,9 +26,10 @@ inline std::vector<Camera> golden_all_cameras(const Golden& golden) {
   return cameras;
 }
 
-// The views that the network took.
+// The views that the network took, as it was told them: with their noise.
 inline std::vector<Camera> golden_cameras(const Golden& golden) {
-  std::vector<Camera> cameras = golden_all_cameras(golden);
+  const bool noisy = golden.has("input.c2w_given");
+  std::vector<Camera> cameras = golden_all_cameras(golden, noisy ? "input.c2w_given" : "input.c2w");
   cameras.resize(static_cast<std::size_t>(golden.views()));
   return cameras;
 }

@@ -108,7 +108,7 @@ class EncoderBackward : public test::FlavourTest {
 VSPLAT_FLAVOURS(EncoderBackward);
 
 TEST_P(EncoderBackward, OfTheVitAgreesWithDifferences) {
-  const Vit vit(ctx(), model().config.encoder(), learnt_);
+  const Vit vit(ctx(), model().config.encoder_sizes(), learnt_);
   const auto forward = [](const ref::Encoder& e) { return e.tokens(model().images(), kViews); };
   static const std::map<std::string, Row> want =
       encoder_differences("encoder.model.", model().reference, dtokens(), forward);
@@ -160,7 +160,7 @@ TEST_P(EncoderBackward, OfTheModulationAgreesWithDifferences) {
 }
 
 TEST_P(EncoderBackward, IsDeterministic) {
-  const Vit vit(ctx(), model().config.encoder(), learnt_);
+  const Vit vit(ctx(), model().config.encoder_sizes(), learnt_);
   const PoseModulation modulation(ctx(), model().config, learnt_);
   const auto run = [&] {
     learnt_.zero_gradients(ctx());
@@ -184,7 +184,7 @@ TEST_P(EncoderBackward, IsDeterministic) {
 TEST_P(EncoderBackward, PlansItsMemory) {
   const auto own = test::open_context(GetParam());
   const LearntWeights learnt(*own, model().config, model().weights);
-  const Vit vit(*own, model().config.encoder(), learnt);
+  const Vit vit(*own, model().config.encoder_sizes(), learnt);
   const PoseModulation modulation(*own, model().config, learnt);
   const DeviceCameras cameras = upload_cameras(*own, model().cameras());
   const long s = model().config.image;
@@ -202,7 +202,7 @@ TEST_P(EncoderBackward, PlansItsMemory) {
 }
 
 TEST_P(EncoderBackward, WantsWeightsThatAreLearnt) {
-  const Vit vit(ctx(), model().config.encoder(), model().weights);
+  const Vit vit(ctx(), model().config.encoder_sizes(), model().weights);
   const PoseModulation modulation(ctx(), model().config, model().weights);
   Vit::Saved encoded;
   PoseModulation::Saved modulated;

@@ -24,7 +24,7 @@ class Encoder : public test::FlavourTest {
     const test::Golden golden = test::Golden::load(name);
     const Config& config = golden.config();
     const DeviceCameras cameras = upload_cameras(ctx(), test::golden_cameras(golden));
-    const Vit vit(ctx(), config.encoder(), golden.weights());
+    const Vit vit(ctx(), config.encoder_sizes(), golden.weights());
     const PoseModulation modulation(ctx(), config, golden.weights());
     const Lifting lifting(ctx(), config, golden.weights());
     const Tensor features = modulation.forward(ctx(), vit.forward(ctx(), images_of(ctx(), golden)), cameras);
@@ -55,7 +55,7 @@ TEST_P(Encoder, MatchesPyTorchOnTiny) {
 TEST_P(Encoder, PlansItsMemory) {
   const test::Golden golden = test::Golden::load("micro");
   const auto own = test::open_context(GetParam());
-  const Vit vit(*own, golden.config().encoder(), golden.weights());
+  const Vit vit(*own, golden.config().encoder_sizes(), golden.weights());
   const Lifting lifting(*own, golden.config(), golden.weights());
   const PoseModulation modulation(*own, golden.config(), golden.weights());
   const DeviceCameras cameras = upload_cameras(*own, test::golden_cameras(golden));
@@ -70,7 +70,7 @@ TEST_P(Encoder, PlansItsMemory) {
 
 TEST_P(Encoder, IsDeterministic) {
   const test::Golden golden = test::Golden::load("micro");
-  const Vit vit(ctx(), golden.config().encoder(), golden.weights());
+  const Vit vit(ctx(), golden.config().encoder_sizes(), golden.weights());
   const Lifting lifting(ctx(), golden.config(), golden.weights());
   const PoseModulation modulation(ctx(), golden.config(), golden.weights());
   const DeviceCameras cameras = upload_cameras(ctx(), test::golden_cameras(golden));
@@ -87,7 +87,7 @@ TEST_P(Encoder, NamesAMissingWeightAndAWrongShape) {
   const std::string name = "encoder.model.blocks.0.attn.qkv.weight";
   weights.set(name, {{3, 4}, std::vector<float>(12)});
   try {
-    const Vit vit(ctx(), golden.config().encoder(), weights);
+    const Vit vit(ctx(), golden.config().encoder_sizes(), weights);
     FAIL() << "a weight of the wrong shape was taken";
   } catch (const Error& e) {
     EXPECT_EQ(e.status(), Status::format);

@@ -131,6 +131,13 @@ INSTANTIATE_TEST_SUITE_P(Kernels, GoldenModel,
                            return name;
                          });
 
+INSTANTIATE_TEST_SUITE_P(Extensions, GoldenModel,
+                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
+                                            ::testing::ValuesIn(test::extension_cases())),
+                         [](const auto& param) {
+                           return std::string(name_of(std::get<0>(param.param))) + "_" + std::get<1>(param.param);
+                         });
+
 class Model : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Model);
 

@@ -9,10 +9,10 @@
 namespace vsplat {
 namespace {
 
-constexpr Activation kAll[] = {Activation::gelu, Activation::silu, Activation::relu};
+constexpr Activation kAll[] = {Activation::gelu, Activation::silu, Activation::relu, Activation::gelu_tanh};
 
 TEST(ActivationReference, SlopesAreThoseOfDifferences) {
-  for (const int act : {1, 2, 3})
+  for (const int act : {1, 2, 3, 4})
     for (int i = -144; i < 144; ++i) {
       const double x = i / 16.0;
       if (act == 3 && i == 0) continue;  // where there is none

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <numeric>
 
 #include "tests/reference/cross_attention.h"
@@ -111,6 +112,43 @@ TEST_P(CrossAttention, ManyGroups) {
   EXPECT_EQ(ctx().read<float>(in_.out), got);
 }
 
+// As the ray predictor's windows: each key in several groups, in another place each time, and strangers among them.
+TEST_P(CrossAttention, KeysOfSeveralGroupsAndStrangers) {
+  for (const auto& [groups, l, keys, each, width] :
+       {std::array<long, 5>{3, 2, 4, 2, 3}, {4, 7, 13, 3, 17}, {2, 3, 5, 2, 16}, {5, 1, 3, 4, 8}}) {
+    SCOPED_TRACE(fmt::format("{} groups, {} queries, {} keys in {} groups, {} wide", groups, l, keys, each, width));
+    if (keys * each % groups != 0) continue;
+    const long s = keys * each / groups;
+    make({groups, l, s, 1, width, true}, 1);
+    std::vector<int> rows(static_cast<std::size_t>(groups * s)), places(rows.size()), query_parts, key_parts;
+    for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = static_cast<int>(i / static_cast<std::size_t>(each));
+    std::shuffle(rows.begin(), rows.end(), std::mt19937(3));
+    std::vector<std::size_t> found(static_cast<std::size_t>(keys), 0);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const auto key = static_cast<std::size_t>(rows[i]);
+      places[key * static_cast<std::size_t>(each) + found[key]++] = static_cast<int>(i);
+    }
+    for (long i = 0; i < groups * l; ++i) query_parts.push_back(static_cast<int>(i % 3));
+    for (long i = 0; i < groups * s; ++i) key_parts.push_back(static_cast<int>(i * 7 % 3));
+    in_.groups.keys = ctx().upload({groups, s}, rows, Type::i32);
+    in_.groups.places = ctx().upload({keys, each}, places, Type::i32);
+    in_.groups.query_parts = ctx().upload({groups, l}, query_parts, Type::i32);
+    in_.groups.key_parts = ctx().upload({groups, s}, key_parts, Type::i32);
+    k_.resize(static_cast<std::size_t>(keys * width)), v_.resize(k_.size());
+    in_.k = ctx().upload({keys, width}, k_), in_.v = ctx().upload({keys, width}, v_);
+    want_.k.assign(k_.begin(), k_.end()), want_.v.assign(v_.begin(), v_.end());
+    want_.keys.clear();
+    for (long g = 0; g < groups; ++g) {
+      want_.keys.emplace_back(rows.begin() + g * s, rows.begin() + (g + 1) * s);
+      want_.query_parts.emplace_back(query_parts.begin() + g * l, query_parts.begin() + (g + 1) * l);
+      want_.key_parts.emplace_back(key_parts.begin() + g * s, key_parts.begin() + (g + 1) * s);
+    }
+    cross_attention_forward(ctx(), in_);
+    EXPECT_TRUE(test::close(ctx().read<float>(in_.out), want_.forward(), 1e-6));
+    check_backward();
+  }
+}
+
 // Scores whose exponentials no float holds, the largest first, last and between.
 TEST_P(CrossAttention, LargeScores) {
   make({40, 3, 5, 2, 6, false}, 20);
@@ -125,6 +163,11 @@ TEST_P(CrossAttention, EmptyAndBadShape) {
   EXPECT_THROW(cross_attention_forward(ctx(), {x, y, y, 2, {{}, {}, 1, 3}, x, {}}), Error) << "8 keys in threes";
   EXPECT_THROW(cross_attention_forward(ctx(), {x, y, x, 2, {{}, {}, 1, 2}, x, {}}), Error);
   EXPECT_THROW(cross_attention_forward(ctx(), {x, y, y, 2, {{}, {}, 1, 2}, y, {}}), Error);
+  const Tensor places = ctx().upload({8, 2}, std::vector<int>(16), Type::i32);
+  AttentionGroups shared{{}, {}, 1, 4, places, {}, {}};
+  EXPECT_THROW(cross_attention_forward(ctx(), {x, y, y, 2, shared, x, {}}), Error) << "places without a map";
+  shared = {{}, {}, 1, 2, {}, ctx().upload({4, 1}, std::vector<int>(4), Type::i32), {}};
+  EXPECT_THROW(cross_attention_forward(ctx(), {x, y, y, 2, shared, x, {}}), Error) << "parts of queries alone";
   const Tensor stats = ctx().tensor({4, 2});
   EXPECT_THROW(cross_attention_backward(ctx(), {x, y, y, 2, {{}, {}, 1, 2}, x, stats, x, x, x, y}), Error);
 }

@@ -9,33 +9,49 @@
 namespace vsplat {
 namespace {
 
+struct PatchEmbedCase {
+  ref::PatchSizes z;
+  std::size_t c;
+};
+
+// Then: with registers and no positions, wide and high.
+const PatchEmbedCase kPatchEmbedSizes[] = {
+    {{1, 1, 1, 1}, 1},    {{2, 6, 6, 3}, 7},    {{3, 21, 21, 7}, 12},         {{1, 48, 48, 16}, 33},
+    {{2, 34, 34, 17}, 5}, {{4, 36, 36, 3}, 65}, {{2, 6, 10, 2, 5, false}, 7}, {{1, 10, 4, 2, 3}, 5},
+    {{1, 3, 6, 3, 0}, 6}};
+
+std::string patch_embed_text(const ref::PatchSizes& z, std::size_t c) {
+  return fmt::format("{} pictures of {} x {}, patches of {}, {} tokens before them, {} channels", z.v, z.width,
+                     z.height, z.p, z.prefix, c);
+}
+Shape shape_of_pictures(const ref::PatchSizes& z) {
+  return {static_cast<long>(z.v), static_cast<long>(z.height), static_cast<long>(z.width), 3};
+}
+Shape shape_of_tokens(const ref::PatchSizes& z, std::size_t c) {
+  return {static_cast<long>(z.v), static_cast<long>(z.tokens()), static_cast<long>(c)};
+}
+
 class PatchEmbed : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PatchEmbed);
 
 TEST_P(PatchEmbed, MatchesTheConvolution) {
-  struct PatchEmbedSize {
-    long v, s, p, c;
-  };
-  for (const PatchEmbedSize& n :
-       {PatchEmbedSize{1, 1, 1, 1}, {2, 6, 3, 7}, {3, 21, 7, 12}, {1, 48, 16, 33}, {2, 34, 17, 5}}) {
-    const long k = 3 * n.p * n.p, tokens = 1 + (n.s / n.p) * (n.s / n.p);
-    const auto images = test::random_floats(static_cast<std::size_t>(n.v * n.s * n.s * 3), 1, 0, 1);
-    const auto weight = test::random_floats(static_cast<std::size_t>(n.c * k), 2);
-    const auto bias = test::random_floats(static_cast<std::size_t>(n.c), 3);
-    const auto position = test::random_floats(static_cast<std::size_t>(tokens * n.c), 4, -5, 5);
-    const PackedMatrix packed = pack_matrix(ctx(), weight.data(), k, n.c, 1, k, "weight");
-    PatchEmbedForward a{ctx().upload({n.v, n.s, n.s, 3}, images),
-                        static_cast<int>(n.p),
+  for (const auto& [z, c] : kPatchEmbedSizes) {
+    SCOPED_TRACE(patch_embed_text(z, c));
+    const std::size_t k = 3 * z.p * z.p;
+    const auto images = test::random_floats(z.v * z.height * z.width * 3, 1, 0, 1);
+    const auto weight = test::random_floats(c * k, 2);
+    const auto bias = test::random_floats(c, 3);
+    const auto position = test::random_floats(z.rows() * c, 4, -5, 5);
+    const long channels = static_cast<long>(c), inner = static_cast<long>(k);
+    const PackedMatrix packed = pack_matrix(ctx(), weight.data(), inner, channels, 1, inner, "weight");
+    PatchEmbedForward a{ctx().upload(shape_of_pictures(z), images),
+                        static_cast<int>(z.p),
                         &packed,
-                        ctx().upload({n.c}, bias),
-                        ctx().upload({tokens, n.c}, position),
-                        ctx().upload({n.v, tokens, n.c}, test::nans(static_cast<std::size_t>(n.v * tokens * n.c)))};
+                        ctx().upload({channels}, bias),
+                        ctx().upload({static_cast<long>(z.rows()), channels}, position),
+                        ctx().upload(shape_of_tokens(z, c), test::nans(z.v * z.tokens() * c))};
     patch_embed_forward(ctx(), a);
-    EXPECT_TRUE(test::close(ctx().read<float>(a.out),
-                            ref::patch_embed(images, static_cast<std::size_t>(n.v), static_cast<std::size_t>(n.s),
-                                             static_cast<std::size_t>(n.p), weight, bias, position),
-                            1e-5))
-        << n.v << " pictures of " << n.s << ", patches of " << n.p << ", " << n.c << " channels";
+    EXPECT_TRUE(test::close(ctx().read<float>(a.out), ref::patch_embed(images, z, weight, bias, position), 1e-5));
   }
 }
 
@@ -54,20 +70,21 @@ TEST_P(PatchEmbed, RejectsBadShape) {
 
 // What the backward kernels are held against is itself held against differences of what the forward ones are.
 TEST(PatchEmbedReference, GradientsAreThoseOfDifferences) {
-  const std::size_t v = 2, s = 4, p = 2, c = 3, tokens = 5;
+  const ref::PatchSizes z{2, 4, 6, 2, 3};
+  const std::size_t c = 3;
   const auto doubles = [](const std::vector<float>& values) {
     return std::vector<double>(values.begin(), values.end());
   };
-  const auto images = test::random_floats(v * s * s * 3, 1, 0, 1);
-  auto weight = doubles(test::random_floats(c * 3 * p * p, 2)), bias = doubles(test::random_floats(c, 3));
-  auto position = doubles(test::random_floats(tokens * c, 4));
-  const auto dtokens = doubles(test::random_floats(v * tokens * c, 5));
+  const auto images = test::random_floats(z.v * z.height * z.width * 3, 1, 0, 1);
+  auto weight = doubles(test::random_floats(c * 3 * z.p * z.p, 2)), bias = doubles(test::random_floats(c, 3));
+  auto position = doubles(test::random_floats(z.rows() * c, 4));
+  const auto dtokens = doubles(test::random_floats(z.v * z.tokens() * c, 5));
   const auto slopes = [&](std::vector<double>& of) {
     std::vector<double> out;
     for (double& at : of) {
       const auto loss = [&](double value) {
         at = value;
-        const auto y = ref::patch_embed(images, v, s, p, weight, bias, position);
+        const auto y = ref::patch_embed(images, z, weight, bias, position);
         double sum = 0;
         for (std::size_t i = 0; i < y.size(); ++i) sum += dtokens[i] * y[i];
         return sum;
@@ -78,7 +95,7 @@ TEST(PatchEmbedReference, GradientsAreThoseOfDifferences) {
     }
     return out;
   };
-  const auto want = ref::patch_embed_backward(images, v, s, p, c, dtokens);
+  const auto want = ref::patch_embed_backward(images, z, c, dtokens);
   EXPECT_TRUE(test::close(want.weight, slopes(weight), 1e-12));
   EXPECT_TRUE(test::close(want.bias, slopes(bias), 1e-12));
   EXPECT_TRUE(test::close(want.position, slopes(position), 1e-12));
@@ -88,24 +105,20 @@ class PatchEmbedGradient : public test::FlavourTest {};
 VSPLAT_FLAVOURS(PatchEmbedGradient);
 
 TEST_P(PatchEmbedGradient, MatchesReference) {
-  struct PatchEmbedSize {
-    long v, s, p, c;
-  };
-  for (const PatchEmbedSize& n :
-       {PatchEmbedSize{1, 1, 1, 1}, {2, 6, 3, 7}, {3, 21, 7, 12}, {1, 48, 16, 33}, {2, 34, 17, 5}, {4, 36, 3, 65}}) {
-    SCOPED_TRACE(fmt::format("{} pictures of {}, patches of {}, {} channels", n.v, n.s, n.p, n.c));
-    const auto v = static_cast<std::size_t>(n.v), s = static_cast<std::size_t>(n.s), p = static_cast<std::size_t>(n.p),
-               c = static_cast<std::size_t>(n.c), tokens = 1 + (s / p) * (s / p);
-    const auto images = test::random_floats(v * s * s * 3, 1, 0, 1);
-    const auto dtokens = test::random_floats(v * tokens * c, 2);
-    const auto some_weight = test::random_floats(c * 3 * p * p, 3), some_bias = test::random_floats(c, 4);
-    const auto rows = static_cast<long>(tokens);
-    const PatchEmbedBackward a{
-        ctx().upload({n.v, n.s, n.s, 3}, images), static_cast<int>(n.p),
-        ctx().upload({n.v, rows, n.c}, dtokens),  ctx().upload({n.c, 3, n.p, n.p}, some_weight),
-        ctx().upload({n.c}, some_bias),           ctx().upload({rows, n.c}, test::nans(tokens * c))};
+  for (const auto& [z, c] : kPatchEmbedSizes) {
+    SCOPED_TRACE(patch_embed_text(z, c));
+    const auto images = test::random_floats(z.v * z.height * z.width * 3, 1, 0, 1);
+    const auto dtokens = test::random_floats(z.v * z.tokens() * c, 2);
+    const auto some_weight = test::random_floats(c * 3 * z.p * z.p, 3), some_bias = test::random_floats(c, 4);
+    const long channels = static_cast<long>(c), p = static_cast<long>(z.p);
+    const PatchEmbedBackward a{ctx().upload(shape_of_pictures(z), images),
+                               static_cast<int>(z.p),
+                               ctx().upload(shape_of_tokens(z, c), dtokens),
+                               ctx().upload({channels, 3, p, p}, some_weight),
+                               ctx().upload({channels}, some_bias),
+                               ctx().upload({static_cast<long>(z.rows()), channels}, test::nans(z.rows() * c))};
     patch_embed_backward(ctx(), a);
-    auto want = ref::patch_embed_backward(images, v, s, p, c, std::vector<double>(dtokens.begin(), dtokens.end()));
+    auto want = ref::patch_embed_backward(images, z, c, std::vector<double>(dtokens.begin(), dtokens.end()));
     for (std::size_t i = 0; i < some_weight.size(); ++i) want.weight[i] += some_weight[i];
     for (std::size_t i = 0; i < c; ++i) want.bias[i] += some_bias[i];
     EXPECT_TRUE(test::close(ctx().read<float>(a.dweight), want.weight, 1e-5));

@@ -49,6 +49,21 @@ TEST(Config, ViewsToUseAreThoseItIsTrainedWithUnlessItSays) {
   }
 }
 
+// What a model does not have is not written: older readers know no such fields.
+TEST(Config, ExtensionsAreWrittenWhereTheyAreThere) {
+  for (const char* part : {"encoder", "vit_r", "vit_q", "poses", "share"})
+    EXPECT_EQ(to_json(Config()).find(part), std::string::npos) << part;
+  const Config dinov3 = with_fields(Config(), {"encoder=dinov3", "vit_rope_periods=bf16"});
+  EXPECT_EQ(json::parse(to_json(dinov3)).at("vit_registers"), 4);
+  EXPECT_EQ(to_json(dinov3).find("share"), std::string::npos);
+  EXPECT_EQ(config_from_json(to_json(dinov3)), dinov3);
+  const Config predicted = with_fields(Config(), {"poses=predicted", "share_reduce=64,32", "share_ray_mlp=1.5"});
+  EXPECT_EQ(json::parse(to_json(predicted)).at("share_max_views"), 4);
+  EXPECT_EQ(config_from_json(to_json(predicted)), predicted);
+  for (const char* name : {"paper", "small", "tiny"})
+    EXPECT_NO_THROW(with_fields(named_config(name), {"encoder=dinov3", "poses=predicted", "vit_heads=6"})) << name;
+}
+
 TEST(Config, AbsentFieldsTakeTheirDefaults) {
   Config expected;
   expected.volume_mult = {1, 2, 4};
@@ -150,6 +165,19 @@ TEST(Config, RefusesWhatCannotBeBuiltWithTheValueFound) {
       {{"levels=deep"}, "levels must be one of fine, skeletal, coarse (found \"deep\")"},
       {{"selection=all"}, "selection must be one of gumbel, sigmoid, ste, opacity (found \"all\")"},
       {{"view_weight=x"}, "view_weight must be one of depth, distance (found \"x\")"},
+      {{"encoder=dinov2"}, "encoder must be one of dino, dinov3 (found \"dinov2\")"},
+      {{"encoder=dinov3", "vit_heads=256"}, "vit_dim must be a multiple of 4 vit_heads"},
+      {{"encoder=dinov3", "vit_registers=-1"}, "vit_registers must be 0 to 64 (found -1)"},
+      {{"encoder=dinov3", "vit_rope_periods=f16"}, "vit_rope_periods must be one of exact, bf16"},
+      {{"poses=guessed"}, "poses must be one of given, predicted (found \"guessed\")"},
+      {{"poses=predicted", "share_reduce=8"}, "share_reduce must be two widths (found [8])"},
+      {{"poses=predicted", "share_reduce=48,32"}, "share_reduce must be multiples of groups (found 48 and 32)"},
+      {{"poses=predicted", "share_dim=126"}, "share_dim must be a multiple of 4"},
+      {{"poses=predicted", "share_splits=3"}, "image / patch must be a multiple of share_splits (found 32 and 3)"},
+      {{"poses=predicted", "share_cross_mask=x"}, "share_cross_mask must be one of tiled, aligned"},
+      {{"poses=predicted", "views=5"}, "must be 2 to share_max_views"},
+      {{"poses=predicted", "share_ray_heads=7"}, "share_ray_dim must be even and a multiple of share_ray_heads"},
+      {{"poses=predicted", "share_loss_weight=-1"}, "share_loss_weight must be 0 to 1e6 (found -1)"},
       {{"rebase=x"}, "rebase must be one of rotate, move (found \"x\")"},
       {{"volume=258"}, "volume must be at most 256 (found 258)"},
       {{"fine_count=2000000000"}, "fine_count must be at most 1024"},

@@ -114,6 +114,9 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
       case Init::ones:
         EXPECT_TRUE(m.least == 1 && m.most == 1 && p.shape.size() == 1) << p.name;
         break;
+      case Init::layer_scale:
+        ADD_FAILURE() << p.name << ": DINOv3's alone";
+        break;
       case Init::sobol:
         EXPECT_EQ(p.name, "div_offset");
         EXPECT_EQ(tensor.data[0], 0.0f);
@@ -121,6 +124,33 @@ TEST(InitialWeights, CoverTheParametersAndFollowTheirKind) {
         EXPECT_EQ(tensor.data[4], -0.5f / 32 / 4);
         break;
     }
+  }
+}
+
+// DINOv3's encoder, and what predicts rays.
+TEST(InitialWeights, OfExtensionsFollowTheirKind) {
+  const Config config =
+      with_fields(named_config("small"), {"encoder=dinov3", "vit_qkv_bias=true", "poses=predicted", "share_dim=64"});
+  const Weights weights = initial_weights(config, 3);
+  const auto moments = [&](const std::string& name) { return moments_of(weights.at(name).data); };
+  const std::string block = "encoder.model.blocks.1.";
+  EXPECT_EQ(moments(block + "gamma_2").least, 1e-5f);
+  EXPECT_EQ(moments(block + "gamma_2").most, 1e-5f);
+  EXPECT_EQ(moments(block + "attn.q_bias").most, 0);
+  EXPECT_NEAR(moments("encoder.model.reg_token").variance, 0.02 * 0.02, 1e-4);
+  EXPECT_NEAR(moments("share.view_pos_emb").variance, 1, 1);
+  EXPECT_GT(moments("share.view_pos_emb").most, 1);
+  // Xavier's, in the transformers and the head; else as a convolution begins.
+  EXPECT_NEAR(moments("share.transformer.layers.0.self_attn.q_proj.weight").variance, 2.0 / (64 + 64), 2e-3);
+  EXPECT_NEAR(moments("share.ray_predictor.blocks.3.mlp.fc1.weight").variance, 2.0 / (256 + 1024), 1e-4);
+  EXPECT_EQ(moments("share.ray_predictor.blocks.3.mlp.fc1.bias").most, 0);
+  EXPECT_LE(moments("share.reduce.2.weight").most, 1 / std::sqrt(384.0));
+  EXPECT_GT(moments("share.reduce.2.bias").most, 0.9 / std::sqrt(384.0));
+  for (const Parameter& p : parameters(config)) {
+    const bool bias = p.name.ends_with("bias");
+    const bool layer_norm = p.init == Init::ones && !p.name.starts_with("share.reduce.") &&
+                            !p.name.starts_with("volume_network.") && !p.name.starts_with("voxel_network.");
+    EXPECT_EQ(p.decays, !bias && !layer_norm) << p.name;
   }
 }
 
@@ -274,7 +304,7 @@ TEST_F(EncoderTest, NamesWhatIsMissingOrForeign) {
             std::string::npos);
   EXPECT_NE(refusal(write("model.", config_, {{"model.blocks.0.ls1.gamma", {12}}})).find("blocks.0.ls1.gamma"),
             std::string::npos);
-  EXPECT_NE(refusal(write("", config_, {{"reg_token", {1, 4, 12}}})).find("reg_token"), std::string::npos);
+  EXPECT_NE(refusal(write("", config_, {{"reg_token", {1, 4, 12}}})).find("encoder = dinov3, but"), std::string::npos);
   EXPECT_NE(refusal(write("", config_, {{"pos_embed", {1, 7, 12}}}, "pos_embed")).find("7 positions"),
             std::string::npos);
   EXPECT_NE(refusal(write("", config_, {{"blocks.0.attn.qkv.bias", {12}}}, "blocks.0.attn.qkv.bias"))

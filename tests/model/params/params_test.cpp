@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "tests/support/golden.h"
@@ -27,6 +28,33 @@ void expect_state_dict(const Golden& golden) {
 TEST(Params, AreTheReferencesStateDict) {
   expect_state_dict(Golden::load("micro"));
   expect_state_dict(Golden::load("micro_noise"));
+}
+
+TEST(Params, OfExtensionsAreTheReferencesStateDict) {
+  for (const std::string& name : test::extension_cases()) {
+    VSPLAT_NEED_GOLDEN(name);
+    expect_state_dict(Golden::load(name));
+  }
+}
+
+// The encoder of DINOv3's ViT-B/16 and the predictor as SHARE's configuration for objects has it.
+TEST(Params, OfPublishedExtensions) {
+  const Config config = with_fields(named_config("paper"), {"encoder=dinov3", "poses=predicted"});
+  std::map<std::string, Shape> shapes;
+  long encoder = 0, predictor = 0;
+  for (const Parameter& p : parameters(config)) {
+    shapes[p.name] = p.shape;
+    if (p.name.starts_with("encoder.")) encoder += p.count();
+    if (p.name.starts_with("share.")) predictor += p.count();
+  }
+  EXPECT_EQ(encoder, 85641216);
+  EXPECT_EQ(predictor, 10083110);
+  EXPECT_EQ(shapes.at("encoder.model.reg_token"), (Shape{1, 4, 768}));
+  EXPECT_EQ(shapes.at("encoder.model.blocks.11.gamma_2"), (Shape{768}));
+  EXPECT_EQ(shapes.at("share.view_pos_emb"), (Shape{4, 8}));
+  EXPECT_EQ(shapes.at("share.transformer.layers.5.cross_attn_ffn.mlp.0.weight"), (Shape{1024, 256}));
+  EXPECT_EQ(shapes.at("share.ray_predictor.x_embedder.proj.weight"), (Shape{256, 136, 1, 1}));
+  EXPECT_EQ(shapes.count("encoder.model.pos_embed"), 0U);
 }
 
 class ParamsOfTiny : public ::testing::TestWithParam<std::string> {};

@@ -48,6 +48,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"turn_degrees", 0.0},
                          {"cube_min", 1.0},
                          {"cube_max", 1.0},
+                         {"pose_noise", 0.0},
                          {"procedural", 0.0},
                          {"log_every", 10},
                          {"sheet_every", 500},
@@ -74,7 +75,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.frozen = {"encoder.model.blocks.0", "dir_norm"};
   c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
   c.random_background = false;
-  c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1, c.procedural = 0.3;
+  c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1, c.procedural = 0.3, c.pose_noise = 0.02;
   c.log_every = 0, c.sheet_every = 5, c.checkpoint_every = 11, c.keep_checkpoints = 1, c.cache_gib = 0.25;
   const std::string text = to_json(c);
   EXPECT_EQ(train_config_from_json(text), c);
@@ -223,6 +224,9 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"fit": "wide"})", "fit must be one of auto, object, crop, pad (found \"wide\")"},
       {R"({"turn_degrees": 181})", "turn_degrees must be 0 to 180 (found 181)"},
       {R"({"cube_max": 11})", "cube_max must be 0.1 to 10 (found 11)"},
+      {R"({"pose_noise": -0.1})", "pose_noise must be 0 to 1 (found -0.1)"},
+      {R"({"model": {"base": "tiny", "poses": "predicted"}, "inputs_min": 1})", "inputs_min must be 2 to 3 (found 1)"},
+      {R"({"model": {"base": "tiny", "poses": "predicted"}, "inputs_max": 5})", "inputs_max must be 2 to 4 (found 5)"},
       {R"({"procedural": 1.5})", "procedural must be 0 to 1 (found 1.5)"},
       {R"({"cube_min": 1.5})", "cube_min must be 0.1 to cube_max (found 1.5)"},
       {R"({"log_every": -1})", "log_every must be 0 to"},

@@ -37,6 +37,7 @@ PassViews upload(Context& ctx, const Golden& golden) {
   PassViews out;
   out.inputs = ctx.upload({views.inputs, s, s, 3}, views.pictures.data());
   out.cameras = views.cameras;
+  if (golden.has("input.c2w_given")) out.given = test::golden_cameras(golden);
   for (std::size_t v = 0; v < views.cameras.size(); ++v) {
     out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + v * static_cast<std::size_t>(s * s * 3)));
     out.backgrounds.push_back(views.background);
@@ -81,7 +82,8 @@ TEST_P(GoldenGradients, OfTheNetworkMatch) {
         model.fine_in_training(ctx, model.coarse_in_training(ctx, views.inputs, cameras, options, recompute), options);
     const bool one_level = golden.config().levels == "coarse";
     model.backward(ctx, trained, cotangent(ctx, golden, "coarse"),
-                   one_level ? GaussianGradients() : cotangent(ctx, golden, "final"));
+                   one_level ? GaussianGradients() : cotangent(ctx, golden, "final"), {},
+                   trained.rays ? test::golden_upload(ctx, golden, "cotangent.plucker") : Tensor());
   };
   run(false);
   int compared = 0;
@@ -126,6 +128,11 @@ TEST_P(GoldenGradients, OfTheLossMatch) {
   for (const LevelLoss& level : {result.coarse, result.final})
     for (const Tensor& view : level)
       loss += static_cast<double>(ctx.read<float>(view)[0]) / static_cast<double>(level.size());
+  EXPECT_EQ(golden.has("loss.ray"), static_cast<bool>(result.rays));
+  if (result.rays) {
+    EXPECT_NEAR(ctx.read<float>(result.rays)[0], golden.floats("loss.ray")[0], 1e-5);
+    loss += golden.config().share_loss_weight * static_cast<double>(ctx.read<float>(result.rays)[0]);
+  }
   EXPECT_NEAR(loss, golden.floats("loss")[0], 1e-4);
 
   double error = 0, norm = 0;
@@ -164,6 +171,9 @@ INSTANTIATE_TEST_SUITE_P(Some, GoldenGradients,
                          case_name);
 INSTANTIATE_TEST_SUITE_P(Committed, GoldenGradients,
                          ::testing::Combine(kFlavours, ::testing::Values("micro", "micro_noise")), case_name);
+
+INSTANTIATE_TEST_SUITE_P(Extensions, GoldenGradients,
+                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::extension_cases())), case_name);
 
 class Training : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Training);

@@ -90,7 +90,7 @@ def main():
     encoder = {k.removeprefix("encoder.model."): v for k, v in model.items() if k.startswith("encoder.model.")}
     save("dino.pth", encoder)
     save("dino_teacher.pth", {"student": {f"module.backbone.{k}": v for k, v in encoder.items()}, "teacher": {f"backbone.{k}": v for k, v in encoder.items()}, "epoch": 3})
-    save("dinov3.pth", {**encoder, "storage_tokens": torch.zeros(1, 4, 12)})
+    save("dinov3.pth", {**encoder, "embeddings.register_tokens": torch.zeros(1, 4, 12)})
     save("list.pth", [1, 2])
     save("empty.pth", {})
     save("old.pth", model, _use_new_zipfile_serialization=False)

@@ -27,14 +27,19 @@ typedef struct vsplat_scores {
   double psnr_nearest;          /* of the input view nearest to each novel one, by angle seen from the cube's centre */
   double selected;              /* voxels selected, a share of 0 to 1 */
   double lpips_alex, lpips_vgg; /* of the result; NaN where there were no weights for it */
+  double pose_degrees;  /* between the inputs' rotations as told to the network and as listed; NaN without noise */
+  double pose_distance; /* between their centres, in edges of the cube */
+  double ray_degrees;   /* between predicted rays' directions and those of the listed poses; NaN where none are
+                                   predicted */
+  double ray_moment;    /* between their moments */
 } vsplat_scores;
 #define VSPLAT_SCORES_INIT \
-  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
+  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
 
 typedef struct vsplat_evaluate_options {
   size_t size;
   vsplat_protocol protocol;
-  uint64_t seed;      /* of RANDOM10 */
+  uint64_t seed;      /* of RANDOM10, and of pose_noise */
   int32_t has_center; /* this and the next four as in vsplat_input_options; they hold for every object */
   double center[3];
   double scale;
@@ -54,11 +59,16 @@ typedef struct vsplat_evaluate_options {
   int32_t
       refine; /* 1: what is compared is the scene moved towards the inputs, and them alone, as vsplat/refine.h has it
                      by default; the coarse level stays the network's */
+  /* Noise on the poses that the network is told of the inputs but the first: its deviation, in radians and edges of the
+     cube, 0 to 1 (0: none), and how often it is drawn (0: once); an object's numbers are the means. By `seed` and the
+     object's name, the same for every model. What is compared is drawn from the poses as listed. Not with `refine`. */
+  double pose_noise;
+  int32_t pose_draws;
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL, 0                                                                                     \
+        NULL, NULL, 0, NULL, 0, 0.0, 0                                                                             \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */

@@ -1,0 +1,23 @@
+// LayerScale, a learnt scale of each of a Linear's outputs, folded into the Linear: s (W x + b) = (s W) x + s b.
+#pragma once
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct LayerScaleForward {
+  Tensor weight;      // [N, K]
+  Tensor bias;        // [N]
+  Tensor scale;       // [N]
+  Tensor out_weight;  // [N, K]; written
+  Tensor out_bias;    // [N]; written
+};
+void layer_scale_forward(Context& ctx, const LayerScaleForward& a);
+
+struct LayerScaleBackward {
+  Tensor weight, bias, scale;     // as forward had them
+  Tensor dout_weight, dout_bias;  // the loss by what forward made
+  Tensor dweight, dbias, dscale;  // added to
+};
+void layer_scale_backward(Context& ctx, const LayerScaleBackward& a);
+
+}  // namespace vsplat

@@ -1,0 +1,106 @@
+// Encoders alone, DINOv3's in timm's and Meta's naming, become models about them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "model/params/import.h"
+#include "model/params/init.h"
+#include "model/params/load_encoder.h"
+#include "tests/support/extension_golden.h"
+#include "tests/support/refusal.h"
+#include "tests/support/temporary.h"
+#include "tests/support/weights.h"
+
+namespace vsplat {
+namespace {
+
+using test::expect_error;
+using test::ExtensionGolden;
+
+// Beside the vectors: "dinov3_micro" and "timm" of dinov3_micro_square.
+std::string file_of(const std::string& size, const std::string& naming) {
+  const std::string made = test::Golden::path_of(size + "_square");
+  return made.substr(0, made.rfind('/') + 1) + size + "_" + naming + ".pth";
+}
+
+ImportOptions options_for(const Config& config) {
+  ImportOptions out;
+  out.fields = {"vit_heads=" + std::to_string(config.vit_heads), "groups=" + std::to_string(config.groups),
+                "image=" + std::to_string(config.image),         "volume=" + std::to_string(config.volume),
+                "volume_ch=" + std::to_string(config.volume_ch), "voxel_ch=" + std::to_string(config.voxel_ch)};
+  return out;
+}
+
+bool left_out(const ImportedModel& model, const std::string& name) {
+  return std::count(model.left_out.begin(), model.left_out.end(), name) == 1;
+}
+
+TEST(Dinov3Import, BothNamingsAreTheSameModel) {
+  const ExtensionGolden golden("dinov3_micro_square", "encoder.model.");
+  for (const char* naming : {"timm", "meta"}) {
+    SCOPED_TRACE(naming);
+    const ImportedModel got = import_model(file_of("dinov3_micro", naming), options_for(golden.config()));
+    EXPECT_TRUE(got.encoder_alone);
+    const ModelFile& model = std::get<ModelFile>(got.model);
+    EXPECT_EQ(model.config.encoder, "dinov3");
+    EXPECT_EQ(model.config.vit_registers, 2);
+    EXPECT_FALSE(model.config.vit_qkv_bias);
+    EXPECT_FALSE(model.config.negate_camera_centre);
+    EXPECT_EQ(model.config.vit_rope_periods, "exact");
+    for (const auto& [name, tensor] : golden.weights().all())
+      EXPECT_EQ(model.weights.at(name).data, tensor.data) << name;
+    EXPECT_EQ(model.weights.at("dir_norm.mlp.0.weight").data,
+              initial_weights(model.config, 0).at("dir_norm.mlp.0.weight").data);
+    const bool meta = std::string(naming) == "meta";
+    EXPECT_EQ(got.left_out.empty(), !meta);
+    for (const char* name :
+         {"mask_token", "rope_embed.periods", "blocks.0.attn.qkv.bias", "blocks.0.attn.qkv.bias_mask"})
+      EXPECT_EQ(left_out(got, name), meta) << name;
+
+    // And init takes it.
+    const test::TemporaryFolder folder;
+    save_model(folder / "model.safetensors", model.config, model.weights);
+    Weights weights = initial_weights(model.config, 9);
+    load_encoder(weights, model.config, file_of("dinov3_micro", naming));
+    EXPECT_EQ(weights.at("encoder.model.blocks.0.gamma_1").data,
+              model.weights.at("encoder.model.blocks.0.gamma_1").data);
+  }
+}
+
+TEST(Dinov3Import, BiasesAndRoundedPeriods) {
+  VSPLAT_NEED_GOLDEN("dinov3_tiny_bias");
+  const ExtensionGolden golden("dinov3_tiny_bias", "encoder.model.");
+  ImportOptions options = options_for(golden.config());
+  const std::string meta = file_of("dinov3_tiny", "bias_meta"), timm = file_of("dinov3_tiny", "bias_timm");
+  const ImportedModel got = import_model(meta, options);
+  const ModelFile& model = std::get<ModelFile>(got.model);
+  EXPECT_TRUE(model.config.vit_qkv_bias);
+  EXPECT_EQ(model.config.vit_rope_periods, "bf16");
+  for (const auto& [name, tensor] : golden.weights().all()) EXPECT_EQ(model.weights.at(name).data, tensor.data) << name;
+  options.fields.emplace_back("vit_rope_periods=bf16");  // which timm's does not tell
+  const ImportedModel other = import_model(timm, options);
+  test::expect_equal(std::get<ModelFile>(other.model).weights, model.weights);
+  EXPECT_EQ(std::get<ModelFile>(other.model).config, model.config);
+  options.fields.emplace_back("vit_qkv_bias=false");
+  expect_error(Status::usage, {"bias_meta.pth", "tell vit_qkv_bias, which is true"},
+               [&] { import_model(meta, options); });
+}
+
+TEST(Dinov3Import, WhatDoesNotFitIsNamed) {
+  const std::string path = file_of("dinov3_micro", "meta");
+  expect_error(Status::usage, {"do not tell vit_heads, groups, image, volume: give each"}, [&] { import_model(path); });
+  Config config = with_fields(named_config("micro"), {"vit_dim=16"});
+  Weights weights = initial_weights(config, 1);
+  const auto refused = [&](const std::string& words) {
+    expect_error(Status::format, {path, words}, [&] { load_encoder(weights, config, path); });
+  };
+  refused("an encoder with encoder = dinov3, but the configuration has dino");
+  config.encoder = "dinov3";
+  refused("vit_registers = 2, but the configuration has 4");
+  config.vit_registers = 2, config.vit_rope_periods = "bf16", config.vit_heads = 1;
+  weights = initial_weights(config, 1);
+  refused("rope_embed.periods holds other periods than 100^(4 i / 16)");
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,41 @@
+// A scale of a Linear's outputs, folded into its weights, in double.
+#pragma once
+#include <cstddef>
+#include <vector>
+
+namespace vsplat::ref {
+
+struct LayerScaleCase {
+  std::vector<double> w, b, s;  // [n, k], [n], [n]
+
+  // s w, then s b
+  std::vector<double> forward() const {
+    const std::size_t n = b.size(), k = w.size() / n;
+    std::vector<double> out;
+    for (std::size_t i = 0; i < w.size(); ++i) out.push_back(s[i / k] * w[i]);
+    for (std::size_t i = 0; i < n; ++i) out.push_back(s[i] * b[i]);
+    return out;
+  }
+  // Of sum(dy forward()), by one of the three.
+  std::vector<double> gradient(std::vector<double> LayerScaleCase::*by, const std::vector<float>& dy) const {
+    LayerScaleCase at = *this;
+    const auto loss = [&] {
+      const auto y = at.forward();
+      double sum = 0;
+      for (std::size_t i = 0; i < y.size(); ++i) sum += y[i] * dy[i];
+      return sum;
+    };
+    std::vector<double> out;
+    for (double& x : at.*by) {  // linear in each alone: any step does
+      const double before = x;
+      x = before + 0.5;
+      const double above = loss();
+      x = before - 0.5;
+      out.push_back(above - loss());
+      x = before;
+    }
+    return out;
+  }
+};
+
+}  // namespace vsplat::ref
