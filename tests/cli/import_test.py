@@ -218,6 +218,28 @@ class Lara(support.Case):
         self.refuses(2, "volume_mult", "weights", "import", self.CHECKPOINT, "--set", "volume_mult=1", "--output", self.path("none.safetensors"))
 
 
+class Genden(support.Case):
+    """GenDen's, whose checkpoint is committed, too."""
+    CHECKPOINT = os.path.join(ROOT, "tests", "golden", "genden_micro.ckpt")
+
+    def test_becomes_a_model_and_reconstructs(self):
+        made, scenes = self.path("genden.safetensors"), [self.path(f"{name}.ply") for name in ("first", "again", "other")]
+        told = json.loads(self.succeeds("weights", "import", self.CHECKPOINT, "--output", made, "--json")[0])
+        self.assertEqual((told["system"], told["named"], told["parameters"]), ("genden", "micro", 21208))
+        self.assertEqual(told["config"]["densify.top_k"], 9)
+        self.succeeds("weights", "verify", made)
+        for scene, seed in zip(scenes, (0, 0, 4)):
+            self.succeeds("reconstruct", self.views, "--model", made, "--center", "0,0,0", "--scale", 1, "--selection-seed", seed, "--output", scene)
+        first, again, other = (open(scene, "rb").read() for scene in scenes)
+        self.assertIn(b"property float scale_2", first)
+        self.assertEqual(first, again)
+        self.assertNotEqual(first, other)  # the curves in another order
+        self.assertIn("densify", self.succeeds("reconstruct", self.views, "--model", made, "--dry-run")[0])
+        residual = self.path("residual.safetensors")
+        self.succeeds("weights", "import", self.CHECKPOINT, "--set", "densify.residual=true", "--output", residual)
+        self.assertTrue(json.loads(self.succeeds("weights", "info", residual, "--json")[0])["config"]["densify.residual"])
+
+
 class Canary:
     """Unpickled by Python, it makes a file."""
     def __init__(self, path, call=os.system):
