@@ -32,6 +32,7 @@ PlyHeader read_header(PlyFile& in) {
 struct Layout {
   std::vector<const PlyProperty*> columns;
   std::optional<std::size_t> opacity, scales, quats;
+  GaussianKind kind = GaussianKind::volume;
   bool is_rgb = false;
   int degree = 0;
 
@@ -84,9 +85,11 @@ Layout find_columns(const std::string& path, const PlyElement& vertex) {
   }
   add_rest(path, vertex, out);
   out.opacity = add_group(path, vertex, out, {"opacity"});
-  if (vertex.find("scale_0") && vertex.find("scale_1") && !vertex.find("scale_2"))
-    fail(Status::format, "{}: no property scale_2: flat Gaussians (2DGS) are not read", path);
-  out.scales = add_group(path, vertex, out, {"scale_0", "scale_1", "scale_2"});
+  // Surfels are known by that, in 2DGS files, too.
+  if (vertex.find("scale_0") && vertex.find("scale_1") && !vertex.find("scale_2")) out.kind = GaussianKind::surfel;
+  std::vector<std::string> scales;
+  for (int i = 0; i < scales_of(out.kind); ++i) scales.push_back(fmt::format("scale_{}", i));
+  out.scales = add_group(path, vertex, out, scales);
   out.quats = add_group(path, vertex, out, {"rot_0", "rot_1", "rot_2", "rot_3"});
   return out;
 }
@@ -145,8 +148,9 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   std::fill_n(out.scale, 3, std::exp(-4.0f));
   if (layout.scales) {
     const std::size_t begin = *layout.scales;
-    if (const Defect d = not_finite(values, begin, 3); d.kind != Defect::Kind::none) return d;
-    for (std::size_t i = 0; i < 3; ++i) {
+    const auto scales = static_cast<std::size_t>(scales_of(layout.kind));
+    if (const Defect d = not_finite(values, begin, scales); d.kind != Defect::Kind::none) return d;
+    for (std::size_t i = 0; i < scales; ++i) {
       const double scale = std::exp(static_cast<double>(values[begin + i]));
       if (!fits(scale)) return {Defect::Kind::scale, begin + i};
       out.scale[i] = static_cast<float>(scale);
@@ -202,7 +206,7 @@ void append(Gaussians& g, const Gaussian& one) {
     to.insert(to.end(), from, from + n);
   };
   add(g.means, one.mean, 3);
-  add(g.scales, one.scale, 3);
+  add(g.scales, one.scale, static_cast<std::size_t>(scales_of(g.kind)));
   add(g.quats, one.quat, 4);
   g.opacities.push_back(one.opacity);
   add(g.sh, one.sh, 3 * g.sh_count());
@@ -213,9 +217,10 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
                          SkippedGaussians* skipped) {
   Gaussians g;
   g.sh_degree = layout.degree;
+  g.kind = layout.kind;
   const auto room = static_cast<std::size_t>(count);
   g.means.reserve(3 * room);
-  g.scales.reserve(3 * room);
+  g.scales.reserve(static_cast<std::size_t>(scales_of(g.kind)) * room);
   g.quats.reserve(4 * room);
   g.opacities.reserve(room);
   g.sh.reserve(3 * room * g.sh_count());

@@ -1,5 +1,5 @@
 // The standard 3DGS PLY: one vertex per Gaussian, opacity as a logit, scales as logarithms, spherical harmonics as
-// f_dc_* and channel-major f_rest_*.
+// f_dc_* and channel-major f_rest_*. Surfels have no scale_2, as 2DGS writes them; so both tell them from volumes.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -254,7 +254,7 @@ TEST_F(Ply, RefusesByName) {
   EXPECT_NE(with("element vertex", "element points").find("no element vertex"), std::string::npos);
   EXPECT_NE(with("float y", "float yy").find("no property y"), std::string::npos);
   EXPECT_NE(with("float rot_2", "float rot_7").find("no property rot_2"), std::string::npos);
-  EXPECT_NE(with("float scale_2", "float depth").find("2DGS"), std::string::npos);
+  EXPECT_NE(with("float scale_1", "float depth").find("no property scale_1"), std::string::npos);
   EXPECT_NE(with("float opacity", "half opacity").find("unknown type \"half\""), std::string::npos);
   EXPECT_NE(with("float opacity", "float x").find("twice"), std::string::npos);
   EXPECT_NE(with("float opacity", "list uchar int opacity").find("list opacity"), std::string::npos);
@@ -428,27 +428,6 @@ TEST_F(Ply, WritesNothingThatIsNoNumber) {
 }
 
 TEST_F(Ply, RefusesAFolderThatIsNotThere) { EXPECT_THROW(write_ply(path("no/scene.ply"), Scene()), Error); }
-
-// A surfel has two scales, and its file no third: that is how others' programs know one.
-TEST_F(Ply, SurfelsAreWrittenWithTwoScales) {
-  Scene scene;
-  Gaussians& g = scene.gaussians;
-  g.kind = GaussianKind::surfel;
-  g.count = 2;
-  g.means = {1, 2, 3, 4, 5, 6};
-  g.scales = {0.5f, 0.25f, 2, 1};
-  g.quats = {1, 0, 0, 0, 0, 0, 0, 1};
-  g.opacities = {0.5f, 0.5f};
-  g.sh = {0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f};
-  write_ply(path(), scene);
-  const std::string written = bytes();
-  const std::size_t end = written.find("end_header\n") + 11;
-  EXPECT_NE(written.find("property float scale_1\nproperty float rot_0\n"), std::string::npos);
-  EXPECT_EQ(written.find("scale_2"), std::string::npos);
-  const auto log = [](float x) { return static_cast<float>(std::log(static_cast<double>(x))); };
-  EXPECT_EQ(written.substr(end), floats({1, 2, 3, 0, 0, 0, 0.1f, 0.2f, 0.3f, 0, log(0.5f), log(0.25f), 1, 0, 0, 0,
-                                         4, 5, 6, 0, 0, 0, 0.4f, 0.5f, 0.6f, 0, log(2),    0,          0, 0, 0, 1}));
-}
 
 }  // namespace
 }  // namespace vsplat
