@@ -9,6 +9,7 @@
 #include "bench/bench.h"
 #include "bench/reference/rasterize_backward.h"
 #include "bench/reference/splat.h"
+#include "bench/reference/surfels.h"
 #include "bench/render.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
@@ -58,12 +59,10 @@ double typical(std::vector<double>& errors, double largest) {
 }
 
 // How far what the device draws lies from the reference, relative to the largest value (or 1), in some tiles of one
-// camera's picture.
-double picture_error(Context& ctx, const Data& data, const Camera& camera) {
+// camera's picture. blend(tx, ty, x, y) has the reference's pixel.
+template <class Blend>
+double picture_error(Context& ctx, const Data& data, const Camera& camera, const Blend& blend) {
   const Picture got = render_picture(ctx, data.gaussians, camera, data.options);
-  const ref::Options options = reference_options(data.options);
-  const std::vector<ref::Splat> splats = ref::project_all(data.scene.scene.gaussians, camera, options);
-  const std::vector<const ref::Splat*> order = ref::depth_order(splats);
   const int tiles_x = (camera.width + 15) / 16, tiles_y = (camera.height + 15) / 16;
   std::mt19937 engine(1);
   double largest = 1;
@@ -71,11 +70,10 @@ double picture_error(Context& ctx, const Data& data, const Camera& camera) {
   for (int sample = 0; sample < 32; ++sample) {
     const int tile = static_cast<int>(engine() % static_cast<unsigned>(tiles_x * tiles_y));
     const int tx = sample == 0 ? tiles_x - 1 : tile % tiles_x, ty = sample == 0 ? tiles_y - 1 : tile / tiles_x;
-    const std::vector<const ref::Splat*> here = in_tile(order, tx, ty);
+    const auto pixel = blend(tx, ty);
     for (int y = 16 * ty; y < std::min(16 * ty + 16, camera.height); ++y) {
       for (int x = 16 * tx; x < std::min(16 * tx + 16, camera.width); ++x) {
-        ref::Frame want;
-        ref::blend_pixel(here, x, y, options, want);
+        const ref::Frame want = pixel(x, y);
         const float* rgb = got.colour.at(x, y);
         for (std::size_t c = 0; c < 3; ++c) errors.push_back(std::abs(rgb[c] - want.colour[c]));
         errors.push_back(std::abs(*got.alpha.at(x, y) - want.alpha[0]));
@@ -85,6 +83,48 @@ double picture_error(Context& ctx, const Data& data, const Camera& camera) {
     }
   }
   return typical(errors, largest);
+}
+
+double volumes_error(Context& ctx, const Data& data, const Camera& camera) {
+  const ref::Options options = reference_options(data.options);
+  const std::vector<ref::Splat> splats = ref::project_all(data.scene.scene.gaussians, camera, options);
+  const std::vector<const ref::Splat*> order = ref::depth_order(splats);
+  return picture_error(ctx, data, camera, [&](int tx, int ty) {
+    return [&options, here = in_tile(order, tx, ty)](int x, int y) {
+      ref::Frame out;
+      ref::blend_pixel(here, x, y, options, out);
+      return out;
+    };
+  });
+}
+
+double surfels_error(Context& ctx, const Data& data, const Camera& camera) {
+  const ref::SurfelOptions options{reference_options(data.options)};
+  const Gaussians& g = data.scene.scene.gaussians;
+  std::vector<ref::Surfel> all;
+  for (std::size_t k = 0; k < g.count; ++k)
+    if (const ref::Surfel s = ref::project_surfel(g, k, camera, options); !s.culled) all.push_back(s);
+  std::stable_sort(all.begin(), all.end(), [](const auto& l, const auto& r) { return l.z < r.z; });
+  return picture_error(ctx, data, camera, [&](int tx, int ty) {
+    std::vector<const ref::Surfel*> here;
+    for (const ref::Surfel& s : all)
+      if (tx >= s.x0 && tx < s.x1 && ty >= s.y0 && ty < s.y1) here.push_back(&s);
+    return [&options, here](int x, int y) {
+      ref::SurfelPixel pixel;
+      for (const ref::Surfel* s : here) {
+        const ref::Meeting at = ref::meet(*s, x + 0.5, y + 0.5, options);
+        if (at.alpha > 0 && !pixel.add(at, s->colour, s->normal, options.options.near)) break;
+      }
+      ref::SurfelFrame out;
+      pixel.write(options.options.background, out);
+      return ref::Frame(out);
+    };
+  });
+}
+
+double picture_error(Context& ctx, const Data& data, const Camera& camera) {
+  return data.gaussians.kind() == GaussianKind::surfel ? surfels_error(ctx, data, camera)
+                                                       : volumes_error(ctx, data, camera);
 }
 
 std::shared_ptr<Data> make_data(Context& ctx, const std::string& name, const std::string& folder) {
@@ -184,6 +224,28 @@ double gradient_error(Context& ctx, const Data& data, const Camera& camera) {
   return std::max(typical(errors[0], largest[0]), typical(errors[1], largest[1]));
 }
 
+// A picture is linear in the surfels' colours: what these are worth together, by their gradients, is what the picture
+// is worth beyond its background. The whole derivative is held to the reference by the tests.
+double surfels_gradient_error(Context& ctx, const Data& data, const Camera& camera) {
+  const Loss loss = make_loss(ctx, camera);
+  const SceneGradient gradient = zero_gradient(ctx, data.gaussians);
+  render_backward(ctx, data.gaussians, camera, data.options, {loss.there.colour, {}, {}}, gradient, nullptr);
+  const Gaussians& g = data.scene.scene.gaussians;
+  const Gaussians by = download(ctx, gradient, g.sh_degree);
+  const Picture drawn = render_picture(ctx, data.gaussians, camera, data.options);
+  double parts = 0, whole = 0, size = 0;
+  for (std::size_t i = 0; i < g.sh.size(); ++i) {
+    const bool constant = i / 3 % g.sh_count() == 0;
+    parts += static_cast<double>(by.sh[i]) * (static_cast<double>(g.sh[i]) + (constant ? 0.5 / kShC0 : 0));
+  }
+  for (std::size_t i = 0; i < loss.colour.size(); ++i) {
+    const double beyond = drawn.colour.data[i] - (1 - drawn.alpha.data[i / 3]) * data.options.background[i % 3];
+    whole += loss.colour[i] * beyond;
+    size += std::pow(loss.colour[i] * beyond, 2);
+  }
+  return size > 0 ? std::abs(parts - whole) / std::sqrt(size) : INFINITY;
+}
+
 }  // namespace
 
 // With drawing, to begin with, as a fit does it.
@@ -204,14 +266,19 @@ Prepared prepare_backward(Context& ctx, const std::string& name, const std::stri
     const PictureGradient& by = losses->at({camera.width, camera.height}).there;
     render_backward(ctx, d->gaussians, camera, d->options, by, *gradient, nullptr);
   };
-  p.error = [&ctx, d] { return gradient_error(ctx, *d, d->scene.cameras[0]); };
+  p.error = [&ctx, d] {
+    const auto of = d->gaussians.kind() == GaussianKind::surfel ? surfels_gradient_error : gradient_error;
+    return of(ctx, *d, d->scene.cameras[0]);
+  };
   p.tolerance = 1e-5;
   return p;
 }
 
 std::vector<Case> render_cases(const Options& options) {
   std::vector<Case> cases;
-  for (const std::string& name : options.scenes.empty() ? scene_names() : scene_names(options.scenes)) {
+  std::vector<std::string> names = options.scenes.empty() ? scene_names() : scene_names(options.scenes);
+  if (options.scenes.empty()) names.insert(names.end() - 1, "surfels-190k");
+  for (const std::string& name : names) {
     cases.push_back(
         {name, [name, folder = options.scenes](Context& ctx) { return prepare_forward(ctx, name, folder); }});
     cases.push_back(

@@ -191,6 +191,12 @@ BenchScene make_scene(const std::string& name) {
   } else if (name == "object-190k") {
     out.scene.gaussians = shell(48, 48 * 48 * 48 / 10, 17);
     out.cameras = about_object(512);
+  } else if (name == "surfels-190k") {
+    out = make_scene("object-190k");
+    Gaussians& g = out.scene.gaussians;
+    for (std::size_t k = 0; k < g.count; ++k) std::copy_n(&g.scales[3 * k], 2, &g.scales[2 * k]);
+    g.scales.resize(2 * g.count);
+    g.kind = GaussianKind::surfel;
   } else if (name == "slab-1m") {
     out.scene.gaussians = slab(1000000);
     out.cameras = over_ground();

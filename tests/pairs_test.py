@@ -29,6 +29,7 @@ WITHOUT = {
     "compact": {"test": "the last step of selection: select_test.cpp", "reference": "the selected indices, which that test lists"},
     "gather": {"reference": "rows by index, which the test takes from the input"},
     "project": {"reference": "bench/reference/splat.h: that of whole pictures, which benchmarks are checked with, too"},
+    "project_surfels": {"reference": "bench/reference/surfels.h, for the same reason"},
     "radix_sort": {"reference": "std::stable_sort"},
     "tile_bin": {"reference": "what a tile sees, which the test tells from the rectangles"},
     "transpose": {"reference": "rows as columns, which the test writes down"},

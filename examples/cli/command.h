@@ -80,6 +80,7 @@ void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);
 void add_refine(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
+void add_scene_convert(CLI::App& app, Run& run);  // convert
 void add_bench(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);

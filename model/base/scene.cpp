@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -130,6 +131,19 @@ void transform(Scene& scene, const Similarity& in_world, const Eigen::Vector3d& 
     const Eigen::Vector3d turned = (move.rotation * Eigen::Vector3d(up[0], up[1], up[2])).normalized();
     for (int i = 0; i < 3; ++i) up[i] = static_cast<float>(turned[i]);
   }
+}
+
+Gaussians thickened(const Gaussians& surfels, double thickness) {
+  Gaussians out = surfels;
+  out.kind = GaussianKind::volume;
+  out.scales.resize(3 * surfels.count);
+  for (std::size_t k = 0; k < surfels.count; ++k) {
+    const float u = surfels.scales[2 * k], v = surfels.scales[2 * k + 1];
+    out.scales[3 * k] = u;
+    out.scales[3 * k + 1] = v;
+    out.scales[3 * k + 2] = static_cast<float>(thickness * std::min(u, v));
+  }
+  return out;
 }
 
 Eigen::Vector3d offset_for(const Eigen::Vector3d& centre, double edge) {

@@ -44,6 +44,9 @@ void transform(Gaussians& gaussians, const Similarity& move);
 // The near plane, the mirror point and up, too, all of it in the world; what comes out is relative to `offset`.
 void transform(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset = Eigen::Vector3d::Zero());
 
+// Surfels as volumes: a third scale, `thickness` times the smaller of a surfel's two.
+Gaussians thickened(const Gaussians& surfels, double thickness);
+
 // Offsets beyond are refused: in doubles nothing is left of an object there.
 inline constexpr double kFarthestOffset = 1e15;
 

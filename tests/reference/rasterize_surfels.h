@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tests/reference/project_surfels.h"
+#include "bench/reference/surfels.h"
 
 namespace vsplat::ref {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "tests/reference/project_surfels.h"
+#include "bench/reference/surfels.h"
 #include "tests/reference/rasterize_surfels.h"
 #include "tests/support/records.h"
 

@@ -63,6 +63,7 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load(NULL, &scene));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_load_with("scene", NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_save(NULL, "scene"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_surfels_to_gaussians(NULL, 0.1, &scene));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_info(NULL, &scene_info));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_gaussians(NULL, &gaussians));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_selection(NULL, &voxel, 1, &count));

@@ -8,7 +8,7 @@
 #include <limits>
 #include <numeric>
 
-#include "tests/reference/project_surfels.h"
+#include "bench/reference/surfels.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"
 

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bench/reference/surfels.h"
 #include "model/splat/render.h"
 #include "model/splat/render_backward.h"
-#include "tests/reference/project_surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

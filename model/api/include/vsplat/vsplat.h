@@ -493,6 +493,11 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_update(vsplat_scene scene
 /* Writes one, whole or not at all. An existing file is replaced. Where the scene has an offset, positions in the file
    are relative to it, and the file says so in a comment that vsplat_scene_load obeys and other programs do not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
+/* A scene of surfels, which are flat, as one of Gaussians for programs that know no surfels: each gets a third
+   deviation, across its plane, of `thickness` times the smaller of its two (above 0, at most 1). VSPLAT_ERROR_USAGE
+   where the scene is not one of surfels. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_surfels_to_gaussians(vsplat_scene scene, double thickness,
+                                                                            vsplat_scene* out_scene);
 VSPLAT_API void vsplat_scene_retain(vsplat_scene scene);
 VSPLAT_API void vsplat_scene_release(vsplat_scene scene);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_info);

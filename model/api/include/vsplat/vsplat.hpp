@@ -312,6 +312,11 @@ class Scene : public SceneHandle {
     return out;
   }
   void save(const std::string& path) const { check(vsplat_scene_save(get(), path.c_str())); }
+  Scene surfels_to_gaussians(double thickness) const {
+    vsplat_scene out = nullptr;
+    check(vsplat_scene_surfels_to_gaussians(get(), thickness, &out));
+    return Scene(out);
+  }
   vsplat_scene_info info() const {
     vsplat_scene_info out = VSPLAT_SCENE_INFO_INIT;
     check(vsplat_scene_get_info(get(), &out));

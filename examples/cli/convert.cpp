@@ -1,0 +1,55 @@
+// vsplat convert: a scene for programs that do not know its kind.
+#include <nlohmann/json.hpp>
+
+#include "scene_file.h"
+
+namespace command {
+namespace {
+
+struct ConvertOptions {
+  Common common;
+  std::string scene, output;
+  double thickness = 0;
+};
+
+void convert(const ConvertOptions& o) {
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.scene);
+  SceneFile file(outputs, o.output);
+  const vsplat::Scene scene = vsplat::Scene::load(o.scene).surfels_to_gaussians(o.thickness);
+  file.save(o.common, scene);
+  outputs.commit();
+  const uint64_t count = scene.info().count;
+  say(o.common, o.output + ": " + std::to_string(count) + " Gaussians of " + o.scene + "'s surfels");
+  if (!o.common.json) return;
+  nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", count}, {"thickness", o.thickness}};
+  file.add_results(out);
+  print_json(out);
+}
+
+}  // namespace
+
+void add_scene_convert(CLI::App& app, Run& run) {
+  auto o = std::make_shared<ConvertOptions>();
+  CLI::App* sub =
+      app.add_subcommand("convert", "Make a scene of surfels one of Gaussians, for programs that know no surfels");
+  sub->add_option("scene", o->scene, "A PLY file of surfels, which have two scales each")
+      ->required()
+      ->type_name("SCENE.ply");
+  sub->add_option("--surfels-to-gaussians", o->thickness,
+                  "Give each a third deviation: this share, above 0 and at most 1, of the smaller of its two")
+      ->required()
+      ->type_name("THICKNESS");
+  sub->add_option("-o,--output", o->output, "The scene to write")->required()->type_name("SCENE.ply");
+  add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});
+  sub->footer(
+      "A Gaussian is smeared over a pixel where it is seen edge on, and a surfel is not: the pictures are alike, not "
+      "the\n"
+      "same. With 0.1 and less they change little.\n"
+      "Example:\n"
+      "  vsplat convert surfels.ply --surfels-to-gaussians 0.05 --output scene.ply");
+  sub->callback([o, &run] { run = [o] { convert(*o); }; });
+}
+
+}  // namespace command
