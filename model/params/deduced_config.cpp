@@ -159,7 +159,7 @@ template <class Config, class Backbone>
 Deduced<Config> on_top_of(const Deduced<Backbone>& backbone) {
   Deduced<Config> out;
   static_cast<Backbone&>(out.config) = backbone.config;
-  out.fields = backbone.fields, out.untold = backbone.untold;
+  out.fields = backbone.fields, out.kinds = backbone.kinds, out.untold = backbone.untold;
   return out;
 }
 
