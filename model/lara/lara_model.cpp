@@ -11,7 +11,6 @@
 #include "model/ops/compact.h"
 #include "model/ops/gather.h"
 #include "model/ops/select.h"
-#include "model/splat/render.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 
@@ -47,10 +46,15 @@ void tap_gaussians(const LaraOptions& options, const std::string& name, const De
 
 }  // namespace
 
+RenderOptions drawing_of(const LaraConfig& config) {
+  RenderOptions out;
+  out.revision = config.revision == "current" ? SurfelRevision::current : SurfelRevision::lara;
+  if (config.negate_camera_centre) out.mirror = std::array<float, 3>{0, 0, 0};
+  return out;
+}
+
 DrawView draw_view(const LaraConfig& config) {
-  RenderOptions options;
-  options.revision = config.revision == "current" ? SurfelRevision::current : SurfelRevision::lara;
-  if (config.negate_camera_centre) options.mirror = std::array<float, 3>{0, 0, 0};
+  const RenderOptions options = drawing_of(config);
   const long edge = config.image;
   return [options, edge](Context& ctx, const DeviceGaussians& gaussians, const Camera& camera) {
     const DevicePicture drawn = render(ctx, gaussians, camera, options);
@@ -130,8 +134,11 @@ LaraModel::Coarse LaraModel::coarse(Context& ctx, const Tensor& images, const st
     select_forward(ctx, kept);
     out.index = compact(ctx, kept.flags, options.planned_kept);
   }
+  if (saved) saved->volume_shape = out.volume.shape();
+  if (saved && !options.fine) return out;
   progress.begin("splat", work.drawing);
   out.maps = draw(ctx, images, cameras, out.gaussians, options);
+  if (saved && !options.held && !options.draw) saved->drawn = out.gaussians, saved->drawn_from = cameras;
   return out;
 }
 

@@ -13,6 +13,7 @@
 #include "model/network/vsplat_model.h"
 #include "model/ops/view_maps.h"
 #include "model/params/lara_config.h"
+#include "model/splat/render.h"
 #include "runtime/context.h"
 
 namespace vsplat {
@@ -24,6 +25,7 @@ struct LaraOptions {
   DrawView draw;                       // none: draw_view() below
   const ViewDrawings* held = nullptr;  // of all views, used instead of drawing; their depth is divided by alpha already
   long planned_kept = 0;               // primitives that a plan takes for kept
+  bool fine = true;                    // in a training, with the final primitives
   // As ForwardOptions has them.
   std::function<void(const std::string&, const Tensor&)> tap;
   std::function<void(const std::string& stage, double done)> progress;
@@ -45,6 +47,7 @@ struct LaraFeatureGradients {
 };
 
 // By model/splat's renderer, as the configuration says.
+RenderOptions drawing_of(const LaraConfig& config);
 DrawView draw_view(const LaraConfig& config);
 
 class LaraModel {
@@ -60,19 +63,28 @@ class LaraModel {
   LaraResult forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                      const LaraOptions& options) const;
 
-  // A training's forward, which plans no memory; both halves keep what backward needs.
+  // A training's forward, in two calls, which plan no memory; both keep what backward needs.
   struct Coarse;
   struct Saved;
+  struct CoarseHalf {
+    long kept = 0;  // primitives
+    std::shared_ptr<Coarse> coarse;
+    std::shared_ptr<Saved> saved;
+  };
   struct Trained {
-    LaraResult result;
+    LaraResult result;             // without final ones where LaraOptions::fine is not set
     std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
   };
   // `recompute`: of most stages the inputs alone are kept, and backward runs each once more before its own.
+  CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                                const LaraOptions& options, bool recompute) const;
+  Trained fine_in_training(Context& ctx, CoarseHalf half, const LaraOptions& options) const;
+  // Both.
   Trained forward_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                               const LaraOptions& options, bool recompute) const;
   // From gradients by the coarse and the final primitives to those by the weights, which are added to LearntWeights'.
-  // `dcoarse` is used up. `dfinal` without tensors: nothing depends on the final ones. The drawings are held: nothing
-  // goes back through them.
+  // `dcoarse` is used up. `dfinal` without tensors: nothing depends on the final ones; else the coarse ones are drawn
+  // once more, for what the final colours owe to them. Drawings that LaraOptions gave are constants.
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                 const LaraFeatureGradients& by = {}) const;
 
@@ -88,6 +100,8 @@ class LaraModel {
   LaraResult fine(Context& ctx, const Coarse& state, const LaraOptions& options, Saved* saved) const;
   Tensor draw(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const DeviceGaussians& coarse,
               const LaraOptions& options) const;
+  // From the maps that the fine decoder sampled, through the drawings, to the coarse primitives, added to.
+  void drawings_backward(Context& ctx, const Saved& saved, const Tensor& dmaps, const GaussianGradients& dcoarse) const;
   // What the stages are run from once more, where they do not keep what backward needs.
   void hold_inputs(Saved& saved, const Tensor& images, const Coarse& state) const;
 

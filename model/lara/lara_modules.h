@@ -47,9 +47,13 @@ struct LaraModel::Saved {
   LaraLifting::Saved lifting;
   LaraVolume::Saved volume;
   Kept<LaraCoarseDecoder::Saved> coarse_decoder;
+  Shape volume_shape;
   LaraFineDecoder::Input fine;
   Tensor index;
   DeviceCameras cameras;  // for the stages that run once more
+  // What is drawn once more, and from where; none where the drawings were given.
+  DeviceGaussians drawn;
+  std::vector<Camera> drawn_from;
 };
 
 }  // namespace vsplat

@@ -33,7 +33,14 @@ PublishedGolden<C>::PublishedGolden(const std::string& path, const std::string& 
   const TorchFile weights(checkpoint);
   const std::vector<Parameter> expected = parameters(config_);
   weights_ = read_values(weights, expected, match_tensors(weights, expected, {"net."}));
-  const auto c2w = floats("input.c2w"), k = floats("input.K");
+  cameras_ = cameras_of("input");
+  if (has("novel.c2w")) novel_ = cameras_of("novel");
+}
+
+template <class C>
+std::vector<Camera> PublishedGolden<C>::cameras_of(const std::string& views) const {
+  std::vector<Camera> out;
+  const auto c2w = floats(views + ".c2w"), k = floats(views + ".K");
   for (std::size_t v = 0; v < c2w.size() / 16; ++v) {
     Camera camera;
     Eigen::Matrix4d m;
@@ -41,8 +48,9 @@ PublishedGolden<C>::PublishedGolden(const std::string& path, const std::string& 
     camera.w2c = m.inverse();
     camera.width = camera.height = config_.image;
     camera.fx = k[v * 9], camera.cx = k[v * 9 + 2], camera.fy = k[v * 9 + 4], camera.cy = k[v * 9 + 5];
-    cameras_.push_back(camera);
+    out.push_back(camera);
   }
+  return out;
 }
 
 template <class C>

@@ -24,7 +24,8 @@ class PublishedGolden {
 
   const Configuration& config() const { return config_; }
   const Weights& weights() const { return weights_; }
-  const std::vector<Camera>& cameras() const { return cameras_; }
+  const std::vector<Camera>& cameras() const { return cameras_; }  // of the input views
+  const std::vector<Camera>& novel() const { return novel_; }      // of the views beside them
 
   bool has(const std::string& name) const { return file_.find(name) != nullptr; }
   HostTensor tensor(const std::string& name) const;
@@ -34,12 +35,13 @@ class PublishedGolden {
   const SafetensorsFile& file() const { return file_; }
 
  private:
+  std::vector<Camera> cameras_of(const std::string& views) const;
   PublishedGolden(const std::string& path, const std::string& checkpoint);
 
   SafetensorsFile file_;
   Configuration config_;
   Weights weights_;
-  std::vector<Camera> cameras_;
+  std::vector<Camera> cameras_, novel_;
 };
 
 using LaraGolden = PublishedGolden<LaraConfig>;

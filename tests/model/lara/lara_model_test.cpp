@@ -175,17 +175,25 @@ GaussianGradients zeros(Context& ctx, const DeviceGaussians& like) {
   return {made.means, made.scales, made.quats, made.opacities, made.sh};
 }
 
-// The gradients by all weights, from cotangents on one level alone.
-std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGolden& golden, bool coarse,
+// In training, both halves.
+LaraModel::Trained forward(Context& ctx, const LaraModel& model, const LaraGolden& golden, const LaraOptions& options,
+                           bool recompute) {
+  const Tensor images = upload(ctx, golden, "input.images");
+  return model.fine_in_training(ctx, model.coarse_in_training(ctx, images, golden.cameras(), options, recompute),
+                                options);
+}
+
+// The gradients by all weights, from cotangents on one level alone: coarse; or fixed, the final one with the drawings
+// held; or final, through the drawings.
+std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGolden& golden, const std::string& which,
                                                     bool recompute) {
   const LearntWeights learnt(ctx, parameters(golden.config()), golden.weights());
   const LaraModel model(ctx, golden.config(), learnt);
   const ViewDrawings held = ModelRun::drawings(ctx, golden);
   LaraOptions options;
-  options.held = &held;
-  LaraModel::Trained trained =
-      model.forward_in_training(ctx, upload(ctx, golden, "input.images"), golden.cameras(), options, recompute);
-  if (coarse)
+  if (which != "final") options.held = &held;
+  LaraModel::Trained trained = forward(ctx, model, golden, options, recompute);
+  if (which == "coarse")
     model.backward(ctx, trained, cotangents(ctx, golden, "coarse"), {});
   else
     model.backward(ctx, trained, zeros(ctx, trained.result.coarse), cotangents(ctx, golden, "final"));
@@ -197,10 +205,10 @@ std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGold
 TEST_P(LaraVectors, EveryGradientMatches) {
   VSPLAT_NEED_LARA_GOLDEN(name());
   const LaraGolden golden = LaraGolden::load(name());
-  for (const bool coarse : {true, false}) {
-    const std::string prefix = coarse ? "cograd.coarse." : "cograd.fixed.";
+  for (const std::string which : {"coarse", "fixed", "final"}) {
+    const std::string prefix = "cograd." + which + ".";
     int compared = 0;
-    for (const auto& [weight, got] : gradients(ctx(), golden, coarse, false)) {
+    for (const auto& [weight, got] : gradients(ctx(), golden, which, false)) {
       if (!golden.has(prefix + weight)) {
         EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f)) << prefix << weight << " has none";
         continue;
@@ -210,7 +218,7 @@ TEST_P(LaraVectors, EveryGradientMatches) {
     }
     // Nothing but the fine decoder does without a gradient from the coarse primitives.
     const int all = static_cast<int>(parameters(golden.config()).size());
-    EXPECT_EQ(compared, coarse ? all - 10 : all) << prefix;
+    EXPECT_EQ(compared, which == "coarse" ? all - 10 : all) << prefix;
   }
 }
 
@@ -219,9 +227,9 @@ VSPLAT_FLAVOURS(Lara);
 
 TEST_P(Lara, RunningOnceMoreGivesTheSameGradients) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
-  const auto kept = gradients(ctx(), golden, false, false);
-  EXPECT_EQ(gradients(ctx(), golden, false, true), kept);
-  EXPECT_EQ(gradients(ctx(), golden, false, false), kept);
+  const auto kept = gradients(ctx(), golden, "final", false);
+  EXPECT_EQ(gradients(ctx(), golden, "final", true), kept);
+  EXPECT_EQ(gradients(ctx(), golden, "final", false), kept);
 }
 
 TEST_P(Lara, TwoRunsGiveTheSameBits) {
@@ -286,7 +294,7 @@ TEST_P(Lara, NothingKept) {
   options.held = &held;
   const Tensor images = upload(ctx(), golden, "input.images");
   EXPECT_EQ(model.forward(ctx(), images, golden.cameras(), options).final.count(), 0);
-  LaraModel::Trained trained = model.forward_in_training(ctx(), images, golden.cameras(), options, false);
+  LaraModel::Trained trained = forward(ctx(), model, golden, options, false);
   model.backward(ctx(), trained, cotangents(ctx(), golden, "coarse"), zeros(ctx(), trained.result.final));
   const auto got = ctx().read<float>(learnt.at("decoder.mlp_fine.0.weight").gradient);
   EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f));

@@ -17,7 +17,8 @@ indices as int64. Names are those of the specification's `trace`. In DIR:
   surfels.safetensors    (lara) the rasteriser alone: scene.*, then for both revisions maps, cotangents and gradients
 
 With --tests there are two files instead: SYSTEM_SIZE.ckpt, as model.ckpt, and SYSTEM_SIZE.safetensors with what the tests read of the
-others: input.*, stage.*, cotangent.* and cograd.*; metadata: "config" (as model files have it), "views", "seed".
+others: input.*, stage.*, cotangent.* and cograd.*, and novel.* (the views beside the input), loss and grad.* (of the product's loss);
+metadata: "config" (as model files have it), "views", "seed".
 
 No discrete choice lies close to its threshold: `margins` in the metadata of stages.safetensors says how far, and the seed is
 moved by 1000 until all exceed their limits. (Single pixel-primitive pairs near 1/255 remain, as in every drawing.)
@@ -273,9 +274,10 @@ def make_case(system, size, seed, residual):
     raise SystemExit("no seed with clear choices found: " + json.dumps(m))
 
 
-def gradients(case, t, through_drawings=True):
+def gradients(case, t, with_loss=True, through_drawings=True):
     """Cotangents on the coarse and final fields, and the parameters' gradients. The choices are held as in `t`. Without
-    `through_drawings` none that takes a rasteriser's gradients."""
+    `with_loss` none of a loss, which draws both levels in all views; without `through_drawings` none of the final
+    primitives through the drawings."""
     model, out = case.model, {}
     fixed = {"selection": t["selected"], "score": t["score"]} if "selected" in t else {}
     gen = torch.Generator().manual_seed(case.seed)
@@ -294,13 +296,33 @@ def gradients(case, t, through_drawings=True):
                 out[key] = (torch.randn(getattr(g, f).shape, generator=gen) * 0.1).double()
         torch.autograd.backward(g.fields(), [out[f"cotangent.{which}.{f}"] for f in FIELDS])
         out.update({f"cograd.{name}.{k}": p.grad.clone() for k, p in model.named_parameters() if p.grad is not None})
-    if held and through_drawings:
+    if held and with_loss:
         model.zero_grad(set_to_none=True)
         coarse, final = case.forward(**fixed)
         value = lara.loss([case.draw(coarse), case.draw(final)], case.images)
         value.backward()
         out["loss"] = value.detach().reshape(1)
         out.update({f"grad.{k}": p.grad.clone() for k, p in model.named_parameters() if p.grad is not None})
+    model.zero_grad(set_to_none=True)
+    return out
+
+
+def view_losses(case, t):
+    """What the product trains LaRa on, view by view where the published loss has them side by side: the loss of all views, novel ones
+    too, and the parameters' gradients."""
+    model = case.model
+    model.zero_grad(set_to_none=True)
+    total = 0.0
+    for i, g in enumerate(case.forward()):
+        m = case.draw(g)
+        for got, want in zip(m["image"], case.images):
+            total = total + (((got - want) ** 2).mean() + 0.5 * (1 - ref.ssim(got[None], want[None]))) / len(case.images)
+        if i == 0 and "distortion" in m:
+            total = total + 1000 * m["distortion"].mean()
+            total = total + 0.2 * ((1 - (m["normal"] * m["depth_normal"]).sum(-1)) * m["alpha"].detach()).mean()
+    total.backward()
+    out = {"loss": total.detach().reshape(1)}
+    out.update({f"grad.{k}": p.grad.clone() for k, p in model.named_parameters() if p.grad is not None})
     model.zero_grad(set_to_none=True)
     return out
 
@@ -340,12 +362,12 @@ def surfel_case(seed, count=60, width=40, height=27):
 
 
 def for_tests(case, t, state, path):
-    """See --tests above. What a drawing is beside image, alpha and depth is for the loss alone, and the gradients of final primitives
-    through the coarse drawings take a rasteriser."""
+    """See --tests above. What a drawing is beside image, alpha and depth is for the loss alone, which is
+    that of the product."""
     checkpoint(path + ".ckpt", state, dict(case.model.named_parameters()))
     out = {f"input.{k}": v[:case.views] for k, v in {"images": case.images, "c2w": case.c2w, "K": case.K}.items()}
     out.update({f"stage.{k}": v for k, v in t.items() if not k.startswith("drawing.") or k.split(".")[1] in ("image", "alpha", "depth")})
-    out.update({k: v for k, v in gradients(case, t, through_drawings=False).items()})
+    out.update(gradients(case, t, with_loss=False, through_drawings=case.system == "lara"))
     config = json.loads(case.config)
     flat = dict(config["backbone"])                             # as model files have it
     for k, v in config.get("densify", {}).items():
@@ -355,6 +377,9 @@ def for_tests(case, t, state, path):
     if case.orders is not None:
         out["input.orders"] = torch.tensor(case.orders)
         meta["seed"] = case.seed
+    if case.system == "lara":
+        out.update({f"novel.{k}": v[case.views:] for k, v in {"images": case.images, "c2w": case.c2w, "K": case.K}.items()})
+        out.update(view_losses(case, t))
     save(path + ".safetensors", out, meta)
     print(f"{os.path.basename(path)}, seed {case.seed}: {lara.count(case.model):,} parameters, {len(t['final.means'])} final primitives")
 
