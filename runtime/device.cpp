@@ -1,8 +1,10 @@
 #include "runtime/device.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cstdlib>
 
@@ -28,6 +30,8 @@ const char* name_of(DeviceType type) {
 }
 
 namespace {
+
+std::atomic<int> first_user{0};  // of OpenCL: a process
 
 std::string trimmed(std::string text) {
   while (!text.empty() && (text.back() == '\0' || std::isspace(static_cast<unsigned char>(text.back()))))
@@ -117,7 +121,23 @@ std::vector<FoundDevice> find_devices() {
   return out;
 }
 
+bool is_forked() {
+  const int first = first_user;
+  return first != 0 && first != getpid();
+}
+
+void refuse_after_fork() {
+  int nobody = 0;
+  first_user.compare_exchange_strong(nobody, getpid());
+  if (is_forked())
+    fail(Status::device,
+         "process {} has forked after it had used OpenCL, and its drivers do not live on in the child: fork before, or "
+         "start a program anew there",
+         static_cast<int>(first_user));
+}
+
 std::vector<DeviceInfo> list_devices() {
+  refuse_after_fork();
   std::vector<DeviceInfo> out;
   for (const FoundDevice& found : find_devices()) out.push_back(found.info);
   return out;

@@ -31,6 +31,11 @@ struct DeviceInfo {
 // Every device of every platform, in the loader's order. Empty where there is no platform.
 std::vector<DeviceInfo> list_devices();
 
+// Whether this process is a child of one that used OpenCL before it forked: drivers' threads do not live on in it.
+bool is_forked();
+// Error(device) then. The first use of OpenCL is noted here.
+void refuse_after_fork();
+
 // `spec`: flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc"), or a part of the name. Empty:
 // $VSPLAT_DEVICE, else the first GPU, else the first device. Throws Error(device) with the list of what there is; never
 // picks another one.

@@ -16,7 +16,8 @@ enum class Status : int {
   compile = 6,    // a kernel did not compile; the message holds the build log
   memory = 7,     // more memory needed than there is; the message holds both figures
   cancelled = 8,  // the caller's progress function said stop
-  internal = 9    // a defect of ours
+  internal = 9,   // a defect of ours
+  busy = 10       // another call has the device
 };
 
 // Carries what was asked, what was found and where, in one message for a person.

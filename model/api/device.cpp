@@ -61,6 +61,15 @@ GemmChoice choice_of(const vsplat_gemm& gemm) {
 
 }  // namespace
 
+DeviceUse::DeviceUse(vsplat_device device) : device_(device) {
+  need(device, "device");
+  refuse_after_fork();
+  if (device->in_use.test_and_set(std::memory_order_acquire))
+    fail(Status::busy,
+         "the device is in use by another call: of another thread, or the one whose callback makes this one; open "
+         "one for each thread, and call after the other has returned");
+}
+
 vsplat_status vsplat_device_count(size_t* out_count) {
   return guarded([&] {
     need(out_count, "out_count");
@@ -95,7 +104,10 @@ vsplat_status vsplat_device_open(const vsplat_device_options* options, vsplat_de
 }
 
 void vsplat_device_retain(vsplat_device device) { retain(device); }
-void vsplat_device_release(vsplat_device device) { release(device); }
+void vsplat_device_release(vsplat_device device) {
+  // (In a child of fork() a driver would wait for threads that are not there; what is left goes with the process.)
+  if (!is_forked()) release(device);
+}
 
 vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* out_info) {
   return guarded([&] {
@@ -108,7 +120,7 @@ vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* o
 
 vsplat_status vsplat_device_profile(vsplat_device device, int32_t on) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     device->context.finish();
     Profiler& profiler = device->context.profiler();
     if (on && !profiler.enabled()) profiler.reset();
@@ -118,7 +130,7 @@ vsplat_status vsplat_device_profile(vsplat_device device, int32_t on) {
 
 vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format, char** out_text) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(out_text, "out_text");
     Context& ctx = device->context;
     ctx.finish();

@@ -68,7 +68,7 @@ vsplat_scores scores_of(const Scores& from) {
 vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_dataset dataset,
                               const vsplat_evaluate_options* options, vsplat_evaluation* out_evaluation) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(model, "model");
     need(dataset, "dataset");
     need(out_evaluation, "out_evaluation");

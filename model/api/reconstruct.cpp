@@ -49,7 +49,7 @@ void refuse_selection(const vsplat_reconstruct_options& o, bool takes_seed) {
 vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vsplat_input input,
                                  const vsplat_reconstruct_options* options, vsplat_scene* out_scene) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(model, "model");
     need(input, "input");
     need(out_scene, "out_scene");
@@ -100,7 +100,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
 vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, int32_t views, double selected,
                                       vsplat_plan* out_plan) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(model, "model");
     const int most = taken_views(model).most;
     if (views < 1 || views > most) fail(Status::usage, "{} views: 1 to {} expected", views, most);

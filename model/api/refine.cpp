@@ -130,7 +130,7 @@ vsplat_refine_progress progress_of(const FitProgress& p) {
 vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views, const vsplat_refine_options* options,
                                        vsplat_refinement* out_refinement) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(views, "views");
     need(options, "options");
     need(out_refinement, "out_refinement");
@@ -153,12 +153,15 @@ vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
 }
 
 void vsplat_refinement_retain(vsplat_refinement refinement) { retain(refinement); }
-void vsplat_refinement_release(vsplat_refinement refinement) { release(refinement); }
+void vsplat_refinement_release(vsplat_refinement refinement) {
+  if (!is_forked()) release(refinement);  // as vsplat_device_release()
+}
 
 vsplat_status vsplat_refinement_step(vsplat_refinement refinement, vsplat_refine_progress* out_progress,
                                      int32_t* out_more) {
   return guarded([&] {
     SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
     need(out_more, "out_more");
     const bool more = fit.step();
     if (out_progress) give(out_progress, progress_of(fit.progress()), "out_progress");
@@ -167,12 +170,17 @@ vsplat_status vsplat_refinement_step(vsplat_refinement refinement, vsplat_refine
 }
 
 vsplat_status vsplat_refinement_stop(vsplat_refinement refinement) {
-  return guarded([&] { fit_of(refinement).stop(); });
+  return guarded([&] {
+    SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
+    fit.stop();
+  });
 }
 
 vsplat_status vsplat_refinement_get_scene(vsplat_refinement refinement, vsplat_scene* out_scene) {
   return guarded([&] {
     SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
     need(out_scene, "out_scene");
     *out_scene = new_scene(fit.result().scene);
   });
@@ -181,6 +189,7 @@ vsplat_status vsplat_refinement_get_scene(vsplat_refinement refinement, vsplat_s
 vsplat_status vsplat_refinement_get_start(vsplat_refinement refinement, vsplat_scene* out_scene) {
   return guarded([&] {
     const SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
     need(out_scene, "out_scene");
     vsplat_scene scene = new_scene(fit.start());
     scene->selected = *refinement->selected;
@@ -190,7 +199,9 @@ vsplat_status vsplat_refinement_get_start(vsplat_refinement refinement, vsplat_s
 
 vsplat_status vsplat_refinement_get_result(vsplat_refinement refinement, vsplat_refine_result* out_result) {
   return guarded([&] {
-    const FitResult r = fit_of(refinement).result();
+    SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
+    const FitResult r = fit.result();
     vsplat_refine_result out = VSPLAT_REFINE_RESULT_INIT;
     out.steps = r.steps;
     out.seconds = r.seconds;
@@ -210,6 +221,7 @@ vsplat_status vsplat_refinement_get_views(vsplat_refinement refinement, vsplat_r
                                           size_t capacity, size_t* out_count) {
   return guarded([&] {
     SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
     need(out_count, "out_count");
     need_array(out_views, capacity, "out_views");
     std::vector<int> all;
@@ -235,6 +247,7 @@ vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t in
                                          float* out_pixels, size_t capacity) {
   return guarded([&] {
     SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
     const std::vector<int>& used = refinement->used;
     const auto known = [&](int view) { return static_cast<size_t>(view) == index; };
     if (std::none_of(used.begin(), used.end(), known))
@@ -254,6 +267,7 @@ vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t in
 vsplat_status vsplat_refinement_save_cameras(vsplat_refinement refinement, const char* path) {
   return guarded([&] {
     SceneFit& fit = fit_of(refinement);
+    const DeviceUse use(refinement->device.get());
     need(path, "path");
     std::vector<Camera> cameras;
     for (const int view : refinement->used) {
@@ -267,7 +281,7 @@ vsplat_status vsplat_refinement_save_cameras(vsplat_refinement refinement, const
 vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, int32_t sh_degree, int32_t width,
                                      int32_t height, vsplat_plan* out_plan) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
     if (gaussians < 1 || gaussians > INT32_MAX)
       fail(Status::usage, "gaussians is {}: 1 to {} expected", gaussians, INT32_MAX);

@@ -68,7 +68,7 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
 vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
                             const vsplat_render_options* options, const vsplat_picture* picture) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(scene, "scene");
     need(camera, "camera");
     need(picture, "picture");
@@ -92,7 +92,7 @@ vsplat_status vsplat_render_views(vsplat_device device, vsplat_scene scene, cons
 vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const vsplat_camera* cameras, size_t count,
                                 const vsplat_render_options* options, vsplat_plan* out_plan) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(scene, "scene");
     need_array(cameras, count, "cameras");
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
@@ -126,7 +126,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
 vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t sh_degree, int32_t width, int32_t height,
                                  vsplat_plan* out_plan) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
     if (count > INT32_MAX) fail(Status::usage, "count is {}: at most {} Gaussians", count, INT32_MAX);
     Camera camera;

@@ -29,7 +29,7 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
                                      const vsplat_render_options* options, const vsplat_picture* gradient,
                                      const vsplat_gaussians* arrays, double* out_pose) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(scene, "scene");
     need(camera, "camera");
     need(gradient, "gradient");

@@ -42,7 +42,8 @@ static_assert(VSPLAT_ERROR_USAGE == static_cast<int>(Status::usage) &&
               VSPLAT_ERROR_COMPILE == static_cast<int>(Status::compile) &&
               VSPLAT_ERROR_MEMORY == static_cast<int>(Status::memory) &&
               VSPLAT_ERROR_CANCELLED == static_cast<int>(Status::cancelled) &&
-              VSPLAT_ERROR_INTERNAL == static_cast<int>(Status::internal));
+              VSPLAT_ERROR_INTERNAL == static_cast<int>(Status::internal) &&
+              VSPLAT_ERROR_BUSY == static_cast<int>(Status::busy));
 
 const char* vsplat_status_name(vsplat_status status) {
   switch (api::value_of(status)) {
@@ -66,6 +67,8 @@ const char* vsplat_status_name(vsplat_status status) {
       return "cancelled";
     case VSPLAT_ERROR_INTERNAL:
       return "internal";
+    case VSPLAT_ERROR_BUSY:
+      return "busy";
   }
   return "unknown";
 }

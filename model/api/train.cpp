@@ -131,7 +131,7 @@ Trainer::Plan plan_of_stages(Context& ctx, const char* config, const vsplat_trai
 vsplat_status vsplat_train(vsplat_device device, const char* config, const vsplat_train_options* options,
                            vsplat_train_result* out_result) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(config, "config");
     need(options, "options");
     const vsplat_train_options o = taken(options, VSPLAT_TRAIN_OPTIONS_INIT, "options");
@@ -154,7 +154,7 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
 vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const vsplat_train_plan_options* options,
                                 vsplat_plan* out_plan) {
   return guarded([&] {
-    need(device, "device");
+    const DeviceUse use(device);
     need(config, "config");
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
     clear(device);

@@ -14,8 +14,11 @@
    - Text that a call hands out (char** out_text) is freed with vsplat_text_free.
    - Text that goes in is UTF-8, ended by NUL, and only read during the call.
    - Threads: different devices may be used by different threads at the same time; calls that take the same device, or
-     a handle made with it, one at a time. Handles that belong to no device (model, views, cameras, scene) may be read
-   by several threads. Calls block until their result is there. Callbacks come on the calling thread.
+     a handle made with it, one at a time: a call that finds the device taken ends at once with VSPLAT_ERROR_BUSY, and
+     so does one from a callback of the call that has it. Handles that belong to no device (model, views, cameras,
+     scene) may be read by several threads. Calls block until their result is there. Callbacks come on the calling
+     thread.
+   - Drivers do not live on in a child of fork(): there, calls that take a device end with VSPLAT_ERROR_DEVICE.
    - Within a major version this interface only grows. */
 #ifndef VSPLAT_H
 #define VSPLAT_H
@@ -47,7 +50,8 @@ typedef enum vsplat_status {
   VSPLAT_ERROR_COMPILE = 6, /* a kernel did not compile; the message holds the build log */
   VSPLAT_ERROR_MEMORY = 7,  /* more memory needed than there is; the message holds both figures */
   VSPLAT_ERROR_CANCELLED = 8, /* a progress function said stop */
-  VSPLAT_ERROR_INTERNAL = 9   /* a defect of the library */
+  VSPLAT_ERROR_INTERNAL = 9,  /* a defect of the library */
+  VSPLAT_ERROR_BUSY = 10      /* another call has the device: of another thread, or the one whose callback calls */
 } vsplat_status;
 
 /* "usage", "file", ...; "unknown" for other values. The text is static. */
