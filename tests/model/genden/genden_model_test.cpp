@@ -172,18 +172,21 @@ GaussianGradients cotangents(Context& ctx, const GendenGolden& golden, const std
   return {t[0], t[1], t[2], t[3], t[4]};
 }
 
-// The gradients by all weights, from cotangents on one level alone.
-std::map<std::string, std::vector<float>> gradients(Context& ctx, const GendenGolden& golden, bool coarse,
+// The gradients by all weights, from cotangents on one level alone, as the specification names them: "coarse"; "fixed",
+// of the final ones with the drawings held; "final", through the product's own drawings.
+std::map<std::string, std::vector<float>> gradients(Context& ctx, const GendenGolden& golden, const std::string& which,
                                                     bool recompute) {
   const LearntWeights learnt(ctx, parameters(golden.config()), golden.weights());
   const GendenModel model(ctx, golden.config(), learnt);
   const ViewDrawings held = drawings(ctx, golden);
+  const Tensor score = upload(ctx, golden, "stage.score");
   GendenOptions options;
-  options.backbone.held = &held;
+  if (which != "final") options.backbone.held = &held;
+  options.score = &score;
   options.orders = orders_of(golden);
   GendenModel::Trained trained =
       model.forward_in_training(ctx, upload(ctx, golden, "input.images"), golden.cameras(), options, recompute);
-  if (coarse)
+  if (which == "coarse")
     model.backward(ctx, trained, cotangents(ctx, golden, "coarse"), {});
   else
     model.backward(ctx, trained, zero_gradients(ctx, trained.result.coarse.count(), golden.config().sh_degree),
@@ -196,10 +199,10 @@ std::map<std::string, std::vector<float>> gradients(Context& ctx, const GendenGo
 TEST_P(GendenVectors, EveryGradientMatches) {
   VSPLAT_NEED_LARA_GOLDEN(name());
   const GendenGolden golden = GendenGolden::load(name());
-  for (const bool coarse : {true, false}) {
-    const std::string prefix = coarse ? "cograd.coarse." : "cograd.fixed.";
+  for (const std::string which : {"coarse", "fixed", "final"}) {
+    const std::string prefix = "cograd." + which + ".";
     int compared = 0;
-    for (const auto& [weight, got] : gradients(ctx(), golden, coarse, false)) {
+    for (const auto& [weight, got] : gradients(ctx(), golden, which, false)) {
       if (!golden.has(prefix + weight)) {
         EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f)) << prefix << weight << " has none";
         continue;
@@ -215,7 +218,7 @@ TEST_P(GendenVectors, EveryGradientMatches) {
     // Without a gradient from the coarse ones do the fine decoder and the densifier alone.
     const int all = static_cast<int>(parameters(golden.config()).size()),
               backbone = static_cast<int>(parameters(static_cast<const LaraConfig&>(golden.config())).size());
-    EXPECT_EQ(compared, coarse ? backbone - 10 : all) << prefix;
+    EXPECT_EQ(compared, which == "coarse" ? backbone - 10 : all) << prefix;
   }
 }
 
@@ -232,9 +235,9 @@ VSPLAT_FLAVOURS(Genden);
 
 TEST_P(Genden, RunningOnceMoreGivesTheSameGradients) {
   const GendenGolden golden = GendenGolden::load("genden_micro");
-  const auto kept = gradients(ctx(), golden, false, false);
-  EXPECT_EQ(gradients(ctx(), golden, false, true), kept);
-  EXPECT_EQ(gradients(ctx(), golden, false, false), kept);
+  const auto kept = gradients(ctx(), golden, "final", false);
+  EXPECT_EQ(gradients(ctx(), golden, "final", true), kept);
+  EXPECT_EQ(gradients(ctx(), golden, "final", false), kept);
 }
 
 TEST_P(Genden, TwoRunsGiveTheSameBitsAndSoDoesTheSeed) {

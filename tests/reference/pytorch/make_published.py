@@ -274,17 +274,14 @@ def make_case(system, size, seed, residual):
     raise SystemExit("no seed with clear choices found: " + json.dumps(m))
 
 
-def gradients(case, t, with_loss=True, through_drawings=True):
+def gradients(case, t, with_loss=True):
     """Cotangents on the coarse and final fields, and the parameters' gradients. The choices are held as in `t`. Without
-    `with_loss` none of a loss, which draws both levels in all views; without `through_drawings` none of the final
-    primitives through the drawings."""
+    `with_loss` none of a loss, which draws both levels in all views."""
     model, out = case.model, {}
     fixed = {"selection": t["selected"], "score": t["score"]} if "selected" in t else {}
     gen = torch.Generator().manual_seed(case.seed)
     held = {} if case.system == "vsplat+genden" else {"drawings": case.drawings(t)}
     runs = [("coarse", held), ("final", {})] + ([("fixed", held)] if held else [])
-    if not through_drawings and held:
-        runs.remove(("final", {}))
     for name, more in runs:
         model.zero_grad(set_to_none=True)
         results = case.forward(**fixed, **more)
@@ -367,7 +364,7 @@ def for_tests(case, t, state, path):
     checkpoint(path + ".ckpt", state, dict(case.model.named_parameters()))
     out = {f"input.{k}": v[:case.views] for k, v in {"images": case.images, "c2w": case.c2w, "K": case.K}.items()}
     out.update({f"stage.{k}": v for k, v in t.items() if not k.startswith("drawing.") or k.split(".")[1] in ("image", "alpha", "depth")})
-    out.update(gradients(case, t, with_loss=False, through_drawings=case.system == "lara"))
+    out.update(gradients(case, t, with_loss=False))
     config = json.loads(case.config)
     flat = dict(config["backbone"])                             # as model files have it
     for k, v in config.get("densify", {}).items():
