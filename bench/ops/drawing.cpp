@@ -1,5 +1,7 @@
 #include "bench/ops/drawing.h"
 
+#include <algorithm>
+
 #include "bench/ops/operation.h"
 #include "bench/scenes.h"
 
@@ -81,6 +83,15 @@ RasterizeSurfelsBackward SurfelDrawing::blend_backward(Context& ctx, const Binne
   const RasterizeSurfelsForward forward = blend(ctx, binned);
   rasterize_surfels_forward(ctx, forward);
   return {projected, binned, part, {}, forward.picture, random_gradient(ctx, forward.picture)};
+}
+
+std::vector<Tensor> written_rows(Context& ctx, const IntersectionGradients& gradients) {
+  std::vector<float> rows = ctx.read<float>(gradients.rows);
+  const std::vector<std::uint8_t> touched = ctx.read<std::uint8_t>(gradients.touched);
+  const auto columns = static_cast<std::size_t>(gradients.rows.dim(1));
+  for (std::size_t i = 0; i < touched.size(); ++i)
+    if (!touched[i]) std::fill_n(rows.begin() + static_cast<std::ptrdiff_t>(i * columns), columns, 0.0f);
+  return {ctx.upload(gradients.rows.shape(), rows)};
 }
 
 }  // namespace vsplat::bench

@@ -1,5 +1,7 @@
 // One picture of 512 x 512 of the scene object-190k, up to the stage whose operations are timed.
 #pragma once
+#include <vector>
+
 #include "model/ops/rasterize.h"
 #include "model/ops/rasterize_surfels.h"
 #include "model/ops/tile_bin.h"
@@ -44,5 +46,8 @@ struct SurfelDrawing : Culling {
   RasterizeSurfelsForward blend(Context& ctx, const Binned& binned) const;
   RasterizeSurfelsBackward blend_backward(Context& ctx, const Binned& binned) const;
 };
+
+// What a backward pass wrote: rows that no pixel touched hold what was there before, and are zeros here.
+std::vector<Tensor> written_rows(Context& ctx, const IntersectionGradients& gradients);
 
 }  // namespace vsplat::bench

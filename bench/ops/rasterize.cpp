@@ -22,7 +22,8 @@ std::vector<Case> rasterize_cases(const Options&) {
          const RasterizeBackward a = d.blend_backward(ctx, d.bin(ctx, true));
          const auto out = std::make_shared<IntersectionGradients>();
          return operation_with(
-             ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); }, [out] { return std::vector{out->rows}; });
+             ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); },
+             [&ctx, out] { return written_rows(ctx, *out); });
        }},
       {"pulls",
        [](Context& ctx) {
@@ -31,7 +32,8 @@ std::vector<Case> rasterize_cases(const Options&) {
          a.pulls = Pulls::through;
          const auto out = std::make_shared<IntersectionGradients>();
          return operation_with(
-             ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); }, [out] { return std::vector{out->rows}; });
+             ctx, [&ctx, a, out] { *out = rasterize_backward(ctx, a); },
+             [&ctx, out] { return written_rows(ctx, *out); });
        }},
   };
 }

@@ -27,7 +27,7 @@ std::vector<Case> rasterize_surfels_cases(const Options&) {
          const auto out = std::make_shared<IntersectionGradients>();
          return operation_with(
              ctx, [&ctx, a, out] { *out = rasterize_surfels_backward(ctx, a); },
-             [out] { return std::vector{out->rows}; });
+             [&ctx, out] { return written_rows(ctx, *out); });
        }},
   };
 }

@@ -39,9 +39,13 @@ double host_bytes(int image, const Weights& weights, int views, long gaussians) 
 
 // What only VS-Splat's network has. (GenDen's takes the seed for the order of its curves.)
 void refuse_selection(const vsplat_reconstruct_options& o, bool takes_seed) {
-  if ((o.has_seed && !takes_seed) || o.selection || o.voxels)
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options{}.selection and .voxels are of {}",
-         takes_seed ? GendenSystem::network : LaraSystem::network, takes_seed ? "" : ".seed, ", VsplatSystem::network);
+  const char* network = takes_seed ? GendenSystem::network : LaraSystem::network;
+  if (o.selection || o.voxels)
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are of {}", network,
+         VsplatSystem::network);
+  if (o.has_seed && !takes_seed)
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed is of {}", network,
+         VsplatSystem::network);
 }
 
 }  // namespace

@@ -15,7 +15,8 @@ bool all_finite(const std::vector<float>& values) {
 void check(const Scene& scene) {
   const Gaussians& g = scene.gaussians;
   hold(g.sh_degree >= 0 && g.sh_degree <= 3, "degree");
-  hold(g.means.size() == 3 * g.count && g.scales.size() == 3 * g.count && g.quats.size() == 4 * g.count, "sizes");
+  const auto scales = static_cast<std::size_t>(scales_of(g.kind));
+  hold(g.means.size() == 3 * g.count && g.scales.size() == scales * g.count && g.quats.size() == 4 * g.count, "sizes");
   hold(g.opacities.size() == g.count && g.sh.size() == 3 * g.count * g.sh_count(), "sizes");
   hold(all_finite(g.means) && all_finite(g.scales) && all_finite(g.sh), "finite");
   for (const float s : g.scales) hold(s >= 0, "scales are not negative");
