@@ -111,10 +111,15 @@ double host_bytes(const char* config) {
   return most;
 }
 
-// Of the stage that takes the most.
+// Of the stage that takes the most. Stages that differ in nothing that takes memory are planned once.
 Trainer::Plan plan_of_stages(Context& ctx, const char* config, const vsplat_train_plan_options& o) {
   std::optional<Trainer::Plan> most;
+  std::vector<TrainConfig> planned;
   for (const TrainConfig& stage : train_stages_from_json(config)) {
+    TrainConfig alike = stage;
+    alike.schedule = {}, alike.seed = 0;
+    if (std::find(planned.begin(), planned.end(), alike) != planned.end()) continue;
+    planned.push_back(std::move(alike));
     TrainPlanOptions p;
     if (o.selection) p.selection = o.selection;
     p.selected = voxels_of(o.selected, VSPLAT_TRAIN_ASSUME_SELECTED, stage.model, "options.selected");
