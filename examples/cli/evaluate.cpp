@@ -32,6 +32,7 @@ struct Column {
   double vsplat_scores::*value;
   int digits;
   double factor;
+  bool always = true;  // false: only where there is one: LPIPS with weights, poses under noise, rays that are predicted
 };
 constexpr Column columns[] = {{"psnr", "PSNR", &vsplat_scores::psnr, 2, 1},
                               {"psnr_coarse", "coarse", &vsplat_scores::psnr_coarse, 2, 1},
@@ -39,18 +40,17 @@ constexpr Column columns[] = {{"psnr", "PSNR", &vsplat_scores::psnr, 2, 1},
                               {"psnr_white", "white", &vsplat_scores::psnr_white, 2, 1},
                               {"psnr_nearest", "nearest", &vsplat_scores::psnr_nearest, 2, 1},
                               {"selected", "voxels %", &vsplat_scores::selected, 2, 100},
-                              {"lpips_alex", "LPIPS alex", &vsplat_scores::lpips_alex, 4, 1},
-                              {"lpips_vgg", "LPIPS vgg", &vsplat_scores::lpips_vgg, 4, 1},
-                              {"pose_degrees", "pose deg", &vsplat_scores::pose_degrees, 3, 1},
-                              {"pose_distance", "pose dist", &vsplat_scores::pose_distance, 4, 1},
-                              {"ray_degrees", "ray deg", &vsplat_scores::ray_degrees, 3, 1},
-                              {"ray_moment", "ray moment", &vsplat_scores::ray_moment, 4, 1}};
+                              {"lpips_alex", "LPIPS alex", &vsplat_scores::lpips_alex, 4, 1, false},
+                              {"lpips_vgg", "LPIPS vgg", &vsplat_scores::lpips_vgg, 4, 1, false},
+                              {"pose_degrees", "pose deg", &vsplat_scores::pose_degrees, 3, 1, false},
+                              {"pose_distance", "pose dist", &vsplat_scores::pose_distance, 4, 1, false},
+                              {"ray_degrees", "ray deg", &vsplat_scores::ray_degrees, 3, 1, false},
+                              {"ray_moment", "ray moment", &vsplat_scores::ray_moment, 4, 1, false}};
 
-// LPIPS only where there were weights for it, poses under noise, and rays where they are predicted.
 std::vector<Column> columns_of(const vsplat_scores& mean) {
   std::vector<Column> out;
   for (const Column& column : columns)
-    if (!std::isnan(mean.*column.value)) out.push_back(column);
+    if (column.always || !std::isnan(mean.*column.value)) out.push_back(column);
   return out;
 }
 

@@ -69,15 +69,14 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
       const LaraConfig& config = model->lara ? model->lara->config : model->genden->config;
       how.forward.planned_selected =
           primitives_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
-      if (o.has_seed) how.forward.selection_seed = o.seed;
     } else {
       const Config& config = model->vsplat_genden ? model->vsplat_genden->config : vsplat_file(model).config;
       how.forward.planned_selected =
           voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
-      if (o.has_seed) how.forward.selection_seed = o.seed;
       selection = selection_of(o, config.voxels());
       if (selection) how.forward.selection = &*selection;
     }
+    if (o.has_seed) how.forward.selection_seed = o.seed;
     if (o.progress)
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);

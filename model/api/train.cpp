@@ -98,15 +98,9 @@ TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
 double host_bytes(const char* config) {
   double most = 0;
   for (const TrainConfig& stage : train_stages_from_json(config)) {
-    double values = 0, pixels = stage.model.image;
-    for (const Parameter& p : parameters(stage.model)) {
-      double count = 1;
-      for (const long size : p.shape) count *= static_cast<double>(size);
-      values += 4 * count;
-    }
+    const double pixels = stage.model.image, count = static_cast<double>(parameter_count(stage.model));
     const double views = static_cast<double>(stage.batch * (stage.inputs_max + stage.novel));
-    values += 2 * views * 3 * pixels * pixels;
-    most = std::max(most, values * sizeof(float));
+    most = std::max(most, (4 * count + 2 * views * 3 * pixels * pixels) * sizeof(float));
   }
   return most;
 }

@@ -95,15 +95,14 @@ void Evaluator::check() const {
     fail(Status::usage,
          "vsplat_evaluate_options.picture_size is {}: pictures that are compared have {} to {} pixels an edge",
          judged(), kSmallestJudged, kLargestJudged);
-  if (options_.pose_noise < 0 || options_.pose_noise > 1)
+  if (!(options_.pose_noise >= 0 && options_.pose_noise <= 1))
     fail(Status::usage, "vsplat_evaluate_options.pose_noise is {}: 0 to 1 expected", options_.pose_noise);
   if (options_.pose_draws < 1 || options_.pose_draws > 1000)
     fail(Status::usage, "vsplat_evaluate_options.pose_draws is {}: 1 to 1000 expected", options_.pose_draws);
   if (options_.pose_noise > 0 && options_.refine)
     fail(Status::usage,
          "vsplat_evaluate_options.refine is not measured under vsplat_evaluate_options.pose_noise: it moves the scene "
-         "by the "
-         "listed poses");
+         "by the listed poses");
   for (const Lpips* lpips : options_.lpips)
     if (lpips->smallest() > judged())
       fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",

@@ -21,9 +21,7 @@ GendenModel::GendenModel(Context& ctx, const GendenConfig& config, const WeightS
 Tensor GendenModel::score(Context& ctx, const LaraResult& base, const Tensor& images,
                           const std::vector<Camera>& cameras, const GendenOptions& options) const {
   if (options.score) return *options.score;
-  RenderOptions drawing;
-  if (config_.negate_camera_centre) drawing.mirror = std::array<float, 3>{0, 0, 0};
-  return screen_scores(ctx, base.coarse, images, cameras, drawing, config_.densify.score_through_clamp,
+  return screen_scores(ctx, base.coarse, images, cameras, config_.densify, config_.negate_camera_centre,
                        options.backbone.tap);
 }
 
@@ -58,13 +56,9 @@ GendenResult GendenModel::forward(Context& ctx, const Tensor& images, const std:
     };
   const LaraResult base = backbone_.forward(ctx, images, cameras, backbone);
   const Tensor scores = score(ctx, base, images, cameras, options);
-  {
-    const auto planner = ctx.planner();
-    densify(*planner, base, scores, options, nullptr);
-    refuse_unless_fits(*planner, fmt::format("the densifier at {} candidates", base.final.count()));
-    ctx.memory().commit(planner->memory());
-  }
-  GendenResult out{base.coarse, densify(ctx, base, scores, options, nullptr), base.kept};
+  const DeviceGaussians final = made_to_measure(ctx, fmt::format("the densifier at {} candidates", base.final.count()),
+                                                [&](Context& c) { return densify(c, base, scores, options, nullptr); });
+  GendenResult out{base.coarse, final, base.kept};
   if (tap) tap_fields(tap, "final", out.final);
   ctx.finish();
   return out;

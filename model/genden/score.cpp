@@ -1,5 +1,7 @@
 #include "model/genden/score.h"
 
+#include <array>
+
 #include "model/network/running.h"
 #include "model/ops/gather.h"
 #include "model/ops/loss.h"
@@ -16,9 +18,11 @@ void tap_fields(const DensifyTap& tap, const std::string& name, const DeviceGaus
 }
 
 Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tensor& images,
-                     const std::vector<Camera>& cameras, const RenderOptions& options, bool through_clamp,
+                     const std::vector<Camera>& cameras, const DensifyConfig& config, bool mirrored,
                      const DensifyTap& tap) {
   const Stage stage(ctx, "splat");
+  RenderOptions options;
+  if (mirrored) options.mirror = std::array<float, 3>{0, 0, 0};
   const Tensor pulls = ctx.tensor({gaussians.count(), 2}, Type::f32, "pulls");
   ctx.fill_zero(pulls);
   const long views = static_cast<long>(cameras.size()), height = images.dim(1), width = images.dim(2);
@@ -38,7 +42,7 @@ Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tenso
       return PictureGradient{loss.dpictures.reshaped({height, width, 3}), {}, {}};
     };
     screen_pulls(ctx, gaussians, cameras[static_cast<std::size_t>(v)], options, error,
-                 through_clamp ? Pulls::through : Pulls::held, pulls);
+                 config.score_through_clamp ? Pulls::through : Pulls::held, pulls);
   }
   const Tensor out = pull_lengths(ctx, pulls);
   if (tap && !ctx.planning()) tap("pull", pulls), tap("score", out);
@@ -47,14 +51,8 @@ Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tenso
 
 std::unique_ptr<Densifier> load_densifier(Context& ctx, const DensifyConfig& config, long sh_count,
                                           const WeightSource& weights) {
-  const auto make = [&](Context& c) { return std::make_unique<Densifier>(c, config, sh_count, weights); };
-  if (!ctx.planning()) {
-    const auto planner = ctx.planner();
-    const auto counted = make(*planner);
-    refuse_unless_fits(*planner, "the densifier's weights");
-    ctx.memory().commit(planner->memory());
-  }
-  return make(ctx);
+  return made_to_measure(ctx, "the densifier's weights",
+                         [&](Context& c) { return std::make_unique<Densifier>(c, config, sh_count, weights); });
 }
 
 }  // namespace vsplat

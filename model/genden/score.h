@@ -11,11 +11,12 @@
 namespace vsplat {
 
 // How much the error in the input views pulls at each Gaussian's place on the screen: [N]. `images` [V,S,S,3].
+// `mirrored`: the network's negate_camera_centre.
 Tensor screen_scores(Context& ctx, const DeviceGaussians& gaussians, const Tensor& images,
-                     const std::vector<Camera>& cameras, const RenderOptions& options, bool through_clamp,
+                     const std::vector<Camera>& cameras, const DensifyConfig& config, bool mirrored,
                      const DensifyTap& tap = {});
 
-// With its weights' slabs made at once and to measure.
+// Its weights' slabs are made to measure.
 std::unique_ptr<Densifier> load_densifier(Context& ctx, const DensifyConfig& config, long sh_count,
                                           const WeightSource& weights);
 

@@ -31,9 +31,7 @@ VsplatGendenModel::VsplatGendenModel(Context& ctx, const VsplatGendenConfig& con
 Tensor VsplatGendenModel::score(Context& ctx, const DeviceGaussians& base, const Tensor& images,
                                 const std::vector<Camera>& cameras, const VsplatGendenOptions& options) const {
   if (options.score) return *options.score;
-  RenderOptions drawing;
-  if (config_.negate_camera_centre) drawing.mirror = std::array<float, 3>{0, 0, 0};
-  return screen_scores(ctx, base, images, cameras, drawing, config_.densify.score_through_clamp, options.backbone.tap);
+  return screen_scores(ctx, base, images, cameras, config_.densify, config_.negate_camera_centre, options.backbone.tap);
 }
 
 DeviceGaussians VsplatGendenModel::densify(Context& ctx, const DeviceGaussians& base, const Tensor& refined,
@@ -81,14 +79,10 @@ VsplatGendenResult VsplatGendenModel::forward(Context& ctx, const Tensor& images
     };
   const ForwardResult base = backbone_.forward(ctx, images, upload_cameras(ctx, cameras), backbone);
   const Tensor scores = score(ctx, base.final, images, cameras, options);
-  {
-    const auto planner = ctx.planner();
-    densify(*planner, base.final, base.refined, scores, options, nullptr);
-    refuse_unless_fits(*planner, fmt::format("the densifier at {} Gaussians", base.final.count()));
-    ctx.memory().commit(planner->memory());
-  }
-  VsplatGendenResult out{base.coarse, base.final, densify(ctx, base.final, base.refined, scores, options, nullptr),
-                         base.selected};
+  const DeviceGaussians final =
+      made_to_measure(ctx, fmt::format("the densifier at {} Gaussians", base.final.count()),
+                      [&](Context& c) { return densify(c, base.final, base.refined, scores, options, nullptr); });
+  VsplatGendenResult out{base.coarse, base.final, final, base.selected};
   if (tap) tap_fields(tap, "final", out.final);
   ctx.finish();
   return out;

@@ -32,4 +32,16 @@ class Progress {
 // Error(memory) with both figures, where what `plan` came to need is more than the device has.
 void refuse_unless_fits(const Context& plan, const std::string& what);
 
+// make(ctx), whose memory is planned before: its slabs are made at once, and to measure. Error(memory) as above.
+template <class Make>
+auto made_to_measure(Context& ctx, const std::string& what, const Make& make) {
+  if (!ctx.planning()) {
+    const auto planner = ctx.planner();
+    [[maybe_unused]] const auto counted = make(*planner);
+    refuse_unless_fits(*planner, what);
+    ctx.memory().commit(planner->memory());
+  }
+  return make(ctx);
+}
+
 }  // namespace vsplat

@@ -62,13 +62,8 @@ std::unique_ptr<Context> plan_picture(const Context& ctx, const Arena& after_net
 }  // namespace
 
 VsplatModel::VsplatModel(Context& ctx, const Config& config, const WeightSource& weights) : config_(config) {
-  if (!ctx.planning()) {  // the weights' slabs, made at once and to measure
-    const auto planner = ctx.planner();
-    const Modules counted(*planner, config, weights);
-    refuse_unless_fits(*planner, "the model's weights");
-    ctx.memory().commit(planner->memory());
-  }
-  modules_ = std::make_unique<Modules>(ctx, config, weights);
+  modules_ = made_to_measure(ctx, "the model's weights",
+                             [&](Context& c) { return std::make_unique<Modules>(c, config, weights); });
 }
 
 VsplatModel::~VsplatModel() = default;

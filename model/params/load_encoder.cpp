@@ -52,7 +52,9 @@ class EncoderIn {
     const std::string bare = p.name.substr(kEncoder.size());
     const bool query = bare.ends_with("attn.q_bias");
     if (meta_ && (query || bare.ends_with("attn.v_bias"))) {
-      const std::vector<float> all = bias(bare.substr(0, bare.rfind('.')));
+      const std::string attention = bare.substr(0, bare.rfind('.'));
+      file_.at(prefix_ + attention + ".qkv.bias");  // where one block has it, all must
+      const std::vector<float> all = bias(attention);
       const auto third = static_cast<std::ptrdiff_t>(all.size() / 3), first = query ? 0 : 2 * third;
       return {p.shape, {all.begin() + first, all.begin() + first + third}};
     }

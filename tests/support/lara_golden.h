@@ -1,6 +1,10 @@
 // Vectors of LaRa's and GenDen's specifications: a file of tests/reference/pytorch/make_published.py --tests, with the
 // weights in a checkpoint beside it.
 #pragma once
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -10,6 +14,7 @@
 #include "model/params/vsplat_genden_config.h"
 #include "model/params/weights.h"
 #include "runtime/safetensors.h"
+#include "tests/support/compare.h"
 
 namespace vsplat::test {
 
@@ -51,6 +56,26 @@ using VsplatGendenGolden = PublishedGolden<VsplatGendenConfig>;
 // Those that golden_tiny makes where PyTorch is there.
 const std::vector<std::string>& lara_cases();
 const std::vector<std::string>& genden_cases();
+
+// The gradient of every weight is the vectors' `prefix` + its name, or zeros where they have none. Returns how many
+// they have. `rounding`: of weights whose names end so it is 0 but for rounding.
+template <class Golden>
+int expect_gradients(const Golden& golden, const std::string& prefix,
+                     const std::map<std::string, std::vector<float>>& gradients, const std::string& rounding = "") {
+  int compared = 0;
+  for (const auto& [weight, got] : gradients) {
+    if (!golden.has(prefix + weight)) {
+      EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f)) << prefix << weight << " has none";
+      continue;
+    }
+    ++compared;
+    if (!rounding.empty() && weight.ends_with(rounding))
+      for (const float g : got) EXPECT_LE(std::abs(g), 1e-6) << weight;
+    else
+      EXPECT_TRUE(close(got, golden.floats(prefix + weight), 1e-4)) << prefix << weight;
+  }
+  return compared;
+}
 
 }  // namespace vsplat::test
 

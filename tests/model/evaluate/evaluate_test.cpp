@@ -133,6 +133,16 @@ TEST_P(EvaluateTest, JudgesAtAnotherSize) {
   }
 }
 
+TEST_P(EvaluateTest, RefusesNoiseThatIsNone) {
+  const Model model(ctx());
+  for (const double noise : {-0.1, 1.5, std::nan("")}) {
+    EvaluateOptions options;
+    options.pose_noise = noise;
+    test::expect_error(Status::usage, {"pose_noise is ", "0 to 1"},
+                       [&] { evaluate(ctx(), model.network, data(), options); });
+  }
+}
+
 TEST_P(EvaluateTest, ACoarseModelHasOneLevel) {
   const Model model(ctx(), {"levels=coarse"});
   const Evaluation got = evaluate(ctx(), model.network, data(), {});

@@ -44,7 +44,7 @@ class ColmapPoints : public ::testing::Test {
     folder.touch(at + "images" + ending);
     folder.write(at + "points3D" + ending, points);
   }
-  void check(const std::filesystem::path& path) const {
+  void expect_points(const std::filesystem::path& path) const {
     const std::vector<ColoredPoint> found = read_colmap_points(path);
     ASSERT_EQ(found.size(), all.size());
     for (std::size_t i = 0; i < all.size(); ++i) {
@@ -64,19 +64,19 @@ class ColmapPoints : public ::testing::Test {
 
 TEST_F(ColmapPoints, TextAndBinaryAgree) {
   write("sparse/0/", ".txt", text);
-  check(folder.path());
+  expect_points(folder.path());
   folder.write("sparse/0/points3D.txt", "damaged, and not read where there is a binary one");
   write("sparse/0/", ".bin", binary);
-  check(folder.path());
+  expect_points(folder.path());
 }
 
 TEST_F(ColmapPoints, AreFoundWhereTheCamerasAre) {
   for (const std::string at : {"sparse/0/", "sparse/", "colmap/", ""}) {
     write(at, ".bin", binary);
-    check(folder.path());
-    check(folder / (at + "images.bin"));
+    expect_points(folder.path());
+    expect_points(folder / (at + "images.bin"));
     folder.touch("transforms.json");
-    check(folder / "transforms.json");
+    expect_points(folder / "transforms.json");
     std::filesystem::remove(folder / (at + "points3D.bin"));
     expect_error(Status::file, {"points3D.bin or points3D.txt"}, [&] { read_colmap_points(folder.path()); });
     std::filesystem::remove_all(folder.path());
@@ -85,7 +85,7 @@ TEST_F(ColmapPoints, AreFoundWhereTheCamerasAre) {
   // A file of a model means that model, even where another one lies below.
   write("sparse/0/", ".bin", "damaged");
   write("", ".bin", binary);
-  check(folder / "cameras.bin");
+  expect_points(folder / "cameras.bin");
 }
 
 TEST_F(ColmapPoints, DamagedTextIsNamed) {

@@ -72,7 +72,7 @@ class Colmap : public ::testing::Test {
     folder.write(at + "images.txt", images_txt);
   }
   ViewSet read() { return read_views(folder.path(), {.need_pictures = false}); }
-  void check(const ViewSet& set) {
+  void expect_views(const ViewSet& set) {
     ASSERT_EQ(set.views.size(), 3U);
     EXPECT_EQ(set.convention, PoseConvention::opencv_w2c);
     const std::uint32_t ids[] = {5, 9, 1};  // in order of name
@@ -105,16 +105,16 @@ class Colmap : public ::testing::Test {
 
 TEST_F(Colmap, TextAndBinaryAgree) {
   write_text();
-  check(read());
+  expect_views(read());
   folder.write("sparse/0/images.txt", "damaged, and not read where there is a binary one");
   write_binary();
-  check(read());
+  expect_views(read());
 }
 
 TEST_F(Colmap, IsFoundWhereItMayBe) {
   for (const char* at : {"sparse/0/", "sparse/", "colmap/", ""}) {
     write_binary(at);
-    check(read());
+    expect_views(read());
     std::filesystem::remove_all(folder.path());
   }
 }

@@ -207,15 +207,7 @@ TEST_P(LaraVectors, EveryGradientMatches) {
   const LaraGolden golden = LaraGolden::load(name());
   for (const std::string which : {"coarse", "fixed", "final"}) {
     const std::string prefix = "cograd." + which + ".";
-    int compared = 0;
-    for (const auto& [weight, got] : gradients(ctx(), golden, which, false)) {
-      if (!golden.has(prefix + weight)) {
-        EXPECT_EQ(got, std::vector<float>(got.size(), 0.0f)) << prefix << weight << " has none";
-        continue;
-      }
-      EXPECT_TRUE(test::close(got, golden.floats(prefix + weight), 1e-4)) << prefix << weight;
-      ++compared;
-    }
+    const int compared = test::expect_gradients(golden, prefix, gradients(ctx(), golden, which, false));
     // Nothing but the fine decoder does without a gradient from the coarse primitives.
     const int all = static_cast<int>(parameters(golden.config()).size());
     EXPECT_EQ(compared, which == "coarse" ? all - 10 : all) << prefix;

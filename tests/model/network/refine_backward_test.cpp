@@ -52,7 +52,7 @@ Weights all_weights(const ref::RefineCase& in) {
 class RefinementBackward : public test::FlavourTest {
  protected:
   // Gradients start as `before` everywhere.
-  void check(const std::vector<std::string>& fields, float share, float before = 0) {
+  void expect_derivative(const std::vector<std::string>& fields, float share, float before = 0) {
     SCOPED_TRACE(fmt::format("{} {}", fmt::join(fields, " "), share));
     ref::RefineCase in = make_case(with_fields(named_config("micro"), fields), share);
     const Config& config = in.config;
@@ -115,20 +115,20 @@ class RefinementBackward : public test::FlavourTest {
 VSPLAT_FLAVOURS(RefinementBackward);
 
 TEST_P(RefinementBackward, IsTheDerivative) {
-  check({}, 0.4f);
-  check({}, 0.1f);
+  expect_derivative({}, 0.4f);
+  expect_derivative({}, 0.1f);
 }
 
 TEST_P(RefinementBackward, EveryVariantIsTheDerivative) {
-  check({"use_projected=false"}, 0.4f);
-  check({"refine_out_kernel=3"}, 0.4f);
-  check({"view_weight=distance", "sample_half_pixel=false"}, 0.4f);
-  check({"voxel_levels=2", "fine_dim=17", "volume=6"}, 0.4f);
+  expect_derivative({"use_projected=false"}, 0.4f);
+  expect_derivative({"refine_out_kernel=3"}, 0.4f);
+  expect_derivative({"view_weight=distance", "sample_half_pixel=false"}, 0.4f);
+  expect_derivative({"voxel_levels=2", "fine_dim=17", "volume=6"}, 0.4f);
 }
 
-TEST_P(RefinementBackward, AddsToWhatIsThere) { check({}, 0.4f, 0.5f); }
+TEST_P(RefinementBackward, AddsToWhatIsThere) { expect_derivative({}, 0.4f, 0.5f); }
 
-TEST_P(RefinementBackward, NoVoxelSelectedAddsNothing) { check({}, 0.0f); }
+TEST_P(RefinementBackward, NoVoxelSelectedAddsNothing) { expect_derivative({}, 0.0f); }
 
 TEST_P(RefinementBackward, PlanTakesTheSameMemory) {
   const ref::RefineCase in = make_case(named_config("micro"), 0.4f);

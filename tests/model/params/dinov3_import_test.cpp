@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 
 #include "model/params/import.h"
 #include "model/params/init.h"
 #include "model/params/load_encoder.h"
+#include "runtime/safetensors.h"
 #include "tests/support/extension_golden.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
@@ -84,6 +86,43 @@ TEST(Dinov3Import, BiasesAndRoundedPeriods) {
   options.fields.emplace_back("vit_qkv_bias=false");
   expect_error(Status::usage, {"bias_meta.pth", "tell vit_qkv_bias, which is true"},
                [&] { import_model(meta, options); });
+}
+
+// In Meta's naming, with biases of the first block alone.
+TEST(Dinov3Import, ABlockWithoutItsBiasesIsNamed) {
+  const ExtensionGolden golden("dinov3_micro_square", "encoder.model.");
+  const Config config = with_fields(golden.config(), {"vit_qkv_bias=true", "vit_depth=2"});
+  const long width = config.vit_dim;
+  std::map<std::string, HostTensor> meta;
+  for (const auto& [name, tensor] : golden.weights().all()) {
+    std::string bare = name.substr(std::string("encoder.model.").size());
+    if (bare == "reg_token") bare = "storage_tokens";
+    const auto gamma = bare.find("gamma_");
+    if (gamma != std::string::npos) bare = bare.substr(0, gamma) + "ls" + bare.substr(gamma + 6) + ".gamma";
+    meta[bare] = tensor;
+    if (bare.starts_with("blocks.0.")) meta["blocks.1." + bare.substr(9)] = tensor;  // the vectors' model has one block
+  }
+  const auto load = [&] {
+    const test::TemporaryFolder folder;
+    std::vector<TensorToWrite> tensors;
+    for (const auto& [name, tensor] : meta) tensors.push_back({name, Dtype::f32, tensor.shape, tensor.data.data()});
+    write_safetensors(folder / "meta.safetensors", tensors);
+    Weights weights = initial_weights(config, 1);
+    load_encoder(weights, config, folder / "meta.safetensors");
+    return weights;
+  };
+  for (int i = 0; i < 2; ++i) {
+    std::vector<float> bias(static_cast<std::size_t>(3 * width), 0.0f);
+    std::fill_n(bias.begin(), width, 0.25f);
+    meta["blocks." + std::to_string(i) + ".attn.qkv.bias"] = {{3 * width}, bias};
+  }
+  const Weights whole = load();
+  EXPECT_EQ(whole.at("encoder.model.blocks.1.attn.q_bias").data,
+            std::vector<float>(static_cast<std::size_t>(width), 0.25f));
+  EXPECT_EQ(whole.at("encoder.model.blocks.1.attn.v_bias").data,
+            std::vector<float>(static_cast<std::size_t>(width), 0.0f));
+  meta.erase("blocks.1.attn.qkv.bias");
+  expect_error(Status::format, {"meta.safetensors", "blocks.1.attn.qkv.bias"}, load);
 }
 
 TEST(Dinov3Import, WhatDoesNotFitIsNamed) {

@@ -1,16 +1,14 @@
 // GenDen's configuration, its parameters against the specification's list of them, and its checkpoints as models.
-#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "model/params/import.h"
 #include "model/params/params.h"
 #include "tests/support/golden.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/published_parameters.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 #include "tests/support/weights.h"
@@ -23,25 +21,8 @@ using test::expect_error;
 using test::GendenGolden;
 using test::refusal;
 
-std::string shown(const Parameter& p) { return fmt::format("net.{} {}", p.name, fmt::join(p.shape, " x ")); }
-
 TEST(GendenParams, OfThePublishedSizeAreTheSpecifications) {
-  const std::string folder = std::filesystem::path(test::Golden::path_of("micro")).parent_path().string();
-  std::istringstream lines(test::contents_of(folder + "/genden_parameters.txt"));
-  std::vector<std::string> want, got;
-  std::string line, count;
-  while (std::getline(lines, line)) {
-    std::istringstream words(line);
-    std::string word, text;
-    words >> text;
-    count = text;
-    while (words >> word && word != "parameter" && word != "buffer") text += " " + word;
-    if (word == "parameter") want.push_back(text);
-  }
-  for (const Parameter& p : parameters(named_genden_config("published"))) got.push_back(shown(p));
-  EXPECT_GT(want.size(), 400U);
-  EXPECT_EQ(got, want);
-  EXPECT_EQ(count, "133,288,702");
+  test::expect_published("genden_parameters.txt", parameters(named_genden_config("published")), 400, "133,288,702");
   EXPECT_EQ(parameter_count(named_genden_config("published")), 133288702);
   EXPECT_EQ(parameter_count(named_genden_config("published_residual")), 133288702);
 }

@@ -12,6 +12,7 @@
 #include "model/params/params.h"
 #include "tests/support/golden.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/published_parameters.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 
@@ -21,27 +22,8 @@ namespace {
 using nlohmann::json;
 using test::refusal;
 
-std::string line_of(const Parameter& p) { return fmt::format("net.{} {}", p.name, fmt::join(p.shape, " x ")); }
-
 TEST(LaraParams, OfThePublishedSizeAreTheSpecifications) {
-  // "net.view_embed    1 x 4 x 32 x 1 x 1 x 1    parameter": what lara_reference.py prints; buffers are in no model
-  // file.
-  const std::string folder = std::filesystem::path(test::Golden::path_of("micro")).parent_path().string();
-  std::istringstream lines(test::contents_of(folder + "/lara_parameters.txt"));
-  std::vector<std::string> want, got;
-  std::string line, count;
-  while (std::getline(lines, line)) {
-    std::istringstream words(line);
-    std::string word, text;
-    words >> text;
-    count = text;
-    while (words >> word && word != "parameter" && word != "buffer") text += " " + word;
-    if (word == "parameter") want.push_back(text);
-  }
-  for (const Parameter& p : parameters(named_lara_config("published"))) got.push_back(line_of(p));
-  EXPECT_GT(want.size(), 300U);
-  EXPECT_EQ(got, want);
-  EXPECT_EQ(count, "125,335,880");
+  test::expect_published("lara_parameters.txt", parameters(named_lara_config("published")), 300, "125,335,880");
   EXPECT_EQ(parameter_count(named_lara_config("published")), 125335880);
 }
 
@@ -55,7 +37,7 @@ TEST_P(LaraParamsOf, AreTheCheckpoints) {
   std::set<std::string> want, got;
   for (const TensorEntry& entry : file.tensors())
     if (buffers.count(entry.name) == 0) want.insert(fmt::format("{} {}", entry.name, fmt::join(entry.shape, " x ")));
-  for (const Parameter& p : parameters(config)) got.insert(line_of(p));
+  for (const Parameter& p : parameters(config)) got.insert(test::line_of(p));
   EXPECT_EQ(got, want);
 }
 
