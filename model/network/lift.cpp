@@ -4,6 +4,7 @@
 
 #include "model/ops/add_columns.h"
 #include "model/ops/lift.h"
+#include "runtime/blocks.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/shape_check.h"
@@ -47,7 +48,7 @@ Tensor Lifting::forward(Context& ctx, const Tensor& features, const DeviceCamera
   const Tensor all_index = ctx.tensor({block, v, 4}, Type::i32, "lifting.index");
   const Tensor all_weight = ctx.tensor({block, v, 4}, Type::f32, "lifting.weight");
   const Tensor all_variance = ctx.tensor({block, c}, Type::f32, "lifting.variance");
-  for (long first = 0; first < voxels; first += block) {
+  for (const long first : block_starts(ctx, voxels, block)) {
     const long n = std::min(block, voxels - first);
     const Tensor index = all_index.first(n), weight = all_weight.first(n), variance = all_variance.first(n);
     lift_corners(ctx, {cameras, config_.volume, config_.tokens(), config_.image, config_.sample_half_pixel, first,
@@ -85,7 +86,7 @@ void Lifting::backward(Context& ctx, const Saved& saved, const Tensor& dout, con
     const Tensor all_weight = ctx.tensor({block, v, 4}, Type::f32, "lifting.weight");
     const Tensor all_variance = ctx.tensor({block, c}, Type::f32, "lifting.variance");
     const Tensor all_dout = ctx.tensor({block, wide}, Type::f32, "lifting.dout");
-    for (long first = 0; first < voxels; first += block) {
+    for (const long first : block_starts(ctx, voxels, block)) {
       const long n = std::min(block, voxels - first);
       const Tensor index = all_index.first(n), weight = all_weight.first(n), variance = all_variance.first(n);
       lift_corners(ctx, {saved.cameras, config_.volume, config_.tokens(), config_.image, config_.sample_half_pixel,

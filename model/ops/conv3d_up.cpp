@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "runtime/blocks.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
@@ -41,7 +42,7 @@ void conv3d_up_forward(Context& ctx, const Conv3dUpForward& a) {
   if (a.weights->n != 8 * cout)
     fail(Status::internal, "conv3d_up: weights of {} columns, {} channels expected", a.weights->n, cout);
   const Tensor parts = ctx.tensor({block, 8 * cout}, Type::f32, "conv3d_up.parts");
-  for (long first = 0; first < voxels; first += block) {
+  for (const long first : block_starts(ctx, voxels, block)) {
     const long n = std::min(block, voxels - first);
     Gemm g;
     g.a.x0 = a.in;
@@ -69,7 +70,7 @@ void conv3d_up_backward(Context& ctx, const Conv3dUpBackward& a) {
   const PackedMatrix back = pack_matrix(ctx, a.w, 8 * cout, cin, 1, 8 * cout, a.name);
   const Tensor all_parts = ctx.tensor({block, 8 * cout}, Type::f32, "conv3d_up.dparts");
   const Tensor all_rows = ctx.tensor({block, cin}, Type::f32, "conv3d_up.rows");
-  for (long first = 0; first < voxels; first += block) {
+  for (const long first : block_starts(ctx, voxels, block)) {
     const long n = std::min(block, voxels - first);
     const Tensor parts = all_parts.first(n), rows = all_rows.first(n);
     ctx.launch({"conv3d_up", "conv3d_up_backward", ""}, rows_of(ctx, n), cost_of(n, cout), a.dy, written(parts), first,
