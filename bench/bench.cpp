@@ -131,6 +131,7 @@ const std::vector<Suite> kOperations = {
     {"splat_adam", splat_adam_cases},
     {"splat_parameters", splat_parameters_cases},
     {"splat_relocate", splat_relocate_cases},
+    {"surface_loss", surface_loss_cases},
     {"tile_bin", tile_bin_cases},
     {"top_k", top_k_cases},
     {"transpose", transpose_cases},

@@ -142,6 +142,7 @@ std::vector<Case> sparse_map_cases(const Options& options);
 std::vector<Case> splat_adam_cases(const Options& options);
 std::vector<Case> splat_parameters_cases(const Options& options);
 std::vector<Case> splat_relocate_cases(const Options& options);
+std::vector<Case> surface_loss_cases(const Options& options);
 std::vector<Case> tile_bin_cases(const Options& options);
 std::vector<Case> transpose_cases(const Options& options);
 std::vector<Case> upsample3d_cases(const Options& options);

@@ -11,7 +11,7 @@ namespace {
 
 struct InitOptions {
   Common common;
-  std::string config, encoder, output, seed;
+  std::string config, system = "vsplat", encoder, output, seed;
   std::vector<std::string> fields;
 };
 
@@ -24,6 +24,7 @@ void init(const InitOptions& o) {
   for (const std::string& field : o.fields) fields.push_back(field.c_str());
   vsplat_model_options options = VSPLAT_MODEL_OPTIONS_INIT;
   options.config = o.config.c_str();
+  options.system = o.system.c_str();
   options.fields = fields.data();
   options.num_fields = fields.size();
   options.seed = seed_value("--seed", o.seed);
@@ -44,8 +45,11 @@ void add_init(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("init", "Make a model file with random weights, for tests and measurements");
   sub->add_option("config", o->config, "Named configuration")
       ->required()
-      ->check(one_of({"paper", "small", "tiny", "micro"}))
+      ->check(one_of({"paper", "published", "published_residual", "small", "tiny", "micro"}))
       ->type_name("paper|small|tiny|micro");
+  sub->add_option("--system", o->system, "Whose network (default: vsplat); of the others, paper is called published")
+      ->check(one_of({"vsplat", "lara", "genden"}))
+      ->type_name("vsplat|lara|genden");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
   sub->add_option("--seed", o->seed, "Of the random numbers: a seed gives the same file everywhere")
       ->required()
@@ -63,6 +67,7 @@ void add_init(CLI::App& app, Run& run) {
       "Examples:\n"
       "  vsplat init small --seed 1 --output small.safetensors\n"
       "  vsplat init tiny --seed 7 --set fine_count=1 --set selection=sigmoid --output m.safetensors\n"
+      "  vsplat init published --system lara --seed 1 --output lara.safetensors\n"
       "  vsplat init paper --seed 1 --encoder dino_vitb16.safetensors --output start.safetensors");
   sub->callback([o, &run] { run = [o] { init(*o); }; });
 }

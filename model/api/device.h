@@ -6,12 +6,9 @@
 #include "model/api/handle.h"
 #include "model/base/gaussians.h"
 #include "model/base/scene.h"
-#include "model/genden/genden_model.h"
-#include "model/genden/vsplat_genden_model.h"
-#include "model/lara/lara_model.h"
-#include "model/network/vsplat_model.h"
-#include "model/params/model_file.h"
+#include "model/params/systems.h"
 #include "model/splat/gaussian_chunks.h"
+#include "model/systems/network.h"
 #include "runtime/context.h"
 
 struct vsplat_device_impl : vsplat::api::Counted {
@@ -22,14 +19,8 @@ struct vsplat_device_impl : vsplat::api::Counted {
 
   // What the last calls put on the device stays for the next ones, while its host side is there: see where they are
   // filled. After the context, so that they go first.
-  std::weak_ptr<const vsplat::ModelFile> model_key;
-  std::unique_ptr<vsplat::VsplatModel> model;
-  std::weak_ptr<const vsplat::LaraModelFile> lara_key;
-  std::unique_ptr<vsplat::LaraModel> lara;
-  std::weak_ptr<const vsplat::GendenModelFile> genden_key;
-  std::unique_ptr<vsplat::GendenModel> genden;
-  std::weak_ptr<const vsplat::VsplatGendenModelFile> vsplat_genden_key;
-  std::unique_ptr<vsplat::VsplatGendenModel> vsplat_genden;
+  std::weak_ptr<const vsplat::AnyModel> network_key;
+  std::unique_ptr<vsplat::Network> network;
   std::weak_ptr<const vsplat::Scene> scene_key;
   std::optional<vsplat::GaussianChunks> scene;
 };

@@ -85,7 +85,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     how.refine = o.refine != 0;
     how.pose_noise = o.pose_noise;
     how.pose_draws = o.pose_draws == 0 ? 1 : o.pose_draws;
-    how.planned_selected = voxels_of(0, VSPLAT_ASSUME_SELECTED, vsplat_file(model).config, "selected");
+    how.planned_selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config_of(model), "selected");
     if (o.progress)
       how.progress = [&o](const std::string& object, double done) {
         if (!o.progress(o.user, object.c_str(), done)) fail(Status::cancelled, "stopped before object {}", object);
@@ -97,7 +97,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
       };
     const std::vector<Lpips> lpips = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
     for (const Lpips& each : lpips) how.lpips.push_back(&each);
-    Evaluation made = evaluate(device->context, model_on(device, model), dataset->data, how);
+    Evaluation made = evaluate(device->context, network_on(device, model), dataset->data, how);
     *out_evaluation = std::make_unique<vsplat_evaluation_impl>(std::move(made)).release();
   });
 }

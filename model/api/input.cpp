@@ -183,7 +183,7 @@ vsplat_status vsplat_input_prepare(vsplat_model model, vsplat_views views, const
     need(out_input, "out_input");
     const InputRequest request = request_of(taken(options, VSPLAT_INPUT_OPTIONS_INIT, "options"));
     auto input = std::make_unique<vsplat_input_impl>();
-    input->input = prepare_input(views->photographs, taken_views(model), request);
+    input->input = prepare_input(views->photographs, config_of(model).taken(), request);
     input->up = listed_up(views->photographs);
     *out_input = input.release();
   });

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "model/api/device.h"
+#include "model/genden/densifier.h"
 #include "model/input/view_choice.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/built_in_model.h"
@@ -88,25 +89,13 @@ std::string json_of(const ImportedModel& imported) {
 
 std::unique_ptr<vsplat_model_impl> handle_of(AnyModel model) {
   auto out = std::make_unique<vsplat_model_impl>();
-  if (ModelFile* own = std::get_if<ModelFile>(&model))
-    out->file = std::make_shared<const ModelFile>(std::move(*own));
-  else if (LaraModelFile* lara = std::get_if<LaraModelFile>(&model))
-    out->lara = std::make_shared<const LaraModelFile>(std::move(*lara));
-  else if (GendenModelFile* genden = std::get_if<GendenModelFile>(&model))
-    out->genden = std::make_shared<const GendenModelFile>(std::move(*genden));
-  else
-    out->vsplat_genden =
-        std::make_shared<const VsplatGendenModelFile>(std::move(std::get<VsplatGendenModelFile>(model)));
+  out->file = std::make_shared<const AnyModel>(std::move(model));
   return out;
 }
 
-// visit(file) of whichever the handle has.
 template <class Visit>
 auto with_file(vsplat_model model, const Visit& visit) {
-  return model->file     ? visit(*model->file)
-         : model->lara   ? visit(*model->lara)
-         : model->genden ? visit(*model->genden)
-                         : visit(*model->vsplat_genden);
+  return std::visit(visit, *model->file);
 }
 
 std::vector<std::string> texts(const char* const* given, size_t count, const char* what) {
@@ -122,78 +111,27 @@ std::vector<std::string> texts(const char* const* given, size_t count, const cha
 }  // namespace
 
 const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
-  if (!model->file)
-    fail(Status::usage, "the model is of {}, and this takes one of {}",
-         model->lara     ? LaraSystem::network
-         : model->genden ? GendenSystem::network
-                         : VsplatGendenSystem::network,
-         VsplatSystem::network);
-  return *model->file;
+  if (const auto* own = std::get_if<ModelFile>(model->file.get())) return *own;
+  fail(Status::usage, "the model is of {}, and this takes one of {}", network_of(*model->file), VsplatSystem::network);
 }
 
-TakenViews vsplat::api::taken_views(vsplat_model model) {
-  return with_file(model, [](const auto& file) { return file.config.taken(); });
+AnyConfig vsplat::api::config_of(vsplat_model model) {
+  return with_file(model, [](const auto& file) { return AnyConfig(file.config); });
 }
 
-namespace {
-
-// One network at a time stays on a device.
-void forget_networks(vsplat_device device) {
-  device->model.reset();
-  device->model_key.reset();
-  device->lara.reset();
-  device->lara_key.reset();
-  device->genden.reset();
-  device->genden_key.reset();
-  device->vsplat_genden.reset();
-  device->vsplat_genden_key.reset();
+const Weights& vsplat::api::weights_of(vsplat_model model) {
+  return *with_file(model, [](const auto& file) { return &file.weights; });
 }
 
-}  // namespace
-
-const VsplatModel& vsplat::api::model_on(vsplat_device device, vsplat_model model) {
-  vsplat_file(model);
-  const std::shared_ptr<const ModelFile>& file = model->file;
-  if (device->model_key.lock() != file) {
-    forget_networks(device);
+const Network& vsplat::api::network_on(vsplat_device device, vsplat_model model) {
+  if (device->network_key.lock() != model->file) {
+    device->network.reset();  // one at a time stays on a device
+    device->network_key.reset();
     const Stage stage(device->context, "encoder");  // its position embedding is resampled on the device
-    device->model = std::make_unique<VsplatModel>(device->context, file->config, file->weights);
-    device->model_key = file;
+    device->network = make_network(device->context, config_of(model), weights_of(model));
+    device->network_key = model->file;
   }
-  return *device->model;
-}
-
-const LaraModel& vsplat::api::lara_on(vsplat_device device, vsplat_model model) {
-  const std::shared_ptr<const LaraModelFile>& file = model->lara;
-  if (device->lara_key.lock() != file) {
-    forget_networks(device);
-    const Stage stage(device->context, "encoder");
-    device->lara = std::make_unique<LaraModel>(device->context, file->config, file->weights);
-    device->lara_key = file;
-  }
-  return *device->lara;
-}
-
-const GendenModel& vsplat::api::genden_on(vsplat_device device, vsplat_model model) {
-  const std::shared_ptr<const GendenModelFile>& file = model->genden;
-  if (device->genden_key.lock() != file) {
-    forget_networks(device);
-    const Stage stage(device->context, "encoder");
-    device->genden = std::make_unique<GendenModel>(device->context, file->config, file->weights);
-    device->genden_key = file;
-  }
-  return *device->genden;
-}
-
-const VsplatGendenModel& vsplat::api::vsplat_genden_on(vsplat_device device, vsplat_model model) {
-  const std::shared_ptr<const VsplatGendenModelFile>& file = model->vsplat_genden;
-  if (device->vsplat_genden_key.lock() != file) {
-    forget_networks(device);
-    const Stage stage(device->context, "encoder");
-    device->vsplat_genden = std::make_unique<VsplatGendenModel>(device->context, file->config, file->weights);
-    device->vsplat_genden_key = file;
-  }
-  return *device->vsplat_genden;
+  return *device->network;
 }
 
 vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {
@@ -201,18 +139,19 @@ vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_mode
     need(out_model, "out_model");
     const vsplat_model_options o = taken(options, VSPLAT_MODEL_OPTIONS_INIT, "options");
     need(o.config, "options.config");
-    ModelFile file;
-    file.config = with_fields(named_config(o.config), texts(o.fields, o.num_fields, "options.fields"));
-    file.weights = initial_weights(file.config, o.seed);
-    file.metadata["seed"] = std::to_string(o.seed);
-    file.metadata["origin"] = std::string("random weights, vsplat ") + VSPLAT_VERSION_STRING;
-    if (o.encoder) {
-      load_encoder(file.weights, file.config, o.encoder);
-      file.metadata["origin"] += ", encoder from a file";
-    }
-    auto model = std::make_unique<vsplat_model_impl>();
-    model->file = std::make_shared<const ModelFile>(std::move(file));
-    *out_model = model.release();
+    const AnyConfig config = with_fields(named_any_config(o.system ? o.system : VsplatSystem::name, o.config),
+                                         texts(o.fields, o.num_fields, "options.fields"));
+    AnyModel made = config.visit([&](const auto& c) {
+      ModelOf<std::decay_t<decltype(c)>> file{c, initial_weights(c, o.seed), {}};
+      file.metadata["seed"] = std::to_string(o.seed);
+      file.metadata["origin"] = std::string("random weights, vsplat ") + VSPLAT_VERSION_STRING;
+      if (o.encoder) {
+        load_encoder(file.weights, c, o.encoder);
+        file.metadata["origin"] += ", encoder from a file";
+      }
+      return AnyModel(std::move(file));
+    });
+    *out_model = handle_of(std::move(made)).release();
   });
 }
 
@@ -275,9 +214,7 @@ vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,
       fail(Status::usage, "use_views is {}: 1 to {} expected", use_views, max_views);
     ModelFile file = vsplat_file(model);
     file.config.use_views = use_views;
-    auto out = std::make_unique<vsplat_model_impl>();
-    out->file = std::make_shared<const ModelFile>(std::move(file));
-    *out_model = out.release();
+    *out_model = handle_of(std::move(file)).release();
   });
 }
 

@@ -7,6 +7,7 @@
 #include "model/api/plan.h"
 #include "model/api/scene.h"
 #include "model/api/selected.h"
+#include "model/genden/densifier.h"
 #include "model/io/selection_file.h"
 #include "model/params/systems.h"
 #include "runtime/fail.h"
@@ -37,14 +38,21 @@ double host_bytes(int image, const Weights& weights, int views, long gaussians) 
   return values * sizeof(float);
 }
 
+// How many Gaussians the network makes of so many that are selected.
+long made_of(const Config& config, long selected) { return selected * (config.fine_count + 1); }
+long made_of(const LaraConfig&, long selected) { return selected; }
+long made_of(const VsplatGendenConfig& config, long selected) {
+  return densified_count(config.densify, made_of(static_cast<const Config&>(config), selected));
+}
+long made_of(const GendenConfig& config, long selected) { return densified_count(config.densify, selected); }
+
 // What only VS-Splat's network has. (GenDen's takes the seed for the order of its curves.)
-void refuse_selection(const vsplat_reconstruct_options& o, bool takes_seed) {
-  const char* network = takes_seed ? GendenSystem::network : LaraSystem::network;
+void refuse_selection(const vsplat_reconstruct_options& o, const AnyConfig& config) {
   if (o.selection || o.voxels)
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are of {}", network,
-         VsplatSystem::network);
-  if (o.has_seed && !takes_seed)
-    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed is of {}", network,
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are of {}",
+         config.network(), VsplatSystem::network);
+  if (o.has_seed && !config.get_if<GendenConfig>())
+    fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.seed is of {}", config.network(),
          VsplatSystem::network);
 }
 
@@ -64,30 +72,22 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
     how.dump = o.dump ? o.dump : "";
     how.masked = input->input.masked;
     std::optional<std::vector<int>> selection;
-    if (model->lara || model->genden) {
-      refuse_selection(o, model->genden != nullptr);
-      const LaraConfig& config = model->lara ? model->lara->config : model->genden->config;
-      how.forward.planned_selected =
-          primitives_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
-    } else {
-      const Config& config = model->vsplat_genden ? model->vsplat_genden->config : vsplat_file(model).config;
-      how.forward.planned_selected =
-          voxels_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
-      selection = selection_of(o, config.voxels());
+    const AnyConfig config = config_of(model);
+    how.forward.planned_selected =
+        selected_of(o.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.assume_selected");
+    if (config.as<Config>()) {
+      selection = selection_of(o, config.selectable());
       if (selection) how.forward.selection = &*selection;
+    } else {
+      refuse_selection(o, config);
     }
     if (o.has_seed) how.forward.selection_seed = o.seed;
     if (o.progress)
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    const auto run = [&](const auto& network) {
-      return reconstruct(device->context, network, input->input.views, input->input.placement, how);
-    };
-    Reconstruction made = model->lara            ? run(lara_on(device, model))
-                          : model->genden        ? run(genden_on(device, model))
-                          : model->vsplat_genden ? run(vsplat_genden_on(device, model))
-                                                 : run(model_on(device, model));
+    Reconstruction made =
+        reconstruct(device->context, network_on(device, model), input->input.views, input->input.placement, how);
     made.scene.up = up_of(o.up, "options.up");
     if (!made.scene.up) {
       const Eigen::Vector3f up = input->up.cast<float>();
@@ -105,39 +105,16 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
   return guarded([&] {
     const DeviceUse use(device);
     need(model, "model");
-    const int most = taken_views(model).most;
+    const AnyConfig config = config_of(model);
+    const int most = config.taken().most;
     if (views < 1 || views > most) fail(Status::usage, "{} views: 1 to {} expected", views, most);
     const Context& ctx = device->context;
+    const Weights& weights = weights_of(model);
+    const long planned = selected_of(selected, VSPLAT_ASSUME_SELECTED, config, "selected");
     MemoryPlan plan;
-    double host = 0;
-    bool fits = false;
-    const auto plan_of_primitives = [&](const auto& file, const auto& of_model, const auto& count) {
-      const long planned = primitives_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
-      fits = fits_within([&] { plan = of_model(file, planned); });
-      host = host_bytes(file.config.image, file.weights, views, count(planned));
-    };
-    if (model->lara) {
-      plan_of_primitives(
-          *model->lara,
-          [&](const auto& f, long kept) { return LaraModel::plan(ctx, f.config, f.weights, views, kept); },
-          [](long kept) { return kept; });
-    } else if (model->genden) {
-      plan_of_primitives(
-          *model->genden,
-          [&](const auto& f, long kept) { return GendenModel::plan(ctx, f.config, f.weights, views, kept); },
-          [&](long kept) { return densified_count(model->genden->config.densify, kept); });
-    } else if (model->vsplat_genden) {
-      const VsplatGendenModelFile& file = *model->vsplat_genden;
-      const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
-      fits = fits_within([&] { plan = VsplatGendenModel::plan(ctx, file.config, file.weights, views, planned); });
-      const long gaussians = densified_count(file.config.densify, planned * (file.config.fine_count + 1));
-      host = host_bytes(file.config.image, file.weights, views, gaussians);
-    } else {
-      const ModelFile& file = vsplat_file(model);
-      const long planned = voxels_of(selected, VSPLAT_ASSUME_SELECTED, file.config, "selected");
-      fits = fits_within([&] { plan = VsplatModel::plan(ctx, file.config, file.weights, views, planned); });
-      host = host_bytes(file.config.image, file.weights, views, planned * (file.config.fine_count + 1));
-    }
+    const bool fits = fits_within([&] { plan = plan_network(ctx, config, weights, views, planned); });
+    const double host =
+        host_bytes(config.image(), weights, views, config.visit([&](const auto& c) { return made_of(c, planned); }));
     give(out_plan, plan_of(ctx, plan.stages, plan.peak, fits, host), "out_plan");
   });
 }

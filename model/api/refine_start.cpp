@@ -77,7 +77,7 @@ ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const 
   out.near = r.near_plane;
   if (r.has_seed) out.forward.selection_seed = r.seed;
   out.forward.planned_selected =
-      voxels_of(r.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.reconstruct.assume_selected");
+      selected_of(r.assume_selected, VSPLAT_ASSUME_SELECTED, config, "options.reconstruct.assume_selected");
   return out;
 }
 
@@ -87,11 +87,11 @@ int view_count(const InputRequest& input, const Config& config) {
 }
 
 // Predicts from views of a set; all that it needs but device and photographs is its own.
-class Network {
+class Prediction {
  public:
-  Network(vsplat_device device, const Photographs& photographs, const vsplat_refine_options& o,
-          const InputRequest& input, const Placement& placement, std::vector<int> inputs,
-          std::shared_ptr<std::vector<int>> selected)
+  Prediction(vsplat_device device, const Photographs& photographs, const vsplat_refine_options& o,
+             const InputRequest& input, const Placement& placement, std::vector<int> inputs,
+             std::shared_ptr<std::vector<int>> selected)
       : device_(device),
         photographs_(photographs),
         model_(o.model),
@@ -119,7 +119,8 @@ class Network {
     }
     verbose("the network gets {}", names);
     check_cube_is_in_front(place_views(cameras, placement_, config.rebase).cameras, placement_);
-    Reconstruction out = reconstruct(device_->context, model_on(device_, model_.get()), prepared, placement_, options_);
+    Reconstruction out =
+        reconstruct(device_->context, network_on(device_, model_.get()), prepared, placement_, options_);
     device_->context.memory().trim();
     *selected_ = std::move(out.selected);
     return std::move(out.scene);
@@ -185,7 +186,7 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
         std::vector<int> inputs =
             inputs_of(photographs.set, input, used, view_count(input, vsplat_file(o.model).config));
         if (!input.names.empty()) made.named = inputs;
-        out.make = Network(device, photographs, o, input, out.placement, std::move(inputs), made.selected);
+        out.make = Prediction(device, photographs, o, input, out.placement, std::move(inputs), made.selected);
       }
       out.independent = true;
       return made;

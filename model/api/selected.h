@@ -1,13 +1,11 @@
 #pragma once
-#include "model/params/config.h"
-#include "model/params/lara_config.h"
+#include "model/params/any_config.h"
 
 namespace vsplat::api {
 
-// How many of the model's voxels a caller's share of them is, rounded down: the one place where shares become counts.
+// How many of what the network selects from, voxels or primitives, a caller's share of them is, rounded down: the one
+// place where shares become counts.
 // `asked` 0: `usual`. Error(usage) names `what` where it is no share.
-long voxels_of(double asked, double usual, const Config& config, const char* what);
-// The same of LaRa's primitives.
-long primitives_of(double asked, double usual, const LaraConfig& config, const char* what);
+long selected_of(double asked, double usual, const AnyConfig& config, const char* what);
 
 }  // namespace vsplat::api

@@ -40,8 +40,8 @@ std::optional<std::uint64_t> known(uint64_t intersections) {
 
 // What inference left on the device is in the way.
 void clear(vsplat_device device) {
-  device->model.reset();
-  device->model_key.reset();
+  device->network.reset();
+  device->network_key.reset();
   device->scene.reset();
   device->scene_key.reset();
   device->context.memory().trim();
@@ -68,7 +68,7 @@ DataSet data_of(const vsplat_train_options& o, const std::vector<TrainConfig>& s
 }
 
 // Of a stage; `o` must outlive it.
-TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
+TrainOptions options_from(const vsplat_train_options& o, const AnyConfig& model) {
   TrainOptions t;
   t.output = o.output;
   if (o.init) t.init = o.init;
@@ -87,8 +87,8 @@ TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
   if (o.on_message) t.on_message = [&o](const std::string& text) { o.on_message(o.user, text.c_str()); };
   if (o.go_on) t.stop = [&o] { return o.go_on(o.user) == 0; };
   if (o.selection) t.selection = o.selection;
-  t.planned_selected = voxels_of(o.assume_selected, VSPLAT_TRAIN_ASSUME_SELECTED, model, "options.assume_selected");
-  t.planned_in_sheet = voxels_of(0, VSPLAT_ASSUME_SELECTED, model, "options.assume_selected");
+  t.planned_selected = selected_of(o.assume_selected, VSPLAT_TRAIN_ASSUME_SELECTED, model, "options.assume_selected");
+  t.planned_in_sheet = selected_of(0, VSPLAT_ASSUME_SELECTED, model, "options.assume_selected");
   t.assumed_intersections = known(o.assume_intersections);
   return t;
 }
@@ -98,7 +98,7 @@ TrainOptions options_from(const vsplat_train_options& o, const Config& model) {
 double host_bytes(const char* config) {
   double most = 0;
   for (const TrainConfig& stage : train_stages_from_json(config)) {
-    const double pixels = stage.model.image, count = static_cast<double>(parameter_count(stage.model));
+    const double pixels = stage.model.image(), count = static_cast<double>(parameter_count(stage.model));
     const double views = static_cast<double>(stage.batch * (stage.inputs_max + stage.novel));
     most = std::max(most, (4 * count + 2 * views * 3 * pixels * pixels) * sizeof(float));
   }
@@ -112,11 +112,14 @@ Trainer::Plan plan_of_stages(Context& ctx, const char* config, const vsplat_trai
   for (const TrainConfig& stage : train_stages_from_json(config)) {
     TrainConfig alike = stage;
     alike.schedule = {}, alike.seed = 0;
+    const long last = total_steps(stage.schedule);  // whose loss is planned
+    alike.fine_after = last > stage.fine_after ? 0 : 1;
+    alike.surface_after = last > stage.surface_after ? 0 : 1;
     if (std::find(planned.begin(), planned.end(), alike) != planned.end()) continue;
     planned.push_back(std::move(alike));
     TrainPlanOptions p;
     if (o.selection) p.selection = o.selection;
-    p.selected = voxels_of(o.selected, VSPLAT_TRAIN_ASSUME_SELECTED, stage.model, "options.selected");
+    p.selected = selected_of(o.selected, VSPLAT_TRAIN_ASSUME_SELECTED, stage.model, "options.selected");
     p.intersections = known(o.intersections);
     p.bound = o.bound != 0;
     Trainer::Plan plan = plan_train(ctx, stage, p);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <optional>
 
@@ -55,15 +56,15 @@ class Strip {
 
 class Evaluator {
  public:
-  Evaluator(Context& ctx, const VsplatModel& model, const EvaluateOptions& options)
-      : ctx_(ctx), model_(model), options_(options) {}
+  Evaluator(Context& ctx, const Network& network, const EvaluateOptions& options)
+      : ctx_(ctx), network_(network), config_(network.config()), options_(options) {}
 
   void check() const;
   // Edge in pixels of what is compared.
-  int judged() const { return options_.request.judged > 0 ? options_.request.judged : model_.config().image; }
+  int judged() const { return options_.request.judged > 0 ? options_.request.judged : config_.image(); }
   EvaluationObject load(const DataObject& object, std::vector<std::string>& skipped,
                         std::vector<std::string>& missing) const {
-    return evaluation_object(object, model_.config(), options_.request, options_.skip_bad ? &skipped : nullptr,
+    return evaluation_object(object, config_.taken(), options_.request, options_.skip_bad ? &skipped : nullptr,
                              &missing);
   }
   // Means over the draws of noise.
@@ -74,8 +75,8 @@ class Evaluator {
  private:
   struct Drawn {
     Strip truth, coarse, result;
-    Scores poses;  // those of poses and rays
-    std::size_t selected = 0;
+    Scores poses;         // those of poses and rays
+    double selected = 0;  // a share
   };
 
   Drawn draw(const EvaluationObject& object, int noise_draw = 0) const;
@@ -86,7 +87,8 @@ class Evaluator {
   Strip render_refined(const EvaluationObject& object) const;
 
   Context& ctx_;
-  const VsplatModel& model_;
+  const Network& network_;
+  const AnyConfig& config_;
   const EvaluateOptions& options_;
 };
 
@@ -111,7 +113,7 @@ void Evaluator::check() const {
 
 Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
                             const std::optional<std::array<float, 3>>& mirror) const {
-  RenderOptions options;
+  RenderOptions options = network_.drawing();
   options.background = kWhite;
   options.near = near;
   options.mirror = mirror;
@@ -129,7 +131,7 @@ Scene Evaluator::reconstructed(const EvaluationObject& object, const std::vector
       prepared.push_back({object.pictures[i], to_frame(object.cameras[i], object.to_world.inverse())});
   ReconstructOptions options;
   options.forward.planned_selected = options_.planned_selected;
-  return reconstruct(ctx_, model_, prepared, object.framed.placement, options).scene;
+  return reconstruct(ctx_, network_, prepared, object.framed.placement, options).scene;
 }
 
 // Moved towards the inputs and nothing else: what is compared takes no part.
@@ -146,7 +148,7 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
 }
 
 Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw) const {
-  const int edge = model_.config().image;
+  const int edge = config_.image();
   std::vector<float> pictures;
   for (std::size_t i = 0; i < object.inputs; ++i)
     pictures.insert(pictures.end(), object.pictures[i].data.begin(), object.pictures[i].data.end());
@@ -159,30 +161,28 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
                                             : listed;
   ForwardOptions forward;
   forward.planned_selected = options_.planned_selected;
-  const ForwardResult result = model_.forward(ctx_, input, upload_cameras(ctx_, cameras), forward);
+  const Network::Result result = network_.forward(ctx_, input, cameras, forward);
+  const double selected = static_cast<double>(result.voxels.size()) / std::pow(result.volume, 3);
   Scores poses;
   if (noisy) {
     const PoseErrors off = pose_errors(cameras, listed);
     poses.pose_degrees = off.degrees, poses.pose_distance = off.distance;
   }
   if (result.rays) {
-    const Config& config = model_.config();
+    const Config& config = *config_.as<Config>();
     const RayErrors off = ray_errors(ctx_.read<float>(result.rays), patch_rays(listed, config.tokens(), config.patch));
     poses.ray_degrees = off.degrees, poses.ray_moment = off.moment;
   }
   Strip truth(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
-  std::optional<std::array<float, 3>> mirror;
-  if (model_.config().negate_camera_centre) mirror = std::array<float, 3>{0, 0, 0};
+  const std::optional<std::array<float, 3>> mirror = network_.drawing().mirror;
   const auto drawn = [&](const DeviceGaussians& gaussians) {
     return render_all(gaussians, object, static_cast<float>(kNearInObject), mirror);
   };
   const Strip coarse = drawn(result.coarse);
   // With no voxel selected there is nothing to move.
-  if (options_.refine && result.final.count() > 0)
-    return {truth, coarse, render_refined(object), poses, result.selected.size()};
-  return {truth, coarse, model_.config().levels == "coarse" ? coarse : drawn(result.final), poses,
-          result.selected.size()};
+  if (options_.refine && result.final.count() > 0) return {truth, coarse, render_refined(object), poses, selected};
+  return {truth, coarse, config_.has_fine() ? drawn(result.final) : coarse, poses, selected};
 }
 
 Scores mean_of(const std::vector<ObjectScores>& objects) {
@@ -213,7 +213,7 @@ Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
   out.ssim = ssim(result, truth);
   out.psnr_white = psnr(Image(truth.width, truth.height, 3, 1.0f), truth);
   out.psnr_nearest = psnr(nearest.image(), truth);
-  out.selected = static_cast<double>(drawn.selected) / static_cast<double>(model_.config().voxels());
+  out.selected = drawn.selected;
   for (const Lpips* lpips : options_.lpips)
     (lpips->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = lpips->distance(ctx_, result, truth);
   return out;
@@ -266,8 +266,8 @@ Scores::Scores()
       ray_degrees(lpips_alex),
       ray_moment(lpips_alex) {}
 
-Evaluation evaluate(Context& ctx, const VsplatModel& model, const DataSet& data, const EvaluateOptions& options) {
-  const Evaluator evaluator(ctx, model, options);
+Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options) {
+  const Evaluator evaluator(ctx, network, options);
   evaluator.check();
   Evaluation out;
   std::vector<const DataObject*> evaluated;

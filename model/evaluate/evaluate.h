@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "model/evaluate/evaluation_object.h"
-#include "model/network/vsplat_model.h"
 #include "model/pictures/lpips.h"
+#include "model/systems/network.h"
 
 namespace vsplat {
 
@@ -17,7 +17,7 @@ struct Scores {
   double psnr = 0, psnr_coarse = 0;         // of the model's result, and of its coarse level
   double ssim = 0;                          // of the result
   double psnr_white = 0, psnr_nearest = 0;  // of white pictures, and of the input view nearest by angle
-  double selected = 0;                      // voxels selected, a share of 0 to 1
+  double selected = 0;                      // voxels selected (with a kept primitive), a share of 0 to 1
   double lpips_alex, lpips_vgg;             // of the result; NaN where that was not asked for
   // How far what the network was told of the inputs' poses is from what is listed (base/pose_noise.h), and its
   // predicted rays from the listed poses'; NaN without noise, and where none are predicted.
@@ -57,6 +57,6 @@ struct Evaluation {
 };
 
 // Waits. Error(file, format or input) names object, view and what is wrong; with skip_bad only where no object is left.
-Evaluation evaluate(Context& ctx, const VsplatModel& model, const DataSet& data, const EvaluateOptions& options);
+Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options);
 
 }  // namespace vsplat

@@ -72,28 +72,28 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
 
 }  // namespace
 
-EvaluationObject evaluation_object(const DataObject& object, const Config& config, const EvaluationRequest& request,
+EvaluationObject evaluation_object(const DataObject& object, const TakenViews& taken, const EvaluationRequest& request,
                                    std::vector<std::string>* skipped, std::vector<std::string>* missing) {
   std::vector<std::string> untold;
-  const FrameRequest frame{config.image, request.fit, request.placement, missing ? missing : &untold};
+  const FrameRequest frame{taken.image, request.fit, request.placement, missing ? missing : &untold};
   const FramedObject framed = frame_object(object, frame, skipped);
   std::vector<int> good(static_cast<std::size_t>(framed.views()));
   std::iota(good.begin(), good.end(), 0);
   EvaluationObject out;
   while (true) {
     if (good.empty()) fail(Status::input, "{}: no view of it is left", told(object));
-    const Chosen chosen = choose(framed, good, config.views, request);
+    const Chosen chosen = choose(framed, good, taken.trained, request);
     out = {};
     out.name = object.name;
     out.inputs = chosen.inputs.size();
-    out.judged = request.judged > 0 ? request.judged : config.image;
+    out.judged = request.judged > 0 ? request.judged : taken.image;
     out.nearest = chosen.nearest;
     out.input_views = chosen.inputs;
     const std::optional<int> bad = decode(framed, chosen, frame, skipped, out);
     if (!bad) break;
     std::erase(good, *bad);
   }
-  PlacedViews placed = place_views(out.cameras, framed.placement, config.rebase);
+  PlacedViews placed = place_views(out.cameras, framed.placement, taken.rebase);
   out.cameras = std::move(placed.cameras);
   out.to_world = placed.to_world;
   try {

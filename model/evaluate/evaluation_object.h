@@ -7,7 +7,7 @@
 
 #include "model/data/framed_object.h"
 #include "model/evaluate/evaluation_views.h"
-#include "model/params/config.h"
+#include "model/params/config_fields.h"
 
 namespace vsplat {
 
@@ -35,10 +35,10 @@ struct EvaluationObject {
   const Image& input_judged(std::size_t i) const { return inputs_judged.empty() ? pictures[i] : inputs_judged[i]; }
 };
 
-// Config::views inputs, fewer where the cameras are in fewer places. Error(file, format or input) names object, view
-// and what is wrong. Where `skipped` is given, bad views are added to it and others taken, as long as any are left.
-// Listed views without a picture are always passed over, as reconstructing does, and told in `missing`.
-EvaluationObject evaluation_object(const DataObject& object, const Config& config, const EvaluationRequest& request,
+// TakenViews::trained inputs, fewer where the cameras are in fewer places. Error(file, format or input) names object,
+// view and what is wrong. Where `skipped` is given, bad views are added to it and others taken, as long as any are
+// left. Listed views without a picture are always passed over, as reconstructing does, and told in `missing`.
+EvaluationObject evaluation_object(const DataObject& object, const TakenViews& taken, const EvaluationRequest& request,
                                    std::vector<std::string>* skipped = nullptr,
                                    std::vector<std::string>* missing = nullptr);
 

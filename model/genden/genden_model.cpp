@@ -91,8 +91,20 @@ MemoryPlan GendenModel::plan(const Context& ctx, const GendenConfig& config, con
 GendenModel::Trained GendenModel::forward_in_training(Context& ctx, const Tensor& images,
                                                       const std::vector<Camera>& cameras, const GendenOptions& options,
                                                       bool recompute) const {
+  return fine_in_training(ctx, coarse_in_training(ctx, images, cameras, options, recompute), images, cameras, options);
+}
+
+LaraModel::CoarseHalf GendenModel::coarse_in_training(Context& ctx, const Tensor& images,
+                                                      const std::vector<Camera>& cameras, const GendenOptions& options,
+                                                      bool recompute) const {
+  return backbone_.coarse_in_training(ctx, images, cameras, options.backbone, recompute);
+}
+
+GendenModel::Trained GendenModel::fine_in_training(Context& ctx, LaraModel::CoarseHalf half, const Tensor& images,
+                                                   const std::vector<Camera>& cameras,
+                                                   const GendenOptions& options) const {
   Trained out;
-  out.backbone = backbone_.forward_in_training(ctx, images, cameras, options.backbone, recompute);
+  out.backbone = backbone_.fine_in_training(ctx, std::move(half), options.backbone);
   const LaraResult& base = out.backbone.result;
   const DeviceGaussians final = densify(ctx, base, score(ctx, base, images, cameras, options), options, &out.saved);
   out.result = {base.coarse, final, base.kept};

@@ -34,12 +34,17 @@ class GendenModel {
   GendenResult forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                        const GendenOptions& options) const;
 
-  // A training's forward and backward, as LaraModel has them. No gradient flows through the scores.
+  // A training's forward, in two halves or in one, and backward, as LaraModel has them. No gradient flows through the
+  // scores.
   struct Trained {
     GendenResult result;
     LaraModel::Trained backbone;
     std::shared_ptr<Densifier::Saved> saved;
   };
+  LaraModel::CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                                           const GendenOptions& options, bool recompute) const;
+  Trained fine_in_training(Context& ctx, LaraModel::CoarseHalf half, const Tensor& images,
+                           const std::vector<Camera>& cameras, const GendenOptions& options) const;
   Trained forward_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                               const GendenOptions& options, bool recompute) const;
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,

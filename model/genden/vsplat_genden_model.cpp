@@ -82,7 +82,7 @@ VsplatGendenResult VsplatGendenModel::forward(Context& ctx, const Tensor& images
   const DeviceGaussians final =
       made_to_measure(ctx, fmt::format("the densifier at {} Gaussians", base.final.count()),
                       [&](Context& c) { return densify(c, base.final, base.refined, scores, options, nullptr); });
-  VsplatGendenResult out{base.coarse, base.final, final, base.selected};
+  VsplatGendenResult out{base.coarse, base.final, final, base.selected, base.rays};
   if (tap) tap_fields(tap, "final", out.final);
   ctx.finish();
   return out;
@@ -112,10 +112,21 @@ VsplatGendenModel::Trained VsplatGendenModel::forward_in_training(Context& ctx, 
                                                                   const std::vector<Camera>& cameras,
                                                                   const VsplatGendenOptions& options,
                                                                   bool recompute) const {
+  return fine_in_training(ctx, coarse_in_training(ctx, images, cameras, options, recompute), images, cameras, options);
+}
+
+VsplatModel::CoarseHalf VsplatGendenModel::coarse_in_training(Context& ctx, const Tensor& images,
+                                                              const std::vector<Camera>& cameras,
+                                                              const VsplatGendenOptions& options,
+                                                              bool recompute) const {
+  return backbone_.coarse_in_training(ctx, images, upload_cameras(ctx, cameras), options.backbone, recompute);
+}
+
+VsplatGendenModel::Trained VsplatGendenModel::fine_in_training(Context& ctx, VsplatModel::CoarseHalf half,
+                                                               const Tensor& images, const std::vector<Camera>& cameras,
+                                                               const VsplatGendenOptions& options) const {
   Trained out;
-  out.backbone = backbone_.fine_in_training(
-      ctx, backbone_.coarse_in_training(ctx, images, upload_cameras(ctx, cameras), options.backbone, recompute),
-      options.backbone);
+  out.backbone = backbone_.fine_in_training(ctx, std::move(half), options.backbone);
   const DeviceGaussians& base = out.backbone.final;
   out.dense = std::make_shared<Dense>();
   out.final =
@@ -124,7 +135,7 @@ VsplatGendenModel::Trained VsplatGendenModel::forward_in_training(Context& ctx, 
 }
 
 void VsplatGendenModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                                 const GaussianGradients& dfinal) const {
+                                 const GaussianGradients& dfinal, const Tensor& drays) const {
   Dense& dense = *trained.dense;
   const GaussianGradients dbase = zero_gradients(ctx, dense.base, config_.sh_degree);
   Tensor drefined;
@@ -141,7 +152,7 @@ void VsplatGendenModel::backward(Context& ctx, Trained& trained, const GaussianG
       scatter_rows(ctx, {&plan, d.features, 0, 1, 1, drefined});
     }
   }
-  backbone_.backward(ctx, trained.backbone, dcoarse, dbase, drefined);
+  backbone_.backward(ctx, trained.backbone, dcoarse, dbase, drefined, drays);
 }
 
 }  // namespace vsplat

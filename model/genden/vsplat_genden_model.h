@@ -22,6 +22,7 @@ struct VsplatGendenResult {
   DeviceGaussians base;       // VS-Splat's final ones, N = (M + 1) P
   DeviceGaussians final;      // the new ones, then the candidates that were not replaced
   std::vector<int> selected;  // voxels
+  Tensor rays;                // [V, t, t, 6], where poses are predicted
 };
 
 class VsplatGendenModel {
@@ -35,17 +36,22 @@ class VsplatGendenModel {
   VsplatGendenResult forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                              const VsplatGendenOptions& options) const;
 
-  // A training's forward and backward, as VsplatModel has them. No gradient flows through the scores.
+  // A training's forward, in two halves or in one, and backward, as VsplatModel has them. No gradient flows through the
+  // scores. `drays` is by predicted rays alone.
   struct Dense;
   struct Trained {
     DeviceGaussians final;
     VsplatModel::Trained backbone;
     std::shared_ptr<Dense> dense;
   };
+  VsplatModel::CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                                             const VsplatGendenOptions& options, bool recompute) const;
+  Trained fine_in_training(Context& ctx, VsplatModel::CoarseHalf half, const Tensor& images,
+                           const std::vector<Camera>& cameras, const VsplatGendenOptions& options) const;
   Trained forward_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                               const VsplatGendenOptions& options, bool recompute) const;
-  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
-                const GaussianGradients& dfinal) const;
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
+                const Tensor& drays = {}) const;
 
   // As VsplatModel::plan.
   MemoryPlan plan(const Context& ctx, long views, long selected) const;

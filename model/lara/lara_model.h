@@ -79,9 +79,6 @@ class LaraModel {
   CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                                 const LaraOptions& options, bool recompute) const;
   Trained fine_in_training(Context& ctx, CoarseHalf half, const LaraOptions& options) const;
-  // Both.
-  Trained forward_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
-                              const LaraOptions& options, bool recompute) const;
   // From gradients by the coarse and the final primitives to those by the weights, which are added to LearntWeights'.
   // `dcoarse` is used up. `dfinal` without tensors: nothing depends on the final ones; else the coarse ones are drawn
   // once more, for what the final colours owe to them. Drawings that LaraOptions gave are constants.

@@ -29,12 +29,6 @@ LaraModel::Trained LaraModel::fine_in_training(Context& ctx, CoarseHalf half, co
   return out;
 }
 
-LaraModel::Trained LaraModel::forward_in_training(Context& ctx, const Tensor& images,
-                                                  const std::vector<Camera>& cameras, const LaraOptions& options,
-                                                  bool recompute) const {
-  return fine_in_training(ctx, coarse_in_training(ctx, images, cameras, options, recompute), options);
-}
-
 void LaraModel::hold_inputs(Saved& saved, const Tensor& images, const Coarse& state) const {
   const Modules& m = *modules_;
   const DeviceCameras& held = saved.cameras;

@@ -23,6 +23,9 @@ struct ForwardOptions {
   Tensor noise;                                 // f32 [R^3] logistic noise on the logits; none at inference
   const std::vector<int>* selection = nullptr;  // voxel indices that replace the selected ones, ascending
   long planned_selected = 0;                    // voxels that a plan takes for selected
+  // In a training of LaRa's network: without its second level, for whose sake alone the first is drawn. VS-Splat's has
+  // Config::levels.
+  bool fine = true;
   // Called with each stage's output under its golden name ("features", "logits", "coarse.means", ...); not while
   // planning.
   std::function<void(const std::string&, const Tensor&)> tap;

@@ -101,6 +101,11 @@ struct Config {
   int primitive_size() const { return 3 + 3 * sh_count() + 1 + 3 + 4; }  // offset, SH, opacity, scale, rotation
   int projected_ch() const { return use_projected ? vit_dim : 0; }
   long voxels() const { return static_cast<long>(volume) * volume * volume; }
+  // As AnyConfig has them.
+  long selectable() const { return voxels(); }
+  long noise() const { return voxels(); }
+  bool has_fine() const { return levels != "coarse"; }
+  bool has_surfels() const { return false; }
 
   bool operator==(const Config&) const = default;
 };

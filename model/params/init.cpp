@@ -94,8 +94,8 @@ std::vector<double> sobol_points(int count) {
 }
 
 // VS-Splat's, and what stands on it.
-template <class AnyConfig>
-static Weights weights_with_places(const AnyConfig& config, std::uint64_t seed) {
+template <class C>
+static Weights weights_with_places(const C& config, std::uint64_t seed) {
   check(config);
   Weights weights;
   for (const Parameter& p : parameters(config))
@@ -108,8 +108,8 @@ Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed) {
   return weights_with_places(config, seed);
 }
 
-template <class AnyConfig>
-static Weights drawn_weights(const AnyConfig& config, std::uint64_t seed) {
+template <class C>
+static Weights drawn_weights(const C& config, std::uint64_t seed) {
   check(config);
   Weights weights;
   for (const Parameter& p : parameters(config)) weights.set(p.name, initial_tensor(p, seed));
@@ -118,6 +118,9 @@ static Weights drawn_weights(const AnyConfig& config, std::uint64_t seed) {
 
 Weights initial_weights(const LaraConfig& config, std::uint64_t seed) { return drawn_weights(config, seed); }
 Weights initial_weights(const GendenConfig& config, std::uint64_t seed) { return drawn_weights(config, seed); }
+Weights initial_weights(const AnyConfig& config, std::uint64_t seed) {
+  return config.visit([seed](const auto& c) { return initial_weights(c, seed); });
+}
 
 std::size_t scale_places(Weights& weights, const Config& config, double factor) {
   std::size_t count = 0;

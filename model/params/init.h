@@ -4,10 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/params/config.h"
-#include "model/params/genden_config.h"
-#include "model/params/lara_config.h"
-#include "model/params/vsplat_genden_config.h"
+#include "model/params/any_config.h"
 #include "model/params/weights.h"
 
 namespace vsplat {
@@ -19,6 +16,7 @@ Weights initial_weights(const Config& config, std::uint64_t seed);
 Weights initial_weights(const LaraConfig& config, std::uint64_t seed);
 Weights initial_weights(const GendenConfig& config, std::uint64_t seed);
 Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed);
+Weights initial_weights(const AnyConfig& config, std::uint64_t seed);
 
 // Scales the places of the fine primitives within their voxel, which are in units of the cube's edge, for a cube with
 // another number of voxels: `factor` is the old number over the new one. How many values that were.

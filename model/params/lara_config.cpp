@@ -64,14 +64,18 @@ void check_sizes(const LaraConfig& c, const FieldChecks& is) {
 }  // namespace
 
 const std::vector<std::string>& lara_config_names() {
-  static const std::vector<std::string> names = {"published", "tiny", "micro"};
+  static const std::vector<std::string> names = {"published", "small", "tiny", "micro"};
   return names;
 }
 
 LaraConfig named_lara_config(const std::string& name) {
   LaraConfig c;
   if (name == "published") return c;
-  if (name == "tiny") {  // odd enough that a transposed axis or a hard-coded size shows
+  if (name == "small") {
+    c.image = 128, c.patch = 8, c.vit_dim = 384, c.vit_depth = 4, c.vit_heads = 6, c.vit_pos_grid = 16;
+    c.feature_volume = 16, c.volume = 16, c.volume_ch = 64, c.layers = 6, c.heads = 4, c.view_ch = 16;
+    c.out_ch = 32, c.offset_cells = 16, c.fine_heads = 4, c.fine_hidden = 32;
+  } else if (name == "tiny") {  // odd enough that a transposed axis or a hard-coded size shows
     c.image = 24, c.views = 3, c.patch = 4, c.vit_dim = 24, c.vit_depth = 2, c.vit_heads = 3, c.vit_pos_grid = 4;
     c.feature_volume = 3, c.volume = 6, c.windows = {3}, c.volume_ch = 16, c.layers = 3, c.heads = 4;
     c.view_ch = 4, c.out_ch = 12, c.offset_cells = 5, c.fine_heads = 2, c.fine_hidden = 10;

@@ -51,11 +51,16 @@ struct LaraConfig {
   long voxels() const { return static_cast<long>(volume) * volume * volume; }
   long lifted_voxels() const { return static_cast<long>(feature_volume) * feature_volume * feature_volume; }
   long most_primitives() const { return 8 * voxels() * primitives; }
+  // As AnyConfig has them.
+  long selectable() const { return most_primitives(); }
+  long noise() const { return 0; }
+  bool has_fine() const { return true; }
+  bool has_surfels() const { return kind == "surfel"; }
 
   bool operator==(const LaraConfig&) const = default;
 };
 
-// published, tiny and micro (for tests), in this order.
+// published, small (what two CPU cores train), tiny and micro (for tests), in this order.
 const std::vector<std::string>& lara_config_names();
 LaraConfig named_lara_config(const std::string& name);  // Error(usage) that lists the names
 

@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 #include <string_view>
+#include <type_traits>
 
 #include "model/base/rope_periods.h"
 #include "model/params/match_tensors.h"
@@ -19,9 +20,14 @@
 namespace vsplat {
 namespace {
 
-constexpr std::string_view kEncoder = "encoder.model.";
 constexpr const char* kPrefixes[] = {"",          "model.",  "encoder.model.",  "net.encoder.model.",
                                      "backbone.", "module.", "module.backbone."};
+
+// How the names of the encoder's parameters begin.
+std::string encoder_of(const AnyConfig& config) {
+  return config.visit(
+      [](const auto& c) { return SystemOf<std::decay_t<decltype(c)>>::modules[0] + std::string("model."); });
+}
 
 bool is_head(std::string_view name) { return name.starts_with("head.") || name.starts_with("fc_norm."); }
 
@@ -47,9 +53,8 @@ class EncoderIn {
   const Config& config() const { return config_; }
   bool dinov3() const { return config_.encoder == "dinov3"; }
 
-  // A parameter's values; the entries that they come of are used.
-  HostTensor values(const Parameter& p) {
-    const std::string bare = p.name.substr(kEncoder.size());
+  // Those of the parameter that is called `bare` within the encoder; the entries that they come of are used.
+  HostTensor values(const Parameter& p, const std::string& bare) {
     const bool query = bare.ends_with("attn.q_bias");
     if (meta_ && (query || bare.ends_with("attn.v_bias"))) {
       const std::string attention = bare.substr(0, bare.rfind('.'));
@@ -184,7 +189,10 @@ class EncoderIn {
 
 // The configuration's fields as the file's tensors show them; each that differs is named.
 template <class File>
-void compare_sizes(const File& file, const EncoderIn<File>& encoder, const Config& config) {
+void compare_sizes(const File& file, const EncoderIn<File>& encoder, const AnyConfig& config) {
+  if (encoder.dinov3() && !config.as<Config>())
+    fail(Status::format, "{}: DINOv3's encoder, which {} does not take: DINO's is expected", file.path(),
+         config.network());
   const auto need = [&](const char* field, const auto& found, const auto& expected) {
     if (found != expected)
       fail(Status::format,
@@ -192,25 +200,27 @@ void compare_sizes(const File& file, const EncoderIn<File>& encoder, const Confi
            file.path(), field, found, expected, field, found);
   };
   const Config& found = encoder.config();
-  need("encoder", found.encoder, config.encoder);
-  need("vit_dim", found.vit_dim, config.vit_dim);
-  need("patch", found.patch, config.patch);
-  if (!encoder.dinov3()) need("vit_pos_grid", found.vit_pos_grid, config.vit_pos_grid);
-  need("vit_depth", found.vit_depth, config.vit_depth);
+  const EncoderSizes sizes = config.visit([](const auto& c) { return c.encoder_sizes(); });
+  need("encoder", found.encoder, std::string(sizes.dinov3 ? "dinov3" : "dino"));
+  need("vit_dim", found.vit_dim, sizes.vit_dim);
+  need("patch", found.patch, sizes.patch);
+  if (!encoder.dinov3()) need("vit_pos_grid", found.vit_pos_grid, sizes.vit_pos_grid);
+  need("vit_depth", found.vit_depth, sizes.vit_depth);
   if (!encoder.dinov3()) return;
-  need("vit_registers", found.vit_registers, config.vit_registers);
-  need("vit_qkv_bias", found.vit_qkv_bias, config.vit_qkv_bias);
-  const std::string periods = encoder.periods(config.vit_heads, config.vit_rope_base);
-  if (!periods.empty()) need("vit_rope_periods", periods, config.vit_rope_periods);
+  need("vit_registers", found.vit_registers, sizes.registers);
+  need("vit_qkv_bias", found.vit_qkv_bias, sizes.qkv_bias);
+  const std::string periods = encoder.periods(sizes.vit_heads, sizes.rope_base);
+  if (!periods.empty()) need("vit_rope_periods", periods, std::string(sizes.rope_bf16 ? "bf16" : "exact"));
 }
 
 template <class File>
-std::vector<std::string> take_encoder(Weights& weights, const Config& config, const File& file) {
+std::vector<std::string> take_encoder(Weights& weights, const AnyConfig& config, const File& file) {
   EncoderIn<File> encoder(file);
   compare_sizes(file, encoder, config);
+  const std::string own = encoder_of(config);
   std::map<std::string, HostTensor> found;
   for (const Parameter& p : parameters(config))
-    if (p.name.starts_with(kEncoder)) found[p.name] = encoder.values(p);
+    if (p.name.starts_with(own)) found[p.name] = encoder.values(p, p.name.substr(own.size()));
   std::vector<std::string> left_out = encoder.left_out();
   for (auto& [name, tensor] : found) weights.set(name, std::move(tensor));
   return left_out;
@@ -218,11 +228,11 @@ std::vector<std::string> take_encoder(Weights& weights, const Config& config, co
 
 }  // namespace
 
-std::vector<std::string> load_encoder(Weights& weights, const Config& config, const TorchFile& file) {
+std::vector<std::string> load_encoder(Weights& weights, const AnyConfig& config, const TorchFile& file) {
   return take_encoder(weights, config, file);
 }
 
-void load_encoder(Weights& weights, const Config& config, const std::string& path) {
+void load_encoder(Weights& weights, const AnyConfig& config, const std::string& path) {
   std::vector<std::string> left_out;
   if (TorchFile::looks_like(path)) {
     left_out = take_encoder(weights, config, TorchFile(path));

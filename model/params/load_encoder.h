@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "model/io/torch_file.h"
-#include "model/params/config.h"
+#include "model/params/any_config.h"
 #include "model/params/deduced_config.h"
 #include "model/params/weights.h"
 
@@ -16,9 +16,9 @@ namespace vsplat {
 // "module.backbone."; with a prefix, what lies outside it is left alone, so a whole model file serves too. A
 // classification head is ignored, and what in Meta's files is for training. A ViT of other sizes, or of the other kind,
 // is an Error(format) that names the configuration's field.
-void load_encoder(Weights& weights, const Config& config, const std::string& path);
+void load_encoder(Weights& weights, const AnyConfig& config, const std::string& path);
 // The same of an open file; -> the names of the tensors that were left out.
-std::vector<std::string> load_encoder(Weights& weights, const Config& config, const TorchFile& file);
+std::vector<std::string> load_encoder(Weights& weights, const AnyConfig& config, const TorchFile& file);
 
 // Whether the file holds an encoder, and what its tensors tell of the configuration.
 bool has_encoder(const TorchFile& file);

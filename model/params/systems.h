@@ -20,12 +20,13 @@ namespace vsplat {
 struct VsplatSystem {
   using Config = vsplat::Config;
   static constexpr const char* name = "vsplat";                   // in model files; they are its where none is named
-  static constexpr const char* network = "VS-Splat's network";    // in messages
+  static constexpr const char* network = "VS-Splat's network";    // in messages, and so is
+  static constexpr const char* selects = "voxels";                // what it selects from
   static constexpr const char* mark = "encoder.model.cls_token";  // a tensor that it has, after a checkpoint's prefix
   static constexpr const char* modules[] = {"encoder.", "dir_norm.", "volume_network.", "voxel_network.", "predictor."};
   static const std::vector<std::string>& names() { return config_names(); }
   static Config named(const std::string& config) { return named_config(config); }
-  static Config from_json(const std::string& text) { return config_from_json(text); }
+  static Config from_json(const std::string& text, const Config& base = {}) { return config_from_json(text, base); }
   static DeducedConfig deduced(const TorchFile& file, const std::string& prefix) {
     return deduced_config(file, prefix);
   }
@@ -35,11 +36,14 @@ struct LaraSystem {
   using Config = LaraConfig;
   static constexpr const char* name = "lara";
   static constexpr const char* network = "LaRa's network";
+  static constexpr const char* selects = "primitives";
   static constexpr const char* mark = "img_encoder.model.cls_token";
   static constexpr const char* modules[] = {"img_encoder.", "dir_norm.", "vol_decoder.", "decoder.", "view_embed"};
   static const std::vector<std::string>& names() { return lara_config_names(); }
   static Config named(const std::string& config) { return named_lara_config(config); }
-  static Config from_json(const std::string& text) { return lara_config_from_json(text); }
+  static Config from_json(const std::string& text, const Config& base = {}) {
+    return lara_config_from_json(text, base);
+  }
   static DeducedLaraConfig deduced(const TorchFile& file, const std::string& prefix) {
     return deduced_lara_config(file, prefix);
   }
@@ -49,12 +53,15 @@ struct GendenSystem {
   using Config = GendenConfig;
   static constexpr const char* name = "genden";
   static constexpr const char* network = "GenDen's network";
+  static constexpr const char* selects = "primitives";
   static constexpr const char* mark = "img_encoder.model.cls_token";
   static constexpr const char* modules[] = {"img_encoder.", "dir_norm.",  "vol_decoder.",
                                             "decoder.",     "view_embed", "dec."};
   static const std::vector<std::string>& names() { return genden_config_names(); }
   static Config named(const std::string& config) { return named_genden_config(config); }
-  static Config from_json(const std::string& text) { return genden_config_from_json(text); }
+  static Config from_json(const std::string& text, const Config& base = {}) {
+    return genden_config_from_json(text, base);
+  }
   static DeducedGendenConfig deduced(const TorchFile& file, const std::string& prefix) {
     return deduced_genden_config(file, prefix);
   }
@@ -64,12 +71,15 @@ struct VsplatGendenSystem {
   using Config = VsplatGendenConfig;
   static constexpr const char* name = "vsplat+genden";
   static constexpr const char* network = "VS-Splat's network with GenDen's densifier";
+  static constexpr const char* selects = "voxels";
   static constexpr const char* mark = "encoder.model.cls_token";
   static constexpr const char* modules[] = {"encoder.",       "dir_norm.",  "volume_network.",
                                             "voxel_network.", "predictor.", "dec."};
   static const std::vector<std::string>& names() { return vsplat_genden_config_names(); }
   static Config named(const std::string& config) { return named_vsplat_genden_config(config); }
-  static Config from_json(const std::string& text) { return vsplat_genden_config_from_json(text); }
+  static Config from_json(const std::string& text, const Config& base = {}) {
+    return vsplat_genden_config_from_json(text, base);
+  }
   static DeducedVsplatGendenConfig deduced(const TorchFile& file, const std::string& prefix) {
     return deduced_vsplat_genden_config(file, prefix);
   }
@@ -78,6 +88,7 @@ struct VsplatGendenSystem {
 template <class... All>
 struct SystemList {
   using Model = std::variant<ModelOf<typename All::Config>...>;
+  using Configuration = std::variant<typename All::Config...>;
 
   // visit(S()) of the one with this name, with a Result; Error(format) that lists them where there is none.
   template <class Result, class Visit>

@@ -50,6 +50,44 @@ Config with_sizes_of(Config config, const Config& other) {
   config.use_views = other.use_views;
   return config;
 }
+LaraConfig with_sizes_of(LaraConfig config, const LaraConfig& other) {
+  config.image = other.image;
+  config.views = other.views;
+  return config;
+}
+GendenConfig with_sizes_of(GendenConfig config, const GendenConfig& other) {
+  config.image = other.image;
+  config.views = other.views;
+  return config;
+}
+VsplatGendenConfig with_sizes_of(VsplatGendenConfig config, const VsplatGendenConfig& other) {
+  config.image = other.image;
+  config.views = other.views;
+  config.use_views = other.use_views;
+  return config;
+}
+// One of another network stays as it is.
+AnyConfig with_sizes_of(const AnyConfig& config, const AnyConfig& other) {
+  return config.visit([&](const auto& own) {
+    const auto* same = other.get_if<std::decay_t<decltype(own)>>();
+    return same ? AnyConfig(with_sizes_of(own, *same)) : config;
+  });
+}
+
+// Of a model that is begun with in another size, what of its weights goes by the number of voxels; what is told of it.
+std::string adapt(Weights& weights, const Config& from, const Config& to, const std::string& path) {
+  if (from.volume == to.volume && from.image == to.image) return "";
+  const double factor = static_cast<double>(from.volume) / static_cast<double>(to.volume);
+  const std::size_t scaled = scale_places(weights, to, factor);
+  std::string told = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, goes on with {} and {}",
+                                 path, from.image, from.volume, to.image, to.volume);
+  if (from.volume != to.volume) told += fmt::format("; {} places within a voxel scaled by {:g}", scaled, factor);
+  return told;
+}
+std::string adapt(Weights&, const LaraConfig& from, const LaraConfig& to, const std::string& path) {
+  if (from.image == to.image) return "";
+  return fmt::format("{}: made for pictures of {} pixels, goes on with {}", path, from.image, to.image);
+}
 
 // The checkpoint with the configuration that is asked for; refused where it says another thing of the steps so far.
 Checkpoint continued(Checkpoint found, const TrainConfig& config, const BeginningRequest& request) {
@@ -78,36 +116,32 @@ Checkpoint random_beginning(const TrainConfig& config) {
   return out;
 }
 
-void check_model_fits(const Config& model, const TrainConfig& config) {
+void check_model_fits(const AnyConfig& model, const TrainConfig& config) {
   TrainConfig other = config;
   other.model = with_sizes_of(model, config.model);
   if (other != config) fail(Status::format, "{}", first_difference(other, config));
 }
 
 Beginning from_model(const TrainConfig& config, const std::string& path) {
-  ModelFile file = load_model(path);
-  try {
-    check_model_fits(file.config, config);
-  } catch (const Error& e) {
-    fail(
-        e.status(),
-        "{}: its model is not the configuration's, whose \"model\" must be the file's but for image, volume, views and "
-        "use_views: "
-        "{}",
-        path, e.what());
-  }
-  Beginning out;
-  out.checkpoint.config = config;
-  const int old_volume = file.config.volume, new_volume = config.model.volume;
-  if (old_volume != new_volume || file.config.image != config.model.image) {
-    const double factor = static_cast<double>(old_volume) / static_cast<double>(new_volume);
-    const std::size_t scaled = scale_places(file.weights, config.model, factor);
-    out.told = fmt::format("{}: made for pictures of {} pixels and {} voxels an edge, goes on with {} and {}", path,
-                           file.config.image, old_volume, config.model.image, new_volume);
-    if (old_volume != new_volume) out.told += fmt::format("; {} places within a voxel scaled by {:g}", scaled, factor);
-  }
-  out.checkpoint.parameters = std::move(file.weights);
-  return out;
+  AnyModel file = load_any_model(SafetensorsFile(path));
+  return std::visit(
+      [&](auto& model) {
+        try {
+          check_model_fits(model.config, config);
+        } catch (const Error& e) {
+          fail(e.status(),
+               "{}: its model is not the configuration's, whose \"model\" must be the file's but for image, volume, "
+               "views and use_views: {}",
+               path, e.what());
+        }
+        Beginning out;
+        out.checkpoint.config = config;
+        const auto& asked = *config.model.get_if<std::decay_t<decltype(model.config)>>();
+        out.told = adapt(model.weights, model.config, asked, path);
+        out.checkpoint.parameters = std::move(model.weights);
+        return out;
+      },
+      file);
 }
 
 Beginning begin(const TrainConfig& config, const BeginningRequest& request) {

@@ -11,8 +11,8 @@ namespace vsplat {
 Checkpoint random_beginning(const TrainConfig& config);
 
 // That a model of that configuration can be begun with: Error(format) names the first field that differs, but for
-// `image`, `volume` and `views`, which no parameter's shape depends on.
-void check_model_fits(const Config& model, const TrainConfig& config);
+// `image`, `views` and, of VS-Splat's, `volume`, which no parameter's shape depends on.
+void check_model_fits(const AnyConfig& model, const TrainConfig& config);
 
 struct Beginning {
   Checkpoint checkpoint;

@@ -27,6 +27,8 @@ void check(long step) {
 
 long usual_warmup(long steps) { return std::clamp(steps / 50, 1L, 1000L); }
 
+long usual_fine_after(long steps) { return std::clamp(steps / 10, 1L, 5000L); }
+
 long total_steps(const Schedule& s) { return std::accumulate(s.extend.begin(), s.extend.end(), s.steps); }
 
 double learning_rate(const Schedule& s, long step) {

@@ -22,6 +22,9 @@ struct Schedule {
 // The paper's shares of so many steps: a fiftieth of them, 1 to 1000, to warm up.
 long usual_warmup(long steps);
 
+// The same of those without the second level of LaRa's network: a tenth, 1 to 5000.
+long usual_fine_after(long steps);
+
 // Of the whole training.
 long total_steps(const Schedule& schedule);
 

@@ -29,7 +29,9 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 
 std::optional<std::vector<int>> forced(const TrainConfig& config, const std::string& selection) {
   if (selection.empty()) return std::nullopt;
-  return read_selection(selection, config.model.voxels());
+  if (!config.model.as<Config>())
+    fail(Status::usage, "{}: a list of voxels, which {} does not take", selection, config.model.network());
+  return read_selection(selection, config.model.selectable());
 }
 
 // How many voxels memory is made for: the forced ones, where there are any.
@@ -48,8 +50,8 @@ void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
 
 TrainingOptions reading(const TrainConfig& config, const TrainOptions& options) {
   TrainingOptions out;
-  out.image = config.model.image;
-  out.rebase = config.model.rebase;
+  out.image = config.model.image();
+  out.rebase = config.model.taken().rebase;
   out.seed = config.seed;
   out.batch = static_cast<int>(config.batch * config.accumulate);
   out.min_inputs = static_cast<int>(config.inputs_min);
@@ -164,10 +166,10 @@ std::string step_name(const char* what, long step, const char* suffix) {
 
 // What is to be told of it. A step may fit where a sheet does not, which refines what the network selects even where a
 // step refines given voxels; a training does not end for that.
-std::string draw_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
+std::string draw_sheet(Context& ctx, const Network& network, const TrainingViews& views, double temperature,
                        long planned_selected, const std::string& path) {
   try {
-    write_png(path, training_sheet(ctx, model, views, temperature, planned_selected));
+    write_png(path, training_sheet(ctx, network, views, temperature, planned_selected));
   } catch (const Error& e) {
     if (e.status() != Status::memory) throw;
     return fmt::format("{} is left out: {}", path, e.what());
@@ -209,7 +211,7 @@ class RunFolder {
 
   void add_sheet(Context& ctx, const Trainer& trainer, const TrainingViews& views, double temperature) const {
     const std::string path = (folder_ / "sheets" / step_name("step", trainer.step(), ".png")).string();
-    say(draw_sheet(ctx, VsplatModel(ctx, config_.model, trainer.weights()), views, temperature,
+    say(draw_sheet(ctx, *make_network(ctx, config_.model, trainer.weights()), views, temperature,
                    options_.planned_in_sheet, path));
   }
 

@@ -45,6 +45,10 @@ void each_field(C& c, Visit visit) {
   visit("clip_norm", c.clip_norm);
   visit("ssim_weight", c.ssim_weight);
   visit("alpha_weight", c.alpha_weight);
+  visit("fine_after", c.fine_after);
+  visit("surface_after", c.surface_after);
+  visit("distortion_weight", c.distortion_weight);
+  visit("normal_weight", c.normal_weight);
   visit("ema", c.ema);
   visit("frozen", c.frozen);
   visit("inputs_min", c.inputs_min);
@@ -93,6 +97,14 @@ void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   is.in("clip_norm", c.clip_norm, c.clip_norm > 0, "above 0");
   is.in("ssim_weight", c.ssim_weight, c.ssim_weight >= 0, "at least 0");
   is.in("alpha_weight", c.alpha_weight, c.alpha_weight >= 0, "at least 0");
+  is.within("fine_after", c.fine_after, 0, c.model.get_if<LaraConfig>() ? kMostSteps : 0);
+  is.within("surface_after", c.surface_after, 0, kMostSteps);
+  for (const auto& [name, value] :
+       {std::pair{"distortion_weight", c.distortion_weight}, {"normal_weight", c.normal_weight}})
+    if (c.model.has_surfels())
+      is.in(name, value, value >= 0, "at least 0");
+    else
+      is.in(name, value, value == 0, "0: the model is not one of surfels");
 }
 
 void check_frozen(const TrainConfig& c, const FieldChecks& is) {
@@ -106,22 +118,20 @@ void check_frozen(const TrainConfig& c, const FieldChecks& is) {
 }
 
 void check_views(const TrainConfig& c, const FieldChecks& is) {
-  is.within("inputs_max", c.inputs_max, 1, 16);
-  is.within("inputs_min", c.inputs_min, 1, c.inputs_max);
+  const Config* own = c.model.as<Config>();
+  const long fewest = own && own->predicts_poses() ? 2 : 1;
+  is.within("inputs_max", c.inputs_max, fewest, c.model.taken().most);
+  is.within("inputs_min", c.inputs_min, fewest, c.inputs_max);
   is.within("novel", c.novel, 0, 64);
   is.one_of("fit", c.fit, {"auto", "object", "crop", "pad"});
   is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
   is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
   is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
   is.in("pose_noise", c.pose_noise, c.pose_noise >= 0 && c.pose_noise <= 1, "0 to 1");
-  if (c.model.predicts_poses()) {
-    is.within("inputs_max", c.inputs_max, 2, c.model.share_max_views);
-    is.within("inputs_min", c.inputs_min, 2, c.inputs_max);
-  }
   is.in("procedural", c.procedural, c.procedural >= 0 && c.procedural <= 1, "0 to 1");
 }
 
-Config read_model(const json& value) {
+AnyConfig read_model(const json& value) {
   if (value.is_string()) return named_config(value.get<std::string>());
   if (!value.is_object())
     fail(Status::format, "model must be one of {}, or an object (found {})", fmt::join(config_names(), ", "),
@@ -130,7 +140,7 @@ Config read_model(const json& value) {
   std::string base = kBase;
   json_fields::read_present(value, "base", base, "model");
   fields.erase("base");
-  return config_from_json(fields.dump(), named_config(base));
+  return any_config_from_json(fields.dump(), base);
 }
 
 }  // namespace
@@ -160,7 +170,7 @@ void check(const TrainConfig& c, Status status) {
 
 std::string to_json(const TrainConfig& config) {
   ordered_json out = ordered_json::object();
-  out["model"] = ordered_json::parse(to_json(config.model));
+  out["model"] = ordered_json::parse(any_to_json(config.model));
   each_field(config, [&](const char* name, const auto& value) { out[name] = value; });
   return out.dump(2, ' ', true, ordered_json::error_handler_t::replace);
 }
@@ -228,10 +238,20 @@ TrainConfig train_config_from_json(const std::string& text) {
       fail(Status::format, "{}: model: {}", kWhat, e.what());
     }
   }
-  config.inputs_min = config.inputs_max = config.novel = config.model.views;
+  config.inputs_min = config.inputs_max = config.novel = config.model.taken().trained;
   each_field(config, [&](const char* name, auto& value) { json_fields::read_present(object, name, value, kWhat); });
   if (!object.contains("warmup")) config.schedule.warmup = usual_warmup(config.schedule.steps);
   if (!object.contains("tau_steps")) config.schedule.tau_steps = config.schedule.steps;
+  const auto usual = [&](const char* name, auto& field, auto value) {
+    if (!object.contains(name)) field = value;
+  };
+  if (config.model.get_if<LaraConfig>())
+    usual("fine_after", config.fine_after, usual_fine_after(config.schedule.steps));
+  if (config.model.has_surfels()) {  // as LaRa was trained
+    usual("surface_after", config.surface_after, usual_warmup(config.schedule.steps));
+    usual("distortion_weight", config.distortion_weight, 1000.0);
+    usual("normal_weight", config.normal_weight, 0.2);
+  }
   try {
     check(config, Status::format);
   } catch (const Error& e) {

@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "model/params/any_config.h"
 #include "model/params/config.h"
-#include "model/params/parameter.h"
 #include "model/train/schedule.h"
 
 namespace vsplat {
 
 struct TrainConfig {
-  Config model = named_config("small");
+  AnyConfig model = named_config("small");
   std::uint64_t seed = 0;  // of the initial weights, of every choice and of all noise
 
   // A step: `accumulate` batches of `batch` objects each, whose gradients' mean is what the optimiser sees.
@@ -29,7 +29,12 @@ struct TrainConfig {
   double ssim_weight = 0.5;  // w in MSE + w (1 - SSIM), for each level
   double alpha_weight = 0;   // a in + a |alpha - the picture's|, in the mean over pixels of views that have a mask
                              // or alpha; in the gradients alone, not in what is reported. 0: none
-  double ema = 0;            // decay of a moving average of the weights; 0: none
+  // Of LaRa's network. Until so many steps are done, its second level is left out. After so many, the loss has
+  // distortion_weight times the mean distortion of the first level, and normal_weight times how far normals are from
+  // those of the surface that the depths span, if it is of surfels.
+  long fine_after = 0, surface_after = 0;
+  double distortion_weight = 0, normal_weight = 0;
+  double ema = 0;                   // decay of a moving average of the weights; 0: none
   std::vector<std::string> frozen;  // parameters whose names start with one of these are not trained
 
   // What an object shows: the number of input views is drawn anew for each, from inputs_min to inputs_max.
@@ -69,8 +74,10 @@ void check(const TrainConfig& config, Status status = Status::usage);
 std::string to_json(const TrainConfig& config);
 
 // Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, warmup usual_warmup() of the
-// steps, tau_steps all of them, the others those above. `model` is a name of config_names(), or an object of the
-// configuration's fields over those of `base`, such a name, "small" where it is absent. Unknown fields, wrong types and
+// steps, tau_steps all of them, of LaRa's network fine_after a tenth of the steps, at most 5000, and of surfels
+// surface_after as many as warm up usually, distortion_weight 1000 and normal_weight 0.2; the others those above.
+// `model` is a name of config_names(), or an object of the configuration's fields over those of `base`, such a name of
+// its `system`, "small" where it is absent. Unknown fields, wrong types and
 // what cannot be trained are an Error(format) that names them.
 TrainConfig train_config_from_json(const std::string& text);
 

@@ -72,7 +72,7 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
       config_(start.config),
       planned_(planned_selected),
       step_(start.step),
-      weights_(ctx, start.config.model, start.parameters,
+      weights_(ctx, parameters(start.config.model), start.parameters,
                [&start](const Parameter& p) { return mover_of(start.config, p); }),
       state_(start.state) {
   for (const LearntRun& run : weights_.runs()) {
@@ -89,9 +89,17 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
   memory_.kept_between = most.fits && most.peak <= ctx.memory().limits().total / 2;
 }
 
+void Trainer::set_loss(PassOptions& options, long step) const {
+  options.ssim_weight = static_cast<float>(config_.ssim_weight);
+  options.alpha_weight = static_cast<float>(config_.alpha_weight);
+  options.forward.fine = step > config_.fine_after;
+  if (step > config_.surface_after)
+    options.surface = {static_cast<float>(config_.distortion_weight), static_cast<float>(config_.normal_weight)};
+}
+
 PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& options) const {
   const TrainingViews& views = *object.given.views;
-  const long s = config_.model.image, n = views.inputs, all = static_cast<long>(views.cameras.size());
+  const long s = config_.model.image(), n = views.inputs, all = static_cast<long>(views.cameras.size());
   const auto pixels = static_cast<std::size_t>(s * s * 3);
   const bool whole = ctx.planning() || views.pictures.size() == pixels * views.cameras.size();
   if (n < 1 || n > all || !whole)
@@ -113,7 +121,8 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
     const std::vector<std::uint8_t>& rgba = views.rgba.at(static_cast<std::size_t>(v));
     out.rgba.push_back(rgba.empty() ? Tensor() : ctx.upload({s, s, 4}, rgba, Type::u8, "target alpha"));
   }
-  const Tensor noise = options.forward.noise = ctx.tensor({config_.model.voxels()}, Type::f32, "noise");
+  if (config_.model.noise() == 0) return out;
+  const Tensor noise = options.forward.noise = ctx.tensor({config_.model.noise()}, Type::f32, "noise");
   if (object.given.noise)
     ctx.write(noise, object.given.noise->data());
   else
@@ -122,34 +131,34 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
 }
 
 StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute) {
-  const Config& model_config = config_.model;
   StepReport report;
   report.step = step_ + 1;
   report.lr = learning_rate(config_.schedule, report.step);
   report.temperature = vsplat::temperature(config_.schedule, report.step);
   weights_.zero_gradients(ctx_);
-  const VsplatModel model(ctx_, model_config, weights_);
+  const auto network = make_network(ctx_, config_.model, weights_);
   double mse = 0, mse_coarse = 0;
   const double share = 1.0 / static_cast<double>(items.size());
   for (std::size_t i = 0; i < items.size(); ++i) {
     PassOptions options;
-    options.ssim_weight = static_cast<float>(config_.ssim_weight);
-    options.alpha_weight = static_cast<float>(config_.alpha_weight);
+    set_loss(options, report.step);
     options.forward.selection = items[i].selection;
     options.forward.temperature = report.temperature;
     options.scale = static_cast<float>(share);
     const StepObject object{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
-    if (!memory_.kept_between) memory_ = {rounded(planned_), recompute};
-    const PassResult result = finish_pass(ctx_, model, draw_in_memory(ctx_, model, object, options, memory_, -1));
+    const bool more = step_ > 0 && (step_ == config_.fine_after || step_ == config_.surface_after);  // of the loss
+    if (!memory_.kept_between || more) memory_ = {rounded(planned_), recompute, 0, memory_.kept_between};
+    const PassResult result = finish_pass(ctx_, *network, draw_in_memory(ctx_, *network, object, options, memory_, -1));
     const auto inputs = static_cast<std::size_t>(items[i].views->inputs);
     const Means coarse = read_means(ctx_, result.coarse, inputs);
     const Means fine = result.final.empty() ? coarse : read_means(ctx_, result.final, inputs);
     report.loss += share * (result.final.empty() ? coarse.loss : coarse.loss + fine.loss);
     if (result.rays)
-      report.loss += share * model_config.share_loss_weight * static_cast<double>(ctx_.read<float>(result.rays)[0]);
+      report.loss +=
+          share * config_.model.as<Config>()->share_loss_weight * static_cast<double>(ctx_.read<float>(result.rays)[0]);
     mse += share * fine.mse;
     mse_coarse += share * coarse.mse;
-    report.selected += share * static_cast<double>(result.selected) / static_cast<double>(model_config.voxels());
+    report.selected += share * static_cast<double>(result.selected) / static_cast<double>(config_.model.selectable());
     report.most_selected = std::max(report.most_selected, result.selected);
     report.intersections = std::max(report.intersections, result.intersections);
   }

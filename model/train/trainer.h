@@ -30,10 +30,10 @@ struct StepReport {
   double loss = 0;                   // both levels, and predicted rays
   double psnr = 0, psnr_coarse = 0;  // from the mean squared error over novel views (input views, where there are no
                                      // others); where `levels` is "coarse" they are equal
-  double selected = 0;               // share of the voxels
+  double selected = 0;               // share of what the network selects from: voxels, or LaRa's primitives
   double gradient_norm = 0;          // before clipping
   std::uint64_t intersections = 0;   // the most in a picture
-  long most_selected = 0;            // voxels, of the objects
+  long most_selected = 0;            // of them, of the objects
 };
 
 class Trainer {
@@ -94,7 +94,9 @@ class Trainer {
     const StepItem& given;
     std::uint32_t noise_draw = 0;  // which of the draws from the seed its noise is
   };
-  // With the noise in `options`.
+  // What of the loss that step has.
+  void set_loss(PassOptions& options, long step) const;
+  // With the noise in `options`, where the network has any.
   PassViews upload(Context& ctx, const StepObject& object, PassOptions& options) const;
   void clip(Context& ctx, const Tensor& out) const;
   // One step of the optimiser by the gradients that are there, clipped by `norm`.
@@ -103,9 +105,9 @@ class Trainer {
   StepReport gradients(const std::vector<StepItem>& items, bool recompute);
   // Forward and drawing in memory that was made for it; `memory` becomes what it took. `planned`: selected voxels, on a
   // context that plans.
-  DrawnPass draw_in_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+  DrawnPass draw_in_memory(Context& ctx, const Network& network, const StepObject& object, PassOptions options,
                            ObjectMemory& memory, long planned) const;
-  void make_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+  void make_memory(Context& ctx, const Network& network, const StepObject& object, PassOptions options,
                    ObjectMemory& memory) const;
   long rounded(long selected) const;
   // Whether an object fits; `out` becomes what it takes, also where it does not.

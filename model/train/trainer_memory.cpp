@@ -17,11 +17,11 @@ constexpr long kMargin = 1 << 16;  // elements for what drawing asks for beside 
 
 // Some more than were selected now, so that the next object fits, too.
 long Trainer::rounded(long selected) const {
-  const long voxels = config_.model.voxels(), unit = std::max(1L, voxels / 16);
-  return std::min(voxels, (selected + unit - 1) / unit * unit);
+  const long all = config_.model.selectable(), unit = std::max(1L, all / 16);
+  return std::min(all, (selected + unit - 1) / unit * unit);
 }
 
-void Trainer::make_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+void Trainer::make_memory(Context& ctx, const Network& network, const StepObject& object, PassOptions options,
                           ObjectMemory& memory) const {
   const auto count = static_cast<long>(object.given.views->cameras.size());
   if (memory.views >= count) return;
@@ -31,7 +31,7 @@ void Trainer::make_memory(Context& ctx, const VsplatModel& model, const StepObje
   options.assumed_intersections = {};
   const auto run = [&](Context& c) {
     const PassViews views = upload(c, object, options);
-    training_pass(c, model, views, options);
+    training_pass(c, network, views, options);
   };
   if (!memory.recompute) {  // what is kept must not be in the way of drawing
     options.whole = true;
@@ -46,9 +46,9 @@ void Trainer::make_memory(Context& ctx, const VsplatModel& model, const StepObje
     const auto planner = ctx.planner();
     run(*planner);
     fail(Status::memory,
-         "not enough device memory: with {} of {} voxels selected and {} views a step needs {:.3f} GiB, {:.3f} GiB may "
+         "not enough device memory: with {} of {} {} selected and {} views a step needs {:.3f} GiB, {:.3f} GiB may "
          "be used (vsplat_device_options.max_memory_gib, fewer views, a smaller model or another device)",
-         memory.selected, config_.model.voxels(), count, gib(planner->memory().peak()),
+         memory.selected, config_.model.selectable(), config_.model.selects(), count, gib(planner->memory().peak()),
          gib(ctx.memory().limits().total));
   }
   memory.views = count;
@@ -56,21 +56,21 @@ void Trainer::make_memory(Context& ctx, const VsplatModel& model, const StepObje
 
 // Tries with the memory of the object before, as long as no more voxels are selected; where that does not fit, with as
 // much as this object's voxels take, and then with activations computed a second time.
-DrawnPass Trainer::draw_in_memory(Context& ctx, const VsplatModel& model, const StepObject& object, PassOptions options,
+DrawnPass Trainer::draw_in_memory(Context& ctx, const Network& network, const StepObject& object, PassOptions options,
                                   ObjectMemory& memory, long planned) const {
   std::optional<long> selected;  // known once the coarse half has run
-  if (config_.model.levels == "coarse") selected = 0;
+  if (!config_.model.has_fine()) selected = 0;
   bool to_measure = false;
   options.forward.planned_selected = std::max(planned, 0L);
   if (memory.views == 0) ctx.memory().trim();
   for (;;) {
     options.recompute = memory.recompute;
     try {
-      make_memory(ctx, model, object, options, memory);
+      make_memory(ctx, network, object, options, memory);
       const PassViews views = upload(ctx, object, options);
-      VsplatModel::CoarseHalf half = begin_pass(ctx, model, views, options);
-      if (config_.model.levels != "coarse") selected = half.selected;
-      if (half.selected <= memory.selected) return draw_pass(ctx, model, views, options, std::move(half));
+      Network::Half half = begin_pass(ctx, network, views, options);
+      if (config_.model.has_fine()) selected = half.selected;
+      if (half.selected <= memory.selected) return draw_pass(ctx, network, views, options, std::move(half));
       memory.selected = rounded(half.selected);
     } catch (const Error& e) {
       const bool smallest = to_measure && memory.recompute;
@@ -90,7 +90,7 @@ DrawnPass Trainer::draw_in_memory(Context& ctx, const VsplatModel& model, const 
 
 bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::optional<std::uint64_t> intersections,
                           bool network_alone) const {
-  const long s = config_.model.image, all = config_.inputs_max + config_.novel;
+  const long s = config_.model.image(), all = config_.inputs_max + config_.novel;
   TrainingViews views;
   views.inputs = static_cast<int>(config_.inputs_max);
   views.cameras.resize(static_cast<std::size_t>(all));
@@ -104,22 +104,22 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
   const StepItem given{&views};
   const StepObject object{given};
   PassOptions options;
-  options.alpha_weight = static_cast<float>(config_.alpha_weight);
+  set_loss(options, total_steps(config_.schedule));  // what the last steps take
   options.assumed_intersections = intersections;
   options.network_alone = network_alone;
   std::unique_ptr<Context> for_model, ctx;
   bool ran = false;
   try {
     for_model = ctx_.planner();
-    const VsplatModel model(*for_model, config_.model, weights_);
+    const auto network = make_network(*for_model, config_.model, weights_);
     ctx = for_model->planner();  // in which the model's slabs stand, as in a step
     if (network_alone) {
       options.recompute = memory.recompute;
       options.forward.planned_selected = selected;
       const PassViews uploaded = upload(*ctx, object, options);
-      training_pass(*ctx, model, uploaded, options);
+      training_pass(*ctx, *network, uploaded, options);
     } else {
-      finish_pass(*ctx, model, draw_in_memory(*ctx, model, object, options, memory, selected));
+      finish_pass(*ctx, *network, draw_in_memory(*ctx, *network, object, options, memory, selected));
     }
     const Tensor norm = ctx->tensor({2}, Type::f32, "gradient norm");
     clip(*ctx, norm);
@@ -150,6 +150,8 @@ Trainer::Plan Trainer::plan(long selected, std::optional<std::uint64_t> intersec
 
 Trainer::Plan Trainer::plan(std::optional<std::uint64_t> intersections) const { return plan(planned_, intersections); }
 
-Trainer::Plan Trainer::bound() const { return plan(config_.model.voxels(), std::numeric_limits<std::uint64_t>::max()); }
+Trainer::Plan Trainer::bound() const {
+  return plan(config_.model.selectable(), std::numeric_limits<std::uint64_t>::max());
+}
 
 }  // namespace vsplat

@@ -4,9 +4,11 @@
 
 #include "model/base/scene.h"
 #include "model/network/ray_predictor.h"
+#include "model/ops/lara_maps.h"
 #include "model/ops/loss.h"
 #include "model/ops/picture_target.h"
 #include "model/ops/ray_loss.h"
+#include "model/ops/surface_loss.h"
 #include "model/splat/render_backward.h"
 #include "runtime/fail.h"
 
@@ -16,28 +18,31 @@ namespace {
 // One level in every view: its losses, and the gradient by its Gaussians.
 class Level {
  public:
-  Level(Context& ctx, const Config& config, const DeviceGaussians& gaussians)
-      : ctx_(ctx), config_(config), gaussians_(gaussians) {
-    gradient_ = {zero_gradients(ctx, gaussians.count(), gaussians.sh_degree())};
+  Level(Context& ctx, RenderOptions drawing, const DeviceGaussians& gaussians)
+      : ctx_(ctx), drawing_(std::move(drawing)), gaussians_(gaussians) {
+    gradient_ = {zero_gradients(ctx, gaussians.count(), gaussians.sh_degree(), gaussians.kind())};
   }
 
-  void draw(const PassViews& views, const PassOptions& options, LevelLoss& losses, std::uint64_t& intersections) {
+  void draw(const PassViews& views, const PassOptions& options, const SurfaceWeights& surface, LevelLoss& losses,
+            std::uint64_t& intersections) {
     const float share = options.scale / static_cast<float>(views.cameras.size());
     for (std::size_t v = 0; v < views.cameras.size(); ++v) {
       const Camera& camera = views.cameras[v];
       const Tensor value = ctx_.tensor({3}, Type::f32, "loss");
       losses.push_back(value);
       if (options.network_alone && ctx_.planning()) continue;
-      RenderOptions how;
+      RenderOptions how = drawing_;
       how.near = static_cast<float>(kNearInObject);
       how.background = views.backgrounds.at(v);
-      if (config_.negate_camera_centre) how.mirror = std::array<float, 3>{0, 0, 0};
+      how.maps.normal = how.maps.distortion = surface.any();
       how.counts = [&](const Part& part) { return planned(camera, part, options); };
       const auto loss = [&](Context& c, const DevicePicture& picture) {
         const Shape one{1, camera.height, camera.width, 3};
         const Tensor by = c.tensor(one, Type::f32, "loss by the picture");
         picture_loss(c, {picture.colour.reshaped(one), views.targets.at(v), options.ssim_weight, value, by, share});
-        return PictureGradient{by.reshaped(picture.colour.shape()), by_alpha(c, views, v, picture, options, share), {}};
+        PictureGradient out{by.reshaped(picture.colour.shape()), by_alpha(c, views, v, picture, options, share), {}};
+        if (surface.any()) add_surface(c, camera, picture, surface, share, value, out);
+        return out;
       };
       const DrawnPicture drawn = render_with_backward(ctx_, gaussians_, camera, how, loss, gradient_);
       intersections = std::max(intersections, drawn.intersections);
@@ -57,6 +62,26 @@ class Level {
     return out;
   }
 
+  // The surface's terms, added to the loss; by the maps that the picture has no gradients of yet, and by alpha.
+  static void add_surface(Context& ctx, const Camera& camera, const DevicePicture& picture,
+                          const SurfaceWeights& surface, float share, const Tensor& value, PictureGradient& out) {
+    const Tensor view = upload_views(ctx, {camera}, static_cast<float>(kNearInObject), {});
+    const LaraMaps maps = lara_maps_forward(ctx, {picture, view, 0});
+    const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "loss by the surface"); };
+    LaraMapsGradient by;
+    by.alpha = out.alpha;
+    by.normal = like(maps.normal);
+    by.depth_normal = like(maps.depth_normal);
+    by.distortion = like(picture.distortion);
+    surface_loss(ctx, {maps.normal, maps.depth_normal, picture.alpha, picture.distortion, surface, value, by.normal,
+                       by.depth_normal, by.distortion, share});
+    const PictureGradient through = lara_maps_backward(ctx, {picture, view, 0, by});
+    out.alpha = through.alpha;
+    out.depth = through.depth;
+    out.normal = through.normal;
+    out.distortion = through.distortion;
+  }
+
   // What a plan takes a part of a picture for.
   VisibleCount planned(const Camera& camera, const Part& part, const PassOptions& options) const {
     if (options.whole && part.tiles() < tiles_along(camera.width) * tiles_along(camera.height))
@@ -71,7 +96,7 @@ class Level {
   }
 
   Context& ctx_;
-  const Config& config_;
+  RenderOptions drawing_;
   const DeviceGaussians& gaussians_;
   SceneGradient gradient_;
 };
@@ -96,40 +121,38 @@ void lose_rays(Context& ctx, const Config& config, const PassViews& views, const
 
 }  // namespace
 
-VsplatModel::CoarseHalf begin_pass(Context& ctx, const VsplatModel& model, const PassViews& views,
-                                   const PassOptions& options) {
+Network::Half begin_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options) {
   const std::vector<Camera> told = views.given.empty() ? input_cameras(views) : views.given;
-  return model.coarse_in_training(ctx, views.inputs, upload_cameras(ctx, told), options.forward, options.recompute);
+  return network.begin(ctx, views.inputs, told, options.forward, options.recompute);
 }
 
-DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options,
-                    VsplatModel::CoarseHalf half) {
-  const Config& config = model.config();
+DrawnPass draw_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options,
+                    Network::Half half) {
   DrawnPass out;
-  out.trained = model.fine_in_training(ctx, std::move(half), options.forward);
+  out.trained = network.finish(ctx, std::move(half), options.forward);
   PassResult& result = out.result;
-  if (out.trained.selected) result.selected = out.trained.selected.dim(0);
-  if (out.trained.rays) lose_rays(ctx, config, views, options, out);
+  result.selected = out.trained.selected;
+  if (out.trained.rays) lose_rays(ctx, *network.config().as<Config>(), views, options, out);
   {
-    Level level(ctx, config, out.trained.coarse);
-    level.draw(views, options, result.coarse, result.intersections);
+    Level level(ctx, network.drawing(), out.trained.coarse);
+    level.draw(views, options, options.surface, result.coarse, result.intersections);
     out.dcoarse = level.take();
   }
-  if (config.levels != "coarse") {
-    Level level(ctx, config, out.trained.final);
-    level.draw(views, options, result.final, result.intersections);
+  if (network.config().has_fine() && options.forward.fine) {
+    Level level(ctx, network.drawing(), out.trained.final);
+    level.draw(views, options, {}, result.final, result.intersections);
     out.dfinal = level.take();
   }
   return out;
 }
 
-PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass) {
-  model.backward(ctx, pass.trained, pass.dcoarse, pass.dfinal, {}, pass.drays);
+PassResult finish_pass(Context& ctx, const Network& network, DrawnPass pass) {
+  network.backward(ctx, pass.trained, pass.dcoarse, pass.dfinal, pass.drays);
   return std::move(pass.result);
 }
 
-PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options) {
-  return finish_pass(ctx, model, draw_pass(ctx, model, views, options, begin_pass(ctx, model, views, options)));
+PassResult training_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options) {
+  return finish_pass(ctx, network, draw_pass(ctx, network, views, options, begin_pass(ctx, network, views, options)));
 }
 
 }  // namespace vsplat

@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "model/base/camera.h"
-#include "model/network/vsplat_model.h"
+#include "model/ops/surface_loss.h"
+#include "model/systems/network.h"
 
 namespace vsplat {
 
@@ -23,8 +24,9 @@ struct PassViews {
 
 struct PassOptions {
   ForwardOptions forward;
-  bool recompute = false;  // as VsplatModel::coarse_in_training() has it
+  bool recompute = false;  // of most stages the inputs alone are kept, and backward runs each once more: the same bits
   float ssim_weight = 0.5f;
+  SurfaceWeights surface;  // of surfels' coarse level
   float alpha_weight = 0;  // of the mean absolute error of alpha, in views with `rgba`; in the gradients alone
   float scale = 1;         // of the gradients: the object's share in a step
   // A plan without drawing, which makes room for itself as soon as it knows what it draws.
@@ -40,31 +42,31 @@ struct PassOptions {
 using LevelLoss = std::vector<Tensor>;
 
 struct PassResult {
-  LevelLoss coarse, final;          // `final` is empty where `levels` is "coarse"
+  LevelLoss coarse, final;          // `final` is empty where there is one level
   Tensor rays;                      // [1]: the mean squared error of predicted rays; none where they are not predicted
-  long selected = 0;                // voxels
+  long selected = 0;                // as the network selects
   std::uint64_t intersections = 0;  // the most in a picture
 };
 
 // A pass in three parts, since what memory the second takes is known after the first. The coarse half of the network:
-VsplatModel::CoarseHalf begin_pass(Context& ctx, const VsplatModel& model, const PassViews& views,
-                                   const PassOptions& options);
+Network::Half begin_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options);
 
 // As far as the backward through the network: no gradient by a weight has changed yet.
 struct DrawnPass {
   PassResult result;
-  VsplatModel::Trained trained;
+  Network::Trained trained;
   GaussianGradients dcoarse, dfinal;
   Tensor drays;  // of the ray loss alone, by predicted rays
 };
-DrawnPass draw_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options,
-                    VsplatModel::CoarseHalf half);
+DrawnPass draw_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options,
+                    Network::Half half);
 
-PassResult finish_pass(Context& ctx, const VsplatModel& model, DrawnPass pass);
+PassResult finish_pass(Context& ctx, const Network& network, DrawnPass pass);
 
-// All three. Adds the loss's gradients to those of the weights that `model` was made from. The loss is the sum over the
-// levels of the mean over views of MSE + ssim_weight (1 - SSIM), and where poses are predicted share_loss_weight times
-// the rays' error; times `scale` in the gradients alone; those have alpha_weight's part, too. The same bits every time.
-PassResult training_pass(Context& ctx, const VsplatModel& model, const PassViews& views, const PassOptions& options);
+// All three. Adds the loss's gradients to those of the weights that `network` was made from. The loss is the sum over
+// the levels of the mean over views of MSE + ssim_weight (1 - SSIM), of the surface's terms, and where poses are
+// predicted of share_loss_weight times the rays' error; times `scale` in the gradients alone; those have alpha_weight's
+// part, too. The same bits every time.
+PassResult training_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options);
 
 }  // namespace vsplat

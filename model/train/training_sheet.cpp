@@ -36,17 +36,15 @@ Image clamped(Image picture) {
 
 }  // namespace
 
-Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews& views, double temperature,
+Image training_sheet(Context& ctx, const Network& network, const TrainingViews& views, double temperature,
                      long planned_selected) {
-  const Config& config = model.config();
-  const long s = config.image, n = views.inputs;
+  const long s = network.config().image(), n = views.inputs;
   ForwardOptions forward;
   forward.temperature = temperature;
   forward.planned_selected = planned_selected;
   const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + n);
-  const ForwardResult result =
-      model.forward(ctx, ctx.upload({n, s, s, 3}, views.pictures.data()), upload_cameras(ctx, inputs), forward);
-  const DeviceGaussians voxels = upload(ctx, balls(result.selected, config.volume));
+  const Network::Result result = network.forward(ctx, ctx.upload({n, s, s, 3}, views.pictures.data()), inputs, forward);
+  const DeviceGaussians voxels = upload(ctx, balls(result.voxels, result.volume));
 
   SheetOptions options;
   options.columns = 4;
@@ -55,10 +53,9 @@ Image training_sheet(Context& ctx, const VsplatModel& model, const TrainingViews
     Image truth(static_cast<int>(s), static_cast<int>(s), 3);
     std::copy_n(views.pictures.begin() + static_cast<std::ptrdiff_t>(v * truth.data.size()), truth.data.size(),
                 truth.data.begin());
-    RenderOptions how;
+    RenderOptions how = network.drawing();
     how.near = static_cast<float>(kNearInObject);
     if (static_cast<long>(v) >= n) how.background = views.background;
-    if (config.negate_camera_centre) how.mirror = std::array<float, 3>{0, 0, 0};
     sheet.add(truth);
     for (const DeviceGaussians* level : {&result.coarse, &result.final, &voxels})
       sheet.add(clamped(render_picture(ctx, *level, views.cameras[v], how).colour));

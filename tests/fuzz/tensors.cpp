@@ -27,7 +27,7 @@ std::string with_right_hash(std::string_view bytes) {
   return out.replace(at + kKey.size(), kDigits, sha.hex());
 }
 
-void check(const Weights& weights, const Config& config) {
+void check(const Weights& weights, const AnyConfig& config) {
   for (const Parameter& p : parameters(config)) {
     const std::vector<float>& values = weights.of(p).data;
     hold(static_cast<long>(values.size()) == p.count(), "as many values as the configuration says");

@@ -24,9 +24,10 @@ constexpr int kSide = 16, kViews = 11;
 // micro, with a confidence head that has an opinion: some voxels selected, some not.
 struct Model {
   explicit Model(Context& ctx, const std::vector<std::string>& fields = {})
-      : config(with_fields(named_config("micro"), fields)), network(ctx, config, initial_weights(config, 3)) {}
+      : config(with_fields(named_config("micro"), fields)),
+        network(make_network(ctx, config, initial_weights(config, 3))) {}
   Config config;
-  VsplatModel network;
+  std::unique_ptr<Network> network;
 };
 
 // PSNR of pictures together, from its definition.
@@ -54,7 +55,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
   const Model model(ctx);
   EvaluateOptions asked;
   asked.request.judged = judged;
-  const Evaluation got = evaluate(ctx, model.network, open_data_set({folder.string()}), asked);
+  const Evaluation got = evaluate(ctx, *model.network, open_data_set({folder.string()}), asked);
   const int side = judged > 0 ? judged : kSide;
   ASSERT_EQ(got.objects.size(), 3u);
   EXPECT_EQ(got.skipped, 0u);
@@ -78,7 +79,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
       inputs.push_back(prepared(group.members.front(), kSide));
       inputs_judged.push_back(prepared(group.members.front(), side));
     }
-    const Reconstruction made = reconstruct(ctx, model.network, inputs, {}, {});
+    const Reconstruction made = reconstruct(ctx, *model.network, inputs, {}, {});
     RenderOptions options;
     options.near = made.scene.near;
     const GaussianChunks scene = place_on_device(ctx, made.scene.gaussians, side * side);
@@ -124,12 +125,12 @@ TEST_P(EvaluateTest, JudgesAtAnotherSize) {
   const Model model(ctx());
   EvaluateOptions options;
   options.request.judged = kSide;
-  const Evaluation same = evaluate(ctx(), model.network, data(), options);
-  EXPECT_EQ(same.mean.psnr, evaluate(ctx(), model.network, data(), {}).mean.psnr);
+  const Evaluation same = evaluate(ctx(), *model.network, data(), options);
+  EXPECT_EQ(same.mean.psnr, evaluate(ctx(), *model.network, data(), {}).mean.psnr);
   for (const int judged : {1, 10, 4097}) {
     options.request.judged = judged;
     test::expect_error(Status::usage, {"picture_size is " + std::to_string(judged), "11 to 4096"},
-                       [&] { evaluate(ctx(), model.network, data(), options); });
+                       [&] { evaluate(ctx(), *model.network, data(), options); });
   }
 }
 
@@ -139,13 +140,13 @@ TEST_P(EvaluateTest, RefusesNoiseThatIsNone) {
     EvaluateOptions options;
     options.pose_noise = noise;
     test::expect_error(Status::usage, {"pose_noise is ", "0 to 1"},
-                       [&] { evaluate(ctx(), model.network, data(), options); });
+                       [&] { evaluate(ctx(), *model.network, data(), options); });
   }
 }
 
 TEST_P(EvaluateTest, ACoarseModelHasOneLevel) {
   const Model model(ctx(), {"levels=coarse"});
-  const Evaluation got = evaluate(ctx(), model.network, data(), {});
+  const Evaluation got = evaluate(ctx(), *model.network, data(), {});
   for (const ObjectScores& object : got.objects) EXPECT_EQ(object.scores.psnr, object.scores.psnr_coarse);
 }
 
@@ -158,7 +159,7 @@ TEST_P(EvaluateTest, RandomViewsGoByTheSeed) {
     EvaluateOptions options;
     options.request.protocol = protocol;
     options.request.seed = seed;
-    return evaluate(ctx(), model.network, set, options).mean.psnr;
+    return evaluate(ctx(), *model.network, set, options).mean.psnr;
   };
   const double first = psnr(Protocol::random10, 0);
   EXPECT_EQ(psnr(Protocol::random10, 0), first);
@@ -171,18 +172,18 @@ TEST_P(EvaluateTest, TheSheetShowsBestMedianAndWorst) {
   const Model model(ctx());
   EvaluateOptions options;
   options.sheet = true;
-  const Image sheet = evaluate(ctx(), model.network, data(), options).sheet;
+  const Image sheet = evaluate(ctx(), *model.network, data(), options).sheet;
   const int step = kSide + ContactSheet::margin;
   EXPECT_EQ(sheet.width, 12 * step + ContactSheet::margin);
   const int down = step + ContactSheet::label_room;
   EXPECT_EQ(sheet.height, 4 * down + ContactSheet::margin);
   // The first input of the best object, and below it the first novel view as it is.
-  Evaluation numbers = evaluate(ctx(), model.network, data(), {});
+  Evaluation numbers = evaluate(ctx(), *model.network, data(), {});
   const auto best = std::max_element(numbers.objects.begin(), numbers.objects.end(),
                                      [](const auto& a, const auto& b) { return a.scores.psnr < b.scores.psnr; });
   const DataSet set = data();
-  const EvaluationObject object =
-      evaluation_object(set.objects[static_cast<std::size_t>(best - numbers.objects.begin())], model.config, {});
+  const EvaluationObject object = evaluation_object(
+      set.objects[static_cast<std::size_t>(best - numbers.objects.begin())], model.config.taken(), {});
   const auto cell = [&](int row, const Image& want) {
     double worst = 0;
     for (int y = 0; y < kSide; ++y)
@@ -206,11 +207,11 @@ TEST_P(EvaluateTest, BadDataAreNamedOrPassedOver) {
   for (auto& frame : views["frames"]) frame["transform_matrix"][0][0] = 7;
   test::write_transforms(folder_ / "solid_2", views);
   test::expect_error(Status::format, {"object solid_1: view 0", "0000.png"},
-                     [&] { evaluate(ctx(), model.network, data(), {}); });
+                     [&] { evaluate(ctx(), *model.network, data(), {}); });
   EvaluateOptions options;
   options.skip_bad = true;
   const test::Warnings warnings;
-  const Evaluation got = evaluate(ctx(), model.network, data(), options);
+  const Evaluation got = evaluate(ctx(), *model.network, data(), options);
   ASSERT_EQ(got.objects.size(), 2u);
   EXPECT_EQ(got.objects[1].name, "solid_1");
   EXPECT_EQ(got.skipped, 1u);
@@ -219,7 +220,7 @@ TEST_P(EvaluateTest, BadDataAreNamedOrPassedOver) {
 
   std::filesystem::remove_all(folder_ / "solid_0");
   std::filesystem::remove_all(folder_ / "solid_1");
-  EXPECT_THROW(evaluate(ctx(), model.network, data(), options), Error);
+  EXPECT_THROW(evaluate(ctx(), *model.network, data(), options), Error);
 }
 
 TEST_P(EvaluateTest, ProgressMayStopIt) {
@@ -231,7 +232,7 @@ TEST_P(EvaluateTest, ProgressMayStopIt) {
     told.push_back(object);
     if (told.size() == 2) fail(Status::cancelled, "enough");
   };
-  EXPECT_THROW(evaluate(ctx(), model.network, data(), options), Error);
+  EXPECT_THROW(evaluate(ctx(), *model.network, data(), options), Error);
   EXPECT_EQ(told, (std::vector<std::string>{"solid_0", "solid_1"}));
 }
 

@@ -139,6 +139,11 @@ TEST(Dinov3Import, WhatDoesNotFitIsNamed) {
   config.vit_registers = 2, config.vit_rope_periods = "bf16", config.vit_heads = 1;
   weights = initial_weights(config, 1);
   refused("rope_embed.periods holds other periods than 100^(4 i / 16)");
+  // LaRa's network has DINO's alone.
+  const LaraConfig lara = named_lara_config("micro");
+  weights = initial_weights(lara, 1);
+  expect_error(Status::format, {path, "DINOv3's encoder, which LaRa's network does not take"},
+               [&] { load_encoder(weights, lara, path); });
 }
 
 }  // namespace

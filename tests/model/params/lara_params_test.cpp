@@ -59,7 +59,7 @@ TEST(LaraConfig, NamedOnesAreTheSpecifications) {
   }
   EXPECT_EQ(named_lara_config("published"), LaraConfig());
   EXPECT_EQ(test::LaraGolden::load("lara_micro").config(), named_lara_config("micro"));
-  EXPECT_NE(refusal([] { named_lara_config("paper"); }, Status::usage).find("published, tiny, micro"),
+  EXPECT_NE(refusal([] { named_lara_config("paper"); }, Status::usage).find("published, small, tiny, micro"),
             std::string::npos);
   // json.dumps(asdict(Config())) of the specification, which has no `rebase`.
   const std::string text =

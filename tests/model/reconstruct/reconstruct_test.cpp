@@ -47,8 +47,8 @@ VSPLAT_FLAVOURS(Reconstruct);
 
 TEST_P(Reconstruct, GivesTheSpecificationsGaussians) {
   const Golden golden = Golden::load("micro");
-  const VsplatModel model(ctx(), golden.config(), golden.weights());
-  const Reconstruction got = reconstruct(ctx(), model, golden_views(golden, {}), {}, {});
+  const auto network = make_network(ctx(), golden.config(), golden.weights());
+  const Reconstruction got = reconstruct(ctx(), *network, golden_views(golden, {}), {}, {});
   EXPECT_TRUE(test::close(got.scene.gaussians.means, golden.floats("stage.final.means"), 1e-4));
   EXPECT_TRUE(test::close(got.scene.gaussians.scales, golden.floats("stage.final.scales"), 1e-4));
   EXPECT_TRUE(test::close(got.scene.gaussians.opacities, golden.floats("stage.final.opacities"), 1e-4));
@@ -64,11 +64,11 @@ TEST_P(Reconstruct, FollowsAMotionOfTheWholeRigAndNothingElse) {
     Config config = golden.config();
     config.rebase = rebase;
     config.negate_camera_centre = true;
-    const VsplatModel model(ctx(), config, golden.weights());
+    const auto network = make_network(ctx(), config, golden.weights());
     const Similarity motion = some_motion();
-    const Reconstruction here = reconstruct(ctx(), model, golden_views(golden, {}), {}, {});
+    const Reconstruction here = reconstruct(ctx(), *network, golden_views(golden, {}), {}, {});
     const Reconstruction there =
-        reconstruct(ctx(), model, golden_views(golden, motion), {motion.translation, motion.scale}, {});
+        reconstruct(ctx(), *network, golden_views(golden, motion), {motion.translation, motion.scale}, {});
     EXPECT_EQ(here.selected, there.selected);
     EXPECT_NEAR(there.scene.near, 0.2 * motion.scale, 1e-6);
     ASSERT_TRUE(here.scene.mirror && there.scene.mirror);
@@ -88,11 +88,11 @@ TEST_P(Reconstruct, FollowsAMotionOfTheWholeRigAndNothingElse) {
 
 TEST_P(Reconstruct, DumpsEveryStageUnderItsGoldenName) {
   const Golden golden = Golden::load("micro");
-  const VsplatModel model(ctx(), golden.config(), golden.weights());
+  const auto network = make_network(ctx(), golden.config(), golden.weights());
   ReconstructOptions options;
   const test::TemporaryFolder folder;
   options.dump = folder / "dump";
-  reconstruct(ctx(), model, golden_views(golden, {}), {}, options);
+  reconstruct(ctx(), *network, golden_views(golden, {}), {}, options);
   const SafetensorsFile file(options.dump + "/stages.safetensors");
   for (const char* name : {"stage.features", "stage.volume", "stage.logits", "stage.confidence",
                            "stage.coarse.opacities", "stage.projected", "stage.refined", "stage.final.sh"})
@@ -102,12 +102,12 @@ TEST_P(Reconstruct, DumpsEveryStageUnderItsGoldenName) {
 
 TEST_P(Reconstruct, RefusesPicturesOfAnotherSizeAndTooManyViews) {
   const Golden golden = Golden::load("micro");
-  const VsplatModel model(ctx(), golden.config(), golden.weights());
+  const auto network = make_network(ctx(), golden.config(), golden.weights());
   auto views = golden_views(golden, {});
   views[1].image = Image(8, 16, 3, 0.5f);
-  EXPECT_THROW(reconstruct(ctx(), model, views, {}, {}), Error);
-  EXPECT_THROW(reconstruct(ctx(), model, {}, {}, {}), Error);
-  EXPECT_THROW(reconstruct(ctx(), model, std::vector<PreparedView>(17, views[0]), {}, {}), Error);
+  EXPECT_THROW(reconstruct(ctx(), *network, views, {}, {}), Error);
+  EXPECT_THROW(reconstruct(ctx(), *network, {}, {}, {}), Error);
+  EXPECT_THROW(reconstruct(ctx(), *network, std::vector<PreparedView>(17, views[0]), {}, {}), Error);
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ class NoisyPoses : public test::FlavourTest {
  protected:
   // Of what the network predicts now, against the accurate cameras' rays.
   RayErrors errors(const Checkpoint& at, const TrainingViews& views) {
-    const Config& config = at.config.model;
+    const Config& config = *at.config.model.as<Config>();
     const VsplatModel model(ctx(), config, at.parameters);
     const long s = config.image;
     const std::vector<Camera> inputs(views.cameras.begin(), views.cameras.begin() + views.inputs);
@@ -72,7 +72,7 @@ TEST_P(NoisyPoses, NoiseFollowsFromTheSeedAndTheStep) {
     Checkpoint start = start_of(sigma, poses);
     start.config.seed = seed;
     start.config.schedule.lr = 1e-9;  // the weights stay
-    const std::vector<float> still(static_cast<std::size_t>(start.config.model.voxels()), 0.0f);
+    const std::vector<float> still(static_cast<std::size_t>(start.config.model.noise()), 0.0f);
     Trainer trainer(ctx(), start);
     std::vector<double> out;
     for (int i = 0; i < 2; ++i) out.push_back(trainer.step({{&views, views.background, &still}}).loss);
@@ -90,11 +90,11 @@ TEST_P(NoisyPoses, NoiseFollowsFromTheSeedAndTheStep) {
 // Where memory is short the predictor runs once more, too: the same bits.
 TEST_P(NoisyPoses, RunningOnceMoreGivesTheSameGradients) {
   const TrainingViews views = tiny_set();
-  const Config config = start_of(0).config.model;
-  const LearntWeights learnt(ctx(), config, start_of(0).parameters);
-  const VsplatModel model(ctx(), config, learnt);
+  const AnyConfig config = start_of(0).config.model;
+  const LearntWeights learnt(ctx(), parameters(config), start_of(0).parameters);
+  const auto network = make_network(ctx(), config, learnt);
   PassViews pass;
-  const long s = config.image;
+  const long s = config.image();
   pass.inputs = ctx().upload({views.inputs, s, s, 3}, views.pictures.data());
   pass.cameras = views.cameras;
   pass.given = noisy_cameras({views.cameras.begin(), views.cameras.begin() + views.inputs}, 0.05, 1, 0, "golden");
@@ -107,7 +107,7 @@ TEST_P(NoisyPoses, RunningOnceMoreGivesTheSameGradients) {
     learnt.zero_gradients(ctx());
     PassOptions options;
     options.recompute = recompute;
-    training_pass(ctx(), model, pass, options);
+    training_pass(ctx(), *network, pass, options);
     std::vector<float>& all = runs.emplace_back();
     for (const std::string& name : learnt.names())
       if (const Tensor& gradient = learnt.at(name).gradient) {

@@ -37,6 +37,10 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"clip_norm", 0.5},
                          {"ssim_weight", 0.5},
                          {"alpha_weight", 0.0},
+                         {"fine_after", 0},
+                         {"surface_after", 0},
+                         {"distortion_weight", 0.0},
+                         {"normal_weight", 0.0},
                          {"weight_decay", 0.05},
                          {"optimizer", "adamw"},
                          {"momentum", 0.95},
@@ -96,6 +100,41 @@ TEST(TrainConfig, ModelIsANameOrFieldsOverOne) {
   EXPECT_EQ(model(R"({"base": "tiny", "fine_count": 1})"), with_fields(named_config("tiny"), {"fine_count=1"}));
   EXPECT_EQ(model(R"({"fine_count": 1})"), with_fields(named_config("small"), {"fine_count=1"}));
   EXPECT_EQ(model("{}"), named_config("small"));
+}
+
+TEST(TrainConfig, LarasNetworkBySystem) {
+  const TrainConfig c =
+      train_config_from_json(R"({"model": {"system": "lara", "base": "tiny", "out_ch": 8}, "steps": 1000})");
+  EXPECT_EQ(c.model, AnyConfig(with_fields(AnyConfig(named_lara_config("tiny")), {"out_ch=8"})));
+  EXPECT_EQ(c.inputs_max, 3);
+  EXPECT_EQ(c.fine_after, 100);
+  EXPECT_EQ(c.surface_after, 20);
+  EXPECT_EQ(c.distortion_weight, 1000);
+  EXPECT_EQ(c.normal_weight, 0.2);
+  EXPECT_EQ(train_config_from_json(to_json(c)), c);
+  EXPECT_EQ(to_json(train_config_from_json(to_json(c))), to_json(c));
+  // As published, at its length.
+  const TrainConfig whole = train_config_from_json(R"({"model": {"system": "lara", "base": "published"}})");
+  EXPECT_EQ(whole.model, AnyConfig(LaraConfig()));
+  EXPECT_EQ(whole.fine_after, 5000);
+  EXPECT_EQ(whole.surface_after, 1000);
+  // Volumes have no surface.
+  const TrainConfig flat =
+      train_config_from_json(R"({"model": {"system": "lara", "base": "tiny", "kind": "gaussian"}})");
+  EXPECT_EQ(flat.distortion_weight, 0);
+
+  const auto problem = [](const std::string& text) {
+    return test::refusal([&] { train_config_from_json(text); }, Status::format);
+  };
+  EXPECT_NE(problem(R"({"model": {"system": "larra"}})").find("this vsplat has vsplat, lara"), std::string::npos);
+  EXPECT_NE(problem(R"({"model": {"system": "lara", "base": "paper"}})").find("published"), std::string::npos);
+  EXPECT_NE(problem(R"({"model": {"system": "lara", "fine_count": 2}})").find("fine_count"), std::string::npos);
+  EXPECT_NE(problem(R"({"model": {"system": "lara", "base": "tiny"}, "inputs_max": 5})").find("inputs_max"),
+            std::string::npos);
+  EXPECT_NE(problem(R"({"model": "tiny", "normal_weight": 0.1})").find("surfels"), std::string::npos);
+  EXPECT_NE(problem(R"({"model": "tiny", "fine_after": 1})").find("fine_after"), std::string::npos);
+  EXPECT_NE(problem(R"({"model": {"system": "lara", "base": "tiny"}, "distortion_weight": -1})").find("at least 0"),
+            std::string::npos);
 }
 
 TEST(TrainConfig, NumbersOfViewsAreTheModelsWhereAbsent) {

@@ -120,10 +120,10 @@ TEST_P(GoldenGradients, OfTheLossMatch) {
   ASSERT_TRUE(golden.has("loss"));
   Context& ctx = test::context(flavour);
   const LearntWeights weights(ctx, golden.config(), golden.weights());
-  const VsplatModel model(ctx, golden.config(), weights);
+  const auto network = make_network(ctx, golden.config(), weights);
   PassOptions options;
   options.forward = options_of(ctx, golden);
-  const PassResult result = training_pass(ctx, model, upload(ctx, golden), options);
+  const PassResult result = training_pass(ctx, *network, upload(ctx, golden), options);
   double loss = 0;
   for (const LevelLoss& level : {result.coarse, result.final})
     for (const Tensor& view : level)
@@ -184,7 +184,7 @@ TEST_P(Training, TheAlphasLossComesOnTop) {
   const Golden golden = Golden::load("micro");
   const Config& config = golden.config();
   const LearntWeights weights(ctx(), config, golden.weights());
-  const VsplatModel model(ctx(), config, weights);
+  const auto network = make_network(ctx(), config, weights);
   const long s = config.image;
   PassViews views = upload(ctx(), golden);
   std::vector<std::vector<std::uint8_t>> rgba(views.cameras.size());
@@ -199,7 +199,7 @@ TEST_P(Training, TheAlphasLossComesOnTop) {
   const auto drawn = [&](float alpha_weight) {
     weights.zero_gradients(ctx());
     options.alpha_weight = alpha_weight;
-    return draw_pass(ctx(), model, views, options, begin_pass(ctx(), model, views, options));
+    return draw_pass(ctx(), *network, views, options, begin_pass(ctx(), *network, views, options));
   };
   const DrawnPass without = drawn(0), with = drawn(3);
   const GaussianChunks scene(with.trained.coarse);

@@ -215,9 +215,11 @@ typedef struct vsplat_model_options {
   uint64_t seed;       /* of the random weights: the same file everywhere */
   const char* encoder; /* a file with DINO ViT weights (timm's names; safetensors, or of torch.save) for the encoder;
                           NULL: random, too */
+  const char* system;  /* whose network: "vsplat", "lara" or "genden"; these two have "published" for "paper"; NULL:
+                          "vsplat" */
 } vsplat_model_options;
 #define VSPLAT_MODEL_OPTIONS_INIT \
-  { sizeof(vsplat_model_options), "paper", NULL, 0, 0, NULL }
+  { sizeof(vsplat_model_options), "paper", NULL, 0, 0, NULL, NULL }
 
 /* Of the SHA-256 that a model file states of itself. A wrong one is VSPLAT_ERROR_FORMAT. */
 typedef enum vsplat_hash_state {
@@ -469,8 +471,9 @@ typedef struct vsplat_gaussians {
 #define VSPLAT_GAUSSIANS_INIT \
   { sizeof(vsplat_gaussians), 0, NULL, NULL, NULL, NULL, NULL }
 
-/* A standard 3DGS PLY, binary or ASCII. VSPLAT_ERROR_FORMAT names the Gaussian, the property and the byte of the first
-   value that cannot be drawn; bytes that nothing in the header accounts for are a warning. */
+/* A standard 3DGS PLY, binary or ASCII; or one of surfels, as 2DGS has them: with two scales each. VSPLAT_ERROR_FORMAT
+   names the Gaussian, the property and the byte of the first value that cannot be drawn; bytes that nothing in the
+   header accounts for are a warning. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load(const char* path, vsplat_scene* out_scene);
 
 typedef struct vsplat_scene_load_options {

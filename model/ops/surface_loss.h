@@ -1,0 +1,24 @@
+// The part of a training's loss that surfels' surface has: forward and backward in one, as loss.h has the pictures'.
+#pragma once
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct SurfaceWeights {
+  float distortion = 0, normal = 0;
+  bool any() const { return distortion > 0 || normal > 0; }
+};
+
+// distortion times the mean distortion, and normal times the mean of alpha (1 - normal . depth_normal), in which alpha
+// counts as constant. Never waits; every run gives the same bits.
+struct SurfaceLoss {
+  Tensor normal, depth_normal;  // [H,W,3], see LaraMaps
+  Tensor alpha, distortion;     // [H,W]
+  SurfaceWeights weights;
+  Tensor value;                                // its first number is added to
+  Tensor dnormal, ddepth_normal, ddistortion;  // written: the loss by the maps, multiplied by
+  float gradient_scale = 1;
+};
+void surface_loss(Context& ctx, const SurfaceLoss& a);
+
+}  // namespace vsplat
