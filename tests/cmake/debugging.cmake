@@ -1,6 +1,6 @@
-# The operations once more with what debugging looks at after each launch (runtime/launch_checks.h). Left out, by name:
-# what feeds NaN on purpose, to see where it goes, or inputs that were never written, to see its memory alone; and what
-# counts bytes of memory that red zones add to.
+# The operations once more with what debugging looks at after each launch (runtime/launch_checks.h), both aids at once.
+# With red zones alone, by name: what feeds NaN on purpose, to see where it goes, or inputs that were never written, to
+# see its memory alone. Left out: what counts bytes of memory that red zones add to.
 set(feeds_nan
   *.NonFiniteInputStaysInItsView/*
   *Adamw.NormShowsWhatIsNotFinite/*
@@ -9,13 +9,14 @@ set(feeds_nan
   *LpipsOps.ReluClampsAndKeepsWhatIsNoNumber/*
   *GemmBackward.PlanTakesTheSameMemory/*)
 set(counts_bytes Context.ReusesMemoryAndReportsPeak)
-function(vsplat_debugging_tests program variable)
-  cmake_parse_arguments(T "" "NAME" "EXCEPT" ${ARGN})
-  list(JOIN T_EXCEPT ":" except)
-  add_test(NAME ${T_NAME} COMMAND ${program} --gtest_brief=1 --gtest_filter=-${except})
-  set_tests_properties(${T_NAME} PROPERTIES LABELS unit TIMEOUT 600 COST 100 ENVIRONMENT "${variable};${sanitizer_environment}")
+list(JOIN feeds_nan ":" feeds_nan)
+function(vsplat_debugging_tests name program variables filter)
+  add_test(NAME ${name} COMMAND ${program} --gtest_brief=1 --gtest_filter=${filter})
+  set_tests_properties(${name} PROPERTIES LABELS unit TIMEOUT 600 COST 100
+    ENVIRONMENT "${variables};${sanitizer_environment}")
 endfunction()
-vsplat_debugging_tests(ops_tests VSPLAT_CHECK=nan NAME ops.nan EXCEPT ${feeds_nan})
-vsplat_debugging_tests(ops_tests VSPLAT_ARENA=guard NAME ops.guard EXCEPT ${counts_bytes})
-vsplat_debugging_tests(runtime_tests VSPLAT_CHECK=nan NAME runtime.nan EXCEPT ${feeds_nan})
-vsplat_debugging_tests(runtime_tests VSPLAT_ARENA=guard NAME runtime.guard EXCEPT ${counts_bytes})
+foreach(folder ops runtime)
+  vsplat_debugging_tests(${folder}.checked ${folder}_tests "VSPLAT_CHECK=nan;VSPLAT_ARENA=guard"
+    "-${feeds_nan}:${counts_bytes}")
+  vsplat_debugging_tests(${folder}.guard ${folder}_tests VSPLAT_ARENA=guard "${feeds_nan}")
+endforeach()
