@@ -1,16 +1,26 @@
 """Write the golden vectors that tests read, one file a case, in one process (importing PyTorch is what takes time).
 
-    python3 make_cases.py DIR micro      the two committed ones, with gradients
+    python3 make_cases.py DIR micro      the committed ones: two with gradients, the other systems' and the extensions' small ones, and
+                                         the lists of the published sizes' parameters
     python3 make_cases.py DIR train      tiny with all gradients: two seeds, ten steps, and some variants
     python3 make_cases.py DIR train_slow the other variants, and none selected
     python3 make_cases.py DIR tiny       two seeds, 1 and 6 views, noise, every variant of the configuration, none selected,
                                          a U-Net of one level and of three, and one of many channels; with gradients where they
-                                         are micro: those, and fewer levels with every selection
+                                         are micro: those, and fewer levels with every selection; and the other systems' and the
+                                         extensions' larger ones
 """
+import contextlib
+import io
 import os
+import re
+import runpy
 import sys
 
+import genden_reference
+import lara_reference
+import make_extensions
 import make_golden
+import make_published
 
 MICRO = {
     "micro": [],
@@ -80,11 +90,73 @@ GROUPS = {
     "train_slow": ({name: options for name, options in TRAIN.items() if name not in QUICK}, ["--config", "tiny", "--noise"]),
 }
 
+PUBLISHED = {                                             # the last file that each writes: the system, the size, more
+    "micro": {
+        "lara_micro": ["lara", "micro"],
+        "genden_micro": ["genden", "micro"],
+    },
+    "tiny": {
+        "lara_tiny": ["lara", "tiny", "--seed", "2000"],  # the first that is far from all thresholds
+        "lara_tiny_gaussian": ["lara", "tiny_gaussian"],
+        "lara_micro_gaussian": ["lara", "micro_gaussian"],
+        "genden_tiny": ["genden", "tiny", "--seed", "1000"],
+        "genden_tiny_residual": ["genden", "tiny", "--residual", "--seed", "1000"],
+        "vsplat+genden_tiny": ["vsplat+genden", "tiny"],
+    },
+}
+EXTENSIONS = {                                            # the last file that each writes: what, the size, which part
+    "micro": {
+        "dinov3_micro_wide": ["dinov3", "micro", "small"],
+        "share_micro_aligned": ["share", "micro", "small"],
+    },
+    "tiny": {
+        "dinov3_micro_model": ["dinov3", "micro", "large"],
+        "share_micro_model": ["share", "micro", "large"],
+        "dinov3_tiny_model": ["dinov3", "tiny", "all"],
+        "share_tiny_model": ["share", "tiny", "all"],
+    },
+}
+
+
+def run(module, *arguments):
+    sys.argv = [module.__file__, *arguments]
+    module.main()
+
+
+def make_parameters(folder):
+    """The lists of the published sizes' parameters, where they are not there."""
+    for system, module, before in (("lara", lara_reference, []), ("genden", genden_reference, ["genden"])):
+        path = os.path.join(folder, system + "_parameters.txt")
+        if not os.path.exists(path):
+            sys.argv = [module.__file__, *before, "published"]
+            with contextlib.redirect_stdout(io.StringIO()) as text:
+                runpy.run_path(module.__file__, run_name="__main__")
+            with open(path, "w") as f:
+                f.write(re.sub(" +", " ", text.getvalue()))
+
+
+def make_systems(folder, size):
+    def due(name):
+        path = os.path.join(folder, name + ".safetensors")
+        here = os.path.dirname(os.path.abspath(__file__))
+        sources = max(os.path.getmtime(os.path.join(here, f)) for f in os.listdir(here) if f.endswith(".py"))
+        return not os.path.exists(path) or size == "tiny" and os.path.getmtime(path) < sources  # what is committed stays
+
+    for name, (system, edge, *more) in PUBLISHED.get(size, {}).items():
+        if due(name):
+            run(make_published, "--system", system, "--size", edge, "--tests", "--output", folder, *more)
+    for name, (what, edge, part) in EXTENSIONS.get(size, {}).items():
+        if due(name):
+            run(make_extensions, "--what", what, "--size", edge, "--part", part, "--output", folder)
+
 
 def main():
     folder, size = sys.argv[1], sys.argv[2]
     cases, common = GROUPS[size]
     os.makedirs(folder, exist_ok=True)
+    if size == "micro":
+        make_parameters(folder)
+    make_systems(folder, size)
     sources = max(os.path.getmtime(f) for f in (__file__, make_golden.__file__, make_golden.ref.__file__))
     for name, options in cases.items():
         path = os.path.join(folder, name + ".safetensors")
