@@ -47,9 +47,10 @@ void add_init(CLI::App& app, Run& run) {
       ->required()
       ->check(one_of({"paper", "published", "published_residual", "small", "tiny", "micro"}))
       ->type_name("paper|small|tiny|micro");
-  sub->add_option("--system", o->system, "Whose network (default: vsplat); of the others, paper is called published")
-      ->check(one_of({"vsplat", "lara", "genden"}))
-      ->type_name("vsplat|lara|genden");
+  sub->add_option("--system", o->system,
+                  "Whose network (default: vsplat); of lara and genden, paper is called published")
+      ->check(one_of({"vsplat", "lara", "genden", "vsplat+genden"}))
+      ->type_name("vsplat|lara|genden|vsplat+genden");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
   sub->add_option("--seed", o->seed, "Of the random numbers: a seed gives the same file everywhere")
       ->required()

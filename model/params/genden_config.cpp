@@ -18,7 +18,7 @@ static void each_field(const GendenConfig& c, const Visit& visit) {
 }
 
 const std::vector<std::string>& genden_config_names() {
-  static const std::vector<std::string> names = {"published", "published_residual", "tiny", "micro"};
+  static const std::vector<std::string> names = {"published", "published_residual", "small", "tiny", "micro"};
   return names;
 }
 
@@ -29,14 +29,17 @@ GendenConfig named_genden_config(const std::string& name) {
     c.densify.residual = true;
     return c;
   }
-  if (name != "tiny" && name != "micro")
+  if (name != "small" && name != "tiny" && name != "micro")
     fail(Status::usage, "no configuration of GenDen's is called {}; there are {}", json_fields::shown(name),
          fmt::join(genden_config_names(), ", "));
   static_cast<LaraConfig&>(c) = named_lara_config(name);
   c.kind = "gaussian", c.primitives = 1;
   DensifyConfig& d = c.densify;
   d.cell = 1.0 / c.grid();
-  if (name == "tiny") {
+  if (name == "small") {
+    c.fine_features = c.out_ch;
+    d.top_k = 3000, d.channels = {2 * c.out_ch, 96}, d.heads = {2 * c.out_ch / 8, 12};
+  } else if (name == "tiny") {
     c.fine_heads = 3, c.fine_hidden = 14, c.fine_features = 12;
     d.top_k = 85, d.channels = {24, 32}, d.heads = {3, 4}, d.patch = {16, 16}, d.frequencies = 6;
   } else {

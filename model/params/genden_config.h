@@ -13,7 +13,8 @@ struct GendenConfig : LaraConfig {
   bool operator==(const GendenConfig&) const = default;
 };
 
-// published, published_residual (its second model), tiny and micro (for tests), in this order.
+// published, published_residual (its second model), small (what two CPU cores train), tiny and micro (for tests), in
+// this order.
 const std::vector<std::string>& genden_config_names();
 GendenConfig named_genden_config(const std::string& name);  // Error(usage) that lists the names
 

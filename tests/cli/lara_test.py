@@ -3,7 +3,6 @@ import json
 import os
 import shutil
 import struct
-import unittest
 
 import support
 import train_support

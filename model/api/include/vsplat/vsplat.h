@@ -215,8 +215,8 @@ typedef struct vsplat_model_options {
   uint64_t seed;       /* of the random weights: the same file everywhere */
   const char* encoder; /* a file with DINO ViT weights (timm's names; safetensors, or of torch.save) for the encoder;
                           NULL: random, too */
-  const char* system;  /* whose network: "vsplat", "lara" or "genden"; these two have "published" for "paper"; NULL:
-                          "vsplat" */
+  const char* system;  /* whose network: "vsplat", "lara", "genden" or "vsplat+genden"; LaRa's and GenDen's have
+                          "published" for "paper"; NULL: "vsplat" */
 } vsplat_model_options;
 #define VSPLAT_MODEL_OPTIONS_INIT \
   { sizeof(vsplat_model_options), "paper", NULL, 0, 0, NULL, NULL }
