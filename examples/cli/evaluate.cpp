@@ -5,6 +5,7 @@
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
+#include "evaluate_table.h"
 #include "flags.h"
 #include "outputs.h"
 #include "placement.h"
@@ -20,7 +21,8 @@ struct EvaluateOptions {
   PlacementOptions placement;
   std::vector<std::string> folders;
   std::string model, protocol = "kmeans", seed, lpips, sheet;
-  int size = 0;
+  TableOptions table;
+  int size = 0, view_count = 0;
   double pose_noise = 0;
   int pose_draws = 0;
   bool skip_bad = false, refine = false;
@@ -145,6 +147,7 @@ struct Listener {
 };
 
 void evaluate(const EvaluateOptions& o) {
+  if (o.folders.empty()) throw UsageError("DIR... is required, or --table");
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
@@ -156,6 +159,7 @@ void evaluate(const EvaluateOptions& o) {
   set_placement(o.placement, options);
   options.lpips = o.lpips.empty() ? nullptr : o.lpips.c_str();
   options.picture_size = o.size;
+  options.view_count = o.view_count;
   options.skip_bad = o.skip_bad;
   options.sheet = !o.sheet.empty();
   options.refine = o.refine;
@@ -203,7 +207,6 @@ void add_evaluate(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("evaluate", "Measure a model on the objects of data sets");
   sub->add_option("folders", o->folders,
                   "An object's folder (as reconstruct takes it), LaRa's HDF5 file, or folders of such")
-      ->required()
       ->type_name("DIR...");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
   sub->add_option("--protocol", o->protocol,
@@ -212,6 +215,10 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->check(one_of({"kmeans", "random10"}))
       ->type_name("kmeans|random10");
   sub->add_option("--seed", o->seed, "Of --protocol random10 and --pose-noise (0)")->type_name("S");
+  sub->add_option("--view-count", o->view_count,
+                  "How many views go in (default: as many as the model was trained with)")
+      ->check(CLI::Range(1, 16))
+      ->type_name("N");
   sub->add_option("--size", o->size,
                   "Compare pictures of N x N pixels: the truth resampled by area, the result drawn at N; what goes in "
                   "stays at the model's size (default: compare at that, too)")
@@ -233,6 +240,18 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->type_name("N");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
   add_placement_options(*sub, o->placement);
+  // It says itself what is measured.
+  std::vector<CLI::Option*> others;
+  for (CLI::Option* option : sub->get_options())
+    if (option->get_name() != "--help" && option->get_name() != "--skip-bad") others.push_back(option);
+  CLI::Option* table = sub->add_option("--table", o->table.file,
+                                       "Systems on data sets under protocols, listed in this file: a row for each")
+                           ->type_name("FILE.json");
+  for (CLI::Option* other : others) table->excludes(other);
+  sub->add_option("-o,--output", o->table.outputs, "Write the table of --table, too; may be given several times")
+      ->needs(table)
+      ->allow_extra_args(false)
+      ->type_name("FILE.md|.csv|.json");
   add_common(*sub, o->common);
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to "
@@ -245,9 +264,15 @@ void add_evaluate(CLI::App& app, Run& run) {
       "  vsplat evaluate set/ --sheet sheet.png\n"
       "  vsplat evaluate set/ --size 256 --refine\n"
       "  vsplat evaluate set/ --size 128 --json\n"
+      "  vsplat evaluate --table tables.json --output tables.md --output tables.csv\n"
       "  vsplat evaluate set/ --pose-noise 0.02 --pose-draws 3 --seed 1\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");
-  sub->callback([o, &run] { run = [o] { evaluate(*o); }; });
+  sub->callback([o, &run] {
+    run = [o] {
+      o->table.skip_bad = o->skip_bad;
+      o->table.file.empty() ? evaluate(*o) : evaluate_table(o->common, o->table);
+    };
+  });
 }
 
 }  // namespace command

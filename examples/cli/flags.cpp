@@ -31,6 +31,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_evaluate_options, pose_draws, "--pose-draws"),
     FIELD(vsplat_evaluate_options, pose_noise, "--pose-noise"),
     FIELD(vsplat_evaluate_options, refine, "--refine"),
+    FIELD(vsplat_evaluate_options, view_count, "--view-count"),
     FIELD(vsplat_file_rules, allow_outside, "--allow-outside"),
     FIELD(vsplat_import_options, config_file, "--config"),
     FIELD(vsplat_import_options, fields, "--set"),

@@ -60,6 +60,8 @@ vsplat_scores scores_of(const Scores& from) {
   out.pose_distance = from.pose_distance;
   out.ray_degrees = from.ray_degrees;
   out.ray_moment = from.ray_moment;
+  out.gaussians = from.gaussians;
+  out.seconds = from.seconds;
   return out;
 }
 
@@ -78,8 +80,9 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
       fail(Status::usage,
            "vsplat_evaluate_options.picture_size is {}: a number of pixels, or 0 for the model's, is expected",
            o.picture_size);
-    how.request = {protocol_of(o.protocol), o.seed, o.picture_size, fit_of(o.fit),
-                   placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
+    how.request = {protocol_of(o.protocol), o.seed,
+                   o.picture_size,          o.view_count,
+                   fit_of(o.fit),           placement_of(o.has_center != 0, o.center, o.scale, o.auto_frame != 0)};
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
     how.refine = o.refine != 0;

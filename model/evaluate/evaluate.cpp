@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -25,10 +26,10 @@ namespace {
 constexpr std::array<float, 3> kWhite{1, 1, 1};
 constexpr int kSmallestJudged = 11;  // a window of SSIM
 constexpr int kLargestJudged = 4096;
-constexpr double Scores::*kNumbers[] = {&Scores::psnr,          &Scores::psnr_coarse,  &Scores::ssim,
-                                        &Scores::psnr_white,    &Scores::psnr_nearest, &Scores::selected,
-                                        &Scores::lpips_alex,    &Scores::lpips_vgg,    &Scores::pose_degrees,
-                                        &Scores::pose_distance, &Scores::ray_degrees,  &Scores::ray_moment};
+constexpr double Scores::*kNumbers[] = {
+    &Scores::psnr,        &Scores::psnr_coarse, &Scores::ssim,      &Scores::psnr_white,   &Scores::psnr_nearest,
+    &Scores::selected,    &Scores::lpips_alex,  &Scores::lpips_vgg, &Scores::pose_degrees, &Scores::pose_distance,
+    &Scores::ray_degrees, &Scores::ray_moment,  &Scores::gaussians, &Scores::seconds};
 
 // Square pictures side by side, clamped, as the published protocol compares them.
 class Strip {
@@ -75,7 +76,7 @@ class Evaluator {
  private:
   struct Drawn {
     Strip truth, coarse, result;
-    Scores poses;         // those of poses and rays
+    Scores poses;         // those of poses and rays, and what the network took and made
     double selected = 0;  // a share
   };
 
@@ -97,6 +98,9 @@ void Evaluator::check() const {
     fail(Status::usage,
          "vsplat_evaluate_options.picture_size is {}: pictures that are compared have {} to {} pixels an edge",
          judged(), kSmallestJudged, kLargestJudged);
+  if (const int most = config_.taken().most; options_.request.inputs < 0 || options_.request.inputs > most)
+    fail(Status::usage, "vsplat_evaluate_options.view_count is {}: {} takes 1 to {}", options_.request.inputs,
+         config_.network(), most);
   if (!(options_.pose_noise >= 0 && options_.pose_noise <= 1))
     fail(Status::usage, "vsplat_evaluate_options.pose_noise is {}: 0 to 1 expected", options_.pose_noise);
   if (options_.pose_draws < 1 || options_.pose_draws > 1000)
@@ -161,9 +165,15 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
                                             : listed;
   ForwardOptions forward;
   forward.planned_selected = options_.planned_selected;
+  ctx_.finish();
+  const auto begun = std::chrono::steady_clock::now();
   const Network::Result result = network_.forward(ctx_, input, cameras, forward);
+  ctx_.finish();
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
   const double selected = static_cast<double>(result.voxels.size()) / std::pow(result.volume, 3);
   Scores poses;
+  poses.seconds = took.count();
+  poses.gaussians = static_cast<double>((config_.has_fine() ? result.final : result.coarse).count());
   if (noisy) {
     const PoseErrors off = pose_errors(cameras, listed);
     poses.pose_degrees = off.degrees, poses.pose_distance = off.distance;

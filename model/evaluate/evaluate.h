@@ -22,6 +22,8 @@ struct Scores {
   // How far what the network was told of the inputs' poses is from what is listed (base/pose_noise.h), and its
   // predicted rays from the listed poses'; NaN without noise, and where none are predicted.
   double pose_degrees, pose_distance, ray_degrees, ray_moment;
+  double gaussians = 0;  // of the network's result
+  double seconds = 0;    // that the network took, from the pictures on the device to its result there
 
   Scores();
 };

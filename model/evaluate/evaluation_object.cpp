@@ -80,9 +80,10 @@ EvaluationObject evaluation_object(const DataObject& object, const TakenViews& t
   std::vector<int> good(static_cast<std::size_t>(framed.views()));
   std::iota(good.begin(), good.end(), 0);
   EvaluationObject out;
+  const int inputs = request.inputs > 0 ? request.inputs : taken.trained;
   while (true) {
     if (good.empty()) fail(Status::input, "{}: no view of it is left", told(object));
-    const Chosen chosen = choose(framed, good, taken.trained, request);
+    const Chosen chosen = choose(framed, good, inputs, request);
     out = {};
     out.name = object.name;
     out.inputs = chosen.inputs.size();

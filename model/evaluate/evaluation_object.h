@@ -15,6 +15,7 @@ struct EvaluationRequest {
   Protocol protocol = Protocol::kmeans;
   std::uint64_t seed = 0;  // of random10
   int judged = 0;          // edge in pixels of what is compared; 0: the configuration's, as the inputs have it
+  int inputs = 0;          // how many go in; 0: TakenViews::trained
   Fit fit = Fit::automatic;
   PlacementRequest placement;
 };
@@ -35,9 +36,9 @@ struct EvaluationObject {
   const Image& input_judged(std::size_t i) const { return inputs_judged.empty() ? pictures[i] : inputs_judged[i]; }
 };
 
-// TakenViews::trained inputs, fewer where the cameras are in fewer places. Error(file, format or input) names object,
-// view and what is wrong. Where `skipped` is given, bad views are added to it and others taken, as long as any are
-// left. Listed views without a picture are always passed over, as reconstructing does, and told in `missing`.
+// As many inputs as are asked for, fewer where the cameras are in fewer places. Error(file, format or input) names
+// object, view and what is wrong. Where `skipped` is given, bad views are added to it and others taken, as long as any
+// are left. Listed views without a picture are always passed over, as reconstructing does, and told in `missing`.
 EvaluationObject evaluation_object(const DataObject& object, const TakenViews& taken, const EvaluationRequest& request,
                                    std::vector<std::string>* skipped = nullptr,
                                    std::vector<std::string>* missing = nullptr);

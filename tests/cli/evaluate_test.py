@@ -1,5 +1,6 @@
 """vsplat evaluate: its contract. tests/reference/pytorch/check_evaluate.py looks at the numbers themselves."""
 import array
+import csv
 import json
 import math
 import os
@@ -69,6 +70,52 @@ class Evaluate(support.Case):
         self.assertEqual(usual["mean"]["selected"], larger["mean"]["selected"])  # the same went in
         self.assertNotEqual(usual["mean"]["psnr_white"], larger["mean"]["psnr_white"])
         self.refuses(2, "--size", *self.evaluate("--size", 5))
+
+    def table(self, **fields):
+        path = self.path("table.json")
+        usual = {"systems": [{"name": "a|b", "model": self.model}, {"name": "c,d", "model": self.model}], "data": [{"name": "solids", "folders": [self.set]}],
+                 "views": [{"name": "all"}, {"name": "one", "inputs": 1, "protocol": "random10", "seed": 3}]}
+        with open(path, "w") as f:
+            json.dump({k: v for k, v in {**usual, **fields}.items() if v is not None}, f)
+        return "evaluate", "--table", path
+
+    def test_rows_of_a_table(self):
+        """Each is what an evaluation by itself says."""
+        files = [self.path(f"rows.{ending}") for ending in ("md", "csv", "json")]
+        out, err = self.succeeds(*self.table(), *(word for path in files for word in ("--output", path)))
+        self.assertIn("4 rows", err)
+        self.assertEqual(open(files[0]).read(), out)
+        lines = [line.split(" | ") for line in out.splitlines()]
+        self.assertEqual([line[2] for line in lines[2:]], ["a\\|b", "c,d"] * 2)
+        with open(files[1], newline="") as f:
+            rows = list(csv.DictReader(f))
+        told = json.load(open(files[2]))["rows"]
+        self.assertEqual([row["system"] for row in rows], ["a|b", "c,d"] * 2)
+        alone = {"all": (), "one": ("--view-count", 1, "--protocol", "random10", "--seed", 3)}
+        for row, same in zip(rows, told, strict=True):
+            mean = json.loads(self.succeeds(*self.evaluate(*alone[row["views"]], "--json"))[0])["mean"]
+            self.assertEqual((same["psnr"], same["ssim"]), (mean["psnr"], mean["ssim"]))
+            self.assertAlmostEqual(float(row["psnr"]), same["psnr"], delta=0.006)
+            self.assertEqual((row["objects"], row["skipped"]), ("3", "0"))
+            for number in ("seconds", "gaussians", "memory_mib"):
+                self.assertGreaterEqual(same[number], 0)
+            self.assertGreater(same["seconds"], 0)
+        self.assertNotEqual(told[0]["psnr"], told[2]["psnr"])
+        self.assertEqual(list(json.loads(self.succeeds(*self.table(views=None), "--json")[0])), ["rows"])
+
+    def test_tables_that_cannot_be_made(self):
+        for words, fields in ((["systems is missing"], {"systems": None}), (["data[0].folders", "list"], {"data": [{"name": "x", "folders": 3}]}),
+                              (["sise", "size"], {"sise": 3}), (["size", "11 to 4096", "found 5"], {"size": 5}),
+                              (["views[0].inputs", "found 0"], {"views": [{"name": "none", "inputs": 0}]}),
+                              (["views", "protocol", "all"], {"views": [{"name": "x", "protocol": "all"}]}),
+                              (["systems[0].name", "text"], {"systems": [{"name": ""}]}), (["nowhere"], {"data": [{"name": "x", "folders": ["nowhere"]}]})):
+            with self.subTest(words=words):
+                self.refuses(1, words, *self.table(**fields))
+        self.refuses(2, ".md", *self.table(), "--output", self.path("table.txt"))
+        self.refuses(2, "--table", "evaluate", "--output", self.path("table.md"))
+        self.refuses(2, "--model", *self.table(), "--model", self.model)
+        self.refuses(2, "--table", "evaluate")
+        self.refuses(1, "no file", "evaluate", "--table", self.path("none.json"))
 
     def test_noise_on_poses(self):
         """The same for every model; what is compared stays where it is. A model that predicts rays says how far they are."""

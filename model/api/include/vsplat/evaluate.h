@@ -10,7 +10,7 @@ extern "C" {
 #endif
 
 /* Which views of an object are compared. Inputs are always the first views of k-means groups of the cameras' positions,
-   as many as the model's configuration says. */
+   as many as the model's configuration says, or as are asked for. */
 typedef enum vsplat_protocol {
   VSPLAT_PROTOCOL_KMEANS = 0,  /* the last view of each of four k-means groups */
   VSPLAT_PROTOCOL_RANDOM10 = 1 /* ten views at random, by the seed and the object's name */
@@ -32,9 +32,11 @@ typedef struct vsplat_scores {
   double ray_degrees;   /* between predicted rays' directions and those of the listed poses; NaN where none are
                                    predicted */
   double ray_moment;    /* between their moments */
+  double gaussians;     /* of the network's result */
+  double seconds;       /* that the network took for it; of an evaluation's first object with what compiling took */
 } vsplat_scores;
 #define VSPLAT_SCORES_INIT \
-  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
+  { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
 
 typedef struct vsplat_evaluate_options {
   size_t size;
@@ -64,11 +66,12 @@ typedef struct vsplat_evaluate_options {
      object's name, the same for every model. What is compared is drawn from the poses as listed. Not with `refine`. */
   double pose_noise;
   int32_t pose_draws;
+  int32_t view_count; /* how many views go in; 0: as many as the model's configuration says */
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL, 0, 0.0, 0                                                                             \
+        NULL, NULL, 0, NULL, 0, 0.0, 0, 0                                                                          \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */

@@ -1,0 +1,18 @@
+// Systems on data sets under protocols, in one table.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "command.h"
+
+namespace command {
+
+struct TableOptions {
+  std::string file;                  // what is measured, in JSON
+  std::vector<std::string> outputs;  // files of it, by their endings: .md, .csv, .json
+  bool skip_bad = false;
+};
+
+void evaluate_table(const Common& common, const TableOptions& options);
+
+}  // namespace command
