@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <limits>
 
 #include "runtime/fail.h"
 #include "runtime/host_memory.h"
@@ -207,10 +208,11 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
   return piece(s.slabs.size() - 1, 0);
 }
 
-Arena Arena::plan() const {
+Arena Arena::plan(bool limited) const {
   auto copy = std::make_shared<ArenaState>();
   copy->is_virtual = true;
   copy->limits = state_->limits;
+  if (!limited) copy->limits.total = copy->limits.max_alloc = std::numeric_limits<std::size_t>::max() / 4;
   copy->rounded = state_->rounded;
   copy->live = copy->peak_live = state_->live;
   for (const Slab& slab : state_->slabs) {

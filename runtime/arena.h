@@ -71,8 +71,8 @@ class Arena {
 
   // A virtual copy with today's slabs and live blocks, whose further growth is only counted. What a virtual arena had
   // grown to stands fixed in the copy, as it would in a run that committed it: a plan of the second half follows one of
-  // the first.
-  Arena plan() const;
+  // the first. Without limits: to learn what would be taken where there were enough.
+  Arena plan(bool limited = true) const;
   // Makes the slabs that `planned` (from plan()) came to need beyond today's.
   void commit(const Arena& planned);
   // Gives back every slab in which nothing lives.

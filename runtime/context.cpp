@@ -257,7 +257,7 @@ Context::~Context() {
   }
 }
 
-std::unique_ptr<Context> Context::planner() const {
+std::unique_ptr<Context> Context::planner(bool limited) const {
   auto impl = std::make_unique<Impl>();
   impl->info = impl_->info;
   impl->flavour = impl_->flavour;
@@ -265,7 +265,7 @@ std::unique_ptr<Context> Context::planner() const {
   impl->planning = true;
   impl->queue = impl_->queue;  // libraries are asked about it; nothing is enqueued
   impl->stage = impl_->stage;
-  impl->arena = std::make_unique<Arena>(impl_->arena->plan());
+  impl->arena = std::make_unique<Arena>(impl_->arena->plan(limited));
   return std::unique_ptr<Context>(new Context(std::move(impl)));
 }
 

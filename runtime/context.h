@@ -49,8 +49,9 @@ class Context {
   Context& operator=(const Context&) = delete;
 
   // A context that computes nothing and only counts memory: launches, writes and reads are skipped, tensors have no
-  // memory behind them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it.
-  std::unique_ptr<Context> planner() const;
+  // memory behind them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it. Without
+  // limits: see Arena::plan.
+  std::unique_ptr<Context> planner(bool limited = true) const;
   bool planning() const;
 
   const DeviceInfo& device() const;

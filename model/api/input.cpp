@@ -16,6 +16,26 @@
 using namespace vsplat;
 using namespace vsplat::api;
 
+namespace {
+
+// Pictures hold 0 to 1; what lies a little beyond, as resampling leaves it, is clamped, as storing it in a file would.
+void take_pixels(const float* from, const std::string& where, Image& to) {
+  constexpr float overshoot = 0.5f;
+  for (size_t i = 0; i < to.data.size(); ++i) {
+    const float value = from[i];
+    if (!(value >= -overshoot && value <= 1 + overshoot)) {  // NaN is not, either
+      const size_t channels = static_cast<size_t>(to.channels), pixel = i / channels;
+      const size_t width = static_cast<size_t>(to.width);
+      fail(Status::input,
+           "{}.pixels: pixel {}, {} of channel {} is {}: 0 to 1 expected (what is stored in 8 bits, by 255)", where,
+           pixel % width, pixel / width, i % channels, value);
+    }
+    to.data[i] = std::clamp(value, 0.0f, 1.0f);
+  }
+}
+
+}  // namespace
+
 vsplat_status vsplat_views_load(const char* path, const char* pictures, vsplat_views* out_views) {
   return guarded([&] {
     need(path, "path");
@@ -47,7 +67,7 @@ vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vs
       listed.name = listed.camera.file = std::to_string(i);
       listed.picture = where;  // there is one, in memory
       Image picture(listed.camera.width, listed.camera.height, view.channels);
-      std::copy_n(view.pixels, picture.data.size(), picture.data.begin());
+      take_pixels(view.pixels, where, picture);
       out->photographs.set.views.push_back(std::move(listed));
       pictures->push_back(std::move(picture));
     }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -133,17 +134,34 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
     vsplat_camera any = VSPLAT_CAMERA_INIT;
     any.width = width, any.height = height, any.fx = any.fy = 1;
     camera = camera_of(any, "the picture");
-    const std::unique_ptr<Context> planner = device->context.planner();
-    const long k = static_cast<long>(count), s = (sh_degree + 1) * (sh_degree + 1);
-    const bool fits = fits_within([&] {
-      const Stage stage(*planner, "scene");
-      const DeviceGaussians g{planner->tensor({k, 3}), planner->tensor({k, 3}), planner->tensor({k, 4}),
-                              planner->tensor({k}), planner->tensor({k, s, 3})};
-      (void)render(*planner, g, camera, RenderOptions{});
-    });
-    give(out_plan,
-         plan_of(*planner, planner->stage_memory(), planner->memory().peak(), fits,
-                 host_bytes(static_cast<double>(width) * height)),
-         "out_plan");
+    const double pixels = static_cast<double>(width) * height;
+    Gaussians unseen;  // of which a plan reads the number alone
+    unseen.count = count;
+    unseen.sh_degree = sh_degree;
+    RenderOptions guess;
+    guess.counts = [&](const Part& part) {
+      const double share = part.tiles() / static_cast<double>(tiles_along(width) * tiles_along(height));
+      VisibleCount seen;
+      seen.intersections = static_cast<uint64_t>(std::ceil(guess.assumed_tiles * static_cast<double>(count) * share));
+      seen.gaussians = std::min(count, seen.intersections);
+      seen.largest_key = UINT32_MAX;
+      return seen;
+    };
+    std::unique_ptr<Context> planner = device->context.planner();
+    const auto plan = [&] {
+      const GaussianChunks there = [&] {
+        const Stage stage(*planner, "scene");
+        return place_on_device(*planner, unseen, pixels);
+      }();
+      (void)render(*planner, there, camera, guess);
+    };
+    const bool fits = fits_within(plan);
+    if (!fits) {  // what it would take all the same
+      planner = device->context.planner(false);
+      (void)fits_within(plan);
+    }
+    vsplat_plan out = plan_of(*planner, planner->stage_memory(), planner->memory().peak(), fits, host_bytes(pixels));
+    out.limit = device->context.memory().limits().total;
+    give(out_plan, out, "out_plan");
   });
 }

@@ -128,6 +128,23 @@ static void bad_values(vsplat_device device) {
   HOLD(!other && !model && !scene && !text);
 }
 
+/* More Gaussians take more, whatever the limit; what cannot be drawn says what it would take. */
+static void plans_of_drawing(vsplat_device device) {
+  const uint64_t counts[] = {1, 1000, 1000000, 10000000, 1300000000};
+  uint64_t before = 0;
+  size_t i;
+  for (i = 0; i < sizeof counts / sizeof *counts; ++i) {
+    const uint64_t least = counts[i] * 8 * 8; /* the keys and numbers of eight tiles each */
+    vsplat_plan plan = VSPLAT_PLAN_INIT;
+    EXPECT(VSPLAT_OK, vsplat_plan_render(device, counts[i], 3, 1280, 720, &plan));
+    HOLD(plan.peak >= before && (plan.fits || plan.peak > least));
+    HOLD(plan.fits == (plan.peak <= plan.limit && plan.host_peak + plan.peak <= plan.host_limit) ||
+         counts[i] > 1000000);
+    if (!plan.fits) before = plan.peak;
+  }
+  HOLD(before > 1300000000ull * (56 + 180)); /* the scene alone */
+}
+
 /* A caller built against a shorter struct than the library's gets what it has room for, and not a byte more. */
 static void short_structs(vsplat_device device) {
   vsplat_device_info whole = VSPLAT_DEVICE_INFO_INIT, part = VSPLAT_DEVICE_INFO_INIT;
@@ -177,6 +194,15 @@ static vsplat_views make_views(float* pixels) {
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_views_create(all, num_views, &views));
   all[1].camera = camera_at(-1);
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(all, 0, &views));
+  for (i = 0; i < 4; ++i) { /* a view's pixel 3, 1 of channel 2 */
+    static const char* const written[] = {"is nan", "is 255", "is 1e+30", "is -1"};
+    const float wrong[] = {NAN, 255.0f, 1e30f, -1.0f}, before = pixels[(side + 3) * 3 + 2];
+    pixels[(side + 3) * 3 + 2] = wrong[i];
+    EXPECT(VSPLAT_ERROR_INPUT, vsplat_views_create(all, num_views, &views));
+    HOLD(strstr(vsplat_last_error(), "views[0].pixels: pixel 3, 1 of channel 2"));
+    HOLD(strstr(vsplat_last_error(), written[i]));
+    pixels[(side + 3) * 3 + 2] = before;
+  }
   HOLD(!views);
   EXPECT(VSPLAT_OK, vsplat_views_create(all, num_views, &views));
   return views;
@@ -408,6 +434,7 @@ int main(void) {
   if (device) {
     bad_values(device);
     short_structs(device);
+    plans_of_drawing(device);
     main_job(device);
     view_counts();
     vsplat_device_retain(device);

@@ -341,7 +341,7 @@ typedef struct vsplat_views_impl* vsplat_views;
 typedef struct vsplat_view {
   size_t size;
   vsplat_camera camera; /* of the whole picture, without distortion */
-  const float* pixels;  /* [height][width][channels]; copied */
+  const float* pixels;  /* [height][width][channels], 0 to 1; copied */
   int32_t channels;     /* 3: RGB; 4: RGBA with straight alpha, composited to white */
 } vsplat_view;
 #define VSPLAT_VIEW_INIT \
@@ -351,7 +351,8 @@ typedef struct vsplat_view {
    `pictures`: where a COLMAP model's pictures are, or NULL to look beside it. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_load(const char* path, const char* pictures,
                                                             vsplat_views* out_views);
-/* From pictures in memory. */
+/* From pictures in memory. Pixels up to 0.5 beyond 0 to 1, as resampling leaves them, are clamped; what lies further
+   beyond and NaN are VSPLAT_ERROR_INPUT, naming view, pixel and value. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views,
                                                               vsplat_views* out_views);
 VSPLAT_API void vsplat_views_retain(vsplat_views views);
@@ -667,7 +668,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_scene(vsplat_device device
                                                             vsplat_plan* out_plan);
 
 /* Memory of vsplat_render for `count` Gaussians of that degree into a picture of that size, guessed: each is taken to
-   be seen and to touch eight tiles of 16 x 16 pixels. */
+   be seen and to touch eight tiles of 16 x 16 pixels, and these to lie evenly in the picture. What does not fit at once
+   is drawn in parts, as vsplat_render does; where not even that fits, `peak` is what all of it at once would take. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t sh_degree,
                                                              int32_t width, int32_t height, vsplat_plan* out_plan);
 
