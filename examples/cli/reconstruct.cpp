@@ -90,7 +90,7 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
         vsplat_plan_reconstruct(session.device().get(), model.get(), static_cast<int32_t>(views), selected, &plan));
     add_host_memory(plan, pictures, session.device());
     char title[128];
-    std::snprintf(title, sizeof title, "%zu views, %.4g %% of the voxels selected%s", views, 100 * selected,
+    std::snprintf(title, sizeof title, "%zu views, %.4g %% selected%s", views, 100 * selected,
                   selected == 1.0 ? " (the network cannot take more)" : "");
     plans.push_back({title, plan});
     if (share == 1.0) break;

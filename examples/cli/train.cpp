@@ -91,7 +91,7 @@ void dry_run(const TrainOptions& o, const std::string& config) {
   char title[256];
   std::string selected = "the voxels of " + o.selection;
   if (o.selection.empty()) {
-    std::snprintf(title, sizeof title, "%.4g %% of the voxels",
+    std::snprintf(title, sizeof title, "%.4g %%",
                   100 * (options.selected > 0 ? options.selected : VSPLAT_TRAIN_ASSUME_SELECTED));
     selected = title;
   }
@@ -99,7 +99,7 @@ void dry_run(const TrainOptions& o, const std::string& config) {
                 options.intersections > 0 ? std::to_string(options.intersections).c_str() : "8 per Gaussian");
   std::vector<Plan> plans{{"a step with " + selected + title, vsplat::train_plan(session.device(), config, options)}};
   options.bound = 1;
-  plans.push_back({"all voxels selected and every Gaussian in every tile: no step takes more",
+  plans.push_back({"everything selected and every Gaussian in every tile: no step takes more",
                    vsplat::train_plan(session.device(), config, options)});
   print_plans(o.common, plans);
 }

@@ -108,6 +108,15 @@ class LaraTrained(train_support.Case):
         other = self.config("other.json", model="micro")
         self.refuses(1, ["whole", "model"], *self.train(other, "none", "--init", self.path("whole", "model.safetensors")))
 
+    def test_a_plan_is_of_the_stage_that_takes_the_most(self):
+        """Stages that differ only in how long they are may differ in whether there is a second level."""
+        def peak(*steps):
+            config = self.config("stages.json", model=self.MODEL, **self.LOSS, warmup=1, stages=[{"steps": n} for n in steps])
+            return json.loads(self.succeeds("train", config, "--dry-run", "--json", "--assume-selected", 1)[0])[0]["peak_bytes"]
+
+        self.assertGreater(peak(6), peak(3))
+        self.assertEqual(peak(3, 6), peak(6))
+
     def test_sheets_of_what_it_selects(self):
         self.succeeds(*self.train(self.config(model=self.MODEL, steps=2, sheet_every=2), "run"))
         self.assertTrue(os.listdir(self.path("run", "sheets")))
