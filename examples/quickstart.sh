@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 cmake/install-packages.sh
-cmake --preset release -DVSPLAT_TESTS=OFF
+cmake --preset release -DVSPLAT_TESTS=OFF -DVSPLAT_QUICK_BUILD=ON
 cmake --build --preset release --target vsplat_cli
 
 vsplat=build/release/bin/vsplat

@@ -21,7 +21,7 @@ void surface_loss(Context& ctx, const SurfaceLoss& a) {
              a.depth_normal, a.alpha, a.distortion, written(a.dnormal), written(a.ddepth_normal),
              written(a.ddistortion), written(sums), pixels, a.weights.distortion * share, a.weights.normal * share,
              a.gradient_scale);
-  ctx.launch({"surface_loss", "surface_loss_value", ""}, items(1, 1), {}, sums, a.value, blocks);
+  ctx.launch({"surface_loss", "surface_loss_value", ""}, items(1, 1), {}, sums, written(a.value, 1), blocks);
 }
 
 }  // namespace vsplat

@@ -17,7 +17,7 @@ typedef struct vsplat_train_progress {
   double temperature;          /* of the Gumbel-Sigmoid */
   double loss;                 /* of both levels */
   double psnr, psnr_coarse;    /* dB, of the novel views; of the fine (or only) level, and of the coarse one */
-  double selected;             /* share of the voxels */
+  double selected;             /* share of the voxels, or primitives */
   double gradient_norm;        /* before it is clipped */
   uint64_t most_selected;      /* voxels of an object */
   uint64_t most_intersections; /* of Gaussians with a picture's tiles */
@@ -26,7 +26,8 @@ typedef struct vsplat_train_progress {
   double seconds_left;
 } vsplat_train_progress;
 
-/* The share of the voxels that a training takes for selected where nothing else is said. */
+/* The share of the voxels, of LaRa's and GenDen's networks that of the primitives, that a training takes for selected
+   where nothing else is said. */
 #define VSPLAT_TRAIN_ASSUME_SELECTED 0.25
 
 typedef struct vsplat_train_options {

@@ -522,7 +522,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_selection(vsplat_sce
 
 /* ---------------------------------------------------------------------------------------------------- reconstruct */
 
-/* The share of the voxels that a reconstruction takes for selected where nothing else is said. */
+/* The share of the voxels, of LaRa's and GenDen's networks that of the primitives, that a reconstruction takes for
+   selected where nothing else is said. */
 #define VSPLAT_ASSUME_SELECTED 0.1
 
 typedef struct vsplat_reconstruct_options {
