@@ -81,7 +81,7 @@ class Setter {
 
   cl_int operator()(const Tensor& tensor) const {
     const cl_mem mem = tensor ? (*tensor.block()->buffer())() : nullptr;
-    return set(sizeof mem, mem ? &mem : nullptr);
+    return set(sizeof(cl_mem), mem ? &mem : nullptr);
   }
   cl_int operator()(const Written& out) const { return (*this)(out.tensor); }
   cl_int operator()(long value) const {
