@@ -61,6 +61,13 @@ class Fields {
     if (!value->is_string() || value->get<std::string>().empty()) wrong(told(name), "a text that is not empty", *value);
     return value->get<std::string>();
   }
+  // The first where it is not there.
+  std::string one_of_two(const char* name, const char* first, const char* second) {
+    const json* value = find(name, false);
+    if (!value) return first;
+    if (*value != first && *value != second) wrong(told(name), std::string(first) + " or " + second, *value);
+    return value->get<std::string>();
+  }
   std::string path(const char* name) {
     const std::string given = text(name, "");
     return given.empty() ? "" : (folder_ / given).string();
@@ -149,10 +156,8 @@ json parsed(const std::string& path) {
 
 vsplat_evaluate_options read_options(Fields& fields) {
   vsplat_evaluate_options out = VSPLAT_EVALUATE_OPTIONS_INIT;
-  const std::string protocol = fields.text("protocol", "kmeans");
-  if (protocol != "kmeans" && protocol != "random10")
-    throw std::runtime_error("protocol must be kmeans or random10 (found " + protocol + ")");
-  out.protocol = protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
+  const bool random = fields.one_of_two("protocol", "kmeans", "random10") == "random10";
+  out.protocol = random ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
   out.view_count = static_cast<int32_t>(fields.count("inputs", 1, 16, 0));
   out.seed = fields.count("seed", 0, UINT64_MAX, 0);
   out.pose_noise = fields.number("pose_noise", 0, 1, 0);
@@ -177,12 +182,7 @@ TableRequest read(const std::string& path) {
   fields.objects("views", false, [&](Fields& of) {
     Views views;
     views.name = of.text("name");
-    try {
-      views.options = read_options(of);
-    } catch (const std::runtime_error& e) {
-      const std::string text = e.what();
-      throw std::runtime_error(text.starts_with(path) ? text : path + ": views: " + text);
-    }
+    views.options = read_options(of);
     out.views.push_back(std::move(views));
   });
   if (out.views.empty()) out.views.push_back({"usual", VSPLAT_EVALUATE_OPTIONS_INIT});

@@ -27,8 +27,8 @@ void take_pixels(const float* from, const std::string& where, Image& to) {
       const size_t channels = static_cast<size_t>(to.channels), pixel = i / channels;
       const size_t width = static_cast<size_t>(to.width);
       fail(Status::input,
-           "{}.pixels: pixel {}, {} of channel {} is {}: 0 to 1 expected (what is stored in 8 bits, by 255)", where,
-           pixel % width, pixel / width, i % channels, value);
+           "{}.pixels: pixel {}, {} of channel {} is {}: 0 to 1 expected (divide what is stored in 8 bits by 255)",
+           where, pixel % width, pixel / width, i % channels, value);
     }
     to.data[i] = std::clamp(value, 0.0f, 1.0f);
   }

@@ -1,8 +1,8 @@
-#include <array>
 #include <utility>
 
 #include "model/genden/vsplat_genden_model.h"
 #include "model/systems/network.h"
+#include "model/systems/vsplat_options.h"
 
 namespace vsplat {
 namespace {
@@ -19,11 +19,7 @@ class VsplatGendenNetwork : public Network {
       : config_(config), model_(ctx, config, weights) {}
 
   const AnyConfig& config() const override { return config_; }
-  RenderOptions drawing() const override {
-    RenderOptions out;
-    if (model_.config().negate_camera_centre) out.mirror = std::array<float, 3>{0, 0, 0};
-    return out;
-  }
+  RenderOptions drawing() const override { return drawing_of(model_.config()); }
 
   Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                  const ForwardOptions& options) const override {

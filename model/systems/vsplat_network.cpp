@@ -1,7 +1,7 @@
-#include <array>
 #include <utility>
 
 #include "model/systems/network.h"
+#include "model/systems/vsplat_options.h"
 
 namespace vsplat {
 namespace {
@@ -13,11 +13,7 @@ class VsplatNetwork : public Network {
 
   const AnyConfig& config() const override { return config_; }
 
-  RenderOptions drawing() const override {
-    RenderOptions out;
-    if (model_.config().negate_camera_centre) out.mirror = std::array<float, 3>{0, 0, 0};
-    return out;
-  }
+  RenderOptions drawing() const override { return drawing_of(model_.config()); }
 
   Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                  const ForwardOptions& options) const override {

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 #include "model/params/init.h"
 #include "model/params/model_file.h"
@@ -42,28 +43,13 @@ std::string first_difference(const TrainConfig& found, const TrainConfig& expect
   return compare(ordered_json::parse(to_json(found)), ordered_json::parse(to_json(expected)), compare);
 }
 
-// With the sizes that a model may change between trainings.
-Config with_sizes_of(Config config, const Config& other) {
-  config.image = other.image;
-  config.volume = other.volume;
-  config.views = other.views;
-  config.use_views = other.use_views;
-  return config;
-}
-LaraConfig with_sizes_of(LaraConfig config, const LaraConfig& other) {
+// With the sizes that a model may change between trainings. (A densifier's weights go by the volume's.)
+template <class C>
+C with_sizes_of(C config, const C& other) {
   config.image = other.image;
   config.views = other.views;
-  return config;
-}
-GendenConfig with_sizes_of(GendenConfig config, const GendenConfig& other) {
-  config.image = other.image;
-  config.views = other.views;
-  return config;
-}
-VsplatGendenConfig with_sizes_of(VsplatGendenConfig config, const VsplatGendenConfig& other) {
-  config.image = other.image;
-  config.views = other.views;
-  config.use_views = other.use_views;
+  if constexpr (std::is_base_of_v<Config, C>) config.use_views = other.use_views;
+  if constexpr (std::is_same_v<Config, C>) config.volume = other.volume;
   return config;
 }
 // One of another network stays as it is.

@@ -20,7 +20,7 @@ Tensor images_of(Context& ctx, const test::Golden& golden) {
 class Encoder : public test::FlavourTest {
  protected:
   // Relative to the largest value of each; 1e-4 is the project's bound for a stage, float32 is well within it.
-  void check(const std::string& name) {
+  void expect_match(const std::string& name) {
     const test::Golden golden = test::Golden::load(name);
     const Config& config = golden.config();
     const DeviceCameras cameras = upload_cameras(ctx(), test::golden_cameras(golden));
@@ -41,13 +41,13 @@ class Encoder : public test::FlavourTest {
 };
 VSPLAT_FLAVOURS(Encoder);
 
-TEST_P(Encoder, MatchesPyTorchOnMicro) { check("micro"); }
+TEST_P(Encoder, MatchesPyTorchOnMicro) { expect_match("micro"); }
 
 // Made by PyTorch when the tests run. "tiny_paper" samples without the half pixel.
 TEST_P(Encoder, MatchesPyTorchOnTiny) {
   for (const std::string name : {"tiny", "tiny_seed1", "tiny_views1", "tiny_views6", "tiny_paper"}) {
     VSPLAT_NEED_GOLDEN(name);
-    check(name);
+    expect_match(name);
   }
 }
 

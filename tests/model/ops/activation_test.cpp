@@ -24,7 +24,7 @@ TEST(ActivationReference, SlopesAreThoseOfDifferences) {
 
 class ActivationTest : public test::FlavourTest {
  protected:
-  void check(const std::vector<float>& x, double tolerance) {
+  void expect_match(const std::vector<float>& x, double tolerance) {
     const auto n = static_cast<long>(x.size());
     const auto dy = test::random_floats(x.size(), 2, 0.5f, 1.0f);
     for (const Activation act : kAll) {
@@ -53,7 +53,7 @@ TEST_P(ActivationTest, EverySizeMatchesReference) {
   for (const std::size_t n : {1U, 3U, 7U, 15U, 16U, 17U, 101U, 1023U, 1024U, 1025U, 3001U}) {
     auto x = test::random_floats(n, 1, -5, 5);
     x[0] = 2;  // one slope of about 1, by which all are measured: where it crosses 0 it is a difference of such numbers
-    check(x, 1e-6);
+    expect_match(x, 1e-6);
   }
 }
 
@@ -61,7 +61,7 @@ TEST_P(ActivationTest, EverySizeMatchesReference) {
 TEST_P(ActivationTest, ExactEverywhere) {
   std::vector<float> x(4000);
   for (std::size_t i = 0; i < x.size(); ++i) x[i] = -16.0f + 0.008f * static_cast<float>(i);
-  check(x, 1e-6);
+  expect_match(x, 1e-6);
 }
 
 // Where a careless exponential overflows, what comes back is dy or 0.
@@ -99,8 +99,8 @@ TEST_P(ActivationTest, ReluKeepsWhatIsNoNumber) {
 
 TEST_P(ActivationTest, EmptyInput) {
   const Tensor none = ctx().tensor({0});
-  activation_forward(ctx(), {none, Activation::gelu, none});
-  activation_backward(ctx(), {none, Activation::gelu, none, none});
+  EXPECT_NO_THROW(activation_forward(ctx(), {none, Activation::gelu, none}));
+  EXPECT_NO_THROW(activation_backward(ctx(), {none, Activation::gelu, none, none}));
 }
 
 TEST_P(ActivationTest, RejectsBadShape) {

@@ -8,6 +8,7 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/training_views.h"
 
 namespace vsplat {
 namespace {
@@ -28,16 +29,7 @@ TrainingViews views_of(const LaraGolden& golden) {
 }
 
 PassViews upload(Context& ctx, const LaraGolden& golden) {
-  const TrainingViews views = views_of(golden);
-  const long s = golden.config().image;
-  PassViews out;
-  out.inputs = ctx.upload({views.inputs, s, s, 3}, views.pictures.data());
-  out.cameras = views.cameras;
-  for (std::size_t v = 0; v < views.cameras.size(); ++v) {
-    out.targets.push_back(ctx.upload({1, s, s, 3}, views.pictures.data() + v * static_cast<std::size_t>(s * s * 3)));
-    out.backgrounds.push_back(views.background);
-  }
-  return out;
+  return test::upload_views_of_step(ctx, views_of(golden), golden.config().image);
 }
 
 double loss_of(Context& ctx, const PassResult& result) {
