@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""check_skipped.py RESULTS NAMES: fails where a test was skipped or not run that tests/may-skip.txt does not name.
+"""check_skipped.py RESULTS NAMES CASES: fails where a test was skipped or not run that tests/may-skip.txt does not name.
 
-RESULTS is what ctest --output-junit wrote, NAMES what `ctest --show-only=json-v1` printed: a pattern that matches no test is a mistake,
-too."""
+RESULTS is what ctest --output-junit wrote, NAMES what `ctest --show-only=json-v1` printed, CASES the folder where GoogleTest wrote what
+became of each case of a suite. A pattern that matches no test is a mistake, too."""
 import fnmatch
 import json
 import pathlib
@@ -32,16 +32,28 @@ def skipped(results):
     return [case.get("name") for case in cases if case.get("status") not in ("run", "fail")]
 
 
+def cases_of_suites(folder):
+    """-> {name: was it skipped}. (Of a suite that crashed there is nothing; it has failed.)"""
+    out = {}
+    for path in sorted(pathlib.Path(folder).glob("*.xml")):
+        for case in xml.parse(path).getroot().iter("testcase"):
+            out[f'{case.get("classname")}.{case.get("name")}'] = case.get("result") != "completed"
+    if not out:
+        sys.exit(f"{folder}: no case ran")
+    return out
+
+
 def main():
-    results, names = sys.argv[1:]
+    results, names, folder = sys.argv[1:]
+    cases = cases_of_suites(folder)
     with open(names) as f:
-        known = [test["name"] for test in json.load(f)["tests"]]
+        known = [test["name"] for test in json.load(f)["tests"]] + list(cases)
     patterns, wrong = allowed(), 0
     for pattern, _ in patterns:
         if not fnmatch.filter(known, pattern):
             print(f"{LIST.name}: {pattern} is the name of no test", file=sys.stderr)
             wrong += 1
-    for name in skipped(results):
+    for name in skipped(results) + [name for name, was in cases.items() if was]:
         reason = next((reason for pattern, reason in patterns if fnmatch.fnmatchcase(name, pattern)), None)
         if reason:
             print(f"skipped: {name}: {reason}")

@@ -4,7 +4,7 @@ find_package(Python3 COMPONENTS Interpreter REQUIRED)
 set(python_skipped "OK \\(skipped=")
 foreach(part accidents cameras convert dataset evaluate far flags full_disk genden help import lara pictures reader refine refusal run strangers train train_learns train_report usage)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py)
-  set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${cli_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
@@ -26,7 +26,7 @@ set_tests_properties(evaluate_numbers PROPERTIES LABELS cli TIMEOUT 600 COST 200
 foreach(part hostile hostile_seeds hostile_traced)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/hostile_test.py
     $<IF:$<STREQUAL:${part},hostile_traced>,Traced,Hostile>)
-  set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${cli_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 set_tests_properties(cli_hostile_seeds PROPERTIES LABELS "cli;slow" TIMEOUT 7200
@@ -34,21 +34,21 @@ set_tests_properties(cli_hostile_seeds PROPERTIES LABELS "cli;slow" TIMEOUT 7200
 set_tests_properties(cli_hostile_traced PROPERTIES LABELS "cli;slow" TIMEOUT 1800)
 
 add_test(NAME cli_model COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/model_test.py)
-set_tests_properties(cli_model PROPERTIES LABELS cli TIMEOUT ${cli_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+set_tests_properties(cli_model PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MICRO=${micro};VSPLAT_WITH_MODEL=${variants}/micro;VSPLAT_WITHOUT_MODEL=${variants}/none;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 add_test(NAME cli_refine_kills
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/refine_test.py Refine.test_killed_at_any_moment)
-set_tests_properties(cli_refine_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${cli_seconds}
+set_tests_properties(cli_refine_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds}
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_KILLS=20;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 add_test(NAME cli_train_kills
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/train_test.py Train.test_killed_at_any_moment)
-set_tests_properties(cli_train_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${cli_seconds}
+set_tests_properties(cli_train_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds}
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_KILLS=20;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
 # A training on another machine. Quick: the script with a program in place of vsplat; slow: with it, twice, and what is packed for that machine,
 # which is of a build without sanitizers.
 add_test(NAME cli_gpu_script COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_script_test.py StandIn)
 add_test(NAME cli_gpu_script_trains COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_script_test.py GpuScript)
-set_tests_properties(cli_gpu_script cli_gpu_script_trains PROPERTIES LABELS cli TIMEOUT ${cli_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+set_tests_properties(cli_gpu_script cli_gpu_script_trains PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_BUNDLE=$<IF:$<BOOL:${VSPLAT_SANITIZE}>,,${PROJECT_BINARY_DIR}>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 set_tests_properties(cli_gpu_script_trains PROPERTIES LABELS "cli;slow" TIMEOUT 1800)

@@ -299,7 +299,7 @@ TEST(Reader, IsNotBelievedOfHdf5) {
   refused([&](Channel& to) { to.send(Kind::done, {}); }, [&](const Hdf5File& file) { file.links("/"); });
 }
 
-TEST(MeshFile, IsOfAFormatThatIsPromised) {
+TEST(ReaderMeshFile, IsOfAFormatThatIsPromised) {
   const TemporaryFolder folder;
   for (const char* name : {"a.off", "a.3mf", "a.md5mesh", "a.ase", "a"}) {
     put_file(folder / name, triangle);
