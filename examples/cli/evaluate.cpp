@@ -252,6 +252,9 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->needs(table)
       ->allow_extra_args(false)
       ->type_name("FILE.md|.csv|.json");
+  sub->add_flag("--dry-run", o->table.dry_run,
+                "Read what --table lists, models and objects, and print the memory of each row; measure nothing")
+      ->needs(table);
   add_common(*sub, o->common);
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to "
@@ -264,6 +267,7 @@ void add_evaluate(CLI::App& app, Run& run) {
       "  vsplat evaluate set/ --sheet sheet.png\n"
       "  vsplat evaluate set/ --size 256 --refine\n"
       "  vsplat evaluate set/ --size 128 --json\n"
+      "  vsplat evaluate --table tables.json --dry-run\n"
       "  vsplat evaluate --table tables.json --output tables.md --output tables.csv\n"
       "  vsplat evaluate set/ --pose-noise 0.02 --pose-draws 3 --seed 1\n"
       "  vsplat evaluate photos/cup --model model.safetensors --protocol random10 --seed 1 --json");

@@ -26,6 +26,7 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr std::uintmax_t kLargestFile = 1 << 20;
+constexpr const char* kLpipsFiles[] = {"alex.safetensors", "vgg.safetensors"};
 constexpr const char* kEndings[] = {".md", ".csv", ".json"};
 
 struct System {
@@ -323,18 +324,26 @@ double median_seconds(const vsplat::Evaluation& evaluation) {
   return *middle;
 }
 
+vsplat_plan plan_of(const Session& session, const vsplat::Model& model, const vsplat_evaluate_options& options) {
+  vsplat_plan out = VSPLAT_PLAN_INIT;
+  const int32_t views = options.view_count ? options.view_count : model.info().views;
+  vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(), views, 0, &out));
+  return out;
+}
+
+std::string row_name(const TableRequest& of, std::size_t system, std::size_t data, std::size_t views) {
+  return of.systems[system].name + " on " + of.data[data].name + ", " + of.views[views].name;
+}
+
 Row measured(Session& session, const vsplat::Model& model, const vsplat::DataSet& data,
              const vsplat_evaluate_options& options) {
   const vsplat::Evaluation evaluation(session.device(), model, data, options);
-  vsplat_plan plan = VSPLAT_PLAN_INIT;
-  const int32_t views = options.view_count ? options.view_count : model.info().views;
-  vsplat::check(vsplat_plan_reconstruct(session.device().get(), model.get(), views, 0, &plan));
   return {0,
           0,
           0,
           evaluation.mean(),
           median_seconds(evaluation),
-          plan.peak,
+          plan_of(session, model, options).peak,
           evaluation.objects().size(),
           evaluation.skipped()};
 }
@@ -347,6 +356,36 @@ void print(const Common& common, const Table& table) {
     std::fputs(for_terminal(table.markdown()).c_str(), stdout);
 }
 
+// Of every row what a network's run takes. Whatever the table reads is opened for it, but for the objects' pictures and
+// LPIPS' values.
+void plan_table(const Common& common, const TableRequest& request) {
+  Session session(common);
+  std::vector<vsplat::DataSet> sets;
+  for (const Data& data : request.data) sets.emplace_back(data.folders);
+  std::error_code ignored;
+  if (!request.lpips.empty() && std::none_of(std::begin(kLpipsFiles), std::end(kLpipsFiles), [&](const char* name) {
+        return fs::exists(fs::path(request.lpips) / name, ignored);
+      }))
+    throw std::runtime_error(request.lpips + ": neither " + kLpipsFiles[0] + " nor " + kLpipsFiles[1] +
+                             " is there, the weights of LPIPS");
+  std::vector<Plan> plans;
+  for (std::size_t s = 0; s < request.systems.size(); ++s) {
+    const vsplat::Model model = load_model(request.systems[s].model);
+    for (std::size_t d = 0; d < sets.size(); ++d)
+      for (std::size_t v = 0; v < request.views.size(); ++v) {
+        const std::size_t count = sets[d].count();
+        const std::string name = row_name(request, s, d, v);
+        try {
+          plans.push_back({name + ": " + std::to_string(count) + (count == 1 ? " object" : " objects"),
+                           plan_of(session, model, request.views[v].options)});
+        } catch (const vsplat::Error& e) {
+          throw vsplat::Error(e.status(), (name + ": " + e.what()).c_str());
+        }
+      }
+  }
+  print_plans(common, plans);
+}
+
 }  // namespace
 
 void evaluate_table(const Common& common, const TableOptions& o) {
@@ -355,6 +394,11 @@ void evaluate_table(const Common& common, const TableOptions& o) {
       throw UsageError("--output is " + path + ": a file ending in .md, .csv or .json is expected");
   set_up_library(common);
   const TableRequest request = read(o.file);
+  if (o.dry_run) {
+    refuse_profile_of_dry_run(common);
+    if (!o.outputs.empty()) throw UsageError("--dry-run measures nothing: there is no table to be written to --output");
+    return plan_table(common, request);
+  }
   Outputs outputs(common.overwrite);
   outputs.input(o.file);
   for (const System& system : request.systems) outputs.input(system.model);
@@ -371,7 +415,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
     const vsplat::Model model = load_model(request.systems[s].model);
     for (std::size_t d = 0; d < sets.size(); ++d)
       for (std::size_t v = 0; v < request.views.size(); ++v) {
-        const std::string what = request.systems[s].name + " on " + request.data[d].name + ", " + request.views[v].name;
+        const std::string what = row_name(request, s, d, v);
         vsplat_evaluate_options options = request.views[v].options;
         options.picture_size = request.size;
         options.lpips = request.lpips.empty() ? nullptr : request.lpips.c_str();

@@ -1,5 +1,5 @@
-// vsplat weights: what is in a model file, whether it is whole, the same model with other values' types, and models of
-// PyTorch's files.
+// vsplat weights: what is in a model file, whether it is whole, whether it does what it should, the same model with
+// other values' types, and models of PyTorch's files.
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -64,6 +64,52 @@ void verify(const WeightsOptions& o) {
                 verified ? "the SHA-256 matches" : "no SHA-256 is stated, so damage to the values would go unseen");
 }
 
+void check(const WeightsOptions& o) {
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.input(o.model);
+  for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
+  const vsplat::Model model = load_model(o.model);
+  Session session(o.common);
+  session.start("reconstructing");
+  vsplat_check_options options = VSPLAT_CHECK_OPTIONS_INIT;
+  options.progress = Session::on_progress;
+  options.user = &session;
+  const nlohmann::ordered_json found =
+      nlohmann::ordered_json::parse(vsplat::check_model(session.device(), model, options));
+  session.write_profile(outputs);
+  outputs.commit();
+  clear_progress();
+  const auto decibels = [](const nlohmann::ordered_json& value) {
+    char text[32] = "not a number";
+    if (value.is_number()) std::snprintf(text, sizeof text, "%.2f dB", value.get<double>());
+    return std::string(text);
+  };
+  nlohmann::ordered_json warning;  // null
+  if (found["below_nearest"].get<bool>())
+    warning = "the input views are drawn at " + decibels(found["psnr"]) +
+              ", and the nearest other one in the place of each reaches " + decibels(found["psnr_nearest"]) +
+              ": the weights are untrained, damaged, or were not imported as they were trained";
+  if (o.common.json) {
+    nlohmann::ordered_json out{{"model", o.name()}};
+    out.update(found);
+    out["warning"] = warning;
+    print_json(out);
+  } else {
+    const std::string edge = found["image"].dump();
+    std::printf("%s on the object '%s': its input views of %s x %s pixels, drawn again\n",
+                for_terminal(o.name()).c_str(), for_terminal(found["object"].get<std::string>()).c_str(), edge.c_str(),
+                edge.c_str());
+    const auto line = [&](const std::string& name, const nlohmann::ordered_json& of) {
+      std::printf("  %-20s %s (nearest other view: %s)\n", for_terminal(name).c_str(), decibels(of["psnr"]).c_str(),
+                  decibels(of["psnr_nearest"]).c_str());
+    };
+    for (const nlohmann::ordered_json& view : found["views"]) line(view["name"].get<std::string>(), view);
+    line("mean", found);
+  }
+  if (!warning.is_null()) warn(warning.get<std::string>());
+}
+
 void convert(const WeightsOptions& o) {
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);
@@ -104,6 +150,8 @@ void import(const WeightsOptions& o) {
       all["named"].is_null() ? "of no named configuration" : "as " + all["named"].get<std::string>();
   say(o.common, o.output + ": " + std::to_string(model.info().parameters) + " parameters, shapes " + shapes + ", " +
                     bytes_text(std::filesystem::file_size(o.output)));
+  if (!all["encoder_alone"].get<bool>())
+    say(o.common, "next, whether it does what it should: vsplat weights check " + o.output);
   if (!o.common.json) return;
   nlohmann::ordered_json out{{"output", o.output}, {"parameters", model.info().parameters}};
   out.update(all);
@@ -111,17 +159,21 @@ void import(const WeightsOptions& o) {
 }
 
 CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<WeightsOptions>& o, const char* name,
-                     const char* what, void (*action)(const WeightsOptions&), bool writes = false) {
+                     const char* what, void (*action)(const WeightsOptions&), const Takes& takes) {
   CLI::App* sub = parent.add_subcommand(name, what);
   sub->add_option("model", o->model, "A model file (default: the built-in model)")->type_name("MODEL");
-  add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = writes, .outside = false});
+  add_common(*sub, o->common, takes);
   sub->callback([o, action, &run] { run = [o, action] { action(*o); }; });
   return sub;
 }
 
+// What the file alone is asked.
+constexpr Takes kOfFile{.device = false, .profile = false, .overwrite = false, .outside = false};
+
 void add_convert(CLI::App& parent, Run& run) {
   auto o = std::make_shared<WeightsOptions>();
-  CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert, true);
+  CLI::App* sub = add_action(parent, run, o, "convert", "Write the model with values of another type", convert,
+                             {.device = false, .profile = false, .outside = false});
   sub->add_option("--dtype", o->dtype, "f16 takes half the space: each value rounded to the nearest, ties to even")
       ->required()
       ->check(one_of({"f16", "f32"}))
@@ -164,19 +216,34 @@ void add_import(CLI::App& parent, Run& run) {
 }  // namespace
 
 void add_weights(CLI::App& app, Run& run) {
-  CLI::App* sub = app.add_subcommand("weights", "Look into a model file, convert it, or import one");
+  CLI::App* sub = app.add_subcommand("weights", "Look into a model file, check it, convert it, or import one");
   sub->require_subcommand(1);
-  add_action(*sub, run, std::make_shared<WeightsOptions>(), "info", "Configuration, size, tensors and origin", info)
+  add_action(*sub, run, std::make_shared<WeightsOptions>(), "info", "Configuration, size, tensors and origin", info,
+             kOfFile)
       ->footer("Examples:\n  vsplat weights info\n  vsplat weights info model.safetensors");
   add_action(*sub, run, std::make_shared<WeightsOptions>(), "verify",
-             "Read all of it: structure, every tensor's shape and values, and the hash where one is stated", verify)
+             "Read all of it: structure, every tensor's shape and values, and the hash where one is stated", verify,
+             kOfFile)
       ->footer("Example:\n  vsplat weights verify model.safetensors");
+  add_action(*sub, run, std::make_shared<WeightsOptions>(), "check",
+             "Reconstruct an object that needs no file, and tell how well its input views are drawn again", check,
+             {.outside = false})
+      ->footer(
+          "The object is a random one that is the same for every model, in as many views as it is trained with. PSNR "
+          "is told "
+          "of each\n"
+          "view, and beside it what the nearest other input view reaches in its place; a mean below that is a warning, "
+          "and the "
+          "exit\n"
+          "code is 0.\n"
+          "Examples:\n  vsplat weights check\n  vsplat weights check model.safetensors --json");
   add_convert(*sub, run);
   add_import(*sub, run);
   sub->footer(
       "Examples:\n"
       "  vsplat weights info\n"
       "  vsplat weights verify model.safetensors\n"
+      "  vsplat weights check model.safetensors\n"
       "  vsplat weights convert model.safetensors --dtype f16 --output half.safetensors\n"
       "  vsplat weights import epoch=49.ckpt --output model.safetensors");
 }

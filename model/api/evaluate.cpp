@@ -4,12 +4,14 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "model/api/dataset.h"
 #include "model/api/device.h"
 #include "model/api/input.h"
 #include "model/api/model.h"
 #include "model/api/selected.h"
+#include "model/evaluate/model_check.h"
 #include "model/io/image_file.h"
 #include "runtime/fail.h"
 
@@ -63,6 +65,17 @@ vsplat_scores scores_of(const Scores& from) {
   out.gaussians = from.gaussians;
   out.seconds = from.seconds;
   return out;
+}
+
+std::string json_of(const ModelCheck& from, int image) {
+  nlohmann::ordered_json out{{"object", from.object}, {"image", image}, {"views", nlohmann::ordered_json::array()}};
+  for (const CheckedView& view : from.views)
+    out["views"].push_back({{"name", view.name}, {"psnr", view.psnr}, {"psnr_nearest", view.psnr_nearest}});
+  out["psnr"] = from.psnr;
+  out["psnr_nearest"] = from.psnr_nearest;
+  out["below_nearest"] = from.is_below_nearest();
+  out["gaussians"] = from.gaussians;
+  return out.dump(1);
 }
 
 }  // namespace
@@ -140,5 +153,23 @@ vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const c
     need(path, "path");
     if (evaluation->evaluation.sheet.empty()) fail(Status::usage, "this evaluation was made without a sheet");
     write_png(path, evaluation->evaluation.sheet);
+  });
+}
+
+vsplat_status vsplat_model_check(vsplat_device device, vsplat_model model, const vsplat_check_options* options,
+                                 char** out_text) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(model, "model");
+    need(out_text, "out_text");
+    const vsplat_check_options o = taken(options, VSPLAT_CHECK_OPTIONS_INIT, "options");
+    const AnyConfig config = config_of(model);
+    ForwardOptions forward;
+    forward.planned_selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config, "selected");
+    if (o.progress)
+      forward.progress = [&o](const std::string& stage, double done) {
+        if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
+      };
+    *out_text = new_text(json_of(check_model(device->context, network_on(device, model), forward), config.image()));
   });
 }

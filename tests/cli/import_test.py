@@ -92,6 +92,7 @@ class Import(Checkpoints):
                                             "loops", "callbacks", "optimizer_states", "lr_schedulers"])
         for name in told["left_out"]:
             self.assertIn(f"left out: {name}\n", err)
+        self.assertIn(f"vsplat weights check {self.path('got.safetensors')}", err)
         self.assertEqual(self.imports("bare.pth")[0]["left_out"], [])
 
     def test_what_shapes_do_not_tell(self):

@@ -70,6 +70,7 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_save_selection(NULL, "file"));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_reconstruct(NULL, NULL, NULL, NULL, &scene));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(NULL, NULL, &camera, NULL, &picture));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_check(NULL, NULL, NULL, &text));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_reconstruct(NULL, NULL, 1, 0.1, &plan));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_plan_render(NULL, 1, 0, 1, 1, &plan));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(NULL, 1, 1, VSPLAT_PICTURE_PNG, "x.png"));
@@ -278,6 +279,20 @@ static void use_scene(vsplat_device device, vsplat_scene scene, const int32_t* v
   vsplat_cameras_release(cameras);
 }
 
+static void checked_model(vsplat_device device, vsplat_model model) {
+  vsplat_check_options options = VSPLAT_CHECK_OPTIONS_INIT;
+  char* text = NULL;
+  int calls = 0;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_check(device, model, NULL, NULL));
+  options.progress = stop;
+  options.user = &calls;
+  EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_model_check(device, model, &options, &text));
+  HOLD(calls == 1 && !text);
+  EXPECT(VSPLAT_OK, vsplat_model_check(device, model, NULL, &text));
+  HOLD(text && strstr(text, "\"psnr_nearest\"") != NULL);
+  vsplat_text_free(text);
+}
+
 static void main_job(vsplat_device device) {
   static float pixels[side * side * 3], out[side * side * 3];
   const int32_t voxels[] = {3, 21, 40};
@@ -337,6 +352,7 @@ static void main_job(vsplat_device device) {
   EXPECT(VSPLAT_OK, vsplat_device_profile_text(device, VSPLAT_PROFILE_JSON, &text));
   HOLD(text && strstr(text, "\"wall_s\"") != NULL);
   vsplat_text_free(text);
+  checked_model(device, model);
   vsplat_model_release(model);
   vsplat_input_release(input);
   if (scene) use_scene(device, scene, voxels, 3);

@@ -102,6 +102,25 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_get_mean(vsplat_eval
    VSPLAT_ERROR_USAGE where none was made. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const char* path);
 
+/* ---------------------------------------------------------------------------- whether weights do what they should */
+
+typedef struct vsplat_check_options {
+  size_t size;
+  vsplat_progress_function progress; /* may be NULL */
+  void* user;
+} vsplat_check_options;
+#define VSPLAT_CHECK_OPTIONS_INIT \
+  { sizeof(vsplat_check_options), NULL, NULL }
+
+/* For weights of unknown worth, as of a checkpoint that was just imported: reconstructs an object that needs no file,
+   the same for every model, and draws its input views again. `out_text` becomes a JSON object: "object" (its name),
+   "image" (pixels along an edge), "views", a list of {"name", "psnr", "psnr_nearest"} in dB on white, "psnr" and
+   "psnr_nearest", their means, "below_nearest" and "gaussians". psnr_nearest is what the other input nearest by angle
+   reaches in the view's place: where below_nearest is true, the weights are untrained, damaged or read wrongly. Numbers
+   that are not finite are null. `options` NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_check(vsplat_device device, vsplat_model model,
+                                                             const vsplat_check_options* options, char** out_text);
+
 #ifdef __cplusplus
 }
 #endif

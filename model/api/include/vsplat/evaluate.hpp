@@ -51,6 +51,14 @@ class Evaluation : public EvaluationHandle {
   }
 };
 
+// What vsplat_model_check tells as JSON.
+inline std::string check_model(const Device& device, const Model& model,
+                               const vsplat_check_options& options = VSPLAT_CHECK_OPTIONS_INIT) {
+  char* out = nullptr;
+  check(vsplat_model_check(device.get(), model.get(), &options, &out));
+  return text(out);
+}
+
 }  // namespace cxx
 }  // namespace vsplat
 

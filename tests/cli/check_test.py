@@ -1,0 +1,101 @@
+"""vsplat weights check: whether a model's weights do what they should, told by the input views of an object that needs no file."""
+import json
+import os
+import struct
+
+import support
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+SHIPPED = os.path.join(ROOT, "model", "weights", "model.safetensors")
+
+
+def reversed_values(path, to, name, size=2):
+    """The same model, but that a tensor's values are in the opposite order: as of weights that were read wrongly. Without its hash."""
+    data = open(path, "rb").read()
+    begin = 8 + struct.unpack("<Q", data[:8])[0]
+    header = json.loads(data[8:begin])
+    header["__metadata__"].pop("sha256", None)
+    first, end = (begin + at for at in header[name]["data_offsets"])
+    values = [data[at:at + size] for at in range(first, end, size)]
+    text = json.dumps(header).encode()
+    with open(to, "wb") as f:
+        f.write(struct.pack("<Q", len(text)) + text + data[begin:first] + b"".join(reversed(values)) + data[end:])
+
+
+def on_white(path):
+    _, _, data = support.read_png(path)  # straight alpha
+    return [(data[i + c] * data[i + 3] + 255 * (255 - data[i + 3])) / 255 for i in range(0, len(data), 4) for c in range(3)]
+
+
+class Check(support.Case):
+    def check(self, *words):
+        """-> what is told as JSON; what is on stderr is the warning and nothing else."""
+        out, err = self.succeeds("weights", "check", *words, "--json", "--quiet")
+        told = json.loads(out)
+        self.assertEqual(err, "" if told["warning"] is None else f"warning: {told['warning']}\n")
+        self.assertEqual(told["below_nearest"], told["warning"] is not None)
+        return told
+
+    def test_random_weights_are_found_in_every_system(self):
+        """The object is the same for all models of a size; a mean is one of views."""
+        nearest = {}
+        for system, size in (("vsplat", "small"), ("lara", "small"), ("genden", "small"), ("vsplat+genden", "small"), ("lara", "tiny")):
+            with self.subTest(system=system):
+                model = self.path(f"{system}-{size}.safetensors")
+                self.succeeds("init", size, "--system", system, "--seed", 3, "--output", model)
+                told = self.check(model)
+                config = json.loads(self.succeeds("weights", "info", model, "--json")[0])["config"]
+                self.assertEqual(list(told), ["model", "object", "image", "views", "psnr", "psnr_nearest", "below_nearest", "gaussians", "warning"])
+                self.assertEqual((told["model"], told["image"], len(told["views"])), (model, config["image"], max(2, config["views"])))
+                self.assertEqual(len({view["name"] for view in told["views"]}), len(told["views"]))
+                for number in ("psnr", "psnr_nearest"):
+                    self.assertAlmostEqual(told[number], sum(view[number] for view in told["views"]) / len(told["views"]), 9)
+                self.assertTrue(told["below_nearest"])
+                self.assertIn("untrained", told["warning"])
+                key = told["image"], len(told["views"])
+                self.assertEqual(nearest.setdefault(key, told["psnr_nearest"]), told["psnr_nearest"])
+                self.assertEqual(told, self.check(model))
+
+    def test_a_trained_model_passes_and_one_read_wrongly_does_not(self):
+        told = self.check(SHIPPED)
+        self.assertIsNone(told["warning"])
+        self.assertGreater(told["psnr"], told["psnr_nearest"] + 4)
+        out, err = self.succeeds("weights", "check", SHIPPED)
+        self.assertNotIn("warning", err)
+        self.assertIn(f"mean                 {told['psnr']:.2f} dB (nearest other view: {told['psnr_nearest']:.2f} dB)\n", out)
+        self.assertEqual(out.count(" dB (nearest other view: "), 1 + len(told["views"]))
+        damaged = self.path("damaged.safetensors")
+        reversed_values(SHIPPED, damaged, "encoder.model.patch_embed.proj.weight")
+        wrong = self.check(damaged)
+        self.assertEqual(wrong["psnr_nearest"], told["psnr_nearest"])
+        self.assertIsNotNone(wrong["warning"])
+        out, err = self.succeeds("weights", "check", damaged)
+        self.assertIn("warning: the input views are drawn at ", err)
+
+    def test_the_numbers_are_those_of_other_commands(self):
+        """The same object by `dataset procedural`, reconstructed and drawn from its input views' cameras."""
+        told = self.check(SHIPPED)
+        self.assertEqual(told["object"], "procedural 0")
+        self.succeeds("dataset", "procedural", "--count", 1, "--seed", 20, "--views", 40, "--size", told["image"], "--output", self.path("set"))
+        folder = self.path("set", "object_0000")
+        names = [view["name"] for view in told["views"]]
+        out, _ = self.succeeds("reconstruct", folder, "--model", SHIPPED, "--views", ",".join(names), "--output", self.path("o.ply"), "--render", folder,
+                               "--compare", os.path.join(folder, "images"), "--json")
+        drawn = {os.path.relpath(picture["reference"], folder): picture["psnr"] for picture in json.loads(out)["comparison"]["pictures"]}
+        for view in told["views"]:
+            self.assertAlmostEqual(view["psnr"], drawn[view["name"]], delta=1e-3)
+        pixels = {name: on_white(os.path.join(folder, name)) for name in names}
+        for view in told["views"]:  # that of one of the others
+            others = [support.psnr(pixels[view["name"]], pixels[name]) for name in names if name != view["name"]]
+            self.assertLess(min(abs(view["psnr_nearest"] - other) for other in others), 0.02)
+
+    def test_what_cannot_be_checked(self):
+        self.refuses(1, "nowhere.safetensors", "weights", "check", self.path("nowhere.safetensors"))
+        self.refuses(1, "--device", "weights", "check", self.model, "--device", "no such device")
+        self.succeeds("weights", "check", self.model, "--profile", self.path("profile.json"))
+        self.assertIn("rasterize", open(self.path("profile.json")).read())
+        self.refuses(1, "profile.json", "weights", "check", self.model, "--profile", self.path("profile.json"))
+
+
+if __name__ == "__main__":
+    support.main()
