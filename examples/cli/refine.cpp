@@ -40,6 +40,15 @@ void check(const RefineSettings& o) {
   }
 }
 
+// A scene to begin with.
+vsplat::Scene start_scene(const std::string& path) {
+  vsplat::Scene out = vsplat::Scene::load(path);
+  if (out.info().surfels)
+    throw UsageError(path + " holds surfels, and Gaussians of three scales can be refined: vsplat convert " +
+                     "--surfels-to-gaussians makes some");
+  return out;
+}
+
 std::string start_file(const RefineSettings& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
 
 // Of all that it may grow to: one and a half Gaussians a pixel of a picture where nothing is said, and what it begins
@@ -52,7 +61,7 @@ void dry_run(const RefineSettings& o, const RefineJob& job) {
   int degree = 2;
   std::vector<Plan> plans;
   if (job.options.start == VSPLAT_REFINE_SCENE) {
-    const vsplat_scene_info info = vsplat::Scene::load(o.start).info();
+    const vsplat_scene_info info = start_scene(o.start).info();
     begins = info.count;
     degree = std::max(degree, info.sh_degree);
   } else if (job.options.start == VSPLAT_REFINE_NETWORK) {
@@ -111,7 +120,7 @@ void refine(const RefineSettings& o) {
   job.expect(outputs, o.output);
 
   vsplat::Scene scene;
-  if (job.options.start == VSPLAT_REFINE_SCENE) scene = vsplat::Scene::load(o.start);
+  if (job.options.start == VSPLAT_REFINE_SCENE) scene = start_scene(o.start);
   job.options.scene = scene.get();
   Session session(o.common);
   vsplat::Model model;

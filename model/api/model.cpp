@@ -12,6 +12,7 @@
 #include "model/params/load_encoder.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/printable.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -112,7 +113,8 @@ std::vector<std::string> texts(const char* const* given, size_t count, const cha
 
 const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
   if (const auto* own = std::get_if<ModelFile>(model->file.get())) return *own;
-  fail(Status::usage, "the model is of {}, and this takes one of {}", network_of(*model->file), VsplatSystem::network);
+  fail(Status::usage, "{}the model is of {}, and this takes one of {}",
+       model->path.empty() ? "" : printable(model->path) + ": ", network_of(*model->file), VsplatSystem::network);
 }
 
 AnyConfig vsplat::api::config_of(vsplat_model model) {
@@ -162,6 +164,7 @@ vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
     // load_any_model() compares the hash where there is one.
     const bool stated = with_file(model.get(), [](const auto& file) { return file.metadata.count("sha256") != 0; });
     model->hash = stated ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+    if (path) model->path = path;
     *out_model = model.release();
   });
 }

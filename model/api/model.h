@@ -1,5 +1,6 @@
 #pragma once
 #include <memory>
+#include <string>
 
 #include "model/api/handle.h"
 #include "model/params/any_config.h"
@@ -9,6 +10,7 @@
 struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::AnyModel> file;
   vsplat_hash_state hash = VSPLAT_HASH_ABSENT;
+  std::string path;  // of the file that it was read from; empty: of none
 };
 
 namespace vsplat::api {

@@ -22,7 +22,7 @@ import make_hostile  # noqa: E402
 import rule  # noqa: E402
 
 # What needs no device, and no time: these take every file, of the others each file gets one, in turn (all: VSPLAT_HOSTILE_ALL=1).
-CHEAP = ("print", "info", "verify", "convert", "init")
+CHEAP = ("print", "info", "verify", "convert", "init", "import")
 QUICK_EVERY = 10  # the quick test takes one in so many
 
 
@@ -33,7 +33,7 @@ def chosen(kind, command):
 
 def listed(folder, sound, scratch):
     """A folder of finds: what each file is, by its ending."""
-    by_ending = {".json": "config", ".safetensors": "model", ".h5": "hdf5", ".hdf5": "hdf5", ".txt": "selection"}
+    by_ending = {".json": "config", ".safetensors": "model", ".h5": "hdf5", ".hdf5": "hdf5", ".txt": "selection", ".ckpt": "checkpoint"}
     for ending in (".obj", ".ply", ".stl", ".gltf", ".glb", ".3mf", ".off", ".ase", ".md5mesh", ".dae", ".fbx"):
         by_ending[ending] = "mesh"
     out = []
@@ -128,7 +128,8 @@ def traces_work():
 class Traced(Case):
     """What is opened, as the kernel sees it."""
     KINDS = ("outside/*", "obj/mtllib*", "obj/map*", "gltf/buffer*", "gltf/texture*", "ply/texture", "hdf5/stored*", "hdf5/link*", "hdf5/group*", "hdf5/virtual*", "hdf5/soft*",
-             "colmap/outside*", "compare/*", "textures/*", "names/*", "model/escape_name", "config/nested")
+             "colmap/outside*", "compare/*", "textures/*", "names/*", "model/escape_name", "config/nested",
+             "checkpoint/name*", "checkpoint/key*", "checkpoint/only_outside", "checkpoint/*_dict")
 
     @classmethod
     def setUpClass(cls):

@@ -1,21 +1,20 @@
 """vsplat weights import: PyTorch's checkpoints become models to the bit, and those that are damaged or hostile are refused: nothing in them is
 run, nothing is written."""
-import io
 import json
 import os
-import pickle
 import random
 import struct
 import subprocess
-import unittest
-import zipfile
-import zlib
+import sys
 
 import support
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+sys.path.insert(0, os.path.join(ROOT, "tests", "hostile"))
+import checkpoints  # noqa: E402
 MAKER = os.path.join(ROOT, "tests", "reference", "pytorch", "run.sh")
 MUTATIONS = 300
+ALL = bool(os.environ.get("VSPLAT_MUTATIONS"))  # else some of them
 
 
 def tensors(path):
@@ -25,14 +24,6 @@ def tensors(path):
     header = json.loads(data[8:8 + size])
     return {name: (entry["shape"], data[8 + size + entry["data_offsets"][0]:8 + size + entry["data_offsets"][1]])
             for name, entry in header.items() if name != "__metadata__"}
-
-
-def zipped(entries, method=zipfile.ZIP_STORED):
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", method) as z:
-        for name, content in entries:
-            z.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), content, method)
-    return out.getvalue()
 
 
 class Checkpoints(support.Case):
@@ -241,139 +232,35 @@ class Genden(support.Case):
         self.assertTrue(json.loads(self.succeeds("weights", "info", residual, "--json")[0])["config"]["densify.residual"])
 
 
-class Canary:
-    """Unpickled by Python, it makes a file."""
-    def __init__(self, path, call=os.system):
-        self.path, self.call = path, call
-
-    def __reduce__(self):
-        if self.call in (eval, exec):
-            return self.call, (f"open({self.path!r}, 'w')",)
-        return self.call, (["touch", self.path] if self.call is subprocess.check_call else f"touch {self.path}",)
-
-
-class Hostile(Checkpoints):
-    """300 files that are damaged or meant to break their reader."""
-    def setUp(self):
-        super().setUp()
-        self.random = random.Random(7)
-        self.canary = self.path("canary")
-        with zipfile.ZipFile(self.path("lightning.ckpt")) as z:
-            self.entries = [(i.filename, z.read(i)) for i in z.infolist()]
-        self.top = self.entries[0][0].split("/")[0]
-        self.pickle = dict(self.entries)[f"{self.top}/data.pkl"]
-        self.whole = open(self.path("lightning.ckpt"), "rb").read()
-        self.imports("lightning.ckpt")
-        self.right = open(self.path("got.safetensors"), "rb").read()
-        os.remove(self.path("got.safetensors"))
-
-    def with_pickle(self, data, **changes):
-        return zipped([(name, data if name.endswith("data.pkl") else content) for name, content in self.entries])
-
-    def hostile_pickles(self):
-        """-> what each is, and its bytes"""
-        for call in (os.system, eval, exec, subprocess.check_call, os.popen):
-            danger = Canary(self.canary, call)
-            for place in ({"state_dict": danger}, {"state_dict": {"net.div_offset": danger}}, {"state_dict": {}, "callbacks": [danger]}, danger, [danger]):
-                yield f"{call.__name__} {type(place).__name__}", pickle.dumps(place, 2)
-            yield f"{call.__name__} 4", pickle.dumps(danger, 4)
-            # What a reader would call before it sees the rest, and where it looks at nothing.
-            yield f"{call.__name__} before", b"\x80\x02" + pickle.dumps(danger, 2)[2:-1] + b"0" + self.pickle[2:]
-            yield f"{call.__name__} in a list", b"\x80\x02]" + pickle.dumps(danger, 2)[2:-1] + b"a" + self.pickle[2:]
-        touch = b"X" + struct.pack("<I", len(self.canary) + 6) + b"touch " + self.canary.encode()
-        for name, code in (("inst", b"(" + touch + b"ios\nsystem\n."), ("obj", b"(cos\nsystem\n" + touch + b"o."), ("stack", b"\x8c\x02os\x8c\x06system\x93" + touch + b"\x85R."),
-                           ("newobj", b"cos\nsystem\n" + touch + b"\x85\x81."), ("ext", b"\x82\x01" + touch + b"\x85R."), ("persid", b"Pos.system\n."),
-                           ("getattr", b"c__builtin__\ngetattr\n."), ("import", b"c__builtin__\n__import__\n."), ("twice", b"ccollections\nOrderedDict\n)R" + touch + b"\x85R."),
-                           ("call a text", touch + touch + b"\x85R."), ("call a storage", b"ctorch\nFloatStorage\n" + touch + b"\x85R."),
-                           ("build a text", touch + b"}b."), ("no mark", b"t."), ("no value", b"."), ("two values", b"NN."), ("get", b"h\x05."), ("put far", b"Nr\xff\xff\xff\xff."),
-                           ("long text", b"X\xff\xff\xff\xff."), ("long", b"\x8a\xff" + b"\x01" * 255 + b"."), ("long4", b"\x8b\xff\xff\xff\x7f."), ("open", b"}q\0("), ("self", b"}q\0h\0h\0s."),
-                           ("deep tuples", b"N" + b"\x85" * 1_000_000 + b"."), ("deep lists", b"]" * 600_000 + b"a" * 599_999 + b"."), ("marks", b"(" * 2_000_000 + b"."),
-                           ("many", b"(" + b"N" * 3_000_000 + b"t."), ("same", b"]q\0(" + b"h\0" * 6_000_000 + b"e."), ("escape", b"c\x1b]0;owned\x07\n\x9b2J\n.")):
-            yield name, b"\x80\x02" + code
-
-    def tensor_pickles(self):
-        """State dicts whose tensors do not lie in their storages, and storages that are elsewhere."""
-        def number(n):
-            return b"\x8a\x08" + struct.pack("<q", n)
-        def sides(values):
-            return b"(" + b"".join(map(number, values)) + b"t"
-        def text(word):
-            return b"X" + struct.pack("<I", len(word)) + word.encode()
-        def state(kind="FloatStorage", key="0", count=6, offset=0, shape=(2, 3), strides=(3, 1), tag="storage"):
-            storage = b"(" + text(tag) + b"ctorch\n" + kind.encode() + b"\n" + text(key) + text("cpu") + number(count) + b"tQ"
-            return (b"\x80\x02}" + text("net.encoder.model.cls_token") + b"ctorch._utils\n_rebuild_tensor_v2\n(" + storage + number(offset) + sides(shape) + sides(strides)
-                    + b"\x89ccollections\nOrderedDict\n)RtRs.")
-        big = 2**62
-        for name, change in (("offset", {"offset": 1}), ("offset far", {"offset": big}), ("offset before", {"offset": -1}), ("stride", {"strides": (4, 1)}),
-                             ("stride before", {"strides": (-3, 1)}), ("shape", {"shape": (3, 3)}), ("shape far", {"shape": (big, big)}), ("expanded", {"shape": (big, 8), "strides": (0, 0)}),
-                             ("shape before", {"shape": (-2, -3)}), ("ranks", {"strides": (1,)}), ("sides", {"shape": (1,) * 20, "strides": (1,) * 20}), ("count", {"count": 7}),
-                             ("count far", {"count": big}), ("count before", {"count": -1}), ("key", {"key": "../../../etc/passwd"}), ("key absolute", {"key": "/etc/passwd"}),
-                             ("no key", {"key": ""}), ("no entry", {"key": "99999"}), ("kind", {"kind": "QInt8Storage"}), ("kind of another module", {"kind": "load"}), ("tag", {"tag": "module"}),
-                             ("size", {"kind": "DoubleStorage"})):
-            entries = [(f"{self.top}/data.pkl", state(**change)), (f"{self.top}/data/0", b"\0" * 24)]
-            yield name, zipped(entries)
-
-    def archives(self):
-        entries = self.entries
-        pickled = (f"{self.top}/data.pkl", self.pickle)
-        outside = os.path.relpath(self.canary, "/")
-        for name in (f"../{outside}", "../" * 20 + outside, self.canary, f"{self.top}/../{outside}", f"{self.top}/data/../../x", "..", f"{self.top}\\..\\x", f"{self.top}/\x1b[2J", f"{self.top}//x",
-                     "./x"):
-            yield f"name {name!r}", zipped([*entries, (name, b"x")])
-        yield "only outside", zipped([("../data.pkl", self.pickle), *entries[1:]])
-        yield "two pickles", zipped([*entries, ("other/data.pkl", self.pickle)])
-        yield "no pickle", zipped(entries[1:])
-        yield "big", zipped([*entries, (f"{self.top}/byteorder", b"big")])
-        yield "byteorder", zipped([*entries, (f"{self.top}/byteorder", b"x" * 100_000)])
-        yield "twice", zipped([*entries, entries[-1]])
-        yield "deflated", zipped(entries, zipfile.ZIP_DEFLATED)
-        yield "bomb in the pickle", zipped([(pickled[0], b"\x80\x02" + b"N" * 200_000_000)], zipfile.ZIP_DEFLATED)
-        yield "bomb in an entry", zipped([*entries, (f"{self.top}/data/99999", b"\0" * 200_000_000)], zipfile.ZIP_DEFLATED)
-        # Sizes that nothing is behind, in the list and where the entries begin.
-        for claim in (2**31, 2**32 - 2, 2**32 - 1):
-            data = bytearray(zipped(entries))
-            for mark, at in ((b"PK\x01\x02", 20), (b"PK\x03\x04", 18)):
-                begin = data.find(mark)
-                data[begin + at:begin + at + 8] = struct.pack("<II", claim, claim)
-            yield f"claims {claim}", bytes(data)
-        # Every entry where the first one is: together more than the file.
-        data = bytearray(zipped([(f"{self.top}/data/{i}", b"\0" * 50_000) for i in range(3)] + [pickled]))
-        at = -1
-        while (at := data.find(b"PK\x01\x02", at + 1)) >= 0:
-            data[at + 42:at + 46] = struct.pack("<I", 0)
-        yield "overlap", bytes(data)
-        data = bytearray(zipped(entries))
-        for mark, at in ((b"PK\x01\x02", 8), (b"PK\x03\x04", 6)):  # all are encrypted
-            begin = -1
-            while (begin := data.find(mark, begin + 1)) >= 0:
-                data[begin + at] |= 1
-        yield "encrypted", bytes(data)
-        yield "a picture", zlib.compress(b"x" * 1000)
-        yield "end alone", b"PK\x05\x06" + b"\0" * 18
-        yield "entries without number", b"PK\x05\x06\0\0\0\0\xff\xff\xff\xff\xff\xff\xff\xff\0\0\0\0\0\0"
-        yield "pickle of another", zipped([(f"{self.top}/data.pkl", pickle.dumps({"state_dict": {"a": [1.5, "x"]}}, 2))])
+class Mutations:
+    """300 files that are damaged or meant to break their reader, of a sound one: some of them, with VSPLAT_MUTATIONS all."""
+    def begin(self, sound, *more):
+        """more: the options that importing the sound one takes."""
+        self.random, self.more = random.Random(7), more
+        self.broken = checkpoints.Broken(sound, self.path("canary"), self.random)
+        self.succeeds("weights", "import", sound, "--output", self.path("right.safetensors"), *more)
+        with open(self.path("right.safetensors"), "rb") as f:
+            self.right = f.read()
 
     def test_mutations(self):
-        made = [(name, self.with_pickle(data)) for name, data in self.hostile_pickles()] + list(self.tensor_pickles()) + list(self.archives())
+        made = list(self.broken.certain())
+        made += [(f"cut {i}", self.broken.cut()) for i in range(60)]
         certain = len(made)
-        for i in range(60):
-            made.append((f"cut {i}", self.whole[:self.random.randrange(len(self.whole))]))
-        certain += 60
-        while len(made) < MUTATIONS:
-            data = bytearray(self.whole)
-            for _ in range(self.random.choice((1, 1, 2, 8))):
-                data[self.random.randrange(len(data))] ^= 1 << self.random.randrange(8)
-            made.append((f"bits {len(made)}", bytes(data)))
+        made += [(f"bits {i}", self.broken.spoilt()) for i in range(certain, MUTATIONS)]
         self.assertEqual(len(made), MUTATIONS)
         target, out, refusals = self.path("mutated.ckpt"), self.path("out.safetensors"), 0
-        for i, (name, data) in enumerate(made):
+        run = range(0 if ALL else self.random.randrange(5), MUTATIONS, 1 if ALL else 5)
+        for i in run:
+            name, data = made[i]
             with self.subTest(name=name):
-                open(target, "wb").write(data)
+                with open(target, "wb") as f:
+                    f.write(data)
                 names = sorted(os.listdir(self.folder))
-                code, told, err = support.run("weights", "import", target, "--output", out)
-                self.assertFalse(os.path.exists(self.canary), "something was run")
+                code, told, err = support.run("weights", "import", target, "--output", out, *self.more)
+                self.assertFalse(os.path.exists(self.broken.canary), "something was run")
                 if i >= certain and code == 0:  # bits of what nobody reads: dates, padding
-                    self.assertEqual(open(out, "rb").read(), self.right)
+                    with open(out, "rb") as f:
+                        self.assertEqual(f.read(), self.right)
                     os.remove(out)
                 else:
                     self.assertEqual((code, told), (1, ""), err)
@@ -382,20 +269,46 @@ class Hostile(Checkpoints):
                     self.assertLess(len(err), 1500)
                     refusals += 1
                 self.assertEqual(names, sorted(os.listdir(self.folder)), "something was written")
-        print(f"{MUTATIONS} mutations, {refusals} refused, {MUTATIONS - refusals} changed nothing that is read")
+        print(f"{len(run)} mutations, {refusals} refused, {len(run) - refusals} changed nothing that is read", file=sys.stderr)
 
     def test_any_byte_of_the_pickle(self):
         """With a checksum that fits: whatever is then taken is a model."""
-        for _ in range(60):
-            data = bytearray(self.pickle)
+        for _ in range(60 if ALL else 12):
+            data = bytearray(self.broken.pickle)
             at = self.random.randrange(len(data))
             data[at] = self.random.randrange(256)
-            open(self.path("mutated.ckpt"), "wb").write(self.with_pickle(bytes(data)))
-            code, _, err = support.run("weights", "import", self.path("mutated.ckpt"), "--output", self.path("out.safetensors"), "--overwrite")
+            with open(self.path("mutated.ckpt"), "wb") as f:
+                f.write(self.broken.with_pickle(bytes(data)))
+            code, _, err = support.run("weights", "import", self.path("mutated.ckpt"), "--output", self.path("out.safetensors"), "--overwrite", *self.more)
             self.assertIn(code, (0, 1, 2), err)
-            self.assertFalse(os.path.exists(self.canary))
+            self.assertFalse(os.path.exists(self.broken.canary))
             if code == 0:
                 self.succeeds("weights", "verify", self.path("out.safetensors"))
+
+
+class Hostile(Mutations, Checkpoints):
+    """VS-Splat's, which PyTorch has made."""
+    def setUp(self):
+        super().setUp()
+        self.begin(self.path("lightning.ckpt"))
+
+
+class HostileLara(Mutations, support.Case):
+    def setUp(self):
+        super().setUp()
+        self.begin(Lara.CHECKPOINT)
+
+
+class HostileGenden(Mutations, support.Case):
+    def setUp(self):
+        super().setUp()
+        self.begin(Genden.CHECKPOINT)
+
+
+class HostileDinov3(Mutations, support.Case):
+    def setUp(self):
+        super().setUp()
+        self.begin(Dinov3.CHECKPOINT, *Dinov3.FIELDS)
 
 
 if __name__ == "__main__":

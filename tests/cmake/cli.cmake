@@ -36,6 +36,11 @@ set_tests_properties(cli_hostile_traced PROPERTIES LABELS "cli;slow" TIMEOUT 180
 add_test(NAME cli_model COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/model_test.py)
 set_tests_properties(cli_model PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MICRO=${micro};VSPLAT_WITH_MODEL=${variants}/micro;VSPLAT_WITHOUT_MODEL=${variants}/none;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+# Checkpoints that are damaged or meant to break their reader. Quick (cli_import): some of those made of each sound one; slow: all 300.
+add_test(NAME cli_import_mutations
+  COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/import_test.py Hostile HostileLara HostileGenden HostileDinov3)
+set_tests_properties(cli_import_mutations PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MUTATIONS=all;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 add_test(NAME cli_refine_kills
   COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/refine_test.py Refine.test_killed_at_any_moment)
 set_tests_properties(cli_refine_kills PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds}

@@ -11,6 +11,7 @@ import random
 import shutil
 import sys
 
+import checkpoints
 import hdf5_files
 import meshes
 import models
@@ -18,7 +19,7 @@ import pictures
 import texts
 import views
 
-ROLES = ("config", "model", "views", "mesh", "hdf5", "compare", "selection", "scene", "run", "state", "textures", "lpips", "encoder")
+ROLES = ("config", "model", "views", "mesh", "hdf5", "compare", "selection", "scene", "run", "state", "textures", "lpips", "encoder", "checkpoint")
 
 
 class Maker:
@@ -71,7 +72,7 @@ class Maker:
 def make(seed, out, sound):
     """sound: a folder with set/object (posed pictures), micro.safetensors, scene.ply and config.json. -> what was made"""
     maker = Maker(seed, out, sound)
-    for module in (texts, models, views, meshes, pictures, hdf5_files):
+    for module in (texts, models, checkpoints, views, meshes, pictures, hdf5_files):
         module.make(maker)
     with open(os.path.join(out, "hostile.json"), "w") as f:
         json.dump(maker.made, f, indent=1)

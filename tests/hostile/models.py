@@ -92,6 +92,34 @@ def configured(sound, change):
     return stated(header, body)
 
 
+FIELDS = {  # of LaRa's, GenDen's and the densifier's configurations: what is large, what is none
+    "lara": (("volume", "feature_volume", "layers", "view_slots", "primitives", "volume_ch", "out_ch", "fine_hidden"), ("windows", "kind", "offset_cells", "rebase")),
+    "genden": (("volume", "layers", "densify.top_k", "densify.channels", "densify.frequencies", "densify.mlp_ratio"),
+               ("densify.cell", "densify.orders", "densify.depths", "densify.patch", "densify.upscale", "densify.duplicates", "densify.heads")),
+    "vsplat+genden": (("volume", "fine_dim", "densify.top_k", "densify.heads"), ("densify.cell", "densify.upscale", "densify.opacity_threshold", "levels")),
+}
+
+
+def systems(maker, put):
+    """Models of the other networks: their fields, and those of one that say that they are another's."""
+    choose = maker.random.choice
+    for name, (sizes, others) in FIELDS.items():
+        sound = os.path.join(maker.sound, name + ".safetensors")
+        kind = name.replace("+", "_") + "_"
+        put(kind + "nan", spoilt(maker, sound, float("nan")))
+        put(kind + "beyond", spoilt(maker, sound, choose((3e38, -3e38))))
+        for field in sizes:
+            put(f"{kind}huge_{field}", configured(sound, lambda c: c.update({field: choose((2**14, 2**20, 2**31 - 1, 2**40))})))
+            put(f"{kind}negative_{field}", configured(sound, lambda c: c.update({field: choose((0, -1, -2**31))})))
+        for field in others:
+            value = choose((maker.escape(), -1, 0, 1e-30, 1e30, [], "2,2,2,2,2,2,2,2", {"a": 1}, None))
+            put(f"{kind}other_{field}", configured(sound, lambda c: c.update({field: value})))
+        for other in (maker.escape(), "vsplat", choose(sorted(FIELDS.keys() - {name})), ""):
+            header, body = parts(sound)
+            header["__metadata__"]["system"] = other
+            put(kind + "system", stated(header, body))
+
+
 def make(maker):
     micro = os.path.join(maker.sound, "micro.safetensors")
     choose = maker.random.choice
@@ -112,6 +140,8 @@ def make(maker):
     header, body = parts(micro)
     header["__metadata__"]["sha256"] = choose(("0" * 64, maker.escape(), "f" * 63, ""))
     put("wrong_hash", whole(header, body))
+
+    systems(maker, put)
 
     # A run's folder whose only checkpoint is broken, and a refinement's state.
     run = os.path.join(maker.sound, "run")

@@ -67,6 +67,8 @@ def commands(role, path, sound, out):
         return [("procedural", ("dataset", "procedural", "--count", "1", "--views", "1", "--size", "16", "--textures", path, "--output", to("set")))]
     if role == "lpips":
         return [("evaluate", ("evaluate", objects, "--model", model, "--lpips", path, *EXPENSIVE))]
+    if role == "checkpoint":
+        return [("import", ("weights", "import", path, "--output", to("m.safetensors")))]
     if role == "encoder":
         return [("init", ("init", "micro", "--seed", "1", "--encoder", path, "--output", to("m.safetensors")))]
     raise ValueError(role)
@@ -80,6 +82,8 @@ def make_sound(folder, run, write_scene):
         code, _, err = run(*arguments)
         assert code == 0, err
     done("init", "micro", "--seed", 3, "--output", at("micro.safetensors"))
+    for name, size in (("lara", "micro"), ("genden", "micro"), ("vsplat+genden", "tiny")):
+        done("init", size, "--system", name, "--seed", 3, "--output", at(f"{name}.safetensors"))
     done("dataset", "procedural", "--solids", "--count", 1, "--views", 6, "--size", 16, "--seed", 3, "--output", at("set"))
     os.rename(at("set", "solid_0000"), at("set", "object"))
     with open(at("config.json"), "w") as f:

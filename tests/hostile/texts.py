@@ -72,6 +72,18 @@ def scenes(maker):
         put(kind, scene(2, [row, spoilt]))
     put("huge_scale", scene(2, [row, row[:7] + [maker.random.choice((80.0, 500.0, 3e38))] * 3 + row[10:]]))
     put("no_rotation", scene(1, [row[:10] + [0, 0, 0, 0]]))
+    flat = [name for name in NAMES if name != "scale_2"]
+    of_two = lambda values: values[:9] + values[10:]
+    whole = scene(2, [of_two(row)] * 2, names=flat)
+    put("surfels_cut", whole[:-maker.random.randint(1, 100)])
+    put("surfels_count", scene(huge, [of_two(row)], names=flat))
+    for kind, at, value in (("nan", maker.random.randrange(13), float("nan")), ("huge_scale", maker.random.choice((7, 8)), maker.random.choice((80.0, 500.0, 3e38))),
+                            ("point", maker.random.choice((7, 8)), maker.random.choice((-80.0, -500.0, -3e38)))):
+        spoilt = of_two(row)
+        spoilt[at] = value
+        put(f"surfels_{kind}", scene(2, [of_two(row), spoilt], names=flat))
+    put("surfels_no_rotation", scene(1, [of_two(row)[:9] + [0, 0, 0, 0]], names=flat))
+    put("surfels_one_scale", scene(1, [of_two(row)[:8] + of_two(row)[9:]], names=[name for name in flat if name != "scale_1"]))
     put("huge_list", scene(3, extra=f"element face {maker.random.randint(1, 2**31 - 1)}\nproperty list uint int vertex_indices\n"))
     put("list_count", scene(3, extra="element face 1\nproperty list uint int vertex_indices\n").replace(b"end_header\n", b"end_header\n\xff\xff\xff\xff"))
     put("escape", scene(3, extra=f"comment {maker.escape()}\n".replace("\n", " ", 1) + f"element {maker.escape().strip()} 1\nproperty float x\n"))
