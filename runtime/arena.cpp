@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <bit>
+#include <deque>
 #include <limits>
+#include <mutex>
 
+#include "runtime/device_memory.h"
 #include "runtime/fail.h"
 #include "runtime/host_memory.h"
 #include "runtime/opencl.h"
@@ -25,6 +28,7 @@ struct Slab {
   std::size_t blocks = 0;  // alive
   std::unique_ptr<cl::Buffer> buffer;
   HostMemory reserved;
+  DeviceShare share;
   std::map<std::size_t, std::size_t> free;  // the holes: offset -> size, neighbours merged
 
   void give_back(std::size_t offset, std::size_t size) {
@@ -54,10 +58,11 @@ constexpr std::size_t least_slab = std::size_t{4} << 20;
 }  // namespace
 
 struct ArenaState {
+  mutable std::mutex mutex;
   const cl::Context* context = nullptr;
   bool is_virtual = false;
   ArenaLimits limits;
-  std::vector<Slab> slabs;
+  std::deque<Slab> slabs;
   std::size_t live = 0, peak = 0, peak_live = 0;
   bool rounded = false;
   std::map<std::pair<std::size_t, std::size_t>, const Block*> guarded;  // by slab and offset
@@ -67,6 +72,9 @@ struct ArenaState {
     for (const Slab& slab : slabs) sum += slab.capacity;
     return sum;
   }
+
+  // What other arenas of the device have.
+  std::size_t others() const { return limits.device ? limits.device->used() - reserved() : 0; }
 
   void note_peaks() {
     peak = std::max(peak, reserved());
@@ -79,7 +87,11 @@ struct ArenaState {
     live -= size;
   }
 
-  void make_buffer(Slab& slab) const {
+  void make_buffer(Slab& slab, const std::string& what) const {
+    if (limits.device) {
+      if (!limits.device->take(slab.capacity, limits.total)) refuse(slab.capacity, what);
+      slab.share = DeviceShare(limits.device, slab.capacity);
+    }
     if (limits.on_host) slab.reserved = HostMemory("a buffer of the CPU device", static_cast<double>(slab.capacity));
     try {
       slab.buffer = std::make_unique<cl::Buffer>(*context, CL_MEM_READ_WRITE, slab.capacity);
@@ -93,11 +105,11 @@ struct ArenaState {
          "not enough device memory: {} needs {:.4g} GiB beside the {:.4g} GiB already reserved; {:.4g} GiB in all and "
          "{:.4g} GiB in one buffer may be used (vsplat_device_options.max_memory_gib, a smaller model or another "
          "device)",
-         what, gib(size), gib(reserved()), gib(limits.total), gib(limits.max_alloc));
+         what, gib(size), gib(reserved() + others()), gib(limits.total), gib(limits.max_alloc));
   }
 
   void check_total(std::size_t more, const std::string& what) const {
-    if (more > limits.max_alloc || reserved() + more > limits.total) refuse(more, what);
+    if (more > limits.max_alloc || others() + reserved() + more > limits.total) refuse(more, what);
   }
 };
 
@@ -145,11 +157,15 @@ void Block::make_buffer(const cl::Buffer& slab) {
 
 Block::~Block() {
   if (whole_) return;
+  const std::lock_guard lock(arena_->mutex);
   if (guard_) arena_->guarded.erase({slab_, offset_});
   arena_->release(slab_, offset_ - guard_, size_ + 2 * guard_);
 }
 
-const cl::Buffer* Block::slab() const { return arena_->slabs[slab_].buffer.get(); }
+const cl::Buffer* Block::slab() const {
+  const std::lock_guard lock(arena_->mutex);
+  return arena_->slabs[slab_].buffer.get();
+}
 
 Arena::Arena(const cl::Context* context, ArenaLimits limits) : state_(std::make_shared<ArenaState>()) {
   state_->context = context;
@@ -159,6 +175,7 @@ Arena::Arena(const cl::Context* context, ArenaLimits limits) : state_(std::make_
 
 std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& what) {
   ArenaState& s = *state_;
+  const std::lock_guard lock(s.mutex);
   const std::size_t eighth = s.rounded ? std::bit_floor(bytes) / 8 : 0;
   std::size_t size = round_up(std::max<std::size_t>(bytes, 1), std::max(s.limits.align, eighth));
   if (size > s.limits.max_alloc) size = round_up(bytes, s.limits.align);
@@ -198,20 +215,23 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
   }
 
   std::size_t capacity = std::max(size, least_slab);
-  if (capacity > s.limits.max_alloc || s.reserved() + capacity > s.limits.total) capacity = size;
+  if (capacity > s.limits.max_alloc || s.others() + s.reserved() + capacity > s.limits.total) capacity = size;
   s.check_total(capacity, what);
   Slab slab;
   slab.capacity = capacity;
   slab.top = size;
-  s.make_buffer(slab);
+  s.make_buffer(slab, what);
   s.slabs.push_back(std::move(slab));
   return piece(s.slabs.size() - 1, 0);
 }
 
 Arena Arena::plan(bool limited) const {
   auto copy = std::make_shared<ArenaState>();
+  const std::lock_guard lock(state_->mutex);
   copy->is_virtual = true;
   copy->limits = state_->limits;
+  copy->limits.device.reset();
+  copy->limits.total -= std::min(state_->others(), copy->limits.total);
   if (!limited) copy->limits.total = copy->limits.max_alloc = std::numeric_limits<std::size_t>::max() / 4;
   copy->rounded = state_->rounded;
   copy->live = copy->peak_live = state_->live;
@@ -229,14 +249,15 @@ Arena Arena::plan(bool limited) const {
 
 void Arena::commit(const Arena& planned) {
   ArenaState& s = *state_;
+  const std::lock_guard lock(s.mutex);
   const auto& wanted = planned.state_->slabs;
   std::size_t more = 0;
   for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) more += wanted[i].capacity;
-  if (!s.is_virtual && s.reserved() + more > s.limits.total) s.refuse(more, "the run");
+  if (!s.is_virtual && s.others() + s.reserved() + more > s.limits.total) s.refuse(more, "the run");
   for (std::size_t i = s.slabs.size(); i < wanted.size(); ++i) {
     Slab slab;
     slab.capacity = wanted[i].capacity;
-    if (!s.is_virtual) s.make_buffer(slab);
+    if (!s.is_virtual) s.make_buffer(slab, "the run");
     s.slabs.push_back(std::move(slab));
   }
   s.note_peaks();
@@ -244,15 +265,23 @@ void Arena::commit(const Arena& planned) {
 
 void Arena::trim() {
   // Slabs keep their places, since blocks name them by number: only trailing ones go.
+  const std::lock_guard lock(state_->mutex);
   auto& slabs = state_->slabs;
   while (!slabs.empty() && slabs.back().blocks == 0) slabs.pop_back();
 }
 
-std::size_t Arena::reserved() const { return state_->reserved(); }
-std::size_t Arena::live() const { return state_->live; }
+std::size_t Arena::reserved() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->reserved();
+}
+std::size_t Arena::live() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->live;
+}
 std::size_t Arena::peak() const { return state_->peak; }
 std::size_t Arena::peak_live() const { return state_->peak_live; }
 void Arena::reset_peak() {
+  const std::lock_guard lock(state_->mutex);
   state_->peak = state_->reserved();
   state_->peak_live = state_->live;
 }

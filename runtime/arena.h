@@ -1,5 +1,6 @@
 // Planned device memory. One arena per context hands out pieces (sub-buffers) of a few large slabs, best fit first,
-// and takes them back as soon as their last handle is gone. The same code runs with or without memory behind it:
+// and takes them back as soon as their last handle is gone, on whichever thread: what others still read of it must have
+// been waited for. The same code runs with or without memory behind it:
 // a *virtual* arena follows a dry run of the model and so learns how large the slabs must be; `commit` then makes
 // them, and the real run fits exactly. Without a plan an arena grows slab by slab.
 #pragma once
@@ -16,6 +17,7 @@ class Context;
 
 namespace vsplat {
 
+class DeviceMemory;
 struct ArenaState;
 
 // A piece of device memory; gives itself back when destroyed.
@@ -58,7 +60,8 @@ struct ArenaLimits {
   // Bytes on either side of a piece that belong to nobody: red zones, for debugging (runtime/launch_checks.h). A
   // multiple of `align`.
   std::size_t guard = 0;
-  bool on_host = false;  // a CPU's: slabs are reserved of the host's memory, too
+  bool on_host = false;                  // a CPU's: slabs are reserved of the host's memory, too
+  std::shared_ptr<DeviceMemory> device;  // of which `total` is, with other arenas; null: with none
 };
 
 class Arena {
@@ -75,7 +78,7 @@ class Arena {
   Arena plan(bool limited = true) const;
   // Makes the slabs that `planned` (from plan()) came to need beyond today's.
   void commit(const Arena& planned);
-  // Gives back every slab in which nothing lives.
+  // Gives back the slabs behind the last one in which something lives.
   void trim();
 
   std::size_t reserved() const;   // bytes of all slabs now

@@ -4,16 +4,20 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <atomic>
 #include <climits>
 #include <cstdlib>
+#include <map>
 #include <optional>
 
 #include "runtime/clock.h"
 #include "runtime/device_handles.h"
+#include "runtime/device_memory.h"
 #include "runtime/fail.h"
 #include "runtime/host_memory.h"
 #include "runtime/launch_checks.h"
 #include "runtime/log.h"
+#include "runtime/pace.h"
 #include "runtime/program.h"
 #include "runtime/rounding.h"
 
@@ -126,15 +130,39 @@ struct Context::Impl {
   Flavour flavour = Flavour::cpu;
   GemmChoice gemm = GemmChoice::auto_;
   bool planning = false;
-  bool checks_nan = false, guards = false;  // see launch_checks.h
+  std::set<NamedKernel>* collected = nullptr;  // of a planner: where kernels are noted
+  bool checks_nan = false, guards = false;     // see launch_checks.h
   cl::Context context;
+  cl::Device handle;
   cl::CommandQueue queue;
-  std::unique_ptr<ProgramCache> programs;
+  std::shared_ptr<ProgramCache> programs;
+  std::map<std::string, cl::Kernel> kernels;
+  std::atomic<bool> cancelled{false};
+  int uncancelled = 0;  // see Uncancelled
+  Pace pace;
   Profiler profiler;
   std::unique_ptr<Arena> arena;  // before context goes, its buffers must: see ~Context
   std::string stage;
   std::vector<StageMemory> stage_memory;
   std::optional<double> fill_seconds;  // see event_times()
+
+  // What follows from the device and the limits.
+  void open(const ArenaLimits& limits) {
+    try {
+      const cl_command_queue_properties properties = info.event_profiling ? CL_QUEUE_PROFILING_ENABLE : 0;
+      queue = cl::CommandQueue(context, handle, properties);
+    } catch (const cl::Error& e) {
+      fail_cl(e, "opening " + info.name);
+    }
+    checks_nan = nan_check_is_wanted();
+    guards = limits.guard > 0;
+    arena = std::make_unique<Arena>(&context, limits);
+  }
+
+  void stop_if_cancelled() const {
+    if (uncancelled == 0 && cancelled.load(std::memory_order_relaxed))
+      fail(Status::cancelled, "stopped on request{}", stage.empty() ? "" : " in stage " + stage);
+  }
 
   // The most that was reserved and in use while each stage ran.
   void note_stage_memory() {
@@ -187,13 +215,16 @@ struct Context::Impl {
     profiler.add_host(name, stage, cost, start, now_ns());
   }
 
-  // Builds at first use; for check_marks() so that the driver tells what each argument is.
+  // Built at first use; for check_marks() so that the driver tells what each argument is.
   cl::Kernel& kernel(const KernelId& id) {
-    const double before = programs->build_seconds();
-    cl::Kernel& kernel =
-        programs->kernel(id.file, id.name, checks_nan ? id.defines + " -cl-kernel-arg-info" : id.defines);
-    profiler.exclude_from_span(programs->build_seconds() - before);
-    return kernel;
+    const std::string defines = checks_nan ? id.defines + " -cl-kernel-arg-info" : id.defines;
+    const std::string key = std::string(id.file) + "\n" + id.name + "\n" + defines;
+    const auto it = kernels.find(key);
+    if (it != kernels.end()) return it->second;
+    double building = 0;
+    cl::Kernel made = programs->kernel(id.file, id.name, defines, building);
+    profiler.exclude_from_span(building);
+    return kernels.emplace(key, std::move(made)).first->second;
   }
 
   void enqueue(const cl::Kernel& kernel, const KernelId& id, const Range& range, Cost cost) {
@@ -204,6 +235,7 @@ struct Context::Impl {
                                   : cl::NullRange;
     record(id.label ? id.label : id.name, cost,
            [&](cl::Event* event) { queue.enqueueNDRangeKernel(kernel, cl::NullRange, global, local, nullptr, event); });
+    pace.add(queue, cost);
   }
 
   // What is looked at after each launch where the environment asks for it. Red zones first: a NaN may come of them.
@@ -214,6 +246,7 @@ struct Context::Impl {
 
   template <class F>
   void transfer(const std::string& name, double bytes, const F& enqueue) {
+    stop_if_cancelled();
     const std::string before = stage;
     stage = "transfer";
     try {
@@ -233,20 +266,28 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   impl_->flavour = choose_flavour(options.kernels, impl_->info);
   impl_->gemm = options.gemm;
   const std::vector<FoundDevice> found = find_devices();
-  const cl::Device device = found.at(static_cast<std::size_t>(impl_->info.index)).handle;
+  impl_->handle = found.at(static_cast<std::size_t>(impl_->info.index)).handle;
   try {
-    impl_->context = cl::Context(device);
-    const cl_command_queue_properties properties = impl_->info.event_profiling ? CL_QUEUE_PROFILING_ENABLE : 0;
-    impl_->queue = cl::CommandQueue(impl_->context, device, properties);
+    impl_->context = cl::Context(impl_->handle);
   } catch (const cl::Error& e) {
     fail_cl(e, "opening " + impl_->info.name);
   }
-  impl_->programs = std::make_unique<ProgramCache>(impl_->context, device, impl_->info);
-  impl_->programs->on_compile = options.on_compile;
-  const ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
-  impl_->checks_nan = nan_check_is_wanted();
-  impl_->guards = limits.guard > 0;
-  impl_->arena = std::make_unique<Arena>(&impl_->context, limits);
+  impl_->programs = std::make_shared<ProgramCache>(impl_->context, impl_->handle, impl_->info, options.on_compile);
+  ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
+  limits.device = std::make_shared<DeviceMemory>();
+  impl_->open(limits);
+}
+
+std::unique_ptr<Context> Context::stream() const {
+  auto impl = std::make_unique<Impl>();
+  impl->info = impl_->info;
+  impl->flavour = impl_->flavour;
+  impl->gemm = impl_->gemm;
+  impl->handle = impl_->handle;
+  impl->context = impl_->context;
+  impl->programs = impl_->programs;
+  impl->open(impl_->arena->limits());
+  return std::unique_ptr<Context>(new Context(std::move(impl)));
 }
 
 Context::~Context() {
@@ -263,10 +304,22 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
   impl->planning = true;
+  impl->collected = impl_->collected;
   impl->queue = impl_->queue;  // libraries are asked about it; nothing is enqueued
   impl->stage = impl_->stage;
   impl->arena = std::make_unique<Arena>(impl_->arena->plan(limited));
   return std::unique_ptr<Context>(new Context(std::move(impl)));
+}
+
+void Context::collect(std::set<NamedKernel>& to) { impl_->collected = &to; }
+
+void Context::note(const KernelId& kernel) {
+  if (impl_->collected) impl_->collected->insert({kernel.file, kernel.name, kernel.defines});
+}
+
+void Context::build(const NamedKernel& kernel) {
+  impl_->stop_if_cancelled();
+  impl_->kernel({kernel.file.c_str(), kernel.name.c_str(), kernel.defines});
 }
 
 bool Context::planning() const { return impl_->planning; }
@@ -336,7 +389,8 @@ void Context::read(const Tensor& tensor, void* data) {
 void Context::launch(const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
   for (const std::size_t size : range.global)
     if (size == 0) return;
-  if (impl_->planning) return;
+  if (impl_->planning) return note(id);
+  impl_->stop_if_cancelled();
   cl::Kernel& kernel = impl_->kernel(id);
   const std::size_t group = check_range(id, range, impl_->info);
   try {
@@ -378,7 +432,11 @@ void Context::record_foreign(const std::string& name, Cost cost, void* event, co
     impl_->profiler.add_host(name, impl_->stage, cost, start, now_ns());
   }
   impl_->check_launch(name, {out});
+  impl_->pace.add(impl_->queue, cost);
 }
+
+void Context::cancel() { impl_->cancelled.store(true, std::memory_order_relaxed); }
+void Context::go_on() { impl_->cancelled.store(false, std::memory_order_relaxed); }
 
 void Context::finish() {
   if (impl_->planning) return;
@@ -405,5 +463,8 @@ Stage::Stage(Context& context, const std::string& name) : context_(context), bef
 }
 
 Stage::~Stage() { context_.impl_->stage = before_; }
+
+Uncancelled::Uncancelled(Context& context) : context_(context) { ++context_.impl_->uncancelled; }
+Uncancelled::~Uncancelled() { --context_.impl_->uncancelled; }
 
 }  // namespace vsplat

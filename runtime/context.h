@@ -1,11 +1,14 @@
 // The one object passed around: a device with its queue, kernels, memory and profile.
-// Not thread-safe: one thread at a time uses a context.
+// Not thread-safe: one thread at a time uses a context. Several threads use a context each, of devices of their own or
+// streams of one.
 //
 // Debugging: VSPLAT_CHECK=nan looks for NaN in what each launch has written, VSPLAT_ARENA=guard for what it has written
 // beside its tensors (runtime/launch_checks.h); a context asks the environment once, when it is made.
 #pragma once
+#include <compare>
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,6 +38,12 @@ struct ContextOptions {
   std::function<void(const std::string&, int)> on_compile;
 };
 
+// A kernel, by the fields of its KernelId.
+struct NamedKernel {
+  std::string file, name, defines;
+  auto operator<=>(const NamedKernel&) const = default;
+};
+
 // Device memory while a stage ran: bytes of slabs, and of tensors alive in them.
 struct StageMemory {
   std::string stage;
@@ -48,11 +57,20 @@ class Context {
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
+  // A context of its own on the same opened device, which it may outlive: queue, working memory, kernels' arguments and
+  // profile are its own; programs and the limit of memory are one device's. Tensors of one may be read by launches of
+  // the other once their values are there (finish()).
+  std::unique_ptr<Context> stream() const;
+
   // A context that computes nothing and only counts memory: launches, writes and reads are skipped, tensors have no
   // memory behind them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it. Without
   // limits: see Arena::plan.
   std::unique_ptr<Context> planner(bool limited = true) const;
   bool planning() const;
+  // Of a planner, and planners made of it: from now on the kernels that would be launched are put into `to`.
+  void collect(std::set<NamedKernel>& to);
+  // Compiles what is not compiled yet.
+  void build(const NamedKernel& kernel);
 
   const DeviceInfo& device() const;
   Flavour flavour() const;
@@ -88,7 +106,10 @@ class Context {
   // kernel writes is given as written(): ctx.launch(kernel, range, cost, x, rows, columns, written(y)).
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
-    if (!planning()) launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
+    if (planning())
+      note(kernel);
+    else
+      launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
   }
   void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
   // Largest work-group that this kernel can run in, and no more than the device's.
@@ -100,6 +121,11 @@ class Context {
   void* raw_buffer(const Tensor& tensor);
   void record_foreign(const std::string& name, Cost cost, void* event, const Written& out);
 
+  // From any thread: the next launch or transfer fails with Error(cancelled), and so does each after it, until
+  // go_on(). No more is ahead of the device then than it does in some 40 ms, and one launch.
+  void cancel();
+  void go_on();
+
   // Waits for the queue and gathers the profile.
   void finish();
   // Enqueued work starts now, without waiting.
@@ -110,7 +136,9 @@ class Context {
 
  private:
   friend class Stage;
+  friend class Uncancelled;
   struct Impl;
+  void note(const KernelId& kernel);
   static void check_element(const Tensor& tensor, std::size_t bytes);
   explicit Context(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
@@ -128,6 +156,18 @@ class Stage {
  private:
   Context& context_;
   std::string before_;
+};
+
+// While it lives, nothing is cancelled: for changes that are made whole or not at all.
+class Uncancelled {
+ public:
+  explicit Uncancelled(Context& context);
+  ~Uncancelled();
+  Uncancelled(const Uncancelled&) = delete;
+  Uncancelled& operator=(const Uncancelled&) = delete;
+
+ private:
+  Context& context_;
 };
 
 }  // namespace vsplat

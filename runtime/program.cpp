@@ -60,10 +60,12 @@ std::string expanded_source(const std::string& file) {
 }
 
 // PoCL compiles a second, generic variant when asked for binaries, and has a cache of its own.
-ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo info)
+ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo info,
+                           std::function<void(const std::string&, int)> on_compile)
     : context_(std::move(context)),
       device_(std::move(device)),
       info_(std::move(info)),
+      on_compile_(std::move(on_compile)),
       disk_(info_.is_pocl ? DiskCache("") : DiskCache()),
       marks_(info_.is_pocl ? DiskCache() : DiskCache("")) {}
 
@@ -104,7 +106,7 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
 
   const bool known = marks_.load(key).has_value();
   if (!known) {
-    if (on_compile) on_compile(file, compiled_);
+    if (on_compile_) on_compile_(file, compiled_);
     ++compiled_;
   }
   program = cl::Program(context_, source);
@@ -125,34 +127,35 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
   return program;
 }
 
-cl::Program& ProgramCache::program(const std::string& file, const std::string& defines) {
+cl::Program& ProgramCache::program(const std::string& file, const std::string& defines, double& seconds) {
   const std::string key = file + "\n" + defines;
   const auto it = programs_.find(key);
   if (it != programs_.end()) return it->second;
   const auto start = std::chrono::steady_clock::now();
   cl::Program built = build(file, defines, false);
-  build_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return programs_.emplace(key, std::move(built)).first->second;
 }
 
-// What came from disk may be a sound program without that kernel: then its source has the last word.
-cl::Kernel ProgramCache::kernel_of(const std::string& file, const std::string& name, const std::string& defines) {
-  cl::Program& owner = program(file, defines);
-  try {
-    return {owner, name.c_str()};
-  } catch (const cl::Error& e) {
-    if (from_disk_.erase(file + "\n" + defines) == 0)
-      fail(Status::internal, "cl/{}.cl has no kernel {}: {}", file, name, cl_error_name(e.err()));
+cl::Kernel ProgramCache::kernel(const std::string& file, const std::string& name, const std::string& defines,
+                                double& seconds) {
+  const std::lock_guard lock(mutex_);
+  cl::Program& owner = program(file, defines, seconds);
+  const auto made = [&]() -> cl::Kernel { return {owner, name.c_str()}; };
+  // What came from disk may be a sound program without that kernel: then its source has the last word.
+  if (from_disk_.count(file + "\n" + defines) > 0) {
+    try {
+      return made();
+    } catch (const cl::Error&) {
+      from_disk_.erase(file + "\n" + defines);
+      owner = build(file, defines, true);
+    }
   }
-  owner = build(file, defines, true);
-  return kernel_of(file, name, defines);
-}
-
-cl::Kernel& ProgramCache::kernel(const std::string& file, const std::string& name, const std::string& defines) {
-  const std::string key = file + "\n" + name + "\n" + defines;
-  const auto it = kernels_.find(key);
-  if (it != kernels_.end()) return it->second;
-  return kernels_.emplace(key, kernel_of(file, name, defines)).first->second;
+  try {
+    return made();
+  } catch (const cl::Error& e) {
+    fail(Status::internal, "cl/{}.cl has no kernel {}: {}", file, name, cl_error_name(e.err()));
+  }
 }
 
 }  // namespace vsplat

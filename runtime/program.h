@@ -3,6 +3,7 @@
 #pragma once
 #include <functional>
 #include <map>
+#include <mutex>
 #include <set>
 #include <string>
 
@@ -16,35 +17,34 @@ namespace vsplat {
 // logs name the file and line. $VSPLAT_KERNEL_DIR, where set, is read instead of what is embedded.
 std::string expanded_source(const std::string& file);
 
+// Of one opened device, for all of its streams. Thread-safe: one program is built at a time.
 class ProgramCache {
  public:
-  ProgramCache(cl::Context context, cl::Device device, DeviceInfo info);
+  // `on_compile`: called before a program is compiled, with its name and how many were before it; not where the driver
+  // has it in a cache of its own, as far as the marks in ours tell.
+  ProgramCache(cl::Context context, cl::Device device, DeviceInfo info,
+               std::function<void(const std::string&, int)> on_compile);
 
-  // Called before a program is compiled, with its name and how many were before it; not where the driver has it in a
-  // cache of its own, as far as the marks in ours tell.
-  std::function<void(const std::string&, int)> on_compile;
-
-  // Builds at first use. Throws Error(compile) with the build log.
-  cl::Kernel& kernel(const std::string& file, const std::string& name, const std::string& defines);
-  double build_seconds() const { return build_seconds_; }
+  // A kernel of the caller's own, since one's arguments are set and used in two calls. Builds its program at first use,
+  // and adds the seconds that this took. Throws Error(compile) with the build log.
+  cl::Kernel kernel(const std::string& file, const std::string& name, const std::string& defines, double& seconds);
 
  private:
-  cl::Program& program(const std::string& file, const std::string& defines);
+  cl::Program& program(const std::string& file, const std::string& defines, double& seconds);
   cl::Program build(const std::string& file, const std::string& defines, bool from_source);
-  cl::Kernel kernel_of(const std::string& file, const std::string& name, const std::string& defines);
   bool build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const;
   void save_to_disk(const std::string& key, const cl::Program& program) const;
 
   cl::Context context_;
   cl::Device device_;
   DeviceInfo info_;
+  std::function<void(const std::string&, int)> on_compile_;
+  std::mutex mutex_;
   DiskCache disk_;   // binaries, for drivers that keep none
   DiskCache marks_;  // of what a driver that keeps its own has compiled before
   std::map<std::string, cl::Program> programs_;
   std::set<std::string> from_disk_;  // of these
-  std::map<std::string, cl::Kernel> kernels_;
   int compiled_ = 0;
-  double build_seconds_ = 0;
 };
 
 }  // namespace vsplat

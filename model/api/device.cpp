@@ -61,13 +61,22 @@ GemmChoice choice_of(const vsplat_gemm& gemm) {
 
 }  // namespace
 
-DeviceUse::DeviceUse(vsplat_device device) : device_(device) {
+DeviceUse::DeviceUse(vsplat_device device) : device_(device), of_job_(JobQueue::borrow(device)) {
+  if (of_job_) return;
   need(device, "device");
   refuse_after_fork();
   if (device->in_use.test_and_set(std::memory_order_acquire))
     fail(Status::busy,
          "the device is in use by another call: of another thread, or the one whose callback makes this one; open "
-         "one for each thread, and call after the other has returned");
+         "one, or a stream (vsplat_stream_create), for each thread, and call after the other has returned");
+  device->context.go_on();  // what told an earlier call to stop
+}
+
+DeviceUse::~DeviceUse() {
+  if (of_job_)
+    JobQueue::give_back(device_);
+  else
+    device_->in_use.clear(std::memory_order_release);
 }
 
 vsplat_status vsplat_device_count(size_t* out_count) {
@@ -99,7 +108,33 @@ vsplat_status vsplat_device_open(const vsplat_device_options* options, vsplat_de
       context.on_compile = [call = o.on_compile, user = o.user](const std::string& kernel, int compiled) {
         call(user, kernel.c_str(), compiled);
       };
-    *out_device = new vsplat_device_impl(context);
+    *out_device = new vsplat_device_impl(std::make_unique<Context>(context));
+  });
+}
+
+vsplat_status vsplat_stream_create(vsplat_device device, vsplat_device* out_stream) {
+  return guarded([&] {
+    need(device, "device");
+    need(out_stream, "out_stream");
+    refuse_after_fork();
+    *out_stream = new vsplat_device_impl(*device);
+  });
+}
+
+vsplat_status vsplat_device_cancel(vsplat_device device) {
+  return guarded([&] {
+    need(device, "device");
+    device->context.cancel();
+  });
+}
+
+vsplat_status vsplat_device_trim(vsplat_device device) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    device->scene.reset();
+    device->scene_key.reset();
+    device->residents->drop_idle();
+    device->context.memory().trim();
   });
 }
 

@@ -17,6 +17,26 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
   return *device->scene;
 }
 
+void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera) {
+  Gaussians unseen;  // of which a plan reads the number alone
+  unseen.count = count;
+  unseen.sh_degree = sh_degree;
+  RenderOptions guess;
+  guess.counts = [&](const Part& part) {
+    const double share = part.tiles() / static_cast<double>(tiles_along(camera.width) * tiles_along(camera.height));
+    VisibleCount seen;
+    seen.intersections = static_cast<uint64_t>(std::ceil(guess.assumed_tiles * static_cast<double>(count) * share));
+    seen.gaussians = std::min(count, seen.intersections);
+    seen.largest_key = UINT32_MAX;
+    return seen;
+  };
+  const GaussianChunks there = [&] {
+    const Stage stage(planner, "scene");
+    return place_on_device(planner, unseen, static_cast<double>(camera.width) * camera.height);
+  }();
+  (void)render(planner, there, camera, guess);
+}
+
 RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
   if (!(o.near_plane >= 0)) fail(Status::usage, "options.near_plane is {}", o.near_plane);
   RenderOptions out;

@@ -12,6 +12,10 @@ namespace vsplat::api {
 // Once per scene and device: many cameras are drawn from the same one, pictures of about `pixels` pixels.
 const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels);
 
+// Drawing so many Gaussians of that degree with a planner: each is taken to be seen and to touch eight tiles, and these
+// to lie evenly in the picture.
+void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera);
+
 // Checked.
 RenderOptions options_of(const vsplat_render_options& options, const Scene& scene);
 

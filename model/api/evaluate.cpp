@@ -113,7 +113,9 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
       };
     const std::vector<Lpips> lpips = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
     for (const Lpips& each : lpips) how.lpips.push_back(&each);
-    Evaluation made = evaluate(device->context, network_on(device, model), dataset->data, how);
+    device->residents->drop_idle(model);  // its objects may take all the room
+    const auto network = device->residents->network(device->context, model);
+    Evaluation made = evaluate(device->context, *network, dataset->data, how);
     *out_evaluation = std::make_unique<vsplat_evaluation_impl>(std::move(made)).release();
   });
 }

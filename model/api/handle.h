@@ -25,6 +25,27 @@ void release(Handle handle) {
   if (handle && handle->count.fetch_sub(1, std::memory_order_acq_rel) == 1) delete handle;
 }
 
+// A handle that is kept alive.
+template <class T, void (*Retain)(T), void (*Release)(T)>
+class Kept {
+ public:
+  Kept() = default;
+  explicit Kept(T handle) : handle_(handle) { Retain(handle_); }
+  Kept(const Kept& other) : Kept(other.handle_) {}
+  Kept& operator=(const Kept&) = delete;
+  Kept& operator=(T handle) {
+    Retain(handle);
+    Release(handle_);
+    handle_ = handle;
+    return *this;
+  }
+  ~Kept() { Release(handle_); }
+  T get() const { return handle_; }
+
+ private:
+  T handle_ = nullptr;
+};
+
 void set_last_error(const char* text) noexcept;
 
 // Runs `body`; nothing that it throws gets past here.

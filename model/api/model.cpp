@@ -2,7 +2,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "model/api/device.h"
 #include "model/genden/densifier.h"
 #include "model/input/view_choice.h"
 #include "model/network/vsplat_model.h"
@@ -123,17 +122,6 @@ AnyConfig vsplat::api::config_of(vsplat_model model) {
 
 const Weights& vsplat::api::weights_of(vsplat_model model) {
   return *with_file(model, [](const auto& file) { return &file.weights; });
-}
-
-const Network& vsplat::api::network_on(vsplat_device device, vsplat_model model) {
-  if (device->network_key.lock() != model->file) {
-    device->network.reset();  // one at a time stays on a device
-    device->network_key.reset();
-    const Stage stage(device->context, "encoder");  // its position embedding is resampled on the device
-    device->network = make_network(device->context, config_of(model), weights_of(model));
-    device->network_key = model->file;
-  }
-  return *device->network;
 }
 
 vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_model* out_model) {

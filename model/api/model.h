@@ -21,8 +21,4 @@ const ModelFile& vsplat_file(vsplat_model model);
 AnyConfig config_of(vsplat_model model);
 const Weights& weights_of(vsplat_model model);
 
-// The network with these weights, uploaded and repacked at the first call for a model and kept with the device until
-// another one is asked for.
-const Network& network_on(vsplat_device device, vsplat_model model);
-
 }  // namespace vsplat::api

@@ -86,8 +86,10 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
       how.forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    Reconstruction made =
-        reconstruct(device->context, network_on(device, model), input->input.views, input->input.placement, how);
+    Reconstruction made = with_room(device, model, [&] {
+      const auto network = device->residents->network(device->context, model);
+      return reconstruct(device->context, *network, input->input.views, input->input.placement, how);
+    });
     made.scene.up = up_of(o.up, "options.up");
     if (!made.scene.up) {
       const Eigen::Vector3f up = input->up.cast<float>();

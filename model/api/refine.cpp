@@ -140,7 +140,8 @@ vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
     made->device = device;
     made->views = views;
     made->used = listed_views(views->photographs.set, request.names, "vsplat_refine_options.names");
-    // What was drawn before is in the way.
+    // What was drawn before is in the way, and what other models left.
+    device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
     RefineStart from = refine_start(device, views, o, made->used);

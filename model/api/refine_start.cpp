@@ -119,8 +119,8 @@ class Prediction {
     }
     verbose("the network gets {}", names);
     check_cube_is_in_front(place_views(cameras, placement_, config.rebase).cameras, placement_);
-    Reconstruction out =
-        reconstruct(device_->context, network_on(device_, model_.get()), prepared, placement_, options_);
+    const auto network = device_->residents->network(device_->context, model_.get());
+    Reconstruction out = reconstruct(device_->context, *network, prepared, placement_, options_);
     device_->context.memory().trim();
     *selected_ = std::move(out.selected);
     return std::move(out.scene);

@@ -8,27 +8,6 @@
 
 namespace vsplat::api {
 
-// A handle that is kept alive.
-template <class T, void (*Retain)(T), void (*Release)(T)>
-class Kept {
- public:
-  Kept() = default;
-  explicit Kept(T handle) : handle_(handle) { Retain(handle_); }
-  Kept(const Kept& other) : Kept(other.handle_) {}
-  Kept& operator=(const Kept&) = delete;
-  Kept& operator=(T handle) {
-    Retain(handle);
-    Release(handle_);
-    handle_ = handle;
-    return *this;
-  }
-  ~Kept() { Release(handle_); }
-  T get() const { return handle_; }
-
- private:
-  T handle_ = nullptr;
-};
-
 struct RefineStart {
   FitStart start;
   std::vector<int> named;  // the views that the network was told to take

@@ -80,6 +80,7 @@ vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vspl
 vsplat_status vsplat_render_views(vsplat_device device, vsplat_scene scene, const vsplat_camera* cameras, size_t count,
                                   const vsplat_render_options* options, const vsplat_picture* pictures) {
   return guarded([&] {
+    const DeviceUse use(device);
     need_array(cameras, count, "cameras");
     need_array(pictures, count, "pictures");
     std::vector<Shot> shots;
@@ -135,26 +136,8 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
     any.width = width, any.height = height, any.fx = any.fy = 1;
     camera = camera_of(any, "the picture");
     const double pixels = static_cast<double>(width) * height;
-    Gaussians unseen;  // of which a plan reads the number alone
-    unseen.count = count;
-    unseen.sh_degree = sh_degree;
-    RenderOptions guess;
-    guess.counts = [&](const Part& part) {
-      const double share = part.tiles() / static_cast<double>(tiles_along(width) * tiles_along(height));
-      VisibleCount seen;
-      seen.intersections = static_cast<uint64_t>(std::ceil(guess.assumed_tiles * static_cast<double>(count) * share));
-      seen.gaussians = std::min(count, seen.intersections);
-      seen.largest_key = UINT32_MAX;
-      return seen;
-    };
     std::unique_ptr<Context> planner = device->context.planner();
-    const auto plan = [&] {
-      const GaussianChunks there = [&] {
-        const Stage stage(*planner, "scene");
-        return place_on_device(*planner, unseen, pixels);
-      }();
-      (void)render(*planner, there, camera, guess);
-    };
+    const auto plan = [&] { plan_drawing(*planner, count, sh_degree, camera); };
     const bool fits = fits_within(plan);
     if (!fits) {  // what it would take all the same
       planner = device->context.planner(false);

@@ -40,8 +40,7 @@ std::optional<std::uint64_t> known(uint64_t intersections) {
 
 // What inference left on the device is in the way.
 void clear(vsplat_device device) {
-  device->network.reset();
-  device->network_key.reset();
+  device->residents->drop_idle();
   device->scene.reset();
   device->scene_key.reset();
   device->context.memory().trim();

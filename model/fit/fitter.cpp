@@ -99,6 +99,16 @@ void Fitter::step(const DeviceFitPicture& picture, const FitAside& aside) {
 }
 
 void Fitter::differentiate(const DeviceFitPicture& picture, const FitAside& aside) {
+  try {
+    add_gradient(picture, aside);
+  } catch (const Error&) {  // a part of it may be there
+    const Uncancelled whole(ctx_);
+    for (const Tensor& t : {dall_.means, dall_.scales, dall_.quats, dall_.opacities, dall_.sh}) ctx_.fill_zero(t);
+    throw;
+  }
+}
+
+void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside) {
   const auto now = static_cast<std::uint32_t>(step_);
   RenderOptions how = drawing();
   if (picture.masked && options_.random_background && now % 2 == 1) {
@@ -142,6 +152,7 @@ void Fitter::differentiate(const DeviceFitPicture& picture, const FitAside& asid
 }
 
 void Fitter::move() {
+  const Uncancelled whole(ctx_);
   ++step_;
   const SplatState now = vsplat::first(all_, count_);
   const GaussianGradients d = gradient();

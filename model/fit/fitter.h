@@ -63,7 +63,8 @@ class Fitter {
 
   // One step on one picture: differentiate(), then move().
   void step(const DeviceFitPicture& picture, const FitAside& aside = {});
-  // Leaves the gradient of this step's loss in gradient(). Waits for the device as render_with_backward() does.
+  // Leaves the gradient of this step's loss in gradient(), or zeros where it fails. Waits for the device as
+  // render_with_backward() does.
   void differentiate(const DeviceFitPicture& picture, const FitAside& aside = {});
   // Moves the parameters by the gradient, which is zeros then, and now and then relocates Gaussians.
   void move();
@@ -84,6 +85,7 @@ class Fitter {
   Gaussians gaussians();
 
  private:
+  void add_gradient(const DeviceFitPicture& picture, const FitAside& aside);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   RenderOptions drawing() const;
   void grow();

@@ -159,6 +159,7 @@ void SceneFit::Impl::begin_leg() {
   spare_bytes = spare_room(ctx, start, scene.near, recipe.options, pictures.largest(used));
   fitter = std::make_unique<Fitter>(ctx, start, scene.near, scene.mirror, recipe.options);
   if (resuming) return;
+  const Uncancelled whole(ctx);
   judge();
   if (leg_steps == 0) end_leg();
 }
@@ -173,9 +174,10 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
     passing = upload(ctx, *picture);
     return passing;
   }
+  DeviceFitPicture& out = resident.emplace(view, upload(ctx, *picture)).first->second;
   resident_bytes += bytes;
   if (!in_folds()) pictures.forget(view);
-  return resident.emplace(view, upload(ctx, *picture)).first->second;
+  return out;
 }
 
 // With the camera as it has been learnt.
@@ -197,7 +199,9 @@ void SceneFit::Impl::step_on(int view) {
     aside.exposure = exposure.map.reshaped({12});
     aside.dexposure = exposure.gradient.reshaped({12});
   }
-  fitter->step(picture, aside);
+  fitter->differentiate(picture, aside);
+  const Uncancelled whole(ctx);
+  fitter->move();
   if (request.poses) poses.try_emplace(view, picture.camera.w2c).first->second.move(dpose, kPoseRate * fall);
   if (request.exposure) move(ctx, exposures.at(view), kExposureRate * fall);
 }
@@ -227,6 +231,7 @@ void SceneFit::Impl::judge() {
     ++here.pictures;
   }
   if (here.pictures == 0) return;
+  const Uncancelled whole(ctx);
   last_psnr = mean(here).psnr;
   Judged& sum = curve[at];
   sum.psnr += here.psnr;
@@ -242,45 +247,59 @@ void SceneFit::Impl::judge() {
 bool SceneFit::Impl::step() {
   if (done) return false;
   const auto begun = std::chrono::steady_clock::now();
-  const int view = view_of_step(fitter->steps_done());
-  if (fitter->steps_done() + 1 < leg_steps) {
-    const int next = view_of_step(fitter->steps_done() + 1);
-    if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
+  if (!left) {
+    const int view = view_of_step(fitter->steps_done());
+    if (fitter->steps_done() + 1 < leg_steps) {
+      const int next = view_of_step(fitter->steps_done() + 1);
+      if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
+    }
+    step_on(view);
+    ++steps_in_all;
+    const long at = fitter->steps_done();
+    left = AfterStep{at % recipe.judge_every == 0 || at == leg_steps, false, at >= leg_steps};
   }
-  step_on(view);
-  ++steps_in_all;
-  const long at = fitter->steps_done();
-  const bool look = at % recipe.judge_every == 0 || at == leg_steps;
-  if (look) judge();
-  if (at >= leg_steps) end_leg();
+  const bool look = left->judges;
+  follow(*left);
+  left.reset();
   seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   if (!done && request.seconds > 0 && seconds >= request.seconds) finish();
   if (look && !request.checkpoint.empty()) save();
   return !done;
 }
 
+void SceneFit::Impl::follow(AfterStep& after) {
+  if (after.judges && !after.judged) judge();
+  after.judged = true;
+  if (after.ends) end_leg();
+}
+
 void SceneFit::Impl::end_leg() {
-  if (in_folds()) {
-    ++leg;
+  if (!in_folds()) return finish();
+  ++leg;
+  try {
     begin_leg();
-    return;
+  } catch (...) {
+    --leg;  // it begins anew
+    throw;
   }
-  finish();
 }
 
 // Ends the last leg where it stands; what is not yet begun is left.
 void SceneFit::Impl::finish() {
   if (done) return;
-  done = true;
-  if (in_folds()) return;
-  if (legs[leg].judges.empty() && fitter->steps_done() > 0) {
-    best = fitter->gaussians();
-    best_steps = fitter->steps_done();
+  if (!in_folds()) {
+    std::optional<Gaussians> made;
+    if (legs[leg].judges.empty() && fitter->steps_done() > 0) made = fitter->gaussians();
+    std::vector<FitScore> scores;
+    if (fitter->steps_done() > 0)
+      for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
+    for (const std::size_t i : outliers(scores)) suspects.push_back(legs[leg].views[i]);
+    if (made) {
+      best = std::move(made);
+      best_steps = fitter->steps_done();
+    }
   }
-  std::vector<FitScore> scores;
-  if (fitter->steps_done() > 0)
-    for (const int view : legs[leg].views) scores.push_back(fitter->judge(corrected(view)));
-  for (const std::size_t i : outliers(scores)) suspects.push_back(legs[leg].views[i]);
+  done = true;
 }
 
 Scene SceneFit::Impl::to_scene(const Gaussians& gaussians) const {

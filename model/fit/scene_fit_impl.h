@@ -27,10 +27,16 @@ struct Judged {
 
 FitScore mean(const Judged& judged);
 
+// What follows a step: it is done by the next call where this one is stopped before it is.
+struct AfterStep {
+  bool judges = false, judged = false, ends = false;  // the leg
+};
+
 struct SceneFit::Impl {
   Impl(Context& c, const Photographs& p, FitStart s, FitRequest r);
 
   bool step();
+  void follow(AfterStep& left);
   void finish();
   void begin_leg();
   void end_leg();
@@ -75,6 +81,7 @@ struct SceneFit::Impl {
   bool done = false, unknown = false, resuming = false;
   double seconds = 0, last_psnr = std::nan("");
   long steps_in_all = 0;
+  std::optional<AfterStep> left;
   // The best of the last leg.
   std::optional<Gaussians> best;
   long best_steps = 0;

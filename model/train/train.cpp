@@ -382,23 +382,37 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   Page page(ctx, data, options, start.step);
   TrainResult result;
   Telling telling(steps);
-  while (trainer.step() < steps && !result.stopped) {
-    if (views.empty()) views = views_of(trainer.step());
-    const StepReport report = step(trainer, views, selection, folder);
-    telling.add(report);
-    const bool stop = options.stop && options.stop();
-    const bool logs = is_due(config.log_every, report.step, steps) || stop;
-    const bool draws = config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps);
-    const bool saves = is_due(config.checkpoint_every, report.step, steps) || stop;
-    if (logs) folder.tell(telling.take(views.size()));
-    if (draws) folder.add_sheet(ctx, trainer, views.front(), report.temperature);
-    if (saves) folder.save(trainer);
-    if (logs || draws || saves) page.renew(report.step, reader.bad(), draws || saves ? kPageAfterFile : kPageAfterLine);
-    result.stopped = stop && report.step < steps;
-    views.clear();
+  const auto go_through = [&] {
+    while (trainer.step() < steps && !result.stopped) {
+      if (views.empty()) views = views_of(trainer.step());
+      const StepReport report = step(trainer, views, selection, folder);
+      telling.add(report);
+      const bool stop = options.stop && options.stop();
+      const bool logs = is_due(config.log_every, report.step, steps) || stop;
+      const bool draws = config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps);
+      const bool saves = is_due(config.checkpoint_every, report.step, steps) || stop;
+      if (logs) folder.tell(telling.take(views.size()));
+      if (draws) folder.add_sheet(ctx, trainer, views.front(), report.temperature);
+      if (saves) folder.save(trainer);
+      if (logs || draws || saves)
+        page.renew(report.step, reader.bad(), draws || saves ? kPageAfterFile : kPageAfterLine);
+      result.stopped = stop && report.step < steps;
+      views.clear();
+    }
+  };
+  bool cancelled = false;
+  try {
+    go_through();
+  } catch (const Error& e) {
+    if (e.status() != Status::cancelled) throw;
+    cancelled = true;  // a step moves the weights whole or not at all
+    ctx.go_on();
   }
   folder.save(trainer);
   if (page.write(trainer.step(), reader.bad())) folder.say("report " + page.path());
+  if (cancelled)
+    fail(Status::cancelled, "stopped on request after step {}: its checkpoint is {}", trainer.step(),
+         folder.checkpoint());
   result.step = trainer.step();
   result.model = folder.model();
   result.bad = reader.bad();

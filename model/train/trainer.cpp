@@ -220,6 +220,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
   report.gradient_norm = static_cast<double>(ctx_.read<float>(norm)[0]);
   if (!std::isfinite(report.loss) || !std::isfinite(report.gradient_norm)) refuse(report.loss);
 
+  const Uncancelled whole(ctx_);
   move_weights(ctx_, report, norm);
   for (std::size_t r = 0; r < average_.size(); ++r)
     average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);

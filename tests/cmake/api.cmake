@@ -1,5 +1,5 @@
 # The public header, as C programs use it.
-foreach(name c99_test gradient_test pictures_test refine_api_test threads_test train_api_test)
+foreach(name c99_test gradient_test jobs_test pictures_test refine_api_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})
@@ -7,9 +7,11 @@ foreach(name c99_test gradient_test pictures_test refine_api_test threads_test t
   set_tests_properties(${name} PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
 endforeach()
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
-target_compile_definitions(threads_test PRIVATE _POSIX_C_SOURCE=200809L)
 find_package(Threads REQUIRED)
-target_link_libraries(threads_test PRIVATE Threads::Threads)
+foreach(name jobs_test refine_api_test threads_test)
+  target_compile_definitions(${name} PRIVATE _POSIX_C_SOURCE=200809L _DEFAULT_SOURCE)
+  target_link_libraries(${name} PRIVATE Threads::Threads)
+endforeach()
 
 # The example that fits Gaussians to a picture: it fails where its loss does not come down to a hundredth.
 add_test(NAME fit_example COMMAND fit_example ${CMAKE_CURRENT_BINARY_DIR}/fit_before.png ${CMAKE_CURRENT_BINARY_DIR}/fit_after.png)

@@ -1,9 +1,11 @@
 /* A caller's own loop of refinement on pictures in memory, in plain C: step, stop, take the scene. Prints every check
    that does not hold; exits 1 if any did. */
 #include <math.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #include <vsplat/vsplat.h>
 
 #include "checks.h"
@@ -181,6 +183,63 @@ static void a_loop_of_ones_own(vsplat_device device, vsplat_views from, vsplat_s
   vsplat_scene_release(kept);
 }
 
+typedef struct impatience {
+  vsplat_device device;
+  volatile int done;
+} impatience;
+
+static void* stops_again_and_again(void* user) {
+  impatience* i = user;
+  while (!i->done) {
+    usleep(1500);
+    EXPECT(VSPLAT_OK, vsplat_device_cancel(i->device));
+  }
+  return NULL;
+}
+
+/* Means of what a refinement ends with, views left out in turn, and how many of its steps were stopped. */
+static int refined(vsplat_device device, vsplat_views from, vsplat_scene start, int impatient, float* means) {
+  vsplat_refine_options o = make_options(start);
+  vsplat_refinement refinement = NULL;
+  vsplat_scene scene = NULL;
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  impatience other = {NULL, 0};
+  pthread_t id;
+  int32_t more = 1;
+  int stopped = 0;
+  o.holdout = VSPLAT_HOLDOUT_AUTO;
+  o.steps = 30;
+  EXPECT(VSPLAT_OK, vsplat_refinement_create(device, from, &o, &refinement));
+  other.device = device;
+  if (impatient) HOLD(pthread_create(&id, NULL, stops_again_and_again, &other) == 0);
+  while (more) {
+    const vsplat_status status = vsplat_refinement_step(refinement, NULL, &more);
+    if (status == VSPLAT_ERROR_CANCELLED)
+      ++stopped;
+    else
+      EXPECT(VSPLAT_OK, status);
+  }
+  other.done = 1;
+  if (impatient) HOLD(pthread_join(id, NULL) == 0);
+  EXPECT(VSPLAT_OK, vsplat_refinement_get_scene(refinement, &scene));
+  vsplat_refinement_release(refinement);
+  arrays.capacity = count;
+  arrays.means = means;
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
+  vsplat_scene_release(scene);
+  return stopped;
+}
+
+/* Wherever a step is stopped, the next call goes on as if it had not been. */
+static void stopped_by_another_thread_it_goes_on(vsplat_device device, vsplat_views from, vsplat_scene start) {
+  float want[3 * count], got[3 * count];
+  memset(want, 0, sizeof want);
+  memset(got, 0, sizeof got);
+  HOLD(refined(device, from, start, 0, want) == 0 && want[0] != 0);
+  HOLD(refined(device, from, start, 1, got) > 20);
+  HOLD(memcmp(want, got, sizeof want) == 0);
+}
+
 static void stopped_it_gives_the_best_so_far(vsplat_device device, vsplat_views from, vsplat_scene start) {
   vsplat_refine_options o = make_options(start);
   vsplat_refinement refinement = NULL;
@@ -226,6 +285,7 @@ int main(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_get_name(from, views, &name));
   refuses(device, from, start);
   a_loop_of_ones_own(device, from, start);
+  stopped_by_another_thread_it_goes_on(device, from, start);
   stopped_it_gives_the_best_so_far(device, from, start);
   a_plan_grows_with_the_scene(device);
   vsplat_scene_release(start);

@@ -13,11 +13,12 @@
    - Pictures: [height][width][channels] float, colour sRGB-encoded in [0,1].
    - Text that a call hands out (char** out_text) is freed with vsplat_text_free.
    - Text that goes in is UTF-8, ended by NUL, and only read during the call.
-   - Threads: different devices may be used by different threads at the same time; calls that take the same device, or
-     a handle made with it, one at a time: a call that finds the device taken ends at once with VSPLAT_ERROR_BUSY, and
-     so does one from a callback of the call that has it. Handles that belong to no device (model, views, cameras,
-     scene) may be read by several threads. Calls block until their result is there. Callbacks come on the calling
-     thread.
+   - Threads: different devices, and streams of one (vsplat_stream_create), may be used by different threads at the same
+     time; calls that take the same one, or a handle made with it, one at a time: a call that finds the device taken ends
+     at once with VSPLAT_ERROR_BUSY, and so does one from a callback of the call that has it. Handles that belong to no
+     device (model, views, cameras, scene) may be read by several threads. Calls block until their result is there, but
+     for those that begin a job (vsplat/jobs.h); another thread may stop them (vsplat_device_cancel). Callbacks come on
+     the calling thread.
    - Drivers do not live on in a child of fork(): there, calls that take a device end with VSPLAT_ERROR_DEVICE.
    - Within a major version this interface only grows. */
 #ifndef VSPLAT_H
@@ -49,7 +50,7 @@ typedef enum vsplat_status {
   VSPLAT_ERROR_DEVICE = 5,  /* no such device, no platform, a driver's error */
   VSPLAT_ERROR_COMPILE = 6, /* a kernel did not compile; the message holds the build log */
   VSPLAT_ERROR_MEMORY = 7,  /* more memory needed than there is; the message holds both figures */
-  VSPLAT_ERROR_CANCELLED = 8, /* a progress function said stop */
+  VSPLAT_ERROR_CANCELLED = 8, /* a progress function said stop, or vsplat_device_cancel */
   VSPLAT_ERROR_INTERNAL = 9,  /* a defect of the library */
   VSPLAT_ERROR_BUSY = 10      /* another call has the device: of another thread, or the one whose callback calls */
 } vsplat_status;
@@ -187,9 +188,24 @@ typedef struct vsplat_device_options {
 /* Opens a device. `options` NULL: all defaults. VSPLAT_ERROR_DEVICE with a list where there is no such device. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_open(const vsplat_device_options* options,
                                                              vsplat_device* out_device);
+/* A stream of an opened device: a device handle like any other, which every call takes that takes one. It computes
+   beside that one, on another thread, with a queue and working memory of its own; compiled programs, models' weights
+   and the limit of memory are the device's, whichever of its streams came first. Results are the same bits. May be
+   called while the device is in use. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_stream_create(vsplat_device device, vsplat_device* out_stream);
 VSPLAT_API void vsplat_device_retain(vsplat_device device);
 VSPLAT_API void vsplat_device_release(vsplat_device device);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* out_info);
+
+/* Tells the call that has the device to stop, from any thread or signal handler; returns at once. That call ends with
+   VSPLAT_ERROR_CANCELLED at its next launch of a kernel, when what was enqueued before is done, some 50 ms of work and
+   one kernel: what it would have made is not made, what was there before is as it was. A training writes a checkpoint
+   of its last whole step, a refinement goes on at its next step. Nothing happens where no call has the device. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_cancel(vsplat_device device);
+
+/* Gives back device memory that is kept for the next call: the scene that was drawn last, the weights of models that no
+   call uses, of all streams, and working memory of this one. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_trim(vsplat_device device);
 
 typedef enum vsplat_profile_format {
   VSPLAT_PROFILE_JSON = 1,  /* {"device", "driver", "wall_s", "peak_bytes", "kernels": [...]} */
@@ -553,6 +569,23 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_reconstruct(vsplat_device devic
                                                              const vsplat_reconstruct_options* options,
                                                              vsplat_scene* out_scene);
 
+typedef struct vsplat_prepare_options {
+  size_t size;
+  int32_t views; /* that a reconstruction will have; 0: as many as the model is trained with */
+  int32_t
+      launch; /* not 0: reconstructs grey pictures and draws what comes of it, too: for drivers that compile a kernel
+                     where it is first launched. Takes the time of a reconstruction beside that */
+  vsplat_progress_function progress; /* stages "weights", "compile" and "launch"; may be NULL */
+  void* user;
+} vsplat_prepare_options;
+#define VSPLAT_PREPARE_OPTIONS_INIT \
+  { sizeof(vsplat_prepare_options), 0, 0, NULL, NULL }
+
+/* Does ahead what the first reconstruction with the model and its drawing would do once: puts the weights on the device
+   and compiles every program that they take. `options` NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_prepare(vsplat_device device, vsplat_model model,
+                                                                const vsplat_prepare_options* options);
+
 /* What a computation will need. */
 typedef struct vsplat_stage_memory {
   char stage[32];
@@ -706,6 +739,7 @@ typedef struct vsplat_dataset_impl* vsplat_dataset;
 
 #include <vsplat/dataset.h>
 #include <vsplat/evaluate.h>
+#include <vsplat/jobs.h>
 #include <vsplat/pictures.h>
 #include <vsplat/refine.h>
 #include <vsplat/train.h>

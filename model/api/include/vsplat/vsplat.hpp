@@ -80,6 +80,7 @@ using AnimationHandle = Handle<vsplat_animation, vsplat_animation_retain, vsplat
 class Device : public DeviceHandle {
  public:
   Device() = default;
+  using DeviceHandle::DeviceHandle;
   explicit Device(const vsplat_device_options& options) : DeviceHandle(open(options)) {}
 
   static std::vector<vsplat_device_info> list() {
@@ -94,6 +95,15 @@ class Device : public DeviceHandle {
     check(vsplat_device_get_info(get(), &out));
     return out;
   }
+  // Of the same device, for another thread.
+  Device stream() const {
+    vsplat_device out = nullptr;
+    check(vsplat_stream_create(get(), &out));
+    return Device(out);
+  }
+  // Stops the call that has it; from any thread.
+  void cancel() const { check(vsplat_device_cancel(get())); }
+  void trim() { check(vsplat_device_trim(get())); }
   void profile(bool on) { check(vsplat_device_profile(get(), on)); }
   std::string profile_text(vsplat_profile_format format) const {
     char* out = nullptr;

@@ -1,0 +1,111 @@
+#include "model/api/job_queue.h"
+
+#include "model/api/device.h"
+#include "runtime/fail.h"
+
+vsplat_job_impl::~vsplat_job_impl() { vsplat_scene_release(scene); }
+
+namespace vsplat::api {
+namespace {
+
+thread_local vsplat_device served = nullptr, lent = nullptr;
+
+// Whether it may run: it has not been told to stop before.
+bool begin(vsplat_device device, vsplat_job_impl& job) {
+  const std::lock_guard lock(job.mutex);
+  if (job.told_to_stop) return false;
+  device->context.go_on();  // what told an earlier one to stop
+  job.state = VSPLAT_JOB_RUNNING;
+  return true;
+}
+
+// `give_back` the device meanwhile: whoever waited for the job finds it free, and whoever stops the job stops no other
+// call.
+template <class F>
+void end(vsplat_job_impl& job, vsplat_status status, const char* error, const F& give_back) {
+  job.run = nullptr;
+  const std::lock_guard lock(job.mutex);
+  give_back();
+  job.status = status;
+  if (status != VSPLAT_OK) job.error = error;
+  job.state = status == VSPLAT_OK                ? VSPLAT_JOB_DONE
+              : status == VSPLAT_ERROR_CANCELLED ? VSPLAT_JOB_CANCELLED
+                                                 : VSPLAT_JOB_FAILED;
+  job.changed.notify_all();
+}
+
+}  // namespace
+
+JobQueue::~JobQueue() {
+  if (!thread_.joinable()) return;
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->ends = true;
+    state_->changed.notify_all();
+  }
+  // The last count of a device may go with its last job, on this very thread.
+  if (thread_.get_id() == std::this_thread::get_id())
+    thread_.detach();
+  else
+    thread_.join();
+}
+
+void JobQueue::add(vsplat_device device, vsplat_job job) {
+  const std::lock_guard lock(state_->mutex);
+  // From the first of them to the last, the jobs have the device.
+  if (state_->jobs.empty() && device->in_use.test_and_set(std::memory_order_acquire))
+    fail(Status::busy, "the device is in use by another call; a job begins where none has it");
+  try {
+    if (!thread_.joinable()) thread_ = std::thread(serve, state_, device);
+    state_->jobs.push_back(job);
+  } catch (...) {
+    if (state_->jobs.empty()) device->in_use.clear(std::memory_order_release);
+    throw;
+  }
+  retain(job);
+  state_->changed.notify_all();
+}
+
+bool JobQueue::borrow(vsplat_device device) {
+  if (!device || lent != device) return false;
+  lent = nullptr;
+  return true;
+}
+
+void JobQueue::give_back(vsplat_device device) { lent = device; }
+
+bool JobQueue::is_on_thread_of(vsplat_device device) { return served == device; }
+
+void JobQueue::serve(const std::shared_ptr<State>& given, vsplat_device device) {
+  const std::shared_ptr<State> state = given;  // beyond the queue, see ~JobQueue
+  served = device;
+  for (;;) {
+    vsplat_job job = nullptr;
+    {
+      std::unique_lock lock(state->mutex);
+      state->changed.wait(lock, [&] { return state->ends || !state->jobs.empty(); });
+      if (state->jobs.empty()) return;
+      job = state->jobs.front();
+    }
+    vsplat_status status = VSPLAT_ERROR_CANCELLED;
+    const char* error = "stopped before it began";
+    if (begin(device, *job)) {
+      lent = device;
+      status = job->run(*job);
+      lent = nullptr;
+      error = vsplat_last_error();
+    }
+    end(*job, status, error, [&] {
+      const std::lock_guard lock(state->mutex);
+      state->jobs.pop_front();
+      if (state->jobs.empty()) device->in_use.clear(std::memory_order_release);
+    });
+    try {
+      if (job->on_end) job->on_end(job->user, job);
+    } catch (...) {  // nobody is there to hear of it
+    }
+    vsplat_job_release(job);
+  }
+}
+
+}  // namespace vsplat::api
