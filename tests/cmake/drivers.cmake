@@ -1,4 +1,4 @@
-# The whole network once more on the other OpenCL implementations, where they are installed: micro and tiny on rusticl's llvmpipe, and
+# The whole networks once more on the other OpenCL implementations, where they are installed: micro and tiny on rusticl's llvmpipe, and
 # micro under the Oclgrind interpreter, which fails on an access out of bounds or a data race. And drawing, on small scenes.
 
 # A filter that chooses no test (since a test has another name now) is a failure. Skipped is what ends with the list of skipped tests:
@@ -17,6 +17,15 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   set_tests_properties(rusticl.network PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 FIXTURES_REQUIRED golden_tiny
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
+  add_test(NAME rusticl.lara COMMAND lara_tests --gtest_filter=Kernels/LaraVectors.*lara_micro:Kernels/LaraVectors.*lara_tiny:*Lara/Lara.*)
+  add_test(NAME rusticl.genden COMMAND genden_tests --gtest_filter=Kernels/GendenVectors.*genden_micro)
+  add_test(NAME rusticl.genden_tiny COMMAND genden_tests --gtest_filter=Kernels/*Vectors.*genden_tiny)
+  add_test(NAME rusticl.surface_loss COMMAND ops_tests --gtest_filter=*SurfaceLossOp*)
+  set_tests_properties(rusticl.lara rusticl.genden rusticl.genden_tiny rusticl.surface_loss PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200
+    FIXTURES_REQUIRED golden_tiny FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
+    ENVIRONMENT "${on_rusticl}")
+  # Minutes: of both networks that densify.
+  set_tests_properties(rusticl.genden_tiny PROPERTIES LABELS "model;drivers;slow" TIMEOUT 1800)
   add_test(NAME rusticl.profile COMMAND runtime_tests --gtest_filter=*ProfilesTimesThatCanBe)
   add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*:CommittedSurfels/RenderGolden.*)
   add_test(NAME rusticl.gradient COMMAND splat_tests --gtest_filter=Committed/RenderBackwardGolden.*:CommittedSurfels/RenderBackwardGolden.*:*IsZeroWhereTheLossIs*)
@@ -40,12 +49,18 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=CommittedSurfels/RenderBackwardGolden.*prime)
   add_test(NAME oclgrind.extensions
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*Dinov3*cpu_dinov3_micro_square:*RayPredictorVectors*cpu_share_micro_predictor)
+  foreach(system lara genden)
+    foreach(what EveryStage EveryGradient)
+      add_test(NAME oclgrind.${system}.${what}
+        COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:${system}_tests> --gtest_filter=*Vectors.${what}Matches/cpu_${system}_micro)
+    endforeach()
+  endforeach()
   # It reports and goes on by default; nothing that it reports is to be accepted.
-  set_tests_properties(oclgrind.extensions oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
+  set_tests_properties(oclgrind.lara.EveryStage oclgrind.lara.EveryGradient oclgrind.genden.EveryStage oclgrind.genden.EveryGradient oclgrind.extensions oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
-  # Two minutes: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
-  set_tests_properties(oclgrind.network.gpu PROPERTIES LABELS "model;drivers;slow")
+  # One or two minutes: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
+  set_tests_properties(oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
 elseif(NOT OCLGRIND)
   message(${left_out} "No oclgrind (Debian: oclgrind): its tests are left out")
 endif()

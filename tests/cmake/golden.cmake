@@ -18,6 +18,9 @@ vsplat_precompile(vsplat_golden
 # (What others wait for is begun first.)
 add_test(NAME golden_tiny COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} tiny)
 set_tests_properties(golden_tiny PROPERTIES FIXTURES_SETUP golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
+add_test(NAME golden_tiny_slow COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} tiny_slow)
+set_tests_properties(golden_tiny_slow PROPERTIES FIXTURES_SETUP golden_tiny_slow FIXTURES_REQUIRED golden_tiny LABELS slow
+  SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_splat COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir}/splat splat)
 set_tests_properties(golden_splat PROPERTIES FIXTURES_SETUP golden_splat FIXTURES_REQUIRED golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_surfels COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir}/splat surfels)
@@ -25,5 +28,5 @@ set_tests_properties(golden_surfels PROPERTIES FIXTURES_SETUP golden_splat SKIP_
 add_test(NAME golden_train COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} train)
 set_tests_properties(golden_train PROPERTIES FIXTURES_SETUP golden_train FIXTURES_REQUIRED golden_tiny SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)
 add_test(NAME golden_train_slow COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/golden/make.sh ${golden_dir} train_slow)
-set_tests_properties(golden_train_slow PROPERTIES FIXTURES_SETUP golden_train_slow FIXTURES_REQUIRED golden_train LABELS slow
+set_tests_properties(golden_train_slow PROPERTIES FIXTURES_SETUP golden_train_slow FIXTURES_REQUIRED "golden_train;golden_tiny_slow" LABELS slow
   SKIP_RETURN_CODE 77 TIMEOUT 900 COST 1000)

@@ -2,6 +2,7 @@
 # Golden vectors from the PyTorch specification in tests/reference/pytorch.
 #   tests/golden/make.sh                 the committed ones, here (remove a file first to make it anew)
 #   tests/golden/make.sh DIR tiny        the larger ones, as ctest's golden_tiny does before the tests that read them
+#   tests/golden/make.sh DIR tiny_slow   two seeds more of them, as ctest's golden_tiny_slow does
 #   tests/golden/make.sh DIR train       those of training, as ctest's golden_train does; `train_slow` the rest of them
 #   tests/golden/make.sh DIR splat       scenes to draw, as ctest's golden_splat does; `splat_small` makes the committed ones in splat/
 #   tests/golden/make.sh DIR surfels     the same of surfels; `surfels_small` makes the committed ones in splat/

@@ -70,6 +70,12 @@ const std::vector<std::string>& extension_cases() {
   return names;
 }
 
+const std::vector<std::string>& slow_extension_cases() {
+  static const std::vector<std::string> names = {"dinov3_tiny_seed1_model", "dinov3_tiny_seed2_model",
+                                                 "share_tiny_seed1_model", "share_tiny_seed2_model"};
+  return names;
+}
+
 const std::vector<std::string>& quick_training_cases() {
   static const std::vector<std::string> names = {"train",     "train_seed1", "train_steps",    "train_sigmoid",
                                                  "train_ste", "train_fine4", "train_mirrored", "train_empty_ste"};

@@ -46,6 +46,8 @@ const std::vector<std::string>& golden_cases();
 // Those of make_extensions.py with the whole model: DINOv3's encoder, and predicted rays under noisy poses. golden_tiny
 // makes them; all have gradients.
 const std::vector<std::string>& extension_cases();
+// Two seeds more of them, which golden_tiny_slow makes.
+const std::vector<std::string>& slow_extension_cases();
 
 // Those with all gradients, which golden_train makes, and which golden_train_slow does.
 const std::vector<std::string>& quick_training_cases();

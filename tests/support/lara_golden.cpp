@@ -79,4 +79,15 @@ const std::vector<std::string>& genden_cases() {
   return names;
 }
 
+const std::vector<std::string>& slow_lara_cases() {
+  static const std::vector<std::string> names = {"lara_tiny_seed1", "lara_tiny_seed2"};
+  return names;
+}
+
+const std::vector<std::string>& slow_genden_cases() {
+  static const std::vector<std::string> names = {"genden_tiny_seed1", "genden_tiny_seed2", "genden_tiny_residual_seed1",
+                                                 "genden_tiny_residual_seed2"};
+  return names;
+}
+
 }  // namespace vsplat::test

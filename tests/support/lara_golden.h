@@ -56,6 +56,9 @@ using VsplatGendenGolden = PublishedGolden<VsplatGendenConfig>;
 // Those that golden_tiny makes where PyTorch is there.
 const std::vector<std::string>& lara_cases();
 const std::vector<std::string>& genden_cases();
+// Two seeds more, which golden_tiny_slow makes.
+const std::vector<std::string>& slow_lara_cases();
+const std::vector<std::string>& slow_genden_cases();
 
 // The gradient of every weight is the vectors' `prefix` + its name, or zeros where they have none. Returns how many
 // they have. `rounding`: of weights whose names end so it is 0 but for rounding.

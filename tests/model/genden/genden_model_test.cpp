@@ -14,6 +14,7 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -52,17 +53,9 @@ std::vector<std::string> all_cases() {
   return out;
 }
 
-class GendenVectors : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
- protected:
-  Context& ctx() { return test::context(std::get<0>(GetParam())); }
-  const std::string& name() { return std::get<1>(GetParam()); }
-};
-INSTANTIATE_TEST_SUITE_P(Kernels, GendenVectors,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(all_cases())),
-                         [](const auto& one) {
-                           return std::string(name_of(std::get<0>(one.param))) + "_" + std::get<1>(one.param);
-                         });
+class GendenVectors : public test::VectorsTest {};
+VSPLAT_VECTORS(GendenVectors, all_cases());
+VSPLAT_SLOW_VECTORS(GendenVectors, test::slow_genden_cases());
 
 // A run of the model on a golden file's inputs, with every stage's output kept and the drawings held.
 struct ModelRun {

@@ -10,6 +10,7 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 using test::VsplatGendenGolden;
 
 constexpr const char* kTiny = "vsplat+genden_tiny";
+const std::vector<std::string> kTinySlow = {"vsplat+genden_tiny_seed1", "vsplat+genden_tiny_seed2"};
 
 Tensor uploaded(Context& ctx, const VsplatGendenGolden& golden, const std::string& name) {
   const HostTensor t = golden.tensor(name);
@@ -32,9 +34,13 @@ VsplatGendenOptions options_of(const VsplatGendenGolden& golden) {
 class VsplatGenden : public test::FlavourTest {};
 VSPLAT_FLAVOURS(VsplatGenden);
 
-TEST_P(VsplatGenden, EveryStageMatches) {
-  VSPLAT_NEED_LARA_GOLDEN(kTiny);
-  const VsplatGendenGolden golden = VsplatGendenGolden::load(kTiny);
+class VsplatGendenVectors : public test::VectorsTest {};
+VSPLAT_VECTORS(VsplatGendenVectors, {kTiny});
+VSPLAT_SLOW_VECTORS(VsplatGendenVectors, kTinySlow);
+
+TEST_P(VsplatGendenVectors, EveryStageMatches) {
+  VSPLAT_NEED_LARA_GOLDEN(name());
+  const VsplatGendenGolden golden = VsplatGendenGolden::load(name());
   const VsplatGendenModel model(ctx(), golden.config(), golden.weights());
   VsplatGendenOptions options = options_of(golden);
   std::map<std::string, std::vector<float>> stages;
@@ -64,9 +70,9 @@ TEST_P(VsplatGenden, EveryStageMatches) {
   EXPECT_EQ(levels, 21);
 }
 
-TEST_P(VsplatGenden, EveryGradientMatches) {
-  VSPLAT_NEED_LARA_GOLDEN(kTiny);
-  const VsplatGendenGolden golden = VsplatGendenGolden::load(kTiny);
+TEST_P(VsplatGendenVectors, EveryGradientMatches) {
+  VSPLAT_NEED_LARA_GOLDEN(name());
+  const VsplatGendenGolden golden = VsplatGendenGolden::load(name());
   const auto cotangents = [&](const std::string& level) {
     const auto field = [&](const char* name) { return uploaded(ctx(), golden, "cotangent." + level + "." + name); };
     return GaussianGradients{field("means"), field("scales"), field("quats"), field("opacities"), field("sh")};

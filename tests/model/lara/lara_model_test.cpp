@@ -12,6 +12,7 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -76,11 +77,7 @@ struct ModelRun {
   }
 };
 
-class LaraVectors : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
- protected:
-  Context& ctx() { return test::context(std::get<0>(GetParam())); }
-  const std::string& name() { return std::get<1>(GetParam()); }
-};
+class LaraVectors : public test::VectorsTest {};
 
 std::vector<std::string> all_cases() {
   std::vector<std::string> out = {"lara_micro"};
@@ -88,12 +85,8 @@ std::vector<std::string> all_cases() {
   return out;
 }
 
-INSTANTIATE_TEST_SUITE_P(Kernels, LaraVectors,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(all_cases())),
-                         [](const auto& one) {
-                           return std::string(name_of(std::get<0>(one.param))) + "_" + std::get<1>(one.param);
-                         });
+VSPLAT_VECTORS(LaraVectors, all_cases());
+VSPLAT_SLOW_VECTORS(LaraVectors, test::slow_lara_cases());
 
 TEST_P(LaraVectors, EveryStageMatches) {
   VSPLAT_NEED_LARA_GOLDEN(name());

@@ -7,24 +7,22 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/extension_golden.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
 
 using test::ExtensionGolden;
 
-class Dinov3 : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
- protected:
-  Context& ctx() { return test::context(std::get<0>(GetParam())); }
-  const std::string& name() { return std::get<1>(GetParam()); }
-};
-
-INSTANTIATE_TEST_SUITE_P(
-    Kernels, Dinov3,
-    ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                       ::testing::Values("dinov3_micro_square", "dinov3_micro_wide", "dinov3_micro_bias",
-                                         "dinov3_tiny_square", "dinov3_tiny_wide", "dinov3_tiny_bias")),
-    [](const auto& one) { return std::string(name_of(std::get<0>(one.param))) + "_" + std::get<1>(one.param); });
+std::vector<std::string> encoder_vectors(const std::vector<std::string>& sizes) {
+  std::vector<std::string> out;
+  for (const std::string& size : sizes)
+    for (const char* part : {"_square", "_wide", "_bias"}) out.push_back("dinov3_" + size + part);
+  return out;
+}
+class Dinov3 : public test::VectorsTest {};
+VSPLAT_VECTORS(Dinov3, encoder_vectors({"micro", "tiny"}));
+VSPLAT_SLOW_VECTORS(Dinov3, encoder_vectors({"tiny_seed1", "tiny_seed2"}));
 
 // Of [V, T, 3, H, D] what the specification has as [V, H, T, D].
 std::vector<float> part_of(const std::vector<float>& qkv, const Shape& shape, long which) {

@@ -12,24 +12,22 @@
 #include "tests/support/extension_golden.h"
 #include "tests/support/orbit.h"
 #include "tests/support/refusal.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
 
 using test::ExtensionGolden;
 
-class RayPredictorVectors : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {
- protected:
-  Context& ctx() { return test::context(std::get<0>(GetParam())); }
-  const std::string& name() { return std::get<1>(GetParam()); }
-};
-
-INSTANTIATE_TEST_SUITE_P(
-    Kernels, RayPredictorVectors,
-    ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                       ::testing::Values("share_micro_predictor", "share_micro_pair", "share_micro_aligned",
-                                         "share_tiny_predictor", "share_tiny_pair", "share_tiny_aligned")),
-    [](const auto& one) { return std::string(name_of(std::get<0>(one.param))) + "_" + std::get<1>(one.param); });
+std::vector<std::string> predictor_vectors(const std::vector<std::string>& sizes) {
+  std::vector<std::string> out;
+  for (const std::string& size : sizes)
+    for (const char* part : {"_predictor", "_pair", "_aligned"}) out.push_back("share_" + size + part);
+  return out;
+}
+class RayPredictorVectors : public test::VectorsTest {};
+VSPLAT_VECTORS(RayPredictorVectors, predictor_vectors({"micro", "tiny"}));
+VSPLAT_SLOW_VECTORS(RayPredictorVectors, predictor_vectors({"tiny_seed1", "tiny_seed2"}));
 
 // Features with the class token before them, of which nothing may depend.
 std::vector<float> with_class_token(const HostTensor& features, float value) {

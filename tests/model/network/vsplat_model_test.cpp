@@ -8,6 +8,7 @@
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -101,7 +102,7 @@ void expect_pictures(Context& ctx, const Golden& golden, const ModelRun& run) {
   }
 }
 
-class GoldenModel : public ::testing::TestWithParam<std::tuple<Flavour, std::string>> {};
+class GoldenModel : public test::VectorsTest {};
 
 TEST_P(GoldenModel, EveryStageAndPictureMatches) {
   const auto& [flavour, name] = GetParam();
@@ -120,23 +121,16 @@ std::vector<std::string> all_cases() {
   return out;
 }
 
-INSTANTIATE_TEST_SUITE_P(Kernels, GoldenModel,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(all_cases())),
-                         [](const auto& param) {
-                           std::string name =
-                               std::string(name_of(std::get<0>(param.param))) + "_" + std::get<1>(param.param);
-                           for (char& c : name)
-                             if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
-                           return name;
-                         });
+std::vector<std::string> slow_cases() {
+  std::vector<std::string> out = {"tiny_seed2"};
+  const auto& extensions = test::slow_extension_cases();
+  out.insert(out.end(), extensions.begin(), extensions.end());
+  return out;
+}
 
-INSTANTIATE_TEST_SUITE_P(Extensions, GoldenModel,
-                         ::testing::Combine(::testing::Values(Flavour::cpu, Flavour::gpu),
-                                            ::testing::ValuesIn(test::extension_cases())),
-                         [](const auto& param) {
-                           return std::string(name_of(std::get<0>(param.param))) + "_" + std::get<1>(param.param);
-                         });
+VSPLAT_VECTORS(GoldenModel, all_cases());
+VSPLAT_SLOW_VECTORS(GoldenModel, slow_cases());
+INSTANTIATE_TEST_SUITE_P(Extensions, GoldenModel, test::in_both_flavours(test::extension_cases()), test::vectors_name);
 
 class Model : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Model);

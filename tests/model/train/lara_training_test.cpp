@@ -9,6 +9,7 @@
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"
 #include "tests/support/training_views.h"
+#include "tests/support/vectors.h"
 
 namespace vsplat {
 namespace {
@@ -40,22 +41,25 @@ double loss_of(Context& ctx, const PassResult& result) {
   return loss;
 }
 
-class LaraTraining : public test::FlavourTest {
- protected:
-  // All of them from one pass, in the state dict's order.
-  std::map<std::string, std::vector<float>> gradients(const LaraGolden& golden, const PassOptions& options,
-                                                      double* loss = nullptr) {
-    const LearntWeights weights(ctx(), parameters(golden.config()), golden.weights());
-    const auto network = make_network(ctx(), golden.config(), weights);
-    const PassResult result = training_pass(ctx(), *network, upload(ctx(), golden), options);
-    if (loss) *loss = loss_of(ctx(), result);
-    EXPECT_EQ(result.final.empty(), !options.forward.fine);
-    std::map<std::string, std::vector<float>> out;
-    for (const std::string& name : weights.names()) out[name] = ctx().read<float>(weights.at(name).gradient);
-    return out;
-  }
-};
+// All of them from one pass, in the state dict's order.
+std::map<std::string, std::vector<float>> gradients(Context& ctx, const LaraGolden& golden, const PassOptions& options,
+                                                    double* loss = nullptr) {
+  const LearntWeights weights(ctx, parameters(golden.config()), golden.weights());
+  const auto network = make_network(ctx, golden.config(), weights);
+  const PassResult result = training_pass(ctx, *network, upload(ctx, golden), options);
+  if (loss) *loss = loss_of(ctx, result);
+  EXPECT_EQ(result.final.empty(), !options.forward.fine);
+  std::map<std::string, std::vector<float>> out;
+  for (const std::string& name : weights.names()) out[name] = ctx.read<float>(weights.at(name).gradient);
+  return out;
+}
+
+class LaraTraining : public test::FlavourTest {};
 VSPLAT_FLAVOURS(LaraTraining);
+
+class LaraTrainingVectors : public test::VectorsTest {};
+VSPLAT_VECTORS(LaraTrainingVectors, test::lara_cases());
+VSPLAT_SLOW_VECTORS(LaraTrainingVectors, test::slow_lara_cases());
 
 PassOptions whole_loss(const LaraGolden& golden) {
   PassOptions out;
@@ -84,33 +88,30 @@ void expect_like_pytorch(const LaraGolden& golden, double loss,
 TEST_P(LaraTraining, GradientsOfTheLossMatch) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   double loss = 0;
-  const auto got = gradients(golden, whole_loss(golden), &loss);
+  const auto got = gradients(ctx(), golden, whole_loss(golden), &loss);
   expect_like_pytorch(golden, loss, got);
   for (const auto& [weight, values] : got)
     EXPECT_TRUE(test::close(values, golden.floats("grad." + weight), 1e-4)) << weight;
 }
 
 // Taken together, since a flipped pixel moves single ones.
-TEST_P(LaraTraining, GradientsOfTheLossMatchInLargerOnes) {
-  for (const std::string& name : test::lara_cases()) {
-    VSPLAT_NEED_LARA_GOLDEN(name);
-    SCOPED_TRACE(name);
-    const LaraGolden golden = LaraGolden::load(name);
-    double loss = 0;
-    const auto got = gradients(golden, whole_loss(golden), &loss);
-    expect_like_pytorch(golden, loss, got);
-  }
+TEST_P(LaraTrainingVectors, GradientsOfTheLossMatch) {
+  VSPLAT_NEED_LARA_GOLDEN(name());
+  const LaraGolden golden = LaraGolden::load(name());
+  double loss = 0;
+  const auto got = gradients(ctx(), golden, whole_loss(golden), &loss);
+  expect_like_pytorch(golden, loss, got);
 }
 
 // Until the second level begins, the fine decoder has no gradient; what has one then has another.
 TEST_P(LaraTraining, WithoutTheSecondLevel) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   PassOptions options = whole_loss(golden);
-  const auto both = gradients(golden, options);
+  const auto both = gradients(ctx(), golden, options);
   options.forward.fine = false;
-  const auto one = gradients(golden, options);
+  const auto one = gradients(ctx(), golden, options);
   options.surface = {};
-  const auto bare = gradients(golden, options);
+  const auto bare = gradients(ctx(), golden, options);
   for (const auto& [name, values] : one) {
     const bool fine = name.starts_with("decoder.norm") || name.starts_with("decoder.cross_att") ||
                       name.starts_with("decoder.mlp_fine");
@@ -124,10 +125,10 @@ TEST_P(LaraTraining, WithoutTheSecondLevel) {
 TEST_P(LaraTraining, RunningOnceMoreGivesTheSameBits) {
   const LaraGolden golden = LaraGolden::load("lara_micro");
   PassOptions options = whole_loss(golden);
-  const auto kept = gradients(golden, options);
-  EXPECT_EQ(gradients(golden, options), kept);
+  const auto kept = gradients(ctx(), golden, options);
+  EXPECT_EQ(gradients(ctx(), golden, options), kept);
   options.recompute = true;
-  EXPECT_EQ(gradients(golden, options), kept);
+  EXPECT_EQ(gradients(ctx(), golden, options), kept);
 }
 
 Checkpoint start_of(const LaraGolden& golden) {

@@ -168,6 +168,9 @@ INSTANTIATE_TEST_SUITE_P(Committed, GoldenGradients,
 INSTANTIATE_TEST_SUITE_P(Extensions, GoldenGradients,
                          ::testing::Combine(kFlavours, ::testing::ValuesIn(test::extension_cases())), case_name);
 
+INSTANTIATE_TEST_SUITE_P(SlowExtensions, GoldenGradients,
+                         ::testing::Combine(kFlavours, ::testing::ValuesIn(test::slow_extension_cases())), case_name);
+
 class Training : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Training);
 

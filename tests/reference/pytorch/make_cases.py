@@ -8,6 +8,7 @@
                                          a U-Net of one level and of three, and one of many channels; with gradients where they
                                          are micro: those, and fewer levels with every selection; and the other systems' and the
                                          extensions' larger ones
+    python3 make_cases.py DIR tiny_slow  two seeds more of every system's and extension's
 """
 import contextlib
 import io
@@ -86,6 +87,7 @@ QUICK = ["train", "train_seed1", "train_steps", "train_sigmoid", "train_ste", "t
 GROUPS = {
     "micro": (MICRO, ["--config", "micro"]),
     "tiny": (TINY, ["--config", "tiny"]),
+    "tiny_slow": ({"tiny_seed2": ["--seed", "2"]}, ["--config", "tiny"]),
     "train": ({name: TRAIN[name] for name in QUICK}, ["--config", "tiny", "--noise"]),
     "train_slow": ({name: options for name, options in TRAIN.items() if name not in QUICK}, ["--config", "tiny", "--noise"]),
 }
@@ -103,6 +105,16 @@ PUBLISHED = {                                             # the last file that e
         "genden_tiny_residual": ["genden", "tiny", "--residual", "--seed", "1000"],
         "vsplat+genden_tiny": ["vsplat+genden", "tiny"],
     },
+    "tiny_slow": {
+        "lara_tiny_seed1": ["lara", "tiny", "--seed", "1", "--suffix", "_seed1"],
+        "lara_tiny_seed2": ["lara", "tiny", "--seed", "2", "--suffix", "_seed2"],
+        "genden_tiny_seed1": ["genden", "tiny", "--seed", "1001", "--suffix", "_seed1"],
+        "genden_tiny_seed2": ["genden", "tiny", "--seed", "2", "--suffix", "_seed2"],
+        "genden_tiny_residual_seed1": ["genden", "tiny", "--residual", "--seed", "1001", "--suffix", "_seed1"],
+        "genden_tiny_residual_seed2": ["genden", "tiny", "--residual", "--seed", "2", "--suffix", "_seed2"],
+        "vsplat+genden_tiny_seed1": ["vsplat+genden", "tiny", "--seed", "5001", "--suffix", "_seed1"],
+        "vsplat+genden_tiny_seed2": ["vsplat+genden", "tiny", "--seed", "5002", "--suffix", "_seed2"],
+    },
 }
 EXTENSIONS = {                                            # the last file that each writes: what, the size, which part
     "micro": {
@@ -114,6 +126,9 @@ EXTENSIONS = {                                            # the last file that e
         "share_micro_model": ["share", "micro", "large"],
         "dinov3_tiny_model": ["dinov3", "tiny", "all"],
         "share_tiny_model": ["share", "tiny", "all"],
+    },
+    "tiny_slow": {
+        f"{what}_tiny_seed{i}_model": [what, "tiny", "all", "--seed", str(10 * i), "--suffix", f"_seed{i}"] for what in ("dinov3", "share") for i in (1, 2)
     },
 }
 
@@ -140,14 +155,14 @@ def make_systems(folder, size):
         path = os.path.join(folder, name + ".safetensors")
         here = os.path.dirname(os.path.abspath(__file__))
         sources = max(os.path.getmtime(os.path.join(here, f)) for f in os.listdir(here) if f.endswith(".py"))
-        return not os.path.exists(path) or size == "tiny" and os.path.getmtime(path) < sources  # what is committed stays
+        return not os.path.exists(path) or size != "micro" and os.path.getmtime(path) < sources  # what is committed stays
 
     for name, (system, edge, *more) in PUBLISHED.get(size, {}).items():
         if due(name):
             run(make_published, "--system", system, "--size", edge, "--tests", "--output", folder, *more)
-    for name, (what, edge, part) in EXTENSIONS.get(size, {}).items():
+    for name, (what, edge, part, *more) in EXTENSIONS.get(size, {}).items():
         if due(name):
-            run(make_extensions, "--what", what, "--size", edge, "--part", part, "--output", folder)
+            run(make_extensions, "--what", what, "--size", edge, "--part", part, "--output", folder, *more)
 
 
 def main():

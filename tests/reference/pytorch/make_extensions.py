@@ -193,6 +193,7 @@ def main():
     ap.add_argument("--output", metavar="DIR")
     ap.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     ap.add_argument("--names", action="store_true")
+    ap.add_argument("--suffix", default="", help="of the size in the files' names")
     ap.add_argument("--part", default="all", choices=("all", "small", "large"))
     a = ap.parse_args()
     torch.set_num_threads(1)
@@ -205,7 +206,7 @@ def main():
     if a.output is None or a.size in ("paper", "small"):
         ap.error("vectors need --output, and --size tiny or micro")
     os.makedirs(a.output, exist_ok=True)
-    at = lambda name: os.path.join(a.output, f"{a.what}_{a.size}_{name}.safetensors")
+    at = lambda name: os.path.join(a.output, f"{a.what}_{a.size}{a.suffix}_{name}.safetensors")
     (make_share if a.what == "share" else make_dinov3)(cfg, a.seed, at, a.part != "large", a.part != "small")
 
 

@@ -388,6 +388,7 @@ def main():
     ap.add_argument("--seed", type=int, default=0)
     ap.add_argument("--residual", action="store_true", help="GenDen's second published model")
     ap.add_argument("--tests", action="store_true", help="only what the tests read, in two files")
+    ap.add_argument("--suffix", default="", help="of the names that --tests gives")
     ap.add_argument("--output", required=True)
     a = ap.parse_args()
     torch.set_num_threads(1)                                    # the order of sums, and so the bytes
@@ -396,7 +397,7 @@ def main():
     case, t, far = make_case(a.system, a.size, a.seed, a.residual and a.system == "genden")
     model, state = case.model, {k: v.detach().float() for k, v in case.model.state_dict().items()}
     if a.tests:
-        return for_tests(case, t, state, to(f"{a.system}_{a.size}" + ("_residual" if a.residual else "")))
+        return for_tests(case, t, state, to(f"{a.system}_{a.size}" + ("_residual" if a.residual else "") + a.suffix))
     meta = {"config": case.config, "seed": case.seed, "views": case.views}
     checkpoint(to("model.ckpt"), state, dict(model.named_parameters()))
     save(to("model.safetensors"), state, {"format": "published-model", "version": 1, **meta})
