@@ -172,6 +172,10 @@ vsplat_status vsplat_model_check(vsplat_device device, vsplat_model model, const
       forward.progress = [&o](const std::string& stage, double done) {
         if (!o.progress(o.user, stage.c_str(), done)) fail(Status::cancelled, "stopped before stage {}", stage);
       };
-    *out_text = new_text(json_of(check_model(device->context, network_on(device, model), forward), config.image()));
+    const ModelCheck found = with_room(device, model, [&] {
+      const auto network = device->residents->network(device->context, model);
+      return check_model(device->context, *network, forward);
+    });
+    *out_text = new_text(json_of(found, config.image()));
   });
 }
