@@ -144,6 +144,9 @@ Block::Block(std::shared_ptr<Block> whole, std::size_t first, std::size_t bytes)
   if (slab()) make_buffer(*slab());
 }
 
+Block::Block(std::unique_ptr<cl::Buffer> theirs, std::size_t bytes)
+    : slab_(0), offset_(0), size_(bytes), guard_(0), bytes_(bytes), buffer_(std::move(theirs)) {}
+
 void Block::make_buffer(const cl::Buffer& slab) {
   const cl_buffer_region region{offset_, size_};
   try {
@@ -156,13 +159,14 @@ void Block::make_buffer(const cl::Buffer& slab) {
 }
 
 Block::~Block() {
-  if (whole_) return;
+  if (whole_ || !arena_) return;
   const std::lock_guard lock(arena_->mutex);
   if (guard_) arena_->guarded.erase({slab_, offset_});
   arena_->release(slab_, offset_ - guard_, size_ + 2 * guard_);
 }
 
 const cl::Buffer* Block::slab() const {
+  if (!arena_) return nullptr;
   const std::lock_guard lock(arena_->mutex);
   return arena_->slabs[slab_].buffer.get();
 }

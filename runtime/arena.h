@@ -29,6 +29,8 @@ class Block {
   // `bytes` of another from `first` on, a multiple of the arena's `align`. They stay that one's, which lives as long as
   // its parts do; there are no red zones between these.
   Block(std::shared_ptr<Block> whole, std::size_t first, std::size_t bytes);
+  // Another's buffer, of so many bytes: no arena's.
+  Block(std::unique_ptr<cl::Buffer> theirs, std::size_t bytes);
   ~Block();
   Block(const Block&) = delete;
   Block& operator=(const Block&) = delete;

@@ -146,18 +146,24 @@ struct Context::Impl {
   std::vector<StageMemory> stage_memory;
   std::optional<double> fill_seconds;  // see event_times()
 
-  // What follows from the device and the limits.
+  // What follows from the device and the limits; with a queue of its own, where there is none yet.
   void open(const ArenaLimits& limits) {
+    if (!queue()) make_queue();
+    checks_nan = nan_check_is_wanted();
+    guards = limits.guard > 0;
+    arena = std::make_unique<Arena>(&context, limits);
+  }
+
+  void make_queue() {
     try {
       const cl_command_queue_properties properties = info.event_profiling ? CL_QUEUE_PROFILING_ENABLE : 0;
       queue = cl::CommandQueue(context, handle, properties);
     } catch (const cl::Error& e) {
       fail_cl(e, "opening " + info.name);
     }
-    checks_nan = nan_check_is_wanted();
-    guards = limits.guard > 0;
-    arena = std::make_unique<Arena>(&context, limits);
   }
+
+  void take(const ForeignHandles& theirs);
 
   void stop_if_cancelled() const {
     if (uncancelled == 0 && cancelled.load(std::memory_order_relaxed))
@@ -261,16 +267,47 @@ struct Context::Impl {
 
 Context::Context(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
+// Of a program that has OpenCL of its own.
+void Context::Impl::take(const ForeignHandles& theirs) {
+  for (const FoundDevice& found : find_devices())
+    if (found.handle() == theirs.device) {
+      info = found.info;
+      handle = found.handle;
+    }
+  if (!handle()) fail(Status::device, "the given cl_device_id is none of the devices that OpenCL lists");
+  try {
+    context = cl::Context(static_cast<cl_context>(theirs.context), true);
+    const auto devices = context.getInfo<CL_CONTEXT_DEVICES>();
+    if (std::find(devices.begin(), devices.end(), handle) == devices.end())
+      fail(Status::usage, "the given cl_context is not of the given cl_device_id, {}", info.name);
+    if (!theirs.queue) return;
+    queue = cl::CommandQueue(static_cast<cl_command_queue>(theirs.queue), true);
+    if (queue.getInfo<CL_QUEUE_CONTEXT>()() != context() || queue.getInfo<CL_QUEUE_DEVICE>()() != handle())
+      fail(Status::usage, "the given cl_command_queue is of another context or device");
+    const cl_command_queue_properties properties = queue.getInfo<CL_QUEUE_PROPERTIES>();
+    if (properties & CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE)
+      fail(Status::usage, "the given cl_command_queue runs out of order: one in order is expected");
+    info.event_profiling = info.event_profiling && (properties & CL_QUEUE_PROFILING_ENABLE);
+  } catch (const cl::Error& e) {
+    fail_cl(e, "asking about the given handles");
+  }
+}
+
 Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()) {
-  impl_->info = choose_device(options.device);
+  const bool theirs = options.theirs.context != nullptr;
+  if (theirs)
+    impl_->take(options.theirs);
+  else
+    impl_->info = choose_device(options.device);
   impl_->flavour = choose_flavour(options.kernels, impl_->info);
   impl_->gemm = options.gemm;
-  const std::vector<FoundDevice> found = find_devices();
-  impl_->handle = found.at(static_cast<std::size_t>(impl_->info.index)).handle;
-  try {
-    impl_->context = cl::Context(impl_->handle);
-  } catch (const cl::Error& e) {
-    fail_cl(e, "opening " + impl_->info.name);
+  if (!theirs) {
+    impl_->handle = find_devices().at(static_cast<std::size_t>(impl_->info.index)).handle;
+    try {
+      impl_->context = cl::Context(impl_->handle);
+    } catch (const cl::Error& e) {
+      fail_cl(e, "opening " + impl_->info.name);
+    }
   }
   impl_->programs = std::make_shared<ProgramCache>(impl_->context, impl_->handle, impl_->info, options.on_compile);
   ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
@@ -434,6 +471,49 @@ void Context::record_foreign(const std::string& name, Cost cost, void* event, co
   impl_->check_launch(name, {out});
   impl_->pace.add(impl_->queue, cost);
 }
+
+Tensor Context::adopt(void* buffer, const Shape& shape, bool to_write, const std::string& what) {
+  try {
+    auto theirs = std::make_unique<cl::Buffer>(static_cast<cl_mem>(buffer), true);
+    if (theirs->getInfo<CL_MEM_TYPE>() != CL_MEM_OBJECT_BUFFER) fail(Status::usage, "{} is no buffer", what);
+    if (theirs->getInfo<CL_MEM_CONTEXT>()() != impl_->context())
+      fail(Status::usage, "{} is a buffer of another cl_context than the device's", what);
+    if (to_write && (theirs->getInfo<CL_MEM_FLAGS>() & CL_MEM_READ_ONLY))
+      fail(Status::usage, "{} is to be written, and its buffer was made with CL_MEM_READ_ONLY", what);
+    std::size_t bytes = size_of(Type::f32);
+    for (const long size : shape) bytes *= static_cast<std::size_t>(size);
+    const auto there = theirs->getInfo<CL_MEM_SIZE>();
+    if (there < bytes) fail(Status::usage, "{} is a buffer of {} bytes: at least {} expected", what, there, bytes);
+    return {std::make_shared<Block>(std::move(theirs), bytes), shape, Type::f32};
+  } catch (const cl::Error& e) {
+    fail(Status::usage, "{} is no cl_mem that OpenCL knows: {}", what, cl_error_name(e.err()));
+  }
+}
+
+void Context::wait_for(const std::vector<void*>& events) {
+  if (events.empty()) return;
+  std::vector<cl::Event> list;
+  for (void* event : events) list.emplace_back(static_cast<cl_event>(event), true);
+  try {
+    impl_->queue.enqueueBarrierWithWaitList(&list);
+  } catch (const cl::Error& e) {
+    fail(Status::usage, "the events to wait for: {}", cl_error_name(e.err()));
+  }
+}
+
+void* Context::mark() {
+  try {
+    cl::Event out;
+    impl_->queue.enqueueMarkerWithWaitList(nullptr, &out);
+    impl_->queue.flush();
+    clRetainEvent(out());
+    return out();
+  } catch (const cl::Error& e) {
+    fail_cl(e, "marking what was enqueued");
+  }
+}
+
+ForeignHandles Context::handles() const { return {impl_->context(), impl_->handle(), impl_->queue()}; }
 
 void Context::cancel() { impl_->cancelled.store(true, std::memory_order_relaxed); }
 void Context::go_on() { impl_->cancelled.store(false, std::memory_order_relaxed); }

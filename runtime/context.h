@@ -29,11 +29,19 @@ const char* name_of(Flavour flavour);
 // Who multiplies plain matrices. auto_: CLBlast on a GPU where its database covers the device, else our own.
 enum class GemmChoice : int { auto_ = 0, own = 1, clblast = 2 };
 
+// Another's OpenCL, as the C interface of it has the handles. All null: our own.
+struct ForeignHandles {
+  void* context = nullptr;
+  void* device = nullptr;
+  void* queue = nullptr;  // in order; null: one of our own in that context
+};
+
 struct ContextOptions {
   std::string device;            // as choose_device() takes it
   std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else by the device's traits), cpu, gpu
   GemmChoice gemm = GemmChoice::auto_;
   double max_memory_gib = 0;  // 0: what the device reports
+  ForeignHandles theirs;      // in place of `device`
   // Called before each kernel that is compiled: its name and how many were compiled so far in this context.
   std::function<void(const std::string&, int)> on_compile;
 };
@@ -114,6 +122,15 @@ class Context {
   void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
   // Largest work-group that this kernel can run in, and no more than the device's.
   std::size_t max_work_group(const KernelId& kernel);
+
+  // Between us and a program with OpenCL of its own. Another's buffer as a tensor, which keeps it alive: Error(usage),
+  // naming `what`, where it is of another context, too small, or may not be written and is `to_write`.
+  Tensor adopt(void* buffer, const Shape& shape, bool to_write, const std::string& what);
+  // Whatever is enqueued from now on waits for these events.
+  void wait_for(const std::vector<void*>& events);
+  // An event, the caller's to release, of all that has been enqueued.
+  void* mark();
+  ForeignHandles handles() const;  // ours; they live as long as this context
 
   // For libraries that enqueue by themselves (CLBlast; runtime/ only): raw handles, and their event under our name with
   // what they write.

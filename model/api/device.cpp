@@ -35,7 +35,7 @@ vsplat_device_info describe(const DeviceInfo& d) {
   return out;
 }
 
-const char* name_of(const vsplat_kernels& kernels) {
+const char* flavour_named(const vsplat_kernels& kernels) {
   switch (value_of(kernels)) {
     case VSPLAT_KERNELS_AUTO:
       return "auto";
@@ -94,21 +94,25 @@ vsplat_status vsplat_device_describe(size_t index, vsplat_device_info* out_info)
   });
 }
 
+ContextOptions vsplat::api::context_options(const vsplat_device_options* options) {
+  const vsplat_device_options o = taken(options, VSPLAT_DEVICE_OPTIONS_INIT, "options");
+  if (!(o.max_memory_gib >= 0)) fail(Status::usage, "options.max_memory_gib is {}", o.max_memory_gib);
+  ContextOptions out;
+  out.device = o.device ? o.device : "";
+  out.kernels = flavour_named(o.kernels);
+  out.gemm = choice_of(o.gemm);
+  out.max_memory_gib = o.max_memory_gib;
+  if (o.on_compile)
+    out.on_compile = [call = o.on_compile, user = o.user](const std::string& kernel, int compiled) {
+      call(user, kernel.c_str(), compiled);
+    };
+  return out;
+}
+
 vsplat_status vsplat_device_open(const vsplat_device_options* options, vsplat_device* out_device) {
   return guarded([&] {
     need(out_device, "out_device");
-    const vsplat_device_options o = taken(options, VSPLAT_DEVICE_OPTIONS_INIT, "options");
-    if (!(o.max_memory_gib >= 0)) fail(Status::usage, "options.max_memory_gib is {}", o.max_memory_gib);
-    ContextOptions context;
-    context.device = o.device ? o.device : "";
-    context.kernels = name_of(o.kernels);
-    context.gemm = choice_of(o.gemm);
-    context.max_memory_gib = o.max_memory_gib;
-    if (o.on_compile)
-      context.on_compile = [call = o.on_compile, user = o.user](const std::string& kernel, int compiled) {
-        call(user, kernel.c_str(), compiled);
-      };
-    *out_device = new vsplat_device_impl(std::make_unique<Context>(context));
+    *out_device = new vsplat_device_impl(std::make_unique<Context>(context_options(options)));
   });
 }
 

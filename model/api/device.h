@@ -46,6 +46,9 @@ class DeviceUse {
   bool of_job_;
 };
 
+// What vsplat_device_open makes of its options.
+ContextOptions context_options(const vsplat_device_options* options);
+
 // Runs what needs much memory; once more without the networks of models but that one and what was drawn, where it
 // refuses for want of memory and there are any. It may not have told anyone anything before that.
 template <class F>

@@ -144,11 +144,17 @@ DevicePicture picture_in_room(Context& ctx, const GaussianChunks& scene, const C
 DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options) {
   const Stage stage(ctx, "splat");
   const DevicePicture out = picture_in_room(ctx, scene, camera, options.maps);
+  render_into(ctx, scene, camera, options, out);
+  return out;
+}
+
+void render_into(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                 const DevicePicture& out) {
+  const Stage stage(ctx, "splat");
   for_each_part(ctx, scene, camera, options, false,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, out);
                 });
-  return out;
 }
 
 void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,

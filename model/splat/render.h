@@ -42,6 +42,9 @@ struct Picture {
 // One camera, on the device. Waits once for each part of the picture that is drawn by itself (one, where memory
 // allows): what it sees sets the size of what follows. Throws Error(memory) where not even a single tile can be drawn.
 DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
+// Into tensors of the caller's, as DevicePicture has them: all three, and the maps that are asked for.
+void render_into(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                 const DevicePicture& out);
 Picture render_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
 Picture download(Context& ctx, const DevicePicture& picture);
 

@@ -1,5 +1,5 @@
 # The public header, as C programs use it.
-foreach(name c99_test gradient_test jobs_test pictures_test refine_api_test threads_test train_api_test)
+foreach(name c99_test gradient_test jobs_test opencl_test pictures_test refine_api_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})
@@ -8,10 +8,12 @@ foreach(name c99_test gradient_test jobs_test pictures_test refine_api_test thre
 endforeach()
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
-foreach(name jobs_test refine_api_test threads_test)
+foreach(name jobs_test opencl_test refine_api_test threads_test)
   target_compile_definitions(${name} PRIVATE _POSIX_C_SOURCE=200809L _DEFAULT_SOURCE)
   target_link_libraries(${name} PRIVATE Threads::Threads)
 endforeach()
+
+target_link_libraries(opencl_test PRIVATE OpenCL::OpenCL)
 
 # The example that fits Gaussians to a picture: it fails where its loss does not come down to a hundredth.
 add_test(NAME fit_example COMMAND fit_example ${CMAKE_CURRENT_BINARY_DIR}/fit_before.png ${CMAKE_CURRENT_BINARY_DIR}/fit_after.png)

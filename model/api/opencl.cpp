@@ -1,0 +1,211 @@
+// Beside a program's own OpenCL.
+#include "vsplat/opencl.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/api/cameras.h"
+#include "model/api/device.h"
+#include "model/api/drawing.h"
+#include "model/api/scene.h"
+#include "model/splat/render_backward.h"
+#include "runtime/fail.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+std::vector<void*> listed(cl_uint count, const cl_event* events) {
+  need_array(events, count, "events");
+  for (cl_uint i = 0; i < count; ++i)
+    if (!events[i]) fail(Status::usage, "events[{}] is null", i);
+  return {events, events + count};
+}
+
+void give_event(Context& ctx, cl_event* out) {
+  if (out)
+    *out = static_cast<cl_event>(ctx.mark());
+  else
+    ctx.flush();
+}
+
+// The caller's, or where there is none, nothing.
+Tensor taken_from(Context& ctx, cl_mem buffer, const Shape& shape, const char* what) {
+  return buffer ? ctx.adopt(buffer, shape, false, what) : Tensor();
+}
+
+// The caller's, or where there is none, one of ours.
+Tensor given_to(Context& ctx, cl_mem buffer, const Shape& shape, const char* what) {
+  return buffer ? ctx.adopt(buffer, shape, true, what) : ctx.tensor(shape, Type::f32, what);
+}
+
+DeviceGaussians whole_on_device(vsplat_device device, vsplat_scene scene, double pixels) {
+  const GaussianChunks& there = on_device(device, scene->scene, pixels);
+  if (there.chunks() > 1)
+    fail(Status::memory, "the scene's {} Gaussians do not lie on the device whole: in parts of {}", there.count,
+         there.chunk);
+  return there.get(device->context, 0);
+}
+
+Shape sh_shape(const Gaussians& g) { return {static_cast<long>(g.count), static_cast<long>(g.sh_count()), 3}; }
+
+}  // namespace
+
+vsplat_status vsplat_opencl_open(const vsplat_opencl_handles* theirs, const vsplat_device_options* options,
+                                 vsplat_device* out_device) {
+  return guarded([&] {
+    need(theirs, "theirs");
+    need(out_device, "out_device");
+    refuse_after_fork();
+    const vsplat_opencl_handles h = taken(theirs, VSPLAT_OPENCL_HANDLES_INIT, "theirs");
+    need(h.context, "theirs.context");
+    need(h.device, "theirs.device");
+    ContextOptions how = context_options(options);
+    how.theirs = {h.context, h.device, h.queue};
+    *out_device = new vsplat_device_impl(std::make_unique<Context>(how));
+  });
+}
+
+vsplat_status vsplat_opencl_get_handles(vsplat_device device, vsplat_opencl_handles* out_handles) {
+  return guarded([&] {
+    need(device, "device");
+    const ForeignHandles ours = device->context.handles();
+    vsplat_opencl_handles out = VSPLAT_OPENCL_HANDLES_INIT;
+    out.context = static_cast<cl_context>(ours.context);
+    out.device = static_cast<cl_device_id>(ours.device);
+    out.queue = static_cast<cl_command_queue>(ours.queue);
+    give(out_handles, out, "out_handles");
+  });
+}
+
+vsplat_status vsplat_opencl_render(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
+                                   const vsplat_render_options* options, const vsplat_opencl_picture* picture,
+                                   cl_uint num_events, const cl_event* events, cl_event* out_event) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(scene, "scene");
+    need(camera, "camera");
+    need(picture, "picture");
+    const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
+    const vsplat_opencl_picture p = taken(picture, VSPLAT_OPENCL_PICTURE_INIT, "picture");
+    const RenderOptions how = options_of(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene);
+    const std::vector<void*> before = listed(num_events, events);
+    Context& ctx = device->context;
+    const GaussianChunks& there =
+        on_device(device, scene->scene, static_cast<double>(view.width) * static_cast<double>(view.height));
+    const long h = view.height, w = view.width;
+    const DevicePicture out{given_to(ctx, p.colour, {h, w, 3}, "picture.colour"),
+                            given_to(ctx, p.alpha, {h, w}, "picture.alpha"),
+                            given_to(ctx, p.depth, {h, w}, "picture.depth")};
+    ctx.wait_for(before);
+    render_into(ctx, there, view, how, out);
+    give_event(ctx, out_event);
+  });
+}
+
+vsplat_status vsplat_opencl_render_backward(vsplat_device device, vsplat_scene scene, const vsplat_camera* camera,
+                                            const vsplat_render_options* options, const vsplat_opencl_picture* gradient,
+                                            const vsplat_opencl_gaussians* out, cl_uint num_events,
+                                            const cl_event* events, cl_event* out_event) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(scene, "scene");
+    need(camera, "camera");
+    need(gradient, "gradient");
+    need(out, "out");
+    const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
+    const vsplat_opencl_picture p = taken(gradient, VSPLAT_OPENCL_PICTURE_INIT, "gradient");
+    const vsplat_opencl_gaussians o = taken(out, VSPLAT_OPENCL_GAUSSIANS_INIT, "out");
+    const RenderOptions how = options_of(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene);
+    const std::vector<void*> before = listed(num_events, events);
+    Context& ctx = device->context;
+    const Gaussians& g = scene->scene->gaussians;
+    const DeviceGaussians there = whole_on_device(device, scene, static_cast<double>(view.width) * view.height);
+    const long h = view.height, w = view.width, n = static_cast<long>(g.count);
+    const PictureGradient by{taken_from(ctx, p.colour, {h, w, 3}, "gradient.colour"),
+                             taken_from(ctx, p.alpha, {h, w}, "gradient.alpha"),
+                             taken_from(ctx, p.depth, {h, w}, "gradient.depth")};
+    const GaussianGradients to{
+        given_to(ctx, o.means, {n, 3}, "out.means"), given_to(ctx, o.scales, {n, scales_of(g.kind)}, "out.scales"),
+        given_to(ctx, o.rotations, {n, 4}, "out.rotations"), given_to(ctx, o.opacities, {n}, "out.opacities"),
+        given_to(ctx, o.sh, sh_shape(g), "out.sh")};
+    ctx.wait_for(before);
+    for (const Tensor& t : {to.means, to.scales, to.quats, to.opacities, to.sh}) ctx.fill_zero(t);
+    render_backward(ctx, there, view, how, by, {to}, nullptr);
+    give_event(ctx, out_event);
+  });
+}
+
+vsplat_status vsplat_opencl_scene_create(vsplat_device device, const vsplat_scene_info* info,
+                                         const vsplat_opencl_gaussians* buffers, cl_uint num_events,
+                                         const cl_event* events, vsplat_scene* out_scene) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(info, "info");
+    need(buffers, "buffers");
+    need(out_scene, "out_scene");
+    const vsplat_scene_info i = taken(info, VSPLAT_SCENE_INFO_INIT, "info");
+    const vsplat_opencl_gaussians b = taken(buffers, VSPLAT_OPENCL_GAUSSIANS_INIT, "buffers");
+    if (i.count > INT32_MAX) fail(Status::usage, "info.count is {}: at most {} Gaussians", i.count, INT32_MAX);
+    if (i.sh_degree < 0 || i.sh_degree > 3) fail(Status::usage, "info.sh_degree is {}: 0 to 3 expected", i.sh_degree);
+    Context& ctx = device->context;
+    ctx.wait_for(listed(num_events, events));
+    const long n = static_cast<long>(i.count), s = (i.sh_degree + 1L) * (i.sh_degree + 1);
+    const auto values = [&](cl_mem buffer, const Shape& shape, const char* what) {
+      if (n == 0) return std::vector<float>();
+      need(buffer, what);
+      return ctx.read<float>(ctx.adopt(buffer, shape, false, what));
+    };
+    std::vector<float> means = values(b.means, {n, 3}, "buffers.means"),
+                       scales = values(b.scales, {n, 3}, "buffers.scales"),
+                       rotations = values(b.rotations, {n, 4}, "buffers.rotations"),
+                       opacities = values(b.opacities, {n}, "buffers.opacities"),
+                       sh = values(b.sh, {n, s, 3}, "buffers.sh");
+    vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+    arrays.capacity = i.count;
+    arrays.means = means.data(), arrays.scales = scales.data(), arrays.rotations = rotations.data();
+    arrays.opacities = opacities.data(), arrays.sh = sh.data();
+    const vsplat_status status = vsplat_scene_create(&i, &arrays, out_scene);
+    if (status != VSPLAT_OK) throw Error(static_cast<Status>(status), vsplat_last_error());
+  });
+}
+
+vsplat_status vsplat_opencl_scene_buffers(vsplat_device device, vsplat_scene scene,
+                                          vsplat_opencl_gaussians* out_buffers) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(scene, "scene");
+    Context& ctx = device->context;
+    const DeviceGaussians there = whole_on_device(device, scene, 0);
+    const auto buffer = [&](const Tensor& t) { return static_cast<cl_mem>(ctx.raw_buffer(t)); };
+    vsplat_opencl_gaussians out = VSPLAT_OPENCL_GAUSSIANS_INIT;
+    out.means = buffer(there.means);
+    out.scales = buffer(there.scales);
+    out.rotations = buffer(there.quats);
+    out.opacities = buffer(there.opacities);
+    out.sh = buffer(there.sh);
+    give(out_buffers, out, "out_buffers");
+  });
+}
+
+vsplat_status vsplat_opencl_scene_store(vsplat_device device, vsplat_scene scene) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(scene, "scene");
+    const DeviceGaussians there = whole_on_device(device, scene, 0);
+    Gaussians g = download(device->context, there);
+    std::vector<float> scales;  // three each, as the C interface has them
+    if (g.kind == GaussianKind::surfel)
+      for (size_t k = 0; k < g.count; ++k) scales.insert(scales.end(), {g.scales[2 * k], g.scales[2 * k + 1], 0});
+    vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+    arrays.capacity = g.count;
+    arrays.means = g.means.data(), arrays.rotations = g.quats.data(), arrays.opacities = g.opacities.data();
+    arrays.scales = scales.empty() ? g.scales.data() : scales.data();
+    arrays.sh = g.sh.data();
+    const vsplat_status status = vsplat_scene_update(scene, &arrays);
+    if (status != VSPLAT_OK) throw Error(static_cast<Status>(status), vsplat_last_error());
+    device->scene_key = scene->scene;  // as it lies there
+  });
+}

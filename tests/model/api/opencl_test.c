@@ -1,0 +1,342 @@
+/* A program with OpenCL of its own beside the library, in plain C: its context and queue, pictures and gradients in its
+   buffers, its kernel on the library's. Prints every check that does not hold; exits 1 if any did. */
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <vsplat/opencl.h>
+
+#include "checks.h"
+
+enum { width = 52, height = 40, pixels = width * height, count = 60, values = 3 * pixels };
+
+static const char* const doubling = "kernel void twice(global float* x) { x[get_global_id(0)] *= 2; }";
+
+typedef struct program {
+  cl_context context;
+  cl_device_id device;
+  cl_command_queue queue;
+} program;
+
+/* On the device that the library would take. */
+static program make_program(cl_command_queue_properties properties) {
+  vsplat_device device = NULL;
+  vsplat_opencl_handles h = VSPLAT_OPENCL_HANDLES_INIT;
+  program out = {NULL, NULL, NULL};
+  cl_int error = CL_SUCCESS;
+  EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
+  EXPECT(VSPLAT_OK, vsplat_opencl_get_handles(device, &h));
+  HOLD(h.context && h.device && h.queue);
+  out.device = h.device;
+  vsplat_device_release(device);
+  out.context = clCreateContext(NULL, 1, &out.device, NULL, NULL, &error);
+  HOLD(error == CL_SUCCESS);
+  out.queue = clCreateCommandQueue(out.context, out.device, properties, &error);
+  HOLD(error == CL_SUCCESS);
+  return out;
+}
+
+static void release_program(program p) {
+  clReleaseCommandQueue(p.queue);
+  clReleaseContext(p.context);
+}
+
+static vsplat_device open_on(program p, int with_queue) {
+  vsplat_opencl_handles h = VSPLAT_OPENCL_HANDLES_INIT;
+  vsplat_device out = NULL;
+  h.context = p.context, h.device = p.device;
+  if (with_queue) h.queue = p.queue;
+  EXPECT(VSPLAT_OK, vsplat_opencl_open(&h, NULL, &out));
+  return out;
+}
+
+static cl_mem buffer_of(program p, size_t floats, const float* from) {
+  cl_int error = CL_SUCCESS;
+  const cl_mem_flags flags = from ? CL_MEM_COPY_HOST_PTR : 0;
+  cl_mem out = clCreateBuffer(p.context, CL_MEM_READ_WRITE | flags, floats * sizeof(float), (void*)from, &error);
+  HOLD(error == CL_SUCCESS);
+  return out;
+}
+
+static void read_back(program p, cl_mem from, size_t floats, float* to) {
+  HOLD(clEnqueueReadBuffer(p.queue, from, CL_TRUE, 0, floats * sizeof(float), to, 0, NULL, NULL) == CL_SUCCESS);
+}
+
+static float means[3 * count], scales[3 * count], rotations[4 * count], opacities[count], sh[3 * count];
+
+static vsplat_scene_info scene_info(void) {
+  vsplat_scene_info out = VSPLAT_SCENE_INFO_INIT;
+  out.count = count;
+  return out;
+}
+
+static vsplat_scene make_scene(void) {
+  const vsplat_scene_info info = scene_info();
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  vsplat_scene out = NULL;
+  int i, c;
+  for (i = 0; i < count; ++i) {
+    rotations[4 * i] = 1;
+    opacities[i] = 0.1f + 0.8f * (float)(i * 31 % 17) / 17;
+    for (c = 0; c < 3; ++c) {
+      means[3 * i + c] = (float)(i * (919 + 210 * c) % 1000) / 1000 - 0.5f + (c == 2 ? 3.0f : 0.0f);
+      scales[3 * i + c] = 0.05f;
+      sh[3 * i + c] = (float)((i + 5 * c) % 11) / 5 - 1;
+    }
+  }
+  arrays.capacity = count;
+  arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
+  arrays.opacities = opacities, arrays.sh = sh;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
+  return out;
+}
+
+static vsplat_camera make_camera(void) {
+  vsplat_camera out = VSPLAT_CAMERA_INIT;
+  out.width = width, out.height = height;
+  out.fx = out.fy = 80;
+  out.cx = width / 2.0, out.cy = height / 2.0;
+  return out;
+}
+
+typedef struct pictures {
+  float colour[values], alpha[pixels], depth[pixels];
+} pictures;
+
+static void draw_to_host(vsplat_device device, vsplat_scene scene, pictures* out) {
+  const vsplat_camera camera = make_camera();
+  vsplat_picture picture = VSPLAT_PICTURE_INIT;
+  picture.capacity = pixels;
+  picture.colour = out->colour, picture.alpha = out->alpha, picture.depth = out->depth;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, NULL, &picture));
+}
+
+static void draws_into_buffers(program p, vsplat_device device, vsplat_scene scene) {
+  static pictures want, got;
+  const vsplat_camera camera = make_camera();
+  vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
+  cl_event done = NULL;
+  cl_int state = -1;
+  draw_to_host(device, scene, &want);
+  HOLD(want.colour[3 * (pixels / 2 + width / 2)] != want.colour[0]);
+  memset(&got, 0x5a, sizeof got);
+  picture.colour = buffer_of(p, values, NULL);
+  picture.depth = buffer_of(p, pixels, NULL);
+  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, &done));
+  HOLD(clWaitForEvents(1, &done) == CL_SUCCESS);
+  HOLD(clGetEventInfo(done, CL_EVENT_COMMAND_EXECUTION_STATUS, sizeof state, &state, NULL) == CL_SUCCESS);
+  HOLD(state == CL_COMPLETE);
+  clReleaseEvent(done);
+  read_back(p, picture.colour, values, got.colour);
+  read_back(p, picture.depth, pixels, got.depth);
+  HOLD(memcmp(got.colour, want.colour, sizeof got.colour) == 0);
+  HOLD(memcmp(got.depth, want.depth, sizeof got.depth) == 0);
+  clReleaseMemObject(picture.colour);
+  clReleaseMemObject(picture.depth);
+}
+
+/* No copy of the picture is in the profile: what is read is how much each frame sees. */
+static void copies_no_picture(program p, vsplat_device device, vsplat_scene scene) {
+  const vsplat_camera camera = make_camera();
+  vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
+  char* text = NULL;
+  const char* at;
+  double bytes = 0;
+  int i;
+  picture.colour = buffer_of(p, values, NULL);
+  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL)); /* it is placed now */
+  EXPECT(VSPLAT_OK, vsplat_device_profile(device, 1));
+  for (i = 0; i < 10; ++i)
+    EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  EXPECT(VSPLAT_OK, vsplat_device_profile_text(device, VSPLAT_PROFILE_JSON, &text));
+  EXPECT(VSPLAT_OK, vsplat_device_profile(device, 0));
+  HOLD(strstr(text, "\"rasterize"));
+  for (at = text; (at = strstr(at, "\"stage\"")) != NULL; ++at) {
+    const char *row = at, *size;
+    while (row > text && *row != '{') --row;
+    if (strncmp(at + 7 + strcspn(at + 7, "\"") + 1, "transfer", 8) != 0) continue;
+    size = strstr(row, "\"bytes\"");
+    if (size) bytes += atof(size + 7 + strspn(size + 7, ": "));
+  }
+  HOLD(bytes < 10 * 200); /* a picture has 24,960 */
+  vsplat_text_free(text);
+  clReleaseMemObject(picture.colour);
+}
+
+typedef struct completer {
+  cl_event event;
+  volatile int completed;
+} completer;
+
+static void* completes(void* user) {
+  completer* c = user;
+  usleep(100000);
+  c->completed = 1;
+  clSetUserEventStatus(c->event, CL_COMPLETE);
+  return NULL;
+}
+
+static void waits_for_events(program p, vsplat_device device, vsplat_scene scene) {
+  const vsplat_camera camera = make_camera();
+  vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
+  completer c = {NULL, 0};
+  cl_int error = CL_SUCCESS;
+  cl_event done = NULL;
+  pthread_t id;
+  c.event = clCreateUserEvent(p.context, &error);
+  HOLD(error == CL_SUCCESS);
+  picture.colour = buffer_of(p, values, NULL);
+  HOLD(pthread_create(&id, NULL, completes, &c) == 0);
+  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, &c.event, &done));
+  HOLD(clWaitForEvents(1, &done) == CL_SUCCESS && c.completed);
+  HOLD(pthread_join(id, NULL) == 0);
+  clReleaseEvent(done);
+  clReleaseEvent(c.event);
+  clReleaseMemObject(picture.colour);
+}
+
+static void differentiates_in_buffers(program p, vsplat_device device, vsplat_scene scene) {
+  static float by_colour[values], want_means[3 * count], got_means[3 * count], want_sh[3 * count], got_sh[3 * count];
+  const vsplat_camera camera = make_camera();
+  vsplat_picture gradient = VSPLAT_PICTURE_INIT;
+  vsplat_gaussians want = VSPLAT_GAUSSIANS_INIT;
+  vsplat_opencl_picture by = VSPLAT_OPENCL_PICTURE_INIT;
+  vsplat_opencl_gaussians got = VSPLAT_OPENCL_GAUSSIANS_INIT;
+  int i;
+  for (i = 0; i < values; ++i) by_colour[i] = (float)(i * 37 % 101) / 101 - 0.4f;
+  gradient.capacity = pixels;
+  gradient.colour = by_colour;
+  want.capacity = count;
+  want.means = want_means, want.sh = want_sh;
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &want, NULL));
+  by.colour = buffer_of(p, values, by_colour);
+  got.means = buffer_of(p, 3 * count, by_colour); /* what was there is replaced */
+  got.sh = buffer_of(p, 3 * count, NULL);
+  EXPECT(VSPLAT_OK, vsplat_opencl_render_backward(device, scene, &camera, NULL, &by, &got, 0, NULL, NULL));
+  read_back(p, got.means, 3 * count, got_means);
+  read_back(p, got.sh, 3 * count, got_sh);
+  HOLD(want_means[0] != 0 && memcmp(got_means, want_means, sizeof want_means) == 0);
+  HOLD(want_sh[0] != 0 && memcmp(got_sh, want_sh, sizeof want_sh) == 0);
+  clReleaseMemObject(by.colour);
+  clReleaseMemObject(got.means);
+  clReleaseMemObject(got.sh);
+}
+
+static void takes_scenes_from_buffers(program p, vsplat_device device, vsplat_scene scene) {
+  static pictures want, got;
+  vsplat_scene_info info = scene_info();
+  vsplat_opencl_gaussians from = VSPLAT_OPENCL_GAUSSIANS_INIT;
+  vsplat_scene made = NULL, none = NULL;
+  from.means = buffer_of(p, 3 * count, means), from.scales = buffer_of(p, 3 * count, scales);
+  from.rotations = buffer_of(p, 4 * count, rotations), from.opacities = buffer_of(p, count, opacities);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_scene_create(device, &info, &from, 0, NULL, &none)); /* no sh */
+  from.sh = buffer_of(p, 3 * count, sh);
+  info.count = count + 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_scene_create(device, &info, &from, 0, NULL, &none));
+  HOLD(strstr(vsplat_last_error(), "buffers.means") != NULL && !none);
+  info.count = count;
+  EXPECT(VSPLAT_OK, vsplat_opencl_scene_create(device, &info, &from, 0, NULL, &made));
+  draw_to_host(device, scene, &want);
+  draw_to_host(device, made, &got);
+  HOLD(memcmp(&got, &want, sizeof got) == 0);
+  vsplat_scene_release(made);
+  clReleaseMemObject(from.means);
+  clReleaseMemObject(from.scales);
+  clReleaseMemObject(from.rotations);
+  clReleaseMemObject(from.opacities);
+  clReleaseMemObject(from.sh);
+}
+
+/* A kernel of the program's makes every Gaussian's colour twice as far from grey, where the library has it. */
+static void a_kernel_changes_the_scene(program p, vsplat_device device) {
+  static pictures before, changed, again;
+  static float stored[3 * count];
+  const size_t n = 3 * count;
+  vsplat_scene scene = make_scene();
+  vsplat_opencl_gaussians there = VSPLAT_OPENCL_GAUSSIANS_INIT;
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  cl_int error = CL_SUCCESS;
+  const char* source = doubling;
+  cl_program built = clCreateProgramWithSource(p.context, 1, &source, NULL, &error);
+  cl_kernel twice;
+  int i, good = 1;
+  HOLD(error == CL_SUCCESS && clBuildProgram(built, 1, &p.device, "", NULL, NULL) == CL_SUCCESS);
+  twice = clCreateKernel(built, "twice", &error);
+  HOLD(error == CL_SUCCESS);
+  draw_to_host(device, scene, &before);
+  EXPECT(VSPLAT_OK, vsplat_opencl_scene_buffers(device, scene, &there));
+  HOLD(there.means && there.scales && there.rotations && there.opacities && there.sh);
+  HOLD(clSetKernelArg(twice, 0, sizeof there.sh, &there.sh) == CL_SUCCESS);
+  HOLD(clEnqueueNDRangeKernel(p.queue, twice, 1, NULL, &n, NULL, 0, NULL, NULL) == CL_SUCCESS);
+  draw_to_host(device, scene, &changed);
+  HOLD(memcmp(changed.colour, before.colour, sizeof before.colour) != 0);
+  HOLD(memcmp(changed.alpha, before.alpha, sizeof before.alpha) == 0);
+  arrays.capacity = count;
+  arrays.sh = stored;
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
+  HOLD(memcmp(stored, sh, sizeof stored) == 0); /* the scene itself is as it was */
+  EXPECT(VSPLAT_OK, vsplat_opencl_scene_store(device, scene));
+  EXPECT(VSPLAT_OK, vsplat_scene_get_gaussians(scene, &arrays));
+  for (i = 0; i < 3 * count; ++i) good = good && stored[i] == 2 * sh[i];
+  HOLD(good);
+  EXPECT(VSPLAT_OK, vsplat_device_trim(device)); /* placed anew from the host */
+  draw_to_host(device, scene, &again);
+  HOLD(memcmp(&again, &changed, sizeof again) == 0);
+  clReleaseKernel(twice);
+  clReleaseProgram(built);
+  vsplat_scene_release(scene);
+}
+
+static void refuses(program p, program other, vsplat_device device, vsplat_scene scene) {
+  const vsplat_camera camera = make_camera();
+  vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
+  vsplat_opencl_handles h = VSPLAT_OPENCL_HANDLES_INIT;
+  vsplat_device none = NULL;
+  const cl_event no_event = NULL;
+  cl_int error = CL_SUCCESS;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(NULL, NULL, &none));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(&h, NULL, &none)); /* no context */
+  h.context = p.context, h.device = p.device, h.queue = other.queue;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(&h, NULL, &none));
+  HOLD(strstr(vsplat_last_error(), "cl_command_queue") != NULL);
+  h.context = other.context;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_open(&h, NULL, &none)); /* its queue runs out of order */
+  HOLD(strstr(vsplat_last_error(), "out of order") != NULL && !none);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_get_handles(NULL, &h));
+  picture.colour = buffer_of(p, values - 1, NULL);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  HOLD(strstr(vsplat_last_error(), "picture.colour is a buffer of 24956 bytes: at least 24960 expected") != NULL);
+  clReleaseMemObject(picture.colour);
+  picture.colour = buffer_of(other, values, NULL);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  HOLD(strstr(vsplat_last_error(), "another cl_context") != NULL);
+  clReleaseMemObject(picture.colour);
+  picture.colour = clCreateBuffer(p.context, CL_MEM_READ_ONLY, values * sizeof(float), NULL, &error);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  HOLD(strstr(vsplat_last_error(), "CL_MEM_READ_ONLY") != NULL);
+  clReleaseMemObject(picture.colour);
+  picture.colour = NULL;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, NULL, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, &no_event, NULL));
+  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL)); /* nothing wanted */
+}
+
+int main(void) {
+  program p = make_program(CL_QUEUE_PROFILING_ENABLE), other = make_program(CL_QUEUE_OUT_OF_ORDER_EXEC_MODE_ENABLE);
+  vsplat_device device = open_on(p, 1), own_queue = open_on(p, 0);
+  vsplat_scene scene = make_scene();
+  draws_into_buffers(p, device, scene);
+  draws_into_buffers(p, own_queue, scene);
+  copies_no_picture(p, device, scene);
+  waits_for_events(p, device, scene);
+  differentiates_in_buffers(p, device, scene);
+  takes_scenes_from_buffers(p, device, scene);
+  a_kernel_changes_the_scene(p, device);
+  refuses(p, other, device, scene);
+  vsplat_scene_release(scene);
+  vsplat_device_release(own_queue);
+  vsplat_device_release(device);
+  release_program(other);
+  release_program(p);
+  return failures == 0 ? 0 : 1;
+}
