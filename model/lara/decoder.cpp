@@ -85,7 +85,14 @@ LaraFineDecoder::Block LaraFineDecoder::run(Context& ctx, const Input& in, long 
   return b;
 }
 
-Tensor LaraFineDecoder::forward(Context& ctx, const Input& in, Tensor* samples) const {
+Tensor LaraFineDecoder::samples(Context& ctx, const Input& in) const {
+  const Tensor out =
+      ctx.tensor({static_cast<long>(in.kept.size()), in.cameras.count(), kViewMap}, Type::f32, "fine.samples of all");
+  sample_points_forward(ctx, {in.maps, in.means, &in.cameras, config_.sample_half_pixel, out});
+  return out;
+}
+
+Tensor LaraFineDecoder::forward(Context& ctx, const Input& in) const {
   const Stage stage(ctx, "refinement");
   const long p = static_cast<long>(in.kept.size());
   Dims().set("P", p).bind("means", in.means, {"P", "3"});
@@ -101,7 +108,6 @@ Tensor LaraFineDecoder::forward(Context& ctx, const Input& in, Tensor* samples) 
     g.out_row0 = first;
     g.name = "mlp_fine.2";
     gemm(ctx, g);
-    if (samples && b.n == p) *samples = b.samples;
   }
   return out;
 }

@@ -42,9 +42,10 @@ class LaraFineDecoder {
     DeviceCameras cameras;
     long block = 16384;  // how many primitives come at a time: keys and values of all would be gigabytes
   };
-  // -> [P, F + 3 S]: F features, then what is added to the colours. `samples` [P, V, 8], where the first block is all
-  // of them, or none.
-  Tensor forward(Context& ctx, const Input& in, Tensor* samples = nullptr) const;
+  // -> [P, F + 3 S]: F features, then what is added to the colours.
+  Tensor forward(Context& ctx, const Input& in) const;
+  // -> [P, V, 8]: what the views show at each one's place, of all of them at once.
+  Tensor samples(Context& ctx, const Input& in) const;
 
   // All added to, and each may be none where it is not wanted but the first.
   struct Gradients {

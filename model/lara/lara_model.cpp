@@ -154,12 +154,12 @@ LaraResult LaraModel::fine(Context& ctx, const Coarse& state, const LaraOptions&
   progress.skip(work.total() - work.fine);
   progress.begin("refinement", work.fine);
   LaraFineDecoder::Input in{state.volume, out.final.means, out.kept, state.maps, state.cameras};
-  Tensor samples;
-  const Tensor fine = modules_->fine_decoder.forward(ctx, in, &samples);
-  if (options.tap && !ctx.planning()) {
-    options.tap("fine.samples", samples);
-    options.tap("fine.output", fine);
+  if (options.tap) {
+    const Tensor samples = modules_->fine_decoder.samples(ctx, in);
+    if (!ctx.planning()) options.tap("fine.samples", samples);
   }
+  const Tensor fine = modules_->fine_decoder.forward(ctx, in);
+  if (options.tap && !ctx.planning()) options.tap("fine.output", fine);
   const Stage stage(ctx, "decode");
   const long p = state.index.dim(0), features = config_.fine_features;
   add_columns(ctx, {fine, out.final.sh.reshaped({p, 3L * config_.sh_count()}), 0, features});

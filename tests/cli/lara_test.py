@@ -46,6 +46,17 @@ class Lara(support.Case):
         for kernel in ("rasterize_surfels", "cross_attention", "sample_points"):
             self.assertIn(kernel, profile)
 
+    def test_stages_of_more_primitives_than_come_at_a_time(self):
+        """What is dumped of them is of all."""
+        many = self.path("many.safetensors")
+        self.succeeds("init", "tiny", "--system", "lara", "--seed", 3, "--set", "volume=15", "--output", many)
+        told = json.loads(self.succeeds("reconstruct", self.views, "--model", many, "--output", self.path("many.ply"), "--dump", self.path("dump"), "--json")[0])
+        with open(self.path("dump", "stages.safetensors"), "rb") as f:
+            header = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
+        self.assertGreater(told["gaussians"], 16384)
+        self.assertEqual(header["stage.fine.samples"]["shape"], [told["gaussians"], told["views"], 8])
+        self.assertEqual(header["stage.fine.output"]["shape"][0], told["gaussians"])
+
     def test_a_scene_of_surfels_is_drawn_as_it_was(self):
         self.succeeds("reconstruct", self.views, "--model", self.lara, "--output", self.path("scene.ply"), "--render", "orbit:3", "--images", self.path("once"),
                       "--size", "48x32", "--write-cameras", self.path("cameras.json"))

@@ -69,7 +69,6 @@ struct ModelRun {
     GendenOptions options;
     options.backbone.held = &held;
     options.backbone.tap = [&](const std::string& name, const Tensor& t) {
-      if (!t) return;
       stages[name] = ctx.read<float>(t);
       channels[name] = channels_of(t.shape());
     };

@@ -59,7 +59,6 @@ struct ModelRun {
     LaraOptions options;
     options.held = &held;
     options.tap = [&](const std::string& name, const Tensor& t) {
-      if (!t) return;
       stages[name] = ctx.read<float>(t);
       channels[name] = channels_of(t.shape());
     };
