@@ -41,24 +41,24 @@ def write_views(folder, images, c2w, K):
 
 
 def product(*arguments):
-    """-> seconds of the whole process, seconds of processor, bytes resident at the most"""
+    """-> seconds of the whole process, seconds of processor. (What is resident at the most counts this process, which it is forked from.)"""
     begun = time.perf_counter()
     process = subprocess.Popen([support.VSPLAT, *map(str, arguments), "--overwrite", "--quiet"])
     _, status, use = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     assert process.returncode == 0, arguments
-    return time.perf_counter() - begun, use.ru_utime + use.ru_stime, use.ru_maxrss * 1024
+    return time.perf_counter() - begun, use.ru_utime + use.ru_stime
 
 
 def measured(name, model, views, work, *more):
     at = lambda ending: os.path.join(work, f"{name}{ending}")
     run = lambda *others: product("reconstruct", views, "--model", model, "--output", at(".ply"), *more, *others)
     run()  # compiles
-    wall, processor, resident = run("--profile", at(".json"))
+    wall, processor = run("--profile", at(".json"))
     with open(at(".json")) as f:
         profile = json.load(f)
     print(f"{name}: {wall:.1f} s in all ({processor:.1f} of processor), {profile['wall_s']:.1f} s of it on the device and around it, "
-          f"{profile['peak_bytes'] / 2**30:.2f} GiB of the device's memory, {resident / 2**30:.2f} GiB resident", flush=True)
+          f"{profile['peak_bytes'] / 2**30:.2f} GiB of the device's memory", flush=True)
 
 
 def settle(model, volume):
@@ -185,8 +185,8 @@ def main():
     make_published.checkpoint(at("model.ckpt"), {k: v.detach() for k, v in model.state_dict().items()}, dict(model.named_parameters()))
     print(f"{a.system}: {lara.count(model):,} parameters, {os.path.getsize(at('model.ckpt')) / 2**20:.0f} MiB as .ckpt", flush=True)
 
-    imported, _, resident = product("weights", "import", at("model.ckpt"), "--output", at("model.safetensors"))
-    print(f"imported in {imported:.1f} s, {resident / 2**30:.2f} GiB resident", flush=True)
+    imported, _ = product("weights", "import", at("model.ckpt"), "--output", at("model.safetensors"))
+    print(f"imported in {imported:.1f} s", flush=True)
     measured(a.system, at("model.safetensors"), at("views"), a.work, "--assume-selected", 0.5)
     product("reconstruct", at("views"), "--model", at("model.safetensors"), "--output", at("o.ply"), "--dump", at("dump"),
             *(("--selection-seed", a.seed) if a.system == "genden" else ()))
