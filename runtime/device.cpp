@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cctype>
 #include <cstdlib>
+#include <iterator>
 
 #include "runtime/device_handles.h"
 #include "runtime/fail.h"
@@ -90,6 +91,8 @@ bool number(const std::string& text) {
          std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c); });
 }
 
+bool is_type(const std::string& key) { return key == "cpu" || key == "gpu" || key == "acc"; }
+
 }  // namespace
 
 std::vector<FoundDevice> find_devices() {
@@ -143,6 +146,25 @@ std::vector<DeviceInfo> list_devices() {
   return out;
 }
 
+std::vector<DeviceInfo> that_match(const std::string& spec, const std::vector<DeviceInfo>& devices) {
+  const std::string key = lower(spec);
+  const std::size_t colon = key.find(':');
+  const bool pair = colon != std::string::npos && number(key.substr(0, colon)) && number(key.substr(colon + 1));
+  const auto those = [&](const auto& matches) {
+    std::vector<DeviceInfo> out;
+    std::copy_if(devices.begin(), devices.end(), std::back_inserter(out), matches);
+    return out;
+  };
+  if (number(key)) return those([&](const DeviceInfo& d) { return d.index == std::stoi(key); });
+  if (pair)
+    return those([&](const DeviceInfo& d) {
+      return d.platform == std::stoi(key.substr(0, colon)) && d.device == std::stoi(key.substr(colon + 1));
+    });
+  if (is_type(key)) return those([&](const DeviceInfo& d) { return key == name_of(d.type); });
+  const auto has = [&](const std::string& text) { return lower(text).find(key) != std::string::npos; };
+  return those([&](const DeviceInfo& d) { return has(d.name) || has(d.platform_name) || has(d.vendor); });
+}
+
 DeviceInfo choose_device(const std::string& asked) {
   const std::vector<DeviceInfo> devices = list_devices();
   if (devices.empty()) fail(Status::device, "no OpenCL device: {}", why_no_device());
@@ -157,20 +179,16 @@ DeviceInfo choose_device(const std::string& asked) {
       if (d.type == DeviceType::gpu) return d;
     return devices.front();
   }
-  const std::string key = lower(spec);
-  const std::size_t colon = key.find(':');
-  for (const DeviceInfo& d : devices) {
-    if (number(key) ? d.index == std::stoi(key)
-        : colon != std::string::npos && number(key.substr(0, colon)) && number(key.substr(colon + 1))
-            ? d.platform == std::stoi(key.substr(0, colon)) && d.device == std::stoi(key.substr(colon + 1))
-        : key == "cpu" || key == "gpu" || key == "acc" ? key == name_of(d.type)
-                                                       : lower(d.name).find(key) != std::string::npos)
-      return d;
-  }
+  const std::vector<DeviceInfo> matching = that_match(spec, devices);
+  if (!matching.empty() && (is_type(lower(spec)) || matching.size() == 1)) return matching.front();
+  if (!matching.empty())
+    fail(Status::device, "\"{}\" ({}) is a part of the names of {} devices: which of them, by its index?{}", spec, from,
+         matching.size(), menu(matching));
   const std::string missing = unusable_drivers();
   fail(Status::device,
-       "no device is \"{}\" ({}): neither an index, a platform:device, a type (cpu, gpu, acc) nor a part of a name. "
-       "There are:{}{}",
+       "no device is \"{}\" ({}): neither an index, a platform:device, a type (cpu, gpu, acc) nor a part of the name "
+       "of a "
+       "device, its platform or its vendor. There are:{}{}",
        spec, from, menu(devices), missing.empty() ? "" : "\nBesides, " + missing);
 }
 

@@ -36,9 +36,12 @@ bool is_forked();
 // Error(device) then. The first use of OpenCL is noted here.
 void refuse_after_fork();
 
-// `spec`: flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc"), or a part of the name. Empty:
-// $VSPLAT_DEVICE, else the first GPU, else the first device. Throws Error(device) with the list of what there is; never
-// picks another one.
+// Of these, those that `spec` means: flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc"), or a part
+// of the name of a device, its platform or its vendor, whatever its case.
+std::vector<DeviceInfo> that_match(const std::string& spec, const std::vector<DeviceInfo>& devices);
+
+// The one that matches; of a type the first. Empty: $VSPLAT_DEVICE, else the first GPU, else the first device. Throws
+// Error(device) with the list of what there is, or of those that match where several do; never picks another one.
 DeviceInfo choose_device(const std::string& spec);
 
 }  // namespace vsplat

@@ -13,6 +13,13 @@ add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/lin
 set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
+# The Python module, which loads the library (a sanitizer's would have to be loaded before Python).
+if(NOT VSPLAT_SANITIZE)
+  add_test(NAME python_module COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/vsplat_test.py)
+  set_tests_properties(python_module PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
+endif()
+
 # Operations: a forward for every backward, and files of one stem.
 add_test(NAME pairs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/pairs_test.py)
 set_tests_properties(pairs PROPERTIES LABELS unit TIMEOUT 60 ENVIRONMENT "PYTHONDONTWRITEBYTECODE=1")

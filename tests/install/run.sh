@@ -24,7 +24,7 @@ printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n
 if [ -f "$here/../../model/weights/model.safetensors" ]; then "$work/moved/bin/vsplat" weights verify; fi
 
 library=$(dirname "$(find "$work/moved" -name vsplat.pc)")
-flags=$(PKG_CONFIG_PATH=$library pkg-config --define-prefix --cflags --libs vsplat)
+flags=$(PKG_CONFIG_PATH=$library pkg-config --cflags --libs vsplat)
 # shellcheck disable=SC2086  # a list of flags
 cc -std=c99 "$here/user.c" $flags -Wl,-rpath,"$(dirname "$library")" -o "$work/by_pkg_config"
 "$work/by_pkg_config"

@@ -37,6 +37,69 @@ TEST(Context, ReusesMemoryAndReportsPeak) {
   EXPECT_EQ(ctx->memory().peak_live(), 16 * mib);
 }
 
+TEST(Context, DevicesAreFoundByAnyName) {
+  std::vector<DeviceInfo> all(3);
+  for (int i = 0; i < 3; ++i) all[static_cast<std::size_t>(i)].index = i;
+  all[0].name = "pthread-AMD EPYC", all[0].platform_name = "Portable Computing Language", all[0].type = DeviceType::cpu;
+  all[1].name = "gfx90a", all[1].vendor = "Advanced Micro Devices, Inc.", all[1].platform = 1;
+  all[1].platform_name = "AMD Accelerated Parallel Processing", all[1].type = DeviceType::gpu;
+  all[2].name = "llvmpipe (LLVM 15)", all[2].platform_name = "rusticl", all[2].platform = 2, all[2].device = 1;
+  all[2].type = DeviceType::cpu;
+  const auto found = [&](const std::string& spec) {
+    std::string out;
+    for (const DeviceInfo& d : that_match(spec, all)) out += std::to_string(d.index);
+    return out;
+  };
+  EXPECT_EQ(found("1"), "1");
+  EXPECT_EQ(found("3"), "");
+  EXPECT_EQ(found("2:1"), "2");
+  EXPECT_EQ(found("2:0"), "");
+  EXPECT_EQ(found("cpu"), "02");
+  EXPECT_EQ(found("gpu"), "1");
+  EXPECT_EQ(found("Rusticl"), "2");
+  EXPECT_EQ(found("portable"), "0");
+  EXPECT_EQ(found("micro devices"), "1");
+  EXPECT_EQ(found("amd"), "01");  // which is for the caller to say
+  EXPECT_EQ(found("intel"), "");
+}
+
+// A stream has memory of its own within the device's limit, and its launches read what the device has made.
+TEST(Context, StreamsShareADevice) {
+  auto ctx = open_context(Flavour::cpu);
+  const auto stream = ctx->stream();
+  const auto data = test::random_floats(1000, 1);
+  const Tensor made = ctx->upload({1000}, data);
+  ctx->finish();
+  const Tensor copy = stream->tensor({1000});
+  stream->copy(made, copy);
+  EXPECT_EQ(stream->read<float>(copy), data);
+  EXPECT_GT(stream->memory().reserved(), 0u);
+  const std::size_t limit = ctx->memory().limits().total, used = ctx->memory().reserved();
+  EXPECT_EQ(stream->planner()->memory().limits().total, limit - used);
+  ctx.reset();  // it may go first
+  EXPECT_EQ(stream->planner()->memory().limits().total, limit - used) << "its tensor still lives";
+  EXPECT_EQ(stream->read<float>(made), data);
+}
+
+TEST(Context, StopsWhatIsToldToStop) {
+  auto ctx = open_context(Flavour::cpu);
+  const auto data = test::random_floats(10, 1);
+  const Tensor t = ctx->upload({10}, data);
+  ctx->cancel();
+  {
+    const Uncancelled whole(*ctx);
+    EXPECT_EQ(ctx->read<float>(t), data);
+  }
+  try {
+    ctx->fill_zero(t);
+    ADD_FAILURE() << "it went on";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::cancelled);
+  }
+  ctx->go_on();
+  EXPECT_EQ(ctx->read<float>(t), data);
+}
+
 // What a plan says is what the run takes: same allocations, slabs made up front.
 TEST(Context, PlanPredictsTheRun) {
   auto ctx = open_context(Flavour::cpu);

@@ -171,8 +171,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_describe(size_t index, v
 
 typedef struct vsplat_device_options {
   size_t size;
-  /* Flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc") or a part of the name. NULL or "": the
-     environment's VSPLAT_DEVICE, else the first GPU, else the first device. Never falls back to another one. */
+  /* Flat index ("0"), platform:device ("0:1"), type ("cpu", "gpu", "acc": the first of that type) or a part of the name
+     of a device, its platform or its vendor, which no other may have. NULL or "": the environment's VSPLAT_DEVICE, else
+     the first GPU, else the first device. Never falls back to another one. */
   const char* device;
   vsplat_kernels kernels;
   vsplat_gemm gemm;

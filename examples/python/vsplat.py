@@ -1,0 +1,637 @@
+"""vsplat from Python: posed photographs in, Gaussians and pictures out, NumPy in and out.
+
+One file over libvsplat's C interface by ctypes: nothing is compiled, and one file serves every Python from 3.9 on. The
+library is $VSPLAT_LIBRARY, else the one beside an installed `vsplat` command, else where the system looks.
+
+    import vsplat
+    device = vsplat.Device()                                # the first GPU, else the first device
+    model = vsplat.Model.load()                             # the one that the library carries
+    scene = device.reconstruct(model, vsplat.Views.load("photos").prepare(model))
+    picture = device.render(scene, scene.orbit(8)[0])       # picture.colour: float32 [H, W, 3]
+    scene.save("scene.ply")
+
+Conventions are the library's: cameras have OpenCV axes (x right, y down, z forward) and pixel centres at +0.5, `w2c` is
+[4, 4], world to camera; pictures are float32 [H, W, C], sRGB-encoded in 0 to 1; K Gaussians, S = (degree + 1)^2.
+Arrays may be anything that NumPy takes, or that has __dlpack__ on the host's memory; they are copied.
+Failures are vsplat.Error, with the library's sentence and `status`. A Device, a stream of one (Device.stream) and what
+is made with it are used by one thread at a time; while a call runs, other Python threads do."""
+from __future__ import annotations
+
+import ctypes as c
+import ctypes.util
+import json
+import os
+import pathlib
+import shutil
+from dataclasses import dataclass, field
+from typing import Any, Callable, Iterable, Sequence
+
+import numpy as np
+
+__all__ = ["Camera", "Device", "Error", "Gaussians", "Input", "Model", "Picture", "Scene", "Views", "devices", "version"]
+
+Progress = Callable[[str, float], Any]
+"""Told (stage, share done); returns False to stop."""
+
+
+class Error(RuntimeError):
+    """What the library says went wrong. `status`: "usage", "file", "format", "input", "device", "compile", "memory", "cancelled",
+    "internal" or "busy"."""
+
+    def __init__(self, status: str, text: str):
+        super().__init__(text)
+        self.status = status
+
+
+# ------------------------------------------------------------------------------------------------------ the library
+
+
+def _library() -> c.CDLL:
+    names = [os.environ.get("VSPLAT_LIBRARY")]
+    command = shutil.which("vsplat")
+    if command:
+        names += [str(p) for p in sorted(pathlib.Path(command).resolve().parent.parent.glob("lib*/**/libvsplat.so.?"))]
+    names += [c.util.find_library("vsplat"), "libvsplat.so.0"]
+    problem = None
+    for name in filter(None, names):
+        try:
+            return c.CDLL(name)
+        except OSError as e:
+            problem = problem or e
+    raise ImportError(f"libvsplat cannot be loaded ({problem}): VSPLAT_LIBRARY says where it is")
+
+
+_lib = _library()
+_lib.vsplat_last_error.restype = c.c_char_p
+_lib.vsplat_status_name.restype = c.c_char_p
+_lib.vsplat_version_string.restype = c.c_char_p
+_f32 = c.POINTER(c.c_float)
+_progress = c.CFUNCTYPE(c.c_int32, c.c_void_p, c.c_char_p, c.c_double)
+_on_compile = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int32)
+
+
+def _call(name: str, *args: Any) -> None:
+    status = getattr(_lib, "vsplat_" + name)(*args)
+    if status:
+        raise Error(_lib.vsplat_status_name(status).decode(), _lib.vsplat_last_error().decode("utf-8", "replace"))
+
+
+class _Struct(c.Structure):
+    """A struct of the interface: begins with its size; a library that knows more fields, or fewer, takes those of both."""
+
+    def __init__(self, **fields: Any):
+        super().__init__(c.sizeof(type(self)), **fields)
+
+
+class _DeviceInfo(_Struct):
+    _fields_ = [("size", c.c_size_t), ("index", c.c_int32), ("platform", c.c_int32), ("device", c.c_int32), ("type", c.c_int),
+                ("name", c.c_char * 256), ("vendor", c.c_char * 256), ("driver", c.c_char * 256), ("version", c.c_char * 256),
+                ("platform_name", c.c_char * 256), ("memory", c.c_uint64), ("max_alloc", c.c_uint64), ("local_memory", c.c_uint64),
+                ("max_work_group", c.c_uint64), ("compute_units", c.c_int32), ("event_profiling", c.c_int32), ("fp16", c.c_int32),
+                ("fp64", c.c_int32), ("subgroups", c.c_int32), ("kernels", c.c_int)]
+
+
+class _DeviceOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("device", c.c_char_p), ("kernels", c.c_int), ("gemm", c.c_int), ("max_memory_gib", c.c_double),
+                ("on_compile", _on_compile), ("user", c.c_void_p)]
+
+
+class _PrepareOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("views", c.c_int32), ("launch", c.c_int32), ("progress", _progress), ("user", c.c_void_p)]
+
+
+class _ModelOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("config", c.c_char_p), ("fields", c.POINTER(c.c_char_p)), ("num_fields", c.c_size_t),
+                ("seed", c.c_uint64), ("encoder", c.c_char_p), ("system", c.c_char_p)]
+
+
+class _ModelInfo(_Struct):
+    _fields_ = [("size", c.c_size_t), ("image", c.c_int32), ("views", c.c_int32), ("max_views", c.c_int32), ("volume", c.c_int32),
+                ("sh_degree", c.c_int32), ("max_gaussians", c.c_uint64), ("parameters", c.c_uint64), ("hash", c.c_int),
+                ("use_views", c.c_int32)]
+
+
+class _Camera(_Struct):
+    _fields_ = [("size", c.c_size_t), ("width", c.c_int32), ("height", c.c_int32), ("fx", c.c_double), ("fy", c.c_double),
+                ("cx", c.c_double), ("cy", c.c_double), ("w2c", c.c_double * 16)]
+
+
+class _View(_Struct):
+    _fields_ = [("size", c.c_size_t), ("camera", _Camera), ("pixels", _f32), ("channels", c.c_int32)]
+
+
+class _InputOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("names", c.POINTER(c.c_char_p)), ("num_names", c.c_size_t), ("has_center", c.c_int32),
+                ("center", c.c_double * 3), ("scale", c.c_double), ("auto_frame", c.c_int32), ("fit", c.c_int), ("force", c.c_int32),
+                ("view_count", c.c_int32)]
+
+
+class _InputInfo(_Struct):
+    _fields_ = [("size", c.c_size_t), ("views", c.c_int32), ("image", c.c_int32), ("center", c.c_double * 3), ("scale", c.c_double),
+                ("up", c.c_double * 3)]
+
+
+class _SceneInfo(_Struct):
+    _fields_ = [("size", c.c_size_t), ("count", c.c_uint64), ("sh_degree", c.c_int32), ("near_plane", c.c_double),
+                ("has_mirror", c.c_int32), ("mirror", c.c_double * 3), ("skipped_not_finite", c.c_uint64),
+                ("skipped_huge_scale", c.c_uint64), ("skipped_zero_rotation", c.c_uint64), ("up", c.c_double * 3),
+                ("offset", c.c_double * 3), ("surfels", c.c_int32)]
+
+
+class _Gaussians(_Struct):
+    _fields_ = [("size", c.c_size_t), ("capacity", c.c_uint64), ("means", _f32), ("scales", _f32), ("rotations", _f32),
+                ("opacities", _f32), ("sh", _f32)]
+
+
+class _ReconstructOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("voxels", c.POINTER(c.c_int32)), ("num_voxels", c.c_size_t), ("selection", c.c_char_p),
+                ("has_seed", c.c_int32), ("seed", c.c_uint64), ("near_plane", c.c_double), ("dump", c.c_char_p),
+                ("assume_selected", c.c_double), ("progress", _progress), ("user", c.c_void_p), ("up", c.c_double * 3)]
+
+
+class _RenderOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("background", c.c_float * 3), ("near_plane", c.c_double), ("progress", _progress),
+                ("user", c.c_void_p), ("exact_tiles", c.c_int32)]
+
+
+class _Picture(_Struct):
+    _fields_ = [("size", c.c_size_t), ("capacity", c.c_uint64), ("colour", _f32), ("alpha", _f32), ("depth", _f32)]
+
+
+class _OrbitOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("count", c.c_int32), ("width", c.c_int32), ("height", c.c_int32), ("radius", c.c_double),
+                ("has_elevation", c.c_int32), ("elevation", c.c_double), ("has_up", c.c_int32), ("up", c.c_double * 3)]
+
+
+def _array(values: Any, shape: Sequence[int | None], what: str) -> np.ndarray:
+    """float32, contiguous, of that shape (None: any size)."""
+    if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
+        values = np.from_dlpack(values)
+    out = np.ascontiguousarray(values, dtype=np.float32)
+    if out.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, out.shape)):
+        wanted = ", ".join("any" if n is None else str(n) for n in shape)
+        raise Error("usage", f"{what} has the shape {list(out.shape)}: [{wanted}] expected")
+    return out
+
+
+def _pointer(array: np.ndarray | None) -> Any:
+    return array.ctypes.data_as(_f32) if array is not None else None
+
+
+def _path(path: str | os.PathLike[str] | None) -> bytes | None:
+    return None if path is None else os.fsencode(path)
+
+
+def _texts(texts: Iterable[str]) -> tuple[Any, int]:
+    encoded = [text.encode() for text in texts]
+    return (c.c_char_p * len(encoded))(*encoded), len(encoded)
+
+
+def _take_text(pointer: c.c_char_p) -> str:
+    try:
+        return pointer.value.decode()
+    finally:
+        _lib.vsplat_text_free(pointer)
+
+
+class _Telling:
+    """A progress function for C; what it raises ends the call, and is raised again after it."""
+
+    def __init__(self, told: Progress | None):
+        self.problem: BaseException | None = None
+
+        def tell(_user: Any, stage: bytes, done: float) -> int:
+            try:
+                return 0 if told(stage.decode(), done) is False else 1
+            except BaseException as e:  # noqa: B902: KeyboardInterrupt, too
+                self.problem = e
+                return 0
+
+        self.function = _progress(tell) if told else _progress()
+
+    def call(self, name: str, *args: Any) -> None:
+        try:
+            _call(name, *args)
+        except Error:
+            if self.problem:
+                raise self.problem from None
+            raise
+
+
+class _Handle:
+    """A counted handle, released with its last owner."""
+
+    _noun: str
+
+    def __init__(self, handle: c.c_void_p):
+        self._as_parameter_ = handle
+
+    def __del__(self):
+        handle = getattr(self, "_as_parameter_", None)
+        if handle:
+            getattr(_lib, f"vsplat_{self._noun}_release")(handle)
+
+
+# ------------------------------------------------------------------------------------------------------------- values
+
+
+@dataclass
+class Camera:
+    """A pinhole camera: pixels, and `w2c` [4, 4], a rigid motion from the world to OpenCV axes."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    w2c: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    @classmethod
+    def looking_at(cls, target: Sequence[float], eye: Sequence[float], up: Sequence[float] = (0, -1, 0), width: int = 512,
+                   height: int = 512, fov: float = 50.0) -> Camera:
+        """`fov`: degrees across the width."""
+        at, eye_ = np.asarray(target, float), np.asarray(eye, float)
+        z = (at - eye_) / np.linalg.norm(at - eye_)
+        x = np.cross(z, np.asarray(up, float))
+        x /= np.linalg.norm(x)
+        rotation = np.stack([x, np.cross(z, x), z])
+        w2c = np.eye(4)
+        w2c[:3, :3], w2c[:3, 3] = rotation, -rotation @ eye_
+        f = 0.5 * width / np.tan(np.radians(fov) / 2)
+        return cls(width, height, f, f, width / 2, height / 2, w2c)
+
+    def _struct(self) -> _Camera:
+        w2c = np.asarray(self.w2c, dtype=np.float64)
+        if w2c.shape != (4, 4):
+            raise Error("usage", f"Camera.w2c has the shape {list(w2c.shape)}: [4, 4] expected")
+        return _Camera(width=self.width, height=self.height, fx=self.fx, fy=self.fy, cx=self.cx, cy=self.cy,
+                       w2c=(c.c_double * 16)(*w2c.ravel()))
+
+    @classmethod
+    def _of(cls, s: _Camera) -> Camera:
+        return cls(s.width, s.height, s.fx, s.fy, s.cx, s.cy, np.array(s.w2c).reshape(4, 4))
+
+
+@dataclass
+class Picture:
+    """What was drawn; arrays that were not asked for are None."""
+
+    colour: np.ndarray | None  # float32 [H, W, 3] over the background; may exceed 1
+    alpha: np.ndarray | None  # float32 [H, W]
+    depth: np.ndarray | None  # float32 [H, W]: sum of weight x camera z
+
+
+@dataclass
+class Gaussians:
+    """float32 arrays of K Gaussians, or gradients by them; those that are not wanted are None."""
+
+    means: np.ndarray | None  # [K, 3] relative to Scene.offset
+    scales: np.ndarray | None  # [K, 3] standard deviations; of surfels the third is 0
+    rotations: np.ndarray | None  # [K, 4] quaternions w, x, y, z
+    opacities: np.ndarray | None  # [K] in 0 to 1
+    sh: np.ndarray | None  # [K, S, 3] colour = max(0, 0.5 + basis . sh)
+
+    @classmethod
+    def _empty(cls, count: int, sh_degree: int) -> Gaussians:
+        shapes = (count, 3), (count, 3), (count, 4), (count,), (count, (sh_degree + 1) ** 2, 3)
+        return cls(*(np.empty(shape, np.float32) for shape in shapes))
+
+    def _struct(self, count: int) -> _Gaussians:
+        names = ("means", "scales", "rotations", "opacities", "sh")
+        return _Gaussians(capacity=count, **{name: _pointer(getattr(self, name)) for name in names})
+
+
+def version() -> str:
+    return _lib.vsplat_version_string().decode()
+
+
+def _info(s: _DeviceInfo) -> dict[str, Any]:
+    out = {name: getattr(s, name) for name, *_ in s._fields_ if name not in ("size", "kernels")}
+    types = {1: "cpu", 2: "gpu", 3: "accelerator"}
+    return {k: v.decode("utf-8", "replace") if isinstance(v, bytes) else v for k, v in out.items()} | {"type": types.get(s.type, "other")}
+
+
+def devices() -> list[dict[str, Any]]:
+    """Every OpenCL device: name, vendor, driver, memory (bytes), type, ..."""
+    count = c.c_size_t()
+    _call("device_count", c.byref(count))
+    out = []
+    for i in range(count.value):
+        info = _DeviceInfo()
+        _call("device_describe", c.c_size_t(i), c.byref(info))
+        out.append(_info(info))
+    return out
+
+
+# ------------------------------------------------------------------------------------------------------------ handles
+
+
+class Model(_Handle):
+    """A network's weights and configuration. Belongs to no device."""
+
+    _noun = "model"
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str] | None = None) -> Model:
+        """A model file; None: the one that the library carries."""
+        handle = c.c_void_p()
+        _call("model_load", _path(path), c.byref(handle))
+        return cls(handle)
+
+    @classmethod
+    def random(cls, config: str = "paper", seed: int = 0, system: str = "vsplat", fields: Iterable[str] = ()) -> Model:
+        """Random weights; `config`: "paper", "small", "tiny" or "micro"; `fields`: "FIELD=VALUE" changes to it."""
+        changes, count = _texts(fields)
+        options = _ModelOptions(config=config.encode(), fields=changes, num_fields=count, seed=seed, system=system.encode())
+        handle = c.c_void_p()
+        _call("model_init", c.byref(options), c.byref(handle))
+        return cls(handle)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        _call("model_save", self, _path(path))
+
+    @property
+    def info(self) -> dict[str, int]:
+        """image (pixels along an edge), views, max_views, volume, sh_degree, max_gaussians, parameters, use_views"""
+        s = _ModelInfo()
+        _call("model_get_info", self, c.byref(s))
+        return {name: getattr(s, name) for name, *_ in s._fields_ if name not in ("size", "hash")}
+
+
+class Views(_Handle):
+    """Posed photographs, in files or in memory. Belongs to no device."""
+
+    _noun = "views"
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], pictures: str | os.PathLike[str] | None = None) -> Views:
+        """A transforms.json, a cameras.json, a COLMAP model, or a folder with one."""
+        handle = c.c_void_p()
+        _call("views_load", _path(path), _path(pictures), c.byref(handle))
+        return cls(handle)
+
+    @classmethod
+    def from_arrays(cls, pictures: Sequence[Any], cameras: Sequence[Camera]) -> Views:
+        """`pictures`: [H, W, 3], or [H, W, 4] with straight alpha, each as large as its camera's; 0 to 1, or uint8 0 to 255."""
+        if len(pictures) != len(cameras):
+            raise Error("usage", f"{len(pictures)} pictures and {len(cameras)} cameras: as many of both expected")
+        kept, views = [], (_View * len(cameras))()
+        for i, (picture, camera) in enumerate(zip(pictures, cameras)):
+            values = np.from_dlpack(picture) if hasattr(picture, "__dlpack__") and not isinstance(picture, np.ndarray) else np.asarray(picture)
+            if values.dtype == np.uint8:
+                values = values.astype(np.float32) / 255
+            values = _array(values, (camera.height, camera.width, None), f"pictures[{i}]")
+            kept.append(values)
+            views[i] = _View(camera=camera._struct(), pixels=_pointer(values), channels=values.shape[2])
+        handle = c.c_void_p()
+        _call("views_create", views, c.c_size_t(len(views)), c.byref(handle))
+        return cls(handle)
+
+    def __len__(self) -> int:
+        count = c.c_size_t()
+        _call("views_count", self, c.byref(count))
+        return count.value
+
+    def prepare(self, model: Model, names: Sequence[str] | None = None, center: Sequence[float] | None = None,
+                scale: float = 0.0, auto_frame: bool = False, view_count: int = 0, force: bool = False) -> Input:
+        """Chooses views, places the object's cube and prepares the pictures for the network. `center`, `scale`: the cube in the world, if
+        not the file's or, with `auto_frame`, estimated; `names`: the views to take, the first being the reference."""
+        options = _InputOptions(scale=scale, auto_frame=auto_frame, view_count=view_count, force=force)
+        if names is not None:
+            options.names, options.num_names = _texts(names)
+        if center is not None:
+            options.has_center, options.center = 1, (c.c_double * 3)(*center)
+        handle = c.c_void_p()
+        _call("input_prepare", model, self, c.byref(options), c.byref(handle))
+        return Input(handle)
+
+
+class Input(_Handle):
+    """The chosen views as the network sees them. Belongs to no device."""
+
+    _noun = "input"
+
+    def _info(self) -> _InputInfo:
+        s = _InputInfo()
+        _call("input_get_info", self, c.byref(s))
+        return s
+
+    def __len__(self) -> int:
+        return self._info().views
+
+    @property
+    def center(self) -> np.ndarray:
+        """[3], of the cube in the world."""
+        return np.array(self._info().center)
+
+    @property
+    def scale(self) -> float:
+        """The cube's edge in world units."""
+        return self._info().scale
+
+    def camera(self, index: int) -> Camera:
+        s = _Camera()
+        _call("input_get_camera", self, c.c_size_t(index), c.byref(s))
+        return Camera._of(s)
+
+    def picture(self, index: int) -> np.ndarray:
+        """float32 [image, image, 3]"""
+        edge = self._info().image
+        out = np.empty((edge, edge, 3), np.float32)
+        _call("input_get_picture", self, c.c_size_t(index), _pointer(out), c.c_size_t(out.size))
+        return out
+
+    def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
+        """A circle about the object, as the input views see it."""
+        return _orbit("input", self, _OrbitOptions(count=count, width=width, height=height))
+
+
+def _orbit(of: str, handle: _Handle, options: _OrbitOptions) -> list[Camera]:
+    cameras = c.c_void_p()
+    _call(f"cameras_orbit_{of}", handle, c.byref(options), c.byref(cameras))
+    try:
+        out = []
+        for i in range(options.count):
+            s = _Camera()
+            _call("cameras_get", cameras, c.c_size_t(i), c.byref(s))
+            out.append(Camera._of(s))
+        return out
+    finally:
+        _lib.vsplat_cameras_release(cameras)
+
+
+class Scene(_Handle):
+    """Gaussians and how they are meant to be drawn. Belongs to no device."""
+
+    _noun = "scene"
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scene:
+        """A 3DGS PLY, or one of surfels."""
+        handle = c.c_void_p()
+        _call("scene_load", _path(path), c.byref(handle))
+        return cls(handle)
+
+    @classmethod
+    def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float = 0.0) -> Scene:
+        """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as Gaussians has them; `near`: the near plane, world units (0: the usual)."""
+        arrays = _gaussians_of(means, scales, rotations, opacities, sh)
+        count, degree = len(arrays.means), _degree_of(arrays.sh)
+        info = _SceneInfo(count=count, sh_degree=degree, near_plane=near)
+        handle = c.c_void_p()
+        _call("scene_create", c.byref(info), c.byref(arrays._struct(count)), c.byref(handle))
+        return cls(handle)
+
+    def update(self, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any) -> None:
+        """New values for the same Gaussians."""
+        arrays = _gaussians_of(means, scales, rotations, opacities, sh)
+        if len(arrays.means) != len(self) or _degree_of(arrays.sh) != self.sh_degree:
+            raise Error("usage", f"{len(arrays.means)} Gaussians of degree {_degree_of(arrays.sh)}: "
+                                 f"{len(self)} of degree {self.sh_degree} expected")
+        _call("scene_update", self, c.byref(arrays._struct(len(self))))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """A standard 3DGS PLY."""
+        _call("scene_save", self, _path(path))
+
+    def _info(self) -> _SceneInfo:
+        s = _SceneInfo()
+        _call("scene_get_info", self, c.byref(s))
+        return s
+
+    def __len__(self) -> int:
+        return self._info().count
+
+    @property
+    def sh_degree(self) -> int:
+        return self._info().sh_degree
+
+    @property
+    def offset(self) -> np.ndarray:
+        """[3]: the means plus this are in the world."""
+        return np.array(self._info().offset)
+
+    def arrays(self) -> Gaussians:
+        """Copies of all values."""
+        info = self._info()
+        out = Gaussians._empty(info.count, info.sh_degree)
+        _call("scene_get_gaussians", self, c.byref(out._struct(info.count)))
+        return out
+
+    def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
+        """A circle about what can be seen of it."""
+        return _orbit("scene", self, _OrbitOptions(count=count, width=width, height=height))
+
+
+def _gaussians_of(means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any) -> Gaussians:
+    first = _array(means, (None, 3), "means")
+    k = len(first)
+    return Gaussians(first, _array(scales, (k, 3), "scales"), _array(rotations, (k, 4), "rotations"),
+                     _array(opacities, (k,), "opacities"), _array(sh, (k, None, 3), "sh"))
+
+
+def _degree_of(sh: np.ndarray) -> int:
+    degree = int(np.sqrt(sh.shape[1])) - 1
+    if sh.shape[1] not in (1, 4, 9, 16):
+        raise Error("usage", f"sh has {sh.shape[1]} functions: 1, 4, 9 or 16 expected")
+    return degree
+
+
+class Device(_Handle):
+    """An open OpenCL device, or a stream of one. One thread at a time; another takes a stream() of it."""
+
+    _noun = "device"
+
+    def __init__(self, device: str = "", kernels: str = "auto", max_memory_gib: float = 0.0):
+        """`device`: an index ("0"), platform:device ("0:1"), a type ("cpu", "gpu", "acc") or a part of a name; "": $VSPLAT_DEVICE, else
+        the first GPU, else the first device."""
+        flavours = {"auto": 0, "cpu": 1, "gpu": 2}
+        if kernels not in flavours:
+            raise Error("usage", f"kernels is {kernels!r}: auto, cpu or gpu expected")
+        options = _DeviceOptions(device=device.encode(), kernels=flavours[kernels], max_memory_gib=max_memory_gib)
+        handle = c.c_void_p()
+        _call("device_open", c.byref(options), c.byref(handle))
+        super().__init__(handle)
+
+    def stream(self) -> Device:
+        """Of the same device, for another thread; programs and weights are shared."""
+        handle = c.c_void_p()
+        _call("stream_create", self, c.byref(handle))
+        out = Device.__new__(Device)
+        _Handle.__init__(out, handle)
+        return out
+
+    @property
+    def info(self) -> dict[str, Any]:
+        s = _DeviceInfo()
+        _call("device_get_info", self, c.byref(s))
+        return _info(s)
+
+    def cancel(self) -> None:
+        """Stops the call that has the device: from any thread. That one raises Error("cancelled")."""
+        _call("device_cancel", self)
+
+    def trim(self) -> None:
+        """Gives back memory that is kept for the next call."""
+        _call("device_trim", self)
+
+    def prepare(self, model: Model, views: int = 0, launch: bool = False, progress: Progress | None = None) -> None:
+        """Compiles and uploads what a reconstruction will take; with `launch`, runs one of grey pictures, too."""
+        told = _Telling(progress)
+        options = _PrepareOptions(views=views, launch=launch, progress=told.function)
+        told.call("device_prepare", self, model, c.byref(options))
+
+    def reconstruct(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None,
+                    progress: Progress | None = None) -> Scene:
+        """One forward pass. `voxels`: int32, ascending, in place of the network's selection."""
+        told = _Telling(progress)
+        options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
+        if voxels is not None:
+            chosen = np.ascontiguousarray(voxels, dtype=np.int32)
+            options.voxels, options.num_voxels = chosen.ctypes.data_as(c.POINTER(c.c_int32)), chosen.size
+        handle = c.c_void_p()
+        told.call("reconstruct", self, model, views, c.byref(options), c.byref(handle))
+        return Scene(handle)
+
+    def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
+               colour: bool = True, alpha: bool = True, depth: bool = True) -> Picture:
+        """Draws the scene; `near`: the near plane, world units (0: the scene's)."""
+        size = (camera.height, camera.width)
+        out = Picture(np.empty((*size, 3), np.float32) if colour else None, np.empty(size, np.float32) if alpha else None,
+                      np.empty(size, np.float32) if depth else None)
+        _call("render", self, scene, c.byref(camera._struct()), c.byref(_render_options(background, near)),
+              c.byref(_picture_of(out, camera)))
+        return out
+
+    def render_backward(self, scene: Scene, camera: Camera, colour: Any = None, alpha: Any = None, depth: Any = None,
+                        background: Sequence[float] = (1, 1, 1), near: float = 0.0) -> tuple[Gaussians, np.ndarray]:
+        """From gradients of a loss by the picture ([H, W, 3], [H, W], [H, W]; None: zeros) to those by the Gaussians and by the camera's pose,
+        float64 [6]: (omega, tau) at 0 of exp([omega, tau]) times w2c."""
+        size = (camera.height, camera.width)
+        by = Picture(None if colour is None else _array(colour, (*size, 3), "colour"),
+                     None if alpha is None else _array(alpha, size, "alpha"), None if depth is None else _array(depth, size, "depth"))
+        info = scene._info()
+        out, pose = Gaussians._empty(info.count, info.sh_degree), np.empty(6)
+        _call("render_backward", self, scene, c.byref(camera._struct()), c.byref(_render_options(background, near)),
+              c.byref(_picture_of(by, camera)), c.byref(out._struct(info.count)), pose.ctypes.data_as(c.POINTER(c.c_double)))
+        return out, pose
+
+    def profile(self, on: bool) -> None:
+        """Starts or stops recording every kernel's time."""
+        _call("device_profile", self, c.c_int32(on))
+
+    def profile_rows(self) -> dict[str, Any]:
+        """What was recorded: {"device", "driver", "wall_s", "peak_bytes", "kernels": [...]}"""
+        text = c.c_char_p()
+        _call("device_profile_text", self, 1, c.byref(text))
+        return json.loads(_take_text(text))
+
+
+def _render_options(background: Sequence[float], near: float) -> _RenderOptions:
+    return _RenderOptions(background=(c.c_float * 3)(*background), near_plane=near)
+
+
+def _picture_of(picture: Picture, camera: Camera) -> _Picture:
+    return _Picture(capacity=camera.width * camera.height, colour=_pointer(picture.colour), alpha=_pointer(picture.alpha),
+                    depth=_pointer(picture.depth))
