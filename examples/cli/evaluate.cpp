@@ -171,7 +171,8 @@ void evaluate(const EvaluateOptions& o) {
   for (const std::string& path : {o.sheet, o.common.profile, o.common.trace}) outputs.expect(path);
   outputs.input_data(o.folders);
 
-  Session session(o.common);
+  Session session(o.common, Devices::several);
+  session.share(options);
   const vsplat::Model model = load_model(o.model);
   const vsplat::DataSet data(o.folders);
   Listener listener{session, Kept(o)};

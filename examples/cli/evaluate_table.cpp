@@ -406,7 +406,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
   for (const std::string& path : {common.profile, common.trace}) outputs.expect(path);
   for (const Data& data : request.data) outputs.input_data(data.folders);
 
-  Session session(common);
+  Session session(common, Devices::several);
   std::vector<vsplat::DataSet> sets;  // all of them before anything is computed
   for (const Data& data : request.data) sets.emplace_back(data.folders);
   Table table(request);
@@ -422,6 +422,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
         options.skip_bad = o.skip_bad;
         options.progress = Session::on_progress;
         options.user = &session;
+        session.share(options);
         session.start(what);
         try {
           Row row = measured(session, model, sets[d], options);

@@ -167,10 +167,17 @@ void Outputs::expect_gone(const std::string& path) {
   gone_.push_back(file);
 }
 
-void Outputs::commit() {
-  committed_ = true;
+void Outputs::keep() {
+  files_.clear();
+  folders_.clear();
   std::error_code ignored;
   for (const fs::path& file : gone_) fs::remove(file, ignored);
+  gone_.clear();
+}
+
+void Outputs::commit() {
+  keep();
+  committed_ = true;
 }
 
 void Outputs::expect(const std::string& path) { expect(path, overwrite_); }

@@ -40,6 +40,8 @@ class Outputs {
 
   // Before writing `path`: makes its folder. Returns the path.
   std::string begin(const std::string& path);
+  // What was begun so far is written, and stays however the rest ends.
+  void keep();
   // All is written: keeps it, and removes what expect_gone() named.
   void commit();
 

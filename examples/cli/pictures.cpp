@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace command {
 namespace {
@@ -249,9 +250,13 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
     if (!Session::on_progress(&session, stage, done / static_cast<double>(all.size())))
       throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
   };
-  for (std::size_t i = 0; i < all.size(); ++i) {
+  std::vector<vsplat::Picture> pictures(all.size());  // of those that wait for their turn
+  const auto work = [&](const vsplat::Device& device, std::size_t i) {
     tell("splat", static_cast<double>(i));
-    vsplat::Picture picture = vsplat::render(session.device(), scene, all[i], options);
+    pictures[i] = vsplat::render(device, scene, all[i], options);
+  };
+  const auto done = [&](std::size_t i) {
+    vsplat::Picture picture = std::exchange(pictures[i], {});
     if (!images.empty() && format == VSPLAT_PICTURE_JPEG) picture.save_jpeg(outputs.begin(file(i)), quality);
     if (!images.empty() && format != VSPLAT_PICTURE_JPEG) picture.save(outputs.begin(file(i)), format);
     if (over_black() && (cells || frames || comparison)) picture = over_background(picture);
@@ -262,7 +267,9 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
     }
     if (cells) cells.add(picture, label);
     if (frames) frames.add(picture);
-  }
+  };
+  constexpr std::size_t ahead = 4;  // pictures of a device that may wait
+  vsplat::share_out(session.devices(), all.size(), work, done, ahead * session.devices().size());
   if (cells) cells.save(outputs.begin(sheet));
   if (frames) frames.save(outputs.begin(turntable));
 }

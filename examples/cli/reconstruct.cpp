@@ -6,6 +6,7 @@
 
 #include "pictures.h"
 #include "placement.h"
+#include "reconstruct_list.h"
 #include "refinement.h"
 #include "scene_file.h"
 
@@ -21,6 +22,8 @@ struct ReconstructOptions {
   int view_count = 0;  // 0: the model's
   bool force = false, dry_run = false, refine = false;
   RefineOptions refined;
+  std::string list;
+  bool skip_existing = false;
 };
 
 constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-sheet"};
@@ -38,8 +41,10 @@ struct Request {
 };
 
 Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
-  if (o.output.empty() && !o.dry_run) throw UsageError("reconstruct needs --output, the scene's file");
-  need_ending("--output", o.output, ".ply", "scenes are written as 3DGS PLY only");
+  if (o.output.empty() && !o.dry_run)
+    throw UsageError(o.list.empty() ? "reconstruct needs --output, the scene's file"
+                                    : "reconstruct --list needs --output, the folder for the scenes");
+  if (o.list.empty()) need_ending("--output", o.output, ".ply", "scenes are written as 3DGS PLY only");
   if (pictures.wanted && !pictures.written)
     throw UsageError(
         "--render needs --images, the folder for the pictures, or --sheet, --turntable, --compare or --write-cameras");
@@ -151,8 +156,13 @@ std::string dump_file(const ReconstructOptions& o) {
 }
 
 void reconstruct(const ReconstructOptions& o) {
+  if (o.views.empty() && o.list.empty()) throw UsageError("VIEWS is required, or --list");
+  if (o.skip_existing && o.list.empty()) throw UsageError("--skip-existing is of --list");
   Request request(o);
   set_up_library(o.common);
+  if (!o.list.empty())
+    return reconstruct_list(
+        {o.common, o.list, o.model, o.picture_folder, o.output, o.skip_existing, request.input, request.run});
   if (o.dry_run) {
     refuse_profile_of_dry_run(o.common);
     return dry_run(o, request);
@@ -247,6 +257,28 @@ void add_extras(CLI::App& sub, ReconstructOptions& o) {
       ->group(group);
 }
 
+// After all that goes with one set of views alone.
+void add_list(CLI::App& sub, ReconstructOptions& o) {
+  const std::vector<std::string> with = {
+      "--help",  "--model", "--output", "--pictures", "--view-count", "--auto-frame",     "--center",
+      "--scale", "--fit",   "--force",  "--near",     "--up",         "--selection-seed", "--assume-selected"};
+  std::vector<CLI::Option*> others;
+  for (CLI::Option* option : sub.get_options())
+    if (std::none_of(with.begin(), with.end(), [&](const std::string& name) { return option->check_name(name); }))
+      others.push_back(option);
+  const std::string group = "Many objects";
+  CLI::Option* list =
+      sub.add_option(
+             "--list", o.list,
+             "A text file (or - for stdin) with a VIEWS a line, as on the command line, and after a tab, where "
+             "it is given, the scene's name: each becomes DIR/NAME.ply. What cannot be read is told at the end, "
+             "the others are made; --device takes several")
+          ->type_name("FILE")
+          ->group(group);
+  for (CLI::Option* other : others) list->excludes(other);
+  sub.add_flag("--skip-existing", o.skip_existing, "Of --list: leave out those whose scene is there")->group(group);
+}
+
 }  // namespace
 
 void add_reconstruct(CLI::App& app, Run& run) {
@@ -254,10 +286,10 @@ void add_reconstruct(CLI::App& app, Run& run) {
   CLI::App* sub = app.add_subcommand("reconstruct", "Make a scene from posed pictures");
   sub->add_option("views", o->views,
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
-      ->required()
       ->type_name("VIEWS");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");
-  sub->add_option("-o,--output", o->output, "The scene to write")->type_name("SCENE.ply");
+  sub->add_option("-o,--output", o->output, "The scene to write; of --list the folder for the scenes")
+      ->type_name("SCENE.ply|DIR");
   sub->add_option("--views", o->names,
                   "Which pictures: names (stem or path) or @ and place in the list from 0; the first is the reference "
                   "(default: well spread ones, as many as --view-count says, or all)")
@@ -275,6 +307,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   add_picture_options(*sub, o->pictures, "--render");
   add_refinement(*sub, *o);
   add_extras(*sub, *o);
+  add_list(*sub, *o);
   add_common(*sub, o->common);
   sub->footer(
       "Examples:\n"
@@ -284,6 +317,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
       "         --views 20,25,29,32 --center -0.1,-0.1,-2.5 --scale 1.2 --render orbit:8 --images pictures/\n"
       "  vsplat reconstruct colmap/ --pictures photos/ --output scene.ply --auto-frame\n"
       "  vsplat reconstruct photos/ --model model.safetensors --dry-run\n"
+      "  vsplat reconstruct --list objects.txt --output scenes/ --device all --skip-existing\n"
       "The scene is in the world of your cameras. Pictures may be PNG, JPEG, EXR, TIFF, WebP or BMP; alpha and masks\n"
       "become white.\n"
       "Axes: transforms.json holds camera-to-world matrices with OpenGL axes, COLMAP and cameras.json world-to-camera\n"

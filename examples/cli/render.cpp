@@ -90,7 +90,7 @@ void render(const RenderOptions& o) {
   std::optional<Comparison> comparison;
   if (!o.dry_run) comparison = job.prepare(shots, outputs);
 
-  Session session(o.common);
+  Session session(o.common, o.dry_run ? Devices::one : Devices::several);
   if (o.dry_run) return dry_run(o, session, scene, shots.all);
   job.draw(session, scene, shots.all, comparison, outputs);
   session.write_profile(outputs);

@@ -2,14 +2,35 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-namespace command {
+#include "arguments.h"
 
-vsplat_device_options Session::options() {
+namespace command {
+namespace {
+
+// The devices of --device: "all", or what commas separate where all of it are indices or platform:device; else the one
+// that it names.
+std::vector<std::string> named_devices(const std::string& text) {
+  std::vector<std::string> out;
+  if (text == "all") {
+    for (const vsplat_device_info& device : vsplat::Device::list()) out.push_back(std::to_string(device.index));
+    return out.empty() ? std::vector<std::string>{""} : out;  // opening it tells what is missing
+  }
+  const bool indices = text.find(',') != std::string::npos &&
+                       std::all_of(text.begin(), text.end(),
+                                   [](unsigned char c) { return std::isdigit(c) || c == ',' || c == ':' || c == ' '; });
+  return indices ? list("--device", text) : std::vector<std::string>{text};
+}
+
+}  // namespace
+
+vsplat_device_options Session::options(const std::string& device) {
   vsplat_device_options out = VSPLAT_DEVICE_OPTIONS_INIT;
-  out.device = common_.device.c_str();
+  out.device = device.c_str();
   out.kernels = common_.kernels == "cpu"   ? VSPLAT_KERNELS_CPU
                 : common_.kernels == "gpu" ? VSPLAT_KERNELS_GPU
                                            : VSPLAT_KERNELS_AUTO;
@@ -22,16 +43,37 @@ vsplat_device_options Session::options() {
   return out;
 }
 
-Session::Session(const Common& common) : common_(common), device_(options()) {
-  const vsplat_device_info info = device_.info();
-  say(common_, std::string("device ") + std::to_string(info.index) + ": " + info.name + " (" + info.platform_name +
-                   "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
-                   " kernels" + (info.event_profiling ? "" : ", timed on the host"));
-  if (!common_.profile.empty() || !common_.trace.empty() || common_.verbose) device_.profile(true);
+Session::Session(const Common& common, Devices most) : common_(common) {
+  const std::vector<std::string> named = named_devices(common.device);
+  if (named.size() > 1 && most == Devices::one)
+    throw UsageError("--device " + common.device + " is " + std::to_string(named.size()) +
+                     " devices, and this takes one: render, evaluate and reconstruct --list share their work out");
+  const bool timed = !common_.profile.empty() || !common_.trace.empty();
+  if (named.size() > 1 && timed)
+    throw UsageError("--profile and --trace are of one device: --device " + common.device + " is " +
+                     std::to_string(named.size()));
+  for (const std::string& name : named) {
+    devices_.emplace_back(options(name));
+    const vsplat_device_info info = devices_.back().info();
+    for (std::size_t i = 0; i + 1 < devices_.size(); ++i)
+      if (devices_[i].info().index == info.index)
+        throw UsageError("--device " + common.device + " names device " + std::to_string(info.index) + " twice");
+    say(common_, std::string("device ") + std::to_string(info.index) + ": " + info.name + " (" + info.platform_name +
+                     "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
+                     " kernels" + (info.event_profiling ? "" : ", timed on the host"));
+  }
+  for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
+  if (timed || (common_.verbose && devices_.size() == 1)) devices_.front().profile(true);
+}
+
+void Session::share(vsplat_evaluate_options& options) const {
+  options.more_devices = handles_.data() + 1;
+  options.num_more_devices = handles_.size() - 1;
 }
 
 void Session::on_compile(void* session, const char* kernel, int32_t compiled) {
   auto* self = static_cast<Session*>(session);
+  const std::lock_guard lock(self->mutex_);
   if (!isatty(STDERR_FILENO) && !self->compiled_)
     say(self->common_, "preparing kernels; a device's first run takes longest");
   self->compiled_ = true;
@@ -47,6 +89,7 @@ void Session::start(const std::string& what) {
 int32_t Session::on_progress(void* session, const char* stage, double done) {
   auto* self = static_cast<Session*>(session);
   if (interrupted()) return 0;
+  const std::lock_guard lock(self->mutex_);
   const double now = elapsed_seconds(), spent = now - self->started_;
   std::string text =
       self->what_ + ": " + stage + ", " + std::to_string(static_cast<int>(100 * done)) + " %, " + seconds_text(spent);
@@ -62,9 +105,9 @@ int32_t Session::on_progress(void* session, const char* stage, double done) {
 }
 
 void Session::write_profile(Outputs& outputs) {
-  if (!common_.profile.empty()) write_text(outputs.begin(common_.profile), device_.profile_text(VSPLAT_PROFILE_JSON));
-  if (!common_.trace.empty()) write_text(outputs.begin(common_.trace), device_.profile_text(VSPLAT_PROFILE_TRACE));
-  if (common_.verbose) say(common_, device_.profile_text(VSPLAT_PROFILE_TABLE));
+  if (!common_.profile.empty()) write_text(outputs.begin(common_.profile), device().profile_text(VSPLAT_PROFILE_JSON));
+  if (!common_.trace.empty()) write_text(outputs.begin(common_.trace), device().profile_text(VSPLAT_PROFILE_TRACE));
+  if (common_.verbose && devices_.size() == 1) say(common_, device().profile_text(VSPLAT_PROFILE_TABLE));
 }
 
 vsplat::Model load_model(const std::string& path) {

@@ -1,6 +1,9 @@
-// An open device with what the user sees of it: the line that names it, progress, and the profile at the end.
+// An open device, or several that share the work, with what the user sees of it: the line that names it, progress, and
+// the profile at the end.
 #pragma once
+#include <mutex>
 #include <string>
+#include <vector>
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
@@ -8,14 +11,21 @@
 
 namespace command {
 
+// How many devices a command can use at once.
+enum class Devices { one, several };
+
 class Session {
  public:
-  explicit Session(const Common& common);
+  explicit Session(const Common& common, Devices most = Devices::one);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  const vsplat::Device& device() const { return device_; }
-  // For the progress fields of options structs: shows the stage with times, and stops where the user interrupts.
+  const vsplat::Device& device() const { return devices_.front(); }
+  const std::vector<vsplat::Device>& devices() const { return devices_; }
+  // For an evaluation by all of them; they stay this session's.
+  void share(vsplat_evaluate_options& options) const;
+  // For the progress fields of options structs: shows the stage with times, and stops where the user interrupts. From
+  // any thread.
   static int32_t on_progress(void* session, const char* stage, double done);
   // What the work is called in the next progress lines, and when it began.
   void start(const std::string& what);
@@ -24,13 +34,15 @@ class Session {
 
  private:
   static void on_compile(void* session, const char* kernel, int32_t compiled);
-  vsplat_device_options options();
+  vsplat_device_options options(const std::string& device);
 
   const Common& common_;
+  std::mutex mutex_;  // of what follows, where several devices work
   std::string what_, stage_;
   double started_ = 0, last_line_ = 0;
   bool compiled_ = false;
-  vsplat::Device device_;
+  std::vector<vsplat::Device> devices_;
+  std::vector<vsplat_device> handles_;
 };
 
 // The model of --model; where the option is not given, the one that the library carries.

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <deque>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -11,6 +12,7 @@
 #include "model/api/input.h"
 #include "model/api/model.h"
 #include "model/api/selected.h"
+#include "model/api/share.h"
 #include "model/evaluate/model_check.h"
 #include "model/io/image_file.h"
 #include "runtime/fail.h"
@@ -111,11 +113,26 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
         const vsplat_scores scores = scores_of(object.scores);
         o.on_object(o.user, object.name.c_str(), &scores);
       };
-    const std::vector<Lpips> lpips = o.lpips ? load_lpips(device->context, o.lpips) : std::vector<Lpips>();
-    for (const Lpips& each : lpips) how.lpips.push_back(&each);
-    device->residents->drop_idle(model);  // its objects may take all the room
-    const auto network = device->residents->network(device->context, model);
-    Evaluation made = evaluate(device->context, *network, dataset->data, how);
+    // Of all devices, the call's first: what each holds for as long as the call goes on.
+    std::vector<vsplat_device> devices{device};
+    if (o.num_more_devices > 0)
+      for (vsplat_device more : sharing_devices(o.more_devices, o.num_more_devices, "options.more_devices"))
+        devices.push_back(more);
+    sharing_devices(devices.data(), devices.size(), "device and options.more_devices");
+    std::deque<DeviceUse> uses;
+    std::deque<std::vector<Lpips>> lpips;
+    std::deque<std::shared_ptr<const Network>> networks;
+    std::vector<Evaluating> workers;
+    for (vsplat_device each : devices) {
+      if (each != device) uses.emplace_back(each);
+      each->residents->drop_idle(model);  // its objects may take all the room
+      lpips.push_back(o.lpips ? load_lpips(each->context, o.lpips) : std::vector<Lpips>());
+      networks.push_back(each->residents->network(each->context, model));
+      workers.push_back({each->context, *networks.back()});
+      for (const Lpips& net : lpips.back()) workers.back().lpips.push_back(&net);
+    }
+    Evaluation made = evaluate(workers, dataset->data, how,
+                               [&](std::size_t worker, const Error& error) { warn_of_loss(devices, worker, error); });
     *out_evaluation = std::make_unique<vsplat_evaluation_impl>(std::move(made)).release();
   });
 }

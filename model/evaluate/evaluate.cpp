@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <optional>
 
 #include "model/base/pose_noise.h"
@@ -19,6 +20,7 @@
 #include "model/splat/render.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/share_out.h"
 
 namespace vsplat {
 namespace {
@@ -57,8 +59,12 @@ class Strip {
 
 class Evaluator {
  public:
-  Evaluator(Context& ctx, const Network& network, const EvaluateOptions& options)
-      : ctx_(ctx), network_(network), config_(network.config()), options_(options) {}
+  Evaluator(const Evaluating& worker, const EvaluateOptions& options)
+      : ctx_(worker.ctx),
+        network_(worker.network),
+        config_(worker.network.config()),
+        lpips_(worker.lpips),
+        options_(options) {}
 
   void check() const;
   // Edge in pixels of what is compared.
@@ -90,6 +96,7 @@ class Evaluator {
   Context& ctx_;
   const Network& network_;
   const AnyConfig& config_;
+  const std::vector<const Lpips*>& lpips_;
   const EvaluateOptions& options_;
 };
 
@@ -109,7 +116,7 @@ void Evaluator::check() const {
     fail(Status::usage,
          "vsplat_evaluate_options.refine is not measured under vsplat_evaluate_options.pose_noise: it moves the scene "
          "by the listed poses");
-  for (const Lpips* lpips : options_.lpips)
+  for (const Lpips* lpips : lpips_)
     if (lpips->smallest() > judged())
       fail(Status::usage, "LPIPS ({}) needs pictures of at least {} pixels, those compared have {}",
            name_of(lpips->net()), lpips->smallest(), judged());
@@ -224,7 +231,7 @@ Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
   out.psnr_white = psnr(Image(truth.width, truth.height, 3, 1.0f), truth);
   out.psnr_nearest = psnr(nearest.image(), truth);
   out.selected = drawn.selected;
-  for (const Lpips* lpips : options_.lpips)
+  for (const Lpips* lpips : lpips_)
     (lpips->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = lpips->distance(ctx_, result, truth);
   return out;
 }
@@ -276,43 +283,97 @@ Scores::Scores()
       ray_degrees(lpips_alex),
       ray_moment(lpips_alex) {}
 
-Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options) {
-  const Evaluator evaluator(ctx, network, options);
-  evaluator.check();
-  Evaluation out;
-  std::vector<const DataObject*> evaluated;
-  for (std::size_t i = 0; i < data.objects.size(); ++i) {
-    const DataObject& listed = data.objects[i];
-    if (options.progress)
-      options.progress(listed.name, static_cast<double>(i) / static_cast<double>(data.objects.size()));
+namespace {
+
+// An evaluation while it goes on, by however many workers.
+class Evaluated {
+ public:
+  Evaluated(const DataSet& data, const EvaluateOptions& options)
+      : data_(data), options_(options), found_(data.objects.size()) {}
+
+  // By one worker, beside others.
+  void score(const Evaluator& evaluator, std::size_t item) {
+    const DataObject& listed = data_.objects[item];
+    if (options_.progress) {
+      const std::lock_guard lock(telling_);
+      options_.progress(listed.name, static_cast<double>(begun_++) / static_cast<double>(data_.objects.size()));
+    }
     EvaluationObject object;
     std::vector<std::string> skipped, missing;
     try {
       object = evaluator.load(listed, skipped, missing);
     } catch (const Error& e) {
-      if (!options.skip_bad || !is_about_data(e)) throw;
+      if (!options_.skip_bad || !is_about_data(e)) throw;
       warn("an object is left out: {}", e.what());
-      ++out.skipped;
-      continue;
+      return;
     }
     for (const std::string& text : missing) warn("object {}: {}", listed.name, text);
     for (const std::string& text : skipped) warn("a view is left out: {}", text);
     const Scores s = evaluator.score(object);
     verbose("{}: PSNR {:.2f} dB (coarse {:.2f}, white {:.2f}, nearest view {:.2f}), {:.1f} % of the voxels selected",
             object.name, s.psnr, s.psnr_coarse, s.psnr_white, s.psnr_nearest, 100 * s.selected);
-    evaluated.push_back(&listed);
-    out.objects.push_back({object.name, s});
-    if (options.on_object) options.on_object(out.objects.back());
+    found_[item] = ObjectScores{object.name, s};
   }
-  if (out.objects.empty()) fail(Status::input, "none of the {} objects could be evaluated", data.objects.size());
-  out.mean = mean_of(out.objects);
-  if (options.sheet) {
-    // Drawn once more: keeping every object's pictures would take memory without bound.
-    std::vector<const DataObject*> shown;
-    for (const std::size_t i : typical(out.objects)) shown.push_back(evaluated[i]);
-    out.sheet = evaluator.sheet(shown);
+  // In order.
+  void add(std::size_t item) {
+    if (!found_[item]) {
+      ++out_.skipped;
+      return;
+    }
+    evaluated_.push_back(&data_.objects[item]);
+    out_.objects.push_back(*found_[item]);
+    if (options_.on_object) {
+      const std::lock_guard lock(telling_);
+      options_.on_object(out_.objects.back());
+    }
   }
-  return out;
+  Evaluation result(const Evaluator& evaluator) {
+    if (out_.objects.empty()) fail(Status::input, "none of the {} objects could be evaluated", data_.objects.size());
+    out_.mean = mean_of(out_.objects);
+    if (options_.sheet) {
+      // Drawn once more: keeping every object's pictures would take memory without bound.
+      std::vector<const DataObject*> shown;
+      for (const std::size_t i : typical(out_.objects)) shown.push_back(evaluated_[i]);
+      out_.sheet = evaluator.sheet(shown);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  const DataSet& data_;
+  const EvaluateOptions& options_;
+  std::mutex telling_;
+  std::size_t begun_ = 0;
+  std::vector<std::optional<ObjectScores>> found_;
+  std::vector<const DataObject*> evaluated_;
+  Evaluation out_;
+};
+
+}  // namespace
+
+Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options) {
+  return evaluate({{ctx, network}}, data, options);
+}
+
+Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data, const EvaluateOptions& options,
+                    const std::function<void(std::size_t worker, const Error& error)>& lost) {
+  std::vector<Evaluator> evaluators;
+  for (const Evaluating& worker : workers) evaluators.emplace_back(worker, options);
+  for (const Evaluator& evaluator : evaluators) evaluator.check();
+  Evaluated evaluated(data, options);
+  std::vector<bool> gone(workers.size());
+  share_out({.items = data.objects.size(),
+             .workers = workers.size(),
+             .ahead = data.objects.size(),  // what is kept of each are numbers
+             .work = [&](std::size_t worker, std::size_t item) { evaluated.score(evaluators[worker], item); },
+             .done = [&](std::size_t item) { evaluated.add(item); },
+             .lost =
+                 [&](std::size_t worker, std::size_t, const Error& error) {
+                   gone[worker] = true;
+                   if (lost) lost(worker, error);
+                 }});
+  return evaluated.result(
+      evaluators[static_cast<std::size_t>(std::find(gone.begin(), gone.end(), false) - gone.begin())]);
 }
 
 }  // namespace vsplat

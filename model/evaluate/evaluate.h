@@ -35,19 +35,20 @@ struct ObjectScores {
 
 struct EvaluateOptions {
   EvaluationRequest request;
-  bool skip_bad = false;            // views and objects that cannot be read are passed over, else an Error
-  bool sheet = false;               // make one
-  bool refine = false;              // the result is moved towards the inputs, and them alone
-  long planned_selected = 0;        // as ForwardOptions have it
-  std::vector<const Lpips*> lpips;  // at most one of each network
+  bool skip_bad = false;      // views and objects that cannot be read are passed over, else an Error
+  bool sheet = false;         // make one
+  bool refine = false;        // the result is moved towards the inputs, and them alone
+  long planned_selected = 0;  // as ForwardOptions have it
   // Noise on the poses that the network is told of the inputs but the first, in the object's frame: its deviation, in
   // radians and edges of the cube, and how often it is drawn; an object's numbers are the means. By the request's seed
   // and the object's name, whatever the model: what is compared is drawn from the poses as listed. Not with `refine`.
   double pose_noise = 0;
   int pose_draws = 1;
-  // Called before each object with its name and the share of the work that is done. May throw to cancel.
+  // Called before each object with its name and the share of the work that is begun; one at a time, on any of the
+  // workers' threads. May throw to cancel.
   std::function<void(const std::string& object, double done)> progress;
-  // Called after each object: what is done stays the caller's where a later one is an error, or it is cancelled.
+  // Called after each object, in order: what is done stays the caller's where a later one is an error, or it is
+  // cancelled.
   std::function<void(const ObjectScores&)> on_object;
 };
 
@@ -58,7 +59,18 @@ struct Evaluation {
   Image sheet;  // best, median and worst by PSNR side by side; rows: input, truth, coarse, result, up to 4 views each
 };
 
+// One that evaluates: the network on a device.
+struct Evaluating {
+  Context& ctx;
+  const Network& network;
+  std::vector<const Lpips*> lpips = {};  // on the same device; at most one of each network
+};
+
 // Waits. Error(file, format or input) names object, view and what is wrong; with skip_bad only where no object is left.
 Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options);
+
+// The same, the objects shared out over several: one whose device fails gets no more of them (`lost`, as ShareOut's).
+Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data, const EvaluateOptions& options,
+                    const std::function<void(std::size_t worker, const Error& error)>& lost = {});
 
 }  // namespace vsplat

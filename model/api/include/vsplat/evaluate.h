@@ -67,11 +67,16 @@ typedef struct vsplat_evaluate_options {
   double pose_noise;
   int32_t pose_draws;
   int32_t view_count; /* how many views go in; 0: as many as the model's configuration says */
+  /* [num_more_devices] devices or streams that take objects beside the call's device, each the next when it is free;
+     the call has them, too. Functions come one at a time then, on any of their threads; on_object in order. One that
+     fails is told as a warning, and the others do its object. NULL: none */
+  const vsplat_device* more_devices;
+  size_t num_more_devices;
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL, 0, 0.0, 0, 0                                                                          \
+        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0                                                                 \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */

@@ -18,7 +18,7 @@
      at once with VSPLAT_ERROR_BUSY, and so does one from a callback of the call that has it. Handles that belong to no
      device (model, views, cameras, scene) may be read by several threads. Calls block until their result is there, but
      for those that begin a job (vsplat/jobs.h); another thread may stop them (vsplat_device_cancel). Callbacks come on
-     the calling thread.
+     the calling thread, but for those of work that several devices share (vsplat/share.h).
    - Drivers do not live on in a child of fork(): there, calls that take a device end with VSPLAT_ERROR_DEVICE.
    - Within a major version this interface only grows. */
 #ifndef VSPLAT_H
@@ -743,6 +743,7 @@ typedef struct vsplat_dataset_impl* vsplat_dataset;
 #include <vsplat/jobs.h>
 #include <vsplat/pictures.h>
 #include <vsplat/refine.h>
+#include <vsplat/share.h>
 #include <vsplat/train.h>
 
 #endif

@@ -545,5 +545,6 @@ inline void train_report(const std::vector<std::string>& runs, const std::string
 
 #include <vsplat/evaluate.hpp>
 #include <vsplat/refine.hpp>
+#include <vsplat/share.hpp>
 
 #endif

@@ -1,0 +1,22 @@
+// Many objects: a list of views, each reconstructed into a scene file, by one or several devices.
+#pragma once
+#include <string>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+
+namespace command {
+
+struct ListRequest {
+  const Common& common;
+  std::string list, model, pictures, output;  // `list` may be "-"; `output` is a folder
+  bool skip_existing;
+  const vsplat_input_options& input;
+  vsplat_reconstruct_options run;  // but for its progress
+};
+
+// Every object that can be reconstructed is, and its file is kept whatever becomes of the others; std::runtime_error at
+// the end where there are others.
+void reconstruct_list(const ListRequest& request);
+
+}  // namespace command

@@ -1,0 +1,154 @@
+#include "runtime/share_out.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <set>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+namespace vsplat {
+namespace {
+
+class Sharing {
+ public:
+  explicit Sharing(const ShareOut& shared)
+      : shared_(shared),
+        ahead_(std::max(shared.ahead, shared.workers)),
+        left_(std::min(shared.workers, shared.items)) {}
+
+  void serve(std::size_t worker) {
+    while (const auto item = take()) {
+      try {
+        shared_.work(worker, *item);
+        finish(*item);
+      } catch (const Error& e) {
+        const bool of_device =
+            e.status() == Status::device || e.status() == Status::compile || e.status() == Status::memory;
+        if (!of_device) {
+          end(*item);
+          continue;
+        }
+        if (give_up(worker, *item, e)) return;
+      } catch (...) {
+        end(*item);
+      }
+    }
+  }
+
+  void do_without_one() {
+    const std::lock_guard lock(mutex_);
+    --left_;
+  }
+
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  struct Taken {  // std::optional's part of it that this needs
+    bool is;
+    std::size_t item;
+    explicit operator bool() const { return is; }
+    std::size_t operator*() const { return item; }
+  };
+
+  // Waits for an item that may be begun; none where all are done or it has ended.
+  Taken take() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      if (ended_ || told_ == shared_.items) return {false, 0};
+      if (!returned_.empty()) {
+        const std::size_t item = *returned_.begin();
+        returned_.erase(returned_.begin());
+        return {true, item};
+      }
+      if (next_ < shared_.items && next_ < told_ + ahead_) return {true, next_++};
+      changed_.wait(lock);
+    }
+  }
+
+  void finish(std::size_t item) {
+    std::unique_lock lock(mutex_);
+    finished_.insert(item);
+    // One thread tells at a time, without the lock: others put theirs down and go on.
+    if (telling_) return;
+    telling_ = true;
+    while (!finished_.empty() && *finished_.begin() == told_) {
+      const std::size_t now = told_;
+      lock.unlock();
+      try {
+        if (shared_.done) shared_.done(now);
+      } catch (...) {
+        end(now);
+        return;  // still telling: nothing is told beyond it
+      }
+      lock.lock();
+      finished_.erase(finished_.begin());
+      ++told_;
+      changed_.notify_all();
+    }
+    telling_ = false;
+  }
+
+  // With the current exception.
+  void end(std::size_t item) {
+    const std::lock_guard lock(mutex_);
+    if (!error_ || item < error_item_) {
+      error_ = std::current_exception();
+      error_item_ = item;
+    }
+    ended_ = true;
+    changed_.notify_all();
+  }
+
+  // Whether the worker goes; false where it was the last one, which ends it all.
+  bool give_up(std::size_t worker, std::size_t item, const Error& error) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (--left_ > 0 && !ended_) {
+        returned_.insert(item);
+        if (shared_.lost) shared_.lost(worker, item, error);
+        changed_.notify_all();
+        return true;
+      }
+    }
+    end(item);
+    return false;
+  }
+
+  const ShareOut& shared_;
+  const std::size_t ahead_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::size_t left_;      // workers
+  std::size_t next_ = 0;  // the first item that nobody has begun
+  std::size_t told_ = 0;  // items that `done` was told
+  std::set<std::size_t> returned_, finished_;
+  bool telling_ = false, ended_ = false;
+  std::exception_ptr error_;
+  std::size_t error_item_ = 0;
+};
+
+}  // namespace
+
+void share_out(const ShareOut& shared) {
+  if (shared.items == 0) return;
+  Sharing sharing(shared);
+  const std::size_t workers = std::min(shared.workers, shared.items);
+  std::vector<std::thread> threads;
+  for (std::size_t i = 1; i < workers; ++i) {
+    try {
+      threads.emplace_back([&sharing, i] { sharing.serve(i); });
+    } catch (const std::system_error&) {  // no thread is to be had: the others do its work
+      sharing.do_without_one();
+    }
+  }
+  sharing.serve(0);
+  for (std::thread& thread : threads) thread.join();
+  sharing.rethrow();
+}
+
+}  // namespace vsplat

@@ -1,0 +1,144 @@
+"""Several devices at once: what they make is what one makes, to the byte, and lists of objects lose nothing."""
+import json
+import os
+import signal
+import subprocess
+import time
+
+import support
+
+TWO = {"POCL_DEVICES": "pthread pthread", "VSPLAT_DEVICE": ""}
+MIXED = {"POCL_DEVICES": "basic pthread", "VSPLAT_DEVICE": ""}
+
+
+class Share(support.Case):
+    def files(self, *parts):
+        folder = self.path(*parts)
+        return {name: open(os.path.join(folder, name), "rb").read() for name in sorted(os.listdir(folder))}
+
+    def equal(self, run, env=TWO):
+        """run(devices, folder) -> arguments; -> what stderr told of both devices"""
+        for folder, devices in (("one", "0"), ("two", "0,1"), ("all", "all")):
+            _, err = self.succeeds(*run(devices, folder), env=env)
+        self.assertIn("device 0:", err)
+        self.assertIn("device 1:", err)
+        return err
+
+    def test_pictures_are_the_same(self):
+        scene = self.path("scene.ply")
+        support.write_scene(scene, [((0.1 * i, 0.05 * i, 0), (0.5, 0.1 * i, 0.2), 0.1, 0.8) for i in range(8)])
+        for env in (TWO, MIXED):
+            self.equal(lambda devices, folder: ("render", scene, "--cameras", "orbit:13", "--size", "32x24", "--images", self.path(folder), "--sheet",
+                                                self.path(folder, "sheet.png"), "--turntable", self.path(folder, "turn.webp"), "-d", devices, "-w"), env)
+            self.assertEqual(len(self.files("one")), 15)
+            self.assertEqual(self.files("one"), self.files("two"))
+            self.assertEqual(self.files("one"), self.files("all"))
+
+    def test_scores_are_the_same(self):
+        self.succeeds("dataset", "procedural", "--count", 5, "--solids", "--output", self.path("set"), "--views", 9, "--size", self.SIDE, "--seed", 4)
+        arguments = ("evaluate", self.path("set"), "--model", self.model, "--json")
+        one, _ = self.succeeds(*arguments, "--sheet", self.path("one.png"), "-d", "0", env=TWO)
+        two, _ = self.succeeds(*arguments, "--sheet", self.path("two.png"), "-d", "0,1", env=TWO)
+        self.assertEqual(one, two)
+        self.assertEqual(open(self.path("one.png"), "rb").read(), open(self.path("two.png"), "rb").read())
+        self.assertEqual([o["name"] for o in json.loads(two)["objects"]], [f"solid_{i:04}" for i in range(5)])
+        table = self.path("table.json")
+        with open(table, "w") as f:
+            json.dump({"systems": [{"name": "ours", "model": self.model}], "data": [{"name": "solids", "folders": [self.path("set")]}]}, f)
+        rows = [self.succeeds("evaluate", "--table", table, "--json", "-d", d, env=TWO)[0] for d in ("0", "all")]
+        psnr = [json.loads(text)["rows"][0]["psnr"] for text in rows]
+        self.assertEqual(psnr[0], psnr[1])
+
+    def listed(self, count):
+        for i in range(count):
+            self.make_views(f"object{i}", centre=(0.1 * i, 0, 0))
+        return [self.path(f"object{i}") for i in range(count)]
+
+    def write_list(self, lines):
+        with open(self.path("list.txt"), "w") as f:
+            f.write("".join(line + "\n" for line in lines))
+        return ("reconstruct", "--list", self.path("list.txt"), "--model", self.model, "--center", "0,0,0", "--scale", "1")
+
+    def test_a_list_is_what_its_objects_are(self):
+        objects = self.listed(5)
+        arguments = self.write_list([objects[0], "", objects[1] + "/", objects[2] + "/transforms.json", objects[3] + "\tnamed", objects[4]])
+        self.equal(lambda devices, folder: (*arguments, "--output", self.path(folder), "-d", devices))
+        names = ["named.ply"] + [f"object{i}.ply" for i in (0, 1, 2, 4)]
+        self.assertEqual(list(self.files("one")), names)
+        self.assertEqual(self.files("one"), self.files("two"))
+        self.assertEqual(self.files("one"), self.files("all"))
+        self.succeeds("reconstruct", objects[3], "--model", self.model, "--center", "0,0,0", "--scale", "1", "--output", self.path("alone.ply"), env=TWO)
+        self.assertEqual(open(self.path("alone.ply"), "rb").read(), self.files("one")["named.ply"])
+
+    def test_the_list_may_come_from_a_pipe(self):
+        objects = self.listed(2)
+        arguments = [a if a != self.path("list.txt") else "-" for a in self.write_list([])]
+        done = subprocess.run([support.VSPLAT, *arguments, "--output", self.path("out"), "--json"], input="\n".join(objects), text=True,
+                              capture_output=True, timeout=support.PATIENCE)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        told = json.loads(done.stdout)
+        self.assertEqual([o["output"] for o in told["objects"]], [self.path("out", f"object{i}.ply") for i in range(2)])
+        self.assertTrue(all(o["gaussians"] >= 0 and o["seconds"] > 0 for o in told["objects"]))
+
+    def test_what_cannot_be_read_takes_nothing_with_it(self):
+        objects = self.listed(4)
+        os.remove(os.path.join(objects[1], "images", "0.png"))
+        with open(os.path.join(objects[1], "transforms.json"), "w") as f:
+            f.write("{")
+        arguments = (*self.write_list([*objects, self.path("missing")]), "--output", self.path("out"))
+        code, out, err = support.run(*arguments, "--json", "-d", "0,1", env=TWO)
+        self.assertEqual(code, 1, err)
+        self.assertIn("2 of 5 objects could not be reconstructed", err)
+        self.assertIn("transforms.json", err)
+        self.assertIn("missing", err)
+        self.assertEqual(list(self.files("out")), ["object0.ply", "object2.ply", "object3.ply"])
+        self.assertEqual(["error" in o for o in json.loads(out)["objects"]], [False, True, False, False, True])
+        # Mended, the rest alone is made.
+        before = os.stat(self.path("out", "object0.ply")).st_mtime_ns
+        support.shutil.rmtree(objects[1])
+        self.make_views("object1")
+        self.write_list(objects)
+        self.refuses(1, ["object0.ply exists", "--overwrite"], *arguments)
+        _, err = self.succeeds(*arguments, "--skip-existing")
+        self.assertIn("1 scene, 3 were there", err)
+        self.assertEqual(os.stat(self.path("out", "object0.ply")).st_mtime_ns, before)
+        self.assertEqual(len(self.files("out")), 4)
+        _, err = self.succeeds(*arguments, "--skip-existing")
+        self.assertIn("0 scenes, 4 were there", err)
+
+    def test_an_interrupt_keeps_what_is_made(self):
+        views = self.listed(1)[0]
+        arguments = (*self.write_list([f"{views}\tn{i}" for i in range(4000)]), "--output", self.path("out"))
+        process = subprocess.Popen([support.VSPLAT, *arguments, "-d", "0,1"], env={**os.environ, **TWO}, stderr=subprocess.PIPE, text=True)
+        end = time.time() + support.PATIENCE
+        while time.time() < end and not os.path.exists(self.path("out", "n5.ply")):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=support.PATIENCE)
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn("--skip-existing goes on", err)
+        made = self.files("out")
+        self.assertTrue(6 <= len(made) < 4000, len(made))
+        self.assertEqual(len(set(made.values())), 1)  # whole ones
+
+    def test_refusals(self):
+        two = self.write_list([self.views, self.views])
+        self.refuses(2, ["line 2", "as that of line 1"], *two, "--output", self.path("out"))
+        for line, word in ((self.views + "\t../x", "../x"), (self.views + "\t", '""'), (self.views + "\ta\tb", "name is")):
+            self.refuses(2, ["line 1", word], *self.write_list([line]), "--output", self.path("out"))
+        self.refuses(2, "lists no views", *self.write_list(["", "  "]), "--output", self.path("out"))
+        one = self.write_list([self.views])
+        self.refuses(2, "needs --output", *one)
+        self.refuses(1, "nolist.txt", *[a if a != self.path("list.txt") else self.path("nolist.txt") for a in one], "--output", self.path("out"))
+        self.refuses(2, "--list", *one, "--output", self.path("out"), "--refine")
+        self.refuses(2, "--list", *one, self.views, "--output", self.path("out"))
+        self.refuses(2, "VIEWS", "reconstruct", "--output", self.path("out.ply"))
+        self.refuses(2, "--skip-existing", *self.reconstruct("--skip-existing"))
+        self.refuses(2, ["2 devices", "takes one"], *self.reconstruct("-d", "0,1"), env=TWO)
+        self.refuses(2, "twice", *one, "--output", self.path("out"), "-d", "0,0", env=TWO)
+        self.refuses(1, ["no device is", "7"], *one, "--output", self.path("out"), "-d", "0,7", env=TWO)
+        self.refuses(2, "one device", *one, "--output", self.path("out"), "-d", "0,1", "--profile", self.path("p.json"), env=TWO)
+
+
+if __name__ == "__main__":
+    support.main()
