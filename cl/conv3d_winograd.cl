@@ -3,6 +3,7 @@
 // outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before. Tile t of
 // the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4). Along z a tile is cut in ZT = ceil(Z/12) parts of
 // 12 outputs; part zt has the inputs z = 12 zt - 1 + j, j = 0 .. 13.
+// flavour: cpu
 #define PACK_ROWS 14
 #define TILE_STRIDE 16
 #include "conv3d.clh"

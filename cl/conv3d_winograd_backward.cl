@@ -1,6 +1,7 @@
 // The gradient of a 3x3x3 convolution by its weights, cpu flavour, by Winograd's F(4x4, 3x3) over x and y and directly
 // along z (see conv3d_winograd.cl): dg = G^T [sum over tiles of (A dy A^T) . (B^T d B)] G, 36 products where the direct
 // sum needs 144. Some tiles of the volume come at a time; tile t of them is the volume's tile tile0 + t.
+// flavour: cpu
 #include "tile_cpu.clh"
 #include "winograd.clh"
 

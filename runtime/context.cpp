@@ -130,8 +130,8 @@ struct Context::Impl {
   Flavour flavour = Flavour::cpu;
   GemmChoice gemm = GemmChoice::auto_;
   bool planning = false;
-  std::set<NamedKernel>* collected = nullptr;  // of a planner: where kernels are noted
-  bool checks_nan = false, guards = false;     // see launch_checks.h
+  NotedKernels* collected = nullptr;        // of a planner: where kernels are noted
+  bool checks_nan = false, guards = false;  // see launch_checks.h
   cl::Context context;
   cl::Device handle;
   cl::CommandQueue queue;
@@ -348,10 +348,14 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
   return std::unique_ptr<Context>(new Context(std::move(impl)));
 }
 
-void Context::collect(std::set<NamedKernel>& to) { impl_->collected = &to; }
+void Context::collect(NotedKernels& to) { impl_->collected = &to; }
 
-void Context::note(const KernelId& kernel) {
-  if (impl_->collected) impl_->collected->insert({kernel.file, kernel.name, kernel.defines});
+void Context::note(const KernelId& kernel, const Range& range, std::size_t local_bytes) {
+  if (!impl_->collected) return;
+  NotedLaunch launch{impl_->stage, range.local, local_bytes};
+  if (launch.group[0] > 0)
+    for (std::size_t& size : launch.group) size = std::max<std::size_t>(size, 1);
+  (*impl_->collected)[{kernel.file, kernel.name, kernel.defines}].insert(std::move(launch));
 }
 
 void Context::build(const NamedKernel& kernel) {
@@ -426,7 +430,12 @@ void Context::read(const Tensor& tensor, void* data) {
 void Context::launch(const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
   for (const std::size_t size : range.global)
     if (size == 0) return;
-  if (impl_->planning) return note(id);
+  if (impl_->planning) {
+    std::size_t local = 0;
+    for (const KernelArg& arg : args)
+      if (const auto* of = std::get_if<Local>(&arg)) local += of->bytes;
+    return note(id, range, local);
+  }
   impl_->stop_if_cancelled();
   cl::Kernel& kernel = impl_->kernel(id);
   const std::size_t group = check_range(id, range, impl_->info);
@@ -447,6 +456,16 @@ std::size_t Context::max_work_group(const KernelId& id) {
   try {
     const auto device = impl_->queue.getInfo<CL_QUEUE_DEVICE>();
     return std::min(impl_->info.max_work_group, kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device));
+  } catch (const cl::Error& e) {
+    fail_cl(e, std::string("asking about kernel ") + id.name);
+  }
+}
+
+std::size_t Context::local_memory(const NamedKernel& kernel) {
+  impl_->stop_if_cancelled();
+  const KernelId id{kernel.file.c_str(), kernel.name.c_str(), kernel.defines};
+  try {
+    return impl_->kernel(id).getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(impl_->handle);
   } catch (const cl::Error& e) {
     fail_cl(e, std::string("asking about kernel ") + id.name);
   }

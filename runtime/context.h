@@ -5,8 +5,10 @@
 // Debugging: VSPLAT_CHECK=nan looks for NaN in what each launch has written, VSPLAT_ARENA=guard for what it has written
 // beside its tensors (runtime/launch_checks.h); a context asks the environment once, when it is made.
 #pragma once
+#include <array>
 #include <compare>
 #include <functional>
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -52,6 +54,16 @@ struct NamedKernel {
   auto operator<=>(const NamedKernel&) const = default;
 };
 
+// How a planner was asked to launch a kernel: the size of its work-groups (0: the driver's choice), and the local
+// memory that arguments ask for, beside what the kernel declares.
+struct NotedLaunch {
+  std::string stage;
+  std::array<std::size_t, 3> group{};
+  std::size_t local_bytes = 0;
+  auto operator<=>(const NotedLaunch&) const = default;
+};
+using NotedKernels = std::map<NamedKernel, std::set<NotedLaunch>>;
+
 // Device memory while a stage ran: bytes of slabs, and of tensors alive in them.
 struct StageMemory {
   std::string stage;
@@ -76,9 +88,12 @@ class Context {
   std::unique_ptr<Context> planner(bool limited = true) const;
   bool planning() const;
   // Of a planner, and planners made of it: from now on the kernels that would be launched are put into `to`.
-  void collect(std::set<NamedKernel>& to);
+  void collect(NotedKernels& to);
   // Compiles what is not compiled yet.
   void build(const NamedKernel& kernel);
+  // The local memory that a kernel declares, in bytes, by its compiler, with what this context's last launch of it gave
+  // as arguments.
+  std::size_t local_memory(const NamedKernel& kernel);
 
   const DeviceInfo& device() const;
   Flavour flavour() const;
@@ -115,7 +130,7 @@ class Context {
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
     if (planning())
-      note(kernel);
+      note(kernel, range, (std::size_t{0} + ... + local_bytes_of(args)));
     else
       launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
   }
@@ -155,7 +170,12 @@ class Context {
   friend class Stage;
   friend class Uncancelled;
   struct Impl;
-  void note(const KernelId& kernel);
+  void note(const KernelId& kernel, const Range& range, std::size_t local_bytes);
+  static std::size_t local_bytes_of(const Local& local) { return local.bytes; }
+  template <class Arg>
+  static std::size_t local_bytes_of(const Arg&) {
+    return 0;
+  }
   static void check_element(const Tensor& tensor, std::size_t bytes);
   explicit Context(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

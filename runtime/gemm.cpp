@@ -86,7 +86,6 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   const long panels = div_up(s.m, kTileRows);
   const long step = std::clamp(kScratchFloats / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
   const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
-  if (ctx.planning()) return;  // launches take no memory
   // One panel a work-item where the tile is made of loops: llvmpipe ends every loop of a work-item after 65535 turns in
   // all.
   const long block = *tile_defines(ctx.device()) ? 1 : std::max(1L, kBlockFloats / std::max(1L, s.k * kTileRows));
@@ -219,7 +218,6 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
   const long panels = div_up(s.m, kTileRows);
   const Tensor a = ctx.tensor({panels, most, kTileRows}, Type::f32, "packed rows");
   const Tensor b = ctx.tensor({div_up(s.n, kTileCols), most, kTileCols}, Type::f32, "packed rows");
-  if (ctx.planning()) return;  // launches take no memory
   for (long row = 0; row < s.rows; row += most) {
     const long terms = std::min(most, s.rows - row);
     pack_panels(ctx, g.a, 0, row, terms, s.m, s.m, 1, kTileRows, a);

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -15,9 +17,23 @@
 
 namespace vsplat {
 
-namespace {
+std::vector<std::string> kernel_file_names() {
+  std::vector<std::string> out;
+  if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+      out.push_back(entry.path().filename().string());
+    if (error) fail(Status::file, "{}: cannot be read (VSPLAT_KERNEL_DIR is set)", folder);
+  } else {
+    std::size_t count = 0;
+    const EmbeddedFile* files = vsplat_embedded_files(&count);
+    for (std::size_t i = 0; i < count; ++i) out.emplace_back(files[i].name);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
 
-std::string source_text(const std::string& name) {
+std::string kernel_text(const std::string& name) {
   if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {
     const std::string path = std::string(folder) + "/" + name;
     std::ifstream in(path, std::ios::binary);
@@ -33,10 +49,12 @@ std::string source_text(const std::string& name) {
   fail(Status::internal, "no kernel file {}", name);
 }
 
+namespace {
+
 void expand(const std::string& name, std::set<std::string>& seen, std::string& out) {
   seen.insert(name);
   out += fmt::format("#line 1 \"{}\"\n", name);
-  std::istringstream lines(source_text(name));
+  std::istringstream lines(kernel_text(name));
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
     const std::string key = "#include \"";
@@ -57,6 +75,10 @@ std::string expanded_source(const std::string& file) {
   std::string out;
   expand(file + ".cl", seen, out);
   return out;
+}
+
+std::string build_options(const std::string& defines) {
+  return "-cl-std=CL1.2" + (defines.empty() ? "" : " " + defines);
 }
 
 // PoCL compiles a second, generic variant when asked for binaries, and has a cache of its own.
@@ -91,7 +113,7 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
 }
 
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines, bool from_source) {
-  const std::string options = "-cl-std=CL1.2 " + defines;
+  const std::string options = build_options(defines);
   const std::string source = expanded_source(file);
   std::vector<std::string> parts = {
       "1", source, options, info_.name, info_.driver, info_.version, info_.platform_version};

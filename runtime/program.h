@@ -6,6 +6,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "runtime/device.h"
 #include "runtime/disk_cache.h"
@@ -13,9 +14,15 @@
 
 namespace vsplat {
 
+// Every file of cl/ that the library carries, or that $VSPLAT_KERNEL_DIR has, by name; and the text of one.
+std::vector<std::string> kernel_file_names();
+std::string kernel_text(const std::string& name);
+
 // The text of cl/<file>.cl with `#include "x.clh"` replaced by the file (each once) and #line markers, so that build
 // logs name the file and line. $VSPLAT_KERNEL_DIR, where set, is read instead of what is embedded.
 std::string expanded_source(const std::string& file);
+// What a program with these defines is built with.
+std::string build_options(const std::string& defines);
 
 // Of one opened device, for all of its streams. Thread-safe: one program is built at a time.
 class ProgramCache {

@@ -68,6 +68,7 @@ int main(int argc, char** argv) {
   command::add_init(app, run);
   command::add_weights(app, run);
   command::add_devices(app, run);
+  command::add_kernels(app, run);
   command::add_bench(app, run);
   command::add_dataset(app, run);
   command::add_train(app, run);

@@ -17,11 +17,14 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
   return *device->scene;
 }
 
-void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera) {
+void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera, GaussianKind kind,
+                  bool exact_tiles) {
   Gaussians unseen;  // of which a plan reads the number alone
   unseen.count = count;
   unseen.sh_degree = sh_degree;
+  unseen.kind = kind;
   RenderOptions guess;
+  guess.exact_tiles = exact_tiles;
   guess.counts = [&](const Part& part) {
     const double share = part.tiles() / static_cast<double>(tiles_along(camera.width) * tiles_along(camera.height));
     VisibleCount seen;

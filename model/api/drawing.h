@@ -14,7 +14,8 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
 
 // Drawing so many Gaussians of that degree with a planner: each is taken to be seen and to touch eight tiles, and these
 // to lie evenly in the picture.
-void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera);
+void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera,
+                  GaussianKind kind = GaussianKind::volume, bool exact_tiles = false);
 
 // Checked.
 RenderOptions options_of(const vsplat_render_options& options, const Scene& scene);

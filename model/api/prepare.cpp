@@ -1,6 +1,5 @@
 // What the first reconstruction and drawing would do once, ahead.
 #include <numeric>
-#include <set>
 #include <vector>
 
 #include "model/api/device.h"
@@ -23,8 +22,8 @@ Camera any_camera(long edge) {
   return out;
 }
 
-std::set<NamedKernel> kernels_of(const Context& ctx, const Network& network, long views, long selected, int sh_degree) {
-  std::set<NamedKernel> out;
+NotedKernels kernels_of(const Context& ctx, const Network& network, long views, long selected, int sh_degree) {
+  NotedKernels out;
   const auto planner = ctx.planner(false);
   planner->collect(out);
   (void)network.plan(*planner, views, selected);
@@ -67,10 +66,10 @@ vsplat_status vsplat_device_prepare(vsplat_device device, vsplat_model model, co
     const long selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config, "selected");
     vsplat_model_info info = VSPLAT_MODEL_INFO_INIT;
     if (vsplat_model_get_info(model, &info) != VSPLAT_OK) fail(Status::internal, "{}", vsplat_last_error());
-    const std::set<NamedKernel> kernels = kernels_of(ctx, *network, views, selected, info.sh_degree);
+    const NotedKernels kernels = kernels_of(ctx, *network, views, selected, info.sh_degree);
     const double parts = static_cast<double>(kernels.size()) * (o.launch ? 1.25 : 1);
     double done = 0;
-    for (const NamedKernel& kernel : kernels) {
+    for (const auto& [kernel, launches] : kernels) {
       tell("compile", done++ / parts);
       ctx.build(kernel);
     }

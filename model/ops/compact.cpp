@@ -11,10 +11,11 @@ Tensor compact(Context& ctx, const Tensor& flags, long planned) {
   const Tensor positions = ctx.tensor({n + 1}, Type::u32, "compact.positions");
   exclusive_scan(ctx, flags, positions);
   long selected = planned;
-  if (!ctx.planning()) {
+  {
     const Tensor total = ctx.tensor({1}, Type::u32, "compact.total");
     ctx.launch({"compact", "compact_total", ""}, items(1, 1), {0, 8}, positions, written(total), count);
-    selected = ctx.read<std::uint32_t>(total)[0];  // the host sizes everything that follows by it
+    // The host sizes everything that follows by it.
+    if (!ctx.planning()) selected = ctx.read<std::uint32_t>(total)[0];
   }
   Tensor indices = ctx.tensor({selected}, Type::i32, "compact.indices");
   ctx.launch({"compact", "compact_indices", ""}, items(n, 64), {0, 8.0 * static_cast<double>(n)}, flags, positions,

@@ -186,7 +186,6 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long blocks = div_up(s.c(), 16L), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
   const long step = std::clamp(kScratchFloats / std::max(1L, per_tile), 1L, tiles);
   const Tensor v = ctx.tensor({step, zt, kCoefficients, blocks, kPackRows, 16}, Type::f32, "transformed tiles");
-  if (ctx.planning()) return;  // launches take no memory
   const Cost whole = cost_of(c, s, s.x);
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
@@ -258,7 +257,6 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
   const Tensor v = ctx.tensor({kCoefficients * step * s.z * s.c() + kTileRows}, Type::f32, "transformed tiles");
   const Tensor e = ctx.tensor({kCoefficients, step, s.z, np}, Type::f32, "transformed gradients");
   const Tensor m = ctx.tensor({kCoefficients, 3, s.c(), s.n}, Type::f32, "transformed weight gradients");
-  if (ctx.planning()) return;  // launches take no memory
   const double cn = static_cast<double>(s.c()) * static_cast<double>(s.n);
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);

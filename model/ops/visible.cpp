@@ -31,10 +31,11 @@ VisibleCount count_visible(Context& ctx, const Culled& culled, const Part& part)
   out.block = block_of(ctx, k);
   const long blocks = (k + out.block - 1) / out.block;
   out.before.assign(static_cast<std::size_t>(blocks) + 1, 0);
-  ctx.launch({"visible", "visible_count", ctx.device().native_float_width >= 4 ? "-DWIDE" : ""}, items(blocks, 1),
-             {0, 12.0 * static_cast<double>(k)}, culled.rects, culled.keys, written(culled.sums), k, out.block, blocks,
-             static_cast<unsigned>(part.x0), static_cast<unsigned>(part.x1), static_cast<unsigned>(part.y0),
-             static_cast<unsigned>(part.y1));
+  const bool wide = ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4;
+  ctx.launch({"visible", "visible_count", wide ? "-DWIDE" : ""}, items(blocks, 1), {0, 12.0 * static_cast<double>(k)},
+             culled.rects, culled.keys, written(culled.sums), k, out.block, blocks, static_cast<unsigned>(part.x0),
+             static_cast<unsigned>(part.x1), static_cast<unsigned>(part.y0), static_cast<unsigned>(part.y1));
+  if (ctx.planning()) return out;
   const auto sums = ctx.read<std::uint64_t>(culled.sums);
   out.least_key = 0xffffffffu;
   for (std::size_t b = 0; b < static_cast<std::size_t>(blocks); ++b) {

@@ -60,8 +60,13 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
   const bool surfels = scene.kind == GaussianKind::surfel;
   Projected out = compact_visible(ctx, view.culled, part, count, surfels ? kSurfelRecord : kRecord);
   for (long i = 0; i < scene.chunks(); ++i) {
-    if (ctx.planning()) {
-      (void)scene.get(ctx, i);
+    if (ctx.planning()) {  // as if it were all in the first chunk: the launch takes no memory
+      const DeviceGaussians chunk = scene.get(ctx, i);
+      const long all = i == 0 ? out.ids.dim(0) : 0;
+      if (surfels)
+        project_surfels_forward(ctx, {chunk, 0, view.camera, 0, out.ids, 0, all, out.records, options.revision});
+      else
+        project_forward(ctx, {chunk, 0, view.camera, 0, out.ids, 0, all, out.records});
       continue;
     }
     const auto seen_before = [&](long gaussian) {
@@ -102,7 +107,8 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
   while (!parts.empty()) {
     const Part part = parts.back();
     parts.pop_back();
-    const VisibleCount count = ctx.planning() ? assumed(scene, options, part) : count_visible(ctx, view.culled, part);
+    VisibleCount count = count_visible(ctx, view.culled, part);
+    if (ctx.planning()) count = assumed(scene, options, part);
     const auto draw = [&](Context& c) {
       const Projected projected = project_part(c, scene, view, options, part, count);
       // (What a surfel's alpha is in a tile is not known from its record alone.)

@@ -104,7 +104,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
                   part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
                   const Tensor sum = pose ? sum_twists(c, twists) : Tensor();
-                  if (pose && &c == &ctx) {
+                  if (pose && &c == &ctx && !ctx.planning()) {
                     const auto values = ctx.read<float>(sum);
                     std::copy(values.begin(), values.end(), pose->begin());
                   }

@@ -428,4 +428,13 @@ Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const Tr
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 
+void plan_step(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
+  const auto planner = ctx.planner();
+  Checkpoint start;
+  start.config = config;
+  const Trainer trainer(*planner, start, planned_of(forced(config, options.selection), options.selected));
+  (void)trainer.plan(options.intersections);
+  trainer.plan_optimizer();
+}
+
 }  // namespace vsplat

@@ -18,6 +18,8 @@ struct TrainPlanOptions {
   bool bound = false;
 };
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options);
+// A whole step of it on a plan, the optimiser's part, too: for lists of what it launches.
+void plan_step(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options);
 
 // Means over the steps since the last one that was told.
 struct TrainProgress {

@@ -204,6 +204,16 @@ void Trainer::move_weights(Context& ctx, const StepReport& report, const Tensor&
   }
 }
 
+void Trainer::plan_optimizer() const {
+  const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
+  clip(ctx_, norm);
+  StepReport first;
+  first.step = 1;
+  move_weights(ctx_, first, norm);
+  for (std::size_t r = 0; r < average_.size(); ++r)
+    average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);
+}
+
 StepReport Trainer::step(const std::vector<StepItem>& items) {
   if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
     fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);

@@ -70,6 +70,8 @@ class Trainer {
   Plan plan(std::optional<std::uint64_t> intersections) const;
   // With all voxels selected and every Gaussian in every tile: no step takes more.
   Plan bound() const;
+  // The optimiser's launches, on a context that plans: plan() goes no further than the gradients.
+  void plan_optimizer() const;
 
  private:
   // How a weight is moved; those that are moved alike lie in one run.

@@ -106,6 +106,7 @@ class Options(support.Case):
     def test_none_is_taken_that_does_nothing(self):
         commands = {("devices",): ["--profile", "--trace", "--device", "--kernels", "--gemm", "--max-memory", "--overwrite"],
                     ("init", "micro", "--seed", "1", "--output", self.path("x")): ["--profile", "--trace", "--device", "--kernels"],
+                    ("kernels",): ["--profile", "--trace", "--allow-outside"],
                     ("weights", "info"): ["--profile", "--device", "--overwrite"],
                     ("weights", "verify"): ["--profile", "--device", "--overwrite"],
                     ("weights", "convert", self.model, "--dtype", "f16", "--output", self.path("x")): ["--profile", "--device", "--gemm"],

@@ -119,6 +119,32 @@ static void prepares(vsplat_model model, vsplat_input input) {
   vsplat_device_release(stream);
 }
 
+/* The programs of jobs; of what is asked for, and what is wrong with it. */
+static void lists_programs(vsplat_model model) {
+  const vsplat_device_options device_options = VSPLAT_DEVICE_OPTIONS_INIT;
+  vsplat_programs_options options = VSPLAT_PROGRAMS_OPTIONS_INIT;
+  vsplat_device device = NULL;
+  char* text = NULL;
+  EXPECT(VSPLAT_OK, vsplat_device_open(&device_options, &device));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_programs(NULL, model, &options, &text));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_programs(device, NULL, NULL, &text));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_programs(device, model, &options, NULL));
+  options.jobs = 16;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_programs(device, model, &options, &text));
+  HOLD(text == NULL);
+  options.jobs = VSPLAT_PROGRAMS_OF_RENDER;
+  options.others = 0;
+  EXPECT(VSPLAT_OK, vsplat_device_programs(device, NULL, &options, &text)); /* which takes no model */
+  HOLD(strstr(text, "\"project_forward\"") && !strstr(text, "\"gemm_") && !strstr(text, "kernel void"));
+  vsplat_text_free(text);
+  options.jobs = VSPLAT_PROGRAMS_OF_RECONSTRUCT;
+  options.sources = 1;
+  EXPECT(VSPLAT_OK, vsplat_device_programs(device, model, &options, &text));
+  HOLD(strstr(text, "\"gemm_") && strstr(text, "kernel void") && !strstr(text, "\"adamw_step\""));
+  vsplat_text_free(text);
+  vsplat_device_release(device);
+}
+
 /* ---------------------------------------------------------------------------------------------------------- jobs */
 
 typedef struct ended {
@@ -398,6 +424,7 @@ int main(void) {
   vsplat_job_retain(NULL);
   vsplat_job_release(NULL);
   prepares(model, input);
+  lists_programs(model);
   streams_at_once(device, model, other, input);
   jobs_give_what_calls_give(device, model, input);
   jobs_queue_and_stop(device, model, input);

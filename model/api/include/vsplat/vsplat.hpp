@@ -110,6 +110,12 @@ class Device : public DeviceHandle {
     check(vsplat_device_profile_text(get(), format, &out));
     return text(out);
   }
+  // JSON. The model may be of nothing where the jobs take none.
+  std::string programs(vsplat_model model, const vsplat_programs_options& options) const {
+    char* out = nullptr;
+    check(vsplat_device_programs(get(), model, &options, &out));
+    return text(out);
+  }
 
  private:
   static vsplat_device open(const vsplat_device_options& options) {
