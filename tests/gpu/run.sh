@@ -1,0 +1,24 @@
+#!/bin/sh
+# Holds the kernels of the gpu flavour against bench/results/gpu-compilers.txt by the compilers of GPU drivers (static_check.py): of all that
+# jobs launch with the model inside and with small models of the other networks. What was compiled once is kept by its text.
+#   tests/gpu/run.sh VSPLAT WORK [OPTIONS of static_check.py]
+#   tests/gpu/run.sh VSPLAT WORK --table bench/results/gpu-compilers.txt      writes the table anew
+# 77 where the compilers cannot be had.
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+vsplat=$1 work=$2
+shift 2
+mkdir -p "$work"
+"$here/fetch_compilers.sh" "$work/compilers"
+dump() { "$vsplat" kernels --no-build --overwrite --quiet --dump "$work/$1" ${2:+--model "$2"} >/dev/null; }
+rm -rf "$work/own"
+dump own
+set -- "$work/own" "$@"
+for system in lara genden vsplat+genden; do
+  "$vsplat" init small --system $system --seed 1 --output "$work/$system.safetensors" --overwrite --quiet
+  rm -rf "${work:?}/$system"
+  dump $system "$work/$system.safetensors"
+  rm "$work/$system.safetensors"
+  set -- "$work/$system" "$@"
+done
+exec "$here/static_check.py" --intel "$work/compilers" --cache "$work/cache" "$@"
