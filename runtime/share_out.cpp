@@ -15,12 +15,17 @@ namespace {
 class Sharing {
  public:
   explicit Sharing(const ShareOut& shared)
-      : shared_(shared),
-        ahead_(std::max(shared.ahead, shared.workers)),
-        left_(std::min(shared.workers, shared.items)) {}
+      : shared_(shared), ahead_(std::max(shared.ahead, shared.workers)), left_(workers_of(shared)) {
+    for (std::size_t i = 0; i < shared.items; ++i) waiting_.insert(waiting_.end(), i);
+  }
+
+  // How many there is work for.
+  static std::size_t workers_of(const ShareOut& shared) {
+    return shared.owner.empty() ? std::min(shared.workers, shared.items) : shared.workers;
+  }
 
   void serve(std::size_t worker) {
-    while (const auto item = take()) {
+    while (const auto item = take(worker)) {
       try {
         shared_.work(worker, *item);
         finish(*item);
@@ -38,9 +43,10 @@ class Sharing {
     }
   }
 
-  void do_without_one() {
+  void do_without(std::size_t worker) {
     const std::lock_guard lock(mutex_);
     --left_;
+    gone_.insert(worker);
   }
 
   void rethrow() const {
@@ -56,18 +62,21 @@ class Sharing {
   };
 
   // Waits for an item that may be begun; none where all are done or it has ended.
-  Taken take() {
+  Taken take(std::size_t worker) {
     std::unique_lock lock(mutex_);
     for (;;) {
       if (ended_ || told_ == shared_.items) return {false, 0};
-      if (!returned_.empty()) {
-        const std::size_t item = *returned_.begin();
-        returned_.erase(returned_.begin());
+      for (const std::size_t item : waiting_) {
+        if (item >= told_ + ahead_) break;
+        if (!is_for(worker, item)) continue;
+        waiting_.erase(item);
         return {true, item};
       }
-      if (next_ < shared_.items && next_ < told_ + ahead_) return {true, next_++};
       changed_.wait(lock);
     }
+  }
+  bool is_for(std::size_t worker, std::size_t item) const {
+    return shared_.owner.empty() || shared_.owner[item] == worker || gone_.count(shared_.owner[item]) > 0;
   }
 
   void finish(std::size_t item) {
@@ -109,7 +118,8 @@ class Sharing {
     {
       const std::lock_guard lock(mutex_);
       if (--left_ > 0 && !ended_) {
-        returned_.insert(item);
+        waiting_.insert(item);
+        gone_.insert(worker);
         if (shared_.lost) shared_.lost(worker, item, error);
         changed_.notify_all();
         return true;
@@ -123,10 +133,9 @@ class Sharing {
   const std::size_t ahead_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::size_t left_;      // workers
-  std::size_t next_ = 0;  // the first item that nobody has begun
-  std::size_t told_ = 0;  // items that `done` was told
-  std::set<std::size_t> returned_, finished_;
+  std::size_t left_;                                 // workers
+  std::size_t told_ = 0;                             // items that `done` was told
+  std::set<std::size_t> waiting_, finished_, gone_;  // items, items, workers
   bool telling_ = false, ended_ = false;
   std::exception_ptr error_;
   std::size_t error_item_ = 0;
@@ -137,13 +146,13 @@ class Sharing {
 void share_out(const ShareOut& shared) {
   if (shared.items == 0) return;
   Sharing sharing(shared);
-  const std::size_t workers = std::min(shared.workers, shared.items);
+  const std::size_t workers = Sharing::workers_of(shared);
   std::vector<std::thread> threads;
   for (std::size_t i = 1; i < workers; ++i) {
     try {
       threads.emplace_back([&sharing, i] { sharing.serve(i); });
     } catch (const std::system_error&) {  // no thread is to be had: the others do its work
-      sharing.do_without_one();
+      sharing.do_without(i);
     }
   }
   sharing.serve(0);

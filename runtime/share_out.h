@@ -2,6 +2,7 @@
 #pragma once
 #include <cstddef>
 #include <functional>
+#include <vector>
 
 #include "runtime/error.h"
 
@@ -13,6 +14,8 @@ struct ShareOut {
   // How many items may be begun beyond the first that is not done: bounds what waits for its turn in `done`. At least
   // `workers` are.
   std::size_t ahead = 0;
+  // Which worker does each item, while it is there; empty: whichever is free.
+  std::vector<std::size_t> owner = {};
   // Does an item: the first worker's on the calling thread, each other one's on a thread of its own. A worker that is
   // free takes the next item in order. An Error of its device (device, compile, memory) retires the worker, and another
   // does the item. Anything else that is thrown ends it all.

@@ -37,7 +37,8 @@ void add_device_options(CLI::App& app, Common& common) {
   app.add_option(
          "-d,--device", common.device,
          "OpenCL device: index, platform:device, cpu|gpu|acc, or part of its name (default: $VSPLAT_DEVICE, else "
-         "the first GPU, else the first device); render, evaluate and reconstruct --list take several, \"0,1\" or all")
+         "the first GPU, else the first device); render, evaluate, train and reconstruct --list take several, \"0,1\" "
+         "or all")
       ->type_name("DEVICE")
       ->group(group);
   app.add_option("--kernels", common.kernels, "Flavour of the dense kernels (default: $VSPLAT_KERNELS, else by device)")

@@ -46,8 +46,9 @@ vsplat_device_options Session::options(const std::string& device) {
 Session::Session(const Common& common, Devices most) : common_(common) {
   const std::vector<std::string> named = named_devices(common.device);
   if (named.size() > 1 && most == Devices::one)
-    throw UsageError("--device " + common.device + " is " + std::to_string(named.size()) +
-                     " devices, and this takes one: render, evaluate and reconstruct --list share their work out");
+    throw UsageError(
+        "--device " + common.device + " is " + std::to_string(named.size()) +
+        " devices, and this takes one: render, evaluate, train and reconstruct --list share their work out");
   const bool timed = !common_.profile.empty() || !common_.trace.empty();
   if (named.size() > 1 && timed)
     throw UsageError("--profile and --trace are of one device: --device " + common.device + " is " +
@@ -64,11 +65,6 @@ Session::Session(const Common& common, Devices most) : common_(common) {
   }
   for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
   if (timed || (common_.verbose && devices_.size() == 1)) devices_.front().profile(true);
-}
-
-void Session::share(vsplat_evaluate_options& options) const {
-  options.more_devices = handles_.data() + 1;
-  options.num_more_devices = handles_.size() - 1;
 }
 
 void Session::on_compile(void* session, const char* kernel, int32_t compiled) {

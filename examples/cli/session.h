@@ -22,8 +22,12 @@ class Session {
 
   const vsplat::Device& device() const { return devices_.front(); }
   const std::vector<vsplat::Device>& devices() const { return devices_; }
-  // For an evaluation by all of them; they stay this session's.
-  void share(vsplat_evaluate_options& options) const;
+  // For an evaluation or a training by all of them; they stay this session's.
+  template <class Options>
+  void share(Options& options) const {
+    options.more_devices = handles_.data() + 1;
+    options.num_more_devices = handles_.size() - 1;
+  }
   // For the progress fields of options structs: shows the stage with times, and stops where the user interrupts. From
   // any thread.
   static int32_t on_progress(void* session, const char* stage, double done);

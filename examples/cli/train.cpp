@@ -211,7 +211,7 @@ void train(const TrainOptions& o) {
   for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
   expect_run(o, config, outputs);
   outputs.input_data(o.data);
-  Session session(o.common);
+  Session session(o.common, Devices::several);
   std::vector<const char*> data;
   for (const std::string& path : o.data) data.push_back(path.c_str());
   vsplat_train_options options = VSPLAT_TRAIN_OPTIONS_INIT;
@@ -231,6 +231,7 @@ void train(const TrainOptions& o) {
   options.selection = o.selection.empty() ? nullptr : o.selection.c_str();
   options.assume_selected = voxel_share("--assume-selected", o.assume_selected);
   options.assume_intersections = intersections(o);
+  session.share(options);
   const vsplat_train_result result = vsplat::train(session.device(), config, options);
   if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
   say(o.common, "at most " + bytes_text(result.peak) + " of device memory");

@@ -114,11 +114,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
         o.on_object(o.user, object.name.c_str(), &scores);
       };
     // Of all devices, the call's first: what each holds for as long as the call goes on.
-    std::vector<vsplat_device> devices{device};
-    if (o.num_more_devices > 0)
-      for (vsplat_device more : sharing_devices(o.more_devices, o.num_more_devices, "options.more_devices"))
-        devices.push_back(more);
-    sharing_devices(devices.data(), devices.size(), "device and options.more_devices");
+    const std::vector<vsplat_device> devices = with_more(device, o.more_devices, o.num_more_devices);
     std::deque<DeviceUse> uses;
     std::deque<std::vector<Lpips>> lpips;
     std::deque<std::shared_ptr<const Network>> networks;

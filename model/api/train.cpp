@@ -1,9 +1,11 @@
 // Training.
 #include <algorithm>
+#include <deque>
 
 #include "model/api/device.h"
 #include "model/api/plan.h"
 #include "model/api/selected.h"
+#include "model/api/share.h"
 #include "model/train/report.h"
 #include "model/train/stages.h"
 #include "runtime/fail.h"
@@ -138,10 +140,17 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     const vsplat_train_options o = taken(options, VSPLAT_TRAIN_OPTIONS_INIT, "options");
     need(o.output, "options.output");
     const std::vector<TrainConfig> stages = train_stages_from_json(config);
-    const auto options_of = [&](const TrainConfig& stage) { return options_from(o, stage.model); };
+    const std::vector<vsplat_device> devices = with_more(device, o.more_devices, o.num_more_devices);
+    std::deque<DeviceUse> uses;
+    for (std::size_t i = 1; i < devices.size(); ++i) uses.emplace_back(devices[i]);
+    const auto options_of = [&](const TrainConfig& stage) {
+      TrainOptions out = options_from(o, stage.model);
+      for (std::size_t i = 1; i < devices.size(); ++i) out.helpers.push_back(&devices[i]->context);
+      return out;
+    };
     for (const TrainConfig& stage : stages) options_of(stage);  // refuses before anything is done
     const DataSet data = data_of(o, stages);
-    clear(device);
+    for (vsplat_device each : devices) clear(each);
     const TrainResult result = train_stages(device->context, stages, data, options_of);
     vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
     out.step = result.step;

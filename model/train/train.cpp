@@ -359,7 +359,12 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const Checkpoint& start = beginning.checkpoint;
   const TrainConfig& config = start.config;
   const std::optional<std::vector<int>> selection = forced(config, options.selection);
-  Trainer trainer(ctx, start, planned_of(selection, options.planned_selected));
+  if (!options.helpers.empty() && config.parts == 1)
+    fail(Status::usage,
+         "vsplat_train_options.more_devices: {} devices share the parts of a step, and the configuration's parts is 1: "
+         "2 to {} (batch x accumulate) expected",
+         options.helpers.size() + 1, config.batch * config.accumulate);
+  Trainer trainer(ctx, start, planned_of(selection, options.planned_selected), options.helpers);
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
   TrainingReader reader(data, reading(config, options));
   const auto views_of = [&](long step) {

@@ -44,6 +44,7 @@ struct TrainOptions {
   long planned_selected = 0;                           // voxels, as the trainer takes it, where none are given
   long planned_in_sheet = 0;                           // the same of a sheet, which is drawn as at inference
   std::optional<std::uint64_t> assumed_intersections;  // for the check before the start, as Trainer::plan has them
+  std::vector<Context*> helpers;                       // devices that compute parts of a step beside the training's own
   // Every `log_every` steps, and after the last.
   std::function<void(const TrainProgress&)> on_progress;
   // Something was written, or is told once: "checkpoint RUN/checkpoint-00000500.safetensors".

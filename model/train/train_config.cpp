@@ -36,6 +36,7 @@ void each_field(C& c, Visit visit) {
   visit("extend", c.schedule.extend);
   visit("batch", c.batch);
   visit("accumulate", c.accumulate);
+  visit("parts", c.parts);
   visit("optimizer", c.optimizer);
   visit("beta1", c.beta1);
   visit("beta2", c.beta2);
@@ -88,6 +89,7 @@ void check_optimiser(const TrainConfig& c, const FieldChecks& is) {
   for (const long more : s.extend) is.within("each of extend", more, 1, kMostSteps);
   is.within("batch", c.batch, 1, 1024);
   is.within("accumulate", c.accumulate, 1, 1024);
+  is.within("parts", c.parts, 1, c.batch * c.accumulate);
   is.one_of("optimizer", c.optimizer, {"adamw", "muon"});
   for (const auto& [name, value] :
        {std::pair{"beta1", c.beta1}, {"beta2", c.beta2}, {"momentum", c.momentum}, {"ema", c.ema}})

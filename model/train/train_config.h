@@ -20,6 +20,9 @@ struct TrainConfig {
   Schedule schedule;
   long batch = 1;
   long accumulate = 1;
+  // Of how many parts, as equal as they can be and in order, the gradients are computed each for itself and then summed
+  // in the order of parts: several devices share them, and the bits do not depend on how many there are.
+  long parts = 1;
   // adamw; or muon: Muon for the weights that are matrices, AdamW for the others (biases, norms, embeddings, the heads'
   // weights)
   std::string optimizer = "adamw";

@@ -40,10 +40,10 @@ Means read_means(Context& ctx, const LevelLoss& views, std::size_t inputs) {
 }  // namespace
 
 // The slabs of what stays, made at once and to measure.
-Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start) {
+Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start, Role role) {
   if (ctx.planning()) return ctx;
   const auto planner = ctx.planner();
-  const Trainer counted(*planner, start);
+  const Trainer counted(*planner, start, 0, role);
   if (planner->memory().peak() > ctx.memory().limits().total)
     fail(Status::memory,
          "not enough device memory: the weights, their gradients and the optimiser's state take {:.3f} GiB, {:.3f} GiB "
@@ -67,8 +67,14 @@ SideBySide Trainer::like(const LearntRun& run, const char* what, const Weights& 
   return out;
 }
 
-Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
-    : ctx_(with_slabs(ctx, start)),
+Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, const std::vector<Context*>& helpers)
+    : Trainer(ctx, start, planned_selected, Role::optimiser) {
+  for (Context* helper : helpers)
+    helpers_.push_back(std::unique_ptr<Trainer>(new Trainer(*helper, start, planned_selected, Role::helper)));
+}
+
+Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, Role role)
+    : ctx_(with_slabs(ctx, start, role)),
       config_(start.config),
       planned_(planned_selected),
       step_(start.step),
@@ -76,6 +82,7 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected)
                [&start](const Parameter& p) { return mover_of(start.config, p); }),
       state_(start.state) {
   for (const LearntRun& run : weights_.runs()) {
+    if (role == Role::helper) break;
     Moments& moments = moments_.emplace_back();
     if (run.kind == muon) moments.m = like(run, "momentum", start.momentum);
     if (run.kind == adamw || run.kind == adamw_decaying)
@@ -130,16 +137,17 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
   return out;
 }
 
-StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute) {
-  StepReport report;
+Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last,
+                                     bool recompute) {
+  PartSums out;
+  StepReport& report = out.report;
   report.step = step_ + 1;
   report.lr = learning_rate(config_.schedule, report.step);
   report.temperature = vsplat::temperature(config_.schedule, report.step);
   weights_.zero_gradients(ctx_);
   const auto network = make_network(ctx_, config_.model, weights_);
-  double mse = 0, mse_coarse = 0;
   const double share = 1.0 / static_cast<double>(items.size());
-  for (std::size_t i = 0; i < items.size(); ++i) {
+  for (std::size_t i = first; i < last; ++i) {
     PassOptions options;
     set_loss(options, report.step);
     options.forward.selection = items[i].selection;
@@ -156,15 +164,30 @@ StepReport Trainer::gradients(const std::vector<StepItem>& items, bool recompute
     if (result.rays)
       report.loss +=
           share * config_.model.as<Config>()->share_loss_weight * static_cast<double>(ctx_.read<float>(result.rays)[0]);
-    mse += share * fine.mse;
-    mse_coarse += share * coarse.mse;
+    out.mse += share * fine.mse;
+    out.mse_coarse += share * coarse.mse;
     report.selected += share * static_cast<double>(result.selected) / static_cast<double>(config_.model.selectable());
     report.most_selected = std::max(report.most_selected, result.selected);
     report.intersections = std::max(report.intersections, result.intersections);
   }
-  report.psnr = psnr_of(mse);
-  report.psnr_coarse = psnr_of(mse_coarse);
-  return report;
+  return out;
+}
+
+Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last) {
+  try {
+    return gradients(items, first, last, false);
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    memory_ = {};
+    return gradients(items, first, last, true);
+  }
+}
+
+StepReport Trainer::PartSums::means() const {
+  StepReport out = report;
+  out.psnr = psnr_of(mse);
+  out.psnr_coarse = psnr_of(mse_coarse);
+  return out;
 }
 
 void Trainer::clip(Context& ctx, const Tensor& out) const {
@@ -217,14 +240,8 @@ void Trainer::plan_optimizer() const {
 StepReport Trainer::step(const std::vector<StepItem>& items) {
   if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
     fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
-  StepReport report;
-  try {
-    report = gradients(items, false);
-  } catch (const Error& e) {
-    if (e.status() != Status::memory) throw;
-    memory_ = {};  // nothing has moved: once more, as small as it goes
-    report = gradients(items, true);
-  }
+  const bool whole_step = config_.parts == 1 && helpers_.empty();
+  StepReport report = (whole_step ? gradients(items, 0, items.size()) : gradients_in_parts(items)).means();
   const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
   clip(ctx_, norm);
   report.gradient_norm = static_cast<double>(ctx_.read<float>(norm)[0]);
@@ -235,6 +252,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
   for (std::size_t r = 0; r < average_.size(); ++r)
     average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);
   ctx_.finish();
+  if (!helpers_.empty()) moved_ = read_moved(&LearntTensor::value);
   step_ = report.step;
   return report;
 }

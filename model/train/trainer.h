@@ -39,8 +39,9 @@ struct StepReport {
 class Trainer {
  public:
   // Goes on from `start`; its step 0 has no moments. Uploads. `ctx` may be a planner, for plan().
-  // `planned_selected`: voxels that memory is made for before the first selection is known.
-  Trainer(Context& ctx, const Checkpoint& start, long planned_selected = 0);
+  // `planned_selected`: voxels that memory is made for before the first selection is known. `helpers`: other devices,
+  // which compute parts of a step's gradients beside `ctx`; the optimiser is on `ctx` alone.
+  Trainer(Context& ctx, const Checkpoint& start, long planned_selected = 0, const std::vector<Context*>& helpers = {});
 
   const TrainConfig& config() const { return config_; }
   long step() const { return step_; }  // steps done
@@ -53,6 +54,9 @@ class Trainer {
   // begins anew where there are more. Where it does not fit, activations are computed a second time instead of kept,
   // and then, pictures are drawn in parts where they must: that depends on the object, the weights and the limit, not
   // on the steps before.
+  // Helpers take the parts that they are fast enough for; where they are of other kinds than `ctx` (device, driver,
+  // flavour of kernels), those that they took in the first step, and the checkpoint keeps of which kind each part's
+  // device was. One whose device fails gets no more: a warning, and the others go on.
   StepReport step(const std::vector<StepItem>& items);
 
   // Everything, read back.
@@ -89,7 +93,10 @@ class Trainer {
     // what was made before.
     bool kept_between = false;
   };
-  static Context& with_slabs(Context& ctx, const Checkpoint& start);
+  // Whether it moves weights, or computes gradients for one that does.
+  enum class Role { optimiser, helper };
+  Trainer(Context& ctx, const Checkpoint& start, long planned_selected, Role role);
+  static Context& with_slabs(Context& ctx, const Checkpoint& start, Role role);
   static Mover mover_of(const TrainConfig& config, const Parameter& parameter);
   SideBySide like(const LearntRun& run, const char* what, const Weights& values) const;
   struct StepObject {
@@ -103,8 +110,25 @@ class Trainer {
   void clip(Context& ctx, const Tensor& out) const;
   // One step of the optimiser by the gradients that are there, clipped by `norm`.
   void move_weights(Context& ctx, const StepReport& report, const Tensor& norm) const;
-  // Means over the objects; the gradients are those of the weights then.
-  StepReport gradients(const std::vector<StepItem>& items, bool recompute);
+  // What a part of a step's objects comes to: sums over them, each by its share in the step.
+  struct PartSums {
+    StepReport report;  // but for its PSNR
+    double mse = 0, mse_coarse = 0;
+    void add(const PartSums& next);
+    StepReport means() const;
+  };
+  // Of the objects [first, last); the gradients are those of the weights then. Where memory does not suffice, once more
+  // as small as it goes.
+  PartSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last);
+  PartSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last, bool recompute);
+  // Of all objects, part by part on all devices.
+  PartSums gradients_in_parts(const std::vector<StepItem>& items);
+  std::vector<std::size_t> owners(const std::vector<Trainer*>& workers) const;
+  void keep_kinds(const std::vector<Trainer*>& workers, const std::vector<std::size_t>& by);
+  std::string kind() const;  // of its device
+  // Of the weights that are moved, one tensor after the other, the same order on every device.
+  std::vector<float> read_moved(Tensor LearntTensor::*what) const;
+  void write_moved(Tensor LearntTensor::*what, const std::vector<float>& values) const;
   // Forward and drawing in memory that was made for it; `memory` becomes what it took. `planned`: selected voxels, on a
   // context that plans.
   DrawnPass draw_in_memory(Context& ctx, const Network& network, const StepObject& object, PassOptions options,
@@ -126,6 +150,9 @@ class Trainer {
   std::vector<Moments> moments_;     // of each run
   std::vector<SideBySide> average_;  // of each run, where there is one
   std::map<std::string, std::string> state_;
+  std::vector<std::unique_ptr<Trainer>> helpers_;
+  std::vector<float> moved_;  // the weights for the helpers
+  bool computes_ = true;      // parts; not once its device had failed
 };
 
 }  // namespace vsplat

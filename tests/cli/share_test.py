@@ -6,6 +6,7 @@ import subprocess
 import time
 
 import support
+import train_support
 
 TWO = {"POCL_DEVICES": "pthread pthread", "VSPLAT_DEVICE": ""}
 MIXED = {"POCL_DEVICES": "basic pthread", "VSPLAT_DEVICE": ""}
@@ -138,6 +139,29 @@ class Share(support.Case):
         self.refuses(2, "twice", *one, "--output", self.path("out"), "-d", "0,0", env=TWO)
         self.refuses(1, ["no device is", "7"], *one, "--output", self.path("out"), "-d", "0,7", env=TWO)
         self.refuses(2, "one device", *one, "--output", self.path("out"), "-d", "0,1", "--profile", self.path("p.json"), env=TWO)
+
+
+class Train(train_support.Case):
+    def test_the_same_bytes_on_any_number_of_devices(self):
+        config = self.config(batch=2, accumulate=2, parts=3)
+        for run, devices, env in (("one", "0", TWO), ("two", "0,1", TWO), ("three", "all", {**TWO, "POCL_DEVICES": "pthread pthread pthread"})):
+            _, err = self.succeeds(*self.train(config, run, "-d", devices), env=env)
+            self.assertEqual(err.count("driver"), {"one": 1, "two": 2, "three": 3}[run], err)
+        self.same_training("one", "two", 6)
+        self.same_training("one", "three", 6)
+
+    def test_resumed_on_another_number_of_devices(self):
+        config = self.config(batch=3, parts=3, steps=4)
+        self.succeeds(*self.train(config, "whole", "-d", "0"), env=TWO)
+        self.succeeds(*self.train(config, "resumed", "-d", "0,1"), env=TWO)
+        for name in ("checkpoint-00000004.safetensors", "model.safetensors"):
+            os.remove(self.path("resumed", name))
+        self.succeeds(*self.train(config, "resumed", "-d", "0", "--resume"), env=TWO)
+        self.same_training("whole", "resumed", 4)
+
+    def test_one_part_is_one_device(self):
+        self.refuses(2, ["--device", "parts is 1", "2 to 4"], *self.train(self.config(batch=4), "run", "-d", "0,1"), env=TWO)
+        self.refuses(1, ["parts", "1 to 2"], *self.train(self.config(batch=2, parts=3), "run"))
 
 
 if __name__ == "__main__":

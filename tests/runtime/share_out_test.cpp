@@ -129,6 +129,30 @@ TEST(ShareOut, ALostDeviceHoldsNobodyUp) {  // the others wait for its item, whi
   ASSERT_EQ(record.told.size(), 30u);
 }
 
+TEST(ShareOut, OwnersDoWhatIsTheirs) {
+  const std::vector<std::size_t> owner{0, 0, 2, 2, 1, 0, 2};
+  for (const bool gone : {false, true}) {
+    Record record(owner.size());
+    share_out({.items = owner.size(),
+               .workers = 3,
+               .owner = owner,
+               .work =
+                   [&](std::size_t worker, std::size_t item) {
+                     if (gone && worker == 2) fail(Status::device, "gone");
+                     wait_ms(worker == 0 ? 5 : 1);
+                     record.note(worker, item);
+                   },
+               .done = [&](std::size_t item) { record.told.push_back(item); }});
+    record.expect_all_once_in_order();
+    for (std::size_t i = 0; i < owner.size(); ++i) {
+      if (gone && owner[i] == 2)
+        EXPECT_NE(record.by[i], 2u) << i;
+      else
+        EXPECT_EQ(record.by[i], owner[i]) << i;
+    }
+  }
+}
+
 TEST(ShareOut, WithNoDeviceLeftItIsAnError) {
   std::atomic<int> lost{0};
   try {

@@ -31,6 +31,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"extend", json::array()},
                          {"batch", 1},
                          {"accumulate", 1},
+                         {"parts", 1},
                          {"beta1", 0.9},
                          {"beta2", 0.95},
                          {"eps", 1e-8},
@@ -71,7 +72,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.model = with_fields(named_config("tiny"), {"selection=ste", "opacity_threshold=0.1"});
   c.seed = 18446744073709551615u;
   c.schedule = {0.1 + 0.2, 7, 77, 0.9, 1e-3, 13, {5, 1000000000}};
-  c.batch = 3, c.accumulate = 2;
+  c.batch = 3, c.accumulate = 2, c.parts = 5;
   c.beta1 = 0.1, c.beta2 = 1.0 / 3, c.eps = 1e-300, c.weight_decay = 0, c.clip_norm = 1e9, c.ssim_weight = 0.25,
   c.alpha_weight = 0.1;
   c.optimizer = "muon", c.momentum = 0.9;
@@ -243,6 +244,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"extend": [5, 0]})", "each of extend must be 1 to 1000000000 (found 0)"},
       {R"({"batch": 0})", "batch must be 1 to 1024 (found 0)"},
       {R"({"accumulate": 0})", "accumulate must be 1 to 1024 (found 0)"},
+      {R"({"batch": 2, "accumulate": 3, "parts": 7})", "parts must be 1 to 6 (found 7)"},
       {R"({"beta1": 1})", "beta1 must be at least 0 and below 1 (found 1)"},
       {R"({"beta2": -0.5})", "beta2 must be at least 0 and below 1 (found -0.5)"},
       {R"({"optimizer": "sgd"})", "optimizer must be one of adamw, muon (found \"sgd\")"},

@@ -56,9 +56,17 @@ typedef struct vsplat_train_options {
   size_t num_extend;
   const char* textures; /* NULL, or a folder of pictures that procedural objects are covered with, half of their parts
                            with one of them each */
+  /* [num_more_devices] devices or streams that compute parts of each step beside the call's device, where the
+     configuration's `parts` is more than 1; the call has them, too. On devices of one kind the bits are those of one of
+     them. One that fails is told as a warning, and the others go on. NULL: none */
+  const vsplat_device* more_devices;
+  size_t num_more_devices;
 } vsplat_train_options;
-#define VSPLAT_TRAIN_OPTIONS_INIT \
-  { sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL, NULL, 0, NULL }
+#define VSPLAT_TRAIN_OPTIONS_INIT                                                                                 \
+  {                                                                                                               \
+    sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL, NULL, 0, NULL, \
+        NULL, 0                                                                                                   \
+  }
 
 typedef struct vsplat_train_result {
   size_t size;
