@@ -221,9 +221,10 @@ struct Context::Impl {
     profiler.add_host(name, stage, cost, start, now_ns());
   }
 
-  // Built at first use; for check_marks() so that the driver tells what each argument is.
+  // Built at first use, so that the driver tells what each argument is: for check_marks(), and always, so that what it
+  // looks at is what was compiled before.
   cl::Kernel& kernel(const KernelId& id) {
-    const std::string defines = checks_nan ? id.defines + " -cl-kernel-arg-info" : id.defines;
+    const std::string defines = id.defines + " -cl-kernel-arg-info";
     const std::string key = std::string(id.file) + "\n" + id.name + "\n" + defines;
     const auto it = kernels.find(key);
     if (it != kernels.end()) return it->second;
