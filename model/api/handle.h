@@ -103,11 +103,17 @@ const T& element(const T* first, std::size_t i) {
   return *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
 }
 
+// That give() will have somewhere to write to; asked before what it gives is computed.
+template <class T>
+void need_room(const T* out, const char* what) {
+  need(out, what);
+  check_size(*out, what);
+}
+
 // What the caller's struct has room for; its size stays.
 template <class T>
 void give(T* out, const T& value, const char* what) {
-  need(out, what);
-  check_size(*out, what);
+  need_room(out, what);
   const std::size_t size = out->size;
   std::memcpy(out, &value, size < sizeof(T) ? size : sizeof(T));
   out->size = size;

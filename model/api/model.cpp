@@ -221,6 +221,7 @@ vsplat_status vsplat_model_get_info(vsplat_model model, vsplat_model_info* out_i
 
 vsplat_status vsplat_model_inspect(const char* path, vsplat_model_info* out_info, char** out_text) {
   return guarded([&] {
+    if (out_info) check_size(*out_info, "out_info");
     const ModelInfo info = model_info(opened(path));
     const vsplat_hash_state hash = info.sha256.empty() ? VSPLAT_HASH_ABSENT : VSPLAT_HASH_STATED;
     if (out_info)

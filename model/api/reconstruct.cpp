@@ -107,6 +107,7 @@ vsplat_status vsplat_plan_reconstruct(vsplat_device device, vsplat_model model, 
   return guarded([&] {
     const DeviceUse use(device);
     need(model, "model");
+    need_room(out_plan, "out_plan");
     const AnyConfig config = config_of(model);
     const int most = config.taken().most;
     if (views < 1 || views > most) fail(Status::usage, "{} views: 1 to {} expected", views, most);

@@ -164,6 +164,7 @@ vsplat_status vsplat_refinement_step(vsplat_refinement refinement, vsplat_refine
     SceneFit& fit = fit_of(refinement);
     const DeviceUse use(refinement->device.get());
     need(out_more, "out_more");
+    if (out_progress) check_size(*out_progress, "out_progress");
     const bool more = fit.step();
     if (out_progress) give(out_progress, progress_of(fit.progress()), "out_progress");
     *out_more = more ? 1 : 0;
@@ -202,6 +203,7 @@ vsplat_status vsplat_refinement_get_result(vsplat_refinement refinement, vsplat_
   return guarded([&] {
     SceneFit& fit = fit_of(refinement);
     const DeviceUse use(refinement->device.get());
+    need_room(out_result, "out_result");
     const FitResult r = fit.result();
     vsplat_refine_result out = VSPLAT_REFINE_RESULT_INIT;
     out.steps = r.steps;
@@ -253,6 +255,7 @@ vsplat_status vsplat_refinement_get_view(vsplat_refinement refinement, size_t in
     const auto known = [&](int view) { return static_cast<size_t>(view) == index; };
     if (std::none_of(used.begin(), used.end(), known))
       fail(Status::usage, "view {} is not among the {} that are used", index, used.size());
+    if (out_camera) check_size(*out_camera, "out_camera");
     const int view = static_cast<int>(index);
     const vsplat_camera camera = describe(fit.camera(view));
     if (out_pixels) {
@@ -283,6 +286,7 @@ vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, i
                                      int32_t height, vsplat_plan* out_plan) {
   return guarded([&] {
     const DeviceUse use(device);
+    need_room(out_plan, "out_plan");
     if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
     if (gaussians < 1 || gaussians > INT32_MAX)
       fail(Status::usage, "gaussians is {}: 1 to {} expected", gaussians, INT32_MAX);

@@ -97,6 +97,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     const DeviceUse use(device);
     need(scene, "scene");
     need_array(cameras, count, "cameras");
+    need_room(out_plan, "out_plan");
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     const RenderOptions how = options_of(o, *scene->scene);
     std::vector<Camera> views;
@@ -129,6 +130,7 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
                                  vsplat_plan* out_plan) {
   return guarded([&] {
     const DeviceUse use(device);
+    need_room(out_plan, "out_plan");
     if (sh_degree < 0 || sh_degree > 3) fail(Status::usage, "sh_degree is {}: 0 to 3 expected", sh_degree);
     if (count > INT32_MAX) fail(Status::usage, "count is {}: at most {} Gaussians", count, INT32_MAX);
     Camera camera;

@@ -139,6 +139,7 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     need(options, "options");
     const vsplat_train_options o = taken(options, VSPLAT_TRAIN_OPTIONS_INIT, "options");
     need(o.output, "options.output");
+    if (out_result) check_size(*out_result, "out_result");
     const std::vector<TrainConfig> stages = train_stages_from_json(config);
     const std::vector<vsplat_device> devices = with_more(device, o.more_devices, o.num_more_devices);
     std::deque<DeviceUse> uses;
@@ -167,6 +168,7 @@ vsplat_status vsplat_train_plan(vsplat_device device, const char* config, const 
     const DeviceUse use(device);
     need(config, "config");
     const vsplat_train_plan_options o = taken(options, VSPLAT_TRAIN_PLAN_OPTIONS_INIT, "options");
+    need_room(out_plan, "out_plan");
     clear(device);
     const Trainer::Plan plan = plan_of_stages(device->context, config, o);
     give(out_plan, plan_of(device->context, plan.stages, plan.peak, plan.fits, host_bytes(config)), "out_plan");

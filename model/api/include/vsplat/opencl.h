@@ -75,8 +75,9 @@ typedef struct vsplat_opencl_gaussians {
   { sizeof(vsplat_opencl_gaussians), NULL, NULL, NULL, NULL, NULL }
 
 /* vsplat_render_backward from buffers into buffers: those of `gradient` that are NULL count as zeros, those of
-   `out` that are NULL are not wanted; what is written replaces what was there. Returns, and has an event, as
-   vsplat_opencl_render. VSPLAT_ERROR_MEMORY where the scene does not lie on the device whole. */
+   `out` that are NULL are not wanted; what is written replaces what was there. Returns, and has an event or,
+   `out_event` NULL, none, as vsplat_opencl_render. VSPLAT_ERROR_MEMORY where the scene does not lie on the device
+   whole. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_opencl_render_backward(
     vsplat_device device, vsplat_scene scene, const vsplat_camera* camera, const vsplat_render_options* options,
     const vsplat_opencl_picture* gradient, const vsplat_opencl_gaussians* out, cl_uint num_events,

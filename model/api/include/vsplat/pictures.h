@@ -33,7 +33,7 @@ VSPLAT_API void vsplat_sheet_release(vsplat_sheet sheet);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_sheet_add(vsplat_sheet sheet, const vsplat_picture* picture,
                                                            int32_t width, int32_t height);
 /* The same with a line of text below it, printable ASCII in glyphs of 6 x 10 pixels, cut where it is longer than the
-   picture is wide; NULL: none. */
+   picture is wide; `label` NULL: none. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_sheet_add_labelled(vsplat_sheet sheet, const vsplat_picture* picture,
                                                                     int32_t width, int32_t height, const char* label);
 /* Writes all that were added, row by row, as 8-bit PNG, whole or not at all; an existing file is replaced.

@@ -90,9 +90,10 @@ typedef struct vsplat_refine_options {
 /* A refinement under way. Belongs to its device. */
 typedef struct vsplat_refinement_impl* vsplat_refinement;
 
-/* Reads the pictures' sizes and makes the start. Nothing of `options` need live on, but handles are kept alive. Errors:
-   of `input`, as vsplat_input_prepare; VSPLAT_ERROR_USAGE where no view is left to fit to or a view is not there;
-   VSPLAT_ERROR_INPUT where the start has no Gaussian; VSPLAT_ERROR_MEMORY with both figures. */
+/* Reads the pictures' sizes and makes the start, which `options` are needed to tell. Nothing of them need live on, but
+   handles are kept alive. Errors: of `input`, as vsplat_input_prepare; VSPLAT_ERROR_USAGE where no view is left to fit
+   to or a view is not there; VSPLAT_ERROR_INPUT where the start has no Gaussian; VSPLAT_ERROR_MEMORY with both
+   figures. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
                                                                    const vsplat_refine_options* options,
                                                                    vsplat_refinement* out_refinement);

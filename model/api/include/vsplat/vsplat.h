@@ -8,6 +8,7 @@
    only. Bad input leaves every object as it was. vsplat_last_error() holds the sentence for a person, per thread.
    - Structs begin with their size: fill them from their _INIT macro, then set what you need. A library that is newer or
      older than the caller takes the fields that both know. In an array of structs the first one's size is the stride.
+   Options that are NULL are all defaults, but where a call has no defaults for them and says so.
    - Cameras: OpenCV axes (x right, y down, z forward), pixels with centres at +0.5, matrices row-major, world to
    camera.
    - Pictures: [height][width][channels] float, colour sRGB-encoded in [0,1].
@@ -15,7 +16,9 @@
    - Text that goes in is UTF-8, ended by NUL, and only read during the call.
    - Threads: different devices, and streams of one (vsplat_stream_create), may be used by different threads at the same
      time; calls that take the same one, or a handle made with it, one at a time: a call that finds the device taken ends
-     at once with VSPLAT_ERROR_BUSY, and so does one from a callback of the call that has it. Handles that belong to no
+     at once with VSPLAT_ERROR_BUSY, and so does one from a callback of the call that has it. Not taken is it by
+     vsplat_device_get_info, vsplat_opencl_get_handles, vsplat_stream_create, vsplat_device_cancel, and what retains and
+     releases. Handles that belong to no
      device (model, views, cameras, scene) may be read by several threads. Calls block until their result is there, but
      for those that begin a job (vsplat/jobs.h); another thread may stop them (vsplat_device_cancel). Callbacks come on
      the calling thread, but for those of work that several devices share (vsplat/share.h).
@@ -98,7 +101,7 @@ typedef struct vsplat_file_rules {
 #define VSPLAT_FILE_RULES_INIT \
   { sizeof(vsplat_file_rules), NULL, NULL, NULL, 0 }
 
-/* For the whole process; NULL: the defaults. The functions are called as vsplat_log_set's is. */
+/* For the whole process; `rules` NULL: the defaults. The functions are called as vsplat_log_set's is. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules);
 
 /* How much of the host's memory may be used, for the whole process: bytes; 0, as at the start: three quarters of what
