@@ -50,7 +50,8 @@ def _library() -> c.CDLL:
     names = [os.environ.get("VSPLAT_LIBRARY")]
     command = shutil.which("vsplat")
     if command:
-        names += [str(p) for p in sorted(pathlib.Path(command).resolve().parent.parent.glob("lib*/**/libvsplat.so.?"))]
+        prefix = pathlib.Path(command).resolve().parent.parent
+        names += [str(p) for depth in ("lib*", "lib*/*") for p in sorted(prefix.glob(depth + "/libvsplat.so.?"))]
     names += [c.util.find_library("vsplat"), "libvsplat.so.0"]
     problem = None
     for name in filter(None, names):

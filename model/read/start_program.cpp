@@ -46,7 +46,12 @@ std::string program_path() {
   std::error_code problem;
   fs::path real = fs::canonical(library.dli_fname, problem);
   if (problem) real = library.dli_fname;
-  return (real.parent_path() / VSPLAT_READ_FROM_LIBRARY / "vsplat-read").lexically_normal().string();
+  // A library that lies where none is installed is one of a build, or was packed together with what it needs.
+  const fs::path folder = real.parent_path();
+  const bool installed = folder.string().ends_with(VSPLAT_LIBRARY_FOLDER);
+  return (folder / (installed ? VSPLAT_READ_FROM_LIBRARY : "../libexec/vsplat") / "vsplat-read")
+      .lexically_normal()
+      .string();
 }
 
 // What posix_spawn is told, freed at the end.

@@ -1,0 +1,68 @@
+# Debian packages, by CPack: `cmake --build build/release --target package` puts them into build/release/packages.
+#   libvsplat0      the library, with the model inside, and the program that reads meshes and HDF5 files for it
+#   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
+#   vsplat          the command with its manual and completions, the Python module, and four pictures to try it on
+# tests/install/packages.sh installs them in a bare system.
+set(VSPLAT_MAINTAINER "" CACHE STRING "Who answers for packages, NAME <ADDRESS>; empty: the author of the newest commit")
+set(maintainer ${VSPLAT_MAINTAINER})
+if(NOT maintainer)
+  execute_process(COMMAND git log -1 "--format=%an <%ae>" WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
+    OUTPUT_VARIABLE maintainer OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+endif()
+if(NOT maintainer)
+  message(STATUS "No packages: VSPLAT_MAINTAINER is empty, and there is no commit that has an author")
+  return()
+endif()
+
+# The licence: once where all is installed, and once for each package.
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT licence)
+set(library_package libvsplat${PROJECT_VERSION_MAJOR})
+foreach(part library:${library_package} dev:libvsplat-dev tools:vsplat)
+  string(REPLACE ":" ";" part ${part})
+  list(GET part 0 component)
+  list(GET part 1 name)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/${name} RENAME copyright
+    COMPONENT ${component} EXCLUDE_FROM_ALL)
+  string(TOUPPER ${component} upper)
+  set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${name})
+endforeach()
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/packages)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_COMPONENTS_ALL library dev tools)
+set(CPACK_COMPONENTS_GROUPING IGNORE)  # a package each
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_PACKAGE_CONTACT ${maintainer})
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER ${maintainer})
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR}/model/api)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY ">=")  # within a major version the interface only grows
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")  # the first line of each package's description
+
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_RECOMMENDS "pocl-opencl-icd | opencl-icd")  # it works with any, and with none not at all
+set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: library
+Four posed photographs of an object in, a 3D Gaussian splat and pictures of it
+from anywhere out, in one forward pass of a network, on any OpenCL 1.2 device:
+a GPU, or the processor alone. Trains and measures such models, too.
+.
+This package has the library, with a small trained model inside.")
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "opencl-c-headers, pkg-config | cmake")
+set(CPACK_DEBIAN_DEV_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: development files
+What programs in C and C++ on libvsplat are built with: headers, a CMake package,
+a pkg-config file, and examples. vsplat/opencl.h needs OpenCL's headers.")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "python3-numpy")
+set(CPACK_DEBIAN_TOOLS_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: command
+The command vsplat: makes scenes of posed photographs, refines and draws them,
+makes data sets, trains and measures models, and measures itself. With a Python
+module in /usr/share/vsplat/python.")
+include(CPack)

@@ -1,0 +1,135 @@
+#!/bin/sh
+# Makes the Debian packages of a build and tries them in a bare Debian 12 that debootstrap makes: they install with what they depend on, the
+# command works on an example, programs are built on the library and run, and removed they leave nothing behind.
+#   tests/install/packages.sh BUILD_DIR
+# Downloads some 350 MiB. Ends with 77 where there is no debootstrap, no right to mount and chroot, or no way to the packages of Debian.
+# $VSPLAT_DEBIAN_MIRROR says where these are, if not at deb.debian.org.
+set -eu
+build=$(cd "$1" && pwd)
+here=$(cd "$(dirname "$0")" && pwd)
+mirror=${VSPLAT_DEBIAN_MIRROR:-http://deb.debian.org/debian}
+skip() {
+  echo "skipped: $*" >&2
+  exit 77
+}
+fail() {
+  echo "packages: $*" >&2
+  exit 1
+}
+[ "$(id -u)" = 0 ] || skip "only root may chroot"
+command -v debootstrap >/dev/null || skip "there is no debootstrap"
+# In a name space of its own what is mounted goes when this ends, however it does.
+if [ "${VSPLAT_MOUNTS_ALONE-}" != yes ]; then
+  unshare --mount true 2>/dev/null || skip "nothing can be mounted here"
+  VSPLAT_MOUNTS_ALONE=yes exec unshare --mount --propagation private "$0" "$build"
+fi
+work=$(mktemp -d)
+chmod 755 "$work"
+root=$work/debian
+finish() {
+  for folder in proc sys dev; do
+    if mountpoint -q "$root/$folder"; then umount -l "$root/$folder" || return; fi
+  done
+  rm -rf --one-file-system "$work"
+}
+trap finish EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+mkdir -p "$root/proc"
+mount -t proc proc "$root/proc" 2>/dev/null || skip "nothing can be mounted here"
+umount "$root/proc"
+/usr/lib/apt/apt-helper download-file "$mirror/dists/bookworm/Release" "$work/Release" >/dev/null 2>&1 || skip "$mirror cannot be reached"
+
+cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
+rm -rf "$work/packages/_CPack_Packages"
+libdir=$(sed -n 's/^CMAKE_INSTALL_LIBDIR:[A-Z]*=//p' "$build/CMakeCache.txt")
+for name in libvsplat0 libvsplat-dev vsplat; do
+  set -- "$work/packages/$name"_*.deb
+  [ $# -eq 1 ] && [ -f "$1" ] || fail "no package $name, or several: $*"
+  dpkg-deb --info "$1" | sed -n 's/^ \(Package\|Version\|Maintainer\|Installed-Size\|Depends\|Recommends\):/  \1:/p'
+  echo "  $(stat -c %s "$1") bytes"
+  dpkg-deb --contents "$1" >"$work/contents"
+  grep -q " ./usr/share/doc/$name/copyright$" "$work/contents" || fail "$name has no copyright"
+  if grep -v " \./$\| \./usr/" "$work/contents"; then fail "$name has the files above, which are not in /usr"; fi
+done
+case $libdir in
+  lib/*-linux-gnu) ;;
+  *) echo "note: this build was configured with CMAKE_INSTALL_LIBDIR=$libdir, which is not Debian's folder" >&2 ;;
+esac
+
+debootstrap --variant=minbase bookworm "$root" "$mirror" >"$work/debootstrap.log" 2>&1 || { tail -n 20 "$work/debootstrap.log" >&2; exit 1; }
+mount -t proc proc "$root/proc"
+mount -t sysfs -o ro sysfs "$root/sys"
+mount --bind /dev "$root/dev"
+cp /etc/resolv.conf "$root/etc/resolv.conf" 2>/dev/null || true
+printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d"  # no service is to start
+chmod 755 "$root/usr/sbin/policy-rc.d"
+mkdir "$root/try"
+cp "$work"/packages/*.deb "$root/try/"
+cp -r "$here" "$root/try/project"
+cat >"$root/try/run.sh" <<'END'
+#!/bin/sh
+# In the bare system: run.sh LIBDIR
+set -eu
+export DEBIAN_FRONTEND=noninteractive HOME=/try/home LC_ALL=C.UTF-8
+apt="apt-get -q -y -o Dpkg::Use-Pty=0"
+said() {
+  if ! "$@" >/try/log 2>&1; then
+    tail -n 40 /try/log
+    echo "failed: $*"
+    exit 1
+  fi
+}
+mkdir -p $HOME
+cd /try
+said $apt update
+said $apt install --no-install-recommends gcc g++ libc6-dev make cmake pkg-config
+find /usr /etc /var/lib /opt | sort >/try/before
+said $apt install ./libvsplat0_*.deb ./libvsplat-dev_*.deb ./vsplat_*.deb
+said dpkg --audit
+dpkg -L libvsplat0 libvsplat-dev vsplat | sort -u >/try/ours
+
+echo "-- the command"
+[ -e "/usr/$1/libvsplat.so.0" ]
+vsplat --version
+vsplat devices
+vsplat reconstruct /usr/share/doc/vsplat/examples/garden_gnome --output gnome.ply --refine --render orbit:8 --turntable gnome.webp \
+  --size 128x128 --quiet
+[ -s gnome.ply ] && [ -s gnome.webp ]
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >mesh.obj
+vsplat dataset render mesh.obj --output set --views 1 --size 16 --quiet
+if vsplat weights verify >weights 2>&1; then cat weights; else grep -q "without" weights; fi
+for file in man/man1/vsplat.1 man/man1/vsplat-reconstruct.1 bash-completion/completions/vsplat zsh/site-functions/_vsplat \
+  fish/vendor_completions.d/vsplat.fish vsplat/python/vsplat.py doc/libvsplat0/copyright doc/vsplat/CREDITS.md; do
+  [ -s "/usr/share/$file" ] || { echo "/usr/share/$file is missing"; exit 1; }
+done
+
+echo "-- a program in C, by pkg-config"
+pkg-config --modversion vsplat
+for program in fit reconstruct; do
+  cc -std=c99 -O1 "/usr/share/doc/vsplat/examples/$program.c" $(pkg-config --cflags --libs vsplat) -lm -o $program
+done
+./fit before.png after.png
+./reconstruct /usr/share/doc/vsplat/examples/garden_gnome scene.ply picture.png
+[ -s before.png ] && [ -s after.png ] && [ -s scene.ply ] && [ -s picture.png ]
+
+echo "-- programs in C and C++, by find_package"
+said cmake -S project -B build
+said cmake --build build
+build/user_c
+build/user_cpp
+if ldd build/user_cpp fit /usr/bin/vsplat | grep vsplat.so | grep -v "/$1/"; then echo "not the installed library"; exit 1; fi
+
+echo "-- removed"
+said $apt purge vsplat libvsplat-dev libvsplat0
+while read -r path; do
+  if [ -L "$path" ] || [ -f "$path" ]; then echo "$path is still there"; exit 1; fi
+done </try/ours
+said $apt autoremove --purge
+find /usr /etc /var/lib /opt | sort >/try/after
+comm -13 before after | grep vsplat >left || true
+if [ -s left ]; then echo "left behind:"; cat left; exit 1; fi
+END
+chmod 755 "$root/try/run.sh"
+env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin chroot "$root" /try/run.sh "$libdir"
+echo "installed, used, removed"
