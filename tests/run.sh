@@ -14,7 +14,7 @@ while :; do
   case ${1-} in
     --asan) preset=asan ;;
     --all) label_exclude='^$' ;;
-    --strict) strict=ON quick=-DVSPLAT_QUICK_BUILD=ON ;;
+    --strict) strict=ON quick="-DVSPLAT_QUICK_BUILD=ON -DVSPLAT_MPI=ON" ;;
     *) break ;;
   esac
   shift

@@ -18,6 +18,7 @@ namespace {
 const auto start_time = std::chrono::steady_clock::now();
 volatile std::sig_atomic_t stop_asked = 0;
 bool progress_shown = false;
+Ranks joined_ranks;
 int log_threshold = VSPLAT_LOG_INFO;
 
 void on_signal(int number) {
@@ -88,6 +89,19 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
 void refuse_profile_of_dry_run(const Common& common) {
   for (const auto& [option, path] : {std::pair{"--profile", &common.profile}, {"--trace", &common.trace}})
     if (!path->empty()) throw UsageError(std::string(option) + " has nothing to time with --dry-run: give one of them");
+}
+
+Ranks join_ranks(Common& common) {
+  vsplat::check(vsplat_ranks_join(&joined_ranks.rank, &joined_ranks.count));
+  if (!joined_ranks.leads()) {
+    common.quiet = true, common.json = false;
+    log_threshold = VSPLAT_LOG_WARNING;
+  }
+  return joined_ranks;
+}
+
+void leave_ranks(int exit_code) {
+  if (joined_ranks.several() && exit_code != 0) vsplat_ranks_abort(exit_code);
 }
 
 void set_up_library(const Common& common) {

@@ -38,6 +38,17 @@ void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 // UsageError where a run that computes nothing was asked for times.
 void refuse_profile_of_dry_run(const Common& common);
 
+// Which process of those that mpirun started this is. Rank 0 of 1 where it did not.
+struct Ranks {
+  int32_t rank = 0, count = 1;
+  bool several() const { return count > 1; }
+  bool leads() const { return rank == 0; }
+};
+// Joins the others; those but rank 0 say nothing but warnings from here on, each beginning with its rank.
+Ranks join_ranks(Common& common);
+// Ends the others where this one fails.
+void leave_ranks(int exit_code);
+
 // What holds for the whole library: its messages go to stderr, as much of them as asked for; where files may lie that
 // others name; how much of the host's memory may be used.
 void set_up_library(const Common& common);

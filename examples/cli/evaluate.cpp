@@ -146,7 +146,7 @@ struct Listener {
   Kept kept;
 };
 
-void evaluate(const EvaluateOptions& o) {
+void evaluate(EvaluateOptions& o) {
   if (o.folders.empty()) throw UsageError("DIR... is required, or --table");
   vsplat_evaluate_options options = VSPLAT_EVALUATE_OPTIONS_INIT;
   options.protocol = o.protocol == "random10" ? VSPLAT_PROTOCOL_RANDOM10 : VSPLAT_PROTOCOL_KMEANS;
@@ -164,11 +164,14 @@ void evaluate(const EvaluateOptions& o) {
   options.sheet = !o.sheet.empty();
   options.refine = o.refine;
   set_up_library(o.common);
+  const Ranks ranks = join_ranks(o.common);
+  options.ranks = ranks.several();
   Outputs outputs(o.common.overwrite);
   outputs.input(o.model);
   for (const char* net : {"/alex.safetensors", "/vgg.safetensors"})
     if (!o.lpips.empty()) outputs.input(o.lpips + net);
-  for (const std::string& path : {o.sheet, o.common.profile, o.common.trace}) outputs.expect(path);
+  if (ranks.leads())
+    for (const std::string& path : {o.sheet, o.common.profile, o.common.trace}) outputs.expect(path);
   outputs.input_data(o.folders);
 
   Session session(o.common, Devices::several);
@@ -191,6 +194,7 @@ void evaluate(const EvaluateOptions& o) {
       listener.kept.end(e, data.count());
     }
   }();
+  if (!ranks.leads()) return;
   if (!o.sheet.empty()) evaluation.save_sheet(outputs.begin(o.sheet));
   session.write_profile(outputs);
   outputs.commit();

@@ -93,5 +93,6 @@ int main(int argc, char** argv) {
   }
 
   const int code = result_of(run);
+  if (!command::interrupted()) command::leave_ranks(code);
   return finish(command::interrupted() ? command::interrupt_code() : code);
 }

@@ -155,7 +155,7 @@ std::string dump_file(const ReconstructOptions& o) {
   return (std::filesystem::path(o.dump) / "stages.safetensors").string();
 }
 
-void reconstruct(const ReconstructOptions& o) {
+void reconstruct(ReconstructOptions& o) {
   if (o.views.empty() && o.list.empty()) throw UsageError("VIEWS is required, or --list");
   if (o.skip_existing && o.list.empty()) throw UsageError("--skip-existing is of --list");
   Request request(o);

@@ -18,11 +18,13 @@ namespace fs = std::filesystem;
 
 struct Object {
   std::string views, output;
+  std::size_t place;  // in the list
   // What became of it.
   std::optional<vsplat::Scene> scene = {};  // until it is written
   std::string error = {};
   uint64_t gaussians = 0;
   double seconds = 0;
+  bool is_done = false;
 };
 
 // Of "photos/cup", "photos/cup/" and "photos/cup/transforms.json": cup.
@@ -61,7 +63,7 @@ std::vector<Object> read_list(const ListRequest& request) {
     if (const auto [other, is_new] = lines.emplace(name, number); !is_new)
       throw UsageError(where + "its scene would be " + name + ".ply, as that of line " + std::to_string(other->second) +
                        ": give one of them another name, after a tab behind the views");
-    out.push_back({views, (fs::path(request.output) / (name + ".ply")).string()});
+    out.push_back({views, (fs::path(request.output) / (name + ".ply")).string(), out.size()});
   }
   if (out.empty()) throw UsageError(request.list + " lists no views");
   return out;
@@ -73,26 +75,51 @@ bool is_about_object(const vsplat::Error& e) {
          e.status() == VSPLAT_ERROR_USAGE;
 }
 
-void print_results(const Common& common, const std::vector<Object>& objects, std::size_t skipped) {
-  if (!common.json) return;
-  nlohmann::ordered_json out = {{"objects", nlohmann::ordered_json::array()}, {"skipped", skipped}};
-  for (const Object& object : objects) {
-    nlohmann::ordered_json row = {{"views", object.views}, {"output", object.output}};
-    if (object.error.empty())
-      row.update({{"gaussians", object.gaussians}, {"seconds", object.seconds}});
-    else
-      row["error"] = object.error;
-    out["objects"].push_back(std::move(row));
-  }
-  out["seconds"] = elapsed_seconds();
-  print_json(out);
+nlohmann::ordered_json json_of(const Object& object) {
+  nlohmann::ordered_json out = {{"views", object.views}, {"output", object.output}};
+  if (object.error.empty())
+    out.update({{"gaussians", object.gaussians}, {"seconds", object.seconds}});
+  else
+    out["error"] = object.error;
+  return out;
+}
+
+// What became of the list, on rank 0 of all ranks.
+struct ListResults {
+  std::map<std::size_t, nlohmann::ordered_json> objects;  // by their places
+  std::size_t skipped = 0, failed = 0;
+};
+
+ListResults gathered(const std::vector<Object>& objects, std::size_t skipped) {
+  nlohmann::ordered_json own = {{"objects", nlohmann::ordered_json::array()}, {"skipped", skipped}};
+  for (const Object& object : objects)
+    if (object.is_done) own["objects"].push_back({{"place", object.place}, {"row", json_of(object)}});
+  ListResults out;
+  const auto take = [](void* user, int32_t, const char* text) {
+    auto& to = *static_cast<ListResults*>(user);
+    const auto from = nlohmann::ordered_json::parse(text);
+    to.skipped += from["skipped"].get<std::size_t>();
+    for (const auto& each : from["objects"]) {
+      to.objects[each["place"].get<std::size_t>()] = each["row"];
+      to.failed += each["row"].contains("error");
+    }
+  };
+  const std::string text = own.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  vsplat::check(vsplat_ranks_gather(text.c_str(), take, &out));
+  return out;
 }
 
 }  // namespace
 
 void reconstruct_list(const ListRequest& request) {
-  const Common& common = request.common;
+  Common& common = request.common;
   std::vector<Object> objects = read_list(request);
+  const Ranks ranks = join_ranks(common);
+  if (ranks.several() && request.list == "-")
+    throw UsageError("--list -: of several processes one alone has stdin; give a file");
+  std::erase_if(objects, [&](const Object& o) {
+    return o.place % static_cast<std::size_t>(ranks.count) != static_cast<std::size_t>(ranks.rank);
+  });
   std::size_t skipped = 0;
   if (request.skip_existing) {
     std::error_code error;
@@ -103,14 +130,14 @@ void reconstruct_list(const ListRequest& request) {
   if (request.list != "-") outputs.input(request.list);
   std::vector<SceneFile> files;
   for (const Object& object : objects) files.emplace_back(outputs, object.output);
-  for (const std::string& path : {common.profile, common.trace}) outputs.expect(path);
+  if (ranks.leads())
+    for (const std::string& path : {common.profile, common.trace}) outputs.expect(path);
 
   Session session(common, Devices::several);
   const vsplat::Model model = load_model(request.model);
   vsplat_reconstruct_options run = request.run;
   run.progress = [](void*, const char*, double) -> int32_t { return interrupted() ? 0 : 1; };
   session.start("reconstructing");
-  std::size_t failed = 0;
   const auto work = [&](const vsplat::Device& device, std::size_t i) {
     Object& object = objects[i];
     const double begun = elapsed_seconds();
@@ -136,9 +163,9 @@ void reconstruct_list(const ListRequest& request) {
       object.scene.reset();
       if (common.verbose) say(common, object.output + ": " + std::to_string(object.gaussians) + " Gaussians");
     } else {
-      ++failed;
       warn(object.views + " is left out: " + object.error);
     }
+    object.is_done = true;
     if (!Session::on_progress(&session, which.c_str(), share)) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
   };
   try {
@@ -149,15 +176,22 @@ void reconstruct_list(const ListRequest& request) {
                                ", and --skip-existing goes on from there");
     throw;
   }
-  session.write_profile(outputs);
+  if (ranks.leads()) session.write_profile(outputs);
   outputs.commit();
-  const std::size_t made = objects.size() - failed;
+  const ListResults all = gathered(objects, skipped);
+  if (!ranks.leads()) return;
+  const std::size_t made = all.objects.size() - all.failed;
   say(common, request.output + ": " + std::to_string(made) + (made == 1 ? " scene" : " scenes") +
-                  (skipped ? ", " + std::to_string(skipped) + " were there" : "") + ", " +
+                  (all.skipped ? ", " + std::to_string(all.skipped) + " were there" : "") + ", " +
                   seconds_text(elapsed_seconds()));
-  print_results(common, objects, skipped);
-  if (failed)
-    throw std::runtime_error(std::to_string(failed) + " of " + std::to_string(objects.size()) +
+  if (common.json) {
+    nlohmann::ordered_json out = {{"objects", nlohmann::ordered_json::array()}, {"skipped", all.skipped}};
+    for (const auto& [place, row] : all.objects) out["objects"].push_back(row);
+    out["seconds"] = elapsed_seconds();
+    print_json(out);
+  }
+  if (all.failed)
+    throw std::runtime_error(std::to_string(all.failed) + " of " + std::to_string(all.objects.size()) +
                              " objects could not be reconstructed: see the warnings");
 }
 

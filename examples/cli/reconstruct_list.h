@@ -8,13 +8,14 @@
 namespace command {
 
 struct ListRequest {
-  const Common& common;
+  Common& common;
   std::string list, model, pictures, output;  // `list` may be "-"; `output` is a folder
   bool skip_existing;
   const vsplat_input_options& input;
   vsplat_reconstruct_options run;  // but for its progress
 };
 
+// Of several ranks each takes every so manieth line, and rank 0 tells of all.
 // Every object that can be reconstructed is, and its file is kept whatever becomes of the others; std::runtime_error at
 // the end where there are others.
 void reconstruct_list(const ListRequest& request);

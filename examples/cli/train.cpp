@@ -192,7 +192,7 @@ void compare(const TrainOptions& o) {
   outputs.commit();
 }
 
-void train(const TrainOptions& o) {
+void train(TrainOptions& o) {
   set_up_library(o.common);
   if (!o.compare.empty()) return compare(o);
   const std::string config = whole_config(o.config, o.pose_noise);
@@ -206,11 +206,14 @@ void train(const TrainOptions& o) {
     return dry_run(o, config);
   }
   if (o.output.empty()) throw UsageError("train needs --output, the run's folder");
+  const Ranks ranks = join_ranks(o.common);
   Outputs outputs(o.common.overwrite);
   for (const std::string& path : {o.config, o.selection, o.init}) outputs.input(path);
-  for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
-  expect_run(o, config, outputs);
-  outputs.input_data(o.data);
+  if (ranks.leads()) {
+    for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
+    expect_run(o, config, outputs);
+    outputs.input_data(o.data);
+  }
   Session session(o.common, Devices::several);
   std::vector<const char*> data;
   for (const std::string& path : o.data) data.push_back(path.c_str());
@@ -232,7 +235,9 @@ void train(const TrainOptions& o) {
   options.assume_selected = voxel_share("--assume-selected", o.assume_selected);
   options.assume_intersections = intersections(o);
   session.share(options);
+  options.ranks = ranks.several();
   const vsplat_train_result result = vsplat::train(session.device(), config, options);
+  if (!ranks.leads()) return;
   if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
   say(o.common, "at most " + bytes_text(result.peak) + " of device memory");
   const std::string model = o.output + "/model.safetensors";

@@ -101,6 +101,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     how.skip_bad = o.skip_bad != 0;
     how.sheet = o.sheet != 0;
     how.refine = o.refine != 0;
+    if (o.ranks) how.ranks = &Ranks::world();
     how.pose_noise = o.pose_noise;
     how.pose_draws = o.pose_draws == 0 ? 1 : o.pose_draws;
     how.planned_selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config_of(model), "selected");

@@ -1,6 +1,7 @@
 // Training.
 #include <algorithm>
 #include <deque>
+#include <optional>
 
 #include "model/api/device.h"
 #include "model/api/plan.h"
@@ -8,6 +9,7 @@
 #include "model/api/share.h"
 #include "model/train/report.h"
 #include "model/train/stages.h"
+#include "model/train/train_ranks.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -150,9 +152,20 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
       return out;
     };
     for (const TrainConfig& stage : stages) options_of(stage);  // refuses before anything is done
+    Ranks* ranks = o.ranks ? &Ranks::world() : nullptr;
+    std::optional<RankLeader> leader;  // from here on the others follow
+    if (ranks && ranks->count() > 1 && ranks->rank() == 0) leader.emplace(*ranks);
     const DataSet data = data_of(o, stages);
     for (vsplat_device each : devices) clear(each);
-    const TrainResult result = train_stages(device->context, stages, data, options_of);
+    TrainResult result;
+    if (ranks && ranks->rank() > 0)
+      follow(device->context, data, options_of, *ranks);
+    else
+      result = train_stages(device->context, stages, data, [&](const TrainConfig& stage) {
+        TrainOptions of_stage = options_of(stage);
+        of_stage.leader = leader ? &*leader : nullptr;
+        return of_stage;
+      });
     vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
     out.step = result.step;
     out.stopped = result.stopped ? 1 : 0;

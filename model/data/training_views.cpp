@@ -303,13 +303,20 @@ TrainingReader::~TrainingReader() = default;
 
 TrainingViews TrainingReader::at(long step, int item) {
   Impl& m = *impl_;
-  if (step < 0 || item < 0 || item >= m.options.batch)
-    fail(Status::internal, "item {} of step {}; a step has {}", item, step, m.options.batch);
+  const int last_item = m.options.last_item < 0 ? m.options.batch : m.options.last_item;
+  if (step < 0 || item < m.options.first_item || item >= last_item)
+    fail(Status::internal, "item {} of step {}; a step has {} to {}", item, step, m.options.first_item, last_item);
   const std::uint64_t number = static_cast<std::uint64_t>(step) * m.options.batch + item;
   const std::uint64_t ahead = m.options.threads > 0 ? m.options.ahead : 0;
   std::unique_lock lock(m.mutex);
-  std::erase_if(m.items, [&](const auto& i) { return i.first < number || i.first > number + ahead; });
-  for (std::uint64_t i = number; i <= number + ahead; ++i) m.items.try_emplace(i);
+  // Those that will be asked for next.
+  std::set<std::uint64_t> wanted;
+  for (std::uint64_t i = number; wanted.size() <= ahead; ++i) {
+    const int of_step = static_cast<int>(i % static_cast<std::uint64_t>(m.options.batch));
+    if (of_step >= m.options.first_item && of_step < last_item) wanted.insert(i);
+  }
+  std::erase_if(m.items, [&](const auto& i) { return wanted.count(i.first) == 0; });
+  for (const std::uint64_t i : wanted) m.items.try_emplace(i);
   m.changed.notify_all();
   if (m.items[number].state == Item::State::wanted) m.finish(number, lock);
   m.changed.wait(lock, [&] { return m.items[number].state == Item::State::done; });

@@ -27,6 +27,7 @@ struct TrainingOptions {
   std::string rebase = "rotate";  // the configuration's
   std::uint64_t seed = 0;
   int batch = 1;                       // items of a step, the objects that it takes
+  int first_item = 0, last_item = -1;  // of them those that are asked for, [first, last); -1: all
   int min_inputs = 4, max_inputs = 4;  // input views, by chance between the two
   int novel = 4;
   bool random_background =

@@ -314,6 +314,20 @@ class Evaluated {
             object.name, s.psnr, s.psnr_coarse, s.psnr_white, s.psnr_nearest, 100 * s.selected);
     found_[item] = ObjectScores{object.name, s};
   }
+  // What this rank found of its items, for rank 0; and there.
+  void put(MessageOut& out, const std::vector<std::size_t>& items) const {
+    for (const std::size_t item : items) {
+      out.add(found_[item].has_value());
+      if (found_[item]) out.add(found_[item]->name).add(found_[item]->scores);
+    }
+  }
+  void take(MessageIn& from, const std::vector<std::size_t>& items) {
+    for (const std::size_t item : items) {
+      if (!from.take<bool>()) continue;
+      const std::string name = from.take_text();
+      found_[item] = ObjectScores{name, from.take<Scores>()};
+    }
+  }
   // In order.
   void add(std::size_t item) {
     if (!found_[item]) {
@@ -322,10 +336,15 @@ class Evaluated {
     }
     evaluated_.push_back(&data_.objects[item]);
     out_.objects.push_back(*found_[item]);
-    if (options_.on_object) {
+    if (options_.on_object && (!options_.ranks || options_.ranks->rank() == 0)) {
       const std::lock_guard lock(telling_);
       options_.on_object(out_.objects.back());
     }
+  }
+  // Of a rank but 0; nothing where it failed, which is rank 0's to tell.
+  Evaluation own_result(bool whole) {
+    if (whole && !out_.objects.empty()) out_.mean = mean_of(out_.objects);
+    return std::move(out_);
   }
   Evaluation result(const Evaluator& evaluator) {
     if (out_.objects.empty()) fail(Status::input, "none of the {} objects could be evaluated", data_.objects.size());
@@ -349,6 +368,60 @@ class Evaluated {
   Evaluation out_;
 };
 
+// Of a rank: every count-th, so that each has as many as another.
+std::vector<std::size_t> items_of(const DataSet& data, int count, int rank) {
+  std::vector<std::size_t> out;
+  for (auto i = static_cast<std::size_t>(rank); i < data.objects.size(); i += static_cast<std::size_t>(count))
+    out.push_back(i);
+  return out;
+}
+
+// Whether all of it is done.
+template <class F>
+bool told_to_rank_0(Ranks& ranks, const F& evaluate_own, const Evaluated& evaluated,
+                    const std::vector<std::size_t>& own) {
+  MessageOut out;
+  bool whole = false;
+  try {
+    evaluate_own();
+    out.add(Status::ok);
+    evaluated.put(out, own);
+    whole = true;
+  } catch (const Error& e) {
+    out.add(e.status()).add(std::string(e.what()));
+  }
+  ranks.send(0, out.bytes());
+  return whole;
+}
+
+// On rank 0: its own and the others', told in order as far as nothing is missing. An error of its own goes first.
+template <class F>
+void gather(Ranks& ranks, const F& evaluate_own, Evaluated& evaluated, const DataSet& data) {
+  std::exception_ptr failed;
+  std::vector<bool> is_there(data.objects.size());
+  const auto take_note = [&](int rank) {
+    for (const std::size_t item : items_of(data, ranks.count(), rank)) is_there[item] = true;
+  };
+  try {
+    evaluate_own();
+    take_note(0);
+  } catch (const Error&) {
+    failed = std::current_exception();
+  }
+  for (int rank = 1; rank < ranks.count(); ++rank) {
+    MessageIn message(ranks.receive(rank));
+    if (const auto status = message.take<Status>(); status != Status::ok) {
+      if (!failed)
+        failed = std::make_exception_ptr(Error(status, fmt::format("rank {}: {}", rank, message.take_text())));
+      continue;
+    }
+    evaluated.take(message, items_of(data, ranks.count(), rank));
+    take_note(rank);
+  }
+  for (std::size_t i = 0; i < is_there.size() && (is_there[i] || !failed); ++i) evaluated.add(i);
+  if (failed) std::rethrow_exception(failed);
+}
+
 }  // namespace
 
 Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options) {
@@ -362,16 +435,30 @@ Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data,
   for (const Evaluator& evaluator : evaluators) evaluator.check();
   Evaluated evaluated(data, options);
   std::vector<bool> gone(workers.size());
-  share_out({.items = data.objects.size(),
-             .workers = workers.size(),
-             .ahead = data.objects.size(),  // what is kept of each are numbers
-             .work = [&](std::size_t worker, std::size_t item) { evaluated.score(evaluators[worker], item); },
-             .done = [&](std::size_t item) { evaluated.add(item); },
-             .lost =
-                 [&](std::size_t worker, std::size_t, const Error& error) {
-                   gone[worker] = true;
-                   if (lost) lost(worker, error);
-                 }});
+  const bool alone = !options.ranks || options.ranks->count() == 1;
+  const int rank = alone ? 0 : options.ranks->rank();
+  const std::vector<std::size_t> own = items_of(data, alone ? 1 : options.ranks->count(), rank);
+  const auto evaluate_own = [&] {
+    share_out({.items = own.size(),
+               .workers = workers.size(),
+               .ahead = own.size(),  // what is kept of each are numbers
+               .work = [&](std::size_t worker, std::size_t i) { evaluated.score(evaluators[worker], own[i]); },
+               .done =
+                   [&](std::size_t i) {
+                     if (alone || rank > 0) evaluated.add(own[i]);
+                   },
+               .lost =
+                   [&](std::size_t worker, std::size_t, const Error& error) {
+                     gone[worker] = true;
+                     if (lost) lost(worker, error);
+                   }});
+  };
+  if (alone)
+    evaluate_own();
+  else if (rank > 0)
+    return evaluated.own_result(told_to_rank_0(*options.ranks, evaluate_own, evaluated, own));
+  else
+    gather(*options.ranks, evaluate_own, evaluated, data);
   return evaluated.result(
       evaluators[static_cast<std::size_t>(std::find(gone.begin(), gone.end(), false) - gone.begin())]);
 }

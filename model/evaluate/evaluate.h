@@ -7,6 +7,7 @@
 #include "model/evaluate/evaluation_object.h"
 #include "model/pictures/lpips.h"
 #include "model/systems/network.h"
+#include "runtime/ranks.h"
 
 namespace vsplat {
 
@@ -47,8 +48,9 @@ struct EvaluateOptions {
   // Called before each object with its name and the share of the work that is begun; one at a time, on any of the
   // workers' threads. May throw to cancel.
   std::function<void(const std::string& object, double done)> progress;
+  Ranks* ranks = nullptr;  // processes that share the objects; none: this one alone
   // Called after each object, in order: what is done stays the caller's where a later one is an error, or it is
-  // cancelled.
+  // cancelled. Of several ranks by rank 0 alone, when all are done.
   std::function<void(const ObjectScores&)> on_object;
 };
 
@@ -70,6 +72,7 @@ struct Evaluating {
 Evaluation evaluate(Context& ctx, const Network& network, const DataSet& data, const EvaluateOptions& options);
 
 // The same, the objects shared out over several: one whose device fails gets no more of them (`lost`, as ShareOut's).
+// Of several ranks rank 0 has the whole and the errors, the others what they did.
 Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data, const EvaluateOptions& options,
                     const std::function<void(std::size_t worker, const Error& error)>& lost = {});
 

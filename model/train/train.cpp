@@ -9,10 +9,11 @@
 #include <sstream>
 
 #include "model/io/image_file.h"
-#include "model/io/selection_file.h"
 #include "model/train/beginning.h"
 #include "model/train/report.h"
 #include "model/train/run_record.h"
+#include "model/train/train_ranks.h"
+#include "model/train/training_reading.h"
 #include "model/train/training_sheet.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
@@ -27,18 +28,6 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-std::optional<std::vector<int>> forced(const TrainConfig& config, const std::string& selection) {
-  if (selection.empty()) return std::nullopt;
-  if (!config.model.as<Config>())
-    fail(Status::usage, "{}: a list of voxels, which {} does not take", selection, config.model.network());
-  return read_selection(selection, config.model.selectable());
-}
-
-// How many voxels memory is made for: the forced ones, where there are any.
-long planned_of(const std::optional<std::vector<int>>& voxels, long planned) {
-  return voxels ? static_cast<long>(voxels->size()) : planned;
-}
-
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
   fail(Status::memory,
@@ -46,28 +35,6 @@ void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
        "(vsplat_device_options.max_memory_gib, vsplat_train_options.assume_selected, fewer views, a smaller model or "
        "another device; vsplat_train_plan tells more){}",
        gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
-}
-
-TrainingOptions reading(const TrainConfig& config, const TrainOptions& options) {
-  TrainingOptions out;
-  out.image = config.model.image();
-  out.rebase = config.model.taken().rebase;
-  out.seed = config.seed;
-  out.batch = static_cast<int>(config.batch * config.accumulate);
-  out.min_inputs = static_cast<int>(config.inputs_min);
-  out.max_inputs = static_cast<int>(config.inputs_max);
-  out.novel = static_cast<int>(config.novel);
-  out.random_background = config.random_background;
-  out.alpha = config.alpha_weight > 0;
-  out.fit = fit_from_name(config.fit);
-  out.turn_degrees = config.turn_degrees;
-  out.min_cube = config.cube_min;
-  out.max_cube = config.cube_max;
-  out.procedural = config.procedural;
-  out.textures = config.procedural > 0 ? options.textures : "";
-  out.cache_bytes = static_cast<std::size_t>(config.cache_gib * static_cast<double>(1ull << 30));
-  out.skip_bad = options.skip_bad;
-  return out;
 }
 
 // log.csv: a line for each progress, up to the step that a continuation begins at.
@@ -358,18 +325,24 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const Beginning beginning = begin(given, {options.output, options.init, options.resume, options.extend});
   const Checkpoint& start = beginning.checkpoint;
   const TrainConfig& config = start.config;
-  const std::optional<std::vector<int>> selection = forced(config, options.selection);
+  const std::optional<std::vector<int>> selection = forced_selection(config, options.selection);
   if (!options.helpers.empty() && config.parts == 1)
     fail(Status::usage,
          "vsplat_train_options.more_devices: {} devices share the parts of a step, and the configuration's parts is 1: "
          "2 to {} (batch x accumulate) expected",
          options.helpers.size() + 1, config.batch * config.accumulate);
-  Trainer trainer(ctx, start, planned_of(selection, options.planned_selected), options.helpers);
+  if (options.leader) options.leader->begin(start);
+  Trainer trainer(ctx, start, planned_of(selection, options.planned_selected), options.helpers,
+                  options.leader ? &options.leader->ranks() : nullptr);
   refuse_unless_fits(ctx, trainer.plan(options.assumed_intersections));
-  TrainingReader reader(data, reading(config, options));
+  TrainingOptions own = training_reading(config, options);
+  const auto [first, last] = trainer.own_objects();
+  own.first_item = static_cast<int>(first), own.last_item = static_cast<int>(last);
+  TrainingReader reader(data, own);
+  // Of other ranks' objects nothing is read.
   const auto views_of = [&](long step) {
-    std::vector<TrainingViews> views;
-    for (long i = 0; i < config.batch * config.accumulate; ++i) views.push_back(reader.at(step, static_cast<int>(i)));
+    std::vector<TrainingViews> views(static_cast<std::size_t>(config.batch * config.accumulate));
+    for (int i = own.first_item; i < own.last_item; ++i) views[static_cast<std::size_t>(i)] = reader.at(step, i);
     return views;
   };
   const long steps = total_steps(config.schedule);
@@ -390,7 +363,9 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const auto go_through = [&] {
     while (trainer.step() < steps && !result.stopped) {
       if (views.empty()) views = views_of(trainer.step());
+      if (options.leader) options.leader->begin_step();
       const StepReport report = step(trainer, views, selection, folder);
+      if (options.leader) options.leader->give_moved(trainer.moved());
       telling.add(report);
       const bool stop = options.stop && options.stop();
       const bool logs = is_due(config.log_every, report.step, steps) || stop;
@@ -413,6 +388,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
     cancelled = true;  // a step moves the weights whole or not at all
     ctx.go_on();
   }
+  if (options.leader) options.leader->rest();
   folder.save(trainer);
   if (page.write(trainer.step(), reader.bad())) folder.say("report " + page.path());
   if (cancelled)
@@ -429,7 +405,7 @@ Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const Tr
   const auto planner = ctx.planner();
   Checkpoint start;  // no weights: what is only planned has no values, and a model's may be more than fits anywhere
   start.config = config;
-  const Trainer trainer(*planner, start, planned_of(forced(config, options.selection), options.selected));
+  const Trainer trainer(*planner, start, planned_of(forced_selection(config, options.selection), options.selected));
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);
 }
 
@@ -437,7 +413,7 @@ void plan_step(const Context& ctx, const TrainConfig& config, const TrainPlanOpt
   const auto planner = ctx.planner();
   Checkpoint start;
   start.config = config;
-  const Trainer trainer(*planner, start, planned_of(forced(config, options.selection), options.selected));
+  const Trainer trainer(*planner, start, planned_of(forced_selection(config, options.selection), options.selected));
   (void)trainer.plan(options.intersections);
   trainer.plan_optimizer();
 }

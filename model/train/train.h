@@ -9,6 +9,8 @@
 
 namespace vsplat {
 
+class RankLeader;
+
 // What a training of that configuration would take, on a context on which nothing was made for it; `bound`: with all
 // voxels selected and every Gaussian in every tile.
 struct TrainPlanOptions {
@@ -45,6 +47,7 @@ struct TrainOptions {
   long planned_in_sheet = 0;                           // the same of a sheet, which is drawn as at inference
   std::optional<std::uint64_t> assumed_intersections;  // for the check before the start, as Trainer::plan has them
   std::vector<Context*> helpers;                       // devices that compute parts of a step beside the training's own
+  RankLeader* leader = nullptr;                        // rank 0's, where other processes compute parts, too; else none
   // Every `log_every` steps, and after the last.
   std::function<void(const TrainProgress&)> on_progress;
   // Something was written, or is told once: "checkpoint RUN/checkpoint-00000500.safetensors".

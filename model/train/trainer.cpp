@@ -67,10 +67,12 @@ SideBySide Trainer::like(const LearntRun& run, const char* what, const Weights& 
   return out;
 }
 
-Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, const std::vector<Context*>& helpers)
-    : Trainer(ctx, start, planned_selected, Role::optimiser) {
+Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, const std::vector<Context*>& helpers,
+                 Ranks* ranks)
+    : Trainer(ctx, start, planned_selected, ranks && ranks->rank() > 0 ? Role::helper : Role::optimiser) {
   for (Context* helper : helpers)
     helpers_.push_back(std::unique_ptr<Trainer>(new Trainer(*helper, start, planned_selected, Role::helper)));
+  if (ranks && ranks->count() > 1) ranks_ = ranks;
 }
 
 Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, Role role)
@@ -240,7 +242,7 @@ void Trainer::plan_optimizer() const {
 StepReport Trainer::step(const std::vector<StepItem>& items) {
   if (items.size() != static_cast<std::size_t>(config_.batch * config_.accumulate))
     fail(Status::internal, "a step of {} objects, {} x {} expected", items.size(), config_.accumulate, config_.batch);
-  const bool whole_step = config_.parts == 1 && helpers_.empty();
+  const bool whole_step = config_.parts == 1 && helpers_.empty() && !ranks_;
   StepReport report = (whole_step ? gradients(items, 0, items.size()) : gradients_in_parts(items)).means();
   const Tensor norm = ctx_.tensor({2}, Type::f32, "gradient norm");
   clip(ctx_, norm);
@@ -252,7 +254,7 @@ StepReport Trainer::step(const std::vector<StepItem>& items) {
   for (std::size_t r = 0; r < average_.size(); ++r)
     average_step(ctx_, average_[r].whole, weights_.runs()[r].all.value, config_.ema);
   ctx_.finish();
-  if (!helpers_.empty()) moved_ = read_moved(&LearntTensor::value);
+  if (!helpers_.empty() || ranks_) moved_ = read_moved(&LearntTensor::value);
   step_ = report.step;
   return report;
 }

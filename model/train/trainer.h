@@ -1,15 +1,18 @@
 // Training: the weights and the optimiser's state on the device, and the step that moves them.
 #pragma once
 #include <array>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "model/data/training_views.h"
 #include "model/network/learnt_weights.h"
 #include "model/train/checkpoint.h"
 #include "model/train/training_pass.h"
+#include "runtime/ranks.h"
 #include "runtime/side_by_side.h"
 
 namespace vsplat {
@@ -40,8 +43,10 @@ class Trainer {
  public:
   // Goes on from `start`; its step 0 has no moments. Uploads. `ctx` may be a planner, for plan().
   // `planned_selected`: voxels that memory is made for before the first selection is known. `helpers`: other devices,
-  // which compute parts of a step's gradients beside `ctx`; the optimiser is on `ctx` alone.
-  Trainer(Context& ctx, const Checkpoint& start, long planned_selected = 0, const std::vector<Context*>& helpers = {});
+  // which compute parts of a step's gradients beside `ctx`; the optimiser is on `ctx` alone. `ranks`: other processes
+  // that do so, each with a trainer of its own from the same start; the optimiser is rank 0's alone.
+  Trainer(Context& ctx, const Checkpoint& start, long planned_selected = 0, const std::vector<Context*>& helpers = {},
+          Ranks* ranks = nullptr);
 
   const TrainConfig& config() const { return config_; }
   long step() const { return step_; }  // steps done
@@ -57,7 +62,18 @@ class Trainer {
   // Helpers take the parts that they are fast enough for; where they are of other kinds than `ctx` (device, driver,
   // flavour of kernels), those that they took in the first step, and the checkpoint keeps of which kind each part's
   // device was. One whose device fails gets no more: a warning, and the others go on.
+  // Of several ranks rank 0's, while the others help(); each needs the items of its own parts alone.
   StepReport step(const std::vector<StepItem>& items);
+
+  // Its rank's parts of the step, for rank 0. What fails is told there, and ends the step.
+  void help(const std::vector<StepItem>& items);
+  // The weights that rank 0 has moved.
+  void take_moved(std::vector<float> values);
+  // For take_moved(); by rank 0.
+  const std::vector<float>& moved() const { return moved_; }
+
+  // The objects of a step whose gradients this rank computes: [first, last).
+  std::pair<std::size_t, std::size_t> own_objects() const;
 
   // Everything, read back.
   Checkpoint checkpoint() const;
@@ -121,10 +137,20 @@ class Trainer {
   // as small as it goes.
   PartSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last);
   PartSums gradients(const std::vector<StepItem>& items, std::size_t first, std::size_t last, bool recompute);
-  // Of all objects, part by part on all devices.
+  struct Part {
+    PartSums sums;
+    std::vector<float> gradients;
+    std::string kind;  // of the device that computed it
+  };
+  // The parts of a rank: [first, last).
+  std::pair<std::size_t, std::size_t> parts_of(int rank) const;
+  std::size_t first_object(std::size_t part) const;
+  // This rank's parts on all of its devices, told in order, one at a time, on any thread.
+  void compute_parts(const std::vector<StepItem>& items, const std::function<void(Part)>& done);
+  // Of all objects, in the order of parts, from all ranks.
   PartSums gradients_in_parts(const std::vector<StepItem>& items);
   std::vector<std::size_t> owners(const std::vector<Trainer*>& workers) const;
-  void keep_kinds(const std::vector<Trainer*>& workers, const std::vector<std::size_t>& by);
+  void keep_kinds(const std::vector<std::string>& kinds);
   std::string kind() const;  // of its device
   // Of the weights that are moved, one tensor after the other, the same order on every device.
   std::vector<float> read_moved(Tensor LearntTensor::*what) const;
@@ -153,6 +179,7 @@ class Trainer {
   std::vector<std::unique_ptr<Trainer>> helpers_;
   std::vector<float> moved_;  // the weights for the helpers
   bool computes_ = true;      // parts; not once its device had failed
+  Ranks* ranks_ = nullptr;    // none: this process alone
 };
 
 }  // namespace vsplat

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <exception>
 #include <optional>
 #include <sstream>
 
@@ -64,29 +65,50 @@ void Trainer::write_moved(Tensor LearntTensor::*what, const std::vector<float>& 
   }
 }
 
+std::pair<std::size_t, std::size_t> Trainer::parts_of(int rank) const {
+  const auto parts = static_cast<std::size_t>(config_.parts),
+             all = static_cast<std::size_t>(ranks_ ? ranks_->count() : 1);
+  const auto r = static_cast<std::size_t>(rank);
+  return {r * parts / all, (r + 1) * parts / all};
+}
+
+std::size_t Trainer::first_object(std::size_t part) const {
+  return part * static_cast<std::size_t>(config_.batch * config_.accumulate) / static_cast<std::size_t>(config_.parts);
+}
+
+std::pair<std::size_t, std::size_t> Trainer::own_objects() const {
+  const auto [first, last] = parts_of(ranks_ ? ranks_->rank() : 0);
+  return {first_object(first), first_object(last)};
+}
+
 // Of devices of one kind whichever is free takes a part, and none is anyone's. Of several kinds each part is one's of
 // the kind that had it before, the one with the fewest; where no such is there, it is shared out anew.
 std::vector<std::size_t> Trainer::owners(const std::vector<Trainer*>& workers) const {
   const auto known = state_.find(kKinds);
   if (known == state_.end()) return {};
   const std::vector<std::string> kinds = lines(known->second);
+  if (kinds.size() != static_cast<std::size_t>(config_.parts)) return {};
+  const auto [first, last] = parts_of(ranks_ ? ranks_->rank() : 0);
   std::vector<std::size_t> out, load(workers.size());
-  for (const std::string& wanted : kinds) {
+  for (std::size_t part = first; part < last; ++part) {
     std::optional<std::size_t> owner;
     for (std::size_t w = 0; w < workers.size(); ++w)
-      if (workers[w]->kind() == wanted && (!owner || load[w] < load[*owner])) owner = w;
+      if (workers[w]->kind() == kinds[part] && (!owner || load[w] < load[*owner])) owner = w;
     if (!owner) return {};
     ++load[*owner];
     out.push_back(*owner);
   }
-  return out.size() == static_cast<std::size_t>(config_.parts) ? out : std::vector<std::size_t>();
+  return out;
 }
 
-void Trainer::keep_kinds(const std::vector<Trainer*>& workers, const std::vector<std::size_t>& by) {
+// In the checkpoint where they are several.
+void Trainer::keep_kinds(const std::vector<std::string>& kinds) {
   std::string text;
   bool several = false;
-  for (const std::size_t w : by) text += workers[w]->kind() + "\n";
-  for (const Trainer* worker : workers) several = several || worker->kind() != workers[0]->kind();
+  for (const std::string& each : kinds) {
+    text += each + "\n";
+    several = several || each != kinds[0];
+  }
   const auto known = state_.find(kKinds);
   if (known != state_.end() && known->second != text)
     warn(
@@ -98,48 +120,36 @@ void Trainer::keep_kinds(const std::vector<Trainer*>& workers, const std::vector
     state_.erase(kKinds);
 }
 
-Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items) {
+void Trainer::compute_parts(const std::vector<StepItem>& items, const std::function<void(Part)>& done) {
   std::vector<Trainer*> workers;
   if (computes_) workers.push_back(this);
   for (const std::unique_ptr<Trainer>& helper : helpers_)
     if (helper->computes_) workers.push_back(helper.get());
-  const auto parts = static_cast<std::size_t>(config_.parts);
-  struct Part {
-    PartSums sums;
-    std::vector<float> gradients;
-  };
-  std::vector<std::optional<Part>> made(parts);
-  std::vector<std::size_t> by(parts);  // whom
-  std::optional<Part> total;
+  const auto [first, last] = parts_of(ranks_ ? ranks_->rank() : 0);
+  std::vector<std::optional<Part>> made(last - first);
   ShareOut shared;
-  shared.items = parts;
+  shared.items = made.size();
   shared.workers = workers.size();
-  shared.ahead = parts;
+  shared.ahead = made.size();
   shared.owner = owners(workers);
-  shared.work = [&](std::size_t w, std::size_t part) {
+  shared.work = [&](std::size_t w, std::size_t i) {
     Trainer& worker = *workers[w];
     if (worker.step_ != step_) {
       worker.write_moved(&LearntTensor::value, moved_);
       worker.step_ = step_;
     }
     try {
-      const PartSums sums = worker.gradients(items, part * items.size() / parts, (part + 1) * items.size() / parts);
-      made[part] = Part{sums, worker.read_moved(&LearntTensor::gradient)};
+      const PartSums sums = worker.gradients(items, first_object(first + i), first_object(first + i + 1));
+      made[i] = Part{sums, worker.read_moved(&LearntTensor::gradient), worker.kind()};
     } catch (const Error& e) {
       if (e.status() == Status::cancelled)  // whoever was told to stop: none is to hold up the others
         for (Trainer* other : workers) other->ctx_.cancel();
       throw;
     }
-    by[part] = w;
   };
-  shared.done = [&](std::size_t part) {
-    if (!total) {
-      total = std::move(made[part]);
-    } else {
-      total->sums.add(made[part]->sums);
-      for (std::size_t i = 0; i < total->gradients.size(); ++i) total->gradients[i] += made[part]->gradients[i];
-    }
-    made[part].reset();
+  shared.done = [&](std::size_t i) {
+    done(std::move(*made[i]));
+    made[i].reset();
   };
   shared.lost = [&](std::size_t w, std::size_t, const Error& error) {
     workers[w]->computes_ = false;
@@ -151,9 +161,64 @@ Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items
     for (const std::unique_ptr<Trainer>& helper : helpers_) helper->ctx_.go_on();
     throw;
   }
-  keep_kinds(workers, by);
+}
+
+Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items) {
+  std::optional<Part> total;
+  std::vector<std::string> kinds;
+  const auto add = [&](Part part) {
+    kinds.push_back(part.kind);
+    if (!total) {
+      total = std::move(part);
+      return;
+    }
+    total->sums.add(part.sums);
+    for (std::size_t i = 0; i < total->gradients.size(); ++i) total->gradients[i] += part.gradients[i];
+  };
+  std::exception_ptr failed;
+  try {
+    compute_parts(items, add);
+  } catch (const Error&) {
+    failed = std::current_exception();  // what the others send is taken first
+  }
+  for (int rank = 1; ranks_ && rank < ranks_->count(); ++rank) {
+    const auto [first, last] = parts_of(rank);
+    for (std::size_t part = first; part < last; ++part) {
+      MessageIn message(ranks_->receive(rank));
+      if (const auto status = message.take<Status>(); status != Status::ok) {
+        if (!failed)
+          failed = std::make_exception_ptr(Error(status, fmt::format("rank {}: {}", rank, message.take_text())));
+        break;
+      }
+      Part received;
+      received.sums = message.take<PartSums>();
+      received.kind = message.take_text();
+      received.gradients = message.take_floats();
+      if (!failed) add(std::move(received));
+    }
+  }
+  if (failed) std::rethrow_exception(failed);
+  keep_kinds(kinds);
   write_moved(&LearntTensor::gradient, total->gradients);
   return total->sums;
+}
+
+void Trainer::help(const std::vector<StepItem>& items) {
+  try {
+    compute_parts(items, [&](Part part) {
+      MessageOut out;
+      ranks_->send(0, out.add(Status::ok).add(part.sums).add(part.kind).add(part.gradients).bytes());
+    });
+  } catch (const Error& e) {
+    MessageOut out;
+    ranks_->send(0, out.add(e.status()).add(std::string(e.what())).bytes());
+  }
+}
+
+void Trainer::take_moved(std::vector<float> values) {
+  write_moved(&LearntTensor::value, values);
+  moved_ = std::move(values);
+  ++step_;
 }
 
 }  // namespace vsplat

@@ -8,6 +8,21 @@ foreach(part accidents cameras check convert dataset evaluate far flags full_dis
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
+# Several processes: with the module for MPI what they do together, without it that each is refused.
+if(TARGET vsplat_mpi)
+  set(ranks_part Ranks)
+  set(ranks_module "$<TARGET_FILE:vsplat_mpi>")
+  if(VSPLAT_REQUIRE_ALL_TESTS)
+    find_program(MPIRUN mpirun REQUIRED)
+  endif()
+else()
+  set(ranks_part WithoutMpi)
+  set(ranks_module "")
+endif()
+add_test(NAME cli_ranks COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/ranks_test.py ${ranks_part})
+set_tests_properties(cli_ranks PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MPI_MODULE=${ranks_module};PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+
 # The documents: where their links lead, README's size, and that the options which they name exist.
 add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/links_test.py)
 set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"

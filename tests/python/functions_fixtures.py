@@ -230,7 +230,7 @@ class Values:
     WRITERS = ("_save", "_save_as", "_save_jpeg", "_save_cameras", "_save_selection", "_save_sheet", "_write", "_report")
     NUMBERS = {"num_events": 1, "seconds": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,
                "pictures": 1, "quality": 90, "sh_degree": 0, "side": EDGE, "use_views": 1, "view": 0, "views": 1, "capacity": ROOM,
-               "index": 0, "num_devices": 1, "num_paths": 1, "num_runs": 1, "num_views": 2, "gaussians": 100, "seed": 1, "status": 0,
+               "exit_code": 3, "index": 0, "num_devices": 1, "num_paths": 1, "num_runs": 1, "num_views": 2, "gaussians": 100, "seed": 1, "status": 0,
                "dtype": 1, "format": 1, "which": 0}
 
     def __init__(self, api, files, handles):
@@ -292,7 +292,7 @@ class Values:
             out = c.c_void_p()
             self.api.call("vsplat_views_get_files", self.handles["vsplat_views"], c.byref(out))
             return out
-        known = {"config": train_config(), "label": b"a label", "pictures": str(self.files.photos).encode(),
+        known = {"config": train_config(), "label": b"a label", "text": b"of this rank", "pictures": str(self.files.photos).encode(),
                  "texture": str(self.files.texture).encode()}
         if p.name not in known:
             raise Unknown(f"vsplat_{short}: tests/python/functions_fixtures.py does not know whether {p.name} is read or written")
@@ -302,8 +302,8 @@ class Values:
         if p.name == "work":
             trim = self.api.functions["vsplat_device_trim"]
             body = lambda user, device, index, item: trim(device)
-        elif p.base == "vsplat_log_function":
-            body = lambda user, level, text: None
+        elif p.base in ("vsplat_log_function", "vsplat_rank_text_function"):
+            body = lambda user, number, text: None
         else:
             raise Unknown(f"tests/python/functions_fixtures.py does not know what a {p.base} is to do")
         out = self.api.headers.prototypes[p.base](body)

@@ -72,11 +72,14 @@ typedef struct vsplat_evaluate_options {
      fails is told as a warning, and the others do its object. NULL: none */
   const vsplat_device* more_devices;
   size_t num_more_devices;
+  int32_t ranks; /* not 0: the ranks of vsplat/ranks.h share the objects, each on its devices. Rank 0 has the whole, and
+                    the errors; on_object comes there at the end. On the others the result is that of their own objects,
+                    and VSPLAT_OK */
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0                                                                 \
+        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0, 0                                                              \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */

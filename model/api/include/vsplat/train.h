@@ -61,11 +61,14 @@ typedef struct vsplat_train_options {
      them. One that fails is told as a warning, and the others go on. NULL: none */
   const vsplat_device* more_devices;
   size_t num_more_devices;
+  int32_t ranks; /* not 0: the ranks of vsplat/ranks.h compute parts of each step, each on its devices; as many parts as
+                    there are, or more. Rank 0 alone writes, calls functions and has the errors; on the others the call
+                    ends when it does there, with VSPLAT_OK */
 } vsplat_train_options;
 #define VSPLAT_TRAIN_OPTIONS_INIT                                                                                 \
   {                                                                                                               \
     sizeof(vsplat_train_options), NULL, 0, NULL, 0, 0, NULL, NULL, NULL, NULL, NULL, 0.0, 0, NULL, NULL, 0, NULL, \
-        NULL, 0                                                                                                   \
+        NULL, 0, 0                                                                                                \
   }
 
 typedef struct vsplat_train_result {

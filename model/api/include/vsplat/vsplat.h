@@ -778,6 +778,7 @@ typedef struct vsplat_dataset_impl* vsplat_dataset;
 #include <vsplat/evaluate.h>
 #include <vsplat/jobs.h>
 #include <vsplat/pictures.h>
+#include <vsplat/ranks.h>
 #include <vsplat/refine.h>
 #include <vsplat/share.h>
 #include <vsplat/train.h>
