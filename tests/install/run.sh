@@ -17,6 +17,9 @@ unset VSPLAT_KERNEL_DIR || true
 "$work/build/user_c"
 "$work/build/user_cpp"
 "$work/moved/bin/vsplat" --version
+for file in LICENSE CREDITS.md examples/fit.c examples/garden_gnome/transforms.json; do
+  [ -s "$work/moved/share/doc/vsplat/$file" ] || { echo "share/doc/vsplat/$file is not installed" >&2; exit 1; }
+done
 # Meshes are read by a program beside the library.
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >"$work/mesh.obj"
 "$work/moved/bin/vsplat" dataset render "$work/mesh.obj" --output "$work/set" --views 1 --size 16 --quiet
