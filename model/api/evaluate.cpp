@@ -115,7 +115,8 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
         o.on_object(o.user, object.name.c_str(), &scores);
       };
     // Of all devices, the call's first: what each holds for as long as the call goes on.
-    const std::vector<vsplat_device> devices = with_more(device, o.more_devices, o.num_more_devices);
+    const std::vector<vsplat_device> devices =
+        with_more(device, o.more_devices, o.num_more_devices, "vsplat_evaluate_options.more_devices");
     std::deque<DeviceUse> uses;
     std::deque<std::vector<Lpips>> lpips;
     std::deque<std::shared_ptr<const Network>> networks;

@@ -25,11 +25,12 @@ std::vector<vsplat_device> vsplat::api::sharing_devices(const vsplat_device* dev
   return out;
 }
 
-std::vector<vsplat_device> vsplat::api::with_more(vsplat_device device, const vsplat_device* more, std::size_t count) {
+std::vector<vsplat_device> vsplat::api::with_more(vsplat_device device, const vsplat_device* more, std::size_t count,
+                                                  const char* what) {
   std::vector<vsplat_device> out{device};
   if (count == 0) return out;
-  for (vsplat_device each : sharing_devices(more, count, "options.more_devices")) out.push_back(each);
-  return sharing_devices(out.data(), out.size(), "device and options.more_devices");
+  for (vsplat_device each : sharing_devices(more, count, what)) out.push_back(each);
+  return sharing_devices(out.data(), out.size(), fmt::format("device and {}", what).c_str());
 }
 
 std::string vsplat::api::device_text(const std::vector<vsplat_device>& devices, std::size_t index) {

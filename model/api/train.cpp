@@ -143,7 +143,8 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
     need(o.output, "options.output");
     if (out_result) check_size(*out_result, "out_result");
     const std::vector<TrainConfig> stages = train_stages_from_json(config);
-    const std::vector<vsplat_device> devices = with_more(device, o.more_devices, o.num_more_devices);
+    const std::vector<vsplat_device> devices =
+        with_more(device, o.more_devices, o.num_more_devices, "vsplat_train_options.more_devices");
     std::deque<DeviceUse> uses;
     for (std::size_t i = 1; i < devices.size(); ++i) uses.emplace_back(devices[i]);
     const auto options_of = [&](const TrainConfig& stage) {
