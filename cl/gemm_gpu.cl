@@ -3,8 +3,16 @@ struct Rows {
   global const int* map;
   int row0, T;
 };
-static inline int source_row(const struct Rows* r, int m, int t) {
-  return r->map ? r->map[(size_t)(r->row0 + m) * r->T + t] : r->row0 + m;
+struct Source {
+  int row;
+};
+static inline struct Source source_of(const struct Rows* r, int m) {
+  const struct Source out = {r->row0 + m};
+  return out;
+}
+static inline int step_of(const struct Rows* r, int t) { return 0; }
+static inline int source_row(const struct Rows* r, const struct Source* of, int step, int t) {
+  return r->map ? r->map[(size_t)of->row * r->T + t] : of->row;
 }
 #include "tile_gpu.clh"
 
@@ -19,14 +27,13 @@ static inline int source_row(const struct Rows* r, int m, int t) {
 // out         f32   [..,N]        written: rows out_row0 .. out_row0 + M - 1
 // work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows), see tile_gpu.clh
 // ```
-kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
+kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0, global const float* b,
     int M, int N, global const float* bias, int act, global const float* residual, global float* out, int out_row0) {
-  local float as[BK * AS], bs[BK * BN];
+  local float4 work[WORK];
   const struct Rows rows = {map, row0, T};
-  tile_gpu(as, bs, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, bias, act, residual, out,
-           out_row0);
+  tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, bias, act, residual, out, out_row0);
 }
 
 // parts[s] = A^T B over the rows [s chunk, (s + 1) chunk) of A and B, + residual: a long sum over rows, in parts.
@@ -38,13 +45,13 @@ kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_g
 // parts       f32   [..,M,N]   written
 // work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows, s)
 // ```
-kernel __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
+kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
     global const float* at, global const float* b, int first, int rows, int chunk, int M, int N,
     global const float* residual, global float* parts) {
-  local float as[BK * AS], bs[BK * BN];
+  local float4 work[WORK];
   const int s = get_group_id(2);
   const struct Rows plain = {0, 0, 1};
-  tile_gpu(as, bs, at + (size_t)s * chunk * M, min(chunk, rows - s * chunk), 0, 0, 0, 0, 0, &plain, 1, M,
+  tile_gpu(work, at + (size_t)s * chunk * M, min(chunk, rows - s * chunk), 0, 0, 0, 0, 0, &plain, 1, M,
            b + ((size_t)first + (size_t)s * chunk) * N, M, N, 0, 0, residual, parts, s * M);
 }
 

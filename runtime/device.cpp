@@ -53,6 +53,18 @@ DeviceType type_of(cl_device_type type) {
   return DeviceType::other;
 }
 
+// See DeviceInfo::sub_group. Fewer than 8 items leave vectors idle.
+int least_sub_group(const cl::Device& device) {
+  constexpr cl_device_info sizes_of = 0x4108;  // CL_DEVICE_SUB_GROUP_SIZES_INTEL
+  std::size_t bytes = 0, sizes[16] = {};
+  if (device.getInfo<CL_DEVICE_TYPE>() != CL_DEVICE_TYPE_GPU) return 0;
+  if (clGetDeviceInfo(device(), sizes_of, sizeof sizes, sizes, &bytes) != CL_SUCCESS) return 0;
+  std::size_t least = 0;
+  for (std::size_t i = 0; i < bytes / sizeof *sizes; ++i)
+    if (sizes[i] >= 8 && (least == 0 || sizes[i] < least)) least = sizes[i];
+  return static_cast<int>(least);
+}
+
 DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   DeviceInfo d;
   d.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
@@ -75,6 +87,7 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   d.fp16 = extensions.find(" cl_khr_fp16 ") != std::string::npos;
   d.fp64 = extensions.find(" cl_khr_fp64 ") != std::string::npos;
   d.subgroups = extensions.find(" cl_khr_subgroups ") != std::string::npos;
+  if (extensions.find(" cl_intel_required_subgroup_size ") != std::string::npos) d.sub_group = least_sub_group(device);
   d.is_pocl = d.platform_name == "Portable Computing Language";
   return d;
 }

@@ -25,6 +25,9 @@ struct DeviceInfo {
   int align = 128;               // bytes: where a sub-buffer may start
   bool event_profiling = false;  // device events carry times
   bool fp16 = false, fp64 = false, subgroups = false;
+  // Of a GPU whose compiler can be told how many work-items run as one: the least number that fills its vectors; 0 of a
+  // device that is left alone, -1 where there is nothing to tell.
+  int sub_group = -1;
   bool is_pocl = false;  // has a binary cache of its own
 };
 

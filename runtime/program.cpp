@@ -113,7 +113,8 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
 }
 
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines, bool from_source) {
-  const std::string options = build_options(defines);
+  std::string options = build_options(defines);
+  if (info_.sub_group >= 0) options += " -DSUB_GROUP=" + std::to_string(info_.sub_group);
   const std::string source = expanded_source(file);
   std::vector<std::string> parts = {
       "1", source, options, info_.name, info_.driver, info_.version, info_.platform_version};

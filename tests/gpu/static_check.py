@@ -31,6 +31,7 @@ import sys
 import tempfile
 
 TARGETS = "amd:gfx90a,amd:gfx1030,amd:gfx1100?,intel:dg2,intel:pvc,intel:tgllp,nvptx:sm_80"
+METHOD = "1"  # how it is compiled and measured, of which results are kept: another where that changes
 MOST_LOCAL, MOST_GROUP, SHARE_MARGIN = 32768, 256, 0.02
 MULTIPLY_ADD = re.compile(r"\b(v_fma|v_fmac|v_dual_fmac|v_mad_f|v_mac_f|v_pk_fma|v_dot|v_mfma|v_wmma)\w*|\b(fma\.rn|mma\.)|"
                           r"^\s*(?:\([^)]*\)\s*)?(mad|madm|dpas|dpasw)\b", re.M)
@@ -43,6 +44,7 @@ class Compilers:
     """Where they are; `version` changes with any of them."""
 
     def __init__(self, intel):
+        intel = os.path.abspath(intel) if intel else ""
         self.bitcode = next((d for d in (*([f"{intel}/usr/lib/x86_64-linux-gnu/amdgcn/bitcode"] if intel else []), *BITCODE)
                              if os.path.isdir(d)), None)
         self.later = self.with_later_chips(self.bitcode) if self.bitcode else None
@@ -221,7 +223,7 @@ def compiled(compilers, program, target, cache, version):
     if vendor not in program.get("targets", [vendor]):
         return []
     text = open(program["path"]).read()
-    key = hashlib.sha256("\0".join(("1", open(__file__).read(), version, target, program["options"], text)).encode()).hexdigest()
+    key = hashlib.sha256("\0".join((METHOD, version, target, program["options"], text)).encode()).hexdigest()
     kept = f"{cache}/{key}.json" if cache else ""
     if kept and os.path.exists(kept):
         got, why = json.load(open(kept))
@@ -232,7 +234,7 @@ def compiled(compilers, program, target, cache, version):
             os.mkdir(work)
             shutil.copy(program["path"], source)
             got, why = VENDORS[vendor](compilers, source, program["options"].split(), chip, work)
-        if kept:
+        if kept and got:
             with open(f"{kept}.{os.getpid()}.tmp", "w") as out:
                 json.dump([got, why], out)
             os.replace(f"{kept}.{os.getpid()}.tmp", kept)
