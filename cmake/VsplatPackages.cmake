@@ -1,6 +1,7 @@
 # Debian packages, by CPack: `cmake --build build/release --target package` puts them into build/release/packages.
 #   libvsplat0      the library, with the model inside, and the program that reads meshes and HDF5 files for it
 #   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
+#   libvsplat0-mpi  the module for MPI, where VSPLAT_MPI builds it
 #   vsplat          the command with its manual and completions, the Python module, and four pictures to try it on
 # tests/install/packages.sh installs them in a bare system.
 set(VSPLAT_MAINTAINER "" CACHE STRING "Who answers for packages, NAME <ADDRESS>; empty: the author of the newest commit")
@@ -17,7 +18,12 @@ endif()
 # The licence: once where all is installed, and once for each package.
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT licence)
 set(library_package libvsplat${PROJECT_VERSION_MAJOR})
-foreach(part library:${library_package} dev:libvsplat-dev tools:vsplat)
+set(parts library:${library_package} dev:libvsplat-dev tools:vsplat)
+if(TARGET vsplat_mpi)
+  list(APPEND parts mpi:${library_package}-mpi)
+endif()
+set(CPACK_COMPONENTS_ALL)
+foreach(part ${parts})
   string(REPLACE ":" ";" part ${part})
   list(GET part 0 component)
   list(GET part 1 name)
@@ -25,13 +31,17 @@ foreach(part library:${library_package} dev:libvsplat-dev tools:vsplat)
     COMPONENT ${component} EXCLUDE_FROM_ALL)
   string(TOUPPER ${component} upper)
   set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${name})
+  list(APPEND CPACK_COMPONENTS_ALL ${component})
 endforeach()
+get_cmake_property(components COMPONENTS)
+if(Unspecified IN_LIST components)
+  message(FATAL_ERROR "What is installed without COMPONENT is in no package: each install() of a CMakeLists.txt has to name one (${components})")
+endif()
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/packages)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL library dev tools)
 set(CPACK_COMPONENTS_GROUPING IGNORE)  # a package each
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_PACKAGE_CONTACT ${maintainer})
@@ -65,4 +75,9 @@ set(CPACK_DEBIAN_TOOLS_DESCRIPTION "3D Gaussian splats from posed photos on Open
 The command vsplat: makes scenes of posed photographs, refines and draws them,
 makes data sets, trains and measures models, and measures itself. With a Python
 module in /usr/share/vsplat/python.")
+set(CPACK_DEBIAN_MPI_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_MPI_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_MPI_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: MPI
+With this module several processes of the command vsplat that mpirun started
+share a training's steps, an evaluation's objects or a list of scenes.")
 include(CPack)

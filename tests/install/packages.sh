@@ -16,6 +16,7 @@ fail() {
   echo "packages: $*" >&2
   exit 1
 }
+if grep -q '^VSPLAT_SANITIZE:BOOL=ON' "$build/CMakeCache.txt"; then skip "a build with sanitizers is not packed"; fi
 [ "$(id -u)" = 0 ] || skip "only root may chroot"
 command -v debootstrap >/dev/null || skip "there is no debootstrap"
 # In a name space of its own what is mounted goes when this ends, however it does.
