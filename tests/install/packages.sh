@@ -2,7 +2,7 @@
 # Makes the Debian packages of a build and tries them in a bare Debian 12 that debootstrap makes: they install with what they depend on, the
 # command works on an example, programs are built on the library and run, and removed they leave nothing behind.
 #   tests/install/packages.sh BUILD_DIR
-# Downloads some 350 MiB. Ends with 77 where there is no debootstrap, no right to mount and chroot, or no way to the packages of Debian.
+# Downloads some 300 MiB. Ends with 77 where there is no debootstrap, no right to mount and chroot, or no way to the packages of Debian.
 # $VSPLAT_DEBIAN_MIRROR says where these are, if not at deb.debian.org.
 set -eu
 build=$(cd "$1" && pwd)
