@@ -8,6 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "runtime/fail.h"
+#include "runtime/peaks.h"
+#include "runtime/profile_text.h"
+#include "runtime/profiler.h"
 
 namespace vsplat::bench {
 
@@ -52,29 +55,6 @@ Times time(Context& ctx, const std::function<void()>& run, double budget, int in
     for (const double t : times) relative.push_back(t / quantile(times, 0.5));
   }
   return {quantile(all, 0.5), quantile(relative, 0.75) - quantile(relative, 0.25), quantile(all, 0), mean};
-}
-
-// One work-item's vectors are one register tile of the cpu flavour; a gpu wants many work-items instead.
-double measure_gflops(Context& ctx) {
-  const bool cpu = ctx.flavour() == Flavour::cpu;
-  const int width = cpu ? 16 : 4, chains = cpu ? 24 : 8, steps = cpu ? 100000 : 2000;
-  const long work_items = static_cast<long>(ctx.device().compute_units) * (cpu ? 8 : 4096);
-  const Tensor out = ctx.tensor({work_items, width});
-  const Cost cost{2.0 * width * chains * steps * static_cast<double>(work_items), 0};
-  const KernelId kernel{"peak", "peak_fma", fmt::format("-DWIDTH={} -DCHAINS={}", width, chains)};
-  const auto run = [&] { ctx.launch(kernel, items(work_items, cpu ? 1 : 64), cost, steps, 0.9f, written(out)); };
-  return cost.flops / time(ctx, run, 0.2).least / 1e9;
-}
-
-double measure_gbs(Context& ctx) {
-  const bool cpu = ctx.flavour() == Flavour::cpu;
-  const int width = cpu ? 16 : 4, n = (cpu ? 16 : 64) << 20 >> (cpu ? 4 : 2);
-  const std::vector<float> ones(static_cast<std::size_t>(n) * static_cast<std::size_t>(width), 1.0f);
-  const Tensor a = ctx.upload({n, width}, ones), b = ctx.upload({n, width}, ones), y = ctx.tensor({n, width});
-  const Cost cost{0, 3.0 * static_cast<double>(a.bytes())};
-  const KernelId kernel{"peak", "peak_stream", fmt::format("-DWIDTH={}", width)};
-  const auto run = [&] { ctx.launch(kernel, items(n, cpu ? 256 : 64), cost, n, 0.5f, a, b, written(y)); };
-  return cost.bytes / time(ctx, run, 0.2).least / 1e9;
 }
 
 struct Suite {
@@ -194,9 +174,11 @@ Profiled profile(Context& ctx, const Prepared& p, double seconds) {
     const std::string stage = row.stage.empty() ? "weights" : row.stage;
     out.stages[p.kind == Kind::training ? stage : stage_of(row.name)] += each;
     in_kernels += each;
-    const Cost cost{(row.flops - old.flops) / p.inputs, (row.bytes - old.bytes) / p.inputs};
+    const Cost cost{(row.flops - old.flops) / p.inputs, (row.bytes - old.bytes) / p.inputs,
+                    (row.performed_flops - old.performed_flops) / p.inputs};
     out.cost.flops += cost.flops;
     out.cost.bytes += cost.bytes;
+    out.cost.performed += cost.performed;
     if (p.kind == Kind::training || p.kind == Kind::fitting)
       out.kernels.push_back({stage, row.name, static_cast<double>(row.calls - old.calls) / p.inputs, each,
                              cost.flops / each / 1e9, cost.bytes / each / 1e9});
@@ -236,7 +218,10 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   }
   r.median_s = t.median, r.spread = t.spread;
   r.gflops = cost.flops / t.median / 1e9;
-  r.performed_gflops = (p.performed_flops > 0 ? p.performed_flops : cost.flops) / t.median / 1e9;
+  r.performed_gflops = (p.performed_flops > 0 ? p.performed_flops
+                        : cost.performed > 0  ? cost.performed
+                                              : cost.flops) /
+                       t.median / 1e9;
   r.gbs = cost.bytes / t.median / 1e9;
   if (options.references)
     for (const auto& [library, run] : p.references) r.reference[library] = time(ctx, run, options.seconds).median;
@@ -313,6 +298,18 @@ Report run(Context& ctx, const Options& options) {
                                                : of_compute;
   }
   return report;
+}
+
+void record(Context& ctx) { ctx.profiler().enable(true); }
+
+Recorded recorded(Context& ctx) {
+  ctx.finish();
+  ctx.profiler().enable(false);
+  const Profile profile = ctx.profiler().profile();
+  const DeviceInfo& device = ctx.device();
+  return {
+      profile_json(profile, {device.name, device.driver, ctx.memory().peak(), {{"command", "bench"}}, peaks_of(ctx)}),
+      profile_trace(profile)};
 }
 
 std::string table(const Report& report) {

@@ -90,6 +90,13 @@ Report run(Context& ctx, const Options& options);
 std::string table(const Report& report);
 std::string json(const Report& report);
 
+// A profile of the whole of it: from record() until recorded(), as profiles are written.
+void record(Context& ctx);
+struct Recorded {
+  std::string json, trace;
+};
+Recorded recorded(Context& ctx);
+
 // The suites.
 std::vector<Case> cell_map_cases(const Options& options);
 std::vector<Case> confidence_cases(const Options& options);

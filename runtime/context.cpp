@@ -15,9 +15,12 @@
 #include "runtime/device_memory.h"
 #include "runtime/fail.h"
 #include "runtime/host_memory.h"
+#include "runtime/host_span.h"
+#include "runtime/launch_arguments.h"
 #include "runtime/launch_checks.h"
 #include "runtime/log.h"
 #include "runtime/pace.h"
+#include "runtime/profiler.h"
 #include "runtime/program.h"
 #include "runtime/rounding.h"
 
@@ -60,68 +63,18 @@ ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
   return limits;
 }
 
-// The work-items of one work-group; fails where the device cannot run them so.
-std::size_t check_range(const KernelId& id, const Range& range, const DeviceInfo& device) {
-  std::size_t group = 1;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const std::size_t local = range.local[i];
-    if (local == 0) continue;
-    group *= local;
-    if (range.global[i] % local != 0)
-      fail(Status::internal, "{}: global size {} is no multiple of local size {} in direction {}", id.name,
-           range.global[i], local, i);
-  }
-  if (group > device.max_work_group)
-    fail(Status::device, "{}: work-groups of {} items asked for, the device allows {}", id.name, group,
-         device.max_work_group);
-  return group;
-}
+// A kernel, and the work-groups that it was launched with.
+struct Built {
+  cl::Kernel kernel;
+  std::vector<std::array<std::size_t, 3>> groups;
 
-// One argument as the kernel takes it.
-class Setter {
- public:
-  Setter(const cl::Kernel& kernel, const char* name, cl_uint index, std::size_t local_memory)
-      : kernel_(kernel), name_(name), index_(index), local_memory_(local_memory) {}
-
-  cl_int operator()(const Tensor& tensor) const {
-    const cl_mem mem = tensor ? (*tensor.block()->buffer())() : nullptr;
-    return set(sizeof(cl_mem), mem ? &mem : nullptr);
+  // Whether it is the first time with these, which some drivers compile for.
+  bool first(const std::array<std::size_t, 3>& local) {
+    if (std::find(groups.begin(), groups.end(), local) != groups.end()) return false;
+    groups.push_back(local);
+    return true;
   }
-  cl_int operator()(const Written& out) const { return (*this)(out.tensor); }
-  cl_int operator()(long value) const {
-    if (value < INT_MIN || value > INT_MAX)
-      fail(Status::internal, "{}: argument {} is {}, which is no int", name_, index_, value);
-    const cl_int narrow = static_cast<cl_int>(value);
-    return set(sizeof narrow, &narrow);
-  }
-  cl_int operator()(unsigned value) const { return set(sizeof value, &value); }
-  cl_int operator()(float value) const { return set(sizeof value, &value); }
-  cl_int operator()(const Local& local) const {
-    if (local.bytes > local_memory_)
-      fail(Status::device, "{}: {} bytes of local memory asked for, the device has {}", name_, local.bytes,
-           local_memory_);
-    return set(local.bytes, nullptr);
-  }
-
- private:
-  cl_int set(std::size_t bytes, const void* value) const { return clSetKernelArg(kernel_(), index_, bytes, value); }
-
-  const cl::Kernel& kernel_;
-  const char* name_;
-  cl_uint index_;
-  std::size_t local_memory_;
 };
-
-void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,
-                   const DeviceInfo& device) {
-  const auto expected = kernel.getInfo<CL_KERNEL_NUM_ARGS>();
-  if (expected != args.size())
-    fail(Status::internal, "{}: {} arguments given, {} expected", name, args.size(), expected);
-  for (cl_uint i = 0; i < args.size(); ++i) {
-    const cl_int status = std::visit(Setter(kernel, name, i, device.local_memory), args[i]);
-    if (status != CL_SUCCESS) fail(Status::internal, "{}: argument {} refused: {}", name, i, cl_error_name(status));
-  }
-}
 
 }  // namespace
 
@@ -136,7 +89,7 @@ struct Context::Impl {
   cl::Device handle;
   cl::CommandQueue queue;
   std::shared_ptr<ProgramCache> programs;
-  std::map<std::string, cl::Kernel> kernels;
+  std::map<std::string, Built> kernels;
   std::atomic<bool> cancelled{false};
   int uncancelled = 0;  // see Uncancelled
   Pace pace;
@@ -202,53 +155,68 @@ struct Context::Impl {
 
   // Runs `enqueue(event pointer or null)` and records it.
   template <class F>
-  void record(const std::string& name, Cost cost, const F& enqueue) {
-    profiler.begin_span();
+  void record(const std::string& name, Cost cost, const F& enqueue, std::uint64_t variant = 0, bool first = false) {
     if (!profiler.enabled()) {
       enqueue(nullptr);
       return;
     }
+    LaunchRecord launch{name, stage, cost, first, 0, 0, variant};
     if (event_times()) {
       cl::Event event;
+      launch.before = now_ns();
       enqueue(&event);
-      profiler.add_event(name, stage, cost, event);
+      launch.after = now_ns();
+      profiler.add_event(launch, event);
       return;
     }
     queue.finish();
     const std::uint64_t start = now_ns();
     enqueue(nullptr);
     queue.finish();
-    profiler.add_host(name, stage, cost, start, now_ns());
+    profiler.add_host(launch, start, now_ns());
   }
 
   // Built at first use, so that the driver tells what each argument is: for check_marks(), and always, so that what it
   // looks at is what was compiled before.
-  cl::Kernel& kernel(const KernelId& id) {
+  Built& kernel(const KernelId& id) {
     const std::string defines = id.defines + " -cl-kernel-arg-info";
     const std::string key = std::string(id.file) + "\n" + id.name + "\n" + defines;
     const auto it = kernels.find(key);
     if (it != kernels.end()) return it->second;
-    double building = 0;
-    cl::Kernel made = programs->kernel(id.file, id.name, defines, building);
-    profiler.exclude_from_span(building);
-    return kernels.emplace(key, std::move(made)).first->second;
+    const HostSpan span(HostKind::compile, "programs", id.name);
+    return kernels.emplace(key, Built{programs->kernel(id.file, id.name, defines), {}}).first->second;
   }
 
-  void enqueue(const cl::Kernel& kernel, const KernelId& id, const Range& range, Cost cost) {
+  void enqueue(Built& built, const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
     const auto at_least_1 = [](std::size_t size) { return std::max<std::size_t>(size, 1); };
     const cl::NDRange global(range.global[0], range.global[1], range.global[2]);
     const cl::NDRange local = range.local[0]
                                   ? cl::NDRange(range.local[0], at_least_1(range.local[1]), at_least_1(range.local[2]))
                                   : cl::NullRange;
-    record(id.label ? id.label : id.name, cost,
-           [&](cl::Event* event) { queue.enqueueNDRangeKernel(kernel, cl::NullRange, global, local, nullptr, event); });
-    pace.add(queue, cost);
+    const bool first = built.first(range.local);
+    std::uint64_t variant = 0;
+    if (profiler.enabled()) {
+      variant = hash_of(range, args);
+      if (!profiler.knows(variant)) profiler.tell(variant, variant_of(range, args));
+    }
+    record(
+        id.label ? id.label : id.name, cost,
+        [&](cl::Event* event) {
+          queue.enqueueNDRangeKernel(built.kernel, cl::NullRange, global, local, nullptr, event);
+        },
+        variant, first);
+    keep_pace(cost);
   }
 
   // What is looked at after each launch where the environment asks for it. Red zones first: a NaN may come of them.
   void check_launch(const std::string& name, const std::vector<KernelArg>& args) {
     if (guards) check_red_zones(queue, *arena, name, args);
     if (checks_nan) check_for_nan(queue, name, args);
+  }
+
+  void keep_pace(Cost cost) {
+    const HostSpan span(HostKind::wait, "keeping pace");
+    pace.add(queue, cost);
   }
 
   template <class F>
@@ -303,6 +271,7 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   impl_->flavour = choose_flavour(options.kernels, impl_->info);
   impl_->gemm = options.gemm;
   if (!theirs) {
+    const HostSpan span(HostKind::host, "open the device");
     impl_->handle = find_devices().at(static_cast<std::size_t>(impl_->info.index)).handle;
     try {
       impl_->context = cl::Context(impl_->handle);
@@ -395,6 +364,7 @@ Tensor Context::upload(const Shape& shape, const void* data, Type type, const st
 
 void Context::write(const Tensor& tensor, const void* data) {
   if (impl_->planning || tensor.count() == 0) return;
+  const HostSpan span(HostKind::upload, "write");
   impl_->transfer("write", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
     impl_->queue.enqueueWriteBuffer(*tensor.block()->buffer(), CL_TRUE, 0, tensor.bytes(), data, nullptr, event);
   });
@@ -423,6 +393,7 @@ void Context::check_element(const Tensor& tensor, std::size_t bytes) {
 void Context::read(const Tensor& tensor, void* data) {
   if (impl_->planning) fail(Status::internal, "a plan cannot read {}", tensor.describe());
   if (tensor.count() == 0) return;
+  const HostSpan span(HostKind::wait, "reading back");
   impl_->transfer("read", static_cast<double>(tensor.bytes()), [&](cl::Event* event) {
     impl_->queue.enqueueReadBuffer(*tensor.block()->buffer(), CL_TRUE, 0, tensor.bytes(), data, nullptr, event);
   });
@@ -438,12 +409,12 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
     return note(id, range, local);
   }
   impl_->stop_if_cancelled();
-  cl::Kernel& kernel = impl_->kernel(id);
+  Built& built = impl_->kernel(id);
   const std::size_t group = check_range(id, range, impl_->info);
   try {
-    set_arguments(kernel, id.name, args, impl_->info);
-    if (impl_->checks_nan) check_marks(kernel, id.name, args);
-    impl_->enqueue(kernel, id, range, cost);
+    set_arguments(built.kernel, id.name, args, impl_->info);
+    if (impl_->checks_nan) check_marks(built.kernel, id.name, args);
+    impl_->enqueue(built, id, range, cost, args);
     impl_->check_launch(id.name, args);
   } catch (const cl::Error& e) {
     fail_cl(e, fmt::format("kernel {} over {}x{}x{} in groups of {}", id.name, range.global[0], range.global[1],
@@ -453,7 +424,7 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
 
 std::size_t Context::max_work_group(const KernelId& id) {
   if (impl_->planning) return impl_->info.max_work_group;
-  const cl::Kernel& kernel = impl_->kernel(id);
+  const cl::Kernel& kernel = impl_->kernel(id).kernel;
   try {
     const auto device = impl_->queue.getInfo<CL_QUEUE_DEVICE>();
     return std::min(impl_->info.max_work_group, kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device));
@@ -479,17 +450,17 @@ void* Context::raw_buffer(const Tensor& tensor) {
 }
 
 void Context::record_foreign(const std::string& name, Cost cost, void* event, const Written& out) {
-  cl::Event owned(static_cast<cl_event>(event));  // takes over the reference
-  impl_->profiler.begin_span();
+  cl::Event owned(static_cast<cl_event>(event));                               // takes over the reference
+  const LaunchRecord launch{name, impl_->stage, cost, false, 0, now_ns(), 0};  // enqueued some time ago
   if (impl_->profiler.enabled() && impl_->event_times()) {
-    impl_->profiler.add_event(name, impl_->stage, cost, owned);
+    impl_->profiler.add_event(launch, owned);
   } else if (impl_->profiler.enabled()) {
     const std::uint64_t start = now_ns();
     owned.wait();
-    impl_->profiler.add_host(name, impl_->stage, cost, start, now_ns());
+    impl_->profiler.add_host(launch, start, now_ns());
   }
   impl_->check_launch(name, {out});
-  impl_->pace.add(impl_->queue, cost);
+  impl_->keep_pace(cost);
 }
 
 Tensor Context::adopt(void* buffer, const Shape& shape, bool to_write, const std::string& what) {
@@ -541,11 +512,11 @@ void Context::go_on() { impl_->cancelled.store(false, std::memory_order_relaxed)
 void Context::finish() {
   if (impl_->planning) return;
   try {
+    const HostSpan span(HostKind::wait, "finishing");
     impl_->queue.finish();
   } catch (const cl::Error& e) {
     fail_cl(e, "waiting for " + impl_->info.name);
   }
-  impl_->profiler.end_span();
   impl_->profiler.collect();
 }
 
@@ -560,9 +531,17 @@ void Context::flush() {
 
 Stage::Stage(Context& context, const std::string& name) : context_(context), before_(context.impl_->stage) {
   context_.impl_->stage = name;
+  if (context.planning()) return;
+  before_of_host_ = set_host_stage(name);
+  span_.emplace(HostKind::host, "stage " + name);
 }
 
-Stage::~Stage() { context_.impl_->stage = before_; }
+Stage::~Stage() {
+  context_.impl_->stage = before_;
+  if (!span_) return;
+  span_.reset();
+  set_host_stage(before_of_host_);
+}
 
 Uncancelled::Uncancelled(Context& context) : context_(context) { ++context_.impl_->uncancelled; }
 Uncancelled::~Uncancelled() { --context_.impl_->uncancelled; }

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -17,11 +18,13 @@
 #include "runtime/arena.h"
 #include "runtime/device.h"
 #include "runtime/error.h"
+#include "runtime/host_span.h"
 #include "runtime/launch.h"
-#include "runtime/profiler.h"
 #include "runtime/tensor.h"
 
 namespace vsplat {
+
+class Profiler;
 
 // Which family of dense kernels runs. cpu: one work-item owns a register tile, float16 vectors, no local memory, no
 // barrier. gpu: a work-group tiles through local memory. Both run on every device.
@@ -192,7 +195,8 @@ class Stage {
 
  private:
   Context& context_;
-  std::string before_;
+  std::string before_, before_of_host_;
+  std::optional<HostSpan> span_;
 };
 
 // While it lives, nothing is cancelled: for changes that are made whole or not at all.

@@ -11,6 +11,7 @@
 
 #include "runtime/device_handles.h"
 #include "runtime/fail.h"
+#include "runtime/host_span.h"
 #include "runtime/missing_devices.h"
 #include "runtime/opencl.h"
 
@@ -109,6 +110,7 @@ bool is_type(const std::string& key) { return key == "cpu" || key == "gpu" || ke
 }  // namespace
 
 std::vector<FoundDevice> find_devices() {
+  const HostSpan span(HostKind::host, "look for devices");
   std::vector<cl::Platform> platforms;
   try {
     cl::Platform::get(&platforms);

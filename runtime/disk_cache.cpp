@@ -12,6 +12,7 @@
 
 #include "runtime/environment.h"
 #include "runtime/error.h"
+#include "runtime/host_span.h"
 #include "runtime/log.h"
 #include "runtime/output_file.h"
 #include "runtime/sha256.h"
@@ -115,6 +116,7 @@ std::string DiskCache::key(const std::vector<std::string>& parts) {
 
 std::optional<std::vector<unsigned char>> DiskCache::load(const std::string& key) const {
   if (!enabled()) return std::nullopt;
+  const HostSpan span(HostKind::file, "read", "compiled kernel");
   const Descriptor file(path(key));
   if (file.number() < 0 && errno == ENOENT) return std::nullopt;
   const std::string text = contents(file);

@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "runtime/host_span.h"
 #include "runtime/output_file.h"
 
 namespace vsplat {
@@ -32,6 +33,7 @@ std::unique_ptr<std::FILE, FileCloser> open_regular(const std::string& path) {
 InputFile::InputFile(const std::string& path) : path_(path), file_(open_regular(path)) {}
 
 void InputFile::read(std::size_t most, std::vector<unsigned char>& out) {
+  const HostSpan span(HostKind::file, "read", path_);
   unsigned char block[1 << 16];
   while (most > 0) {
     const std::size_t n = std::fread(block, 1, std::min(most, sizeof block), file_.get());

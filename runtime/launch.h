@@ -9,6 +9,13 @@
 
 namespace vsplat {
 
+// What one launch costs: floating-point operations, and bytes that must move at the least.
+struct Cost {
+  double flops = 0;
+  double bytes = 0;
+  double performed = 0;  // operations of a method that saves some of `flops`; 0: just these
+};
+
 // Global and local sizes; a local size of 0 leaves the choice to the driver. A global size of 0 launches nothing.
 struct Range {
   std::array<std::size_t, 3> global{1, 1, 1};

@@ -10,6 +10,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/file_rules.h"
+#include "runtime/host_span.h"
 
 namespace vsplat {
 
@@ -33,10 +34,12 @@ OutputFile::~OutputFile() {
 }
 
 void OutputFile::write(const void* data, std::size_t bytes) {
+  const HostSpan span(HostKind::file, "write", path_);
   if (bytes != 0 && std::fwrite(data, 1, bytes, file_) != bytes) failed("be written");
 }
 
 void OutputFile::commit() {
+  const HostSpan span(HostKind::file, "bring to the disk", path_);
   if (std::fflush(file_) != 0 || ::fsync(::fileno(file_)) != 0) failed("be written");
   const bool created = rename_to_new(temporary_, path_);
   if (!created && !may_replace(path_))

@@ -11,7 +11,8 @@ constexpr double kFlops = 1e11, kBytes = 1e10, kLaunchSeconds = 2e-5;  // a midd
 }  // namespace
 
 void Pace::add(const cl::CommandQueue& queue, Cost cost) {
-  ahead_ += factor_ * (std::max(cost.flops / kFlops, cost.bytes / kBytes) + kLaunchSeconds);
+  ahead_ += factor_ * (std::max((cost.performed > 0 ? cost.performed : cost.flops) / kFlops, cost.bytes / kBytes) +
+                       kLaunchSeconds);
   if (ahead_ >= kPart) mark(queue);
 }
 

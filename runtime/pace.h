@@ -3,8 +3,8 @@
 #include <chrono>
 #include <optional>
 
+#include "runtime/launch.h"
 #include "runtime/opencl.h"
-#include "runtime/profiler.h"
 
 namespace vsplat {
 

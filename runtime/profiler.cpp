@@ -1,10 +1,8 @@
 #include "runtime/profiler.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
+#include <unordered_map>
 #include <utility>
 
 #include "runtime/clock.h"
@@ -14,90 +12,165 @@ namespace vsplat {
 
 namespace {
 
-struct Launch {
-  std::size_t row;
-  std::uint64_t start, end;  // ns, the device's clock or the host's
+constexpr std::size_t kVariants = 32;  // of a row; the last takes all that are beyond
+
+struct Pending {
+  std::size_t row, variant;
+  bool first, prepared;
+  std::uint64_t before, after;
+  cl::Event event;
 };
+
+// Times as the driver tells them; all 0 where it does not, or where they cannot be.
+struct EventTimes {
+  std::uint64_t queued = 0, submitted = 0, start = 0, end = 0;
+};
+
+EventTimes times_of(const cl::Event& event) {
+  try {
+    EventTimes out{
+        event.getProfilingInfo<CL_PROFILING_COMMAND_QUEUED>(), event.getProfilingInfo<CL_PROFILING_COMMAND_SUBMIT>(),
+        event.getProfilingInfo<CL_PROFILING_COMMAND_START>(), event.getProfilingInfo<CL_PROFILING_COMMAND_END>()};
+    if (out.end < out.start || out.end == 0) return {};
+    // What a driver does not tell is taken to have been short.
+    if (out.submitted == 0 || out.submitted > out.start) out.submitted = out.start;
+    if (out.queued == 0 || out.queued > out.submitted) out.queued = out.submitted;
+    return out;
+  } catch (const cl::Error&) {
+    return {};
+  }
+}
 
 }  // namespace
 
 struct Profiler::Impl {
   std::vector<ProfileRow> rows;
   std::map<std::pair<std::string, std::string>, std::size_t> index;
-  std::vector<std::pair<std::size_t, cl::Event>> pending;
-  std::vector<Launch> launches;
-  bool in_span = false;
-  std::uint64_t span_start = 0, wall_ns = 0, suspicious = 0;
+  std::vector<std::map<std::uint64_t, std::size_t>> variant_index;  // of each row
+  std::unordered_map<std::uint64_t, ProfileVariant> known;          // by hash; without times
+  std::vector<Pending> pending;
+  std::vector<ProfileLaunch> launches;
+  std::vector<ProfileWindow> windows;
+  std::vector<HostRecord> host;  // of windows that have ended
+  std::uint64_t last_end = 0, suspicious = 0;
 
-  std::size_t row(const std::string& name, const std::string& stage, Cost cost, const char* timed_by) {
-    const auto [it, fresh] = index.emplace(std::make_pair(stage, name), rows.size());
+  std::size_t row(const LaunchRecord& launch, const char* timed_by) {
+    const auto [it, fresh] = index.emplace(std::make_pair(launch.stage, launch.name), rows.size());
     if (fresh) {
-      rows.push_back({});
-      rows.back().name = name;
-      rows.back().stage = stage;
+      rows.emplace_back();
+      rows.back().name = launch.name;
+      rows.back().stage = launch.stage;
       rows.back().timed_by = timed_by;
+      variant_index.emplace_back();
     }
-    ProfileRow& r = rows[it->second];
-    r.flops += cost.flops;
-    r.bytes += cost.bytes;
     return it->second;
   }
 
-  void count(std::size_t at, std::uint64_t start, std::uint64_t end) {
-    ProfileRow& r = rows[at];
-    const std::uint64_t ns = end - start;
+  // -> the variant's place in the row, and whether it is new there
+  std::pair<std::size_t, bool> variant(std::size_t row, std::uint64_t hash) {
+    ProfileRow& r = rows[row];
+    const auto [it, fresh] = variant_index[row].emplace(hash, std::min(r.variants.size(), kVariants - 1));
+    if (fresh && r.variants.size() < kVariants) {
+      const auto found = known.find(hash);
+      r.variants.push_back(found == known.end() ? ProfileVariant() : found->second);
+    } else if (fresh) {
+      r.variants.back().global = r.variants.back().local = {};
+      r.variants.back().shapes = "others";
+    }
+    return {it->second, fresh};
+  }
+
+  void count(const ProfileLaunch& launch) {
+    ProfileRow& r = rows[launch.row];
+    const std::uint64_t ns = launch.end - launch.start;
     r.min_ns = r.calls ? std::min(r.min_ns, ns) : ns;
     r.max_ns = std::max(r.max_ns, ns);
     r.total_ns += ns;
     ++r.calls;
-    launches.push_back({at, start, end});
+    r.queued_ns += launch.submitted - launch.queued;
+    r.submitted_ns += launch.start - launch.submitted;
+    if (launch.first) {
+      ++r.first_calls;
+      r.first_ns += ns;
+    }
+    if (launch.prepared) r.prepared_ns += launch.start - std::min(launch.ready, launch.start);
+    ProfileVariant& v = r.variants[launch.variant];
+    ++v.calls;
+    v.total_ns += ns;
+    launches.push_back(launch);
+  }
+
+  void spend(std::size_t row, std::size_t variant, Cost cost) {
+    ProfileRow& r = rows[row];
+    r.flops += cost.flops;
+    r.bytes += cost.bytes;
+    r.performed_flops += cost.performed > 0 ? cost.performed : cost.flops;
+    r.variants[variant].flops += cost.flops;
+    r.variants[variant].bytes += cost.bytes;
   }
 };
 
 Profiler::Profiler() : impl_(std::make_unique<Impl>()) {}
-Profiler::~Profiler() = default;
-
-void Profiler::add_event(const std::string& name, const std::string& stage, Cost cost, const cl::Event& event) {
-  impl_->pending.emplace_back(impl_->row(name, stage, cost, "device"), event);
+Profiler::~Profiler() {
+  if (enabled_) HostLog::of_process().let_go();
 }
 
-void Profiler::add_host(const std::string& name, const std::string& stage, Cost cost, std::uint64_t start_ns,
-                        std::uint64_t end_ns) {
-  impl_->count(impl_->row(name, stage, cost, "host"), start_ns, end_ns);
+void Profiler::enable(bool on) {
+  if (on == enabled_) return;
+  enabled_ = on;
+  HostLog& log = HostLog::of_process();
+  if (on) {
+    log.hold();
+    const std::uint64_t begun = log.take_begin(), now = now_ns();
+    impl_->windows.push_back({impl_->windows.empty() && begun != 0 ? std::min(begun, now) : now, 0});
+  } else {
+    impl_->windows.back().end = now_ns();
+    for (HostRecord& record : log.since(impl_->windows.back().start)) impl_->host.push_back(std::move(record));
+    log.let_go();
+  }
+}
+
+bool Profiler::knows(std::uint64_t variant) const { return impl_->known.count(variant) > 0; }
+void Profiler::tell(std::uint64_t hash, ProfileVariant variant) { impl_->known.emplace(hash, std::move(variant)); }
+
+void Profiler::add_event(const LaunchRecord& launch, const cl::Event& event) {
+  const std::size_t row = impl_->row(launch, "device");
+  const auto [variant, fresh] = impl_->variant(row, launch.variant);
+  impl_->spend(row, variant, launch.cost);
+  impl_->pending.push_back({row, variant, launch.first, fresh, launch.before, launch.after, event});
+}
+
+void Profiler::add_host(const LaunchRecord& launch, std::uint64_t start_ns, std::uint64_t end_ns) {
+  const std::size_t row = impl_->row(launch, "host");
+  const auto [variant, fresh] = impl_->variant(row, launch.variant);
+  impl_->spend(row, variant, launch.cost);
+  impl_->count({row, variant, launch.first, false, start_ns, start_ns, start_ns, end_ns, start_ns});
 }
 
 void Profiler::collect() {
-  for (auto& [row, event] : impl_->pending) {
-    std::uint64_t start = 0, end = 0;
-    try {
-      start = event.getProfilingInfo<CL_PROFILING_COMMAND_START>();
-      end = event.getProfilingInfo<CL_PROFILING_COMMAND_END>();
-    } catch (const cl::Error&) {  // counted below with the other times that cannot be
-    }
-    if (end < start || end == 0) {
+  std::vector<EventTimes> times;
+  std::vector<QueuedAt> queued;
+  times.reserve(impl_->pending.size());
+  for (const Pending& p : impl_->pending) {
+    times.push_back(times_of(p.event));
+    if (times.back().end != 0) queued.push_back({times.back().queued, p.before, p.after});
+  }
+  const std::int64_t offset = clock_offset(queued);
+  const auto on_host = [&](std::uint64_t device) { return device - static_cast<std::uint64_t>(offset); };
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    const Pending& p = impl_->pending[i];
+    ProfileLaunch launch{p.row, p.variant, p.first, p.prepared, p.after, p.after, p.after, p.after, p.after};
+    if (times[i].end == 0) {
       ++impl_->suspicious;
-      end = start;
+    } else {
+      launch.queued = on_host(times[i].queued), launch.submitted = on_host(times[i].submitted);
+      launch.start = on_host(times[i].start), launch.end = on_host(times[i].end);
+      launch.ready = std::max(launch.submitted, impl_->last_end);
+      impl_->last_end = std::max(impl_->last_end, launch.end);
     }
-    impl_->count(row, start, end);
+    impl_->count(launch);
   }
   impl_->pending.clear();
-}
-
-void Profiler::begin_span() {
-  if (impl_->in_span) return;
-  impl_->in_span = true;
-  impl_->span_start = now_ns();
-}
-
-void Profiler::exclude_from_span(double seconds) {
-  if (impl_->in_span) impl_->span_start += static_cast<std::uint64_t>(seconds * 1e9);
-}
-
-void Profiler::end_span() {
-  if (!impl_->in_span) return;
-  impl_->in_span = false;
-  const std::uint64_t now = now_ns();
-  if (now > impl_->span_start) impl_->wall_ns += now - impl_->span_start;
 }
 
 std::vector<ProfileRow> Profiler::rows() const {
@@ -107,72 +180,38 @@ std::vector<ProfileRow> Profiler::rows() const {
   return out;
 }
 
-double Profiler::wall_seconds() const { return static_cast<double>(impl_->wall_ns) * 1e-9; }
-
-std::string Profiler::table() const {
-  const std::vector<ProfileRow> all = rows();
-  double total = 0;
-  for (const ProfileRow& r : all) total += static_cast<double>(r.total_ns);
-  std::string out =
-      fmt::format("{:<28} {:<11} {:>7} {:>12} {:>7} {:>11} {:>11} {:>11} {:>9} {:>8}\n", "Kernel", "Stage", "Calls",
-                  "Time (us)", "Time %", "Avg (us)", "Min (us)", "Max (us)", "GFLOP/s", "GB/s");
-  for (const ProfileRow& r : all) {
-    const double ns = static_cast<double>(r.total_ns);
-    out += fmt::format("{:<28} {:<11} {:>7} {:>12.1f} {:>6.1f}% {:>11.1f} {:>11.1f} {:>11.1f} {:>9.1f} {:>8.1f}{}\n",
-                       r.name, r.stage, r.calls, ns * 1e-3, total > 0 ? 100 * ns / total : 0.0,
-                       r.calls ? ns * 1e-3 / static_cast<double>(r.calls) : 0.0, static_cast<double>(r.min_ns) * 1e-3,
-                       static_cast<double>(r.max_ns) * 1e-3, ns > 0 ? r.flops / ns : 0.0, ns > 0 ? r.bytes / ns : 0.0,
-                       std::string(r.timed_by) == "host" ? "  (host timing)" : "");
+Profile Profiler::profile() const {
+  Profile out;
+  out.windows = impl_->windows;
+  if (enabled_) out.windows.back().end = now_ns();
+  std::vector<std::size_t> order(impl_->rows.size()), place(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return impl_->rows[a].total_ns > impl_->rows[b].total_ns; });
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    out.rows.push_back(impl_->rows[order[i]]);
+    place[order[i]] = i;
   }
-  out += fmt::format("kernels {:.3f} s, wall {:.3f} s, not in kernels {:.3f} s\n", total * 1e-9, wall_seconds(),
-                     wall_seconds() - total * 1e-9);
-  if (impl_->suspicious)
-    out += fmt::format("{} launches came without usable times from the driver and count as 0\n", impl_->suspicious);
+  out.launches = impl_->launches;
+  for (ProfileLaunch& launch : out.launches) launch.row = place[launch.row];
+  out.host = impl_->host;
+  if (enabled_)
+    for (HostRecord& record : HostLog::of_process().since(out.windows.back().start))
+      out.host.push_back(std::move(record));
+  out.without_times = impl_->suspicious;
   return out;
 }
 
-std::string Profiler::json(const std::string& device, const std::string& driver, std::uint64_t peak_bytes) const {
-  nlohmann::ordered_json out;
-  out["device"] = device;
-  out["driver"] = driver;
-  out["wall_s"] = wall_seconds();
-  out["peak_bytes"] = peak_bytes;
-  double total = 0;
-  out["kernels"] = nlohmann::ordered_json::array();
-  for (const ProfileRow& r : rows()) {
-    total += static_cast<double>(r.total_ns);
-    out["kernels"].push_back({{"name", r.name},
-                              {"stage", r.stage},
-                              {"calls", r.calls},
-                              {"total_ns", r.total_ns},
-                              {"min_ns", r.min_ns},
-                              {"max_ns", r.max_ns},
-                              {"flops", r.flops},
-                              {"bytes", r.bytes},
-                              {"timed_by", r.timed_by}});
-  }
-  out["kernels_s"] = total * 1e-9;
-  out["launches_without_times"] = impl_->suspicious;
-  return out.dump(1) + "\n";
+double Profiler::wall_seconds() const {
+  std::uint64_t ns = 0;
+  for (const ProfileWindow& window : impl_->windows) ns += (window.end != 0 ? window.end : now_ns()) - window.start;
+  return static_cast<double>(ns) * 1e-9;
 }
 
-std::string Profiler::chrome_trace() const {
-  nlohmann::ordered_json events = nlohmann::ordered_json::array();
-  std::uint64_t first = UINT64_MAX;
-  for (const Launch& l : impl_->launches) first = std::min(first, l.start);
-  for (const Launch& l : impl_->launches) {
-    const ProfileRow& r = impl_->rows[l.row];
-    events.push_back({{"name", r.name},
-                      {"cat", r.stage},
-                      {"ph", "X"},
-                      {"pid", 1},
-                      {"tid", r.timed_by},
-                      {"ts", static_cast<double>(l.start - first) * 1e-3},
-                      {"dur", static_cast<double>(l.end - l.start) * 1e-3}});
-  }
-  return nlohmann::ordered_json{{"traceEvents", events}, {"displayTimeUnit", "ms"}}.dump() + "\n";
+void Profiler::reset() {
+  const bool on = enabled_;
+  *impl_ = Impl{};
+  if (on) impl_->windows.push_back({now_ns(), 0});
 }
-
-void Profiler::reset() { *impl_ = Impl{}; }
 
 }  // namespace vsplat

@@ -1,11 +1,13 @@
-// Where the time goes, kernel by kernel. Switched at run time; events are gathered in batches so that measuring does
-// not serialise the queue. A device without event times is timed on the host, one launch at a time, and marked so.
+// Where the time goes: every launch on the device, and what the host does (host_span.h), on one clock. Switched at run
+// time; events are gathered in batches so that measuring does not serialise the queue. A device without event times is
+// timed on the host, one launch at a time, and marked so.
 #pragma once
 #include <cstdint>
-#include <iosfwd>
 #include <memory>
 #include <string>
-#include <vector>
+
+#include "runtime/launch.h"
+#include "runtime/profile_sums.h"
 
 namespace cl {
 class Event;
@@ -13,17 +15,14 @@ class Event;
 
 namespace vsplat {
 
-// What one launch costs: floating-point operations, and bytes that must move at the least.
-struct Cost {
-  double flops = 0;
-  double bytes = 0;
-};
-
-struct ProfileRow {
-  std::string name, stage;
-  std::uint64_t calls = 0, total_ns = 0, min_ns = 0, max_ns = 0;
-  double flops = 0, bytes = 0;
-  const char* timed_by = "device";  // or "host"
+// A launch as it is recorded.
+struct LaunchRecord {
+  const std::string& name;
+  const std::string& stage;
+  Cost cost;
+  bool first = false;                   // of that kernel with that work-group
+  std::uint64_t before = 0, after = 0;  // host's clock around the call that enqueued it
+  std::uint64_t variant = 0;            // hash of range and shapes; see Profiler::variant
 };
 
 class Profiler {
@@ -34,25 +33,21 @@ class Profiler {
   Profiler& operator=(const Profiler&) = delete;
 
   bool enabled() const { return enabled_; }
-  void enable(bool on) { enabled_ = on; }
+  // The wall's time is what passes while it is on; the first time from HostLog::begin() on, where that was called.
+  void enable(bool on);
 
-  void add_event(const std::string& name, const std::string& stage, Cost cost, const cl::Event& event);
-  void add_host(const std::string& name, const std::string& stage, Cost cost, std::uint64_t start_ns,
-                std::uint64_t end_ns);
+  void add_event(const LaunchRecord& launch, const cl::Event& event);
+  void add_host(const LaunchRecord& launch, std::uint64_t start_ns, std::uint64_t end_ns);
+  // What the variant of that hash is; asked for where knows() it not.
+  bool knows(std::uint64_t variant) const;
+  void tell(std::uint64_t hash, ProfileVariant variant);
   // Reads the times of finished events. Call after the queue has been drained.
   void collect();
 
-  // Wall time from the first enqueue to the last finish, summed over spans (see Context::finish).
-  void begin_span();
-  void end_span();
-  // Time within a span that is not the device's: compilation.
-  void exclude_from_span(double seconds);
-
+  // Of finished launches, and the wall until now.
+  Profile profile() const;
   std::vector<ProfileRow> rows() const;  // most time first
   double wall_seconds() const;
-  std::string table() const;
-  std::string json(const std::string& device, const std::string& driver, std::uint64_t peak_bytes) const;
-  std::string chrome_trace() const;
   void reset();
 
  private:

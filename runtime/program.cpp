@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -150,20 +149,17 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
   return program;
 }
 
-cl::Program& ProgramCache::program(const std::string& file, const std::string& defines, double& seconds) {
+cl::Program& ProgramCache::program(const std::string& file, const std::string& defines) {
   const std::string key = file + "\n" + defines;
   const auto it = programs_.find(key);
   if (it != programs_.end()) return it->second;
-  const auto start = std::chrono::steady_clock::now();
   cl::Program built = build(file, defines, false);
-  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return programs_.emplace(key, std::move(built)).first->second;
 }
 
-cl::Kernel ProgramCache::kernel(const std::string& file, const std::string& name, const std::string& defines,
-                                double& seconds) {
+cl::Kernel ProgramCache::kernel(const std::string& file, const std::string& name, const std::string& defines) {
   const std::lock_guard lock(mutex_);
-  cl::Program& owner = program(file, defines, seconds);
+  cl::Program& owner = program(file, defines);
   const auto made = [&]() -> cl::Kernel { return {owner, name.c_str()}; };
   // What came from disk may be a sound program without that kernel: then its source has the last word.
   if (from_disk_.count(file + "\n" + defines) > 0) {

@@ -32,12 +32,12 @@ class ProgramCache {
   ProgramCache(cl::Context context, cl::Device device, DeviceInfo info,
                std::function<void(const std::string&, int)> on_compile);
 
-  // A kernel of the caller's own, since one's arguments are set and used in two calls. Builds its program at first use,
-  // and adds the seconds that this took. Throws Error(compile) with the build log.
-  cl::Kernel kernel(const std::string& file, const std::string& name, const std::string& defines, double& seconds);
+  // A kernel of the caller's own, since one's arguments are set and used in two calls. Builds its program at first use.
+  // Throws Error(compile) with the build log.
+  cl::Kernel kernel(const std::string& file, const std::string& name, const std::string& defines);
 
  private:
-  cl::Program& program(const std::string& file, const std::string& defines, double& seconds);
+  cl::Program& program(const std::string& file, const std::string& defines);
   cl::Program build(const std::string& file, const std::string& defines, bool from_source);
   bool build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const;
   void save_to_disk(const std::string& key, const cl::Program& program) const;

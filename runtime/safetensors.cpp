@@ -15,6 +15,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/half.h"
+#include "runtime/host_span.h"
 #include "runtime/json_text.h"
 #include "runtime/output_file.h"
 #include "runtime/printable.h"
@@ -126,6 +127,7 @@ class SafetensorsFile::Source {
       if (bytes != 0) std::memcpy(into, memory_.subspan(offset, bytes).data(), bytes);
       return;
     }
+    const HostSpan span(HostKind::file, "read", path_);
     auto* to = static_cast<char*>(into);
     while (bytes != 0) {
       const ssize_t got = ::pread(descriptor_, to, bytes, static_cast<off_t>(offset));

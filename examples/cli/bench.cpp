@@ -46,7 +46,7 @@ void bench(const BenchOptions& o) try {
   vsplat::Context ctx(context_options(o.common));
   say(o.common, "device " + std::to_string(ctx.device().index) + ": " + ctx.device().name + ", driver " +
                     ctx.device().driver + ", " + vsplat::name_of(ctx.flavour()) + " kernels");
-  if (!o.common.profile.empty() || !o.common.trace.empty()) ctx.profiler().enable(true);
+  if (!o.common.profile.empty() || !o.common.trace.empty()) vsplat::bench::record(ctx);
   vsplat::bench::Options options;
   options.suites = o.suites;
   options.filter = o.filter;
@@ -64,11 +64,9 @@ void bench(const BenchOptions& o) try {
   clear_progress();
   const std::string text = o.common.json ? vsplat::bench::json(report) : vsplat::bench::table(report);
   std::printf("%s%s", text.c_str(), text.empty() || text.back() == '\n' ? "" : "\n");
-  ctx.finish();
-  if (!o.common.profile.empty())
-    write_text(outputs.begin(o.common.profile),
-               ctx.profiler().json(ctx.device().name, ctx.device().driver, ctx.memory().peak()));
-  if (!o.common.trace.empty()) write_text(outputs.begin(o.common.trace), ctx.profiler().chrome_trace());
+  const auto [profile, trace] = vsplat::bench::recorded(ctx);
+  if (!o.common.profile.empty()) write_text(outputs.begin(o.common.profile), profile);
+  if (!o.common.trace.empty()) write_text(outputs.begin(o.common.trace), trace);
   outputs.commit();
 } catch (const vsplat::Error& e) {
   if (e.status() == vsplat::Status::usage) throw UsageError(e.what());

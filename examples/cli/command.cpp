@@ -86,6 +86,8 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
   app.add_flag("-v,--verbose", common.verbose, "Details")->group(group);
 }
 
+bool wants_profile(const Common& common) { return !common.profile.empty() || !common.trace.empty() || common.verbose; }
+
 void refuse_profile_of_dry_run(const Common& common) {
   for (const auto& [option, path] : {std::pair{"--profile", &common.profile}, {"--trace", &common.trace}})
     if (!path->empty()) throw UsageError(std::string(option) + " has nothing to time with --dry-run: give one of them");
@@ -111,6 +113,7 @@ void set_up_library(const Common& common) {
   constexpr double most_gib = 1u << 30;  // more than any machine has
   vsplat::check(vsplat_set_host_memory(
       static_cast<uint64_t>(std::min(common.max_host_memory, most_gib) * static_cast<double>(1u << 30))));
+  if (wants_profile(common)) vsplat::check(vsplat_profile_begin(elapsed_seconds()));
 }
 
 namespace {

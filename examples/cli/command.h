@@ -35,6 +35,9 @@ struct Takes {
 };
 void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 
+// Whether the run is recorded, for --profile, --trace or --verbose.
+bool wants_profile(const Common& common);
+
 // UsageError where a run that computes nothing was asked for times.
 void refuse_profile_of_dry_run(const Common& common);
 

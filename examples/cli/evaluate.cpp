@@ -176,6 +176,9 @@ void evaluate(EvaluateOptions& o) {
 
   Session session(o.common, Devices::several);
   session.share(options);
+  session.about("command", "evaluate");
+  session.about("model", model_name(o.model));
+  session.about("scene", o.folders.front());
   const vsplat::Model model = load_model(o.model);
   const vsplat::DataSet data(o.folders);
   Listener listener{session, Kept(o)};

@@ -407,6 +407,8 @@ void evaluate_table(const Common& common, const TableOptions& o) {
   for (const Data& data : request.data) outputs.input_data(data.folders);
 
   Session session(common, Devices::several);
+  session.about("command", "evaluate");
+  session.about("table", o.file);
   std::vector<vsplat::DataSet> sets;  // all of them before anything is computed
   for (const Data& data : request.data) sets.emplace_back(data.folders);
   Table table(request);

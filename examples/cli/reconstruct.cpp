@@ -180,6 +180,9 @@ void reconstruct(ReconstructOptions& o) {
   if (job.choice.orbit) job.expect(outputs, static_cast<std::size_t>(job.choice.orbit));
 
   Session session(o.common);
+  session.about("command", "reconstruct");
+  session.about("model", model_name(o.model));
+  session.about("scene", o.views);
   const vsplat::Model model = load_model(o.model);
   Shots shots;
   if (job.wanted && !job.choice.orbit) {
@@ -210,8 +213,8 @@ void reconstruct(ReconstructOptions& o) {
   if (!o.write_selection.empty())
     vsplat::check(vsplat_scene_save_selection((request.refinement ? request.refinement->start() : scene).get(),
                                               outputs.begin(o.write_selection).c_str()));
-  session.write_profile(outputs);
   file.save(o.common, scene);
+  session.write_profile(outputs);
   outputs.commit();
   summarise(o, job, input, scene, file, shots.all.size(), comparison, request.refinement);
 }

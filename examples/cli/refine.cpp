@@ -123,12 +123,15 @@ void refine(const RefineSettings& o) {
   if (job.options.start == VSPLAT_REFINE_SCENE) scene = start_scene(o.start);
   job.options.scene = scene.get();
   Session session(o.common);
+  session.about("command", "refine");
+  if (job.options.start == VSPLAT_REFINE_NETWORK) session.about("model", model_name(o.model));
+  session.about("scene", o.views);
   vsplat::Model model;
   if (job.options.start == VSPLAT_REFINE_NETWORK) model = load_model(o.model);
   job.options.model = model.get();
   const vsplat::Scene result = job.run(session, o.common, views, outputs);
-  session.write_profile(outputs);
   file.save(o.common, result);
+  session.write_profile(outputs);
   outputs.commit();
   job.summarise(o.common);
   say(o.common,

@@ -92,6 +92,8 @@ void render(const RenderOptions& o) {
 
   Session session(o.common, o.dry_run ? Devices::one : Devices::several);
   if (o.dry_run) return dry_run(o, session, scene, shots.all);
+  session.about("command", "render");
+  session.about("scene", o.scene);
   job.draw(session, scene, shots.all, comparison, outputs);
   session.write_profile(outputs);
   outputs.commit();

@@ -64,7 +64,8 @@ Session::Session(const Common& common, Devices most) : common_(common) {
                      " kernels" + (info.event_profiling ? "" : ", timed on the host"));
   }
   for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
-  if (timed || (common_.verbose && devices_.size() == 1)) devices_.front().profile(true);
+  recorded_ = timed || (common_.verbose && devices_.size() == 1);
+  if (recorded_) devices_.front().profile(true);
 }
 
 void Session::on_compile(void* session, const char* kernel, int32_t compiled) {
@@ -101,14 +102,18 @@ int32_t Session::on_progress(void* session, const char* stage, double done) {
 }
 
 void Session::write_profile(Outputs& outputs) {
+  if (!recorded_) return;
+  devices_.front().profile(false);
   if (!common_.profile.empty()) write_text(outputs.begin(common_.profile), device().profile_text(VSPLAT_PROFILE_JSON));
   if (!common_.trace.empty()) write_text(outputs.begin(common_.trace), device().profile_text(VSPLAT_PROFILE_TRACE));
-  if (common_.verbose && devices_.size() == 1) say(common_, device().profile_text(VSPLAT_PROFILE_TABLE));
+  if (common_.verbose) say(common_, device().profile_text(VSPLAT_PROFILE_TABLE));
 }
 
 vsplat::Model load_model(const std::string& path) {
   return path.empty() ? vsplat::Model::load() : vsplat::Model::load(path);
 }
+
+std::string model_name(const std::string& path) { return path.empty() ? "built-in" : path; }
 
 void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device) {
   plan.host_peak += bytes;

@@ -33,7 +33,10 @@ class Session {
   static int32_t on_progress(void* session, const char* stage, double done);
   // What the work is called in the next progress lines, and when it began.
   void start(const std::string& what);
-  // Writes --profile and --trace, and the table to stderr with --verbose.
+  // Names what its profile is of: ("model", "m.safetensors").
+  void about(const std::string& what, const std::string& name) { devices_.front().profile_name(what, name); }
+  // Writes --profile and --trace, and the table to stderr with --verbose. The recording ends with that: when all else
+  // is written.
   void write_profile(Outputs& outputs);
 
  private:
@@ -44,13 +47,15 @@ class Session {
   std::mutex mutex_;  // of what follows, where several devices work
   std::string what_, stage_;
   double started_ = 0, last_line_ = 0;
-  bool compiled_ = false;
+  bool compiled_ = false, recorded_ = false;
   std::vector<vsplat::Device> devices_;
   std::vector<vsplat_device> handles_;
 };
 
 // The model of --model; where the option is not given, the one that the library carries.
 vsplat::Model load_model(const std::string& path);
+// What profiles call it.
+std::string model_name(const std::string& path);
 
 // What the command holds of the host's memory beside what the library plans.
 void add_host_memory(vsplat_plan& plan, uint64_t bytes, const vsplat::Device& device);

@@ -215,6 +215,8 @@ void train(TrainOptions& o) {
     outputs.input_data(o.data);
   }
   Session session(o.common, Devices::several);
+  session.about("command", "train");
+  session.about("configuration", o.config);
   std::vector<const char*> data;
   for (const std::string& path : o.data) data.push_back(path.c_str());
   vsplat_train_options options = VSPLAT_TRAIN_OPTIONS_INIT;

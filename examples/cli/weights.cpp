@@ -71,6 +71,8 @@ void check(const WeightsOptions& o) {
   for (const std::string& path : {o.common.profile, o.common.trace}) outputs.expect(path);
   const vsplat::Model model = load_model(o.model);
   Session session(o.common);
+  session.about("command", "weights check");
+  session.about("model", model_name(o.model));
   session.start("reconstructing");
   vsplat_check_options options = VSPLAT_CHECK_OPTIONS_INIT;
   options.progress = Session::on_progress;

@@ -623,7 +623,7 @@ class Device(_Handle):
         _call("device_profile", self, c.c_int32(on))
 
     def profile_rows(self) -> dict[str, Any]:
-        """What was recorded: {"device", "driver", "wall_s", "peak_bytes", "kernels": [...]}"""
+        """What was recorded: {"device", "driver", "wall_s", "wall", "peak_bytes", "kernels": [...], "stages": [...], "host": [...]}"""
         text = c.c_char_p()
         _call("device_profile_text", self, 1, c.byref(text))
         return json.loads(_take_text(text))

@@ -156,34 +156,3 @@ vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* o
     give(out_info, info, "out_info");
   });
 }
-
-vsplat_status vsplat_device_profile(vsplat_device device, int32_t on) {
-  return guarded([&] {
-    const DeviceUse use(device);
-    device->context.finish();
-    Profiler& profiler = device->context.profiler();
-    if (on && !profiler.enabled()) profiler.reset();
-    profiler.enable(on != 0);
-  });
-}
-
-vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format, char** out_text) {
-  return guarded([&] {
-    const DeviceUse use(device);
-    need(out_text, "out_text");
-    Context& ctx = device->context;
-    ctx.finish();
-    switch (value_of(format)) {
-      case VSPLAT_PROFILE_JSON:
-        *out_text = new_text(ctx.profiler().json(ctx.device().name, ctx.device().driver, ctx.memory().peak()));
-        return;
-      case VSPLAT_PROFILE_TRACE:
-        *out_text = new_text(ctx.profiler().chrome_trace());
-        return;
-      case VSPLAT_PROFILE_TABLE:
-        *out_text = new_text(ctx.profiler().table());
-        return;
-    }
-    fail(Status::usage, "format is {}, not a value of vsplat_profile_format", value_of(format));
-  });
-}

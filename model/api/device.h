@@ -2,6 +2,9 @@
 #include <atomic>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "model/api/handle.h"
 #include "model/api/job_queue.h"
@@ -26,6 +29,8 @@ struct vsplat_device_impl : vsplat::api::Counted {
   const std::shared_ptr<vsplat::api::Residents> residents;
   std::weak_ptr<const vsplat::Scene> scene_key;
   std::optional<vsplat::GaussianChunks> scene;
+
+  std::vector<std::pair<std::string, std::string>> profile_names;  // what profiles are of
 
   vsplat::api::JobQueue jobs;  // last: its thread ends before anything goes that it uses
 };

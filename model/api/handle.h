@@ -7,6 +7,7 @@
 #include <string>
 
 #include "runtime/fail.h"
+#include "runtime/host_span.h"
 #include "vsplat/vsplat.h"
 
 namespace vsplat::api {
@@ -48,10 +49,14 @@ class Kept {
 
 void set_last_error(const char* text) noexcept;
 
-// Runs `body`; nothing that it throws gets past here.
+// What profiles call a function of the interface: "vsplat_views_load" is "views load".
+std::string name_in_profiles(const char* function);
+
+// Runs `body`; nothing that it throws gets past here. The caller's name is for profiles.
 template <class F>
-vsplat_status guarded(const F& body) noexcept {
+vsplat_status guarded(const F& body, const char* caller = __builtin_FUNCTION()) noexcept {
   try {
+    const HostSpan span(HostKind::host, HostLog::of_process().on() ? name_in_profiles(caller) : "");
     body();
     return VSPLAT_OK;
   } catch (const Error& e) {

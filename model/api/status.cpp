@@ -1,4 +1,5 @@
 // Statuses, the last error, version, text, the log, and files.
+#include <algorithm>
 #include <cstdlib>
 
 #include "model/api/handle.h"
@@ -21,6 +22,13 @@ thread_local LastError last_error;
 void set_last_error(const char* text) noexcept {
   std::strncpy(last_error.text, text, sizeof last_error.text - 1);
   last_error.text[sizeof last_error.text - 1] = '\0';
+}
+
+std::string name_in_profiles(const char* function) {
+  std::string out(function);
+  if (out.rfind("vsplat_", 0) == 0) out.erase(0, 7);
+  std::replace(out.begin(), out.end(), '_', ' ');
+  return out;
 }
 
 char* new_text(const std::string& text) {

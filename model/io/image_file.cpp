@@ -11,6 +11,7 @@
 #include "model/io/oriented_rows.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/host_span.h"
 
 namespace vsplat {
 namespace {
@@ -85,6 +86,7 @@ DecodingRoom room_to_decode(const FileBytes& file, const ImageInfo& info) {
 std::unique_ptr<FileRows> open_picture(const FileBytes& file) { return by_format(file, &Format::open); }
 
 Image decode_image(const FileBytes& file) {
+  const HostSpan span(HostKind::host, "decode pictures", file.path);
   const std::unique_ptr<FileRows> rows = open_picture(file);
   return whole(file, *rows);
 }
@@ -94,6 +96,7 @@ ImageFile::ImageFile(const std::string& path) : path_(path), bytes_(read_file(pa
 ImageInfo ImageFile::info() const { return info_of({path_, bytes_.data(), bytes_.size()}); }
 
 Image ImageFile::decode(int orientation) const {
+  const HostSpan span(HostKind::host, "decode pictures", path_);
   const std::unique_ptr<PixelRows> all = rows(orientation);
   return whole({path_, bytes_.data(), bytes_.size()}, *all);
 }
@@ -140,12 +143,18 @@ void MaskRows::next(float* row) {
 }
 
 void write_png(const std::string& path, const Image& image) {
-  const std::vector<unsigned char> bytes = encode_png(image);
+  const std::vector<unsigned char> bytes = [&] {
+    const HostSpan span(HostKind::host, "encode pictures", path);
+    return encode_png(image);
+  }();
   write_file(path, bytes.data(), bytes.size());
 }
 
 void write_jpeg(const std::string& path, const Image& image, int quality) {
-  const std::vector<unsigned char> bytes = encode_jpeg(path, image, quality);
+  const std::vector<unsigned char> bytes = [&] {
+    const HostSpan span(HostKind::host, "encode pictures", path);
+    return encode_jpeg(path, image, quality);
+  }();
   write_file(path, bytes.data(), bytes.size());
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "runtime/host_span.h"
 
 namespace vsplat {
 
@@ -15,6 +16,7 @@ PlyFile::PlyFile(const std::string& path) : path_(path), file_(open_regular(path
 }
 
 std::size_t PlyFile::read(void* to, std::size_t bytes) {
+  const HostSpan span(HostKind::file, "read", path_);
   const std::size_t n = std::fread(to, 1, bytes, file_.get());
   if (n < bytes && std::ferror(file_.get())) fail(Status::file, "{}: cannot be read: {}", path_, std::strerror(errno));
   return n;

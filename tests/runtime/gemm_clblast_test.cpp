@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "runtime/gemm.h"
+#include "runtime/profile_text.h"
+#include "runtime/profiler.h"
 #include "tests/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -67,7 +69,7 @@ TEST_P(GemmClblastTest, MatchesReference) {
   c.finish();
   bool found = false;
   for (const ProfileRow& row : c.profiler().rows()) found = found || (row.name == "through_clblast" && row.calls == 12);
-  EXPECT_TRUE(found) << "CLBlast's launches are missing from the profile\n" << c.profiler().table();
+  EXPECT_TRUE(found) << "CLBlast's launches are missing from the profile\n" << profile_table(c.profiler().profile());
 }
 
 TEST_P(GemmClblastTest, RowRangeTouchesOnlyItsRows) {

@@ -33,6 +33,8 @@ static void null_handles(void) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_open(NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_get_info(NULL, &device_info));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile(NULL, 1));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile_name(NULL, "model", "m"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_profile_begin(-1));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile_text(NULL, VSPLAT_PROFILE_JSON, &text));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_init(NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_load("model", NULL));
@@ -347,10 +349,15 @@ static void main_job(vsplat_device device) {
   options.progress = NULL;
   options.voxels = voxels;
   options.num_voxels = 3;
+  EXPECT(VSPLAT_OK, vsplat_profile_begin(0));
   EXPECT(VSPLAT_OK, vsplat_device_profile(device, 1));
+  EXPECT(VSPLAT_OK, vsplat_device_profile_name(device, "model", "an earlier name"));
+  EXPECT(VSPLAT_OK, vsplat_device_profile_name(device, "model", "micro"));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_device_profile_name(device, NULL, "micro"));
   EXPECT(VSPLAT_OK, vsplat_reconstruct(device, model, input, &options, &scene));
   EXPECT(VSPLAT_OK, vsplat_device_profile_text(device, VSPLAT_PROFILE_JSON, &text));
   HOLD(text && strstr(text, "\"wall_s\"") != NULL);
+  HOLD(text && strstr(text, "\"model\": \"micro\"") != NULL && strstr(text, "an earlier name") == NULL);
   vsplat_text_free(text);
   checked_model(device, model);
   vsplat_model_release(model);

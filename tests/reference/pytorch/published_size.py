@@ -57,7 +57,7 @@ def measured(name, model, views, work, *more):
     wall, processor = run("--profile", at(".json"))
     with open(at(".json")) as f:
         profile = json.load(f)
-    print(f"{name}: {wall:.1f} s in all ({processor:.1f} of processor), {profile['wall_s']:.1f} s of it on the device and around it, "
+    print(f"{name}: {wall:.1f} s in all ({processor:.1f} of processor), {profile['kernels_s']:.1f} s of it on the device, "
           f"{profile['peak_bytes'] / 2**30:.2f} GiB of the device's memory", flush=True)
 
 

@@ -212,14 +212,22 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_cancel(vsplat_device dev
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_trim(vsplat_device device);
 
 typedef enum vsplat_profile_format {
-  VSPLAT_PROFILE_JSON = 1,  /* {"device", "driver", "wall_s", "peak_bytes", "kernels": [...]} */
+  VSPLAT_PROFILE_JSON = 1,  /* {"device", "driver", "wall_s", "wall", "peak_bytes", "kernels": [...], ...} */
   VSPLAT_PROFILE_TRACE = 2, /* Chrome's and Perfetto's trace events */
   VSPLAT_PROFILE_TABLE = 3  /* for reading */
 } vsplat_profile_format;
 
-/* Starts (on != 0) or stops recording every kernel's time. Recording begins anew when it is started. */
+/* Starts (on != 0) or stops recording every kernel's time, and what the host does meanwhile in calls of the library, in
+   all threads of the process. Recording begins anew when it is started; the wall's time is what passes while it is on. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile(vsplat_device device, int32_t on);
-/* What was recorded so far. */
+/* What the host does is recorded from now on, and the next profile that is started in the process begins where this
+   does: `seconds_ago` (0 to 1e9) before now. For the whole of a run, with what comes before a device is open. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_profile_begin(double seconds_ago);
+/* Names what profiles of the device are of, in place of an earlier name: ("model", "small.safetensors"). Profiles show
+   it as it is given; both are UTF-8 and copied. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_name(vsplat_device device, const char* what,
+                                                                     const char* name);
+/* What was recorded so far, the wall until this call. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format,
                                                                      char** out_text);
 

@@ -105,6 +105,9 @@ class Device : public DeviceHandle {
   void cancel() const { check(vsplat_device_cancel(get())); }
   void trim() { check(vsplat_device_trim(get())); }
   void profile(bool on) { check(vsplat_device_profile(get(), on)); }
+  void profile_name(const std::string& what, const std::string& name) {
+    check(vsplat_device_profile_name(get(), what.c_str(), name.c_str()));
+  }
   std::string profile_text(vsplat_profile_format format) const {
     char* out = nullptr;
     check(vsplat_device_profile_text(get(), format, &out));

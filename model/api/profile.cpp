@@ -1,0 +1,80 @@
+// Profiles of a device and of what the host does around it.
+#include "model/api/device.h"
+#include "runtime/clock.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+#include "runtime/peaks.h"
+#include "runtime/profile_text.h"
+#include "runtime/profiler.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+constexpr double kLongestAgo = 1e9;  // seconds
+
+// A profile goes without them where they cannot be measured.
+std::optional<Peaks> peaks_if_any(Context& ctx, const Profile& profile) {
+  try {
+    return peaks_of(ctx, gflops_seen(profile));
+  } catch (const Error& e) {
+    warn("the profile has no shares of what the device can do at the most: {}", e.what());
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+vsplat_status vsplat_profile_begin(double seconds_ago) {
+  return guarded([&] {
+    if (!(seconds_ago >= 0 && seconds_ago <= kLongestAgo))
+      fail(Status::usage, "seconds_ago is {}: 0 to {} expected", seconds_ago, kLongestAgo);
+    const std::uint64_t now = now_ns(), ago = static_cast<std::uint64_t>(seconds_ago * 1e9);
+    HostLog::of_process().begin(ago < now ? now - ago : 1);
+  });
+}
+
+vsplat_status vsplat_device_profile(vsplat_device device, int32_t on) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    device->context.finish();
+    Profiler& profiler = device->context.profiler();
+    if (on && !profiler.enabled()) profiler.reset();
+    profiler.enable(on != 0);
+  });
+}
+
+vsplat_status vsplat_device_profile_name(vsplat_device device, const char* what, const char* name) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(what, "what");
+    need(name, "name");
+    auto& names = device->profile_names;
+    std::erase_if(names, [&](const auto& there) { return there.first == what; });
+    names.emplace_back(what, name);
+  });
+}
+
+vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format, char** out_text) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(out_text, "out_text");
+    Context& ctx = device->context;
+    ctx.finish();
+    const Profile profile = ctx.profiler().profile();
+    switch (value_of(format)) {
+      case VSPLAT_PROFILE_JSON:
+        *out_text = new_text(profile_json(profile, {ctx.device().name, ctx.device().driver, ctx.memory().peak(),
+                                                    device->profile_names, peaks_if_any(ctx, profile)}));
+        return;
+      case VSPLAT_PROFILE_TRACE:
+        *out_text = new_text(profile_trace(profile));
+        return;
+      case VSPLAT_PROFILE_TABLE:
+        *out_text = new_text(profile_table(profile, known_peaks(ctx)));
+        return;
+    }
+    fail(Status::usage, "format is {}, not a value of vsplat_profile_format", value_of(format));
+  });
+}

@@ -1,0 +1,108 @@
+#include "runtime/host_span.h"
+
+#include <mutex>
+#include <utility>
+
+#include "runtime/clock.h"
+
+namespace vsplat {
+namespace {
+
+// Shorter ones stay with what they are in; those of compiling and uploading are few.
+constexpr std::uint64_t kShortest = 10'000;  // ns
+
+thread_local std::string stage_of_thread;
+
+int number_of_thread() {
+  static std::atomic<int> next{0};
+  thread_local const int mine = next++;
+  return mine;
+}
+
+}  // namespace
+
+const char* name_of(HostKind kind) {
+  switch (kind) {
+    case HostKind::host:
+      return "host";
+    case HostKind::file:
+      return "file";
+    case HostKind::compile:
+      return "compile";
+    case HostKind::upload:
+      return "upload";
+    case HostKind::wait:
+      return "wait";
+  }
+  return "?";
+}
+
+struct HostLog::Impl {
+  std::mutex mutex;
+  std::vector<HostRecord> records;
+  std::uint64_t begin = 0;
+};
+
+// Never destroyed: threads may outlive what is static.
+HostLog::HostLog() : impl_(*new Impl) {}
+
+HostLog& HostLog::of_process() {
+  static auto& log = *new HostLog;
+  return log;
+}
+
+void HostLog::hold() { ++holders_; }
+
+void HostLog::let_go() {
+  const std::lock_guard lock(impl_.mutex);
+  if (--holders_ == 0) impl_.records = {};
+}
+
+void HostLog::begin(std::uint64_t at_ns) {
+  const std::lock_guard lock(impl_.mutex);
+  if (impl_.begin == 0) ++holders_;
+  impl_.begin = at_ns;
+}
+
+std::uint64_t HostLog::take_begin() {
+  const std::lock_guard lock(impl_.mutex);
+  const std::uint64_t at = std::exchange(impl_.begin, 0);
+  if (at != 0 && --holders_ == 0) impl_.records = {};
+  return at;
+}
+
+void HostLog::add(HostRecord record) {
+  record.thread = number_of_thread();
+  const std::lock_guard lock(impl_.mutex);
+  if (holders_ > 0) impl_.records.push_back(std::move(record));
+}
+
+std::vector<HostRecord> HostLog::since(std::uint64_t from_ns) const {
+  const std::lock_guard lock(impl_.mutex);
+  std::vector<HostRecord> out;
+  for (const HostRecord& record : impl_.records)
+    if (record.end > from_ns) out.push_back(record);
+  return out;
+}
+
+HostSpan::HostSpan(HostKind kind, std::string_view name, std::string_view detail) : kind_(kind) {
+  if (!HostLog::of_process().on()) return;
+  name_ = name;
+  detail_ = detail;
+  stage_ = stage_of_thread;
+  start_ = now_ns();
+}
+
+HostSpan::~HostSpan() {
+  if (start_ == 0) return;
+  const std::uint64_t end = now_ns();
+  if (kind_ != HostKind::compile && kind_ != HostKind::upload && end - start_ < kShortest) return;
+  try {
+    HostLog::of_process().add({start_, end, kind_, 0, std::move(name_), std::move(detail_), std::move(stage_)});
+  } catch (const std::exception&) {  // without memory for it, it is not recorded
+  }
+}
+
+std::string set_host_stage(const std::string& stage) { return std::exchange(stage_of_thread, stage); }
+
+}  // namespace vsplat
