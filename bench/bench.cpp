@@ -9,7 +9,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/peaks.h"
-#include "runtime/profile_text.h"
+#include "runtime/profile_page.h"
 #include "runtime/profiler.h"
 
 namespace vsplat::bench {
@@ -307,9 +307,8 @@ Recorded recorded(Context& ctx) {
   ctx.profiler().enable(false);
   const Profile profile = ctx.profiler().profile();
   const DeviceInfo& device = ctx.device();
-  return {
-      profile_json(profile, {device.name, device.driver, ctx.memory().peak(), {{"command", "bench"}}, peaks_of(ctx)}),
-      profile_trace(profile)};
+  const ProfileSubject subject{device.name, device.driver, ctx.memory().peak(), {{"command", "bench"}}, peaks_of(ctx)};
+  return {profile_json(profile, subject), profile_page(profile, subject), profile_trace(profile)};
 }
 
 std::string table(const Report& report) {

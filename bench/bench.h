@@ -93,7 +93,7 @@ std::string json(const Report& report);
 // A profile of the whole of it: from record() until recorded(), as profiles are written.
 void record(Context& ctx);
 struct Recorded {
-  std::string json, trace;
+  std::string json, page, trace;
 };
 Recorded recorded(Context& ctx);
 

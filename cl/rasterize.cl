@@ -85,12 +85,14 @@ typedef struct {
   float16 red[BLOCKS], green[BLOCKS], blue[BLOCKS], far[BLOCKS];  // sums of weight x colour, weight x depth
   float16 sum[BLOCKS];                                            // sums of weights
   uint alive;                                                     // a bit for each block that has unfinished pixels
+  COUNTED(int16)
 } Tile;
 
 static inline void start_tile(Tile* tile, int x0, int y0, int width, int height) {
   const float16 lane_x = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 lane_y = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   tile->alive = 0;
+  COUNT_FROM_0(tile);
   for (int b = 0; b < BLOCKS; ++b) {
     const float16 column = lane_x + (float)(4 * (b & 3)), row = lane_y + (float)(4 * (b >> 2));
     tile->column[b] = column;
@@ -114,6 +116,7 @@ static inline void blend(Tile* tile, const float* r, float corner_x, float corne
     const float16 before = tile->T[b], after = before * (1.0f - a);
     const int16 skip = a < MIN_ALPHA, live = after >= MIN_TRANSMITTANCE;
     const float16 w = select((float16)(0.0f), before * a, live & ~skip);
+    COUNT_ROWS(tile, live & ~skip);
     tile->T[b] = select(select((float16)(0.0f), after, live), before, skip);
     tile->red[b] = FMA(w, (float16)(r[8]), tile->red[b]);
     tile->green[b] = FMA(w, (float16)(r[9]), tile->green[b]);
@@ -139,7 +142,7 @@ static inline void write_block(const Tile* tile, int b, float3 background, globa
 kernel void rasterize_forward_cpu(global const float* records, global const uint* ids, global const uint* starts,
                                   global float* colour, global float* alpha, global float* depth, int width, int height,
                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
-                                  float background_g, float background_b) {
+                                  float background_g, float background_b COUNTER_ARGUMENTS) {
   const int at = get_global_id(0);
   if (at >= tile_count) return;
   const int x0 = (tile_x0 + at % tiles_x) * TILE, y0 = (tile_y0 + at / tiles_x) * TILE;
@@ -167,6 +170,7 @@ kernel void rasterize_forward_cpu(global const float* records, global const uint
     const int x = x0 + 4 * (b & 3), y = y0 + 4 * (b >> 2);
     if (x < width && y < height) write_block(&tile, b, background, colour, alpha, depth, width, height, x, y);
   }
+  ADD_COUNT(sum_of_counts(tile.blended));
 }
 #endif
 
@@ -180,6 +184,7 @@ typedef struct {
   float T[PIXELS];                                              // transmittance, 0 where a pixel is finished
   float red[PIXELS], green[PIXELS], blue[PIXELS], far[PIXELS];  // sums of weight x colour, weight x depth
   float sum[PIXELS];                                            // sums of weights
+  COUNTED(uint)
 } Column;
 
 // Blends a record (at, f and c are its twelve numbers) into the pixels. Returns the largest transmittance left.
@@ -199,6 +204,7 @@ static inline float blend(Column* own, float4 at, float4 f, float4 c) {
       own->blue[p] = FMA(w, c.z, own->blue[p]);
       own->far[p] = FMA(w, at.w, own->far[p]);
       own->sum[p] += w;
+      if (after >= MIN_TRANSMITTANCE) COUNT_ONE(own);
     }
     left = max(left, own->T[p]);
   }
@@ -208,11 +214,12 @@ static inline float blend(Column* own, float4 at, float4 f, float4 c) {
 kernel void rasterize_forward_gpu(global const float* records, global const uint* ids, global const uint* starts,
                                   global float* colour, global float* alpha, global float* depth, int width, int height,
                                   int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
-                                  float background_g, float background_b) {
+                                  float background_g, float background_b COUNTER_ARGUMENTS) {
   local float4 place[WG], form[WG], tint[WG];
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
   Column own;
+  COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
   for (int p = 0; p < PIXELS; ++p) {
@@ -250,5 +257,6 @@ kernel void rasterize_forward_gpu(global const float* records, global const uint
     alpha[at] = own.sum[p];
     depth[at] = own.far[p];
   }
+  ADD_COUNT(own.blended);
 }
 #endif

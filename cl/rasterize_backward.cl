@@ -62,6 +62,7 @@ typedef struct {
   float16 columns[BLOCK], lines[BLOCK];                    // pixels' places in the tile, by the block's column and row
   uint visits[BLOCKS];                                     // Gaussians that were blended into it
   uint alive;                                              // a bit for each block that has unfinished pixels
+  COUNTED(int16)
 } Tile;
 
 static inline void start_tile(Tile* tile, Pictures p, int x0, int y0, float background_r, float background_g,
@@ -69,6 +70,7 @@ static inline void start_tile(Tile* tile, Pictures p, int x0, int y0, float back
   const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   tile->alive = 0;
+  COUNT_FROM_0(tile);
   for (int b = 0; b < BLOCKS; ++b) {
     const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
     float16 g[3], c[3];
@@ -160,6 +162,7 @@ static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint
     const float16 left = select(before, select((float16)(0.0f), after, live), seen);
     tile->T[b] = left;
     const float16 w = select((float16)(0.0f), before * a, seen & live);
+    COUNT_ROWS(tile, seen & live);
     const float16 gain = w * FMA(red, gr, FMA(green, gg, FMA(blue, gb, FMA(far, gz, tile->base[b]))));
     const float16 behind = tile->rest[b] - gain;
     tile->rest[b] = behind;
@@ -199,7 +202,7 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
                                    global const float* depth, global const float* dcolour, global const float* dalpha,
                                    global const float* ddepth, global float* rows, global uchar* touched, int width,
                                    int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                                   float background_r, float background_g, float background_b) {
+                                   float background_r, float background_g, float background_b COUNTER_ARGUMENTS) {
   const int at = get_global_id(0);
   if (at >= tile_count) return;
   const int x0 = (tile_x0 + at % tiles_x) * TILE, y0 = (tile_y0 + at / tiles_x) * TILE;
@@ -227,6 +230,7 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
       touched[slot] = 1;
     }
   }
+  ADD_COUNT(sum_of_counts(tile.blended));
 }
 #endif
 
@@ -243,6 +247,7 @@ typedef struct {
   float base[PIXELS];   // what s is without the Gaussian
   float rest[PIXELS];   // the sum of w s that is still to come
   float left;           // the largest of T
+  COUNTED(uint)
 } Column;
 
 static inline void start_column(Column* own, global const float* colour, global const float* alpha,
@@ -297,6 +302,7 @@ static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint,
         sums[8] = FMA(w, grad.z, sums[8]);
         sums[9] = FMA(w, grad.w, sums[9]);
 #endif
+        COUNT_ONE(own);
         hit = true;
         own->T[p] = after;
       } else {
@@ -314,13 +320,14 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
                                    global const float* depth, global const float* dcolour, global const float* dalpha,
                                    global const float* ddepth, global float* rows, global uchar* touched, int width,
                                    int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                                   float background_r, float background_g, float background_b) {
+                                   float background_r, float background_g, float background_b COUNTER_ARGUMENTS) {
   local float4 place[WG], form[WG], tint[WG];
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
   Column own;
+  COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
   start_column(&own, colour, alpha, depth, dcolour, dalpha, ddepth, width, height,
@@ -350,5 +357,6 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
     going = alive;
     barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
   }
+  ADD_COUNT(own.blended);
 }
 #endif

@@ -32,12 +32,14 @@ typedef struct {
 #endif
   float16 columns[BLOCK], lines[BLOCK];  // pixels' places in the tile, by the block's column and row
   uint alive;                            // a bit for each block that has unfinished pixels
+  COUNTED(int16)
 } Tile;
 
 static inline void start_tile(Tile* tile, int x0, int y0, int width, int height) {
   const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   tile->alive = 0;
+  COUNT_FROM_0(tile);
   for (int b = 0; b < BLOCKS; ++b) {
     const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
     tile->T[b] = select((float16)(0.0f), (float16)(1.0f), (column < (float)(width - x)) & (row < (float)(height - y)));
@@ -60,6 +62,7 @@ static inline void blend(Tile* tile, Record r, float u, float v, float near, int
     const float16 before = tile->T[b], after = before * (1.0f - a);
     const int16 seen = at.in & (full >= MIN_ALPHA), live = after >= MIN_TRANSMITTANCE, drawn = seen & live;
     const float16 w = select((float16)(0.0f), before * a, drawn);
+    COUNT_ROWS(tile, drawn);
     const float16 depth = select((float16)(1.0f), at.depth, drawn);  // what is not drawn may be met nowhere
     tile->T[b] = select(before, select((float16)(0.0f), after, live), seen);
     tile->red[b] = FMA(w, (float16)(r.tint.x), tile->red[b]);
@@ -97,7 +100,8 @@ kernel void rasterize_surfels_forward_cpu(global const float* records, global co
                                           global float* depth, global float* normal, global float* median,
                                           global float* distortion, global float* moments, float near, int current,
                                           int width, int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                                          float background_r, float background_g, float background_b) {
+                                          float background_r, float background_g,
+                                          float background_b COUNTER_ARGUMENTS) {
   const int at = get_global_id(0);
   if (at >= tile_count) return;
   const int x0 = (tile_x0 + at % tiles_x) * TILE, y0 = (tile_y0 + at / tiles_x) * TILE;
@@ -136,6 +140,7 @@ kernel void rasterize_surfels_forward_cpu(global const float* records, global co
     if (moments) store_pairs(tile.m[b], tile.mm[b], moments, x, y, width, height);
 #endif
   }
+  ADD_COUNT(sum_of_counts(tile.blended));
 }
 #endif
 
@@ -154,6 +159,7 @@ typedef struct {
   float distortion[PIXELS];     // so far
   float m[PIXELS], mm[PIXELS];  // sums of weight x m, weight x m^2
 #endif
+  COUNTED(uint)
 } Column;
 
 // Blends a record into the pixels. Returns the largest transmittance left.
@@ -180,6 +186,7 @@ static inline float blend(Column* own, Record r, float near, int current, float 
         own->mm[p] = FMA(wm, m, own->mm[p]);
 #endif
         own->sum[p] += w;
+        COUNT_ONE(own);
       }
     }
     left = max(left, own->T[p]);
@@ -192,11 +199,13 @@ kernel void rasterize_surfels_forward_gpu(global const float* records, global co
                                           global float* depth, global float* normal, global float* median,
                                           global float* distortion, global float* moments, float near, int current,
                                           int width, int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                                          float background_r, float background_g, float background_b) {
+                                          float background_r, float background_g,
+                                          float background_b COUNTER_ARGUMENTS) {
   local Record batch[WG];
   local int alive;
   const int item = get_local_id(0), tile = get_group_id(0);
   Column own;
+  COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
   for (int p = 0; p < PIXELS; ++p) {
@@ -236,5 +245,6 @@ kernel void rasterize_surfels_forward_gpu(global const float* records, global co
     if (moments) vstore2((float2)(own.m[p], own.mm[p]), at, moments);
 #endif
   }
+  ADD_COUNT(own.blended);
 }
 #endif

@@ -69,6 +69,7 @@ typedef struct {
   float16 columns[BLOCK], lines[BLOCK];  // pixels' places in the tile, by the block's column and row
   uint visits[BLOCKS];                   // surfels that were blended into it
   uint alive;                            // a bit for each block that has unfinished pixels
+  COUNTED(int16)
 } Tile;
 
 static inline void start_tile(Tile* tile, Pictures p, int x0, int y0, float background_r, float background_g,
@@ -76,6 +77,7 @@ static inline void start_tile(Tile* tile, Pictures p, int x0, int y0, float back
   const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   tile->alive = 0;
+  COUNT_FROM_0(tile);
   for (int b = 0; b < BLOCKS; ++b) {
     const int x = x0 + b % BLOCK * BLOCK, y = y0 + b / BLOCK * BLOCK;
     float16 g[3], c[3];
@@ -129,6 +131,7 @@ static inline float16 blend_backward(Tile* tile, Record r, float u, float v, flo
     const float16 w = select(none, before * a, drawn), depth = select((float16)(1.0f), at.depth, drawn);
     float16 by_weight = FMA(r.tint.x, gr, FMA(r.tint.y, gg, FMA(r.tint.z, gb, FMA(depth, gz, tile->base[b]))));
     float16 by_depth = w * gz;
+    COUNT_ROWS(tile, drawn);
 #ifdef GEOMETRY
     const float16 gnx = tile->gnx[b], gny = tile->gny[b], gnz = tile->gnz[b], gd = tile->gd[b];
     const float16 m = WARPED(near, r0, depth), pull = FMA(m, tile->W[b], -tile->M[b]);
@@ -184,7 +187,7 @@ kernel void rasterize_surfels_backward_cpu(
     global const float* dalpha, global const float* ddepth, global const float* dnormal,
     global const float* ddistortion, global float* rows, global uchar* touched, float near, int current, int width,
     int height, int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
-    float background_b) {
+    float background_b COUNTER_ARGUMENTS) {
   const int at = get_global_id(0);
   if (at >= tile_count) return;
   const int x0 = (tile_x0 + at % tiles_x) * TILE, y0 = (tile_y0 + at / tiles_x) * TILE;
@@ -213,6 +216,7 @@ kernel void rasterize_surfels_backward_cpu(
       touched[slots[first + j]] = 1;
     }
   }
+  ADD_COUNT(sum_of_counts(tile.blended));
 }
 #endif
 
@@ -233,6 +237,7 @@ typedef struct {
   float W[PIXELS], M[PIXELS], M2[PIXELS];  // sums of w, w m, w m^2
 #endif
   float left;  // the largest of T
+  COUNTED(uint)
 } Column;
 
 // Blends a record into the work-item's pixels. Adds to sums [COLUMNS]; returns whether any pixel sees it.
@@ -285,6 +290,7 @@ static inline bool blend_backward(Column* own, Record r, float near, int current
         sums[13] = FMA(w, grad.x, sums[13]);
         sums[14] = FMA(w, grad.y, sums[14]);
         sums[15] = FMA(w, grad.z, sums[15]);
+        COUNT_ONE(own);
         hit = true;
         own->T[p] = after;
       } else {
@@ -304,7 +310,7 @@ kernel void rasterize_surfels_backward_gpu(
     global const float* dalpha, global const float* ddepth, global const float* dnormal,
     global const float* ddistortion, global float* rows, global uchar* touched, float near, int current, int width,
     int height, int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
-    float background_b) {
+    float background_b COUNTER_ARGUMENTS) {
   local Record batch[WG];
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
@@ -312,6 +318,7 @@ kernel void rasterize_surfels_backward_gpu(
   const int item = get_local_id(0), tile = get_group_id(0);
   const float3 background = (float3)(background_r, background_g, background_b);
   Column own;
+  COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
   for (int p = 0; p < PIXELS; ++p) {
@@ -356,5 +363,6 @@ kernel void rasterize_surfels_backward_gpu(
     going = alive;
     barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
   }
+  ADD_COUNT(own.blended);
 }
 #endif

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "runtime/clock.h"
+#include "runtime/counters.h"
 #include "runtime/device_handles.h"
 #include "runtime/device_memory.h"
 #include "runtime/fail.h"
@@ -93,7 +94,8 @@ struct Context::Impl {
   std::atomic<bool> cancelled{false};
   int uncancelled = 0;  // see Uncancelled
   Pace pace;
-  Profiler profiler;
+  Profiler profiler{[this] { return energy_sources(); }};
+  Counters counters;
   std::unique_ptr<Arena> arena;  // before context goes, its buffers must: see ~Context
   std::string stage;
   std::vector<StageMemory> stage_memory;
@@ -105,6 +107,21 @@ struct Context::Impl {
     checks_nan = nan_check_is_wanted();
     guards = limits.guard > 0;
     arena = std::make_unique<Arena>(&context, limits);
+  }
+
+  // Of the processor, and of a GPU by NVIDIA, whose driver tells where it sits.
+  std::vector<EnergySource> energy_sources() const {
+    std::vector<EnergySource> out = rapl_sources();
+    constexpr cl_device_info bus = 0x4008, slot = 0x4009, domain = 0x400A;  // cl_nv_device_attribute_query
+    cl_uint at[3] = {};
+    const bool told = info.type == DeviceType::gpu && info.vendor.find("NVIDIA") != std::string::npos &&
+                      clGetDeviceInfo(handle(), domain, sizeof at[0], &at[0], nullptr) == CL_SUCCESS &&
+                      clGetDeviceInfo(handle(), bus, sizeof at[1], &at[1], nullptr) == CL_SUCCESS &&
+                      clGetDeviceInfo(handle(), slot, sizeof at[2], &at[2], nullptr) == CL_SUCCESS;
+    if (told)  // (the slot's upper five bits are the device's)
+      for (EnergySource& source : nvml_sources(fmt::format("{:08x}:{:02x}:{:02x}.0", at[0], at[1], at[2] >> 3 & 31)))
+        out.push_back(std::move(source));
+    return out;
   }
 
   void make_queue() {
@@ -185,6 +202,15 @@ struct Context::Impl {
     if (it != kernels.end()) return it->second;
     const HostSpan span(HostKind::compile, "programs", id.name);
     return kernels.emplace(key, Built{programs->kernel(id.file, id.name, defines), {}}).first->second;
+  }
+
+  bool counts(const KernelId& id) const { return id.flops_per_count > 0 && profiler.enabled(); }
+
+  // The kernel as it is launched.
+  KernelId counting(const KernelId& id) const {
+    KernelId out = id;
+    if (counts(id)) out.defines += " -DCOUNT";
+    return out;
   }
 
   void enqueue(Built& built, const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
@@ -409,6 +435,14 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
     return note(id, range, local);
   }
   impl_->stop_if_cancelled();
+  if (impl_->counts(id)) {
+    KernelId counting = impl_->counting(id);
+    counting.flops_per_count = 0;
+    std::vector<KernelArg> more = args;
+    more.emplace_back(written_somewhere(impl_->counters.numbers(impl_->context, impl_->queue)));
+    more.emplace_back(impl_->counters.number_of(impl_->stage, id.label ? id.label : id.name, id.flops_per_count));
+    return launch(counting, range, cost, more);
+  }
   Built& built = impl_->kernel(id);
   const std::size_t group = check_range(id, range, impl_->info);
   try {
@@ -424,7 +458,7 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
 
 std::size_t Context::max_work_group(const KernelId& id) {
   if (impl_->planning) return impl_->info.max_work_group;
-  const cl::Kernel& kernel = impl_->kernel(id).kernel;
+  const cl::Kernel& kernel = impl_->kernel(impl_->counting(id)).kernel;
   try {
     const auto device = impl_->queue.getInfo<CL_QUEUE_DEVICE>();
     return std::min(impl_->info.max_work_group, kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device));
@@ -437,7 +471,7 @@ std::size_t Context::local_memory(const NamedKernel& kernel) {
   impl_->stop_if_cancelled();
   const KernelId id{kernel.file.c_str(), kernel.name.c_str(), kernel.defines};
   try {
-    return impl_->kernel(id).getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(impl_->handle);
+    return impl_->kernel(id).kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(impl_->handle);
   } catch (const cl::Error& e) {
     fail_cl(e, std::string("asking about kernel ") + id.name);
   }
@@ -518,6 +552,12 @@ void Context::finish() {
     fail_cl(e, "waiting for " + impl_->info.name);
   }
   impl_->profiler.collect();
+  try {
+    for (const Counters::Count& count : impl_->counters.take(impl_->queue))
+      impl_->profiler.add_count(count.stage, count.name, count.count, count.flops);
+  } catch (const cl::Error& e) {
+    fail_cl(e, "reading what kernels have counted");
+  }
 }
 
 void Context::flush() {

@@ -32,6 +32,9 @@ struct KernelId {
   const char* name;
   std::string defines;
   const char* label = nullptr;  // what the profile calls it, if not by its name
+  // Of a kernel that can count what it does: operations of one. In a profiled run it is compiled with -DCOUNT and takes
+  // two arguments more, numbers of 64 bits and which of them it adds to.
+  double flops_per_count = 0;
 };
 
 // Local memory as a kernel's argument.

@@ -24,6 +24,7 @@ struct ProfileRow {
   double flops = 0, bytes = 0;
   const char* timed_by = "device";                // or "host"
   double performed_flops = 0;                     // where a method saves some of `flops`; else the same
+  std::uint64_t counted = 0;                      // what its kernels count: pairs of a pixel and a Gaussian
   std::uint64_t queued_ns = 0, submitted_ns = 0;  // in the queue, and at the device, before they ran
   std::uint64_t first_calls = 0, first_ns = 0;    // of these: first launches of a kernel with a work-group
   std::uint64_t prepared_ns = 0;  // that the driver took before launches of a new variant, which compile in some
@@ -42,12 +43,19 @@ struct ProfileWindow {
   std::uint64_t start, end;  // ns
 };
 
+// What something took while the profile was recording.
+struct Energy {
+  std::string source;  // "package-0 (RAPL)"
+  double joules = 0;
+};
+
 struct Profile {
   std::vector<ProfileRow> rows;  // most time first
   std::vector<ProfileLaunch> launches;
   std::vector<HostRecord> host;
   std::vector<ProfileWindow> windows;  // when it was recording
   std::uint64_t without_times = 0;
+  std::vector<Energy> energy;  // empty where it cannot be read
 };
 
 // What an instant of the wall goes to: what the device runs then (upload: a transfer to it; device: all else), else the

@@ -35,6 +35,7 @@ Json row_json(const ProfileRow& r, const std::optional<Peaks>& peaks) {
               {"bytes", r.bytes},
               {"timed_by", r.timed_by},
               {"performed_flops", r.performed_flops},
+              {"counted", r.counted},
               {"queued_ns", r.queued_ns},
               {"submitted_ns", r.submitted_ns},
               {"first_calls", r.first_calls},
@@ -184,6 +185,11 @@ std::string profile_json(const Profile& profile, const ProfileSubject& subject) 
   out["wall_s"] = seconds(wall_ns(profile));
   out["wall"] = parts_json(split.parts);
   out["peak_bytes"] = subject.peak_bytes;
+  if (!profile.energy.empty()) {
+    out["energy"] = Json::array();
+    for (const Energy& energy : profile.energy)
+      out["energy"].push_back({{"source", energy.source}, {"joules", energy.joules}});
+  }
   out["kernels"] = Json::array();
   for (const ProfileRow& r : profile.rows) out["kernels"].push_back(row_json(r, subject.peaks));
   out["kernels_s"] = seconds(launches_ns(profile));

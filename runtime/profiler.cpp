@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <unordered_map>
 #include <utility>
 
@@ -53,6 +54,8 @@ struct Profiler::Impl {
   std::vector<ProfileWindow> windows;
   std::vector<HostRecord> host;  // of windows that have ended
   std::uint64_t last_end = 0, suspicious = 0;
+  std::function<std::vector<EnergySource>()> energy_sources;
+  std::optional<EnergyMeter> energy;
 
   std::size_t row(const LaunchRecord& launch, const char* timed_by) {
     const auto [it, fresh] = index.emplace(std::make_pair(launch.stage, launch.name), rows.size());
@@ -111,6 +114,9 @@ struct Profiler::Impl {
 };
 
 Profiler::Profiler() : impl_(std::make_unique<Impl>()) {}
+Profiler::Profiler(std::function<std::vector<EnergySource>()> energy) : Profiler() {
+  impl_->energy_sources = std::move(energy);
+}
 Profiler::~Profiler() {
   if (enabled_) HostLog::of_process().let_go();
 }
@@ -122,9 +128,13 @@ void Profiler::enable(bool on) {
   if (on) {
     log.hold();
     const std::uint64_t begun = log.take_begin(), now = now_ns();
+    if (!impl_->energy)
+      impl_->energy.emplace(impl_->energy_sources ? impl_->energy_sources() : std::vector<EnergySource>());
+    impl_->energy->start();
     impl_->windows.push_back({impl_->windows.empty() && begun != 0 ? std::min(begun, now) : now, 0});
   } else {
     impl_->windows.back().end = now_ns();
+    impl_->energy->stop();
     for (HostRecord& record : log.since(impl_->windows.back().start)) impl_->host.push_back(std::move(record));
     log.let_go();
   }
@@ -145,6 +155,15 @@ void Profiler::add_host(const LaunchRecord& launch, std::uint64_t start_ns, std:
   const auto [variant, fresh] = impl_->variant(row, launch.variant);
   impl_->spend(row, variant, launch.cost);
   impl_->count({row, variant, launch.first, false, start_ns, start_ns, start_ns, end_ns, start_ns});
+}
+
+void Profiler::add_count(const std::string& stage, const std::string& name, std::uint64_t count, double flops) {
+  const auto found = impl_->index.find({stage, name});
+  if (found == impl_->index.end()) return;
+  ProfileRow& row = impl_->rows[found->second];
+  row.counted += count;
+  row.flops += flops;
+  row.performed_flops += flops;
 }
 
 void Profiler::collect() {
@@ -171,6 +190,7 @@ void Profiler::collect() {
     impl_->count(launch);
   }
   impl_->pending.clear();
+  if (impl_->energy) impl_->energy->sample();
 }
 
 std::vector<ProfileRow> Profiler::rows() const {
@@ -199,6 +219,10 @@ Profile Profiler::profile() const {
     for (HostRecord& record : HostLog::of_process().since(out.windows.back().start))
       out.host.push_back(std::move(record));
   out.without_times = impl_->suspicious;
+  if (impl_->energy) {
+    impl_->energy->sample_now();
+    out.energy = impl_->energy->taken();
+  }
   return out;
 }
 
@@ -209,9 +233,13 @@ double Profiler::wall_seconds() const {
 }
 
 void Profiler::reset() {
-  const bool on = enabled_;
-  *impl_ = Impl{};
-  if (on) impl_->windows.push_back({now_ns(), 0});
+  Impl fresh;
+  fresh.energy_sources = impl_->energy_sources;
+  *impl_ = std::move(fresh);
+  if (!enabled_) return;
+  enabled_ = false;
+  enable(true);
+  HostLog::of_process().let_go();  // held twice now
 }
 
 }  // namespace vsplat

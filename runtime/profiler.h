@@ -3,9 +3,11 @@
 // timed on the host, one launch at a time, and marked so.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 
+#include "runtime/energy.h"
 #include "runtime/launch.h"
 #include "runtime/profile_sums.h"
 
@@ -28,6 +30,8 @@ struct LaunchRecord {
 class Profiler {
  public:
   Profiler();
+  // What counts energy is asked for when it is switched on first.
+  explicit Profiler(std::function<std::vector<EnergySource>()> energy);
   ~Profiler();
   Profiler(const Profiler&) = delete;
   Profiler& operator=(const Profiler&) = delete;
@@ -41,6 +45,8 @@ class Profiler {
   // What the variant of that hash is; asked for where knows() it not.
   bool knows(std::uint64_t variant) const;
   void tell(std::uint64_t hash, ProfileVariant variant);
+  // What its launches have counted, and the operations that this took.
+  void add_count(const std::string& stage, const std::string& name, std::uint64_t count, double flops);
   // Reads the times of finished events. Call after the queue has been drained.
   void collect();
 

@@ -64,8 +64,9 @@ void bench(const BenchOptions& o) try {
   clear_progress();
   const std::string text = o.common.json ? vsplat::bench::json(report) : vsplat::bench::table(report);
   std::printf("%s%s", text.c_str(), text.empty() || text.back() == '\n' ? "" : "\n");
-  const auto [profile, trace] = vsplat::bench::recorded(ctx);
-  if (!o.common.profile.empty()) write_text(outputs.begin(o.common.profile), profile);
+  const auto [profile, page, trace] = vsplat::bench::recorded(ctx);
+  if (!o.common.profile.empty())
+    write_text(outputs.begin(o.common.profile), o.common.profile.ends_with(".html") ? page : profile);
   if (!o.common.trace.empty()) write_text(outputs.begin(o.common.trace), trace);
   outputs.commit();
 } catch (const vsplat::Error& e) {

@@ -70,7 +70,10 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
         ->type_name("GiB")
         ->group(takes.device ? "Device" : group);
   if (takes.profile) {
-    app.add_option("--profile", common.profile, "Write every kernel's time as JSON")->type_name("FILE")->group(group);
+    app.add_option("--profile", common.profile,
+                   "Write where the time went: every kernel's, and the host's (.html: a page)")
+        ->type_name("FILE.json|.html")
+        ->group(group);
     app.add_option("--trace", common.trace, "Write a timeline for chrome://tracing or ui.perfetto.dev")
         ->type_name("FILE")
         ->group(group);

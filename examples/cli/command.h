@@ -97,6 +97,7 @@ void add_refine(CLI::App& app, Run& run);
 void add_render(CLI::App& app, Run& run);
 void add_scene_convert(CLI::App& app, Run& run);  // convert
 void add_bench(CLI::App& app, Run& run);
+void add_profile(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);
 void add_info_action(CLI::App& dataset, Run& run);  // of dataset

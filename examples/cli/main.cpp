@@ -70,6 +70,7 @@ int main(int argc, char** argv) {
   command::add_devices(app, run);
   command::add_kernels(app, run);
   command::add_bench(app, run);
+  command::add_profile(app, run);
   command::add_dataset(app, run);
   command::add_train(app, run);
   command::add_evaluate(app, run);

@@ -104,7 +104,9 @@ int32_t Session::on_progress(void* session, const char* stage, double done) {
 void Session::write_profile(Outputs& outputs) {
   if (!recorded_) return;
   devices_.front().profile(false);
-  if (!common_.profile.empty()) write_text(outputs.begin(common_.profile), device().profile_text(VSPLAT_PROFILE_JSON));
+  const bool page = common_.profile.ends_with(".html");
+  if (!common_.profile.empty())
+    write_text(outputs.begin(common_.profile), device().profile_text(page ? VSPLAT_PROFILE_PAGE : VSPLAT_PROFILE_JSON));
   if (!common_.trace.empty()) write_text(outputs.begin(common_.trace), device().profile_text(VSPLAT_PROFILE_TRACE));
   if (common_.verbose) say(common_, device().profile_text(VSPLAT_PROFILE_TABLE));
 }

@@ -4,7 +4,7 @@
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/peaks.h"
-#include "runtime/profile_text.h"
+#include "runtime/profile_page.h"
 #include "runtime/profiler.h"
 
 using namespace vsplat;
@@ -63,10 +63,16 @@ vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_fo
     Context& ctx = device->context;
     ctx.finish();
     const Profile profile = ctx.profiler().profile();
+    const auto subject = [&]() -> ProfileSubject {
+      return {ctx.device().name, ctx.device().driver, ctx.memory().peak(), device->profile_names,
+              peaks_if_any(ctx, profile)};
+    };
     switch (value_of(format)) {
       case VSPLAT_PROFILE_JSON:
-        *out_text = new_text(profile_json(profile, {ctx.device().name, ctx.device().driver, ctx.memory().peak(),
-                                                    device->profile_names, peaks_if_any(ctx, profile)}));
+        *out_text = new_text(profile_json(profile, subject()));
+        return;
+      case VSPLAT_PROFILE_PAGE:
+        *out_text = new_text(profile_page(profile, subject()));
         return;
       case VSPLAT_PROFILE_TRACE:
         *out_text = new_text(profile_trace(profile));

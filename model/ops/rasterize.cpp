@@ -5,8 +5,13 @@
 namespace vsplat {
 namespace {
 
-constexpr long kColumns = 10;        // of a row of IntersectionGradients
-constexpr long kBatch = 64;          // Gaussians of a tile that a work-item of the cpu flavour looks at together
+constexpr long kColumns = 10;  // of a row of IntersectionGradients
+constexpr long kBatch = 64;    // Gaussians of a tile that a work-item of the cpu flavour looks at together
+// Operations for a pixel and a Gaussian that it sees, a multiply-add being two: its alpha (27: place 2, form 8,
+// exponential 14, the rest 3), transmittance and weight (3), and forward four sums and the weight's (9); backward what
+// the weight is worth (9), what is behind it (1), the slope (5), and ten sums (19) or two pulls (10). Pairs that fall
+// away at 1/255 are looked at, too, and count as none.
+constexpr double kForwardFlops = 39, kBackwardFlops = 64, kPullFlops = 55;
 constexpr long kBackwardPixels = 4;  // of an item of the gpu flavour's, at the least: fewer items share a sum
 
 // Whether blending is that of the cpu flavour: the device must take vectors, too.
@@ -23,10 +28,12 @@ std::size_t local_bytes(const TileKernel& k, long group) {
 
 TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles) {
   if (in_blocks(ctx))
-    return {{kernel.file, kernel.cpu, "-DBATCH=" + std::to_string(kBatch) + kernel.defines}, groups(tiles, 1)};
+    return {{kernel.file, kernel.cpu, "-DBATCH=" + std::to_string(kBatch) + kernel.defines, nullptr, kernel.flops},
+            groups(tiles, 1)};
   for (long pixels = kernel.columns ? kBackwardPixels : 1; pixels <= kTile; pixels *= 2) {
     const long group = kTile * kTile / pixels;
-    const KernelId id{kernel.file, kernel.gpu, "-DPIXELS=" + std::to_string(pixels) + kernel.defines};
+    const KernelId id{kernel.file, kernel.gpu, "-DPIXELS=" + std::to_string(pixels) + kernel.defines, nullptr,
+                      kernel.flops};
     if (group > static_cast<long>(ctx.device().max_work_group)) continue;
     if (local_bytes(kernel, group) > ctx.device().local_memory) continue;
     if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return {id, groups(tiles, group)};
@@ -93,8 +100,8 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
   const Cost cost{0, n * 52.0 + pixels * 20.0};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
-  const TileLaunch l =
-      tile_launch({"rasterize", "rasterize_forward_cpu", "rasterize_forward_gpu", "", kRecord}, ctx, tiles);
+  const TileLaunch l = tile_launch(
+      {"rasterize", "rasterize_forward_cpu", "rasterize_forward_gpu", "", kRecord, 0, kForwardFlops}, ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(a.picture.colour),
              drawn(a.picture.alpha), drawn(a.picture.depth), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
              a.background[0], a.background[1], a.background[2]);
@@ -113,9 +120,9 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // As in drawing, what must move at the least counts alone.
   const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0};
-  const TileLaunch l = tile_launch(
-      {"rasterize_backward", "rasterize_backward_cpu", "rasterize_backward_gpu", flavour, kRecord, kColumns}, ctx,
-      tiles);
+  const TileLaunch l = tile_launch({"rasterize_backward", "rasterize_backward_cpu", "rasterize_backward_gpu", flavour,
+                                    kRecord, kColumns, pulls ? kPullFlops : kBackwardFlops},
+                                   ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.binned.slots, a.picture.colour,
              a.picture.alpha, a.picture.depth, dp.colour, dp.alpha, dp.depth, written_somewhere(out.rows),
              written(out.touched), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles, a.background[0],

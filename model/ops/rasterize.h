@@ -75,6 +75,7 @@ struct TileKernel {
   std::string defines;           // of both, each beginning with a space
   long record;                   // floats of a Gaussian's record
   long columns = 0;              // backward: floats of a row of sums; 0: forward, which sums nothing
+  double flops = 0;              // operations for a pixel and a Gaussian that it sees, which the kernel counts
 };
 
 struct TileLaunch {

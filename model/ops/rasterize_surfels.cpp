@@ -7,6 +7,11 @@ namespace {
 
 constexpr long kColumns = 20;  // of a row of IntersectionGradients
 
+// Operations for a pixel and a surfel that it sees, as rasterize.cpp counts them: where the ray meets it and its alpha
+// (43), transmittance and weight (3), and forward five sums (9), of the geometry's maps more (21); backward what the
+// weight, the depth and alpha are worth (20), by the surfel (13) and fifteen sums (22), of the maps more (28).
+constexpr double kSurfelFlops = 55, kSurfelMapsFlops = 21, kSurfelBackwardFlops = 101, kSurfelMapsBackwardFlops = 28;
+
 std::string geometry(bool wanted) { return wanted ? " -DGEOMETRY" : ""; }
 
 }  // namespace
@@ -24,9 +29,10 @@ void rasterize_surfels_forward(Context& ctx, const RasterizeSurfelsForward& a) {
                                           each(p.moments, 8))};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
+  const bool maps = p.normal || p.median || p.distortion || p.moments;
   const TileLaunch l =
       tile_launch({"rasterize_surfels", "rasterize_surfels_forward_cpu", "rasterize_surfels_forward_gpu",
-                   geometry(p.normal || p.median || p.distortion || p.moments), kSurfelRecord},
+                   geometry(maps), kSurfelRecord, 0, kSurfelFlops + (maps ? kSurfelMapsFlops : 0)},
                   ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(p.colour), drawn(p.alpha),
              drawn(p.depth), drawn(p.normal), drawn(p.median), drawn(p.distortion), drawn(p.moments), a.near,
@@ -49,9 +55,10 @@ IntersectionGradients rasterize_surfels_backward(Context& ctx, const RasterizeSu
   const bool more = dp.normal || dp.distortion;
   // As in drawing, what must move at the least counts alone.
   const Cost cost{0, n * (88.0 + 4.0 * kColumns + 1.0) + pixels * (more ? 80.0 : 40.0)};
-  const TileLaunch l = tile_launch({"rasterize_surfels_backward", "rasterize_surfels_backward_cpu",
-                                    "rasterize_surfels_backward_gpu", geometry(more), kSurfelRecord, kColumns},
-                                   ctx, tiles);
+  const TileLaunch l = tile_launch(
+      {"rasterize_surfels_backward", "rasterize_surfels_backward_cpu", "rasterize_surfels_backward_gpu", geometry(more),
+       kSurfelRecord, kColumns, kSurfelBackwardFlops + (more ? kSurfelMapsBackwardFlops : 0)},
+      ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.binned.slots, p.colour, p.alpha,
              p.depth, p.normal, p.distortion, p.moments, dp.colour, dp.alpha, dp.depth, dp.normal, dp.distortion,
              written_somewhere(out.rows), written(out.touched), a.near, a.revision == SurfelRevision::current ? 1 : 0,

@@ -1,6 +1,9 @@
 """Profiles of whole runs: a cold one, whose kernels are compiled, and a warm one, against the clock outside."""
 import json
 import os
+import re
+import shutil
+import tempfile
 import time
 import unittest
 
@@ -82,10 +85,128 @@ class Profile(support.Case):
         self.assertTrue(waiting and all({"queued", "submitted"} == event["args"].keys() for event in waiting))
         self.assertEqual(waiting[-1]["args"], {"queued": 0, "submitted": 0})
 
+    def test_a_page_needs_nothing_else(self):
+        self.succeeds(*self.reconstruct("--profile", self.path("p.html")))
+        page = open(self.path("p.html"), encoding="utf-8").read()
+        self.assertNotIn("http:", page)
+        self.assertNotIn("https:", page)
+        self.assertNotRegex(page, r"<(?:link|img|iframe)|src=|url\(|@import")
+        self.assertEqual(page.count("<script"), 2)
+        data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1])
+        self.assertAlmostEqual(sum(data["profile"]["wall"][part] for part in PARTS), data["profile"]["wall_s"], delta=1e-6)
+        wall = data["profile"]["wall_s"]
+        for row, start, length, first in data["timeline"]["launches"]:
+            self.assertLess(row, len(data["profile"]["kernels"]))
+            self.assertLessEqual(start + length, wall + 1e-3)
+        self.assertEqual(len(data["timeline"]["launches"]), sum(kernel["calls"] for kernel in data["profile"]["kernels"]))
+        self.assertTrue(data["timeline"]["host"])
+
+    def test_names_of_strangers_end_no_element(self):
+        os.rename(self.views, self.path("views", "</script><b>.json"))
+        self.succeeds("reconstruct", self.path("views", "</script><b>.json"), "--model", self.model, "--output", self.path("s.ply"), "--profile",
+                      self.path("p.html"))
+        page = open(self.path("p.html"), encoding="utf-8").read()
+        self.assertNotIn("<b>.json", page)
+        self.assertEqual(page.count("</script>"), 2)
+
+    def test_blending_is_counted(self):
+        profiles = []
+        for name in ("a.json", "b.json"):
+            self.succeeds(*self.reconstruct("--render", "orbit:2", "--images", self.path("pictures"), "--profile", self.path(name), "--overwrite"))
+            with open(self.path(name)) as f:
+                profiles.append([k for k in json.load(f)["kernels"] if k["name"].startswith("rasterize_forward")])
+        first, second = profiles
+        self.assertTrue(first and all(k["counted"] > 0 and k["flops"] > 30 * k["counted"] for k in first))
+        self.assertEqual([k["counted"] for k in first], [k["counted"] for k in second])
+
+    def test_a_profile_changes_nothing(self):
+        self.succeeds(*self.reconstruct("--render", "orbit:2", "--images", self.path("plain")))
+        plain = open(self.path("out.ply"), "rb").read()
+        self.succeeds(*self.reconstruct("--render", "orbit:2", "--images", self.path("seen"), "--profile", self.path("p.json"), "--overwrite"))
+        self.assertEqual(plain, open(self.path("out.ply"), "rb").read())
+        for i in range(2):
+            names = (self.path(folder, f"{i:04d}.png") for folder in ("plain", "seen"))
+            self.assertEqual(*(open(name, "rb").read() for name in names))
+
     def test_verbose_prints_tables(self):
         _, err = self.succeeds(*self.reconstruct("--verbose"))
         for word in ("Kernel", "Host", "Stage (s)", "scene save"):
             self.assertIn(word, err)
+
+
+class Diff(unittest.TestCase):
+    """Of profiles made up here."""
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="vsplat-cli-")
+        self.addCleanup(shutil.rmtree, self.folder, True)
+
+    def write(self, name, encoder=1.0, splat=0.5, tiny=0.001, **changes):
+        wall = encoder + splat + tiny
+        parts = {part: 0.0 for part in PARTS} | {"device_s": wall}
+        stage = lambda name, s: {"stage": name, "wall_s": s, "kernels_s": s, **{part: 0.0 for part in PARTS}, "device_s": s}
+        kernel = lambda name, stage, s: {"name": name, "stage": stage, "calls": 1, "total_ns": int(s * 1e9)}
+        profile = {"device": "a device", "driver": "1", "run": {"model": "m"}, "wall_s": wall, "wall": parts,
+                   "kernels": [kernel("gemm", "encoder", encoder), kernel("rasterize", "splat", splat)], "kernels_s": wall,
+                   "stages": [stage("encoder", encoder), stage("splat", splat), stage("", tiny)], **changes}
+        path = os.path.join(self.folder, name)
+        with open(path, "w") as f:
+            json.dump(profile, f)
+        return path
+
+    def diff(self, *arguments):
+        return support.run("profile", "diff", *arguments)
+
+    def test_what_has_become_slower_ends_with_1(self):
+        a, b = self.write("a.json"), self.write("b.json", splat=0.54)
+        code, out, err = self.diff(a, b)
+        self.assertEqual((code, err), (0, ""))
+        self.assertRegex(out, r"splat +0.500 s +0.540 s +\+8.0 %")
+        self.assertRegex(out, r"rasterize \(splat\) +0.500 s")
+        self.assertEqual(self.diff(a, b, "--fail-above", "10%")[0], 0)
+        code, _, err = self.diff(a, b, "--fail-above", "5%")
+        self.assertEqual(code, 1)
+        self.assertIn("slower by more than 5%: splat +8.0 %", err)
+        self.assertNotIn("encoder", err)
+        self.assertEqual(self.diff(b, a, "--fail-above", "5")[0], 0)    # faster
+
+    def test_the_wall_counts_and_small_stages_do_not(self):
+        a = self.write("a.json")
+        self.assertEqual(self.diff(a, self.write("b.json", tiny=0.01), "--fail-above", "5%")[0], 0)
+        code, _, err = self.diff(a, self.write("c.json", encoder=1.2, splat=0.6), "--fail-above", "5%")
+        self.assertEqual(code, 1)
+        for word in ("wall", "encoder", "splat"):
+            self.assertIn(word, err)
+
+    def test_json(self):
+        code, out, err = self.diff(self.write("a.json"), self.write("b.json", splat=1.0), "--json", "--fail-above", "5%")
+        found = json.loads(out)
+        self.assertEqual(code, 1)
+        self.assertEqual([row["name"] for row in found["slower"]], ["wall", "splat"])
+        self.assertAlmostEqual(next(row for row in found["stages"] if row["name"] == "splat")["slower_by"], 1.0)
+
+    def test_profiles_of_other_things_are_told(self):
+        _, _, err = self.diff(self.write("a.json"), self.write("b.json", device="another", driver="2"))
+        self.assertIn("the devices differ: a device and another", err)
+        self.assertIn("the drivers differ", err)
+
+    def test_what_is_no_profile_is_refused(self):
+        good = self.write("a.json")
+        for text, word in (("{", "no JSON object"), ("[]", "no JSON object"), ("{}", "device"), ("[" * 100000, "profile")):
+            path = os.path.join(self.folder, "bad.json")
+            with open(path, "w") as f:
+                f.write(text)
+            code, out, err = self.diff(good, path)
+            self.assertEqual((code, out), (1, ""), err)
+            self.assertIn("bad.json", err)
+            self.assertIn(word, err)
+        for changes, word in (({"wall_s": "long"}, "wall_s"), ({"wall": {}}, "device_s"), ({"stages": 3}, "stages"),
+                              ({"kernels": [{"stage": "x"}]}, "name"), ({"wall_s": -1}, "wall_s")):
+            code, _, err = self.diff(good, self.write("bad.json", **changes))
+            self.assertEqual(code, 1)
+            self.assertIn(word, err)
+        self.assertEqual(self.diff(good, os.path.join(self.folder, "absent.json"))[0], 1)
+        for share in ("much", "-5%", "", "nan"):
+            self.assertEqual(self.diff(good, good, "--fail-above", share)[0], 2, share)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ namespace vsplat::ref {
 
 struct Blended {
   std::vector<double> colour, alpha, depth;  // [H,W,3], [H,W], [H,W]
+  std::uint64_t pairs = 0;                   // of a pixel and a record that is blended into it
 };
 
 // records [K,12], ids and starts as model/ops/tile_bin.h has them.
@@ -33,6 +34,7 @@ inline Blended blend(const std::vector<float>& records, const std::vector<std::u
         depth += T * a * r[3];
         sum += T * a;
         T *= 1 - a;
+        ++out.pairs;
       }
       for (std::size_t c = 0; c < 3; ++c) out.colour.push_back(rgb[c] + (1 - sum) * background[c]);
       out.alpha.push_back(sum);

@@ -9,6 +9,7 @@
 #include "model/ops/rasterize.h"
 #include "tests/reference/rasterize.h"
 #include "tests/support/compare.h"
+#include "tests/support/counted.h"
 #include "tests/support/device.h"
 #include "tests/support/records.h"
 
@@ -123,6 +124,21 @@ TEST_P(RasterizeBackward, TakesWhatIsNoneAsZeros) {
                      : zeros.depth)
         .assign(left_out ? pixels : 3 * pixels, 0);
     EXPECT_EQ(run(c, width, height, none), run(c, width, height, zeros));
+  }
+}
+
+// In a profiled run; its results are the same to the bit.
+TEST_P(RasterizeBackward, CountsWhatItBlendsInAProfiledRun) {
+  const test::Records c = test::make_records(70, 50, 100, 0.6f, 9);
+  const Upstream up = random_upstream(70, 50);
+  for (const Pulls pulls : {Pulls::none, Pulls::held, Pulls::through}) {
+    const std::vector<float> plain = run(c, 70, 50, up, pulls);
+    std::vector<float> counted;
+    const ProfileRow row =
+        test::profiled_row(ctx(), "rasterize_backward", [&] { counted = run(c, 70, 50, up, pulls); });
+    EXPECT_EQ(plain, counted);
+    EXPECT_EQ(row.counted, ref::blend(c.records, c.ids, c.starts, 70, 50, background).pairs);
+    EXPECT_GT(row.flops, 40.0 * static_cast<double>(row.counted));
   }
 }
 

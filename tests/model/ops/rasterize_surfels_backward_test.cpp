@@ -5,6 +5,7 @@
 #include "model/ops/rasterize_surfels.h"
 #include "tests/reference/rasterize_surfels.h"
 #include "tests/support/compare.h"
+#include "tests/support/counted.h"
 #include "tests/support/device.h"
 #include "tests/support/surfel_records.h"
 
@@ -175,6 +176,37 @@ class RasterizeSurfelsBackward : public test::FlavourTest {
 
   const std::array<float, 3> background{0.25f, 0.5f, 1};
 };
+
+// In a profiled run, and drawing does, too; results are the same to the bit.
+TEST_P(RasterizeSurfelsBackward, CountsWhatItBlendsInAProfiledRun) {
+  const int width = 53, height = 40;
+  const ref::SurfelOptions o = options(false);
+  const test::Records c = test::make_surfel_records(width, height, 60, 0.8f, 3, o);
+  std::uint64_t pairs = 0;
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      ref::SurfelPixel pixel;
+      const auto tile = static_cast<std::size_t>(y / 16 * ((width + 15) / 16) + x / 16);
+      for (std::uint32_t i = c.starts[tile]; i < c.starts[tile + 1]; ++i) {
+        const ref::Meeting at = ref::meet_record(&c.records[kNumbers * std::size_t{c.ids[i]}], x + 0.5, y + 0.5, o);
+        if (!(at.alpha > 0)) continue;
+        if (!pixel.add(at, {0, 0, 0}, {0, 0, 0}, o.options.near)) break;
+        ++pairs;
+      }
+    }
+  Cotangent by = Cotangent::random(width, height);
+  for (const bool maps : {true, false}) {
+    if (!maps) by.normal.clear(), by.distortion.clear();
+    const std::vector<float> plain = run(c, width, height, by, o);
+    for (const char* direction : {"rasterize_surfels_forward", "rasterize_surfels_backward"}) {
+      std::vector<float> counted;
+      const ProfileRow row = test::profiled_row(ctx(), direction, [&] { counted = run(c, width, height, by, o); });
+      EXPECT_EQ(plain, counted);
+      EXPECT_EQ(row.counted, pairs) << direction;
+      EXPECT_GT(row.flops, 50.0 * static_cast<double>(row.counted));
+    }
+  }
+}
 
 TEST_P(RasterizeSurfelsBackward, MatchesDifferences) {
   for (const auto& [width, height] : {std::pair{1, 1}, {17, 3}, {13, 11}, {16, 33}, {31, 7}})

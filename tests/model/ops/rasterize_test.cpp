@@ -7,6 +7,7 @@
 
 #include "tests/reference/rasterize.h"
 #include "tests/support/compare.h"
+#include "tests/support/counted.h"
 #include "tests/support/device.h"
 
 namespace vsplat {
@@ -100,6 +101,32 @@ TEST_P(Rasterize, StopsBeforeTheThresholdIsPassed) {
   b.starts = ctx().upload({2}, std::vector<std::uint32_t>{0, 3}, Type::u32);
   const DevicePicture got = draw(p, b, {0, 0, 1, 1}, 16, 16, {0, 0, 0});
   for (const float a : ctx().read<float>(got.alpha)) EXPECT_EQ(a, 0.99f);
+}
+
+// In a profiled run its operations come of a counter; what is drawn is the same to the bit.
+TEST_P(Rasterize, CountsWhatItBlendsInAProfiledRun) {
+  const int width = 53, height = 40;
+  const Case c = make(width, height, 300, 0.9f, 5);
+  Projected p;
+  p.records = ctx().upload({static_cast<long>(c.records.size() / 12), 12}, c.records);
+  Binned b;
+  b.ids = ctx().upload({static_cast<long>(c.ids.size())}, c.ids, Type::u32);
+  b.starts = ctx().upload({static_cast<long>(c.starts.size())}, c.starts, Type::u32);
+  const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
+  const DevicePicture plain = draw(p, b, whole, width, height, {0.25f, 0.5f, 1});
+  DevicePicture counted;
+  const auto again = [&] { counted = draw(p, b, whole, width, height, {0.25f, 0.5f, 1}); };
+  const ProfileRow once = test::profiled_row(ctx(), "rasterize_forward", again);
+  const ProfileRow twice = test::profiled_row(ctx(), "rasterize_forward", [&] { again(), ctx().finish(), again(); });
+  EXPECT_EQ(ctx().read<float>(plain.colour), ctx().read<float>(counted.colour));
+  EXPECT_EQ(ctx().read<float>(plain.alpha), ctx().read<float>(counted.alpha));
+  EXPECT_EQ(ctx().read<float>(plain.depth), ctx().read<float>(counted.depth));
+  const ref::Blended want = ref::blend(c.records, c.ids, c.starts, width, height, {0.25f, 0.5f, 1});
+  EXPECT_EQ(once.counted, want.pairs);
+  EXPECT_EQ(twice.counted, 2 * want.pairs);
+  EXPECT_GT(once.flops, static_cast<double>(30 * want.pairs));
+  EXPECT_EQ(twice.flops, 2 * once.flops);
+  EXPECT_EQ(once.performed_flops, once.flops);
 }
 
 TEST_P(Rasterize, RejectsBadShape) {

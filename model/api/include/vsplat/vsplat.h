@@ -214,7 +214,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_trim(vsplat_device devic
 typedef enum vsplat_profile_format {
   VSPLAT_PROFILE_JSON = 1,  /* {"device", "driver", "wall_s", "wall", "peak_bytes", "kernels": [...], ...} */
   VSPLAT_PROFILE_TRACE = 2, /* Chrome's and Perfetto's trace events */
-  VSPLAT_PROFILE_TABLE = 3  /* for reading */
+  VSPLAT_PROFILE_TABLE = 3, /* for reading */
+  VSPLAT_PROFILE_PAGE = 4   /* HTML that needs nothing else: timeline, roofline, tables */
 } vsplat_profile_format;
 
 /* Starts (on != 0) or stops recording every kernel's time, and what the host does meanwhile in calls of the library, in

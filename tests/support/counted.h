@@ -1,0 +1,24 @@
+// What kernels count in a profiled run.
+#pragma once
+#include <string>
+
+#include "runtime/context.h"
+#include "runtime/profiler.h"
+
+namespace vsplat::test {
+
+// Runs `work` with the profiler on, which is off again then. -> the row whose name begins so; one of zeros: none
+template <class F>
+ProfileRow profiled_row(Context& ctx, const std::string& begin, const F& work) {
+  ctx.finish();
+  ctx.profiler().reset();
+  ctx.profiler().enable(true);
+  work();
+  ctx.finish();
+  ctx.profiler().enable(false);
+  for (const ProfileRow& row : ctx.profiler().rows())
+    if (row.name.rfind(begin, 0) == 0) return row;
+  return {};
+}
+
+}  // namespace vsplat::test
