@@ -10,6 +10,7 @@ namespace {
 
 // Shorter ones stay with what they are in; those of compiling and uploading are few.
 constexpr std::uint64_t kShortest = 10'000;  // ns
+constexpr std::size_t kMost = 1'000'000;     // some 150 MB; beyond that, time stays with what is around
 
 thread_local std::string stage_of_thread;
 
@@ -74,7 +75,7 @@ std::uint64_t HostLog::take_begin() {
 void HostLog::add(HostRecord record) {
   record.thread = number_of_thread();
   const std::lock_guard lock(impl_.mutex);
-  if (holders_ > 0) impl_.records.push_back(std::move(record));
+  if (holders_ > 0 && impl_.records.size() < kMost) impl_.records.push_back(std::move(record));
 }
 
 std::vector<HostRecord> HostLog::since(std::uint64_t from_ns) const {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -24,36 +25,36 @@ struct DiffOptions {
   std::string before, after, fail_above;
 };
 
-struct Row {
+struct Change {
   std::string name;
   double before = 0, after = 0;  // seconds
 };
 
-struct ProfileFile {
+struct ReadProfile {
   std::string device, driver, model;
   double wall = 0;
   std::vector<std::pair<std::string, double>> parts, stages;      // seconds
   std::map<std::pair<std::string, std::string>, double> kernels;  // by stage and name
 };
 
-[[noreturn]] void refuse(const std::string& path, const std::string& what) {
+[[noreturn]] void refuse_profile(const std::string& path, const std::string& what) {
   throw std::runtime_error(path + ": is no profile as --profile FILE.json writes it: " + what);
 }
 
-double seconds_in(const std::string& path, const json& of, const char* field, double unit = 1) {
+double profile_seconds(const std::string& path, const json& of, const char* field, double unit = 1) {
   if (!of.is_object() || !of.contains(field) || !of[field].is_number() || !(of[field].get<double>() >= 0))
-    refuse(path, std::string(field) + " is no number of 0 or more");
+    refuse_profile(path, std::string(field) + " is no number of 0 or more");
   return of[field].get<double>() * unit;
 }
 
-std::string text_in(const std::string& path, const json& of, const char* field) {
+std::string profile_text_in(const std::string& path, const json& of, const char* field) {
   if (!of.is_object() || !of.contains(field) || !of[field].is_string())
-    refuse(path, std::string(field) + " is no text");
+    refuse_profile(path, std::string(field) + " is no text");
   return of[field].get<std::string>();
 }
 
-const json& list_in(const std::string& path, const json& of, const char* field) {
-  if (!of.contains(field) || !of[field].is_array()) refuse(path, std::string(field) + " is no list");
+const json& profile_list(const std::string& path, const json& of, const char* field) {
+  if (!of.contains(field) || !of[field].is_array()) refuse_profile(path, std::string(field) + " is no list");
   return of[field];
 }
 
@@ -76,71 +77,71 @@ json parsed_profile(const std::string& path) {
         return level <= 8;  // what lies deeper is left out as it is read
       },
       false);
-  if (depth > 8) refuse(path, "it is nested deeper than 8 levels");
-  if (out.is_discarded() || !out.is_object()) refuse(path, "it is no JSON object");
+  if (depth > 8) refuse_profile(path, "it is nested deeper than 8 levels");
+  if (out.is_discarded() || !out.is_object()) refuse_profile(path, "it is no JSON object");
   return out;
 }
 
-ProfileFile read_profile(const std::string& path) {
+ReadProfile profile_in(const std::string& path) {
   const json file = parsed_profile(path);
-  ProfileFile out;
-  out.device = text_in(path, file, "device");
-  out.driver = text_in(path, file, "driver");
+  ReadProfile out;
+  out.device = profile_text_in(path, file, "device");
+  out.driver = profile_text_in(path, file, "driver");
   if (file.contains("run") && file["run"].is_object() && file["run"].contains("model"))
-    out.model = text_in(path, file["run"], "model");
-  out.wall = seconds_in(path, file, "wall_s");
+    out.model = profile_text_in(path, file["run"], "model");
+  out.wall = profile_seconds(path, file, "wall_s");
   if (!file.contains("wall") || !file["wall"].is_object())
-    refuse(path, "wall is no object (older versions do not write it)");
+    refuse_profile(path, "wall is no object (older versions do not write it)");
   for (const char* part : {"device", "upload", "compile", "file", "wait", "host", "other"})
-    out.parts.emplace_back(part, seconds_in(path, file["wall"], (std::string(part) + "_s").c_str()));
-  for (const json& stage : list_in(path, file, "stages")) {
-    const std::string name = text_in(path, stage, "stage");
-    out.stages.emplace_back(name.empty() ? "around the stages" : name, seconds_in(path, stage, "wall_s"));
+    out.parts.emplace_back(part, profile_seconds(path, file["wall"], (std::string(part) + "_s").c_str()));
+  for (const json& stage : profile_list(path, file, "stages")) {
+    const std::string name = profile_text_in(path, stage, "stage");
+    out.stages.emplace_back(name.empty() ? "around the stages" : name, profile_seconds(path, stage, "wall_s"));
   }
-  for (const json& kernel : list_in(path, file, "kernels"))
-    out.kernels[{text_in(path, kernel, "stage"), text_in(path, kernel, "name")}] +=
-        seconds_in(path, kernel, "total_ns", 1e-9);
+  for (const json& kernel : profile_list(path, file, "kernels"))
+    out.kernels[{profile_text_in(path, kernel, "stage"), profile_text_in(path, kernel, "name")}] +=
+        profile_seconds(path, kernel, "total_ns", 1e-9);
   return out;
 }
 
 // The names of either, in the order of the second, with what each took.
-std::vector<Row> side_by_side(const std::vector<std::pair<std::string, double>>& before,
-                              const std::vector<std::pair<std::string, double>>& after) {
-  std::vector<Row> out;
-  const auto row = [&](const std::string& name) -> Row& {
-    for (Row& there : out)
+std::vector<Change> set_side_by_side(const std::vector<std::pair<std::string, double>>& before,
+                                     const std::vector<std::pair<std::string, double>>& after) {
+  std::vector<Change> out;
+  const auto row = [&](const std::string& name) -> Change& {
+    for (Change& there : out)
       if (there.name == name) return there;
-    return out.emplace_back(Row{name});
+    return out.emplace_back(Change{name});
   };
   for (const auto& [name, seconds] : after) row(name).after += seconds;
   for (const auto& [name, seconds] : before) row(name).before += seconds;
   return out;
 }
 
-std::vector<Row> kernels_side_by_side(const ProfileFile& before, const ProfileFile& after) {
-  std::map<std::pair<std::string, std::string>, Row> rows;
-  const auto named = [&](const auto& key) -> Row& {
-    Row& out = rows[key];
+std::vector<Change> kernels_side_by_side(const ReadProfile& before, const ReadProfile& after) {
+  std::map<std::pair<std::string, std::string>, Change> rows;
+  const auto named = [&](const auto& key) -> Change& {
+    Change& out = rows[key];
     out.name = key.second + (key.first.empty() ? "" : " (" + key.first + ")");
     return out;
   };
   for (const auto& [key, seconds] : before.kernels) named(key).before = seconds;
   for (const auto& [key, seconds] : after.kernels) named(key).after = seconds;
-  std::vector<Row> out;
+  std::vector<Change> out;
   for (const auto& [key, row] : rows) out.push_back(row);
-  std::stable_sort(out.begin(), out.end(), [](const Row& a, const Row& b) {
+  std::stable_sort(out.begin(), out.end(), [](const Change& a, const Change& b) {
     return std::abs(a.after - a.before) > std::abs(b.after - b.before);
   });
   return out;
 }
 
 // 0.05 where it takes a twentieth longer; infinite where it took no time before.
-double slower_by(const Row& row) {
+double slower_by(const Change& row) {
   if (row.before > 0) return row.after / row.before - 1;
   return row.after > 0 ? HUGE_VAL : 0;
 }
 
-std::string change_text(const Row& row) {
+std::string change_text(const Change& row) {
   const double by = slower_by(row);
   char text[32];
   std::snprintf(text, sizeof text, "%+.1f %%", 100 * by);
@@ -156,9 +157,9 @@ double limit_of(const std::string& text) {
   return percent / 100;
 }
 
-json rows_json(const std::vector<Row>& rows) {
+json changes_json(const std::vector<Change>& rows) {
   json out = json::array();
-  for (const Row& row : rows) {
+  for (const Change& row : rows) {
     const double by = slower_by(row);
     out.push_back({{"name", row.name},
                    {"before_s", row.before},
@@ -168,10 +169,10 @@ json rows_json(const std::vector<Row>& rows) {
   return out;
 }
 
-void print_rows(const char* title, const std::vector<Row>& rows, std::size_t most = SIZE_MAX) {
+void print_changes(const char* title, const std::vector<Change>& rows, std::size_t most = SIZE_MAX) {
   std::printf("%-40s %10s %10s %10s\n", title, "before", "after", "change");
   for (std::size_t i = 0; i < std::min(most, rows.size()); ++i) {
-    const Row& row = rows[i];
+    const Change& row = rows[i];
     if (row.before == 0 && row.after == 0) continue;
     std::printf("%-40s %8.3f s %8.3f s %10s\n", for_terminal(row.name).c_str(), row.before, row.after,
                 change_text(row).c_str());
@@ -180,38 +181,38 @@ void print_rows(const char* title, const std::vector<Row>& rows, std::size_t mos
 
 void diff(const DiffOptions& o) {
   const double limit = o.fail_above.empty() ? HUGE_VAL : limit_of(o.fail_above);
-  const ProfileFile before = read_profile(o.before), after = read_profile(o.after);
+  const ReadProfile before = profile_in(o.before), after = profile_in(o.after);
   const auto tell = [&](const char* what, const std::string& a, const std::string& b) {
     if (a != b) warn(std::string("the ") + what + "s differ: " + a + " and " + b);
   };
   tell("device", before.device, after.device);
   tell("driver", before.driver, after.driver);
   tell("model", before.model, after.model);
-  const Row wall{"wall", before.wall, after.wall};
-  const std::vector<Row> parts = side_by_side(before.parts, after.parts),
-                         stages = side_by_side(before.stages, after.stages),
-                         kernels = kernels_side_by_side(before, after);
-  std::vector<Row> slower;
+  const Change wall{"wall", before.wall, after.wall};
+  const std::vector<Change> parts = set_side_by_side(before.parts, after.parts),
+                            stages = set_side_by_side(before.stages, after.stages),
+                            kernels = kernels_side_by_side(before, after);
+  std::vector<Change> slower;
   if (slower_by(wall) > limit) slower.push_back(wall);
-  for (const Row& stage : stages)
+  for (const Change& stage : stages)
     if (slower_by(stage) > limit && std::max(stage.before, stage.after) >= kSmallShare * before.wall)
       slower.push_back(stage);
   if (o.common.json) {
-    nlohmann::ordered_json out = {{"wall", rows_json({wall})[0]},
-                                  {"parts", rows_json(parts)},
-                                  {"stages", rows_json(stages)},
-                                  {"kernels", rows_json(kernels)},
-                                  {"slower", rows_json(slower)}};
+    nlohmann::ordered_json out = {{"wall", changes_json({wall})[0]},
+                                  {"parts", changes_json(parts)},
+                                  {"stages", changes_json(stages)},
+                                  {"kernels", changes_json(kernels)},
+                                  {"slower", changes_json(slower)}};
     print_json(out);
   } else {
-    print_rows("", {wall});
-    print_rows("\nwhere the wall went", parts);
-    print_rows("\nstages", stages);
-    print_rows("\nkernels that differ most", kernels, kKernels);
+    print_changes("", {wall});
+    print_changes("\nwhere the wall went", parts);
+    print_changes("\nstages", stages);
+    print_changes("\nkernels that differ most", kernels, kKernels);
   }
   if (slower.empty()) return;
   std::string text = "slower by more than " + o.fail_above + ":";
-  for (const Row& row : slower) text += (&row == slower.data() ? " " : ", ") + row.name + " " + change_text(row);
+  for (const Change& row : slower) text += (&row == slower.data() ? " " : ", ") + row.name + " " + change_text(row);
   throw std::runtime_error(text);
 }
 

@@ -228,7 +228,7 @@ class Values:
              "model_inspect": "model", "model_verify": "model", "scene_load": "scene", "scene_load_with": "scene",
              "picture_file_size": "texture", "cameras_load_picture": "texture"}
     WRITERS = ("_save", "_save_as", "_save_jpeg", "_save_cameras", "_save_selection", "_save_sheet", "_write", "_report")
-    NUMBERS = {"num_events": 1, "seconds": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,
+    NUMBERS = {"num_events": 1, "seconds": 0.0, "seconds_ago": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,
                "pictures": 1, "quality": 90, "sh_degree": 0, "side": EDGE, "use_views": 1, "view": 0, "views": 1, "capacity": ROOM,
                "exit_code": 3, "index": 0, "num_devices": 1, "num_paths": 1, "num_runs": 1, "num_views": 2, "gaussians": 100, "seed": 1, "status": 0,
                "dtype": 1, "format": 1, "which": 0}
@@ -292,7 +292,8 @@ class Values:
             out = c.c_void_p()
             self.api.call("vsplat_views_get_files", self.handles["vsplat_views"], c.byref(out))
             return out
-        known = {"config": train_config(), "label": b"a label", "text": b"of this rank", "pictures": str(self.files.photos).encode(),
+        known = {"config": train_config(), "label": b"a label", "text": b"of this rank", "what": b"model", "name": b"micro",
+                 "pictures": str(self.files.photos).encode(),
                  "texture": str(self.files.texture).encode()}
         if p.name not in known:
             raise Unknown(f"vsplat_{short}: tests/python/functions_fixtures.py does not know whether {p.name} is read or written")

@@ -43,7 +43,8 @@ NULL = {
     ("vsplat_opencl_render_backward", "out"): (USAGE,),
 }
 # With no argument at all: what needs none.
-ZERO = {"vsplat_set_host_memory": (OK,), "vsplat_get_host_memory": (OK,), "vsplat_file_rules_set": (OK,), "vsplat_model_inspect": (OK, FILE)}
+ZERO = {"vsplat_set_host_memory": (OK,), "vsplat_profile_begin": (OK,),
+        "vsplat_get_host_memory": (OK,), "vsplat_file_rules_set": (OK,), "vsplat_model_inspect": (OK, FILE)}
 # Not tried: (function, trial), and why.
 DEAR = {("vsplat_mesh_write_views", "options NULL"): "by default 40 pictures of 512 x 512, eight seconds; tests/cli/dataset_test.py has them"}
 # Parameters that are the caller's own, or NULL anyway.

@@ -228,7 +228,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_profile_begin(double seconds_ag
    it as it is given; both are UTF-8 and copied. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_name(vsplat_device device, const char* what,
                                                                      const char* name);
-/* What was recorded so far, the wall until this call. */
+/* What was recorded so far, the wall until this call. JSON and PAGE hold it against what the device can do at the most:
+   that is measured once per device and driver, beside the recording's wall, in some tenths of a second, and kept in the
+   cache. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format,
                                                                      char** out_text);
 
