@@ -186,6 +186,11 @@ double multiplied(long tiles, const Shape3d& s) {
   return 6 * static_cast<double>(kCoefficients * tiles * s.z) * static_cast<double>(s.c()) * static_cast<double>(s.n);
 }
 
+// Those of the direct sum, over the whole volume.
+double direct_flops(const Shape3d& s) {
+  return 54 * static_cast<double>(s.x * s.y * s.z) * static_cast<double>(s.c()) * static_cast<double>(s.n);
+}
+
 void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
   const long blocks = div_up(s.c(), 16L), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
@@ -200,8 +205,8 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
                c.in.silu ? 1 : 0, s.x, s.y, s.z, t,
                s.c() % 16 == 0 ? written(v, count * per_tile) : written_somewhere(v));
     ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
-               {whole.flops * share, whole.bytes * share, multiplied(count, s)}, v, c.weights->w.data, s.c(), s.n, s.x,
-               s.y, s.z, t, c.weights->bias, c.residual,
+               {direct_flops(s) * share, whole.bytes * share, multiplied(count, s)}, v, c.weights->w.data, s.c(), s.n,
+               s.x, s.y, s.z, t, c.weights->bias, c.residual,
                t + count == tiles ? written(c.out) : written_somewhere(c.out));
   }
 }
@@ -264,7 +269,6 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
   const Tensor e = ctx.tensor({kCoefficients, step, s.z, np}, Type::f32, "transformed gradients");
   const Tensor m = ctx.tensor({kCoefficients, 3, s.c(), s.n}, Type::f32, "transformed weight gradients");
   const double cn = static_cast<double>(s.c()) * static_cast<double>(s.n);
-  const double direct = 54 * static_cast<double>(s.x * s.y * s.z) * cn;
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
     const double rows = static_cast<double>(kCoefficients * count * s.z);
@@ -276,7 +280,7 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
                written(e, kCoefficients * count * s.z * np));
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_tile", "", g.name},
                groups(div_up(s.c(), kTileRows), 1, np / kTileCols, kCoefficients),
-               {direct * static_cast<double>(count) / static_cast<double>(tiles),
+               {direct_flops(s) * static_cast<double>(count) / static_cast<double>(tiles),
                 4 * (rows * static_cast<double>(s.c() + np) + 3 * kCoefficients * cn), multiplied(count, s)},
                v, e, s.c(), s.n, s.z, count, t > 0 ? 1 : 0, written(m));
   }

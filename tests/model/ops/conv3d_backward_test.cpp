@@ -5,6 +5,7 @@
 #include "tests/reference/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
+#include "tests/support/counted.h"
 #include "tests/support/device.h"
 
 namespace vsplat {
@@ -79,6 +80,15 @@ class Conv3dWeights : public ::testing::TestWithParam<test::ConvWay> {
     EXPECT_TRUE(test::close(ctx().read<float>(g.dbias), want.dbias, 1e-5));
   }
 };
+
+// As the forward's, see conv3d_test.cpp.
+TEST_P(Conv3dWeights, ProfilesTellTheDirectOperationsAndThosePerformed) {
+  const ref::ConvCase c = make_conv_case({{8, 4, 12}, 16, 32});
+  const Conv3dBackwardWeights g = upload(ctx(), c, random_floats(8 * 4 * 12 * 32, 73));
+  const ProfileRow row = test::profiled_row(ctx(), g.name, [&] { conv3d_backward_weights(ctx(), g); });
+  EXPECT_DOUBLE_EQ(row.flops, 54.0 * 8 * 4 * 12 * 16 * 32);
+  EXPECT_DOUBLE_EQ(row.performed_flops, row.flops / (GetParam().method == ConvMethod::winograd ? 4 : 1));
+}
 
 TEST_P(Conv3dWeights, EverySizeMatchesReference) {
   for (const std::array<long, 3>& size :

@@ -6,6 +6,7 @@
 #include "model/ops/sparse_conv.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
+#include "tests/support/counted.h"
 #include "tests/support/device.h"
 
 namespace vsplat {
@@ -188,6 +189,15 @@ TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
   g.out = ctx().tensor({voxels, c.cout});
   submanifold_forward(ctx(), g);
   EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), tolerance()));
+}
+
+// Of Winograd's method a quarter, where its tiles of 4 x 4 lines fill the volume.
+TEST_P(Conv3dTest, ProfilesTellTheDirectOperationsAndThosePerformed) {
+  const ref::ConvCase c = make_conv_case({{8, 4, 12}, 16, 32});
+  const auto d = upload(ctx(), c);
+  const ProfileRow row = test::profiled_row(ctx(), d->c.name, [&] { conv3d_forward(ctx(), d->c); });
+  EXPECT_DOUBLE_EQ(row.flops, 54.0 * 8 * 4 * 12 * 16 * 32);
+  EXPECT_DOUBLE_EQ(row.performed_flops, row.flops / (GetParam().method == ConvMethod::winograd ? 4 : 1));
 }
 
 TEST_P(Conv3dTest, SameBitsTwice) {
