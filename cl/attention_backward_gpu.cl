@@ -28,10 +28,10 @@ kernel void attention_backward_delta(global const float* out, global const float
   delta[(size_t)vh * T + t] = sum;
 }
 
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_query(
+kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_query(
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
-  local float stage[COLS * 64], ds[ROWS * (COLS + 1)];
+  local float4 stage[STAGE], ds[WEIGHTS];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
   const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
@@ -39,37 +39,37 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backwar
   global const float* keys = queries + out_step;
   global const float* values = keys + out_step;
   global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
-  float acc[4][MINE], top[4], inverse[4], mean[4];
-  for (int i = 0; i < 4; ++i) {
-    const int t = t0 + 4 * y + i;
-    const float2 row = t < T ? vload2((size_t)vh * T + t, stats) : (float2)(0.0f, 0.0f);
-    top[i] = row.x;
-    inverse[i] = row.y;
-    mean[i] = t < T ? delta[(size_t)vh * T + t] : 0.0f;
-    for (int c = 0; c < MINE; ++c) acc[i][c] = 0.0f;
-  }
+  // Of its four rows.
+  global const float* own = stats + 2 * ((size_t)vh * T + t0);
+  const int left = T - t0 - 4 * y;
+  const float2 s0 = left > 0 ? vload2(4 * y, own) : (float2)(0.0f),
+               s1 = left > 1 ? vload2(4 * y + 1, own) : (float2)(0.0f),
+               s2 = left > 2 ? vload2(4 * y + 2, own) : (float2)(0.0f),
+               s3 = left > 3 ? vload2(4 * y + 3, own) : (float2)(0.0f);
+  const float4 top = (float4)(s0.x, s1.x, s2.x, s3.x), inverse = (float4)(s0.y, s1.y, s2.y, s3.y);
+  global const float* means = delta + (size_t)vh * T + t0 + 4 * y;
+  const float4 mean = (float4)(left > 0 ? means[0] : 0.0f, left > 1 ? means[1] : 0.0f, left > 2 ? means[2] : 0.0f,
+                               left > 3 ? means[3] : 0.0f);
+  Rows4 acc[BLOCKS];
+  clear_rows(acc);
   for (int k0 = 0; k0 < T; k0 += COLS) {
-    float s[4][2], dp[4][2];
-    products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage, s);
-    products(g + t0 * out_step, out_step, T - t0, 1.0f, values + k0 * step, step, T - k0, 1.0f, D, stage, dp);
-    for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 2; ++j)
-        ds[(4 * y + i) * (COLS + 1) + x + 16 * j] =
-            k0 + x + 16 * j < T ? exp2(s[i][j] - top[i]) * inverse[i] * (dp[i][j] - mean[i]) : 0.0f;
+    const float8 s =
+        products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage);
+    const float8 dp =
+        products(g + t0 * out_step, out_step, T - t0, 1.0f, values + k0 * step, step, T - k0, 1.0f, D, stage);
+    ds[x * (ROW_STRIDE / 4) + y] = k0 + x < T ? exp2(s.lo - top) * inverse * (dp.lo - mean) : (float4)(0.0f);
+    ds[(x + 16) * (ROW_STRIDE / 4) + y] =
+        k0 + x + 16 < T ? exp2(s.hi - top) * inverse * (dp.hi - mean) : (float4)(0.0f);
     barrier(CLK_LOCAL_MEM_FENCE);
     add_up(ds, keys + k0 * step, step, T - k0, D, stage, acc);
   }
-  for (int i = 0; i < 4; ++i)
-    for (int c = 0; c < MINE; ++c) {
-      const int t = t0 + 4 * y + i, d = x + 16 * c;
-      if (t < T && d < D) dqkv[((size_t)(v * T + t) * 3 * H + h) * D + d] = acc[i][c] * scale;
-    }
+  store_rows(acc, (float4)(scale), T - t0, D, dqkv + ((size_t)(v * T + t0) * 3 * H + h) * D, step);
 }
 
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_key(
+kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backward_by_key(
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
-  local float stage[COLS * 64], p[ROWS * (COLS + 1)], ds[ROWS * (COLS + 1)];
+  local float4 stage[STAGE], p[WEIGHTS], ds[WEIGHTS];
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
   const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
@@ -77,34 +77,30 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_backwar
   global const float* keys = queries + out_step;
   global const float* values = keys + out_step;
   global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
-  float by_key[4][MINE], by_value[4][MINE];
-  for (int i = 0; i < 4; ++i)
-    for (int c = 0; c < MINE; ++c) by_key[i][c] = by_value[i][c] = 0.0f;
+  Rows4 by_key[BLOCKS], by_value[BLOCKS];
+  clear_rows(by_key);
+  clear_rows(by_value);
   for (int q0 = 0; q0 < T; q0 += COLS) {
-    float s[4][2], dp[4][2];
-    products(keys + t0 * step, step, T - t0, 1.0f, queries + q0 * step, step, T - q0, scale * LOG2E, D, stage, s);
-    products(values + t0 * step, step, T - t0, 1.0f, g + q0 * out_step, out_step, T - q0, 1.0f, D, stage, dp);
-    for (int j = 0; j < 2; ++j) {
-      const int t = q0 + x + 16 * j;
-      const float2 row = t < T ? vload2((size_t)vh * T + t, stats) : (float2)(0.0f, 0.0f);
-      const float mean = t < T ? delta[(size_t)vh * T + t] : 0.0f;
-      for (int i = 0; i < 4; ++i) {
-        const int at = (4 * y + i) * (COLS + 1) + x + 16 * j;
-        const float weight = exp2(s[i][j] - row.x) * row.y;
-        p[at] = weight;
-        ds[at] = weight * (dp[i][j] - mean);
-      }
+    const int near = q0 + x, far = near + 16, at = x * (ROW_STRIDE / 4) + y, beyond = 16 * (ROW_STRIDE / 4);
+    const size_t row = (size_t)vh * T;
+    {  // its weights wait in local memory for what follows
+      const float8 s =
+          products(keys + t0 * step, step, T - t0, 1.0f, queries + q0 * step, step, T - q0, scale * LOG2E, D, stage);
+      const float2 row0 = near < T ? vload2(row + near, stats) : (float2)(0.0f),
+                   row1 = far < T ? vload2(row + far, stats) : (float2)(0.0f);
+      p[at] = exp2(s.lo - row0.x) * row0.y;
+      p[at + beyond] = exp2(s.hi - row1.x) * row1.y;
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    add_up(ds, queries + q0 * step, step, T - q0, D, stage, by_key);
     add_up(p, g + q0 * out_step, out_step, T - q0, D, stage, by_value);
+    const float8 dp =
+        products(values + t0 * step, step, T - t0, 1.0f, g + q0 * out_step, out_step, T - q0, 1.0f, D, stage);
+    ds[at] = p[at] * (dp.lo - (near < T ? delta[row + near] : 0.0f));
+    ds[at + beyond] = p[at + beyond] * (dp.hi - (far < T ? delta[row + far] : 0.0f));
+    barrier(CLK_LOCAL_MEM_FENCE);
+    add_up(ds, queries + q0 * step, step, T - q0, D, stage, by_key);
   }
-  for (int i = 0; i < 4; ++i)
-    for (int c = 0; c < MINE; ++c) {
-      const int t = t0 + 4 * y + i, d = x + 16 * c;
-      if (t >= T || d >= D) continue;
-      const size_t at = ((size_t)((v * T + t) * 3 + 1) * H + h) * D + d;
-      dqkv[at] = by_key[i][c] * scale;
-      dqkv[at + out_step] = by_value[i][c];
-    }
+  global float* to = dqkv + (((size_t)(v * T + t0) * 3 + 1) * H + h) * D;
+  store_rows(by_key, (float4)(scale), T - t0, D, to, step);
+  store_rows(by_value, (float4)(1.0f), T - t0, D, to + out_step, step);
 }

@@ -21,22 +21,22 @@ typedef struct {
   float largest, total;  // score so far, and the sum of 2^(score - largest)
 } Softmax;
 
-// Makes weights of a block's scores w [ROWS, COLS + 1], in place. part: local memory [4 * ROWS], whose first ROWS
+// Makes weights of a block's scores w [COLS, ROW_STRIDE], in place. part: local memory [4 * ROWS], whose first ROWS
 // numbers are left as what each query's earlier sums are to be multiplied by. Begins and ends with a barrier.
-static void softmax_step(local float* w, local float* part, Softmax* state) {
+INLINE void softmax_step(local float* w, local float* part, Softmax* state) {
   const int item = get_local_id(0), mine = item % ROWS, quarter = item / ROWS;
-  local float* own = w + mine * (COLS + 1) + quarter * (COLS / 4);
+  local float* own = w + quarter * (COLS / 4) * ROW_STRIDE + mine;
   barrier(CLK_LOCAL_MEM_FENCE);
   float top = -INFINITY;
-  for (int j = 0; j < COLS / 4; ++j) top = max(top, own[j]);
+  for (int j = 0; j < COLS / 4; ++j) top = max(top, own[j * ROW_STRIDE]);
   part[quarter * ROWS + mine] = top;
   barrier(CLK_LOCAL_MEM_FENCE);
   top = max(state->largest, max(max(part[mine], part[ROWS + mine]), max(part[2 * ROWS + mine], part[3 * ROWS + mine])));
   barrier(CLK_LOCAL_MEM_FENCE);
   float sum = 0.0f;
   for (int j = 0; j < COLS / 4; ++j) {
-    const float weight = exp2(own[j] - top);
-    own[j] = weight;
+    const float weight = exp2(own[j * ROW_STRIDE] - top);
+    own[j * ROW_STRIDE] = weight;
     sum += weight;
   }
   part[quarter * ROWS + mine] = sum;
@@ -50,44 +50,34 @@ static void softmax_step(local float* w, local float* part, Softmax* state) {
   barrier(CLK_LOCAL_MEM_FENCE);
 }
 
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_forward_gpu(global const float* qkv,
-                                                                                     global float* out,
-                                                                                     global float* stats, int V, int T,
-                                                                                     int H, int D, float scale) {
-  local float stage[COLS * 64], w[ROWS * (COLS + 1)], part[4 * ROWS];
+kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void attention_forward_gpu(
+    global const float* qkv, global float* out, global float* stats, int V, int T, int H, int D, float scale) {
+  local float4 stage[STAGE], w[WEIGHTS], part[ROWS];
+  local float* parts = (local float*)part;
   const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
   const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
   const size_t step = (size_t)3 * H * D;
   global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
   global const float* keys = queries + (size_t)H * D;
   global const float* values = keys + (size_t)H * D;
-  float acc[4][MINE];
-  for (int i = 0; i < 4; ++i)
-    for (int c = 0; c < MINE; ++c) acc[i][c] = 0.0f;
+  Rows4 acc[BLOCKS];
+  clear_rows(acc);
   Softmax state = {-INFINITY, 0.0f};
   for (int k0 = 0; k0 < T; k0 += COLS) {
-    float s[4][2];
-    products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage, s);
-    for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 2; ++j) w[(4 * y + i) * (COLS + 1) + x + 16 * j] = k0 + x + 16 * j < T ? s[i][j] : -INFINITY;
-    softmax_step(w, part, &state);
-    for (int i = 0; i < 4; ++i) {
-      const float by = part[4 * y + i];
-      for (int c = 0; c < MINE; ++c) acc[i][c] *= by;
-    }
+    const float8 s =
+        products(queries + t0 * step, step, T - t0, scale * LOG2E, keys + k0 * step, step, T - k0, 1.0f, D, stage);
+    w[x * (ROW_STRIDE / 4) + y] = k0 + x < T ? s.lo : (float4)(-INFINITY);
+    w[(x + 16) * (ROW_STRIDE / 4) + y] = k0 + x + 16 < T ? s.hi : (float4)(-INFINITY);
+    softmax_step((local float*)w, parts, &state);
+    const float4 by = part[y];
+#pragma unroll
+    for (int c = 0; c < BLOCKS; ++c) acc[c].r0 *= by.x, acc[c].r1 *= by.y, acc[c].r2 *= by.z, acc[c].r3 *= by.w;
     add_up(w, values + k0 * step, step, T - k0, D, stage, acc);
   }
   if (item < ROWS) {
-    part[item] = state.total;
+    parts[item] = state.total;
     if (stats && t0 + item < T) vstore2((float2)(state.largest, 1.0f / state.total), (size_t)vh * T + t0 + item, stats);
   }
   barrier(CLK_LOCAL_MEM_FENCE);
-  for (int i = 0; i < 4; ++i) {
-    const int t = t0 + 4 * y + i;
-    const float inverse = 1.0f / part[4 * y + i];
-    for (int c = 0; c < MINE; ++c) {
-      const int d = x + 16 * c;
-      if (t < T && d < D) out[((size_t)(v * T + t) * H + h) * D + d] = acc[i][c] * inverse;
-    }
-  }
+  store_rows(acc, 1.0f / part[y], T - t0, D, out + ((size_t)(v * T + t0) * H + h) * D, (size_t)H * D);
 }

@@ -19,11 +19,13 @@
 // work-items  one per 16 channels of each source, tap and row
 // ```
 #include "common.clh"
+#include "many_registers.clh"
 #include "vector16.clh"
 
-kernel void compose_rows(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
-                         global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0,
-                         int M, global float* out) {
+kernel MORE_REGISTERS void compose_rows(global const float* x0, int c0, global const float* x1, int c1,
+                                        global const float* scale, global const float* shift, int silu_a,
+                                        global const int* map, int T, int src_rows, int row0, int M,
+                                        global float* out) {
   const int chunks0 = DIV_UP(c0, 16), chunks = chunks0 + DIV_UP(c1, 16), C = c0 + c1;
   const size_t i = get_global_id(0) / chunks;
   const int chunk = get_global_id(0) % chunks;

@@ -47,7 +47,7 @@ kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int 
 // out           f32   [X,Y,Z,N]     written
 // work-items    groups of SIDE SIDE = 256: (tile of channels, tile of voxels), see tile_gpu.clh
 // ```
-kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_forward_gpu(
+kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_forward_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, int X, int Y, int Z, global const float* b, int N, global const float* bias,
     global const float* residual, global float* out) {
@@ -66,10 +66,10 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) v
 // partial       f32   [chunks,27,C,N]  written: the sum over the chunk's voxels p of in[p + tap - 1, c] dy[p, n]
 // work-items    groups of SIDE SIDE = 256: (tile of columns, tile of rows, chunk)
 // ```
-kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_backward_weights_gpu(
-    global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
-    global const float* shift, int silu_a, int X, int Y, int Z, global const float* dy, int N, int rows,
-    global float* partial) {
+kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void
+conv3d_backward_weights_gpu(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+                            global const float* shift, int silu_a, int X, int Y, int Z, global const float* dy, int N,
+                            int rows, global float* partial) {
   local float4 work[WORK];
   local float4* as = work;
   local float4* bs = work + BK * AS / 4;

@@ -21,6 +21,7 @@
 // ```
 // A head is a few vectors of 16 in registers, and neighbouring work-items read neighbouring heads: the same on all
 // devices. Nothing is stored of a size L x S.
+#include "many_registers.clh"
 #include "vector16.clh"
 
 #ifndef HEAD_PAD
@@ -46,11 +47,13 @@ static inline float stranger(global const int* query_parts, int query, global co
   return query_parts && query_parts[query] != key_parts[key] ? -100.0f : 0.0f;
 }
 
-kernel void cross_attention_forward(global const float* restrict q, global const float* restrict k,
-                                    global const float* restrict v, global const int* restrict queries,
-                                    global const int* restrict keys, global const int* restrict query_parts,
-                                    global const int* restrict key_parts, global float* restrict out,
-                                    global float* restrict stats, int G, int L, int S, int H, int D, float scale) {
+kernel MANY_REGISTERS void cross_attention_forward(global const float* restrict q, global const float* restrict k,
+                                                   global const float* restrict v, global const int* restrict queries,
+                                                   global const int* restrict keys,
+                                                   global const int* restrict query_parts,
+                                                   global const int* restrict key_parts, global float* restrict out,
+                                                   global float* restrict stats, int G, int L, int S, int H, int D,
+                                                   float scale) {
   const int id = get_global_id(0);
   if (id >= G * L * H) return;
   const int h = id % H, at = id / H, g = at / L;
@@ -91,13 +94,12 @@ kernel void cross_attention_forward(global const float* restrict q, global const
 // delta       f32   [Q,H]    written, for cross_attention_backward_by_key
 // work-items  as in the forward
 // ```
-kernel void cross_attention_backward_by_query(global const float* restrict q, global const float* restrict k,
-                                              global const float* restrict v, global const int* restrict queries,
-                                              global const int* restrict keys, global const int* restrict query_parts,
-                                              global const int* restrict key_parts, global const float* restrict out,
-                                              global const float* restrict stats, global const float* restrict dout,
-                                              global float* restrict dq, global float* restrict delta, int G, int L,
-                                              int S, int H, int D, float scale) {
+kernel MANY_REGISTERS void cross_attention_backward_by_query(
+    global const float* restrict q, global const float* restrict k, global const float* restrict v,
+    global const int* restrict queries, global const int* restrict keys, global const int* restrict query_parts,
+    global const int* restrict key_parts, global const float* restrict out, global const float* restrict stats,
+    global const float* restrict dout, global float* restrict dq, global float* restrict delta, int G, int L, int S,
+    int H, int D, float scale) {
   const int id = get_global_id(0);
   if (id >= G * L * H) return;
   const int h = id % H, at = id / H, g = at / L;
@@ -129,19 +131,17 @@ kernel void cross_attention_backward_by_query(global const float* restrict q, gl
 // dv          f32   [N,H,D]  written
 // work-items  one per (key, head), heads fastest; without `places` in the order of the groups
 // ```
-kernel void cross_attention_backward_by_key(global const float* restrict q, global const float* restrict k,
-                                            global const float* restrict v, global const int* restrict queries,
-                                            global const int* restrict keys, global const int* restrict query_parts,
-                                            global const int* restrict key_parts, global const int* restrict places,
-                                            global const float* restrict stats, global const float* restrict delta,
-                                            global const float* restrict dout, global float* restrict dk,
-                                            global float* restrict dv, int G, int L, int S, int H, int D, int B,
-                                            float scale) {
+kernel MANY_REGISTERS void cross_attention_backward_by_key(
+    global const float* restrict q, global const float* restrict k, global const float* restrict v,
+    global const int* restrict queries, global const int* restrict keys, global const int* restrict query_parts,
+    global const int* restrict key_parts, global const int* restrict places, global const float* restrict stats,
+    global const float* restrict delta, global const float* restrict dout, global float* restrict dk,
+    global float* restrict dv, int G, int L, int S, int H, int D, int B, float scale) {
   const int id = get_global_id(0);
   if (id >= G * S / B * H) return;
   const int h = id % H, at = id / H;
   const size_t key = ((size_t)(keys && !places ? keys[at] : at) * H + h) * D;
-  float16 own_k[VECTORS], own_v[VECTORS], by_k[VECTORS], by_v[VECTORS], x[VECTORS], d[VECTORS];
+  float16 own_k[VECTORS], own_v[VECTORS], by_k[VECTORS], by_v[VECTORS], x[VECTORS];
   load_head(own_k, k + key, D);
   load_head(own_v, v + key, D);
   for (int i = 0; i < VECTORS; ++i) own_k[i] *= scale, by_k[i] = by_v[i] = (float16)(0.0f);
@@ -150,10 +150,13 @@ kernel void cross_attention_backward_by_key(global const float* restrict q, glob
     for (int l = first; l < first + L; ++l) {
       const size_t row = (size_t)(queries ? queries[l] : l) * H + h;
       load_head(x, q + row * D, D);
-      load_head(d, dout + row * D, D);
       const float p = exp(dot_head(own_k, x) + stranger(query_parts, l, key_parts, place) - stats[row]);
-      const float by_score = p * (dot_head(own_v, d) - delta[row]) * scale;
-      for (int i = 0; i < VECTORS; ++i) by_v[i] += p * d[i], by_k[i] += by_score * x[i];
+      load_head(x, dout + row * D, D);
+      const float by_score = p * (dot_head(own_v, x) - delta[row]) * scale;
+      for (int i = 0; i < VECTORS; ++i) by_v[i] += p * x[i];
+      // Once more, by an address that waits for the score: registers would not hold it beside dout.
+      load_head(x, q + (by_score == by_score ? row * D : 0), D);
+      for (int i = 0; i < VECTORS; ++i) by_k[i] += by_score * x[i];
     }
   }
   store_head(by_k, dk + key, D);

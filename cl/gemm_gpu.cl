@@ -27,7 +27,7 @@ static inline int source_row(const struct Rows* r, const struct Source* of, int 
 // out         f32   [..,N]        written: rows out_row0 .. out_row0 + M - 1
 // work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows), see tile_gpu.clh
 // ```
-kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
+kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
     global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0, global const float* b,
     int M, int N, global const float* bias, int act, global const float* residual, global float* out, int out_row0) {
@@ -45,7 +45,7 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) v
 // parts       f32   [..,M,N]   written
 // work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows, s)
 // ```
-kernel MANY_REGISTERS __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
+kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
     global const float* at, global const float* b, int first, int rows, int chunk, int M, int N,
     global const float* residual, global float* parts) {
   local float4 work[WORK];

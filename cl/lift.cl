@@ -6,6 +6,7 @@
 // define LANES   16       channels that a work-item takes at a time: 1, 4 or 16
 // define VOXELS  8        voxels that a group takes one after the other
 // ```
+#include "many_registers.clh"
 #include "sample.clh"
 
 #ifndef LANES
@@ -81,8 +82,8 @@ static inline float sample_one(global const float* maps, int C, int4 at, float4 
 // ```
 // By Welford's recurrence, which gives exactly 0 for equal samples and is as accurate as two passes, without keeping
 // the samples.
-kernel void lift_variance_forward(global const float* maps, global const int4* index, global const float4* weight,
-                                  global float* out, int n, int V, int C) {
+kernel MORE_REGISTERS void lift_variance_forward(global const float* maps, global const int4* index,
+                                                 global const float4* weight, global float* out, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
@@ -170,8 +171,9 @@ kernel void lift_samples_forward(global const float* maps, global const int4* in
 // dsamples             f32   [n,V,C]  written: 2 / V (sample - mean over the views) dout
 // work-items           as in lift_variance_forward
 // ```
-kernel void lift_variance_backward(global const float* maps, global const int4* index, global const float4* weight,
-                                   global const float* dout, global float* dsamples, int n, int V, int C) {
+kernel MORE_REGISTERS void lift_variance_backward(global const float* maps, global const int4* index,
+                                                  global const float4* weight, global const float* dout,
+                                                  global float* dsamples, int n, int V, int C) {
   const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
   for (int i = get_group_id(0) * VOXELS; i < end; ++i) {

@@ -19,6 +19,7 @@
 // work-items       one per visible Gaussian
 // ```
 // Constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
+#include "many_registers.clh"
 #include "project_backward.clh"
 
 #define COLUMNS 10
@@ -141,13 +142,14 @@ static inline void pose_backward(Seen f, float3 by_place, Jacobian by, float3 by
   vstore3(by_place + by_centre, 0, twist + 3);
 }
 
-kernel void project_backward(global const float* means, global const float* scales, global const float* quats,
-                             global const float* opacities, global const float* sh, global const float* views, int view,
-                             int mirrored, global const uint* ids, global const float* records,
-                             global const float* rows, global const uchar* touched, global const uint* offsets,
-                             global float* dmeans, global float* dscales, global float* dquats,
-                             global float* dopacities, global float* dsh, global float* twists, int N, int K, int base,
-                             int S) {
+kernel MORE_REGISTERS void project_backward(global const float* means, global const float* scales,
+                                            global const float* quats, global const float* opacities,
+                                            global const float* sh, global const float* views, int view, int mirrored,
+                                            global const uint* ids, global const float* records,
+                                            global const float* rows, global const uchar* touched,
+                                            global const uint* offsets, global float* dmeans, global float* dscales,
+                                            global float* dquats, global float* dopacities, global float* dsh,
+                                            global float* twists, int N, int K, int base, int S) {
   const int n = get_global_id(0);
   if (n >= N || ids[n] < (uint)base || ids[n] - (uint)base >= (uint)K) return;
   const RowSums sum = sum_rows(rows, touched, offsets[n], offsets[n + 1]);

@@ -13,6 +13,7 @@
 // work-items       one per visible surfel
 // ```
 // Constant here as there: tiles, culling, which side the normal is turned to, and a colour held at 0.
+#include "many_registers.clh"
 #include "project_backward.clh"
 
 #define COLUMNS 20
@@ -124,13 +125,12 @@ static inline void box_backward(Seen f, float cut2, float2 by_e, By* by) {
   by->yz -= dot(c2, tz);
 }
 
-kernel void project_surfels_backward(global const float* means, global const float* scales, global const float* quats,
-                                     global const float* opacities, global const float* sh, global const float* views,
-                                     int view, int mirrored, int current, global const uint* ids,
-                                     global const float* records, global const float* rows, global const uchar* touched,
-                                     global const uint* offsets, global float* dmeans, global float* dscales,
-                                     global float* dquats, global float* dopacities, global float* dsh,
-                                     global float* twists, int N, int K, int base, int S) {
+kernel MORE_REGISTERS void project_surfels_backward(
+    global const float* means, global const float* scales, global const float* quats, global const float* opacities,
+    global const float* sh, global const float* views, int view, int mirrored, int current, global const uint* ids,
+    global const float* records, global const float* rows, global const uchar* touched, global const uint* offsets,
+    global float* dmeans, global float* dscales, global float* dquats, global float* dopacities, global float* dsh,
+    global float* twists, int N, int K, int base, int S) {
   const int at = get_global_id(0);
   if (at >= N || ids[at] < (uint)base || ids[at] - (uint)base >= (uint)K) return;
   const RowSums sum = sum_rows(rows, touched, offsets[at], offsets[at + 1]);

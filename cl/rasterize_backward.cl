@@ -24,6 +24,7 @@
 // suffices. Sums are taken in a fixed order.
 // With PULL a row says how much each pixel by itself pulls at the Gaussian's place on the screen, whatever the
 // direction: the loss's derivatives by u and v are h times those of ln alpha, p = 2 ln 2 (qx dx - k qy t, qy t).
+#include "many_registers.clh"
 #include "rasterize.clh"
 
 #ifdef PULL
@@ -250,9 +251,10 @@ typedef struct {
   COUNTED(uint)
 } Column;
 
-static inline void start_column(Column* own, global const float* colour, global const float* alpha,
-                                global const float* depth, global const float* dcolour, global const float* dalpha,
-                                global const float* ddepth, int width, int height, float3 background) {
+INLINE void start_column(Column* own, global const float* colour, global const float* alpha, global const float* depth,
+                         global const float* dcolour, global const float* dalpha, global const float* ddepth, int width,
+                         int height, float3 background) {
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const int px = own->x0 + own->x, py = own->y0 + own->y + p * STEP;
     const bool inside = px < width && py < height;
@@ -270,11 +272,12 @@ static inline void start_column(Column* own, global const float* colour, global 
 
 // Blends a record (place, form and tint are its twelve numbers) into the work-item's pixels. Adds to sums [COLUMNS];
 // returns whether any pixel sees it.
-static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint, float* sums) {
+INLINE bool blend_backward(Column* own, float4 at, float4 f, float4 tint, float* sums) {
   const float4 c = (float4)(tint.xyz, at.w);
   const float dx = (at.x - ((float)own->x0 + 0.5f)) - (float)own->x;
   bool hit = false;
   float left = 0.0f;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const float dy = (at.y - ((float)own->y0 + 0.5f)) - (float)(own->y + p * STEP), t = SHEARED(f, dx, dy);
     const float full = exp2_scalar(LOG2_ALPHA(f, dx, t)), a = min(full, MAX_ALPHA);
@@ -315,12 +318,12 @@ static inline bool blend_backward(Column* own, float4 at, float4 f, float4 tint,
   return hit;
 }
 
-kernel void rasterize_backward_gpu(global const float* records, global const uint* ids, global const uint* starts,
-                                   global const uint* slots, global const float* colour, global const float* alpha,
-                                   global const float* depth, global const float* dcolour, global const float* dalpha,
-                                   global const float* ddepth, global float* rows, global uchar* touched, int width,
-                                   int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                                   float background_r, float background_g, float background_b COUNTER_ARGUMENTS) {
+kernel MORE_REGISTERS void rasterize_backward_gpu(
+    global const float* records, global const uint* ids, global const uint* starts, global const uint* slots,
+    global const float* colour, global const float* alpha, global const float* depth, global const float* dcolour,
+    global const float* dalpha, global const float* ddepth, global float* rows, global uchar* touched, int width,
+    int height, int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r, float background_g,
+    float background_b COUNTER_ARGUMENTS) {
   local float4 place[WG], form[WG], tint[WG];
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
@@ -346,6 +349,7 @@ kernel void rasterize_backward_gpu(global const float* records, global const uin
     if (item == 0) alive = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     own.left = 0.0f;
+#pragma unroll
     for (int p = 0; p < PIXELS; ++p) own.left = max(own.left, own.T[p]);
     for (uint i = 0; i < n; ++i) {
       float sums[COLUMNS] = {0.0f};

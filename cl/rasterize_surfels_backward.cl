@@ -23,6 +23,7 @@
 // The derivative by alpha is as in rasterize_backward.cl, where s gains normal . dnormal and, for the distortion,
 // ddistortion (m^2 W + M2 - 2 m M), with the sums W of w, M of w m and M2 of w m^2 over all surfels: a pair's share is
 // counted at both.
+#include "many_registers.clh"
 #include "rasterize_surfels.clh"
 
 #define COLUMNS 20
@@ -241,12 +242,13 @@ typedef struct {
 } Column;
 
 // Blends a record into the work-item's pixels. Adds to sums [COLUMNS]; returns whether any pixel sees it.
-static inline bool blend_backward(Column* own, Record r, float near, int current, float r0, float* sums) {
+INLINE bool blend_backward(Column* own, Record r, float near, int current, float r0, float* sums) {
   const float4 c = (float4)(r.tint.xyz, 0.0f);
   const float dx = (r.place.x - ((float)own->x0 + 0.5f)) - (float)own->x;
   const float dy0 = (r.place.y - ((float)own->y0 + 0.5f)) - (float)own->y;
   bool hit = false;
   float left = 0.0f;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const float dy = dy0 - (float)(p * STEP);
     const Meeting at = meet(r, dx, dy, near, current);
@@ -303,7 +305,7 @@ static inline bool blend_backward(Column* own, Record r, float near, int current
   return hit;
 }
 
-kernel void rasterize_surfels_backward_gpu(
+kernel MORE_REGISTERS void rasterize_surfels_backward_gpu(
     global const float* records, global const uint* ids, global const uint* starts, global const uint* slots,
     global const float* colour, global const float* alpha, global const float* depth, global const float* normal,
     global const float* distortion, global const float* moments, global const float* dcolour,
@@ -321,6 +323,7 @@ kernel void rasterize_surfels_backward_gpu(
   COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const int px = own.x0 + own.x, py = own.y0 + own.y + p * STEP;
     const bool inside = px < width && py < height;
@@ -352,6 +355,7 @@ kernel void rasterize_surfels_backward_gpu(
     if (item == 0) alive = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     own.left = 0.0f;
+#pragma unroll
     for (int p = 0; p < PIXELS; ++p) own.left = max(own.left, own.T[p]);
     for (uint i = 0; i < n; ++i) {
       float sums[COLUMNS] = {0.0f};

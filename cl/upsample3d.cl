@@ -76,9 +76,9 @@ kernel void upsample3d_forward_gpu(global const float* restrict x, global float*
 // Defines `sum`, of channels from c on: the sum over the 4 x 4 x 4 outputs around input (i,j,k).
 #define GATHER(T, LOAD, c, sum)                                                       \
   T sum = (T)(0.0f);                                                                  \
-  for (int a = 0; a < 4; ++a) {                                                       \
+  _Pragma("unroll") for (int a = 0; a < 4; ++a) {                                     \
     T plane = (T)(0.0f);                                                              \
-    for (int b = 0; b < 4; ++b) {                                                     \
+    _Pragma("unroll") for (int b = 0; b < 4; ++b) {                                   \
       global const float* p = dy + ((long)at_x[a] * 2 * H + at_y[b]) * 2 * W * C;     \
       const T far = LOAD(p + (long)at_z[0] * C, c) + LOAD(p + (long)at_z[3] * C, c);  \
       const T near = LOAD(p + (long)at_z[1] * C, c) + LOAD(p + (long)at_z[2] * C, c); \

@@ -1,5 +1,8 @@
 // Every point becomes F: its children lie within half a cell of it, and what they are made of are waves of how far they
 // lie from it, beside its own feature.
+// One of three numbers.
+static inline float axis(float3 v, int i) { return select(select(v.z, v.y, i == 1), v.x, i == 0); }
+
 // ```
 // argument    type  shape      what
 // raw         f32   [P,3F]     how far each child lies, before tanh
@@ -30,11 +33,10 @@ kernel void upscale_forward(global const float* restrict raw, global const float
     vstore3(offset, child, offsets);
     vstore3(vload3(p, points) + offset, child, children);
   }
-  const float axes[3] = {offset.x, offset.y, offset.z};
   global float* to = wide + (size_t)child * (waves + C);
   for (int i = lane; i < waves; i += lanes) {
     const int j = i % (3 * N);
-    to[i] = wave(axes[j % 3], unit, j / 3, i >= 3 * N);
+    to[i] = wave(axis(offset, j % 3), unit, j / 3, i >= 3 * N);
   }
   for (int c = lane; c < C; c += lanes) to[waves + c] = feature[(size_t)p * C + c];
 }
@@ -61,15 +63,20 @@ kernel void upscale_backward_points(global const float* restrict raw, global con
     const size_t child = (size_t)p * F + f;
     const float3 t = tanh(vload3(child, raw)), d = vload3(child, dchildren);
     sum += d;
-    const float axes[3] = {reach * t.x, reach * t.y, reach * t.z};
-    float by[3] = {d.x, d.y, d.z};
+    float3 by = d;
     global const float* from = dwide + child * (waves + C);
     for (int j = 0; j < 3 * N; ++j) {
       const float slope = ldexp(unit, j / 3);
-      by[j % 3] +=
-          slope * (from[j] * wave(axes[j % 3], unit, j / 3, 1) - from[3 * N + j] * wave(axes[j % 3], unit, j / 3, 0));
+      const float at = reach * axis(t, j % 3);
+      const float more = slope * (from[j] * wave(at, unit, j / 3, 1) - from[3 * N + j] * wave(at, unit, j / 3, 0));
+      if (j % 3 == 0)
+        by.x += more;
+      else if (j % 3 == 1)
+        by.y += more;
+      else
+        by.z += more;
     }
-    vstore3((float3)(by[0], by[1], by[2]) * reach * (1.0f - t * t), child, draw);
+    vstore3(by * reach * (1.0f - t * t), child, draw);
   }
   vstore3(sum, p, dpoints);
 }

@@ -22,10 +22,16 @@ std::size_t skip_blanks(const std::string& text, std::size_t at) {
   return at;
 }
 
-// Behind "__attribute__((...))", if that stands at `at`.
+// Behind any "__attribute__((...))" that stands at `at`, and behind macros, which are capitals.
 std::size_t skip_attributes(const std::string& text, std::size_t at) {
   const std::string word = "__attribute__";
-  while (text.compare(at, word.size(), word) == 0) {
+  for (;;) {
+    if (at < text.size() && std::isupper(static_cast<unsigned char>(text[at]))) {
+      while (at < text.size() && in_word(text[at])) ++at;
+      at = skip_blanks(text, at);
+      continue;
+    }
+    if (text.compare(at, word.size(), word) != 0) return at;
     at = skip_blanks(text, at + word.size());
     int depth = 0;
     do {
@@ -35,7 +41,6 @@ std::size_t skip_attributes(const std::string& text, std::size_t at) {
     } while (depth > 0);
     at = skip_blanks(text, at);
   }
-  return at;
 }
 
 std::string without_comments(const std::string& text) {

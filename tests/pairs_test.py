@@ -42,7 +42,7 @@ NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|uploa
 DECLARATION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)_(forward|backward)(?:_\w+)?\(Context& ctx", re.M)
 STRUCT = re.compile(r"^struct (\w+?)(Forward|Backward)\w* \{", re.M)
 FUNCTION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)\(Context& ctx", re.M)
-KERNEL = re.compile(r"\bkernel\s+(?:__attribute__\(\(.*?\)\)\s+)?void\s+(\w+)\(")
+KERNEL = re.compile(r"\bkernel\s+(?:[A-Z_]+\s+|__attribute__\(\(.*?\)\)\s+)*void\s+(\w+)\(")
 
 
 def without_comments(text):
