@@ -8,7 +8,7 @@
 namespace vsplat {
 
 // Multiply-adds alone; a stream through memory that is larger than caches, where there is room for it. Each for some
-// tenths of a second.
+// tenths of a second, in a stream of its own.
 double measure_gflops(Context& ctx);
 double measure_gbs(Context& ctx);
 

@@ -111,8 +111,8 @@ std::uint64_t wall_ns(const Profile& profile);
 std::uint64_t launches_ns(const Profile& profile);
 WallSplit split_wall(const Profile& profile);
 
-// Of one launch, for the clocks: the device's time when it was queued lies between the host's before and after the
-// call.
+// For the clocks: what the device did at its time lies between these two of the host's; that it queued a launch,
+// between before and after the call.
 struct QueuedAt {
   std::uint64_t device, before, after;  // ns
 };

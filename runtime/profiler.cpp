@@ -13,7 +13,9 @@ namespace vsplat {
 
 namespace {
 
-constexpr std::size_t kVariants = 32;  // of a row; the last takes all that are beyond
+// What a driver takes before a launch of another size is compiling from that time on; a first launch's is, anyway.
+constexpr std::uint64_t kCompiles = 5'000'000;  // ns
+constexpr std::size_t kVariants = 32;           // of a row; the last takes all that are beyond
 
 struct Pending {
   std::size_t row, variant;
@@ -169,10 +171,13 @@ void Profiler::add_count(const std::string& stage, const std::string& name, std:
 void Profiler::collect() {
   std::vector<EventTimes> times;
   std::vector<QueuedAt> queued;
+  const std::uint64_t now = now_ns();
   times.reserve(impl_->pending.size());
   for (const Pending& p : impl_->pending) {
     times.push_back(times_of(p.event));
-    if (times.back().end != 0) queued.push_back({times.back().queued, p.before, p.after});
+    if (times.back().end == 0) continue;
+    queued.push_back({times.back().queued, p.before, p.after});
+    queued.push_back({times.back().end, p.before, now});  // it is done
   }
   const std::int64_t offset = clock_offset(queued);
   const auto on_host = [&](std::uint64_t device) { return device - static_cast<std::uint64_t>(offset); };
@@ -186,6 +191,7 @@ void Profiler::collect() {
       launch.start = on_host(times[i].start), launch.end = on_host(times[i].end);
       launch.ready = std::max(launch.submitted, impl_->last_end);
       impl_->last_end = std::max(impl_->last_end, launch.end);
+      launch.prepared = launch.prepared && (launch.first || launch.ready + kCompiles <= launch.start);
     }
     impl_->count(launch);
   }

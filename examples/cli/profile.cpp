@@ -96,7 +96,7 @@ ReadProfile profile_in(const std::string& path) {
     out.parts.emplace_back(part, profile_seconds(path, file["wall"], (std::string(part) + "_s").c_str()));
   for (const json& stage : profile_list(path, file, "stages")) {
     const std::string name = profile_text_in(path, stage, "stage");
-    out.stages.emplace_back(name.empty() ? "around the stages" : name, profile_seconds(path, stage, "wall_s"));
+    out.stages.emplace_back(name.empty() ? "outside of stages" : name, profile_seconds(path, stage, "wall_s"));
   }
   for (const json& kernel : profile_list(path, file, "kernels"))
     out.kernels[{profile_text_in(path, kernel, "stage"), profile_text_in(path, kernel, "name")}] +=
