@@ -12,7 +12,7 @@ vsplat=build/release/bin/vsplat
 out=out/quickstart
 mkdir -p $out
 $vsplat reconstruct examples/data/garden_gnome --output $out/gnome.ply --refine --refine-sheet $out/gnome-views.png \
-  --render orbit:48 --turntable $out/gnome.webp --sheet $out/gnome.png --size 256x256 --profile $out/profile.json --overwrite
+  --render orbit:48 --turntable $out/gnome.webp --sheet $out/gnome.png --size 256x256 --profile $out/profile.html --overwrite
 $vsplat reconstruct examples/data/painted_skull --output $out/skull.ply --refine --refine-sheet $out/skull-views.png \
   --render orbit:48 --turntable $out/skull.webp --sheet $out/skull.png --size 256x256 --write-views $out/views --overwrite
 
@@ -24,5 +24,5 @@ echo "  gnome.png        the same pictures side by side"
 echo "  gnome-views.png  row by row a picture, what the network makes of it, what refinement makes, and what is still off"
 echo "  skull.*          the same of the 48 photographs in examples/data/painted_skull; skull-views.png shows those held out"
 echo "  views/           what the network saw of these"
-echo "  profile.json     every kernel's time for the gnome"
+echo "  profile.html     where the time went for the gnome: open it in a browser"
 echo "The model is small and sees pictures of 64 x 64 pixels; what is sharp comes from refinement (--refine), of what the pictures show."

@@ -622,6 +622,12 @@ class Device(_Handle):
         """Starts or stops recording every kernel's time."""
         _call("device_profile", self, c.c_int32(on))
 
+    def profile_page(self) -> str:
+        """What was recorded, as one HTML page that needs nothing else."""
+        text = c.c_char_p()
+        _call("device_profile_text", self, 4, c.byref(text))
+        return _take_text(text)
+
     def profile_rows(self) -> dict[str, Any]:
         """What was recorded: {"device", "driver", "wall_s", "wall", "peak_bytes", "kernels": [...], "stages": [...], "host": [...]}"""
         text = c.c_char_p()
