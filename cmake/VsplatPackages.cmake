@@ -1,7 +1,7 @@
 # Debian packages, by CPack: `cmake --build build/release --target package` puts them into build/release/packages.
-#   libvsplat0      the library, with the model inside, and the program that reads meshes and HDF5 files for it
+#   libvsplat1      the library, with the model inside, and the program that reads meshes and HDF5 files for it
 #   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
-#   libvsplat0-mpi  the module for MPI, where VSPLAT_MPI builds it
+#   libvsplat1-mpi  the module for MPI, where VSPLAT_MPI builds it
 #   vsplat          the command with its manual and completions, the Python module, and four pictures to try it on
 # tests/install/packages.sh installs them in a bare system.
 set(VSPLAT_MAINTAINER "" CACHE STRING "Who answers for packages, NAME <ADDRESS>; empty: the author of the newest commit")
@@ -17,7 +17,7 @@ endif()
 
 # The licence: once where all is installed, and once for each package.
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT licence)
-set(library_package libvsplat${PROJECT_VERSION_MAJOR})
+set(library_package libvsplat${VSPLAT_SOVERSION})
 set(parts library:${library_package} dev:libvsplat-dev tools:vsplat)
 if(TARGET vsplat_mpi)
   list(APPEND parts mpi:${library_package}-mpi)

@@ -37,7 +37,7 @@ case $limit in '' | *[!0-9]*) usage ;; esac
 build=$(cd "$build" && pwd) || exit 1
 
 program=$build/bin/vsplat
-library=$build/model/api/libvsplat.so.0
+library=$build/model/api/libvsplat.so.1
 reader=$build/model/libexec/vsplat/vsplat-read
 set -- "$program" "$library"
 if [ $with_reader = yes ]; then set -- "$@" "$reader"; fi
@@ -53,8 +53,8 @@ top=$work/vsplat
 mkdir -p "$top/bin" "$top/lib" "$top/libc" "$top/model/weights"
 
 cp "$program" "$top/bin/vsplat.elf"
-cp -L "$library" "$top/lib/libvsplat.so.0"
-own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.0"
+cp -L "$library" "$top/lib/libvsplat.so.1"
+own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.1"
 if [ $with_reader = yes ]; then
   # As in the build's tree, it is looked for beside the folder of the library.
   mkdir -p "$top/libexec/vsplat"

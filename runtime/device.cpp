@@ -66,6 +66,39 @@ int least_sub_group(const cl::Device& device) {
   return static_cast<int>(least);
 }
 
+// What extensions have; Debian's headers do not list all of it.
+constexpr cl_device_info kUuid = 0x106A;          // CL_DEVICE_UUID_KHR: 16 bytes
+constexpr cl_device_info kPciBusInfo = 0x410F;    // CL_DEVICE_PCI_BUS_INFO_KHR: domain, bus, device, function
+constexpr cl_device_info kNvidiaBus = 0x4008;     // CL_DEVICE_PCI_BUS_ID_NV
+constexpr cl_device_info kNvidiaSlot = 0x4009;    // CL_DEVICE_PCI_SLOT_ID_NV: device * 8 + function
+constexpr cl_device_info kNvidiaDomain = 0x400A;  // CL_DEVICE_PCI_DOMAIN_ID_NV
+constexpr cl_device_info kAmdTopology =
+    0x4037;  // CL_DEVICE_TOPOLOGY_AMD: 24 bytes, the last three bus, device, function
+
+template <class T>
+std::optional<T> told(const cl::Device& device, cl_device_info what) {
+  T out{};
+  if (clGetDeviceInfo(device(), what, sizeof out, &out, nullptr) != CL_SUCCESS) return std::nullopt;
+  return out;
+}
+
+std::optional<PciAddress> pci_of(const cl::Device& device, const std::string& extensions) {
+  const auto has = [&](const char* name) {
+    return extensions.find(std::string(" ") + name + " ") != std::string::npos;
+  };
+  if (has("cl_khr_pci_bus_info"))
+    if (const auto at = told<std::array<cl_uint, 4>>(device, kPciBusInfo))
+      return PciAddress{(*at)[0], (*at)[1], (*at)[2], (*at)[3]};
+  if (has("cl_nv_device_attribute_query")) {
+    const auto bus = told<cl_uint>(device, kNvidiaBus), slot = told<cl_uint>(device, kNvidiaSlot);
+    if (bus && slot) return PciAddress{told<cl_uint>(device, kNvidiaDomain).value_or(0), *bus, *slot >> 3, *slot & 7u};
+  }
+  if (has("cl_amd_device_attribute_query"))
+    if (const auto at = told<std::array<std::uint8_t, 24>>(device, kAmdTopology); at && (*at)[0] == 1)  // PCIe
+      return PciAddress{0, (*at)[21], (*at)[22], (*at)[23]};
+  return std::nullopt;
+}
+
 DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   DeviceInfo d;
   d.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
@@ -89,6 +122,9 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   d.fp64 = extensions.find(" cl_khr_fp64 ") != std::string::npos;
   d.subgroups = extensions.find(" cl_khr_subgroups ") != std::string::npos;
   if (extensions.find(" cl_intel_required_subgroup_size ") != std::string::npos) d.sub_group = least_sub_group(device);
+  if (extensions.find(" cl_khr_device_uuid ") != std::string::npos)
+    d.uuid = told<std::array<std::uint8_t, 16>>(device, kUuid);
+  d.pci = pci_of(device, extensions);
   d.is_pocl = d.platform_name == "Portable Computing Language";
   return d;
 }

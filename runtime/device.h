@@ -1,6 +1,8 @@
 // Which OpenCL devices there are, what they can do, and how a user names one.
 #pragma once
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,6 +10,11 @@ namespace vsplat {
 
 enum class DeviceType : int { cpu = 1, gpu = 2, accelerator = 3, other = 4 };
 const char* name_of(DeviceType type);
+
+// Where a device is on the bus.
+struct PciAddress {
+  std::uint32_t domain = 0, bus = 0, device = 0, function = 0;
+};
 
 struct DeviceInfo {
   int index = 0;     // flat, over all platforms
@@ -28,7 +35,9 @@ struct DeviceInfo {
   // Of a GPU whose compiler can be told how many work-items run as one: the least number that fills its vectors; 0 of a
   // device that is left alone, -1 where there is nothing to tell.
   int sub_group = -1;
-  bool is_pocl = false;  // has a binary cache of its own
+  bool is_pocl = false;                              // has a binary cache of its own
+  std::optional<std::array<std::uint8_t, 16>> uuid;  // where the driver tells it
+  std::optional<PciAddress> pci;
 };
 
 // Every device of every platform, in the loader's order. Empty where there is no platform.

@@ -22,6 +22,25 @@ const char* type_name(vsplat_device_type type) {
   return "other";
 }
 
+// As lspci and nvidia-smi write them; null where the driver does not tell.
+nlohmann::ordered_json uuid_of(const vsplat_device_info& d) {
+  if (!d.has_uuid) return nullptr;
+  std::string out;
+  for (int i = 0; i < 16; ++i) {
+    char byte[4];
+    std::snprintf(byte, sizeof byte, "%02x", d.uuid[i]);
+    out += (i == 4 || i == 6 || i == 8 || i == 10 ? "-" : "") + std::string(byte);
+  }
+  return out;
+}
+
+nlohmann::ordered_json pci_of(const vsplat_device_info& d) {
+  if (!d.has_pci) return nullptr;
+  char out[32];
+  std::snprintf(out, sizeof out, "%04x:%02x:%02x.%x", d.pci_domain, d.pci_bus, d.pci_device, d.pci_function);
+  return out;
+}
+
 nlohmann::ordered_json json_of(const vsplat_device_info& d) {
   return {{"index", d.index},
           {"platform", d.platform},
@@ -40,7 +59,9 @@ nlohmann::ordered_json json_of(const vsplat_device_info& d) {
           {"event_profiling", d.event_profiling != 0},
           {"fp16", d.fp16 != 0},
           {"fp64", d.fp64 != 0},
-          {"subgroups", d.subgroups != 0}};
+          {"subgroups", d.subgroups != 0},
+          {"uuid", uuid_of(d)},
+          {"pci", pci_of(d)}};
 }
 
 void list_devices(const Common& common) {

@@ -52,7 +52,7 @@ def _library() -> c.CDLL:
     if command:
         prefix = pathlib.Path(command).resolve().parent.parent
         names += [str(p) for depth in ("lib*", "lib*/*") for p in sorted(prefix.glob(depth + "/libvsplat.so.?"))]
-    names += [c.util.find_library("vsplat"), "libvsplat.so.0"]
+    names += [c.util.find_library("vsplat"), "libvsplat.so.1"]
     problem = None
     for name in filter(None, names):
         try:
@@ -114,11 +114,12 @@ class _ModelInfo(_Struct):
 
 class _Camera(_Struct):
     _fields_ = [("size", c.c_size_t), ("width", c.c_int32), ("height", c.c_int32), ("fx", c.c_double), ("fy", c.c_double),
-                ("cx", c.c_double), ("cy", c.c_double), ("w2c", c.c_double * 16)]
+                ("cx", c.c_double), ("cy", c.c_double), ("w2c", c.c_double * 16), ("lens", c.c_int), ("lens_values", c.c_double * 8)]
 
 
 class _View(_Struct):
-    _fields_ = [("size", c.c_size_t), ("camera", _Camera), ("pixels", _f32), ("channels", c.c_int32)]
+    _fields_ = [("size", c.c_size_t), ("camera", _Camera), ("pixels", _f32), ("channels", c.c_int32), ("type", c.c_int),
+                ("data", c.c_void_p), ("row_bytes", c.c_size_t), ("premultiplied", c.c_int32)]
 
 
 class _InputOptions(_Struct):

@@ -29,7 +29,35 @@ vsplat_camera describe(const Camera& camera) {
   return out;
 }
 
-Camera camera_of(const vsplat_camera& camera, const char* what) {
+namespace {
+
+Distortion lens_of(const vsplat_camera& camera, const char* what) {
+  Distortion out;
+  switch (value_of(camera.lens)) {
+    case VSPLAT_LENS_PINHOLE:
+      break;
+    case VSPLAT_LENS_OPENCV:
+      out.model = Distortion::Model::opencv;
+      break;
+    case VSPLAT_LENS_FISHEYE:
+      out.model = Distortion::Model::fisheye;
+      break;
+    default:
+      fail(Status::usage, "{}.lens is {}, not a value of vsplat_lens", what, value_of(camera.lens));
+  }
+  const std::size_t count = out.model == Distortion::Model::none ? 0 : out.model == Distortion::Model::opencv ? 8 : 4;
+  for (std::size_t i = 0; i < std::size(camera.lens_values); ++i) {
+    if (i >= count && camera.lens_values[i] != 0)
+      fail(Status::usage, "{}.lens_values[{}] is {}: the lens has {} values, and zeros behind them", what, i,
+           camera.lens_values[i], count);
+    out.k[i] = camera.lens_values[i];
+  }
+  return out;
+}
+
+}  // namespace
+
+Camera camera_of(const vsplat_camera& camera, const char* what, bool may_have_lens) {
   const vsplat_camera c = taken(&camera, VSPLAT_CAMERA_INIT, what);
   Camera out;
   out.width = picture_side(what, "width", c.width);
@@ -40,6 +68,9 @@ Camera camera_of(const vsplat_camera& camera, const char* what) {
   out.cy = c.cy;
   for (const double v : {c.fx, c.fy, c.cx, c.cy})  // the readers' checks let pass what a file leaves open
     if (!std::isfinite(v)) fail(Status::input, "{}: an intrinsic is {}", what, v);
+  out.distortion = lens_of(c, what);
+  if (!may_have_lens && out.distortion.model != Distortion::Model::none)
+    fail(Status::usage, "{}.lens is {}: pictures are drawn as a pinhole camera sees them", what, value_of(c.lens));
   check_intrinsics(what, out);
   Eigen::Matrix4d w2c;
   for (int i = 0; i < 16; ++i) w2c(i / 4, i % 4) = c.w2c[i];

@@ -19,7 +19,8 @@ struct vsplat_cameras_impl : vsplat::api::Counted {
 namespace vsplat::api {
 
 vsplat_camera describe(const Camera& camera);
-// Checked: a picture's size, positive focal lengths, a rigid motion. `what` begins the message.
-Camera camera_of(const vsplat_camera& camera, const char* what);
+// Checked: a picture's size, positive focal lengths, a rigid motion. `what` begins the message. Cameras to draw from
+// have no lens.
+Camera camera_of(const vsplat_camera& camera, const char* what, bool may_have_lens = false);
 
 }  // namespace vsplat::api

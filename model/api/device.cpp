@@ -32,6 +32,11 @@ vsplat_device_info describe(const DeviceInfo& d) {
   out.fp16 = d.fp16;
   out.fp64 = d.fp64;
   out.subgroups = d.subgroups;
+  out.has_uuid = d.uuid.has_value();
+  if (d.uuid) std::copy(d.uuid->begin(), d.uuid->end(), out.uuid);
+  out.has_pci = d.pci.has_value();
+  if (d.pci) out.pci_domain = d.pci->domain, out.pci_bus = d.pci->bus;
+  if (d.pci) out.pci_device = d.pci->device, out.pci_function = d.pci->function;
   return out;
 }
 

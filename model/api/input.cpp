@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 
 #include "model/api/cameras.h"
@@ -12,17 +13,70 @@
 #include "model/input/view_choice.h"
 #include "model/input/written_views.h"
 #include "runtime/fail.h"
+#include "runtime/half.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
 
 namespace {
 
+// A row's values as floats.
+class Rows {
+ public:
+  Rows(const vsplat_view& view, const std::string& where)
+      : data_(static_cast<const unsigned char*>(view.pixels ? view.pixels : view.data)),
+        type_(view.pixels ? static_cast<int>(VSPLAT_PIXELS_F32) : value_of(view.type)) {
+    if ((view.pixels != nullptr) == (view.data != nullptr))
+      fail(Status::usage, "{}: one of pixels and data is expected, {}", where,
+           view.pixels ? "both are there" : "both are null");
+    if (view.channels != 3 && view.channels != 4)
+      fail(Status::usage, "{}.channels is {}: 3 (RGB) or 4 (RGBA) expected", where, view.channels);
+    if (type_ != VSPLAT_PIXELS_F32 && type_ != VSPLAT_PIXELS_F16 && type_ != VSPLAT_PIXELS_U8)
+      fail(Status::usage, "{}.type is {}, not a value of vsplat_pixel_type", where, type_);
+    if (view.premultiplied && view.channels == 3)
+      fail(Status::usage, "{}.premultiplied is {}: there is no alpha, channels is 3", where, view.premultiplied);
+    const size_t row = static_cast<size_t>(view.camera.width) * static_cast<size_t>(view.channels) * bytes();
+    row_bytes_ = view.row_bytes && !view.pixels ? view.row_bytes : row;
+    if (row_bytes_ < row)
+      fail(Status::usage, "{}.row_bytes is {}: a row of {} pixels with {} channels has {} bytes", where, row_bytes_,
+           view.camera.width, view.channels, row);
+  }
+  float at(int y, size_t i) const {  // (Rows may begin anywhere: copied.)
+    const unsigned char* from = data_ + static_cast<size_t>(y) * row_bytes_ + i * bytes();
+    if (type_ == VSPLAT_PIXELS_U8) return static_cast<float>(*from) / 255.0f;
+    if (type_ == VSPLAT_PIXELS_F16) {
+      std::uint16_t half = 0;
+      std::memcpy(&half, from, sizeof half);
+      return from_half(half);
+    }
+    float out = 0;
+    std::memcpy(&out, from, sizeof out);
+    return out;
+  }
+
+ private:
+  size_t bytes() const { return type_ == VSPLAT_PIXELS_U8 ? 1 : type_ == VSPLAT_PIXELS_F16 ? 2 : 4; }
+
+  const unsigned char* data_;
+  int type_;
+  size_t row_bytes_ = 0;
+};
+
+// From colour times alpha; what shows nothing is white.
+void make_straight(Image& picture) {
+  for (size_t i = 0; i + 3 < picture.data.size(); i += 4)
+    for (size_t c = 0; c < 3; ++c) {
+      const float alpha = picture.data[i + 3];
+      picture.data[i + c] = alpha > 0 ? std::min(picture.data[i + c] / alpha, 1.0f) : 1.0f;
+    }
+}
+
 // Pictures hold 0 to 1; what lies a little beyond, as resampling leaves it, is clamped, as storing it in a file would.
-void take_pixels(const float* from, const std::string& where, Image& to) {
+void take_pixels(const Rows& from, const std::string& where, Image& to) {
   constexpr float overshoot = 0.5f;
+  const size_t row = static_cast<size_t>(to.width) * static_cast<size_t>(to.channels);
   for (size_t i = 0; i < to.data.size(); ++i) {
-    const float value = from[i];
+    const float value = from.at(static_cast<int>(i / row), i % row);
     if (!(value >= -overshoot && value <= 1 + overshoot)) {  // NaN is not, either
       const size_t channels = static_cast<size_t>(to.channels), pixel = i / channels;
       const size_t width = static_cast<size_t>(to.width);
@@ -59,15 +113,14 @@ vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vs
     for (size_t i = 0; i < num_views; ++i, at += views->size) {
       const std::string where = fmt::format("views[{}]", i);
       const vsplat_view view = taken(reinterpret_cast<const vsplat_view*>(at), VSPLAT_VIEW_INIT, where.c_str());
-      need(view.pixels, (where + ".pixels").c_str());
-      if (view.channels != 3 && view.channels != 4)
-        fail(Status::usage, "{}.channels is {}: 3 (RGB) or 4 (RGBA) expected", where, view.channels);
       ListedView listed;
-      listed.camera = camera_of(view.camera, (where + ".camera").c_str());
+      listed.camera = camera_of(view.camera, (where + ".camera").c_str(), true);
+      const Rows rows(view, where);
       listed.name = listed.camera.file = std::to_string(i);
       listed.picture = where;  // there is one, in memory
       Image picture(listed.camera.width, listed.camera.height, view.channels);
-      take_pixels(view.pixels, where, picture);
+      take_pixels(rows, where, picture);
+      if (view.premultiplied) make_straight(picture);
       out->photographs.set.views.push_back(std::move(listed));
       pictures->push_back(std::move(picture));
     }

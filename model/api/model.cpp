@@ -145,13 +145,31 @@ vsplat_status vsplat_model_init(const vsplat_model_options* options, vsplat_mode
   });
 }
 
+namespace {
+
+auto loaded(const SafetensorsFile& from) {
+  auto model = handle_of(load_any_model(from));
+  // load_any_model() compares the hash where there is one.
+  const bool stated = with_file(model.get(), [](const auto& file) { return file.metadata.count("sha256") != 0; });
+  model->hash = stated ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+  return model;
+}
+
+}  // namespace
+
+vsplat_status vsplat_model_load_memory(const void* bytes, size_t size, vsplat_model* out_model) {
+  return guarded([&] {
+    need(bytes, "bytes");
+    need(out_model, "out_model");
+    const std::span content(static_cast<const std::byte*>(bytes), size);
+    *out_model = loaded(SafetensorsFile("the model in memory", content)).release();
+  });
+}
+
 vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model) {
   return guarded([&] {
     need(out_model, "out_model");
-    auto model = handle_of(load_any_model(opened(path)));
-    // load_any_model() compares the hash where there is one.
-    const bool stated = with_file(model.get(), [](const auto& file) { return file.metadata.count("sha256") != 0; });
-    model->hash = stated ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
+    auto model = loaded(opened(path));
     if (path) model->path = path;
     *out_model = model.release();
   });

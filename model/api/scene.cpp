@@ -110,6 +110,20 @@ vsplat_status vsplat_scene_load_with(const char* path, const vsplat_scene_load_o
   });
 }
 
+vsplat_status vsplat_scene_load_memory(const void* bytes, size_t size, const vsplat_scene_load_options* options,
+                                       vsplat_scene* out_scene) {
+  return guarded([&] {
+    need(bytes, "bytes");
+    need(out_scene, "out_scene");
+    const vsplat_scene_load_options o = taken(options, VSPLAT_SCENE_LOAD_OPTIONS_INIT, "options");
+    auto scene = std::make_unique<vsplat_scene_impl>();
+    const std::span content(static_cast<const std::byte*>(bytes), size);
+    scene->scene =
+        std::make_shared<const Scene>(read_ply("the scene in memory", content, o.skip_bad ? &scene->skipped : nullptr));
+    *out_scene = scene.release();
+  });
+}
+
 vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_gaussians* arrays,
                                   vsplat_scene* out_scene) {
   return guarded([&] {

@@ -301,8 +301,10 @@ void read_comments(const std::string& path, const PlyHeader& header, Scene& scen
 
 }  // namespace
 
-Scene read_ply(const std::string& path, SkippedGaussians* skipped) {
-  PlyFile in(path);
+namespace {
+
+Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
+  const std::string& path = in.path();
   const PlyHeader header = read_header(in);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const PlyElement& e) { return e.name == "vertex"; });
@@ -314,6 +316,18 @@ Scene read_ply(const std::string& path, SkippedGaussians* skipped) {
   if (skipped) *skipped = {};
   scene.gaussians = read_gaussians(path, layout, vertex->count, *rows, skipped);
   return scene;
+}
+
+}  // namespace
+
+Scene read_ply(const std::string& path, SkippedGaussians* skipped) {
+  PlyFile in(path);
+  return read_ply(in, skipped);
+}
+
+Scene read_ply(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
+  PlyFile in(name, content);
+  return read_ply(in, skipped);
 }
 
 }  // namespace vsplat

@@ -1,7 +1,9 @@
 // The standard 3DGS PLY: one vertex per Gaussian, opacity as a logit, scales as logarithms, spherical harmonics as
 // f_dc_* and channel-major f_rest_*. Surfels have no scale_2, as 2DGS writes them; so both tell them from volumes.
 #pragma once
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 
 #include "model/base/scene.h"
@@ -24,6 +26,8 @@ struct SkippedGaussians {
 // its byte; bytes that nothing in the header accounts for are a warning. With `skipped`, single Gaussians that cannot
 // be drawn are left out and counted there, and a warning tells how many; else the first one is an error.
 Scene read_ply(const std::string& path, SkippedGaussians* skipped = nullptr);
+// The same of a file's bytes in memory; `name` stands for the path in errors.
+Scene read_ply(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped = nullptr);
 
 // All floats, with normals, and the near plane, offset, up, mirror point and SH degree as comments. Writes a
 // temporary file and renames it. Opacities 0 and 1 become logits that every reader turns back into 0 and 1.

@@ -1,5 +1,6 @@
 #include "model/io/ply_file.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -15,7 +16,16 @@ PlyFile::PlyFile(const std::string& path) : path_(path), file_(open_regular(path
   if (problem) fail(Status::file, "{}: its size cannot be told: {}", path, problem.message());
 }
 
+PlyFile::PlyFile(const std::string& name, std::span<const std::byte> content)
+    : path_(name), content_(content), size_(content.size()) {}
+
 std::size_t PlyFile::read(void* to, std::size_t bytes) {
+  if (!file_) {
+    const std::size_t n = std::min<std::uint64_t>(bytes, size_ - at_);
+    if (n > 0) std::memcpy(to, content_.data() + at_, n);
+    at_ += n;
+    return n;
+  }
   const HostSpan span(HostKind::file, "read", path_);
   const std::size_t n = std::fread(to, 1, bytes, file_.get());
   if (n < bytes && std::ferror(file_.get())) fail(Status::file, "{}: cannot be read: {}", path_, std::strerror(errno));
@@ -23,6 +33,10 @@ std::size_t PlyFile::read(void* to, std::size_t bytes) {
 }
 
 void PlyFile::seek(std::uint64_t to) {
+  if (!file_) {
+    at_ = std::min(to, size_);
+    return;
+  }
   if (fseeko(file_.get(), static_cast<off_t>(to), SEEK_SET) != 0)
     fail(Status::file, "{}: cannot be read at byte {}: {}", path_, to, std::strerror(errno));
 }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "runtime/file.h"
@@ -14,6 +15,8 @@ class PlyFile {
  public:
   // As open_regular().
   explicit PlyFile(const std::string& path);
+  // The same of a file's bytes in memory, which must outlive it; `name` stands for the path in errors.
+  PlyFile(const std::string& name, std::span<const std::byte> content);
 
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
@@ -23,8 +26,9 @@ class PlyFile {
 
  private:
   std::string path_;
-  std::unique_ptr<std::FILE, FileCloser> file_;
-  std::uint64_t size_ = 0;
+  std::unique_ptr<std::FILE, FileCloser> file_;  // none: of memory
+  std::span<const std::byte> content_;
+  std::uint64_t size_ = 0, at_ = 0;  // at_: in the content
 };
 
 }  // namespace vsplat

@@ -1,5 +1,5 @@
 # The public header, as C programs use it.
-foreach(name c99_test gradient_test jobs_test opencl_test pictures_test refine_api_test share_test threads_test train_api_test)
+foreach(name c99_test gradient_test jobs_test memory_test opencl_test pictures_test refine_api_test share_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})
@@ -8,7 +8,7 @@ foreach(name c99_test gradient_test jobs_test opencl_test pictures_test refine_a
 endforeach()
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
-foreach(name jobs_test opencl_test refine_api_test share_test threads_test)
+foreach(name jobs_test memory_test opencl_test refine_api_test share_test threads_test)
   target_compile_definitions(${name} PRIVATE _POSIX_C_SOURCE=200809L _DEFAULT_SOURCE)
   target_link_libraries(${name} PRIVATE Threads::Threads)
 endforeach()
@@ -32,7 +32,7 @@ foreach(carried micro none)
   target_link_libraries(vsplat_carrying_${carried} PRIVATE vsplat_model nlohmann_json::nlohmann_json)
   target_link_options(vsplat_carrying_${carried} PRIVATE LINKER:--version-script=${PROJECT_SOURCE_DIR}/cmake/vsplat.map)
   set_target_properties(vsplat_carrying_${carried} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${variants}/${carried} OUTPUT_NAME vsplat
-    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR})
+    VERSION ${PROJECT_VERSION} SOVERSION ${VSPLAT_SOVERSION})
   vsplat_target(vsplat_carrying_${carried})
 endforeach()
 target_compile_definitions(vsplat_carrying_micro PRIVATE VSPLAT_MODEL_FILE="${micro}")

@@ -37,6 +37,10 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME functions COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions PROPERTIES LABELS unit TIMEOUT 300 COST 100
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
+  # What programs that were linked before rely on.
+  add_test(NAME abi COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/abi_test.py)
+  set_tests_properties(abi PROPERTIES LABELS unit TIMEOUT 60
+    ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
 endif()
 
 # Operations: a forward for every backward, and files of one stem.

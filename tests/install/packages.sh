@@ -44,7 +44,7 @@ umount "$root/proc"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
 rm -rf "$work/packages/_CPack_Packages"
 libdir=$(sed -n 's/^CMAKE_INSTALL_LIBDIR:[A-Z]*=//p' "$build/CMakeCache.txt")
-for name in libvsplat0 libvsplat-dev vsplat; do
+for name in libvsplat1 libvsplat-dev vsplat; do
   set -- "$work/packages/$name"_*.deb
   [ $# -eq 1 ] && [ -f "$1" ] || fail "no package $name, or several: $*"
   dpkg-deb --info "$1" | sed -n 's/^ \(Package\|Version\|Maintainer\|Installed-Size\|Depends\|Recommends\):/  \1:/p'
@@ -86,12 +86,12 @@ cd /try
 said $apt update
 said $apt install --no-install-recommends gcc g++ libc6-dev make cmake pkg-config
 find /usr /etc /var/lib /opt | sort >/try/before
-said $apt install ./libvsplat0_*.deb ./libvsplat-dev_*.deb ./vsplat_*.deb
+said $apt install ./libvsplat1_*.deb ./libvsplat-dev_*.deb ./vsplat_*.deb
 said dpkg --audit
-dpkg -L libvsplat0 libvsplat-dev vsplat | sort -u >/try/ours
+dpkg -L libvsplat1 libvsplat-dev vsplat | sort -u >/try/ours
 
 echo "-- the command"
-[ -e "/usr/$1/libvsplat.so.0" ]
+[ -e "/usr/$1/libvsplat.so.1" ]
 vsplat --version
 vsplat devices
 vsplat reconstruct /usr/share/doc/vsplat/examples/garden_gnome --output gnome.ply --refine --render orbit:8 --turntable gnome.webp \
@@ -101,7 +101,7 @@ printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n
 vsplat dataset render mesh.obj --output set --views 1 --size 16 --quiet
 if vsplat weights verify >weights 2>&1; then cat weights; else grep -q "without" weights; fi
 for file in man/man1/vsplat.1 man/man1/vsplat-reconstruct.1 bash-completion/completions/vsplat zsh/site-functions/_vsplat \
-  fish/vendor_completions.d/vsplat.fish vsplat/python/vsplat.py doc/libvsplat0/copyright doc/vsplat/CREDITS.md; do
+  fish/vendor_completions.d/vsplat.fish vsplat/python/vsplat.py doc/libvsplat1/copyright doc/vsplat/CREDITS.md; do
   [ -s "/usr/share/$file" ] || { echo "/usr/share/$file is missing"; exit 1; }
 done
 
@@ -122,7 +122,7 @@ build/user_cpp
 if ldd build/user_cpp fit /usr/bin/vsplat | grep vsplat.so | grep -v "/$1/"; then echo "not the installed library"; exit 1; fi
 
 echo "-- removed"
-said $apt purge vsplat libvsplat-dev libvsplat0
+said $apt purge vsplat libvsplat-dev libvsplat1
 while read -r path; do
   if [ -L "$path" ] || [ -f "$path" ]; then echo "$path is still there"; exit 1; fi
 done </try/ours

@@ -7,7 +7,7 @@ import pathlib
 import re
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "model/api/include/vsplat"
-BASE = {"char": c.c_char, "int32_t": c.c_int32, "int64_t": c.c_int64, "uint32_t": c.c_uint32, "uint64_t": c.c_uint64, "size_t": c.c_size_t,
+BASE = {"char": c.c_char, "uint8_t": c.c_uint8, "int32_t": c.c_int32, "int64_t": c.c_int64, "uint32_t": c.c_uint32, "uint64_t": c.c_uint64, "size_t": c.c_size_t,
         "float": c.c_float, "double": c.c_double, "cl_uint": c.c_uint32}
 OPAQUE = ("cl_context", "cl_device_id", "cl_command_queue", "cl_mem", "cl_event")  # OpenCL's, pointers all
 

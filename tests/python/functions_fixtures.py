@@ -272,6 +272,10 @@ class Values:
             return floats()
         if p.base == "cl_event" and p.const:
             return (c.c_void_p * 1)(self.event())
+        if short in ("model_load_memory", "scene_load_memory"):
+            file = self.files.model if short.startswith("model") else self.files.scene
+            held = file.read_bytes()
+            return c.create_string_buffer(held, len(held)) if p.name == "bytes" else len(held)
         if p.base == "void":
             return None if p.name == "user" else c.create_string_buffer(16)
         if p.name == "bytes":

@@ -160,11 +160,15 @@ typedef struct vsplat_device_info {
   int32_t event_profiling; /* 1: device events carry times; 0: profiles are timed on the host */
   int32_t fp16, fp64, subgroups;
   vsplat_kernels kernels; /* of an open device: the flavour in use; AUTO in a list */
+  int32_t has_uuid;       /* 1: the driver tells `uuid` (cl_khr_device_uuid), which Vulkan and CUDA know it by, too */
+  uint8_t uuid[16];
+  int32_t has_pci; /* 1: the driver tells where on the bus it is (cl_khr_pci_bus_info, or its vendor's own) */
+  uint32_t pci_domain, pci_bus, pci_device, pci_function;
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \
   {                                                                                                          \
     sizeof(vsplat_device_info), 0, 0, 0, VSPLAT_DEVICE_OTHER, "", "", "", "", "", 0, 0, 0, 0, 0, 0, 0, 0, 0, \
-        VSPLAT_KERNELS_AUTO                                                                                  \
+        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0                                                           \
   }
 
 /* How many OpenCL devices there are, over all platforms; 0 where there is no platform. */
@@ -295,6 +299,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_init(const vsplat_model_o
 /* Reads a model file (safetensors): checks its structure, every expected tensor and, where it states one, its hash.
    `path` NULL: the model that the library carries; VSPLAT_ERROR_FILE where it was built without one. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load(const char* path, vsplat_model* out_model);
+/* The same of a model file's bytes, which are only read during the call. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_load_memory(const void* bytes, size_t size,
+                                                                   vsplat_model* out_model);
 /* A VS-Splat, LaRa or GenDen network of PyTorch's: a state dict in the published code's naming, with or without "net.",
    bare or in a checkpoint of Lightning's, as torch.save writes them since PyTorch 1.6. Nothing in the file is run: what
    is not a state dict's is refused by its name. What the tensors' shapes do not tell of the configuration is that of the
@@ -328,15 +335,28 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_verify(const char* path, 
 
 /* -------------------------------------------------------------------------------------------------------- cameras */
 
+/* How a lens bends rays, from undistorted normalised (x, y) to distorted, as COLMAP, OpenCV and nerfstudio have it. */
+typedef enum vsplat_lens {
+  VSPLAT_LENS_PINHOLE = 0,
+  VSPLAT_LENS_OPENCV = 1, /* k1 k2 p1 p2 k3 k4 k5 k6: COLMAP's SIMPLE_RADIAL to FULL_OPENCV, with zeros */
+  VSPLAT_LENS_FISHEYE = 2 /* k1 k2 k3 k4: theta (1 + k1 theta^2 + k2 theta^4 + ...) */
+} vsplat_lens;
+
+/* Stands in other structs: it does not grow. */
 typedef struct vsplat_camera {
   size_t size;
   int32_t width, height; /* pixels */
   double fx, fy, cx, cy; /* pixels */
   double w2c[16];        /* row-major [4][4], a rigid motion: world to camera */
+  vsplat_lens lens;      /* of a photograph, which is undistorted when it is taken; what is drawn has none */
+  double lens_values[8]; /* in the order above; zeros behind the last */
 } vsplat_camera;
-#define VSPLAT_CAMERA_INIT                                                                              \
-  {                                                                                                     \
-    sizeof(vsplat_camera), 0, 0, 0.0, 0.0, 0.0, 0.0, { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 } \
+#define VSPLAT_CAMERA_INIT                                                                             \
+  {                                                                                                    \
+    sizeof(vsplat_camera), 0, 0, 0.0, 0.0, 0.0, 0.0, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, \
+        VSPLAT_LENS_PINHOLE, {                                                                         \
+      0, 0, 0, 0, 0, 0, 0, 0                                                                           \
+    }                                                                                                  \
   }
 
 typedef struct vsplat_cameras_impl* vsplat_cameras;
@@ -369,14 +389,25 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_save(const vsplat_camer
 /* Posed photographs as they were taken, before any choice: read lazily from files, or held in memory. */
 typedef struct vsplat_views_impl* vsplat_views;
 
+/* How a picture in memory holds its values; in the machine's byte order. */
+typedef enum vsplat_pixel_type {
+  VSPLAT_PIXELS_F32 = 0, /* 0 to 1 */
+  VSPLAT_PIXELS_F16 = 1, /* IEEE half precision, 0 to 1 */
+  VSPLAT_PIXELS_U8 = 2   /* 0 to 255 */
+} vsplat_pixel_type;
+
 typedef struct vsplat_view {
   size_t size;
-  vsplat_camera camera; /* of the whole picture, without distortion */
-  const float* pixels;  /* [height][width][channels], 0 to 1; copied */
-  int32_t channels;     /* 3: RGB; 4: RGBA with straight alpha, composited to white */
+  vsplat_camera camera;   /* of the whole picture */
+  const float* pixels;    /* [height][width][channels], 0 to 1; copied. NULL where `data` holds them */
+  int32_t channels;       /* 3: RGB; 4: RGBA, composited to white */
+  vsplat_pixel_type type; /* of `data` */
+  const void* data;       /* [height] rows of [width][channels] values; copied. NULL where `pixels` holds them */
+  size_t row_bytes;       /* from a row of `data` to the next; 0: they lie without gaps */
+  int32_t premultiplied;  /* 1: colour has been multiplied by alpha; 0: alpha is straight */
 } vsplat_view;
 #define VSPLAT_VIEW_INIT \
-  { sizeof(vsplat_view), VSPLAT_CAMERA_INIT, NULL, 3 }
+  { sizeof(vsplat_view), VSPLAT_CAMERA_INIT, NULL, 3, VSPLAT_PIXELS_F32, NULL, 0, 0 }
 
 /* Reads the list of views at `path`: a transforms.json, a cameras.json, a COLMAP model or a folder holding one.
    `pictures`: where a COLMAP model's pictures are, or NULL to look beside it. */
@@ -519,6 +550,10 @@ typedef struct vsplat_scene_load_options {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_with(const char* path,
                                                                  const vsplat_scene_load_options* options,
                                                                  vsplat_scene* out_scene);
+/* The same of a PLY file's bytes, which are only read during the call. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_memory(const void* bytes, size_t size,
+                                                                   const vsplat_scene_load_options* options,
+                                                                   vsplat_scene* out_scene);
 
 /* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2), mirror, up (of any
    length), offset and surfels are taken.
