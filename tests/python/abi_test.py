@@ -56,7 +56,8 @@ class Abi(unittest.TestCase):
         declared = {line.split()[1].rstrip(":") for line in self.now if line.startswith("function ")}
         inline = {name for name in declared if not any(s.startswith(name + "@") for s in symbols)}
         self.assertEqual(inline, set(), "declared, and not in the library")
-        self.assertEqual({re.sub("@.*", "", s) for s in symbols}, declared)
+        # The kernels' sources, for this tree's own tests, which link what is inside beside the library.
+        self.assertEqual({re.sub("@.*", "", s) for s in symbols} - {"vsplat_embedded_files"}, declared)
         self.assertEqual({re.sub(".*@@", "", s) for s in symbols}, {"VSPLAT_0.2"})
 
 
