@@ -13,6 +13,9 @@ __attribute__((visibility("default"))) int vsplat_mpi_start(int* rank, int* coun
     int given = 0;
     if (const int error = MPI_Init_thread(nullptr, nullptr, MPI_THREAD_SERIALIZED, &given)) return error;
   }
+  int given = 0;
+  MPI_Query_thread(&given);
+  if (given < MPI_THREAD_SERIALIZED) return MPI_ERR_OTHER;  // a program that has begun it with less
   if (const int error = MPI_Comm_rank(MPI_COMM_WORLD, rank)) return error;
   return MPI_Comm_size(MPI_COMM_WORLD, count);
 }

@@ -17,10 +17,8 @@ constexpr std::size_t kLongest = std::size_t{1} << 30;  // of a piece: MPI count
 
 // As the launchers of the common implementations tell it, before MPI is there to be asked.
 bool is_one_of_several() {
-  for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_NTASKS"}) {
+  for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS"}) {
     const std::string count = environment(name);
-    // (Of SLURM's, that only where a step runs: a shell in an allocation has it, too.)
-    if (std::string(name) == "SLURM_NTASKS" && environment("SLURM_STEP_ID").empty()) continue;
     if (!count.empty()) return std::atoi(count.c_str()) > 1;
   }
   return false;
@@ -69,6 +67,11 @@ Ranks::Ranks() {
   static void (*end)() = nullptr;
   end = function<void()>(module_, "vsplat_mpi_end");
   std::atexit([] { end(); });
+  if (count_ == 1)
+    fail(Status::usage,
+         "this process is one of several, but MPI ({}) sees it alone, and each would do all of the work: what started "
+         "it is of another MPI than the module was built with (of srun: --mpi=pmix), or start one process",
+         path);
 }
 
 void Ranks::send_piece(int to, const void* data, std::size_t size) {

@@ -67,7 +67,7 @@ class Sharing {
     for (;;) {
       if (ended_ || told_ == shared_.items) return {false, 0};
       for (const std::size_t item : waiting_) {
-        if (item >= told_ + ahead_) break;
+        if (item - told_ >= ahead_) break;  // none that waits is before told_; and no sum overflows
         if (!is_for(worker, item)) continue;
         waiting_.erase(item);
         return {true, item};

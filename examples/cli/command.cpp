@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -17,7 +18,7 @@ namespace {
 
 const auto start_time = std::chrono::steady_clock::now();
 volatile std::sig_atomic_t stop_asked = 0;
-bool progress_shown = false;
+std::atomic<bool> progress_shown = false;
 Ranks joined_ranks;
 int log_threshold = VSPLAT_LOG_INFO;
 

@@ -399,6 +399,9 @@ void evaluate_table(const Common& common, const TableOptions& o) {
     if (!o.outputs.empty()) throw UsageError("--dry-run measures nothing: there is no table to be written to --output");
     return plan_table(common, request);
   }
+  Common own = common;
+  if (join_ranks(own).several())
+    throw UsageError("--table is of one process: its rows' objects are shared out over the devices of --device alone");
   Outputs outputs(common.overwrite);
   outputs.input(o.file);
   for (const System& system : request.systems) outputs.input(system.model);

@@ -93,7 +93,7 @@ int main(int argc, char** argv) {
     return report(exit_usage, (unknown.empty() ? e.what() : unknown) + "\nRun with --help for more.");
   }
 
-  const int code = result_of(run);
+  const int code = finish(result_of(run));  // what is printed has left before leave_ranks() may end the process
   if (!command::interrupted()) command::leave_ranks(code);
-  return finish(command::interrupted() ? command::interrupt_code() : code);
+  return command::interrupted() ? command::interrupt_code() : code;
 }

@@ -113,10 +113,10 @@ ListResults gathered(const std::vector<Object>& objects, std::size_t skipped) {
 
 void reconstruct_list(const ListRequest& request) {
   Common& common = request.common;
-  std::vector<Object> objects = read_list(request);
   const Ranks ranks = join_ranks(common);
   if (ranks.several() && request.list == "-")
     throw UsageError("--list -: of several processes one alone has stdin; give a file");
+  std::vector<Object> objects = read_list(request);
   std::erase_if(objects, [&](const Object& o) {
     return o.place % static_cast<std::size_t>(ranks.count) != static_cast<std::size_t>(ranks.rank);
   });
@@ -141,10 +141,17 @@ void reconstruct_list(const ListRequest& request) {
   const auto work = [&](const vsplat::Device& device, std::size_t i) {
     Object& object = objects[i];
     const double begun = elapsed_seconds();
+    std::optional<vsplat::Input> input;
+    try {  // no device is asked yet: what fails, want of the host's memory, too, is of this object
+      input.emplace(model, vsplat::Views::load(object.views, request.pictures), request.input);
+    } catch (const vsplat::Error& e) {
+      if (e.status() == VSPLAT_ERROR_CANCELLED) throw;
+      object.error = with_flags(e.what());
+      object.seconds = elapsed_seconds() - begun;
+      return;
+    }
     try {
-      const vsplat::Views views = vsplat::Views::load(object.views, request.pictures);
-      const vsplat::Input input(model, views, request.input);
-      object.scene = vsplat::reconstruct(device, model, input, run);
+      object.scene = vsplat::reconstruct(device, model, *input, run);
     } catch (const vsplat::Error& e) {
       if (!is_about_object(e)) throw;
       object.error = with_flags(e.what());
@@ -171,10 +178,10 @@ void reconstruct_list(const ListRequest& request) {
   try {
     vsplat::share_out(session.devices(), objects.size(), work, done);
   } catch (const vsplat::Error& e) {
-    if (e.status() == VSPLAT_ERROR_CANCELLED)
-      throw std::runtime_error("interrupted: the scenes that were made are in " + request.output +
-                               ", and --skip-existing goes on from there");
-    throw;
+    if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
+    if (ranks.several()) gathered(objects, skipped);  // whoever waits for it
+    throw std::runtime_error("interrupted: the scenes that were made are in " + request.output +
+                             ", and --skip-existing goes on from there");
   }
   if (ranks.leads()) session.write_profile(outputs);
   outputs.commit();

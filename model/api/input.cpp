@@ -24,7 +24,8 @@ namespace {
 class Rows {
  public:
   Rows(const vsplat_view& view, const std::string& where)
-      : data_(static_cast<const unsigned char*>(view.pixels ? view.pixels : view.data)),
+      : field_(view.pixels ? "pixels" : "data"),
+        data_(static_cast<const unsigned char*>(view.pixels ? view.pixels : view.data)),
         type_(view.pixels ? static_cast<int>(VSPLAT_PIXELS_F32) : value_of(view.type)) {
     if ((view.pixels != nullptr) == (view.data != nullptr))
       fail(Status::usage, "{}: one of pixels and data is expected, {}", where,
@@ -41,6 +42,7 @@ class Rows {
       fail(Status::usage, "{}.row_bytes is {}: a row of {} pixels with {} channels has {} bytes", where, row_bytes_,
            view.camera.width, view.channels, row);
   }
+  const char* field() const { return field_; }
   float at(int y, size_t i) const {  // (Rows may begin anywhere: copied.)
     const unsigned char* from = data_ + static_cast<size_t>(y) * row_bytes_ + i * bytes();
     if (type_ == VSPLAT_PIXELS_U8) return static_cast<float>(*from) / 255.0f;
@@ -57,6 +59,7 @@ class Rows {
  private:
   size_t bytes() const { return type_ == VSPLAT_PIXELS_U8 ? 1 : type_ == VSPLAT_PIXELS_F16 ? 2 : 4; }
 
+  const char* field_;
   const unsigned char* data_;
   int type_;
   size_t row_bytes_ = 0;
@@ -81,8 +84,10 @@ void take_pixels(const Rows& from, const std::string& where, Image& to) {
       const size_t channels = static_cast<size_t>(to.channels), pixel = i / channels;
       const size_t width = static_cast<size_t>(to.width);
       fail(Status::input,
-           "{}.pixels: pixel {}, {} of channel {} is {}: 0 to 1 expected (divide what is stored in 8 bits by 255)",
-           where, pixel % width, pixel / width, i % channels, value);
+           "{}.{}: pixel {}, {} of channel {} is {}: 0 to 1 expected (what is stored in 8 bits is VSPLAT_PIXELS_U8 "
+           "data, "
+           "or divided by 255)",
+           where, from.field(), pixel % width, pixel / width, i % channels, value);
     }
     to.data[i] = std::clamp(value, 0.0f, 1.0f);
   }

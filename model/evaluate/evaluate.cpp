@@ -288,15 +288,16 @@ namespace {
 // An evaluation while it goes on, by however many workers.
 class Evaluated {
  public:
-  Evaluated(const DataSet& data, const EvaluateOptions& options)
-      : data_(data), options_(options), found_(data.objects.size()) {}
+  // `own`: how many of the objects this process does.
+  Evaluated(const DataSet& data, const EvaluateOptions& options, std::size_t own)
+      : data_(data), options_(options), own_(own), found_(data.objects.size()) {}
 
   // By one worker, beside others.
   void score(const Evaluator& evaluator, std::size_t item) {
     const DataObject& listed = data_.objects[item];
     if (options_.progress) {
       const std::lock_guard lock(telling_);
-      options_.progress(listed.name, static_cast<double>(begun_++) / static_cast<double>(data_.objects.size()));
+      options_.progress(listed.name, static_cast<double>(std::min(begun_++, own_)) / static_cast<double>(own_));
     }
     EvaluationObject object;
     std::vector<std::string> skipped, missing;
@@ -361,6 +362,7 @@ class Evaluated {
  private:
   const DataSet& data_;
   const EvaluateOptions& options_;
+  const std::size_t own_;
   std::mutex telling_;
   std::size_t begun_ = 0;
   std::vector<std::optional<ObjectScores>> found_;
@@ -405,7 +407,7 @@ void gather(Ranks& ranks, const F& evaluate_own, Evaluated& evaluated, const Dat
   try {
     evaluate_own();
     take_note(0);
-  } catch (const Error&) {
+  } catch (...) {
     failed = std::current_exception();
   }
   for (int rank = 1; rank < ranks.count(); ++rank) {
@@ -433,11 +435,11 @@ Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data,
   std::vector<Evaluator> evaluators;
   for (const Evaluating& worker : workers) evaluators.emplace_back(worker, options);
   for (const Evaluator& evaluator : evaluators) evaluator.check();
-  Evaluated evaluated(data, options);
   std::vector<bool> gone(workers.size());
   const bool alone = !options.ranks || options.ranks->count() == 1;
   const int rank = alone ? 0 : options.ranks->rank();
   const std::vector<std::size_t> own = items_of(data, alone ? 1 : options.ranks->count(), rank);
+  Evaluated evaluated(data, options, own.size());
   const auto evaluate_own = [&] {
     share_out({.items = own.size(),
                .workers = workers.size(),

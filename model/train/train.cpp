@@ -365,7 +365,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
       if (views.empty()) views = views_of(trainer.step());
       if (options.leader) options.leader->begin_step();
       const StepReport report = step(trainer, views, selection, folder);
-      if (options.leader) options.leader->give_moved(trainer.moved());
+      if (options.leader) options.leader->give_moved(trainer.moved(), trainer.kinds());
       telling.add(report);
       const bool stop = options.stop && options.stop();
       const bool logs = is_due(config.log_every, report.step, steps) || stop;

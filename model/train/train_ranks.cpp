@@ -90,9 +90,9 @@ void RankLeader::begin_step() {
   broadcast(ranks_, out.add(Word::step));
 }
 
-void RankLeader::give_moved(const std::vector<float>& weights) {
+void RankLeader::give_moved(const std::vector<float>& weights, const std::string& kinds) {
   MessageOut out;
-  broadcast(ranks_, out.add(Word::moved).add(weights));
+  broadcast(ranks_, out.add(Word::moved).add(weights).add(kinds));
 }
 
 void RankLeader::rest() {
@@ -131,9 +131,11 @@ void follow(Context& ctx, const DataSet& data, const std::function<TrainOptions(
       case Word::step:
         now->help(ranks);
         break;
-      case Word::moved:
-        now->trainer.take_moved(message.take_floats());
+      case Word::moved: {
+        std::vector<float> values = message.take_floats();
+        now->trainer.take_moved(std::move(values), message.take_text());
         break;
+      }
       case Word::rest:
         now.reset();
         ctx.memory().trim();

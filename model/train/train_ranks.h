@@ -20,7 +20,7 @@ class RankLeader {
   // (usage) where there are more ranks than parts.
   void begin(const Checkpoint& start);
   void begin_step();
-  void give_moved(const std::vector<float>& weights);
+  void give_moved(const std::vector<float>& weights, const std::string& kinds);
   // The training has ended; another one may begin.
   void rest();
 

@@ -67,10 +67,11 @@ class Trainer {
 
   // Its rank's parts of the step, for rank 0. What fails is told there, and ends the step.
   void help(const std::vector<StepItem>& items);
-  // The weights that rank 0 has moved.
-  void take_moved(std::vector<float> values);
-  // For take_moved(); by rank 0.
+  // The weights that rank 0 has moved, and of which kinds the parts' devices are.
+  void take_moved(std::vector<float> values, const std::string& kinds);
+  // For take_moved(); by rank 0. No kinds: they are one.
   const std::vector<float>& moved() const { return moved_; }
+  std::string kinds() const;
 
   // The objects of a step whose gradients this rank computes: [first, last).
   std::pair<std::size_t, std::size_t> own_objects() const;

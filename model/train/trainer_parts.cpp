@@ -178,7 +178,7 @@ Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items
   std::exception_ptr failed;
   try {
     compute_parts(items, add);
-  } catch (const Error&) {
+  } catch (...) {
     failed = std::current_exception();  // what the others send is taken first
   }
   for (int rank = 1; ranks_ && rank < ranks_->count(); ++rank) {
@@ -215,7 +215,16 @@ void Trainer::help(const std::vector<StepItem>& items) {
   }
 }
 
-void Trainer::take_moved(std::vector<float> values) {
+std::string Trainer::kinds() const {
+  const auto known = state_.find(kKinds);
+  return known == state_.end() ? "" : known->second;
+}
+
+void Trainer::take_moved(std::vector<float> values, const std::string& kinds) {
+  if (kinds.empty())
+    state_.erase(kKinds);
+  else
+    state_[kKinds] = kinds;
   write_moved(&LearntTensor::value, values);
   moved_ = std::move(values);
   ++step_;

@@ -105,6 +105,45 @@ class Ranks(train_support.Case):
             self.assertEqual(one, several)
             self.assertEqual(self.read("one.png"), self.read(f"{count}.png"))
 
+    def test_parts_stay_with_their_kind_of_device(self):
+        config = self.config(batch=6, parts=6, steps=12)
+        env = {"POCL_DEVICES": "basic pthread", "VSPLAT_DEVICE": ""}
+        code, _, err = ranks(2, *self.train(config, "mixed", "-d", "0,1"), env=env)
+        self.assertEqual(code, 0, err)
+        self.assertNotIn("other kinds", err)
+
+    def test_what_is_printed_arrives_in_a_pipe(self):
+        model = self.path("model.safetensors")
+        self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
+        with open(self.path("list.txt"), "w") as f:
+            f.write(f"{os.path.join(self.solids, sorted(os.listdir(self.solids))[0])}\tone\n{self.path('gone')}\n")
+        command = f'"{support.VSPLAT}" reconstruct --list "{self.path("list.txt")}" --model "{model}" --output "{self.path("out")}" --json | cat'
+        done = subprocess.run([*LAUNCH, "-n", "2", "sh", "-c", command], capture_output=True, text=True, timeout=support.PATIENCE, stdin=subprocess.DEVNULL)
+        self.assertEqual(len(json.loads(done.stdout)["objects"]), 2, done.stderr)
+
+    def test_one_that_is_told_to_stop_holds_nobody_up(self):
+        model = self.path("model.safetensors")
+        self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
+        views = os.path.join(self.solids, sorted(os.listdir(self.solids))[0])
+        with open(self.path("list.txt"), "w") as f:
+            f.write("".join(f"{views}\tn{i}\n" for i in range(4000)))
+        process = subprocess.Popen([*LAUNCH, "-n", "2", support.VSPLAT, "reconstruct", "--list", self.path("list.txt"), "--model", model, "--output",
+                                    self.path("out")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL)
+        end = time.time() + support.PATIENCE
+        while time.time() < end and not os.path.exists(self.path("out", "n9.ply")):
+            time.sleep(0.02)
+        children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
+        for child in children:
+            os.kill(int(child), signal.SIGTERM)
+        _, err = process.communicate(timeout=60)
+        self.assertNotEqual(process.returncode, 0, err)
+        self.assertIn("--skip-existing goes on", err)
+
+    def test_what_mpi_sees_alone_is_not_one_of_several(self):
+        self.refuses(2, "sees it alone", "evaluate", self.solids, env={"PMI_SIZE": "2"})
+        code, _, err = ranks(2, "evaluate", "--table", self.path("table.json"))
+        self.assertNotEqual(code, 0)
+
     def test_a_list_is_the_same(self):
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")

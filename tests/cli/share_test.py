@@ -107,6 +107,25 @@ class Share(support.Case):
         _, err = self.succeeds(*arguments, "--skip-existing")
         self.assertIn("0 scenes, 4 were there", err)
 
+    def test_a_picture_beyond_memory_is_its_objects_trouble(self):
+        objects = self.listed(3)
+        big = os.path.join(objects[1], "images", "0.png")
+        row = b"\0" * (1 + 3 * 9000)
+        data = support.zlib.compress(row * 9000)
+        chunk = lambda kind, body: support.struct.pack(">I", len(body)) + kind + body + support.struct.pack(">I", support.zlib.crc32(kind + body))
+        with open(big, "wb") as f:
+            f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", support.struct.pack(">IIBBBBB", 9000, 9000, 8, 2, 0, 0, 1)) + chunk(b"IDAT", data) + chunk(b"IEND", b""))
+        with open(os.path.join(objects[1], "transforms.json")) as f:
+            listed = json.load(f)
+        listed.update(w=9000, h=9000)
+        with open(os.path.join(objects[1], "transforms.json"), "w") as f:
+            json.dump(listed, f)
+        code, _, err = support.run(*self.write_list(objects), "--output", self.path("out"), "-d", "0,1", "--max-host-memory", "0.1", env=TWO)
+        self.assertEqual(code, 1, err)
+        self.assertIn("1 of 3 objects could not", err)
+        self.assertNotIn("no more work", err)
+        self.assertEqual(list(self.files("out")), ["object0.ply", "object2.ply"])
+
     def test_an_interrupt_keeps_what_is_made(self):
         views = self.listed(1)[0]
         arguments = (*self.write_list([f"{views}\tn{i}" for i in range(4000)]), "--output", self.path("out"))

@@ -88,6 +88,16 @@ TEST(ShareOut, NoneRunsFurtherAheadThanAllowed) {
   EXPECT_GE(furthest, 3u);
 }
 
+TEST(ShareOut, WithoutABound) {
+  Record record(9);
+  share_out({.items = 9,
+             .workers = 2,
+             .ahead = static_cast<std::size_t>(-1),
+             .work = [&](std::size_t worker, std::size_t item) { record.note(worker, item); },
+             .done = [&](std::size_t item) { record.told.push_back(item); }});
+  record.expect_all_once_in_order();
+}
+
 TEST(ShareOut, OthersDoTheWorkOfALostDevice) {
   for (const Status status : {Status::device, Status::memory}) {
     Record record(20);

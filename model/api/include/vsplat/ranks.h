@@ -10,7 +10,8 @@ extern "C" {
 
 /* Joins the others: which of them this process is, and how many there are. Rank 0 of 1 where mpirun did not start it.
    VSPLAT_ERROR_USAGE where it is one of several and the library was built without its module for MPI (VSPLAT_MPI), since
-   each would do all of the work. The process leaves them when it exits; one that initialises MPI itself does so before.
+   each would do all of the work. The process leaves them when it exits; one that initialises MPI itself
+   does so before, with MPI_THREAD_SERIALIZED or more.
    Then all ranks make the same calls with vsplat_train_options.ranks or vsplat_evaluate_options.ranks, with the same
    arguments but for the device, one thread of each, and vsplat_ranks_gather; the files are where each can read them. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_ranks_join(int32_t* out_rank, int32_t* out_count);

@@ -30,8 +30,8 @@ typedef struct vsplat_share_options {
   { sizeof(vsplat_share_options), 0, NULL, NULL, NULL }
 
 /* Calls `work` once for each of `count` items. A device that is free takes the next one in order, so that a faster one
-   does more of them. One that fails with VSPLAT_ERROR_DEVICE, _COMPILE or _MEMORY gets no more, and its item goes to
-   another; whatever else fails ends the whole when what was begun is done, with the status and the sentence of the
+   does more of them. One that fails with VSPLAT_ERROR_DEVICE, _COMPILE or _MEMORY (the host's is told so, too) gets no more, and its
+   item goes to another; whatever else fails ends the whole when what was begun is done, with the status and the sentence of the
    first such item. On devices of the same kind (device, driver, flavour of kernels) the results do not depend on which
    of them does an item; on others they are equal within what floating point leaves. Streams of a device count as
    devices; the same handle twice is VSPLAT_ERROR_USAGE. `options` NULL: defaults. */

@@ -19,6 +19,7 @@ class Thrown {
     vsplat_status status = VSPLAT_ERROR_INTERNAL;
     try {
       run();
+      forget(item);
       return VSPLAT_OK;
     } catch (const Error& e) {
       if (e.status() != VSPLAT_OK) status = e.status();
@@ -35,6 +36,11 @@ class Thrown {
   }
 
  private:
+  // What another device failed with, and this one did.
+  void forget(size_t item) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    all_.erase(all_.lower_bound({item, 0}), all_.lower_bound({item + 1, 0}));
+  }
   void keep(size_t item, vsplat_status status) {
     const std::lock_guard<std::mutex> lock(mutex_);
     all_[{item, static_cast<int>(status)}] = std::current_exception();

@@ -75,7 +75,7 @@ typedef struct vsplat_train_result {
   size_t size;
   int64_t step;    /* steps done */
   int32_t stopped; /* not 0: go_on said so */
-  uint64_t bad;    /* views and objects passed over */
+  uint64_t bad;    /* views and objects passed over; of several ranks by this one */
   uint64_t peak;   /* the most device memory that was held, bytes */
 } vsplat_train_result;
 #define VSPLAT_TRAIN_RESULT_INIT \
