@@ -70,7 +70,7 @@ Ranks::Ranks() {
   if (count_ == 1)
     fail(Status::usage,
          "this process is one of several, but MPI ({}) sees it alone, and each would do all of the work: what started "
-         "it is of another MPI than the module was built with (of srun: --mpi=pmix), or start one process",
+         "it is of another MPI than the module was built with (srun starts Open MPI by PMIx), or start one process",
          path);
 }
 

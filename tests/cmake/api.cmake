@@ -32,7 +32,7 @@ foreach(carried micro none)
   target_link_libraries(vsplat_carrying_${carried} PRIVATE vsplat_model nlohmann_json::nlohmann_json)
   target_link_options(vsplat_carrying_${carried} PRIVATE LINKER:--version-script=${PROJECT_SOURCE_DIR}/cmake/vsplat.map)
   set_target_properties(vsplat_carrying_${carried} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${variants}/${carried} OUTPUT_NAME vsplat
-    VERSION ${PROJECT_VERSION} SOVERSION ${VSPLAT_SOVERSION})
+    VERSION ${VSPLAT_SOVERSION}.${PROJECT_VERSION} SOVERSION ${VSPLAT_SOVERSION})
   vsplat_target(vsplat_carrying_${carried})
 endforeach()
 target_compile_definitions(vsplat_carrying_micro PRIVATE VSPLAT_MODEL_FILE="${micro}")
