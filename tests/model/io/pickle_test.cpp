@@ -39,8 +39,9 @@ std::string tensor(char count, char offset) {
 }
 
 TEST(Pickle, Values) {
-  const Pickle p =
-      read_text(bytes("\x80\2(NK\7M\1\2J\xff\xff\xff\xff\x8a\2\0\x80\x8a\0G\0\0\0\0\0\0\0\0\x88\x89X\2\0\0\0abtq\1."));
+  const std::string read =  // of which the values' texts are parts
+      bytes("\x80\2(NK\7M\1\2J\xff\xff\xff\xff\x8a\2\0\x80\x8a\0G\0\0\0\0\0\0\0\0\x88\x89X\2\0\0\0abtq\1.");
+  const Pickle p = read_text(read);
   const Value& root = p.at(p.root);
   ASSERT_EQ(root.kind, Kind::tuple);
   ASSERT_EQ(root.items.size(), 10u);
@@ -58,7 +59,8 @@ TEST(Pickle, Values) {
 }
 
 TEST(Pickle, ATensorAndWhereItLies) {
-  const Pickle p = read_text(bytes("\x80\2}X\1\0\0\0a") + tensor(7, 1) + bytes("s."));
+  const std::string read = bytes("\x80\2}X\1\0\0\0a") + tensor(7, 1) + bytes("s.");
+  const Pickle p = read_text(read);
   ASSERT_EQ(p.tensors.size(), 1u);
   EXPECT_EQ(p.tensors[0].shape, (Shape{2, 3}));
   EXPECT_EQ(p.tensors[0].strides, (std::vector<std::int64_t>{3, 1}));
@@ -99,7 +101,8 @@ TEST(Pickle, RefusesByNameAndPlace) {
 }
 
 TEST(Pickle, InertGlobalsMakeNothing) {
-  const Pickle p = read_text(bytes("\x80\2ccollections\ndefaultdict\nc__builtin__\nint\n\x85RX\1\0\0\0aK\1s."));
+  const std::string read = bytes("\x80\2ccollections\ndefaultdict\nc__builtin__\nint\n\x85RX\1\0\0\0aK\1s.");
+  const Pickle p = read_text(read);
   EXPECT_EQ(p.at(p.root).kind, Kind::inert);
   EXPECT_EQ(p.at(p.root).text, "collections defaultdict");
   EXPECT_TRUE(p.at(p.root).items.empty());
