@@ -1,15 +1,21 @@
 """Several devices at once: what they make is what one makes, to the byte, and lists of objects lose nothing."""
 import json
 import os
+import shutil
 import signal
 import subprocess
+import sys
 import time
 
 import support
 import train_support
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "hostile"))
+import pictures  # noqa: E402
+
 TWO = {"POCL_DEVICES": "pthread pthread", "VSPLAT_DEVICE": ""}
 MIXED = {"POCL_DEVICES": "basic pthread", "VSPLAT_DEVICE": ""}
+PLATFORMS = {"RUSTICL_ENABLE": "llvmpipe", "VSPLAT_DEVICE": ""}
 
 
 class Share(support.Case):
@@ -49,6 +55,28 @@ class Share(support.Case):
         rows = [self.succeeds("evaluate", "--table", table, "--json", "-d", d, env=TWO)[0] for d in ("0", "all")]
         psnr = [json.loads(text)["rows"][0]["psnr"] for text in rows]
         self.assertEqual(psnr[0], psnr[1])
+
+    def test_devices_of_two_platforms_agree(self):
+        told = json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])
+        if len({device["platform"] for device in told}) < 2:
+            self.skipTest("there is one platform")
+        self.succeeds("dataset", "procedural", "--count", 4, "--solids", "--output", self.path("set"), "--views", 9, "--size", self.SIDE, "--seed", 4)
+        evaluation = lambda devices: json.loads(self.succeeds("evaluate", self.path("set"), "--model", self.model, "--json", "-d", devices, env=PLATFORMS)[0])
+        one, both = evaluation("0"), evaluation("all")
+        for a, b in zip(one["objects"], both["objects"]):
+            self.assertEqual(a["name"], b["name"])
+            self.assertAlmostEqual(a["psnr"], b["psnr"], delta=0.01)
+        scene = self.path("scene.ply")
+        support.write_scene(scene, [((0.1 * i, 0.05 * i, 0), (0.5, 0.1 * i, 0.2), 0.1, 0.8) for i in range(8)])
+        for folder, devices in (("one", "0"), ("both", "all")):
+            self.succeeds("render", scene, "--cameras", "orbit:8", "--size", "32x24", "--images", self.path(folder), "-d", devices, env=PLATFORMS)
+        for name in self.files("one"):
+            a, b = (support.read_png(self.path(folder, name))[2] for folder in ("one", "both"))
+            self.assertLessEqual(max(abs(x - y) for x, y in zip(a, b)), 1, name)
+        arguments = self.write_list(self.listed(4))
+        for folder, devices in (("scenes1", "0"), ("scenes2", "all")):
+            self.succeeds(*arguments, "--output", self.path(folder), "-d", devices, env=PLATFORMS)
+        self.assertEqual({k: len(v) for k, v in self.files("scenes1").items()}, {k: len(v) for k, v in self.files("scenes2").items()})
 
     def listed(self, count):
         for i in range(count):
@@ -110,11 +138,8 @@ class Share(support.Case):
     def test_a_picture_beyond_memory_is_its_objects_trouble(self):
         objects = self.listed(3)
         big = os.path.join(objects[1], "images", "0.png")
-        row = b"\0" * (1 + 3 * 9000)
-        data = support.zlib.compress(row * 9000)
-        chunk = lambda kind, body: support.struct.pack(">I", len(body)) + kind + body + support.struct.pack(">I", support.zlib.crc32(kind + body))
-        with open(big, "wb") as f:
-            f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", support.struct.pack(">IIBBBBB", 9000, 9000, 8, 2, 0, 0, 1)) + chunk(b"IDAT", data) + chunk(b"IEND", b""))
+        with open(big, "wb") as f:  # interlaced: all of it is held at once
+            f.write(pictures.png(9000, 9000, pictures.zeros(pictures.interlaced_rows(9000, 9000, 8, 2)), interlaced=1))
         with open(os.path.join(objects[1], "transforms.json")) as f:
             listed = json.load(f)
         listed.update(w=9000, h=9000)
@@ -177,6 +202,19 @@ class Train(train_support.Case):
             os.remove(self.path("resumed", name))
         self.succeeds(*self.train(config, "resumed", "-d", "0", "--resume"), env=TWO)
         self.same_training("whole", "resumed", 4)
+
+    def test_two_platforms_keep_their_parts(self):
+        if len({device["platform"] for device in json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])}) < 2:
+            self.skipTest("there is one platform")
+        config = self.config(batch=4, parts=4, steps=6, checkpoint_every=3)
+        _, err = self.succeeds(*self.train(config, "whole", "-d", "all"), env=PLATFORMS)
+        self.assertNotIn("other kinds", err)
+        os.makedirs(self.path("resumed"))
+        for name in ("config.json", "log.csv", "checkpoint-00000003.safetensors"):
+            shutil.copy(self.path("whole", name), self.path("resumed", name))
+        _, err = self.succeeds(*self.train(config, "resumed", "-d", "all", "--resume"), env=PLATFORMS)
+        self.assertNotIn("other kinds", err)
+        self.same_training("whole", "resumed", 6)
 
     def test_one_part_is_one_device(self):
         self.refuses(2, ["--device", "parts is 1", "2 to 4"], *self.train(self.config(batch=4), "run", "-d", "0,1"), env=TWO)
