@@ -43,7 +43,7 @@ class Headers:
     def __init__(self, folder=FOLDER):
         self.constants, self.inits, self.structs, self.fields, self.prototypes, self.functions = {}, {}, {}, {}, {}, {}
         self.handles, self.enums = set(), set()
-        for file in sorted(folder.glob("*.h"), key=lambda f: (f.name != "vsplat.h", f.name)):
+        for file in _in_order(folder):
             text = file.read_text()
             comments = []
             text = re.sub(r"/\*(.*?)\*/", lambda m: comments.append(" ".join(m[1].split())) or f"@{len(comments) - 1}@", text, flags=re.S)
@@ -171,6 +171,23 @@ class Headers:
             else:
                 set_field(out, place, value)
         return tokens.pop(0) != "}"
+
+
+def _in_order(folder):
+    """Each header behind those that it includes."""
+    out = []
+
+    def visit(file):
+        if file in out:
+            return
+        for name in re.findall(r"^#include <vsplat/(\w+\.h)>", file.read_text(), flags=re.M):
+            if (folder / name).exists():  # two are made when the library is built
+                visit(folder / name)
+        out.append(file)
+
+    for file in sorted(folder.glob("*.h")):
+        visit(file)
+    return out
 
 
 def _split(text):

@@ -3,7 +3,8 @@
 #ifndef VSPLAT_DATASET_H
 #define VSPLAT_DATASET_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/status.h>
+#include <vsplat/views.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -85,7 +86,12 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_object_names(const char* const*
 
 /* -------------------------------------------------------------------------------------------------------- reading */
 
-/* The handle is declared in vsplat.h, for evaluate.h takes it, too. */
+/* Objects with posed pictures, of one or more of these: a folder for each object that vsplat_views_load takes (masks,
+   alpha, aabb_center and aabb_half as there), or LaRa's layout of Google Scanned Objects (transforms.json with
+   intrinsic_matrix, r_000.png, ...), in folders at most four levels down; HDF5 files in LaRa's layout (a group for each
+   object with image_I [H][W][4] of 8 bits, c2w_I [4][4], OpenCV axes, and fov_I [2] in radians). Belongs to no device;
+   may be read by several threads. */
+typedef struct vsplat_dataset_impl* vsplat_dataset;
 
 /* Lists the objects of the folders or HDF5 files, in the order of the paths, in each by name; no picture is read.
    VSPLAT_ERROR_FILE where a path is not there, VSPLAT_ERROR_INPUT where it holds no object, VSPLAT_ERROR_FORMAT for a

@@ -3,7 +3,11 @@
 #ifndef VSPLAT_EVALUATE_H
 #define VSPLAT_EVALUATE_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/dataset.h>
+#include <vsplat/device.h>
+#include <vsplat/model.h>
+#include <vsplat/status.h>
+#include <vsplat/views.h>
 
 #ifdef __cplusplus
 extern "C" {

@@ -7,7 +7,13 @@
 #ifndef VSPLAT_JOBS_H
 #define VSPLAT_JOBS_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/device.h>
+#include <vsplat/model.h>
+#include <vsplat/reconstruct.h>
+#include <vsplat/render.h>
+#include <vsplat/scene.h>
+#include <vsplat/status.h>
+#include <vsplat/views.h>
 
 #ifdef __cplusplus
 extern "C" {

@@ -4,7 +4,9 @@
 #ifndef VSPLAT_PICTURES_H
 #define VSPLAT_PICTURES_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/render.h>
+#include <vsplat/status.h>
+#include <vsplat/views.h>
 
 #ifdef __cplusplus
 extern "C" {

@@ -2,7 +2,7 @@
 #ifndef VSPLAT_RANKS_H
 #define VSPLAT_RANKS_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/status.h>
 
 #ifdef __cplusplus
 extern "C" {

@@ -8,7 +8,12 @@
 #ifndef VSPLAT_REFINE_H
 #define VSPLAT_REFINE_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/device.h>
+#include <vsplat/model.h>
+#include <vsplat/reconstruct.h>
+#include <vsplat/scene.h>
+#include <vsplat/status.h>
+#include <vsplat/views.h>
 
 #ifdef __cplusplus
 extern "C" {

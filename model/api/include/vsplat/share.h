@@ -2,7 +2,8 @@
 #ifndef VSPLAT_SHARE_H
 #define VSPLAT_SHARE_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/device.h>
+#include <vsplat/status.h>
 
 #ifdef __cplusplus
 extern "C" {

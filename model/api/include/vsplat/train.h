@@ -3,7 +3,9 @@
 #ifndef VSPLAT_TRAIN_H
 #define VSPLAT_TRAIN_H
 
-#include <vsplat/vsplat.h>
+#include <vsplat/device.h>
+#include <vsplat/reconstruct.h>
+#include <vsplat/status.h>
 
 #ifdef __cplusplus
 extern "C" {
