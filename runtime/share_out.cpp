@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <thread>
@@ -54,23 +55,16 @@ class Sharing {
   }
 
  private:
-  struct Taken {  // std::optional's part of it that this needs
-    bool is;
-    std::size_t item;
-    explicit operator bool() const { return is; }
-    std::size_t operator*() const { return item; }
-  };
-
   // Waits for an item that may be begun; none where all are done or it has ended.
-  Taken take(std::size_t worker) {
+  std::optional<std::size_t> take(std::size_t worker) {
     std::unique_lock lock(mutex_);
     for (;;) {
-      if (ended_ || told_ == shared_.items) return {false, 0};
+      if (ended_ || told_ == shared_.items) return std::nullopt;
       for (const std::size_t item : waiting_) {
         if (item - told_ >= ahead_) break;  // none that waits is before told_; and no sum overflows
         if (!is_for(worker, item)) continue;
         waiting_.erase(item);
-        return {true, item};
+        return item;
       }
       changed_.wait(lock);
     }
