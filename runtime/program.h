@@ -21,7 +21,8 @@ std::string kernel_text(const std::string& name);
 // The text of cl/<file>.cl with `#include "x.clh"` replaced by the file (each once) and #line markers, so that build
 // logs name the file and line. $VSPLAT_KERNEL_DIR, where set, is read instead of what is embedded.
 std::string expanded_source(const std::string& file);
-// What a program with these defines is built with.
+// What a program with these defines is built with, but for -DSUB_GROUP, which a build adds where the device tells it
+// (cl/many_registers.clh).
 std::string build_options(const std::string& defines);
 
 // Of one opened device, for all of its streams. Thread-safe: one program is built at a time.

@@ -7,6 +7,15 @@
 
 namespace vsplat::api {
 
+Camera any_camera(long edge) {
+  Camera out;
+  out.width = out.height = static_cast<int>(edge);
+  out.fx = out.fy = 1.5 * static_cast<double>(edge);
+  out.cx = out.cy = 0.5 * static_cast<double>(edge);
+  out.w2c(2, 3) = 2;
+  return out;
+}
+
 const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {
   if (device->scene_key.lock() != scene) {
     device->scene.reset();

@@ -9,6 +9,9 @@
 
 namespace vsplat::api {
 
+// Before the object, looking at it, in the object's frame: what is planned, and launched once, with.
+Camera any_camera(long edge);
+
 // Once per scene and device: many cameras are drawn from the same one, pictures of about `pixels` pixels.
 const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels);
 

@@ -12,16 +12,6 @@ using namespace vsplat::api;
 
 namespace {
 
-// Before the object, looking at it: in the object's frame.
-Camera any_camera(long edge) {
-  Camera out;
-  out.width = out.height = static_cast<int>(edge);
-  out.fx = out.fy = 1.5 * static_cast<double>(edge);
-  out.cx = out.cy = 0.5 * static_cast<double>(edge);
-  out.w2c(2, 3) = 2;
-  return out;
-}
-
 NotedKernels kernels_of(const Context& ctx, const Network& network, long views, long selected, int sh_degree) {
   NotedKernels out;
   const auto planner = ctx.planner(false);

@@ -28,15 +28,6 @@ namespace {
 constexpr int kPicture = 512;
 constexpr std::uint64_t kGaussians = 100000;
 
-Camera planned_camera() {
-  Camera out;
-  out.width = out.height = kPicture;
-  out.fx = out.fy = 1.5 * kPicture;
-  out.cx = out.cy = 0.5 * kPicture;
-  out.w2c(2, 3) = 2;
-  return out;
-}
-
 void plan_reconstruct(Context& planner, vsplat_model model) {
   const AnyConfig config = config_of(model);
   const long selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config, "selected");
@@ -47,8 +38,8 @@ void plan_reconstruct(Context& planner, vsplat_model model) {
 // Whatever a PLY may hold, and the derivatives, of all that surfels' pictures have, too.
 void plan_render(Context& planner) {
   for (const GaussianKind kind : {GaussianKind::volume, GaussianKind::surfel})
-    for (const bool exact : {false, true}) plan_drawing(planner, kGaussians, 3, planned_camera(), kind, exact);
-  const Camera camera = planned_camera();
+    for (const bool exact : {false, true}) plan_drawing(planner, kGaussians, 3, any_camera(kPicture), kind, exact);
+  const Camera camera = any_camera(kPicture);
   for (const GaussianKind kind : {GaussianKind::volume, GaussianKind::surfel}) {
     Gaussians any;
     any.count = kGaussians;
@@ -75,7 +66,7 @@ void plan_fit_step(const Context& ctx, const Gaussians& start, const FitOptions&
   ExposureCorrection exposure = make_exposure(*planner);
   std::array<double, 6> pose{};
   const FitAside aside{exposure.map.reshaped({12}), exposure.gradient.reshaped({12}), &pose};
-  fitter.step({planned_camera(), planner->tensor({kPicture, kPicture, 4}, Type::u8, "picture"),
+  fitter.step({any_camera(kPicture), planner->tensor({kPicture, kPicture, 4}, Type::u8, "picture"),
                planner->tensor({kPicture, kPicture}, Type::u8, "known"), true},
               aside);
   move(*planner, exposure, 1e-3);

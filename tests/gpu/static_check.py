@@ -35,7 +35,7 @@ METHOD = "1"  # how it is compiled and measured, of which results are kept: anot
 MOST_LOCAL, MOST_GROUP, SHARE_MARGIN = 32768, 256, 0.02
 MULTIPLY_ADD = re.compile(r"\b(v_fma|v_fmac|v_dual_fmac|v_mad_f|v_mac_f|v_pk_fma|v_dot|v_mfma|v_wmma)\w*|\b(fma\.rn|mma\.)|"
                           r"^\s*(?:\([^)]*\)\s*)?(mad|madm|dpas|dpasw)\b", re.M)
-CLANG = next(filter(None, map(shutil.which, ("clang-15",))), "clang-15")
+CLANG = "clang-15"
 BITCODE = ("/usr/lib/x86_64-linux-gnu/amdgcn/bitcode", "/usr/lib/amdgcn/bitcode", "/opt/rocm/amdgcn/bitcode")
 LIBCLC = "/usr/lib/clc/nvptx64--.bc"
 
@@ -156,7 +156,7 @@ def intel_share(compilers, text, device, folder):
     done = run([compilers.iga, "-d", f"-p={PLATFORMS[device]}", path], env=compilers.env())
     if done.returncode or not done.stdout:
         return None
-    return loop_share(re.sub(r"^([A-Za-z_]\w*:)", r"\1", done.stdout, flags=re.M), r"^L\d+:", r"\b(?:while|jmpi|brc|goto)\b.*?\b(L\d+)")
+    return loop_share(done.stdout, r"^L\d+:", r"\b(?:while|jmpi|brc|goto)\b.*?\b(L\d+)")
 
 
 def intel(compilers, source, options, device, folder):

@@ -62,7 +62,12 @@ TEST_P(Conv3dTest, EverySizeMatchesReference) {
   for (const long x : {1, 2, 3, 7})
     for (const long y : {1, 2, 5}) expect_matches({{x, y, 4}, 3, 5});
   for (const long cin : {1, 7, 16, 17, 33})
-    for (const long cout : {1, 15, 16, 31, 32, 33, 65}) expect_matches({{3, 3, 5}, cin, cout});
+    for (const long cout : {1, 15, 16, 31, 32, 33, 34, 65}) expect_matches({{3, 3, 5}, cin, cout});
+}
+
+// Enough tiles of 128 x 128 for the gpu flavour to take those, two for each unit.
+TEST_P(Conv3dTest, LargeTilesMatchReference) {
+  expect_matches({{2L * ctx().device().compute_units + 1, 8, 16}, 3, 66});
 }
 
 TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
