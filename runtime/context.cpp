@@ -172,12 +172,11 @@ struct Context::Impl {
 
   // Runs `enqueue(event pointer or null)` and records it.
   template <class F>
-  void record(const std::string& name, Cost cost, const F& enqueue, std::uint64_t variant = 0, bool first = false) {
+  void record(LaunchRecord launch, const F& enqueue) {
     if (!profiler.enabled()) {
       enqueue(nullptr);
       return;
     }
-    LaunchRecord launch{name, stage, cost, first, 0, 0, variant};
     if (event_times()) {
       cl::Event event;
       launch.before = now_ns();
@@ -220,17 +219,11 @@ struct Context::Impl {
                                   ? cl::NDRange(range.local[0], at_least_1(range.local[1]), at_least_1(range.local[2]))
                                   : cl::NullRange;
     const bool first = built.first(range.local);
-    std::uint64_t variant = 0;
-    if (profiler.enabled()) {
-      variant = hash_of(range, args);
-      if (!profiler.knows(variant)) profiler.tell(variant, variant_of(range, args));
-    }
-    record(
-        id.label ? id.label : id.name, cost,
-        [&](cl::Event* event) {
-          queue.enqueueNDRangeKernel(built.kernel, cl::NullRange, global, local, nullptr, event);
-        },
-        variant, first);
+    const std::string name = id.label ? id.label : id.name;
+    const std::uint64_t variant = profiler.enabled() ? hash_of(range, args) : 0;
+    record({name, stage, cost, first, 0, 0, variant, &range, &args}, [&](cl::Event* event) {
+      queue.enqueueNDRangeKernel(built.kernel, cl::NullRange, global, local, nullptr, event);
+    });
     keep_pace(cost);
   }
 
@@ -251,7 +244,7 @@ struct Context::Impl {
     const std::string before = stage;
     stage = "transfer";
     try {
-      record(name, {0, bytes}, enqueue);
+      record({name, stage, {0, bytes}}, enqueue);
     } catch (const cl::Error& e) {
       stage = before;
       fail_cl(e, name);
@@ -484,8 +477,8 @@ void* Context::raw_buffer(const Tensor& tensor) {
 }
 
 void Context::record_foreign(const std::string& name, Cost cost, void* event, const Written& out) {
-  cl::Event owned(static_cast<cl_event>(event));                               // takes over the reference
-  const LaunchRecord launch{name, impl_->stage, cost, false, 0, now_ns(), 0};  // enqueued some time ago
+  cl::Event owned(static_cast<cl_event>(event));                            // takes over the reference
+  const LaunchRecord launch{name, impl_->stage, cost, false, 0, now_ns()};  // enqueued some time ago
   if (impl_->profiler.enabled() && impl_->event_times()) {
     impl_->profiler.add_event(launch, owned);
   } else if (impl_->profiler.enabled()) {

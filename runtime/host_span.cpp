@@ -1,5 +1,6 @@
 #include "runtime/host_span.h"
 
+#include <algorithm>
 #include <mutex>
 #include <utility>
 
@@ -10,7 +11,6 @@ namespace {
 
 // Shorter ones stay with what they are in; those of compiling and uploading are few.
 constexpr std::uint64_t kShortest = 10'000;  // ns
-constexpr std::size_t kMost = 1'000'000;     // some 150 MB; beyond that, time stays with what is around
 
 thread_local std::string stage_of_thread;
 
@@ -42,6 +42,23 @@ struct HostLog::Impl {
   std::mutex mutex;
   std::vector<HostRecord> records;
   std::uint64_t begin = 0;
+  std::uint64_t least = 0;  // ns; what is shorter than any that was forgotten is not kept, either
+
+  void forget() {
+    records = {};
+    least = 0;
+  }
+
+  // Makes room: the shorter half goes.
+  void forget_shortest() {
+    std::vector<std::uint64_t> lengths;
+    lengths.reserve(records.size());
+    for (const HostRecord& record : records) lengths.push_back(record.end - record.start);
+    const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+    std::nth_element(lengths.begin(), middle, lengths.end());
+    least = *middle + 1;
+    std::erase_if(records, [&](const HostRecord& record) { return record.end - record.start < least; });
+  }
 };
 
 // Never destroyed: threads may outlive what is static.
@@ -56,7 +73,7 @@ void HostLog::hold() { ++holders_; }
 
 void HostLog::let_go() {
   const std::lock_guard lock(impl_.mutex);
-  if (--holders_ == 0) impl_.records = {};
+  if (--holders_ == 0) impl_.forget();
 }
 
 void HostLog::begin(std::uint64_t at_ns) {
@@ -68,14 +85,16 @@ void HostLog::begin(std::uint64_t at_ns) {
 std::uint64_t HostLog::take_begin() {
   const std::lock_guard lock(impl_.mutex);
   const std::uint64_t at = std::exchange(impl_.begin, 0);
-  if (at != 0 && --holders_ == 0) impl_.records = {};
+  if (at != 0 && --holders_ == 0) impl_.forget();
   return at;
 }
 
 void HostLog::add(HostRecord record) {
   record.thread = number_of_thread();
   const std::lock_guard lock(impl_.mutex);
-  if (holders_ > 0 && impl_.records.size() < kMost) impl_.records.push_back(std::move(record));
+  if (holders_ == 0 || record.end - record.start < impl_.least) return;
+  if (impl_.records.size() == kMost) impl_.forget_shortest();
+  impl_.records.push_back(std::move(record));
 }
 
 std::vector<HostRecord> HostLog::since(std::uint64_t from_ns) const {

@@ -27,6 +27,9 @@ class HostLog {
  public:
   static HostLog& of_process();
 
+  // Of more than these the shortest are forgotten, and their time goes to what they lay in.
+  static constexpr std::size_t kMost = std::size_t{1} << 18;  // some 40 MB
+
   // Spans are kept while at least one holds it.
   void hold();
   void let_go();

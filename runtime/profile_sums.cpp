@@ -8,14 +8,11 @@
 namespace vsplat {
 namespace {
 
-// Which stretches win over which: those of lower rank.
-enum class Rank : std::uint8_t { running, compile, upload, file, wait, host };
-constexpr std::size_t kRanks = 6;
-
+// Of several at work the time is that of the first in the order of WallPart: of `rank`, which is device for whatever
+// the device runs.
 struct Stretch {
   std::uint64_t start, end;
-  Rank rank;
-  WallPart part;
+  WallPart rank, part;
   std::size_t stage, host_row;  // host_row: none_row for what is no span of the host
 };
 constexpr std::size_t none_row = SIZE_MAX;
@@ -34,22 +31,6 @@ WallPart part_of(HostKind kind) {
       return WallPart::wait;
   }
   return WallPart::other;
-}
-
-Rank rank_of(HostKind kind) {
-  switch (kind) {
-    case HostKind::host:
-      return Rank::host;
-    case HostKind::file:
-      return Rank::file;
-    case HostKind::compile:
-      return Rank::compile;
-    case HostKind::upload:
-      return Rank::upload;
-    case HostKind::wait:
-      return Rank::wait;
-  }
-  return Rank::host;
 }
 
 // What lies within the windows of profile, with its stages and rows of the host numbered.
@@ -82,7 +63,7 @@ class Stretches {
   }
 
   // -> how long it is within the windows
-  std::uint64_t put(std::uint64_t start, std::uint64_t end, Rank rank, WallPart part, std::size_t stage,
+  std::uint64_t put(std::uint64_t start, std::uint64_t end, WallPart rank, WallPart part, std::size_t stage,
                     std::size_t host_row) {
     std::uint64_t length = 0;
     for (const ProfileWindow& window : profile_.windows) {
@@ -98,10 +79,10 @@ class Stretches {
     const ProfileRow& of = profile_.rows[launch.row];
     const std::size_t in = stage(of.stage);
     const bool upload = of.name == "write" && of.stage == "transfer";
-    put(launch.start, launch.end, Rank::running, upload ? WallPart::upload : WallPart::device, in, none_row);
+    put(launch.start, launch.end, WallPart::device, upload ? WallPart::upload : WallPart::device, in, none_row);
     if (!launch.prepared || launch.ready >= launch.start) return;
     const std::size_t at = row(HostKind::compile, "first launches");
-    const std::uint64_t length = put(launch.ready, launch.start, Rank::compile, WallPart::compile, in, at);
+    const std::uint64_t length = put(launch.ready, launch.start, WallPart::compile, WallPart::compile, in, at);
     if (length == 0) return;
     rows[at].total_ns += length;
     ++rows[at].calls;
@@ -109,7 +90,8 @@ class Stretches {
 
   void add(const HostRecord& record) {
     const std::size_t in = stage(record.stage), at = row(record.kind, record.name);
-    const std::uint64_t length = put(record.start, record.end, rank_of(record.kind), part_of(record.kind), in, at);
+    const WallPart part = part_of(record.kind);
+    const std::uint64_t length = put(record.start, record.end, part, part, in, at);
     if (length == 0) return;
     rows[at].total_ns += length;
     ++rows[at].calls;
@@ -123,7 +105,7 @@ class Stretches {
 }  // namespace
 
 const char* name_of(WallPart part) {
-  constexpr const char* names[kWallParts] = {"device", "upload", "compile", "file", "wait", "host", "other"};
+  constexpr const char* names[kWallParts] = {"device", "compile", "upload", "file", "wait", "host", "other"};
   return names[static_cast<std::size_t>(part)];
 }
 
@@ -164,7 +146,7 @@ WallSplit split_wall(const Profile& profile) {
   std::stable_sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) { return a.at < b.at; });
 
   WallSplit out;
-  std::array<std::set<std::pair<std::uint64_t, std::size_t>>, kRanks> at_work;
+  std::array<std::set<std::pair<std::uint64_t, std::size_t>>, kWallParts> at_work;
   std::vector<std::uint64_t> began(stretches.stages.size(), UINT64_MAX);
   int windows = 0;
   std::uint64_t before = changes.empty() ? 0 : changes.front().at;

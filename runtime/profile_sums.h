@@ -61,7 +61,7 @@ struct Profile {
 // What an instant of the wall goes to: what the device runs then (upload: a transfer to it; device: all else), else the
 // first of these that is at work. compile: by the library or, before first launches, by the driver; upload: the host's
 // part; wait: the host waits for a device that has nothing running; other: nothing that was recorded.
-enum class WallPart : std::uint8_t { device, upload, compile, file, wait, host, other };
+enum class WallPart : std::uint8_t { device, compile, upload, file, wait, host, other };
 constexpr std::size_t kWallParts = 7;
 const char* name_of(WallPart part);
 using WallParts = std::array<std::uint64_t, kWallParts>;  // ns

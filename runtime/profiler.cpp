@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <map>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 
 #include "runtime/clock.h"
+#include "runtime/launch_arguments.h"
 #include "runtime/opencl.h"
 
 namespace vsplat {
@@ -50,7 +50,6 @@ struct Profiler::Impl {
   std::vector<ProfileRow> rows;
   std::map<std::pair<std::string, std::string>, std::size_t> index;
   std::vector<std::map<std::uint64_t, std::size_t>> variant_index;  // of each row
-  std::unordered_map<std::uint64_t, ProfileVariant> known;          // by hash; without times
   std::vector<Pending> pending;
   std::vector<ProfileLaunch> launches;
   std::vector<ProfileWindow> windows;
@@ -72,12 +71,11 @@ struct Profiler::Impl {
   }
 
   // -> the variant's place in the row, and whether it is new there
-  std::pair<std::size_t, bool> variant(std::size_t row, std::uint64_t hash) {
+  std::pair<std::size_t, bool> variant(std::size_t row, const LaunchRecord& launch) {
     ProfileRow& r = rows[row];
-    const auto [it, fresh] = variant_index[row].emplace(hash, std::min(r.variants.size(), kVariants - 1));
+    const auto [it, fresh] = variant_index[row].emplace(launch.variant, std::min(r.variants.size(), kVariants - 1));
     if (fresh && r.variants.size() < kVariants) {
-      const auto found = known.find(hash);
-      r.variants.push_back(found == known.end() ? ProfileVariant() : found->second);
+      r.variants.push_back(launch.range ? variant_of(*launch.range, *launch.args) : ProfileVariant());
     } else if (fresh) {
       r.variants.back().global = r.variants.back().local = {};
       r.variants.back().shapes = "others";
@@ -142,19 +140,16 @@ void Profiler::enable(bool on) {
   }
 }
 
-bool Profiler::knows(std::uint64_t variant) const { return impl_->known.count(variant) > 0; }
-void Profiler::tell(std::uint64_t hash, ProfileVariant variant) { impl_->known.emplace(hash, std::move(variant)); }
-
 void Profiler::add_event(const LaunchRecord& launch, const cl::Event& event) {
   const std::size_t row = impl_->row(launch, "device");
-  const auto [variant, fresh] = impl_->variant(row, launch.variant);
+  const auto [variant, fresh] = impl_->variant(row, launch);
   impl_->spend(row, variant, launch.cost);
   impl_->pending.push_back({row, variant, launch.first, fresh, launch.before, launch.after, event});
 }
 
 void Profiler::add_host(const LaunchRecord& launch, std::uint64_t start_ns, std::uint64_t end_ns) {
   const std::size_t row = impl_->row(launch, "host");
-  const auto [variant, fresh] = impl_->variant(row, launch.variant);
+  const auto [variant, fresh] = impl_->variant(row, launch);
   impl_->spend(row, variant, launch.cost);
   impl_->count({row, variant, launch.first, false, start_ns, start_ns, start_ns, end_ns, start_ns});
 }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "runtime/energy.h"
 #include "runtime/launch.h"
@@ -24,7 +25,10 @@ struct LaunchRecord {
   Cost cost;
   bool first = false;                   // of that kernel with that work-group
   std::uint64_t before = 0, after = 0;  // host's clock around the call that enqueued it
-  std::uint64_t variant = 0;            // hash of range and shapes; see Profiler::variant
+  // Which of its kernel's variants: the hash of both, which are read where the hash is new. null: not told.
+  std::uint64_t variant = 0;
+  const Range* range = nullptr;
+  const std::vector<KernelArg>* args = nullptr;
 };
 
 class Profiler {
@@ -42,9 +46,6 @@ class Profiler {
 
   void add_event(const LaunchRecord& launch, const cl::Event& event);
   void add_host(const LaunchRecord& launch, std::uint64_t start_ns, std::uint64_t end_ns);
-  // What the variant of that hash is; asked for where knows() it not.
-  bool knows(std::uint64_t variant) const;
-  void tell(std::uint64_t hash, ProfileVariant variant);
   // What its launches have counted, and the operations that this took.
   void add_count(const std::string& stage, const std::string& name, std::uint64_t count, double flops);
   // Reads the times of finished events. Call after the queue has been drained.

@@ -70,6 +70,7 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
         ->check(positive())
         ->type_name("GiB")
         ->group(takes.device ? "Device" : group);
+  common.takes_profile = takes.profile;
   if (takes.profile) {
     app.add_option("--profile", common.profile,
                    "Write where the time went: every kernel's, and the host's (.html: a page)")
@@ -90,7 +91,7 @@ void add_common(CLI::App& app, Common& common, const Takes& takes) {
   app.add_flag("-v,--verbose", common.verbose, "Details")->group(group);
 }
 
-bool wants_profile(const Common& common) { return !common.profile.empty() || !common.trace.empty() || common.verbose; }
+bool wants_times(const Common& common) { return !common.profile.empty() || !common.trace.empty(); }
 
 void refuse_profile_of_dry_run(const Common& common) {
   for (const auto& [option, path] : {std::pair{"--profile", &common.profile}, {"--trace", &common.trace}})
@@ -117,7 +118,8 @@ void set_up_library(const Common& common) {
   constexpr double most_gib = 1u << 30;  // more than any machine has
   vsplat::check(vsplat_set_host_memory(
       static_cast<uint64_t>(std::min(common.max_host_memory, most_gib) * static_cast<double>(1u << 30))));
-  if (wants_profile(common)) vsplat::check(vsplat_profile_begin(elapsed_seconds()));
+  if (wants_times(common) || (common.verbose && common.takes_profile))
+    vsplat::check(vsplat_profile_begin(elapsed_seconds()));
 }
 
 namespace {

@@ -23,6 +23,7 @@ struct Common {
   std::string gemm = "auto";
   double max_memory = 0, max_host_memory = 0;  // GiB
   std::string profile, trace;
+  bool takes_profile = false;
   bool allow_outside = false, json = false, overwrite = false, quiet = false, verbose = false;
 };
 
@@ -35,8 +36,8 @@ struct Takes {
 };
 void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 
-// Whether the run is recorded, for --profile, --trace or --verbose.
-bool wants_profile(const Common& common);
+// Whether times were asked for, by --profile or --trace.
+bool wants_times(const Common& common);
 
 // UsageError where a run that computes nothing was asked for times.
 void refuse_profile_of_dry_run(const Common& common);

@@ -49,7 +49,7 @@ Session::Session(const Common& common, Devices most) : common_(common) {
     throw UsageError(
         "--device " + common.device + " is " + std::to_string(named.size()) +
         " devices, and this takes one: render, evaluate, train and reconstruct --list share their work out");
-  const bool timed = !common_.profile.empty() || !common_.trace.empty();
+  const bool timed = wants_times(common_);
   if (named.size() > 1 && timed)
     throw UsageError("--profile and --trace are of one device: --device " + common.device + " is " +
                      std::to_string(named.size()));

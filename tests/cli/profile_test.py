@@ -62,6 +62,11 @@ class Profile(support.Case):
         self.holds(warm, outside)
         self.assertLess(warm["wall_s"], cold["wall_s"])
         self.assertLess(warm["wall"]["compile_s"], cold["wall"]["compile_s"])
+        out, _ = self.succeeds("profile", "diff", self.path("cold.json"), self.path("warm.json"))
+        self.assertRegex(out, r"(?m)^ *compile .* -[0-9.]+ %")
+        code, _, err = support.run("profile", "diff", self.path("warm.json"), self.path("cold.json"), "--fail-above", "5%")
+        self.assertEqual(code, 1, err)
+        self.assertIn("wall", err)
         for profile in (cold, warm):
             self.assertTrue(all(kernel["bound"] in ("compute", "memory", "latency", "none") for kernel in profile["kernels"]))
             self.assertTrue(all(kernel["share_of_peak"] >= 0 for kernel in profile["kernels"]))
