@@ -2,7 +2,7 @@
 """What the compilers of GPU drivers make of the kernels, without a GPU: nothing may spill or keep scratch memory.
 
     static_check.py DUMP... [--targets amd:gfx90a,intel:dg2,...] [--only TEXT] [--json FILE] [--cache DIR] [--jobs N]
-                    [--table FILE] [--baseline FILE]
+                    [--table FILE] [--baseline FILE [--anew]]
 
 DUMP is a folder of `vsplat kernels --dump`; of several, programs that are alike are looked at once. Prints for each kernel and target:
 registers, bytes spilled, bytes of private memory (scratch: arrays that did not stay in registers), bytes of local memory, waves that fit
@@ -11,7 +11,8 @@ into a SIMD (AMD) or the SIMD width (Intel), and the share of the main loop's in
 Exit status 1 where a kernel does not compile, spills or keeps scratch and is not excused in a dump's allowed.txt ("KERNEL TARGET REASON" a
 line; TARGET may be a beginning, intel:), where an excuse is none any longer, where a kernel takes more than 32 KiB of local memory or groups of
 more than 256 items, or where --baseline's table was better: more scratch or spills, fewer waves, a share lower by more than 0.02, a kernel
-gone. --table writes the table. A target that ends in ? is reported only.
+gone. --table writes the table. A target that ends in ? is reported only. The last column of a table tells by a hash what was compiled, how and
+by which compilers: what is the same in --baseline's is taken from there and not compiled again, but with --anew.
 
 Needs (Debian 12): clang-15 libclc-15 rocm-device-libs, and what tests/gpu/fetch_compilers.sh puts into a folder, told by --intel: Intel's
 compiler would be an OpenCL device, too, were it installed. AMD's and Intel's are the compilers that their drivers are built on; NVIDIA's own
@@ -217,15 +218,18 @@ def programs_of(dumps):
     return list(out.values())
 
 
-def compiled(compilers, program, target, cache, version):
-    """-> rows of all of its kernels"""
+def compiled(compilers, program, target, cache, version, known):
+    """-> rows of all of its kernels; known: {(kernel, target, hash): numbers} of those that need not be compiled"""
     vendor, chip = target.split(":")
     if vendor not in program.get("targets", [vendor]):
         return []
     text = open(program["path"]).read()
     key = hashlib.sha256("\0".join((METHOD, version, target, program["options"], text)).encode()).hexdigest()
     kept = f"{cache}/{key}.json" if cache else ""
-    if kept and os.path.exists(kept):
+    digest = key[:16]
+    if all((kernel, target, digest) in known for kernel in program["kernels"]):
+        got, why = {kernel: known[kernel, target, digest] for kernel in program["kernels"]}, ""
+    elif kept and os.path.exists(kept):
         got, why = json.load(open(kept))
     else:
         with tempfile.TemporaryDirectory(prefix="vsplat-static-") as folder:
@@ -242,7 +246,7 @@ def compiled(compilers, program, target, cache, version):
     for kernel in program["kernels"]:
         found = (got or {}).get(kernel)
         rows.append({"kernel": kernel, "program": program["name"], "options": program["options"].replace("-cl-std=CL1.2", "").strip(), "target": target,
-                     "group": program["groups"].get(kernel, 0), **(found or {"error": (why or "kernel not found").strip()[-300:]})})
+                     "digest": digest, "group": program["groups"].get(kernel, 0), **(found or {"error": (why or "kernel not found").strip()[-300:]})})
     return rows
 
 
@@ -265,10 +269,10 @@ def line_of(row):
         return f"{name} does not compile: {row['error'].splitlines()[-1][:120] if row['error'] else ''}"
     share = f"{row['share']:.2f}" if row.get("share") else "-"
     return (f"{name} {row.get('registers') or '-':>5} {row['spill']:>6} {row['scratch']:>8} {row.get('local', '-'):>7} {row.get('waves', '-'):>6}"
-            f" {share:>6}")
+            f" {share:>6}  {row['digest']}")
 
 
-HEAD = f"{'kernel':36} {'options':34} {'target':14} {'regs':>5} {'spill':>6} {'scratch':>8} {'local':>7} {'waves':>6} {'share':>6}"
+HEAD = f"{'kernel':36} {'options':34} {'target':14} {'regs':>5} {'spill':>6} {'scratch':>8} {'local':>7} {'waves':>6} {'share':>6}  compiled"
 
 
 def table_rows(path):
@@ -278,10 +282,20 @@ def table_rows(path):
         if not line.startswith(("#", "kernel ")) and ":" in line[72:86]:
             kernel, options, target = line[:36].strip(), line[37:71].strip(), line[72:86].strip()
             numbers = line[86:].split()
-            if len(numbers) == 6:
-                number = lambda text: None if text == "-" else float(text)
-                out[kernel, options, target] = dict(zip(("registers", "spill", "scratch", "local", "waves", "share"), map(number, numbers)))
+            if len(numbers) == 7:
+                number = lambda text: None if text == "-" else float(text) if "." in text else int(text)
+                out[kernel, options, target] = {**dict(zip(("registers", "spill", "scratch", "local", "waves", "share"), map(number, numbers))),
+                                                "digest": numbers[6]}
     return out
+
+
+def known_of(path):
+    """What `compiled` takes from that table."""
+    known = {}
+    for (kernel, _, target), numbers in table_rows(path).items():
+        told = {key: value for key, value in numbers.items() if value is not None and key != "digest"}
+        known[kernel, target, numbers["digest"]] = {"spill": 0, "scratch": 0, **told}
+    return known
 
 
 def worse(row, before):
@@ -305,6 +319,7 @@ def main():
     ap.add_argument("--json")
     ap.add_argument("--table")
     ap.add_argument("--baseline")
+    ap.add_argument("--anew", action="store_true")
     ap.add_argument("--cache")
     ap.add_argument("--intel", default=os.environ.get("VSPLAT_GPU_COMPILERS", ""))
     ap.add_argument("--jobs", type=int, default=os.cpu_count())
@@ -318,8 +333,9 @@ def main():
         os.makedirs(a.cache, exist_ok=True)
     programs = [p for p in programs_of(a.dumps) if a.only in p["name"] or any(a.only in k for k in p["kernels"])]
     version = compilers.version()
+    known = known_of(a.baseline) if a.baseline and not a.anew else {}
     with concurrent.futures.ThreadPoolExecutor(a.jobs) as pool:
-        work = [pool.submit(compiled, compilers, p, t, a.cache, version) for p in programs for t in targets]
+        work = [pool.submit(compiled, compilers, p, t, a.cache, version, known) for p in programs for t in targets]
         rows = [row for done in work for row in done.result()]
     rows.sort(key=lambda row: (row["program"], row["kernel"], row["options"], list(targets).index(row["target"])))
     if a.json:
@@ -365,6 +381,9 @@ def main():
     for problem in problems:
         print(problem, file=sys.stderr)
     print(f"{len(rows)} kernels and targets, {len(used)} excuses, {len(problems)} problems", file=sys.stderr)
+    if known:
+        same = sum((row["kernel"], row["target"], row["digest"]) in known for row in rows)
+        print(f"{same} of them as they were compiled for {os.path.basename(a.baseline)}", file=sys.stderr)
     return 1 if problems or not rows else 0
 
 

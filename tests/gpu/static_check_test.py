@@ -78,15 +78,30 @@ class StaticCheck(unittest.TestCase):
         self.assertEqual(self.check(["sound", "large"], "--baseline", table)[0], 0)
         self.assertIn("no longer", self.check(["sound"], "--baseline", table)[2])
         rows = open(table).read()
-        share = next(line for line in rows.splitlines() if line.startswith("sound")).split()[-1]
+        share = next(line for line in rows.splitlines() if line.startswith("sound")).split()[-2]
         with open(table, "w") as out:
             out.write(rows.replace(share, f"{float(share) + 0.1:.2f}"))
-        code, _, err = self.check(["sound", "large"], "--baseline", table)
+        code, _, err = self.check(["sound", "large"], "--baseline", table, "--anew")
         self.assertEqual(code, 1)
         self.assertIn("share of multiply-adds", err)
         with open(table, "w") as out:
             out.write("")
         self.assertEqual(self.check(["sound", "large"], "--baseline", table)[0], 1)
+
+    def test_what_the_table_was_made_of_is_not_compiled_again(self):
+        table = self.path("table.txt")
+        self.assertEqual(self.check(["sound", "large"], "--table", table)[0], 0)
+        code, out, err = self.check(["sound", "large"], "--baseline", table, "--cache", self.path("cache"))
+        self.assertEqual((code, out), (0, open(table).read()))
+        self.assertIn("2 of them as", err)
+        self.assertEqual(os.listdir(self.path("cache")), [])
+        with open(self.path("a.cl"), "w") as changed:
+            changed.write(SOURCE.replace("float sum = 0.0f;", "float sum = 0.0f, kept[64]; kept[n] = x[n]; sum += kept[n / 2];"))
+        code, _, err = self.check(["sound", "large"], "--baseline", table, "--cache", self.path("cache"))
+        self.assertEqual(code, 1)
+        self.assertIn("sound", err)
+        self.assertIn("0 of them as", err)
+        self.assertEqual(len(os.listdir(self.path("cache"))), 1)
 
     def test_what_was_compiled_is_kept(self):
         self.assertEqual(self.check(["sound"], "--cache", self.path("cache"))[0], 0)
