@@ -84,7 +84,9 @@ struct Context::Impl {
   Flavour flavour = Flavour::cpu;
   GemmChoice gemm = GemmChoice::auto_;
   bool planning = false;
-  NotedKernels* collected = nullptr;        // of a planner: where kernels are noted
+  NotedKernels* collected = nullptr;  // of a planner: where kernels are noted
+  NotedShapes* shapes = nullptr;      // of a planner: where shapes are noted
+  std::shared_ptr<const Tuning> tuning;
   bool checks_nan = false, guards = false;  // see launch_checks.h
   cl::Context context;
   cl::Device handle;
@@ -298,6 +300,7 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
       fail_cl(e, "opening " + impl_->info.name);
     }
   }
+  impl_->tuning = tuning_for(impl_->info, impl_->flavour);
   impl_->programs = std::make_shared<ProgramCache>(impl_->context, impl_->handle, impl_->info, options.on_compile);
   ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
   limits.device = std::make_shared<DeviceMemory>();
@@ -309,6 +312,7 @@ std::unique_ptr<Context> Context::stream() const {
   impl->info = impl_->info;
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
+  impl->tuning = impl_->tuning;
   impl->handle = impl_->handle;
   impl->context = impl_->context;
   impl->programs = impl_->programs;
@@ -329,8 +333,10 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
   impl->info = impl_->info;
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
+  impl->tuning = impl_->tuning;
   impl->planning = true;
   impl->collected = impl_->collected;
+  impl->shapes = impl_->shapes;
   impl->queue = impl_->queue;  // libraries are asked about it; nothing is enqueued
   impl->stage = impl_->stage;
   impl->arena = std::make_unique<Arena>(impl_->arena->plan(limited));
@@ -338,6 +344,20 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
 }
 
 void Context::collect(NotedKernels& to) { impl_->collected = &to; }
+void Context::collect(NotedShapes& to) { impl_->shapes = &to; }
+
+TunedValues Context::tuned(const TunedShape& shape) const {
+  if (impl_->shapes)
+    if (const TunedDeclaration* of = tuned_declaration(shape.op, impl_->flavour)) {
+      NotedShape& noted = (*impl_->shapes)[class_of(*of, shape)];
+      noted.largest = std::max(noted.largest, shape);
+      ++noted.calls;
+    }
+  return impl_->tuning->values(impl_->flavour, shape);
+}
+
+const Tuning& Context::tuning() const { return *impl_->tuning; }
+void Context::use_tuning(std::shared_ptr<const Tuning> tuning) { impl_->tuning = std::move(tuning); }
 
 void Context::note(const KernelId& kernel, const Range& range, std::size_t local_bytes) {
   if (!impl_->collected) return;

@@ -21,6 +21,7 @@
 #include "runtime/host_span.h"
 #include "runtime/launch.h"
 #include "runtime/tensor.h"
+#include "runtime/tuning.h"
 
 namespace vsplat {
 
@@ -92,6 +93,8 @@ class Context {
   bool planning() const;
   // Of a planner, and planners made of it: from now on the kernels that would be launched are put into `to`.
   void collect(NotedKernels& to);
+  // The same of the shapes that it is asked for tuned parameters of.
+  void collect(NotedShapes& to);
   // Compiles what is not compiled yet.
   void build(const NamedKernel& kernel);
   // The local memory that a kernel declares, in bytes, by its compiler, with what this context's last launch of it gave
@@ -101,6 +104,11 @@ class Context {
   const DeviceInfo& device() const;
   Flavour flavour() const;
   GemmChoice gemm_choice() const;
+  // What an operation of that shape is built and launched with, where it is a matter of speed (runtime/tuning.h).
+  TunedValues tuned(const TunedShape& shape) const;
+  const Tuning& tuning() const;
+  // In place of the device's table: for trials, and tests. Streams and planners that are made after it have the same.
+  void use_tuning(std::shared_ptr<const Tuning> tuning);
   Arena& memory();
   const Arena& memory() const;
   Profiler& profiler();

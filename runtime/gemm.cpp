@@ -18,10 +18,8 @@ const char* tile_defines(const DeviceInfo& device) { return device.native_float_
 namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
-// What is packed of A at a time: it stays in a CPU's last-level cache, and scratch memory stays bounded.
+// What the gpu flavour packs at a time, a quarter of it: scratch memory stays bounded.
 constexpr long kScratchFloats = 2 << 20;
-// What one work-item multiplies each panel of B with: this much of A stays in the first caches meanwhile.
-constexpr long kBlockFloats = 32 << 10;
 
 struct Sizes {
   long m, n, k, c0, c1, taps, src_rows, row0, out_row0;
@@ -81,14 +79,17 @@ Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
 
 Written written_rows(const Gemm& g, const Sizes& s) { return written(g.out, s.out_row0 * s.n, s.m * s.n); }
 
+// What is packed of A at a time stays in a CPU's last-level cache, and scratch memory stays bounded; of that, what one
+// work-item multiplies each panel of B with stays in the first caches.
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
+  const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
   const long panels = div_up(s.m, kTileRows);
-  const long step = std::clamp(kScratchFloats / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
+  const long step = std::clamp(tuned.at("scratch") / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
   const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
   // One panel a work-item where the tile is made of loops: llvmpipe ends every loop of a work-item after 65535 turns in
   // all.
-  const long block = *tile_defines(ctx.device()) ? 1 : std::max(1L, kBlockFloats / std::max(1L, s.k * kTileRows));
+  const long block = *tile_defines(ctx.device()) ? 1 : std::max(1L, tuned.at("block") / std::max(1L, s.k * kTileRows));
   for (long p = 0; p < panels; p += step) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);
@@ -104,7 +105,7 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
 }
 
 void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
-  const GpuTile shape = gpu_tile(ctx, s.m, s.n);
+  const GpuTile shape = gpu_tile(ctx, ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}}), s.m, s.n);
   const long tile = shape.side;
   ctx.launch({"gemm_gpu", "gemm_tile_gpu", shape.defines, g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
              cost_of(g, s, s.m), g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps,
@@ -213,7 +214,9 @@ Cost cost_of(const TransposedSizes& s, long rows, long sums) {
 
 // As many rows at a time as one sum has: both operands' panels stay in a cache, and out is added to.
 void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
-  const long most = std::min(s.rows, kSumRows);
+  const TunedValues tuned = ctx.tuned({TunedOp::gemm_transposed, {s.rows, s.m, s.n}});
+  const long most = std::min(s.rows, tuned.at("terms"));
+  const long block = *tile_defines(ctx.device()) ? 1 : tuned.at("block");  // see gemm_cpu()
   check_tile_terms(ctx.device(), g.name, most);
   const long panels = div_up(s.m, kTileRows);
   const Tensor a = ctx.tensor({panels, most, kTileRows}, Type::f32, "packed rows");
@@ -222,15 +225,16 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     const long terms = std::min(most, s.rows - row);
     pack_panels(ctx, g.a, 0, row, terms, s.m, s.m, 1, kTileRows, a);
     pack_panels(ctx, g.b, 0, row, terms, s.n, s.n, 1, kTileCols, b);
-    ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name}, groups(div_up(s.n, kTileCols), 1, panels),
-               cost_of(s, terms, g.add || row > 0 ? 2 : 1), a, b, 1, s.m, s.n, terms, Tensor(),
-               static_cast<int>(Activation::none), g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
+    ctx.launch({"gemm_cpu", "gemm_tile", tile_defines(ctx.device()), g.name},
+               groups(div_up(s.n, kTileCols), 1, div_up(panels, block)), cost_of(s, terms, g.add || row > 0 ? 2 : 1), a,
+               b, block, s.m, s.n, terms, Tensor(), static_cast<int>(Activation::none),
+               g.add || row > 0 ? g.out : Tensor(), written(g.out), 0);
   }
 }
 
 // As many sums at a time as scratch memory has room for, side by side: few tiles of out would leave a GPU idle.
 void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
-  const GpuTile shape = gpu_tile(ctx, s.m, s.n);
+  const GpuTile shape = gpu_tile(ctx, ctx.tuned({TunedOp::gemm_transposed, {s.rows, s.m, s.n}}), s.m, s.n);
   const long all = div_up(s.rows, kSumRows), room = 4 * kScratchFloats / std::max(s.m * s.n, s.m * kSumRows);
   const long most = std::clamp(room, 1L, all);
   const Tensor a = ctx.tensor({std::min(s.rows, most * kSumRows), s.m}, Type::f32, "packed rows");
@@ -250,12 +254,15 @@ void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
 
 }  // namespace
 
-GpuTile gpu_tile(const Context& ctx, long m, long n) {
+GpuTile gpu_tile(const Context& ctx, const TunedValues& tuned, long m, long n) {
   // Larger tiles load less for each product, as long as there are enough of them to keep every unit busy.
   constexpr long large = 128;
-  const long enough = 2L * ctx.device().compute_units;
-  if (n > 64 && div_up(m, large) * div_up(n, large) >= enough) return {large, "-DRM=8 -DRN=8"};
-  return {64, ""};
+  const long enough = 2L * ctx.device().compute_units, asked = tuned.at("tile"), unroll = tuned.at("unroll");
+  const bool by_rule = n > 64 && div_up(m, large) * div_up(n, large) >= enough;
+  GpuTile out{64, ""};
+  if (asked == large || (asked == 0 && by_rule)) out = {large, "-DRM=8 -DRN=8"};
+  if (unroll > 0) out.defines += fmt::format("{}-DUNROLL={}", out.defines.empty() ? "" : " ", unroll);
+  return out;
 }
 
 void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {

@@ -26,12 +26,13 @@ PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_s
 // Bytes that pack_matrix takes (without PackedMatrix::plain), for planning.
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
-// The side of the gpu flavour's square tiles for an [m, n] output, and the defines that cl/tile_gpu.clh takes for it.
+// The side of the gpu flavour's square tiles for an [m, n] output, and the defines that cl/tile_gpu.clh takes for it:
+// of parameters "tile" and "unroll" (runtime/tuning.h).
 struct GpuTile {
   long side;
-  const char* defines;
+  std::string defines;
 };
-GpuTile gpu_tile(const Context& ctx, long m, long n);
+GpuTile gpu_tile(const Context& ctx, const TunedValues& tuned, long m, long n);
 
 // Where A's rows come from. Channel c of a row is x0[row, c] for c < C0, else x1[row, c - C0]; then, where there is a
 // scale, v = v * scale[c] + shift[c], and SiLU where asked for. Rows that a map calls absent are zero (after all that).

@@ -101,6 +101,7 @@ void add_bench(CLI::App& app, Run& run);
 void add_profile(CLI::App& app, Run& run);
 void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);
+void add_tune(CLI::App& app, Run& run);
 void add_info_action(CLI::App& dataset, Run& run);  // of dataset
 void add_evaluate(CLI::App& app, Run& run);
 void add_help(CLI::App& app, Run& run);

@@ -4,6 +4,7 @@
 #include <vsplat/evaluate.h>
 #include <vsplat/refine.h>
 #include <vsplat/train.h>
+#include <vsplat/tune.h>
 #include <vsplat/vsplat.h>
 
 #include <string_view>
@@ -64,12 +65,14 @@ constexpr Flag flags[] = {
     FIELD(vsplat_train_options, more_devices, "--device"),
     FIELD(vsplat_train_options, resume, "--resume"),
     FIELD(vsplat_train_options, textures, "--textures"),
+    FIELD(vsplat_tune_options, path, "--output"),
     FUNCTION(vsplat_mesh_load, "--texture"),
     FUNCTION(vsplat_model_init, "`vsplat init`"),
     FUNCTION(vsplat_model_load, "--model"),
     FUNCTION(vsplat_set_host_memory, "--max-host-memory"),
     FUNCTION(vsplat_train, "`vsplat train`"),
     FUNCTION(vsplat_train_plan, "--dry-run"),
+    FUNCTION(vsplat_tune, "`vsplat tune`"),
     FUNCTION(vsplat_views_load, "--pictures"),
 };
 #undef FIELD

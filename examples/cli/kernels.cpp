@@ -3,11 +3,11 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <sstream>
 #include <vsplat/vsplat.hpp>
 
 #include "arguments.h"
 #include "command.h"
+#include "jobs.h"
 #include "outputs.h"
 #include "session.h"
 
@@ -22,31 +22,13 @@ struct KernelsOptions {
   bool no_build = false;
 };
 
-uint32_t jobs_of(const std::string& text) {
-  uint32_t out = 0;
-  std::istringstream words(text);
-  for (std::string word; std::getline(words, word, ',');) {
-    if (word == "reconstruct")
-      out |= VSPLAT_PROGRAMS_OF_RECONSTRUCT;
-    else if (word == "render")
-      out |= VSPLAT_PROGRAMS_OF_RENDER;
-    else if (word == "refine")
-      out |= VSPLAT_PROGRAMS_OF_REFINE;
-    else if (word == "train")
-      out |= VSPLAT_PROGRAMS_OF_TRAIN;
-    else
-      throw UsageError("--for: \"" + word + "\" is none of reconstruct, render, refine and train");
-  }
-  return out;
-}
-
 // What the library tells of one flavour.
 Json told(const KernelsOptions& o, const std::string& flavour) {
   Common common = o.common;
   common.kernels = flavour;
   Session session(common);
   vsplat_programs_options options = VSPLAT_PROGRAMS_OPTIONS_INIT;
-  options.jobs = jobs_of(o.jobs);
+  options.jobs = jobs_of("--for", o.jobs);
   options.sources = o.folder.empty() ? 0 : 1;
   options.build = o.no_build ? 0 : 1;
   options.progress = Session::on_progress;

@@ -69,6 +69,7 @@ int main(int argc, char** argv) {
   command::add_weights(app, run);
   command::add_devices(app, run);
   command::add_kernels(app, run);
+  command::add_tune(app, run);
   command::add_bench(app, run);
   command::add_profile(app, run);
   command::add_dataset(app, run);

@@ -61,7 +61,8 @@ Session::Session(const Common& common, Devices most) : common_(common) {
         throw UsageError("--device " + common.device + " names device " + std::to_string(info.index) + " twice");
     say(common_, std::string("device ") + std::to_string(info.index) + ": " + info.name + " (" + info.platform_name +
                      "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
-                     " kernels" + (info.event_profiling ? "" : ", timed on the host"));
+                     " kernels" + (*info.tuning ? ", tuned (table " + std::string(info.tuning, 12) + ")" : "") +
+                     (info.event_profiling ? "" : ", timed on the host"));
   }
   for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
   recorded_ = timed || (common_.verbose && devices_.size() == 1);

@@ -7,9 +7,10 @@ using namespace vsplat::api;
 
 namespace {
 
-void copy_name(char (&out)[256], const std::string& text) {
-  std::strncpy(out, text.c_str(), sizeof out - 1);
-  out[sizeof out - 1] = '\0';
+template <std::size_t size>
+void copy_name(char (&out)[size], const std::string& text) {
+  std::strncpy(out, text.c_str(), size - 1);
+  out[size - 1] = '\0';
 }
 
 vsplat_device_info describe(const DeviceInfo& d) {
@@ -158,6 +159,7 @@ vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* o
     need(device, "device");
     vsplat_device_info info = describe(device->context.device());
     info.kernels = static_cast<vsplat_kernels>(device->context.flavour());
+    copy_name(info.tuning, device->context.tuning().hash());
     give(out_info, info, "out_info");
   });
 }

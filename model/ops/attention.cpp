@@ -21,13 +21,25 @@ struct Sizes {
   float scale() const { return static_cast<float>(1.0 / std::sqrt(static_cast<double>(c))); }
   // Queries or keys that a work-item of the cpu flavour owns. A tile of 12 rows is 24 vectors of 16: registers on a CPU
   // with vectors, minutes in a compiler that has none.
-  static long rows(const Context& ctx) { return ctx.device().native_float_width >= 4 ? 12 : 2; }
+  static long rows(const Context& ctx, const TunedValues& tuned) {
+    if (ctx.device().native_float_width < 4) return 2;
+    return tuned.at("rows") > 0 ? tuned.at("rows") : 12;
+  }
+  // Of the cpu flavour's kernels.
+  std::string defines(const Context& ctx, const TunedValues& tuned) const {
+    std::string out = fmt::format("-DHEAD_PAD={} -DROWS={}", round_up(c, 32L), rows(ctx, tuned));
+    if (tuned.at("panels") != default_values(*tuned.of).at("panels"))
+      out += fmt::format(" -DPANELS={}", tuned.at("panels"));
+    return out;
+  }
+  TunedShape tuned_shape(TunedOp op) const { return {op, {v * h, t, c}}; }
 };
 
 void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
-  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), heads = s.v * s.h, rows = s.rows(ctx);
-  const long v = s.v, t = s.t, h = s.h, c = s.c;
-  const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
+  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), heads = s.v * s.h;
+  const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_backward));
+  const long v = s.v, t = s.t, h = s.h, c = s.c, rows = Sizes::rows(ctx, tuned);
+  const std::string defines = s.defines(ctx, tuned);
   const Tensor across = ctx.tensor({4, heads, panels, s.c, 32}, Type::f32, "attention.across");
   const Tensor along = ctx.tensor({3, heads, panels * 32, pad}, Type::f32, "attention.along");
   const Tensor terms = ctx.tensor({heads, panels, 3, 32}, Type::f32, "attention.terms");
@@ -76,8 +88,9 @@ void attention_forward(Context& ctx, const AttentionForward& a) {
                cost, a.qkv, written(a.out), written(a.stats), v, t, h, c, s.scale());
     return;
   }
-  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), rows = Sizes::rows(ctx);
-  const std::string defines = fmt::format("-DHEAD_PAD={} -DROWS={}", pad, rows);
+  const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_forward));
+  const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), rows = Sizes::rows(ctx, tuned);
+  const std::string defines = s.defines(ctx, tuned);
   const Tensor kt = ctx.tensor({s.v * s.h, panels, s.c, 32}, Type::f32, "attention.keys");
   const Tensor vp = ctx.tensor({s.v * s.h, panels * 32, pad}, Type::f32, "attention.values");
   ctx.launch({"attention_forward_cpu", "attention_forward_pack", defines}, groups(panels, 1, s.v * s.h),

@@ -14,7 +14,7 @@ namespace vsplat {
 namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32, kPackRows = 14;  // of cl/tile_cpu.clh and cl/conv3d_cpu.cl
-// Packed planes at a time: few launches, yet they stay in a CPU's last-level cache and scratch memory stays bounded.
+// Of a weight gradient's partial sums, and what they are made of: scratch memory stays bounded.
 constexpr long kScratchFloats = 4 << 20;
 constexpr long kTileSide = 4, kCoefficients = 36;  // of cl/conv3d_winograd.cl
 
@@ -82,6 +82,9 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
 
 ConvMethod choose(const Context& ctx, ConvMethod method, long cout, long cin) {
   if (method != ConvMethod::auto_) return method;
+  const TunedValues tuned = ctx.tuned({TunedOp::conv3d_method, {cin, cout}});
+  if (tuned.of && tuned.at("method") > 0 && ctx.device().native_float_width >= 4)
+    return static_cast<ConvMethod>(tuned.at("method"));
   return cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4
              ? ConvMethod::winograd
              : ConvMethod::direct;
@@ -123,6 +126,8 @@ struct Shape3d {
   long c() const { return c0 + c1; }
 };
 
+TunedShape tuned_shape(TunedOp op, const Shape3d& s) { return {op, {s.x * s.y * s.z, s.c(), s.n}}; }
+
 Shape3d check(const Conv3dForward& c) {
   if (!c.weights || !c.weights->w.data) fail(Status::internal, "{}: no weights", c.name);
   if (!c.in.x0 || c.in.x0.rank() < 2 || c.in.map) fail(Status::internal, "{}: the input is a volume", c.name);
@@ -161,8 +166,10 @@ void forward_cpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   check_tile_terms(ctx.device(), c.name, 27 * s.c());
   const long zt = div_up(s.z, kTileRows);
   const long plane = s.y * zt * s.c() * kPackRows;
-  // Out planes [p, p + step) need planes [p - 1, p + step + 1) in the ring.
-  const long step = std::clamp(kScratchFloats / std::max(1L, plane) - 2, 1L, s.x);
+  // Out planes [p, p + step) need planes [p - 1, p + step + 1) in the ring. Few launches, yet packed planes stay in a
+  // CPU's last-level cache.
+  const long scratch = ctx.tuned(tuned_shape(TunedOp::conv3d, s)).at("scratch");
+  const long step = std::clamp(scratch / std::max(1L, plane) - 2, 1L, s.x);
   const long ring_planes = std::min(step + 2, s.x);
   const Tensor ring = ctx.tensor({ring_planes, s.y, zt, s.c(), kPackRows}, Type::f32, "packed planes");
   long packed = 0;
@@ -194,7 +201,8 @@ double direct_flops(const Shape3d& s) {
 void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
   const long zt = div_up(s.z, kTileRows), tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
   const long blocks = div_up(s.c(), 16L), per_tile = zt * kCoefficients * blocks * kPackRows * 16;
-  const long step = std::clamp(kScratchFloats / std::max(1L, per_tile), 1L, tiles);
+  const long scratch = ctx.tuned(tuned_shape(TunedOp::conv3d_winograd, s)).at("scratch");
+  const long step = std::clamp(scratch / std::max(1L, per_tile), 1L, tiles);
   const Tensor v = ctx.tensor({step, zt, kCoefficients, blocks, kPackRows, 16}, Type::f32, "transformed tiles");
   const Cost whole = cost_of(c, s, s.x);
   for (long t = 0; t < tiles; t += step) {
@@ -212,7 +220,7 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
 }
 
 void forward_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
-  const GpuTile tile = gpu_tile(ctx, s.x * s.y * s.z, s.n);
+  const GpuTile tile = gpu_tile(ctx, ctx.tuned(tuned_shape(TunedOp::conv3d, s)), s.x * s.y * s.z, s.n);
   ctx.launch({"conv3d_gpu", "conv3d_forward_gpu", tile.defines, c.name},
              groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0, s.c0,
              c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z, c.weights->w.data, s.n,
@@ -244,10 +252,10 @@ void backward_weights_direct(Context& ctx, const Conv3dBackwardWeights& g, const
                groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, s.c(), s.n, s.x,
                s.y, s.z, lines, written(partial));
   } else {
-    constexpr long side = 64;  // of cl/tile_gpu.clh, as it is without defines
-    ctx.launch({"conv3d_gpu", "conv3d_backward_weights_gpu", "", g.name},
-               groups(div_up(s.n, side), 256, div_up(k, side), chunks), cost, g.in.x0, s.c0, g.in.x1, s.c1, g.in.scale,
-               g.in.shift, g.in.silu ? 1 : 0, s.x, s.y, s.z, g.dy, s.n, lines * s.z, written(partial));
+    const GpuTile tile = gpu_tile(ctx, ctx.tuned(tuned_shape(TunedOp::conv3d_weights, s)), k, s.n);
+    ctx.launch({"conv3d_gpu", "conv3d_backward_weights_gpu", tile.defines, g.name},
+               groups(div_up(s.n, tile.side), 256, div_up(k, tile.side), chunks), cost, g.in.x0, s.c0, g.in.x1, s.c1,
+               g.in.scale, g.in.shift, g.in.silu ? 1 : 0, s.x, s.y, s.z, g.dy, s.n, lines * s.z, written(partial));
   }
   ctx.launch({"conv3d_backward", "conv3d_backward_weights_sum", ""}, items(k * s.n),
              {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, written(g.dw),

@@ -10,13 +10,10 @@
 namespace vsplat {
 namespace {
 
-constexpr int kCpuDigit = 8, kGpuDigit = 4;  // bits
-constexpr long kGpuGroup = 64, kGpuRun = 16;
-
 // Keys per block: on a CPU enough blocks to share out evenly, but no more, for each has a histogram.
-long block_size(const Context& ctx, long n) {
-  if (ctx.flavour() == Flavour::gpu) return kGpuGroup * kGpuRun;
-  return std::clamp(n / (4L * std::max(ctx.device().compute_units, 1)), 1024L, 65536L);
+long block_size(const Context& ctx, const TunedValues& tuned, long n) {
+  if (ctx.flavour() == Flavour::gpu) return tuned.at("group") * tuned.at("run");
+  return std::clamp(n / (tuned.at("blocks") * std::max(ctx.device().compute_units, 1)), 1024L, 65536L);
 }
 
 }  // namespace
@@ -30,18 +27,19 @@ Sorted radix_sort(Context& ctx, Tensor keys, Tensor values, int bits) {
   if (n >= (1L << 31)) fail(Status::memory, "radix_sort: {} keys, at most 2^31 - 1 can be sorted", n);
 
   const bool cpu = ctx.flavour() == Flavour::cpu;
-  const int most = cpu ? kCpuDigit : kGpuDigit;
+  const TunedValues tuned = ctx.tuned({TunedOp::radix_sort, {n, bits}});
+  const int most = static_cast<int>(tuned.at("digit"));
   // Without any bit to look at one pass still makes the values.
   const int passes = std::max((bits + most - 1) / most, values ? 0 : 1);
   if (passes == 0 || n == 0) return {keys, values ? values : ctx.tensor({n}, Type::u32, "radix_sort.values")};
   const int digit = std::max((bits + passes - 1) / passes, 1);
 
-  const long block = block_size(ctx, n), blocks = (n + block - 1) / block;
+  const long block = block_size(ctx, tuned, n), blocks = (n + block - 1) / block;
   const std::string defines = "-DDIGIT_BITS=" + std::to_string(most) + (wide ? " -DKEY64" : "") +
-                              (cpu ? "" : " -DWG=" + std::to_string(kGpuGroup));
+                              (cpu ? "" : " -DWG=" + std::to_string(tuned.at("group")));
   const KernelId count{"radix_sort", cpu ? "radix_histogram_cpu" : "radix_histogram_gpu", defines};
   const KernelId scatter{"radix_sort", cpu ? "radix_scatter_cpu" : "radix_scatter_gpu", defines};
-  const Range range = groups(blocks, cpu ? 1 : kGpuGroup);
+  const Range range = groups(blocks, cpu ? 1 : tuned.at("group"));
   const double key_bytes = static_cast<double>(keys.bytes());
 
   Sorted other{ctx.tensor({n}, keys.type(), "radix_sort.keys"), ctx.tensor({n}, Type::u32, "radix_sort.values")};

@@ -2,12 +2,16 @@
 #pragma once
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <memory>
 #include <string>
 
 #include "runtime/context.h"
 
 namespace vsplat::test {
+
+// Without a table of tuned parameters that this machine may have; one that a test is run with is taken.
+inline const int untuned = ::setenv("VSPLAT_TUNING", "off", 0);
 
 // A context of its own.
 inline std::unique_ptr<Context> open_context(Flavour flavour, ContextOptions options = {}) {

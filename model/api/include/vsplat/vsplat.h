@@ -42,6 +42,7 @@
 #include <vsplat/share.h>
 #include <vsplat/status.h>
 #include <vsplat/train.h>
+#include <vsplat/tune.h>
 #include <vsplat/views.h>
 
 #endif

@@ -119,6 +119,12 @@ class Device : public DeviceHandle {
     check(vsplat_device_programs(get(), model, &options, &out));
     return text(out);
   }
+  // JSON of what a search for parameters found.
+  std::string tune(vsplat_model model, const vsplat_tune_options& options) const {
+    char* out = nullptr;
+    check(vsplat_tune(get(), model, &options, &out));
+    return text(out);
+  }
 
  private:
   static vsplat_device open(const vsplat_device_options& options) {

@@ -1,0 +1,54 @@
+#include <vsplat/tune.h>
+
+#include "model/api/device.h"
+#include "model/api/job_plans.h"
+#include "model/tune/search.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+
+namespace {
+
+NotedShapes shapes_of(const Context& ctx, vsplat_model model, uint32_t jobs) {
+  NotedShapes out;
+  for (const vsplat_program_jobs job : {VSPLAT_PROGRAMS_OF_RECONSTRUCT, VSPLAT_PROGRAMS_OF_RENDER,
+                                        VSPLAT_PROGRAMS_OF_REFINE, VSPLAT_PROGRAMS_OF_TRAIN}) {
+    if (!(jobs & static_cast<uint32_t>(job))) continue;
+    const auto planner = ctx.planner(false);
+    planner->collect(out);
+    plan_job(*planner, model, job);
+  }
+  return out;
+}
+
+}  // namespace
+
+vsplat_status vsplat_tune(vsplat_device device, vsplat_model model, const vsplat_tune_options* options,
+                          char** out_text) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(out_text, "out_text");
+    const vsplat_tune_options o = taken(options, VSPLAT_TUNE_OPTIONS_INIT, "options");
+    constexpr uint32_t all = VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER | VSPLAT_PROGRAMS_OF_REFINE |
+                             VSPLAT_PROGRAMS_OF_TRAIN;
+    if (o.jobs & ~all) fail(Status::usage, "options.jobs is {}, not made of values of vsplat_program_jobs", o.jobs);
+    if (!(o.seconds >= 0 && o.seconds <= 1e9))
+      fail(Status::usage, "options.seconds is {}, 0 to 1e9 expected", o.seconds);
+    const uint32_t jobs = o.jobs ? o.jobs : VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER;
+    if (jobs & (VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_TRAIN)) need(model, "model");
+    Context& ctx = device->context;
+    TuneRequest request;
+    request.shapes = shapes_of(ctx, model, jobs);
+    request.full = o.full != 0, request.again = o.again != 0;
+    if (o.seconds > 0) request.seconds = o.seconds;
+    if (o.path) request.path = o.path;
+    if (o.progress)
+      request.progress = [&](const std::string& what, double done) {
+        return o.progress(o.user, what.c_str(), done) != 0;
+      };
+    const TuneResult result = tune(ctx, request);
+    *out_text = new_text(tune_json(ctx, result));
+  });
+}

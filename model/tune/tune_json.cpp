@@ -1,0 +1,62 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "model/tune/search.h"
+
+namespace vsplat {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json shape_json(const TunedDeclaration& of, const TunedShape& shape) {
+  Json out = Json::object();
+  for (std::size_t i = 0; i < of.sizes.size(); ++i) out[of.sizes[i].name] = shape.sizes[i];
+  return out;
+}
+
+Json values_json(const TunedValues& values) {
+  Json out = Json::object();
+  for (std::size_t i = 0; i < values.of->parameters.size(); ++i) out[values.of->parameters[i].name] = values.values[i];
+  return out;
+}
+
+Json line(const TunedTrial& t) {
+  return {{"op", t.values.of->name}, {"shape", shape_json(*t.values.of, t.shape)}, {"set", values_json(t.values)}};
+}
+
+}  // namespace
+
+std::string tune_json(const Context& ctx, const TuneResult& result) {
+  Json out;
+  out["device"] = ctx.device().name;
+  out["driver"] = ctx.device().driver;
+  out["flavour"] = name_of(ctx.flavour());
+  out["path"] = result.path;
+  out["table"] = result.table.choice.hash();
+  out["before"] = result.before;
+  out["tried"] = result.tried;
+  out["left"] = result.left;
+  out["seconds"] = result.seconds;
+  out["chosen"] = Json::array();
+  out["refused"] = Json::array();
+  for (const TunedTrial& t : result.table.trials) {
+    const auto& chosen = result.table.choice.chosen();
+    if (const auto it = chosen.find(t.shape); it != chosen.end() && it->second == t.values) {
+      Json one = line(t);
+      one["seconds"] = t.seconds;
+      one["times_as_fast"] = t.seconds > 0 ? t.against / t.seconds : 0;
+      one["error"] = t.error;
+      out["chosen"].push_back(std::move(one));
+    }
+    if (t.verdict != "wrong" && t.verdict != "failed") continue;
+    Json one = line(t);
+    one["verdict"] = t.verdict;
+    one["error"] = t.verdict == "wrong" && std::isfinite(t.error) ? Json(t.error) : Json();
+    one["why"] = t.why.empty() ? Json() : Json(t.why);
+    out["refused"].push_back(std::move(one));
+  }
+  out["not_right"] = result.not_right;
+  return out.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace vsplat
