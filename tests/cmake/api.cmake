@@ -6,6 +6,11 @@ foreach(name c99_test gradient_test jobs_test memory_test opencl_test pictures_t
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
 endforeach()
+add_executable(cpp_test model/api/cpp_test.cpp)
+target_link_libraries(cpp_test PRIVATE vsplat)
+vsplat_target(cpp_test)
+add_test(NAME cpp_test COMMAND cpp_test)
+set_tests_properties(cpp_test PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
 foreach(name jobs_test memory_test opencl_test refine_api_test share_test threads_test)

@@ -14,6 +14,16 @@ class Evaluation : public EvaluationHandle {
   Evaluation(const Device& device, const Model& model, const DataSet& data,
              const vsplat_evaluate_options& options = VSPLAT_EVALUATE_OPTIONS_INIT)
       : EvaluationHandle(run(device, model, data, options)) {}
+  // `progress` in place of the options' functions: the "stage" is the object's name.
+  Evaluation(const Device& device, const Model& model, const DataSet& data, vsplat_evaluate_options options,
+             const Progress& progress) {
+    detail::ProgressCall call(progress);
+    options.on_object = nullptr;
+    options = call.of(options);
+    vsplat_evaluation out = nullptr;
+    call.check(vsplat_evaluate(device.get(), model.get(), data.get(), &options, &out));
+    static_cast<EvaluationHandle&>(*this) = EvaluationHandle(out);
+  }
 
   struct Object {
     std::string name;

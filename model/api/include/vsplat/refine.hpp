@@ -60,13 +60,7 @@ class Refinement : public RefinementHandle {
   // As it is fitted or judged: `colour` alone is filled.
   Picture picture(size_t view) const {
     const vsplat_camera about = camera(view);
-    Picture out;
-    out.width = about.width;
-    out.height = about.height;
-    const size_t pixels = static_cast<size_t>(out.width) * static_cast<size_t>(out.height);
-    out.colour.resize(3 * pixels);
-    out.alpha.resize(pixels);
-    out.depth.resize(pixels);
+    Picture out(about.width, about.height);
     check(vsplat_refinement_get_view(get(), view, nullptr, out.colour.data(), out.colour.size()));
     return out;
   }

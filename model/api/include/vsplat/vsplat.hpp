@@ -5,66 +5,16 @@
 
 #include <vsplat/vsplat.h>
 
-#include <stdexcept>
+#include <initializer_list>
 #include <string>
 #include <utility>
 #include <vector>
+#include <vsplat/callbacks.hpp>
+#include <vsplat/handle.hpp>
+#include <vsplat/spans.hpp>
 
 namespace vsplat {
 inline namespace cxx {
-
-class Error : public std::runtime_error {
- public:
-  Error(vsplat_status status, const char* message) : std::runtime_error(message), status_(status) {}
-  vsplat_status status() const noexcept { return status_; }
-
- private:
-  vsplat_status status_;
-};
-
-inline void check(vsplat_status status) {
-  if (status != VSPLAT_OK) throw Error(status, vsplat_last_error());
-}
-
-// Takes over what a call handed out.
-inline std::string text(char* from) {
-  std::string out(from);
-  vsplat_text_free(from);
-  return out;
-}
-// The lines of a text, each ended by a line feed.
-inline std::vector<std::string> lines(const std::string& text) {
-  std::vector<std::string> out(1);
-  for (const char c : text) {
-    if (c == '\n')
-      out.emplace_back();
-    else
-      out.back() += c;
-  }
-  out.pop_back();
-  return out;
-}
-
-// A counted reference; get() for the C functions.
-template <class T, void (*Retain)(T), void (*Release)(T)>
-class Handle {
- public:
-  Handle() = default;
-  explicit Handle(T owned) : handle_(owned) {}
-  Handle(const Handle& other) : handle_(other.handle_) { Retain(handle_); }
-  Handle(Handle&& other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
-  Handle& operator=(Handle other) noexcept {
-    std::swap(handle_, other.handle_);
-    return *this;
-  }
-  ~Handle() { Release(handle_); }
-
-  T get() const { return handle_; }
-  explicit operator bool() const { return handle_ != nullptr; }
-
- private:
-  T handle_ = nullptr;
-};
 
 using DeviceHandle = Handle<vsplat_device, vsplat_device_retain, vsplat_device_release>;
 using ModelHandle = Handle<vsplat_model, vsplat_model_retain, vsplat_model_release>;
@@ -72,10 +22,6 @@ using ViewsHandle = Handle<vsplat_views, vsplat_views_retain, vsplat_views_relea
 using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_release>;
 using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
 using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
-using MeshHandle = Handle<vsplat_mesh, vsplat_mesh_retain, vsplat_mesh_release>;
-using DataSetHandle = Handle<vsplat_dataset, vsplat_dataset_retain, vsplat_dataset_release>;
-using SheetHandle = Handle<vsplat_sheet, vsplat_sheet_retain, vsplat_sheet_release>;
-using AnimationHandle = Handle<vsplat_animation, vsplat_animation_retain, vsplat_animation_release>;
 
 class Device : public DeviceHandle {
  public:
@@ -147,6 +93,12 @@ class Model : public ModelHandle {
   static Model load(const std::string& path) {
     vsplat_model out = nullptr;
     check(vsplat_model_load(path.c_str(), &out));
+    return Model(out);
+  }
+  // Of a model file's bytes.
+  static Model load(Span<const unsigned char> bytes) {
+    vsplat_model out = nullptr;
+    check(vsplat_model_load_memory(bytes.data(), bytes.size(), &out));
     return Model(out);
   }
   // The one that the library carries.
@@ -228,10 +180,13 @@ class Views : public ViewsHandle {
     check(vsplat_views_load(path.c_str(), pictures.empty() ? nullptr : pictures.c_str(), &out));
     return Views(out);
   }
-  static Views create(const std::vector<vsplat_view>& views) {
+  static Views create(Span<const vsplat_view> views) {
     vsplat_views out = nullptr;
     check(vsplat_views_create(views.data(), views.size(), &out));
     return Views(out);
+  }
+  static Views create(std::initializer_list<vsplat_view> views) {
+    return create(Span<const vsplat_view>(views.begin(), views.size()));
   }
   std::string name(size_t index) const {
     char* out = nullptr;
@@ -299,6 +254,8 @@ struct Gaussians {
     out.sh = sh.data();
     return out;
   }
+  operator GaussianSpans() { return {means, scales, rotations, opacities, sh}; }
+  operator ConstGaussianSpans() const { return {means, scales, rotations, opacities, sh}; }
 };
 
 class Scene : public SceneHandle {
@@ -311,23 +268,39 @@ class Scene : public SceneHandle {
     check(vsplat_scene_load(path.c_str(), &out));
     return Scene(out);
   }
+  // Of a PLY file's bytes.
+  static Scene load(Span<const unsigned char> bytes,
+                    const vsplat_scene_load_options& options = VSPLAT_SCENE_LOAD_OPTIONS_INIT) {
+    vsplat_scene out = nullptr;
+    check(vsplat_scene_load_memory(bytes.data(), bytes.size(), &options, &out));
+    return Scene(out);
+  }
   static Scene load(const std::string& path, const vsplat_scene_load_options& options) {
     vsplat_scene out = nullptr;
     check(vsplat_scene_load_with(path.c_str(), &options, &out));
     return Scene(out);
   }
-  // Near plane and mirror are those of `info`; the count is that of `gaussians`.
-  static Scene create(Gaussians gaussians, int sh_degree, vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT) {
+  // As many as `gaussians` has opacities, which are copied. Near plane, mirror and the rest are those of `info`.
+  static Scene create(const ConstGaussianSpans& gaussians, int sh_degree,
+                      vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT) {
     vsplat_scene out = nullptr;
-    const vsplat_gaussians arrays = gaussians.arrays();
-    info.count = arrays.capacity;
+    info.count = gaussians.opacities.size();
     info.sh_degree = sh_degree;
+    const vsplat_gaussians arrays = gaussians.arrays(info.count, sh_degree);
     check(vsplat_scene_create(&info, &arrays, &out));
     return Scene(out);
   }
-  void update(Gaussians gaussians) const {
-    const vsplat_gaussians arrays = gaussians.arrays();
+  // Spans that are empty stay as they were.
+  void update(const ConstGaussianSpans& gaussians) const {
+    const vsplat_scene_info about = info();
+    const vsplat_gaussians arrays = gaussians.arrays(about.count, about.sh_degree);
     check(vsplat_scene_update(get(), &arrays));
+  }
+  // Into the caller's memory; what is empty is not wanted.
+  void read(const GaussianSpans& into) const {
+    const vsplat_scene_info about = info();
+    const vsplat_gaussians arrays = into.arrays(about.count, about.sh_degree);
+    check(vsplat_scene_get_gaussians(get(), &arrays));
   }
   Gaussians gaussians() const {
     const vsplat_scene_info about = info();
@@ -367,12 +340,39 @@ inline Scene reconstruct(const Device& device, const Model& model, const Input& 
   check(vsplat_reconstruct(device.get(), model.get(), input.get(), &options, &out));
   return Scene(out);
 }
+inline Scene reconstruct(const Device& device, const Model& model, const Input& input,
+                         const vsplat_reconstruct_options& options, const Progress& progress) {
+  detail::ProgressCall call(progress);
+  const vsplat_reconstruct_options told = call.of(options);
+  vsplat_scene out = nullptr;
+  call.check(vsplat_reconstruct(device.get(), model.get(), input.get(), &told, &out));
+  return Scene(out);
+}
+
+// What the first reconstruction with the model would do once, ahead of it.
+inline void prepare(const Device& device, const Model& model,
+                    const vsplat_prepare_options& options = VSPLAT_PREPARE_OPTIONS_INIT,
+                    const Progress& progress = {}) {
+  detail::ProgressCall call(progress);
+  const vsplat_prepare_options told = call.of(options);
+  call.check(vsplat_device_prepare(device.get(), model.get(), &told));
+}
 
 // What was drawn, in memory of its own.
 struct Picture {
   int width = 0, height = 0;
   std::vector<float> colour, alpha, depth;  // [height][width][3], [height][width], [height][width]
 
+  Picture() = default;
+  Picture(int with_width, int with_height) : width(with_width), height(with_height) {
+    const size_t pixels = width > 0 && height > 0 ? static_cast<size_t>(width) * static_cast<size_t>(height) : 0;
+    colour.resize(3 * pixels);
+    alpha.resize(pixels);
+    depth.resize(pixels);
+  }
+
+  operator PictureSpans() { return {colour, alpha, depth}; }
+  operator ConstPictureSpans() const { return {colour, alpha, depth}; }
   vsplat_picture arrays() {
     vsplat_picture out = VSPLAT_PICTURE_INIT;
     out.capacity = alpha.size();
@@ -381,138 +381,52 @@ struct Picture {
     out.depth = depth.data();
     return out;
   }
-  void save(const std::string& path, vsplat_picture_format format) {
-    const vsplat_picture p = arrays();
+  void save(const std::string& path, vsplat_picture_format format) const {
+    const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
     check(vsplat_picture_save(&p, width, height, format, path.c_str()));
   }
-  void save_jpeg(const std::string& path, int quality) {
-    const vsplat_picture p = arrays();
+  void save_jpeg(const std::string& path, int quality) const {
+    const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
     check(vsplat_picture_save_jpeg(&p, width, height, quality, path.c_str()));
   }
 };
 
-class Mesh : public MeshHandle {
- public:
-  using MeshHandle::MeshHandle;
-  // `texture` "": the file's own.
-  static Mesh load(const std::string& path, const std::string& texture = "") {
-    vsplat_mesh out = nullptr;
-    check(vsplat_mesh_load(path.c_str(), texture.empty() ? nullptr : texture.c_str(), &out));
-    return Mesh(out);
-  }
-  static Mesh procedural(uint64_t seed, uint32_t index) {
-    vsplat_mesh out = nullptr;
-    check(vsplat_mesh_procedural(seed, index, &out));
-    return Mesh(out);
-  }
-  static Mesh procedural(const vsplat_mesh_procedural_options& options) {
-    vsplat_mesh out = nullptr;
-    check(vsplat_mesh_procedural_with(&options, &out));
-    return Mesh(out);
-  }
-  vsplat_mesh_info info() const {
-    vsplat_mesh_info out = VSPLAT_MESH_INFO_INIT;
-    check(vsplat_mesh_get_info(get(), &out));
-    return out;
-  }
-  void write_views(const std::string& folder, const vsplat_mesh_views_options& options) const {
-    check(vsplat_mesh_write_views(get(), &options, folder.c_str()));
-  }
-};
-
-class DataSet : public DataSetHandle {
- public:
-  explicit DataSet(const std::vector<std::string>& paths) : DataSetHandle(open(paths)) {}
-
-  size_t count() const {
-    size_t out = 0;
-    check(vsplat_dataset_count(get(), &out));
-    return out;
-  }
-  // JSON: name, layout, path.
-  std::string describe(size_t index) const {
-    char* out = nullptr;
-    check(vsplat_dataset_describe(get(), index, &out));
-    return text(out);
-  }
-  // `bad`: a JSON list.
-  vsplat_dataset_object survey(size_t index, int32_t pictures, std::string& bad) const {
-    vsplat_dataset_object out = VSPLAT_DATASET_OBJECT_INIT;
-    char* texts = nullptr;
-    check(vsplat_dataset_survey(get(), index, pictures, &out, &texts));
-    bad = text(texts);
-    return out;
-  }
-  // [side][side][3], on white.
-  std::vector<float> picture(size_t index, int32_t view, int32_t side) const {
-    std::vector<float> out(static_cast<size_t>(side) * static_cast<size_t>(side) * 3);
-    check(vsplat_dataset_get_picture(get(), index, view, side, out.data(), out.size()));
-    return out;
-  }
-
- private:
-  static vsplat_dataset open(const std::vector<std::string>& paths) {
-    std::vector<const char*> names;
-    names.reserve(paths.size());
-    for (const std::string& path : paths) names.push_back(path.c_str());
-    vsplat_dataset out = nullptr;
-    check(vsplat_dataset_open(names.data(), names.size(), &out));
-    return out;
-  }
-};
-
-class Sheet : public SheetHandle {
- public:
-  Sheet() = default;
-  explicit Sheet(const vsplat_sheet_options& options) : SheetHandle(create(options)) {}
-
-  void add(Picture& picture, const std::string& label = "") {
-    const vsplat_picture p = picture.arrays();
-    check(vsplat_sheet_add_labelled(get(), &p, picture.width, picture.height, label.c_str()));
-  }
-  void save(const std::string& path) const { check(vsplat_sheet_save(get(), path.c_str())); }
-
- private:
-  static vsplat_sheet create(const vsplat_sheet_options& options) {
-    vsplat_sheet out = nullptr;
-    check(vsplat_sheet_create(&options, &out));
-    return out;
-  }
-};
-
-class Animation : public AnimationHandle {
- public:
-  Animation() = default;
-  explicit Animation(const vsplat_animation_options& options) : AnimationHandle(create(options)) {}
-
-  void add(Picture& picture) {
-    const vsplat_picture p = picture.arrays();
-    check(vsplat_animation_add(get(), &p, picture.width, picture.height));
-  }
-  void save(const std::string& path) const { check(vsplat_animation_save(get(), path.c_str())); }
-
- private:
-  static vsplat_animation create(const vsplat_animation_options& options) {
-    vsplat_animation out = nullptr;
-    check(vsplat_animation_create(&options, &out));
-    return out;
-  }
-};
-
+// Into the caller's memory; what is empty is not computed.
+inline void render(const Device& device, const Scene& scene, const vsplat_camera& camera, const PictureSpans& into,
+                   const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
+  const vsplat_picture p = into.arrays(camera.width, camera.height);
+  check(vsplat_render(device.get(), scene.get(), &camera, &options, &p));
+}
 inline Picture render(const Device& device, const Scene& scene, const vsplat_camera& camera,
                       const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
-  Picture out;
-  out.width = camera.width;
-  out.height = camera.height;
-  const size_t pixels = camera.width > 0 && camera.height > 0
-                            ? static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height)
-                            : 0;
-  out.colour.resize(3 * pixels);
-  out.alpha.resize(pixels);
-  out.depth.resize(pixels);
-  const vsplat_picture p = out.arrays();
-  check(vsplat_render(device.get(), scene.get(), &camera, &options, &p));
+  Picture out(camera.width, camera.height);
+  render(device, scene, camera, out, options);
   return out;
+}
+
+namespace detail {
+
+inline std::vector<vsplat_picture> arrays_of(Span<const vsplat_camera> cameras, Span<const PictureSpans> pictures) {
+  if (cameras.size() != pictures.size())
+    throw Error(VSPLAT_ERROR_USAGE, (std::to_string(cameras.size()) + " cameras and " +
+                                     std::to_string(pictures.size()) + " pictures; one for each is expected")
+                                        .c_str());
+  std::vector<vsplat_picture> out;
+  out.reserve(cameras.size());
+  for (size_t i = 0; i < cameras.size(); ++i) out.push_back(pictures[i].arrays(cameras[i].width, cameras[i].height));
+  return out;
+}
+
+}  // namespace detail
+
+// One after the other; progress is told before each.
+inline void render(const Device& device, const Scene& scene, Span<const vsplat_camera> cameras,
+                   Span<const PictureSpans> into, const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT,
+                   const Progress& progress = {}) {
+  const std::vector<vsplat_picture> arrays = detail::arrays_of(cameras, into);
+  detail::ProgressCall call(progress);
+  const vsplat_render_options told = call.of(options);
+  call.check(vsplat_render_views(device.get(), scene.get(), cameras.data(), cameras.size(), &told, arrays.data()));
 }
 
 // Derivatives of a loss on a picture.
@@ -521,45 +435,35 @@ struct Gradient {
   double pose[6] = {};  // see vsplat_render_backward
 };
 
-// `by_picture` holds the loss's derivatives by the picture's values.
+// `by_picture` holds the loss's derivatives by the picture's values; what is empty counts as zeros. Into the caller's
+// memory, what is empty not being wanted; `pose`, where it is not empty, takes six.
+inline void render_backward(const Device& device, const Scene& scene, const vsplat_camera& camera,
+                            const ConstPictureSpans& by_picture, const GaussianSpans& into, Span<double> pose,
+                            const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
+  const vsplat_scene_info about = scene.info();
+  const vsplat_picture p = by_picture.arrays(camera.width, camera.height);
+  const vsplat_gaussians arrays = into.arrays(about.count, about.sh_degree);
+  check(vsplat_render_backward(device.get(), scene.get(), &camera, &options, &p, &arrays,
+                               detail::pointer(pose, pose.empty() ? 0 : 6, "pose")));
+}
 inline Gradient render_backward(const Device& device, const Scene& scene, const vsplat_camera& camera,
-                                Picture by_picture, const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
+                                const ConstPictureSpans& by_picture,
+                                const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
   const vsplat_scene_info about = scene.info();
   Gradient out{Gaussians(about.count, about.sh_degree)};
-  const vsplat_picture p = by_picture.arrays();
-  const vsplat_gaussians arrays = out.gaussians.arrays();
-  check(vsplat_render_backward(device.get(), scene.get(), &camera, &options, &p, &arrays, out.pose));
+  render_backward(device, scene, camera, by_picture, out.gaussians, out.pose, options);
   return out;
-}
-
-// Training, see vsplat/train.h. The configuration with every field, from one with some or, where it is empty, none.
-inline std::string train_config(const std::string& config = "") {
-  char* out = nullptr;
-  check(vsplat_train_config(config.empty() ? nullptr : config.c_str(), &out));
-  return text(out);
-}
-inline vsplat_plan train_plan(const Device& device, const std::string& config,
-                              const vsplat_train_plan_options& options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT) {
-  vsplat_plan out = VSPLAT_PLAN_INIT;
-  check(vsplat_train_plan(device.get(), config.c_str(), &options, &out));
-  return out;
-}
-inline vsplat_train_result train(const Device& device, const std::string& config, const vsplat_train_options& options) {
-  vsplat_train_result out = VSPLAT_TRAIN_RESULT_INIT;
-  check(vsplat_train(device.get(), config.c_str(), &options, &out));
-  return out;
-}
-inline void train_report(const std::vector<std::string>& runs, const std::string& path) {
-  std::vector<const char*> paths;
-  for (const std::string& run : runs) paths.push_back(run.c_str());
-  check(vsplat_train_report(paths.data(), paths.size(), path.c_str()));
 }
 
 }  // namespace cxx
 }  // namespace vsplat
 
+#include <vsplat/dataset.hpp>
 #include <vsplat/evaluate.hpp>
+#include <vsplat/jobs.hpp>
+#include <vsplat/pictures.hpp>
 #include <vsplat/refine.hpp>
 #include <vsplat/share.hpp>
+#include <vsplat/train.hpp>
 
 #endif

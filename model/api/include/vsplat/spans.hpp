@@ -1,0 +1,105 @@
+// Memory of the caller's for C++: what the library reads from where it lies, and writes to where it is wanted, without
+// a copy. Part of vsplat.hpp, which includes it.
+#ifndef VSPLAT_SPANS_HPP
+#define VSPLAT_SPANS_HPP
+
+#include <vsplat/vsplat.h>
+
+#include <cstddef>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vsplat/handle.hpp>
+
+namespace vsplat {
+inline namespace cxx {
+
+// Elements in a row, of whatever holds them: a std::vector, a std::array, a std::span. Owns nothing.
+template <class T>
+class Span {
+ public:
+  constexpr Span() = default;
+  constexpr Span(T* data, std::size_t size) : data_(data), size_(size) {}
+  template <std::size_t N>
+  constexpr Span(T (&array)[N]) : data_(array), size_(N) {}
+  template <class Container,
+            class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<Container&>().data()), T*> &&
+                                     !std::is_same_v<std::decay_t<Container>, Span>>>
+  constexpr Span(Container&& container) : data_(container.data()), size_(container.size()) {}
+
+  constexpr T* data() const { return data_; }
+  constexpr std::size_t size() const { return size_; }
+  constexpr bool empty() const { return size_ == 0; }
+  constexpr T* begin() const { return data_; }
+  constexpr T* end() const { return data_ + size_; }
+  constexpr T& operator[](std::size_t at) const { return data_[at]; }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+namespace detail {
+
+// Of what is only read, for a struct that serves both ways; NULL where there is none, and Error where there is less
+// than `expected`.
+template <class T>
+std::remove_const_t<T>* pointer(Span<T> span, std::size_t expected, const char* name) {
+  if (span.empty() && expected > 0) return nullptr;
+  if (span.size() < expected)
+    throw Error(VSPLAT_ERROR_USAGE, (std::string(name) + " has room for " + std::to_string(span.size()) + " values; " +
+                                     std::to_string(expected) + " are expected")
+                                        .c_str());
+  return const_cast<std::remove_const_t<T>*>(span.data());
+}
+
+inline std::size_t values_of_sh(int degree) {
+  return 3 * static_cast<std::size_t>(degree + 1) * static_cast<std::size_t>(degree + 1);
+}
+
+}  // namespace detail
+
+// Gaussians where they lie: float to be written to, const float to be read. [K][3], [K][3], [K][4], [K], [K][S][3];
+// what is empty is not wanted, or stays as it was.
+template <class T>
+struct BasicGaussianSpans {
+  Span<T> means, scales, rotations, opacities, sh;
+
+  // For `count` Gaussians, all of which every span holds. Error where one does not.
+  vsplat_gaussians arrays(std::size_t count, int sh_degree) const {
+    vsplat_gaussians out = VSPLAT_GAUSSIANS_INIT;
+    out.capacity = count;
+    out.means = detail::pointer(means, 3 * count, "means");
+    out.scales = detail::pointer(scales, 3 * count, "scales");
+    out.rotations = detail::pointer(rotations, 4 * count, "rotations");
+    out.opacities = detail::pointer(opacities, count, "opacities");
+    out.sh = detail::pointer(sh, detail::values_of_sh(sh_degree) * count, "sh");
+    return out;
+  }
+};
+using GaussianSpans = BasicGaussianSpans<float>;
+using ConstGaussianSpans = BasicGaussianSpans<const float>;
+
+// A picture's values where they lie: [height][width][3], [height][width], [height][width]; what is empty is not wanted.
+template <class T>
+struct BasicPictureSpans {
+  Span<T> colour, alpha, depth;
+
+  vsplat_picture arrays(int width, int height) const {
+    const std::size_t pixels =
+        width > 0 && height > 0 ? static_cast<std::size_t>(width) * static_cast<std::size_t>(height) : 0;
+    vsplat_picture out = VSPLAT_PICTURE_INIT;
+    out.capacity = pixels;
+    out.colour = detail::pointer(colour, 3 * pixels, "colour");
+    out.alpha = detail::pointer(alpha, pixels, "alpha");
+    out.depth = detail::pointer(depth, pixels, "depth");
+    return out;
+  }
+};
+using PictureSpans = BasicPictureSpans<float>;
+using ConstPictureSpans = BasicPictureSpans<const float>;
+
+}  // namespace cxx
+}  // namespace vsplat
+
+#endif

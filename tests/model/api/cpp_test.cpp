@@ -1,0 +1,242 @@
+// The C++ wrapper: lambdas, what they throw, spans, and that nothing is copied on the way.
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+#include <vsplat/vsplat.hpp>
+
+namespace {
+
+int failures = 0;
+
+void hold_at(int line, bool good, const char* what) {
+  if (good) return;
+  ++failures;
+  std::printf("line %d: %s does not hold\n", line, what);
+}
+#define HOLD(what) hold_at(__LINE__, what, #what)
+
+using vsplat::ConstGaussianSpans;
+using vsplat::Device;
+using vsplat::Error;
+using vsplat::Gaussians;
+using vsplat::Input;
+using vsplat::Job;
+using vsplat::Model;
+using vsplat::Picture;
+using vsplat::PictureSpans;
+using vsplat::Scene;
+using vsplat::Span;
+
+// -> the status of the Error that it throws; VSPLAT_OK where it throws none
+template <class F>
+vsplat_status status_of(const F& run) {
+  try {
+    run();
+  } catch (const Error& e) {
+    return e.status();
+  }
+  return VSPLAT_OK;
+}
+
+struct Setting {
+  Device device{VSPLAT_DEVICE_OPTIONS_INIT};
+  Model model = init();
+  Input input = views();
+  vsplat_camera camera = in_front();
+  std::array<int32_t, 3> voxels{3, 21, 40};
+  vsplat_reconstruct_options options = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
+
+  Setting() {
+    options.voxels = voxels.data();
+    options.num_voxels = voxels.size();
+  }
+  static Model init() {
+    vsplat_model_options options = VSPLAT_MODEL_OPTIONS_INIT;
+    options.config = "micro";
+    return Model::init(options);
+  }
+  static vsplat_camera in_front() {
+    vsplat_camera out = VSPLAT_CAMERA_INIT;
+    out.width = out.height = 16;
+    out.fx = out.fy = 20;
+    out.cx = out.cy = 8;
+    out.w2c[11] = 2;
+    return out;
+  }
+  Input views() const {
+    std::array<float, 16 * 16 * 3> pixels{};
+    for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<float>(i * 7919 % 101) / 101.0f;
+    std::array<vsplat_view, 2> all{};
+    for (size_t i = 0; i < all.size(); ++i) {
+      all[i] = VSPLAT_VIEW_INIT;
+      all[i].pixels = pixels.data();
+      all[i].camera = in_front();
+      if (i == 1) all[i].camera.w2c[0] = all[i].camera.w2c[10] = -1;
+    }
+    return Input(model, vsplat::Views::create(all), VSPLAT_INPUT_OPTIONS_INIT);
+  }
+  Scene scene() const { return vsplat::reconstruct(device, model, input, options); }
+};
+
+bool are_equal(const Gaussians& a, const Gaussians& b) {
+  return !a.means.empty() && a.means == b.means && a.scales == b.scales && a.rotations == b.rotations &&
+         a.opacities == b.opacities && a.sh == b.sh;
+}
+
+void lambdas_are_called_and_what_they_throw_comes_out(const Setting& with) {
+  std::vector<std::string> stages;
+  const Scene told = vsplat::reconstruct(with.device, with.model, with.input, with.options,
+                                         [&](const char* stage, double) { return stages.emplace_back(stage), true; });
+  HOLD(stages.size() > 3);
+  HOLD(are_equal(told.gaussians(), with.scene().gaussians()));
+  HOLD(status_of([&] {
+         vsplat::reconstruct(with.device, with.model, with.input, with.options,
+                             [](const char*, double) { return false; });
+       }) == VSPLAT_ERROR_CANCELLED);
+  bool thrown = false;
+  try {
+    vsplat::reconstruct(with.device, with.model, with.input, with.options,
+                        [](const char*, double) -> bool { throw std::out_of_range("enough"); });
+  } catch (const std::out_of_range& e) {
+    thrown = std::string(e.what()) == "enough";
+  }
+  HOLD(thrown);
+  HOLD(are_equal(told.gaussians(), with.scene().gaussians()));  // and the device serves on
+  int prepared = 0;
+  vsplat::prepare(with.device, with.model, VSPLAT_PREPARE_OPTIONS_INIT,
+                  [&](const char*, double) { return ++prepared > 0; });
+  HOLD(prepared > 0);
+}
+
+void messages_reach_a_lambda() {
+  std::vector<std::string> messages;
+  vsplat::log_to([&](vsplat_log_level, const char* text) { messages.emplace_back(text); });
+  { const Device opened{VSPLAT_DEVICE_OPTIONS_INIT}; }
+  Setting::init();
+  const Setting loud;
+  vsplat::log_to({});
+  const size_t count = messages.size();
+  const Setting silent;
+  HOLD(count > 0);
+  HOLD(messages.size() == count);
+}
+
+void spans_are_read_and_written_where_they_lie(const Setting& with) {
+  const Scene scene = with.scene();
+  const size_t count = scene.info().count;
+  HOLD(count > 0);
+  std::vector<float> means(3 * count, -1);
+  scene.read({means, {}, {}, {}, {}});
+  HOLD(means == scene.gaussians().means);
+
+  const Gaussians all = scene.gaussians();
+  const Scene again = Scene::create(all, scene.info().sh_degree, scene.info());
+  HOLD(are_equal(again.gaussians(), all));
+  std::vector<float> opacities(count, 0.5f);
+  ConstGaussianSpans changed;
+  changed.opacities = opacities;
+  again.update(changed);
+  HOLD(again.gaussians().opacities == opacities);
+  HOLD(again.gaussians().means == all.means);
+
+  std::array<float, 16 * 16> alpha{};
+  vsplat::render(with.device, scene, with.camera, PictureSpans{{}, alpha, {}});
+  const Picture whole = vsplat::render(with.device, scene, with.camera);
+  HOLD(std::memcmp(alpha.data(), whole.alpha.data(), sizeof alpha) == 0);
+  std::array<float, 16 * 16 - 1> small{};
+  HOLD(status_of([&] {
+         vsplat::render(with.device, scene, with.camera, PictureSpans{{}, small, {}});
+       }) == VSPLAT_ERROR_USAGE);
+  HOLD(status_of([&] { scene.read({{means.data(), means.size() - 1}, {}, {}, {}, {}}); }) == VSPLAT_ERROR_USAGE);
+
+  std::array<vsplat_camera, 2> cameras{with.camera, with.camera};
+  cameras[1].w2c[11] = 3;
+  std::array<Picture, 2> pictures{Picture(16, 16), Picture(16, 16)};
+  const std::array<PictureSpans, 2> into{pictures[0], pictures[1]};
+  int drawn = 0;
+  vsplat::render(with.device, scene, cameras, into, VSPLAT_RENDER_OPTIONS_INIT,
+                 [&](const char*, double) { return ++drawn > 0; });
+  HOLD(drawn > 1);
+  HOLD(pictures[0].colour == whole.colour);
+  HOLD(pictures[1].colour == vsplat::render(with.device, scene, cameras[1]).colour);
+  HOLD(status_of([&] { vsplat::render(with.device, scene, cameras, Span<const PictureSpans>(into.data(), 1)); }) ==
+       VSPLAT_ERROR_USAGE);
+
+  Picture by_picture(16, 16);
+  for (size_t i = 0; i < by_picture.colour.size(); ++i) by_picture.colour[i] = static_cast<float>(i % 7) - 3;
+  const vsplat::Gradient all_of_it = vsplat::render_backward(with.device, scene, with.camera, by_picture);
+  std::vector<float> by_opacity(count);
+  std::array<double, 6> pose{};
+  vsplat::render_backward(with.device, scene, with.camera, {by_picture.colour, {}, {}}, {{}, {}, {}, by_opacity, {}},
+                          pose);
+  HOLD(by_opacity == all_of_it.gaussians.opacities);
+  HOLD(std::memcmp(pose.data(), all_of_it.pose, sizeof pose) == 0);
+  HOLD(pose[5] != 0);
+}
+
+void jobs_end_with_what_they_made(const Setting& with) {
+  const Gaussians expected = with.scene().gaussians();
+  std::atomic<int> ended{0}, told{0};
+  vsplat::JobFunctions functions;
+  functions.progress = [&](const char*, double) { return ++told > 0; };
+  functions.on_end = [&] { ++ended; };
+  const Job job = vsplat::reconstruct_async(with.device, with.model, with.input, with.options, functions);
+  const Scene scene = job.scene();
+  HOLD(are_equal(scene.gaussians(), expected));
+  HOLD(told > 3);
+
+  std::array<Picture, 1> pictures{Picture(16, 16)};
+  const std::array<PictureSpans, 1> into{pictures[0]};
+  const Job drawing = vsplat::render_async(with.device, scene, {&with.camera, 1}, into);
+  drawing.finish();
+  HOLD(ended == 1);
+  HOLD(drawing.state() == VSPLAT_JOB_DONE);
+  HOLD(pictures[0].colour == vsplat::render(with.device, scene, with.camera).colour);
+
+  functions.progress = [](const char*, double) -> bool { throw std::out_of_range("enough"); };
+  bool thrown = false;
+  const Job failing = vsplat::reconstruct_async(with.device, with.model, with.input, with.options, functions);
+  try {
+    failing.scene();
+  } catch (const std::out_of_range&) {
+    thrown = true;
+  }
+  HOLD(thrown);
+  HOLD(failing.state() == VSPLAT_JOB_CANCELLED);
+
+  // Where it cannot begin, its functions are let go of.
+  const auto held = std::make_shared<int>(7);
+  vsplat::JobFunctions holding;
+  holding.on_end = [held] {};
+  HOLD(status_of([&] { vsplat::reconstruct_async(Device(), with.model, with.input, with.options, holding); }) ==
+       VSPLAT_ERROR_USAGE);
+  holding.on_end = nullptr;
+  HOLD(held.use_count() == 1);
+}
+
+static_assert(std::is_nothrow_move_constructible_v<Scene> && std::is_nothrow_move_assignable_v<Scene>);
+static_assert(std::is_nothrow_move_constructible_v<Picture> && std::is_nothrow_move_constructible_v<Gaussians>);
+static_assert(std::is_nothrow_move_constructible_v<Job>);
+static_assert(!std::is_convertible_v<std::vector<double>&, Span<float>>);
+static_assert(!std::is_convertible_v<const std::vector<float>&, Span<float>>);
+
+}  // namespace
+
+int main() try {
+  const Setting with;
+  lambdas_are_called_and_what_they_throw_comes_out(with);
+  messages_reach_a_lambda();
+  spans_are_read_and_written_where_they_lie(with);
+  jobs_end_with_what_they_made(with);
+  if (failures == 0) std::puts("all holds");
+  return failures == 0 ? 0 : 1;
+} catch (const std::exception& e) {
+  std::printf("%s\n", e.what());
+  return 1;
+}
