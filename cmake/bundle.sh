@@ -38,8 +38,9 @@ build=$(cd "$build" && pwd) || exit 1
 
 program=$build/bin/vsplat
 library=$build/model/api/libvsplat.so.1
+look=$build/model/libexec/vsplat/vsplat-look
 reader=$build/model/libexec/vsplat/vsplat-read
-set -- "$program" "$library"
+set -- "$program" "$library" "$look"
 if [ $with_reader = yes ]; then set -- "$@" "$reader"; fi
 for file in "$@"; do
   [ -f "$file" ] || fail "$file is missing: build it first (cmake --build $build --target bin/vsplat)"
@@ -55,9 +56,11 @@ mkdir -p "$top/bin" "$top/lib" "$top/libc" "$top/model/weights"
 cp "$program" "$top/bin/vsplat.elf"
 cp -L "$library" "$top/lib/libvsplat.so.1"
 own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.1"
+# As in the build's tree, programs are looked for beside the folder of the library.
+mkdir -p "$top/libexec/vsplat"
+cp "$look" "$top/libexec/vsplat/vsplat-look.elf"
+own="$own;$top/libexec/vsplat/vsplat-look.elf"
 if [ $with_reader = yes ]; then
-  # As in the build's tree, it is looked for beside the folder of the library.
-  mkdir -p "$top/libexec/vsplat"
   cp "$reader" "$top/libexec/vsplat/vsplat-read.elf"
   own="$own;$top/libexec/vsplat/vsplat-read.elf"
 fi
@@ -119,6 +122,7 @@ END
   chmod 755 "$1"
 }
 launcher "$top/bin/vsplat" .. bin/vsplat.elf
+launcher "$top/libexec/vsplat/vsplat-look" ../.. libexec/vsplat/vsplat-look.elf
 if [ $with_reader = yes ]; then launcher "$top/libexec/vsplat/vsplat-read" ../.. libexec/vsplat/vsplat-read.elf; fi
 
 echo "bundle: needs glibc $wanted, carries $carried; $(find "$top/lib" -type f | wc -l) libraries, $(du -sk "$top" | cut -f1) KiB unpacked" >&2

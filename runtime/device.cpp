@@ -218,7 +218,7 @@ std::vector<DeviceInfo> that_match(const std::string& spec, const std::vector<De
 
 DeviceInfo choose_device(const std::string& asked) {
   const std::vector<DeviceInfo> devices = list_devices();
-  if (devices.empty()) fail(Status::device, "no OpenCL device: {}", why_no_device());
+  if (devices.empty()) fail(Status::device, "no OpenCL device: {}; vsplat_doctor tells more", why_no_device());
   std::string spec = trimmed(asked);
   const char* from = "vsplat_device_options.device";
   if (spec.empty()) {

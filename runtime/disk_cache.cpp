@@ -10,7 +10,7 @@
 #include <mutex>
 #include <set>
 
-#include "runtime/environment.h"
+#include "runtime/cache_folders.h"
 #include "runtime/error.h"
 #include "runtime/host_span.h"
 #include "runtime/log.h"
@@ -22,13 +22,6 @@ namespace vsplat {
 namespace {
 
 const std::string magic = "vsplat-kernel-2\n";
-
-std::string folder_from_environment() {
-  if (const std::string own = environment("VSPLAT_CACHE_DIR"); !own.empty()) return own == "off" ? "" : own;
-  if (const std::string xdg = environment("XDG_CACHE_HOME"); !xdg.empty()) return xdg + "/vsplat";
-  if (const std::string home = environment("HOME"); !home.empty()) return home + "/.cache/vsplat";
-  return "";
-}
 
 constexpr off_t largest_entry = off_t{1} << 28;  // compiled, our kernels take some hundred kilobytes
 
@@ -96,7 +89,7 @@ std::string contents(const Descriptor& file) {
 
 }  // namespace
 
-DiskCache::DiskCache() : DiskCache(folder_from_environment()) {}
+DiskCache::DiskCache() : DiskCache(own_cache().path) {}
 
 DiskCache::DiskCache(std::string folder) : folder_(std::move(folder)) {
   if (!enabled() || !others_may_write(folder_)) return;

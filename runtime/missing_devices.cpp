@@ -1,41 +1,15 @@
 #include "runtime/missing_devices.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <filesystem>
 #include <vector>
 
-#include "runtime/environment.h"
+#include "runtime/cache_folders.h"
 #include "runtime/opencl.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
 namespace {
-
-namespace fs = std::filesystem;
-
-// Where PoCL keeps compiled kernels. It gives no device where it cannot make that folder.
-fs::path pocl_cache() {
-  if (const std::string own = environment("POCL_CACHE_DIR"); !own.empty()) return own;
-  if (const std::string xdg = environment("XDG_CACHE_HOME"); !xdg.empty()) return fs::path(xdg) / "pocl" / "kcache";
-  if (const std::string home = environment("HOME"); !home.empty()) return fs::path(home) / ".cache" / "pocl" / "kcache";
-  return "/tmp/pocl/kcache";
-}
-
-// Whether the folder, or the nearest one above it that is there, takes a file.
-bool writable(fs::path folder) {
-  std::error_code error;
-  while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path())
-    folder = folder.parent_path();
-  // access() says yes to root where the file system says no: try.
-  std::string probe = (folder / ".vsplat-XXXXXX").string();
-  const int file = mkstemp(probe.data());
-  if (file < 0) return false;
-  close(file);
-  unlink(probe.c_str());
-  return true;
-}
 
 struct Driver {
   std::string name;
@@ -63,11 +37,11 @@ std::vector<Driver> drivers() {
 
 std::string unusable(const std::vector<Driver>& drivers) {
   for (const Driver& driver : drivers) {
-    if (driver.devices || driver.name != "Portable Computing Language" || writable(pocl_cache())) continue;
+    if (driver.devices || driver.name != "Portable Computing Language" || is_writable(pocl_cache().path)) continue;
     return fmt::format(
         "the driver {} (PoCL) is there, but gives no device: it keeps compiled kernels in {}, which cannot be written. "
         "Set POCL_CACHE_DIR to a folder that can be, or XDG_CACHE_HOME or HOME to one above it",
-        driver.name, pocl_cache().string());
+        driver.name, pocl_cache().path);
   }
   return "";
 }

@@ -90,6 +90,7 @@ int interrupt_code();  // what a shell tells of it: 130, 143, 129
 // Each adds its sub-command with everything it needs; `run` is set when it was asked for and does the work.
 using Run = std::function<void()>;
 void add_devices(CLI::App& app, Run& run);
+void add_doctor(CLI::App& app, Run& run);
 void add_kernels(CLI::App& app, Run& run);
 void add_init(CLI::App& app, Run& run);
 void add_weights(CLI::App& app, Run& run);

@@ -66,6 +66,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_train_options, resume, "--resume"),
     FIELD(vsplat_train_options, textures, "--textures"),
     FIELD(vsplat_tune_options, path, "--output"),
+    FUNCTION(vsplat_doctor, "`vsplat doctor`"),
     FUNCTION(vsplat_mesh_load, "--texture"),
     FUNCTION(vsplat_model_init, "`vsplat init`"),
     FUNCTION(vsplat_model_load, "--model"),

@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Examples:\n"
       "  vsplat devices                                   what there is to compute on\n"
+      "  vsplat doctor                                    why there is no device, and what to do\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat refine photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
@@ -68,6 +69,7 @@ int main(int argc, char** argv) {
   command::add_init(app, run);
   command::add_weights(app, run);
   command::add_devices(app, run);
+  command::add_doctor(app, run);
   command::add_kernels(app, run);
   command::add_tune(app, run);
   command::add_bench(app, run);

@@ -1,6 +1,5 @@
 #include "model/read/start_program.h"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
@@ -9,7 +8,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <functional>
 #include <utility>
 #include <vector>
@@ -17,13 +15,12 @@
 #include "model/read/channel.h"
 #include "model/read/reader.h"
 #include "runtime/fail.h"
+#include "runtime/library_programs.h"
 
 extern char** environ;
 
 namespace vsplat {
 namespace {
-
-namespace fs = std::filesystem;
 
 std::string& named_program() {
   static std::string path;
@@ -38,20 +35,12 @@ std::function<read::Started(const char* what, std::uint64_t memory)>& replacemen
 // Beside the library that this code is in, as both are installed.
 std::string program_path() {
   if (!named_program().empty()) return named_program();
-  Dl_info library{};
-  if (::dladdr(reinterpret_cast<const void*>(&set_reader_program), &library) == 0 || !library.dli_fname)
+  const std::string path = library_program("vsplat-read");
+  if (path.empty())
     fail(Status::internal,
          "meshes and HDF5 files are read by vsplat-read, which is installed beside the library: it is "
          "not known where that is");
-  std::error_code problem;
-  fs::path real = fs::canonical(library.dli_fname, problem);
-  if (problem) real = library.dli_fname;
-  // A library that lies where none is installed is one of a build, or was packed together with what it needs.
-  const fs::path folder = real.parent_path();
-  const bool installed = folder.string().ends_with(VSPLAT_LIBRARY_FOLDER);
-  return (folder / (installed ? VSPLAT_READ_FROM_LIBRARY : "../libexec/vsplat") / "vsplat-read")
-      .lexically_normal()
-      .string();
+  return path;
 }
 
 // What posix_spawn is told, freed at the end.

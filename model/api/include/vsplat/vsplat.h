@@ -29,6 +29,7 @@
 
 #include <vsplat/dataset.h>
 #include <vsplat/device.h>
+#include <vsplat/doctor.h>
 #include <vsplat/evaluate.h>
 #include <vsplat/jobs.h>
 #include <vsplat/model.h>

@@ -459,6 +459,7 @@ inline Gradient render_backward(const Device& device, const Scene& scene, const 
 }  // namespace vsplat
 
 #include <vsplat/dataset.hpp>
+#include <vsplat/doctor.hpp>
 #include <vsplat/evaluate.hpp>
 #include <vsplat/jobs.hpp>
 #include <vsplat/pictures.hpp>

@@ -1,0 +1,50 @@
+// vsplat doctor: why there is no device, or the wrong one, and what to do.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+
+namespace command {
+namespace {
+
+struct DoctorOptions {
+  Common common;
+  double seconds = 20;
+};
+
+void doctor(const DoctorOptions& o) {
+  set_up_library(o.common);
+  vsplat_doctor_options options = VSPLAT_DOCTOR_OPTIONS_INIT;
+  options.seconds = o.seconds;
+  options.json = o.common.json;
+  const vsplat::Diagnosis found = vsplat::doctor(options);
+  if (o.common.json)
+    print_json(nlohmann::ordered_json::parse(found.text));
+  else
+    std::printf("%s", for_terminal(found.text).c_str());
+  if (found.findings == 1) throw std::runtime_error("1 thing is wrong");
+  if (found.findings > 1) throw std::runtime_error(std::to_string(found.findings) + " things are wrong");
+}
+
+}  // namespace
+
+void add_doctor(CLI::App& app, Run& run) {
+  auto o = std::make_shared<DoctorOptions>();
+  CLI::App* sub = app.add_subcommand("doctor", "Tell why there is no OpenCL device, or the wrong one, and what to do");
+  sub->add_option("--seconds", o->seconds,
+                  "What one driver may take to be loaded and to tell its devices (default: 20)")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->type_name("S");
+  add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});
+  sub->footer(
+      "Each driver is looked at in a process of its own, so that one that crashes or hangs is named. Ends with 0 "
+      "where\n"
+      "a device can be used and nothing is wrong, else with 1.\n"
+      "Examples:\n"
+      "  vsplat doctor\n"
+      "  vsplat doctor --json");
+  sub->callback([o, &run] { run = [o] { doctor(*o); }; });
+}
+
+}  // namespace command
