@@ -84,3 +84,35 @@ vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_fo
     fail(Status::usage, "format is {}, not a value of vsplat_profile_format", value_of(format));
   });
 }
+
+vsplat_status vsplat_device_profile_count(vsplat_device device, size_t* out_count) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need(out_count, "out_count");
+    device->context.finish();
+    *out_count = device->context.profiler().rows().size();
+  });
+}
+
+vsplat_status vsplat_device_profile_get(vsplat_device device, size_t index, vsplat_profile_row* out_row) {
+  return guarded([&] {
+    const DeviceUse use(device);
+    need_room(out_row, "out_row");
+    device->context.finish();
+    const std::vector<ProfileRow> rows = device->context.profiler().rows();
+    if (index >= rows.size()) fail(Status::usage, "index is {}: there are {} rows", index, rows.size());
+    const ProfileRow& row = rows[index];
+    const auto seconds = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-9; };
+    vsplat_profile_row out = VSPLAT_PROFILE_ROW_INIT;
+    row.name.copy(out.kernel, sizeof out.kernel - 1);
+    row.stage.copy(out.stage, sizeof out.stage - 1);
+    out.calls = row.calls;
+    out.seconds = seconds(row.total_ns);
+    out.least = seconds(row.min_ns), out.most = seconds(row.max_ns);
+    out.queued = seconds(row.queued_ns + row.submitted_ns);
+    out.first_calls = row.first_calls, out.first_seconds = seconds(row.first_ns);
+    out.flops = row.flops, out.bytes = row.bytes, out.performed_flops = row.performed_flops;
+    out.timed_on_host = std::string(row.timed_by) == "host";
+    give(out_row, out, "out_row");
+  });
+}

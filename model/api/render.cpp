@@ -10,6 +10,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/drawing.h"
+#include "model/api/pixels.h"
 #include "model/api/plan.h"
 #include "runtime/fail.h"
 
@@ -18,8 +19,14 @@ using namespace vsplat::api;
 
 namespace {
 
-void read(Context& ctx, const Tensor& from, float* to) {
+// Into the caller's memory, or into `own` where he has none for it.
+const float* read(Context& ctx, const Tensor& from, float* to, bool wanted, std::vector<float>& own) {
+  if (!to && wanted) {
+    own.resize(static_cast<std::size_t>(from.count()));
+    to = own.data();
+  }
   if (to) ctx.read(from, to);
+  return to;
 }
 
 vsplat_picture room_of(const vsplat_picture& picture, const std::string& what) {
@@ -35,6 +42,10 @@ double host_bytes(double pixels) {
 struct Shot {
   Camera camera;
   vsplat_picture picture;
+  CallersPixels pixels;
+
+  Shot(const Camera& seen_from, const vsplat_picture& into, const std::string& what)
+      : camera(seen_from), picture(room_of(into, what)), pixels(picture, camera.width, what) {}
 };
 
 // Everything that can be wrong with the request is found before the first is drawn.
@@ -51,6 +62,7 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
       fail(Status::usage, "picture.capacity is {} pixels: the camera's picture has {}", shot.picture.capacity, pixels);
     most = std::max(most, pixels);
   }
+  std::vector<float> colour, alpha;
   for (size_t i = 0; i < shots.size(); ++i) {
     if (o.progress && !o.progress(o.user, "splat", static_cast<double>(i) / static_cast<double>(shots.size())))
       fail(Status::cancelled, "stopped with {} of {} pictures drawn", i, shots.size());
@@ -58,9 +70,11 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
     Context& ctx = device->context;
     const DevicePicture drawn = render(ctx, there, in_frame(*scene->scene, shots[i].camera), how);
     ctx.finish();
-    read(ctx, drawn.colour, shots[i].picture.colour);
-    read(ctx, drawn.alpha, shots[i].picture.alpha);
-    read(ctx, drawn.depth, shots[i].picture.depth);
+    const Shot& shot = shots[i];
+    const float* colour_read = read(ctx, drawn.colour, shot.picture.colour, shot.pixels.wanted(), colour);
+    const float* alpha_read = read(ctx, drawn.alpha, shot.picture.alpha, shot.pixels.wants_alpha(), alpha);
+    if (shot.picture.depth) ctx.read(drawn.depth, shot.picture.depth);
+    if (shot.pixels.wanted()) shot.pixels.write(colour_read, alpha_read, shot.camera.height, o.background);
   }
 }
 
@@ -73,7 +87,7 @@ vsplat_status vsplat_render(vsplat_device device, vsplat_scene scene, const vspl
     need(scene, "scene");
     need(camera, "camera");
     need(picture, "picture");
-    draw(device, scene, {{camera_of(*camera, "camera"), room_of(*picture, "picture")}}, options);
+    draw(device, scene, {Shot(camera_of(*camera, "camera"), *picture, "picture")}, options);
   });
 }
 
@@ -85,8 +99,8 @@ vsplat_status vsplat_render_views(vsplat_device device, vsplat_scene scene, cons
     need_array(pictures, count, "pictures");
     std::vector<Shot> shots;
     for (size_t i = 0; i < count; ++i)
-      shots.push_back({camera_of(element(cameras, i), fmt::format("camera {}", i).c_str()),
-                       room_of(element(pictures, i), fmt::format("picture {}", i))});
+      shots.emplace_back(camera_of(element(cameras, i), fmt::format("camera {}", i).c_str()), element(pictures, i),
+                         fmt::format("picture {}", i));
     draw(device, scene, shots, options);
   });
 }

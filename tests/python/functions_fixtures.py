@@ -253,6 +253,8 @@ class Values:
                 return self.handles["surfels"]
             if p.base == "vsplat_animation":  # done when it is saved
                 return self.handles.make(p.base)
+            if name == "vsplat_device_profile_get":
+                self.record(self.handles[p.base])
             return self.handles[p.base]
         if p.name.startswith("out_") and p.is_pointer and not p.const:
             if p.base in structs:
@@ -314,6 +316,12 @@ class Values:
         out = self.api.headers.prototypes[p.base](body)
         self.handles.alive.append(out)
         return out
+
+    def record(self, device):
+        """A profile of a drawing."""
+        self.api.call("vsplat_device_profile", device, 1)
+        self.api.call("vsplat_render", device, self.handles["vsplat_scene"], c.byref(camera(self.api)), None, c.byref(picture(self.api)))
+        self.api.call("vsplat_device_profile", device, 0)
 
     def event(self):
         """One of a drawing that is done or will be."""

@@ -180,6 +180,29 @@ void spans_are_read_and_written_where_they_lie(const Setting& with) {
   HOLD(pose[5] != 0);
 }
 
+void a_profile_is_told_in_rows(const Setting& with) {
+  with.scene();
+  Device stream = with.device.stream();
+  stream.profile(true);
+  const Scene scene = vsplat::reconstruct(stream, with.model, with.input, with.options);
+  stream.profile(false);
+  const std::vector<vsplat_profile_row> rows = stream.profile_rows();
+  HOLD(rows.size() > 10);
+  const std::string json = stream.profile_text(VSPLAT_PROFILE_JSON);
+  double before = 1e9;
+  bool encoder = false;
+  for (const vsplat_profile_row& row : rows) {
+    HOLD(row.calls > 0 && row.seconds <= before && row.least <= row.most && row.first_calls <= row.calls);
+    HOLD(row.most <= row.seconds * (1 + 1e-9) && row.seconds <= row.most * static_cast<double>(row.calls) * (1 + 1e-9));
+    HOLD(json.find('"' + std::string(row.kernel) + '"') != std::string::npos);
+    encoder = encoder || (std::string(row.stage) == "encoder" && row.flops > 0);
+    before = row.seconds;
+  }
+  HOLD(encoder);
+  vsplat_profile_row none = VSPLAT_PROFILE_ROW_INIT;
+  HOLD(vsplat_device_profile_get(stream.get(), rows.size(), &none) == VSPLAT_ERROR_USAGE);
+}
+
 void jobs_end_with_what_they_made(const Setting& with) {
   const Gaussians expected = with.scene().gaussians();
   std::atomic<int> ended{0}, told{0};
@@ -233,6 +256,7 @@ int main() try {
   lambdas_are_called_and_what_they_throw_comes_out(with);
   messages_reach_a_lambda();
   spans_are_read_and_written_where_they_lie(with);
+  a_profile_is_told_in_rows(with);
   jobs_end_with_what_they_made(with);
   if (failures == 0) std::puts("all holds");
   return failures == 0 ? 0 : 1;

@@ -177,6 +177,77 @@ static void test_lenses(vsplat_model model) {
   vsplat_views_release(views);
 }
 
+/* What is drawn, as programs keep it: each form is made of the plain one. */
+static void test_pictures_out(vsplat_device device, vsplat_scene scene) {
+  enum { GAP = 5 };
+  static float colour[PIXELS * 3], alpha[PIXELS], over_black[PIXELS * 3], f32[PIXELS * 4];
+  static unsigned char rows[EDGE][EDGE * 3 + GAP], rgba[PIXELS * 4];
+  static uint16_t f16[PIXELS * 4];
+  vsplat_camera camera = VSPLAT_CAMERA_INIT;
+  vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
+  vsplat_picture plain = VSPLAT_PICTURE_INIT, other = VSPLAT_PICTURE_INIT;
+  int i, c, bad = 0, half = 0;
+  camera.width = camera.height = EDGE;
+  camera.fx = camera.fy = 1.25 * EDGE;
+  camera.cx = camera.cy = EDGE / 2.0;
+  camera.w2c[11] = 2;
+  options.background[0] = 0.25f, options.background[1] = 0.5f, options.background[2] = 0.75f;
+  plain.capacity = other.capacity = PIXELS;
+  plain.colour = colour, plain.alpha = alpha;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &plain));
+  memset(rows, 171, sizeof rows);
+  other.data = rows, other.type = VSPLAT_PIXELS_U8, other.row_bytes = EDGE * 3 + GAP;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
+  for (i = 0; i < PIXELS; ++i)
+    for (c = 0; c < 3; ++c) {
+      const float v = colour[3 * i + c] > 1 ? 1 : colour[3 * i + c];
+      bad += rows[i / EDGE][3 * (i % EDGE) + c] != (unsigned char)lroundf(255 * v);
+    }
+  for (i = 0; i < EDGE; ++i)
+    for (c = 0; c < GAP; ++c) bad += rows[i][EDGE * 3 + c] != 171;
+  HOLD(bad == 0);
+  /* Without the background: what is drawn over black is multiplied by alpha. */
+  options.background[0] = options.background[1] = options.background[2] = 0;
+  plain.colour = over_black;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &plain));
+  options.background[0] = 0.25f, options.background[1] = 0.5f, options.background[2] = 0.75f;
+  other.data = f32, other.type = VSPLAT_PIXELS_F32, other.row_bytes = 0, other.channels = 4, other.premultiplied = 1;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
+  for (i = 0; i < PIXELS; ++i) {
+    half += alpha[i] > 0.02f && alpha[i] < 0.98f;
+    bad += f32[4 * i + 3] != alpha[i];
+    for (c = 0; c < 3; ++c) bad += fabsf(f32[4 * i + c] - over_black[3 * i + c]) > 1e-6f;
+  }
+  HOLD(bad == 0);
+  HOLD(half > 10);
+  other.premultiplied = 0, other.data = f16, other.type = VSPLAT_PIXELS_F16;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
+  other.data = rgba, other.type = VSPLAT_PIXELS_U8;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
+  other.data = f32, other.type = VSPLAT_PIXELS_F32;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
+  for (i = 0; i < PIXELS; ++i)
+    for (c = 0; c < 4; ++c) {
+      const float v = f32[4 * i + c], limited = v > 1 ? 1 : v > 0 ? v : 0;
+      if (c < 3 && alpha[i] > 0.02f) bad += fabsf(v * alpha[i] - over_black[3 * i + c]) > 1e-5f;
+      bad += rgba[4 * i + c] != (unsigned char)lroundf(255 * limited);
+      if (v > 1e-4f) {
+        const unsigned h = f16[4 * i + c];
+        bad += fabsf(ldexpf((float)(1024 + (h & 1023)), (int)(h >> 10) - 25) - v) > v / 2048;
+      }
+    }
+  HOLD(bad == 0);
+  other.channels = 5;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+  other.channels = 3, other.premultiplied = 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+  other.premultiplied = 0, other.row_bytes = EDGE * 12 - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+  HOLD(strstr(vsplat_last_error(), "picture.row_bytes is 191") != NULL);
+  other.row_bytes = 0, other.type = (vsplat_pixel_type)9;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+}
+
 static void test_refusals(vsplat_device device, vsplat_scene scene) {
   static float pixels[PIXELS * 4];
   vsplat_view view = VSPLAT_VIEW_INIT;
@@ -257,6 +328,7 @@ int main(void) {
   test_pixels(model);
   test_lenses(model);
   scene = test_files_in_memory(device, model);
+  test_pictures_out(device, scene);
   test_refusals(device, scene);
   vsplat_scene_release(scene);
   vsplat_model_release(model);

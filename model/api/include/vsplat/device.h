@@ -127,6 +127,29 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_name(vsplat_devi
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_format format,
                                                                      char** out_text);
 
+/* The launches of one kernel in one stage, and the transfers, whose stage is "transfer". */
+typedef struct vsplat_profile_row {
+  size_t size;
+  char kernel[64], stage[32]; /* cut where they are longer */
+  uint64_t calls;
+  double seconds;         /* that they ran, in all */
+  double least, most;     /* of one */
+  double queued;          /* seconds that they waited before they ran, in all */
+  uint64_t first_calls;   /* of these: first launches of a kernel with a work-group, which some drivers compile in */
+  double first_seconds;   /* that those ran */
+  double flops, bytes;    /* by the definition of what is computed; 0: not told */
+  double performed_flops; /* where a method gets by with fewer; else the same */
+  int32_t timed_on_host;  /* 1: the device tells no times; each launch is then waited for */
+} vsplat_profile_row;
+#define VSPLAT_PROFILE_ROW_INIT \
+  { sizeof(vsplat_profile_row), "", "", 0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0 }
+
+/* How many rows there are of what was recorded so far. Waits for what has been launched. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_count(vsplat_device device, size_t* out_count);
+/* Row `index`, the one that took most time being the first. Set out_row->size before. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_profile_get(vsplat_device device, size_t index,
+                                                                    vsplat_profile_row* out_row);
+
 #ifdef __cplusplus
 }
 #endif

@@ -58,9 +58,16 @@ typedef struct vsplat_picture {
   float* colour;     /* [height][width][3] over the background; may exceed 1 */
   float* alpha;      /* [height][width] */
   float* depth;      /* [height][width] accumulated: sum of weight x camera z, world units */
+  /* What vsplat_render, vsplat_render_views and vsplat_render_async draw, once more as programs keep pictures; other
+     functions do not look at what follows. [height] rows of [width][channels] values; NULL: not wanted */
+  void* data;
+  vsplat_pixel_type type; /* of `data`; 8 bits are rounded as in PNG files, and limited to 0 to 1 */
+  int32_t channels;       /* 3: RGB over the background; 4: RGBA, without the background */
+  size_t row_bytes;       /* from a row of `data` to the next; 0: they lie without gaps */
+  int32_t premultiplied;  /* 1: colour is multiplied by alpha; 0: alpha is straight */
 } vsplat_picture;
 #define VSPLAT_PICTURE_INIT \
-  { sizeof(vsplat_picture), 0, NULL, NULL, NULL }
+  { sizeof(vsplat_picture), 0, NULL, NULL, NULL, NULL, VSPLAT_PIXELS_F32, 3, 0, 0 }
 
 /* Draws the scene from a camera, as the original 3D Gaussian splatting rasteriser defines it. `options` NULL: defaults.
    The scene's Gaussians stay on the device until scene or device go. */

@@ -54,6 +54,14 @@ class Device : public DeviceHandle {
   void profile_name(const std::string& what, const std::string& name) {
     check(vsplat_device_profile_name(get(), what.c_str(), name.c_str()));
   }
+  // Most time first.
+  std::vector<vsplat_profile_row> profile_rows() const {
+    size_t count = 0;
+    check(vsplat_device_profile_count(get(), &count));
+    std::vector<vsplat_profile_row> out(count, VSPLAT_PROFILE_ROW_INIT);
+    for (size_t i = 0; i < count; ++i) check(vsplat_device_profile_get(get(), i, &out[i]));
+    return out;
+  }
   std::string profile_text(vsplat_profile_format format) const {
     char* out = nullptr;
     check(vsplat_device_profile_text(get(), format, &out));
