@@ -31,11 +31,12 @@ struct TuneResult {
 };
 
 // What is tried is in the table's file at once, whole; a search that is stopped or killed goes on from there. Contexts
-// that are made after it use the table. What wins is told in the log, what is wrong or does not run is a warning. Error(usage) where there is no path, Error(file) where it cannot be written.
+// that are made after it use the table. What wins is told in the log, what is wrong or does not run is a warning.
+// Error(usage) where there is no path, Error(file) where it cannot be written.
 TuneResult tune(Context& ctx, const TuneRequest& request);
 
-// Tries one set: the error of what it computes at that shape, and at an odd one, by each case's tolerance; more than 1 is
-// wrong. For tests of all that the search may choose.
+// Tries one set: the error of what it computes at that shape, and at an odd one, by each case's tolerance; more than
+// 1 is wrong. For tests of all that the search may choose.
 double error_of(Context& ctx, const TunedShape& shape, const TunedValues& values);
 
 // As the library tells of a search: JSON.

@@ -1,5 +1,5 @@
-// An operation at one shape, on random numbers, ready to be run with any set of its parameters, and held against sums in
-// double on the host, on a sample of what it computes.
+// An operation at one shape, on random numbers, ready to be run with any set of its parameters, and held against sums
+// in double on the host, on a sample of what it computes.
 #pragma once
 #include <functional>
 #include <memory>
