@@ -104,6 +104,7 @@ void add_dataset(CLI::App& app, Run& run);
 void add_train(CLI::App& app, Run& run);
 void add_tune(CLI::App& app, Run& run);
 void add_info_action(CLI::App& dataset, Run& run);  // of dataset
+void add_report(CLI::App& app, Run& run);
 void add_evaluate(CLI::App& app, Run& run);
 void add_help(CLI::App& app, Run& run);
 void add_completion(CLI::App& app, Run& run);

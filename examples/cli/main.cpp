@@ -70,6 +70,7 @@ int main(int argc, char** argv) {
   command::add_weights(app, run);
   command::add_devices(app, run);
   command::add_doctor(app, run);
+  command::add_report(app, run);
   command::add_kernels(app, run);
   command::add_tune(app, run);
   command::add_bench(app, run);

@@ -1,4 +1,4 @@
-// What is wrong with OpenCL here, for C++, see vsplat/doctor.h. Part of vsplat.hpp, which includes it.
+// What is wrong with OpenCL here, for C++, see vsplat/doctor.h and report.h. Part of vsplat.hpp, which includes it.
 #ifndef VSPLAT_DOCTOR_HPP
 #define VSPLAT_DOCTOR_HPP
 
@@ -18,6 +18,13 @@ inline Diagnosis doctor(const vsplat_doctor_options& options) {
   check(vsplat_doctor(&options, &out.findings, &found));
   out.text = text(found);
   return out;
+}
+
+// JSON. The device may be NULL: without a run.
+inline std::string report(vsplat_device device, const vsplat_report_options& options) {
+  char* out = nullptr;
+  check(vsplat_report(device, &options, &out));
+  return text(out);
 }
 
 }  // namespace cxx

@@ -39,6 +39,7 @@
 #include <vsplat/reconstruct.h>
 #include <vsplat/refine.h>
 #include <vsplat/render.h>
+#include <vsplat/report.h>
 #include <vsplat/scene.h>
 #include <vsplat/share.h>
 #include <vsplat/status.h>

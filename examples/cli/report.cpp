@@ -1,0 +1,85 @@
+// vsplat report: one file that tells what is needed to find out what is wrong on a machine.
+#include <nlohmann/json.hpp>
+#include <vsplat/vsplat.hpp>
+
+#include "command.h"
+#include "outputs.h"
+#include "session.h"
+
+namespace command {
+namespace {
+
+struct ReportOptions {
+  Common common;
+  std::string output = "vsplat-report.json";
+  double seconds = 20;
+  bool no_run = false;
+};
+
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+// Whether a program that loads all drivers, as this one then does, lives on.
+bool may_open(const nlohmann::ordered_json& doctor) {
+  for (const nlohmann::ordered_json& driver : doctor["drivers"])
+    if (driver["state"] == "crashed" || driver["state"] == "hangs") return false;
+  return doctor["usable"].get<bool>();
+}
+
+// What is known without a device is written before one is opened: a driver may take the whole process with it.
+void report(const ReportOptions& o) {
+  set_up_library(o.common);
+  Outputs outputs(o.common.overwrite);
+  outputs.expect(o.output);
+  vsplat_report_options options = VSPLAT_REPORT_OPTIONS_INIT;
+  options.seconds = o.seconds;
+  const std::string before = vsplat::report(nullptr, options);
+  write_text(outputs.begin(o.output), before);
+  outputs.keep();
+  const nlohmann::ordered_json doctor = nlohmann::ordered_json::parse(before)["doctor"];
+  if (!may_open(doctor)) {
+    warn("no device is opened: see what `vsplat doctor` tells; the report has that");
+  } else if (!o.no_run) {
+    try {
+      Session session(o.common);
+      session.about("command", "report");
+      session.about("model", model_name(""));
+      session.start("standard run");
+      options.progress = Session::on_progress;
+      options.user = &session;
+      const std::string whole = vsplat::report(session.device().get(), options);
+      clear_progress();
+      write_text(outputs.begin(o.output), whole);
+      const nlohmann::ordered_json run = nlohmann::ordered_json::parse(whole)["run"];
+      if (run.contains("error")) warn("the standard run failed: " + first_line(run["error"].get<std::string>()));
+    } catch (const vsplat::Error& e) {
+      if (e.status() == VSPLAT_ERROR_CANCELLED || e.status() == VSPLAT_ERROR_FILE) throw;
+      warn(std::string("without a run: ") + e.what());
+    }
+  }
+  outputs.commit();
+  say(o.common,
+      o.output + ": names of users, of the machine and of their folders are replaced; look at it before it is sent");
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Run& run) {
+  auto o = std::make_shared<ReportOptions>();
+  CLI::App* sub = app.add_subcommand("report", "Write what a report of a defect should tell into one file");
+  sub->add_option("-o,--output", o->output, "Where it goes (default: vsplat-report.json)")->type_name("FILE.json");
+  sub->add_option("--seconds", o->seconds,
+                  "What one driver may take to be loaded and to tell its devices (default: 20)")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->type_name("S");
+  sub->add_flag("--no-run", o->no_run, "Open no device: without the standard run and its profile");
+  add_common(*sub, o->common, {.profile = false, .json = false, .outside = false});
+  sub->footer(
+      "JSON, which a person can read, look through before it is sent, and paste. What is known without a device is\n"
+      "written first, so that it is there where a driver ends the process.\n"
+      "Examples:\n"
+      "  vsplat report\n"
+      "  vsplat report --output report.json --device gpu");
+  sub->callback([o, &run] { run = [o] { report(*o); }; });
+}
+
+}  // namespace command

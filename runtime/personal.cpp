@@ -1,0 +1,85 @@
+#include "runtime/personal.h"
+
+#include <pwd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+
+#include "runtime/environment.h"
+
+namespace vsplat {
+namespace {
+
+bool in_word(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0; }
+
+// Each place where `what` stands and is not a part of a longer word; its beginning may be within one where it begins
+// with a slash.
+std::string replaced(const std::string& text, const std::string& what, const std::string& by) {
+  std::string out;
+  std::size_t from = 0;
+  for (std::size_t at; (at = text.find(what, from)) != std::string::npos;) {
+    const std::size_t end = at + what.size();
+    const bool begins = at == 0 || !in_word(text[at - 1]) || !in_word(what.front());
+    const bool ends = end == text.size() || !in_word(text[end]);
+    out.append(text, from, at - from);
+    out += begins && ends ? by : what;
+    from = end;
+  }
+  return out.append(text, from);
+}
+
+std::string without_folders_of(const std::string& text, const std::string& parent) {
+  std::string out;
+  std::size_t from = 0;
+  for (std::size_t at; (at = text.find(parent, from)) != std::string::npos;) {
+    const std::size_t name = at + parent.size();
+    out.append(text, from, name - from);
+    from = std::min(text.find_first_of("/:;,\"'` )\n\t", name), text.size());
+    if (from > name) out += "USER";
+  }
+  return out.append(text, from);
+}
+
+void add(std::vector<std::string>& to, const std::string& name) {
+  if (name.size() > 1 && name != "root" && name != "localhost" && std::find(to.begin(), to.end(), name) == to.end())
+    to.push_back(name);
+}
+
+void add_home(std::vector<std::string>& to, std::string folder) {
+  while (folder.ends_with('/')) folder.pop_back();
+  if (folder.starts_with('/')) add(to, folder);
+}
+
+}  // namespace
+
+Personal personal_here() {
+  Personal out;
+  add_home(out.homes, environment("HOME"));
+  for (const char* name : {"USER", "LOGNAME", "SUDO_USER"}) add(out.users, environment(name));
+  if (const passwd* entry = ::getpwuid(::geteuid())) {
+    add_home(out.homes, entry->pw_dir ? entry->pw_dir : "");
+    add(out.users, entry->pw_name ? entry->pw_name : "");
+  }
+  char host[256] = {};
+  if (::gethostname(host, sizeof host - 1) == 0) {
+    add(out.hosts, host);
+    const std::string whole = host;
+    add(out.hosts, whole.substr(0, whole.find('.')));
+  }
+  // A longer one may hold a shorter one.
+  for (auto* all : {&out.homes, &out.users, &out.hosts})
+    std::sort(all->begin(), all->end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
+  return out;
+}
+
+std::string without_personal(const std::string& text, const Personal& who) {
+  std::string out = text;
+  for (const std::string& home : who.homes) out = replaced(out, home, "~");
+  for (const char* parent : {"/home/", "/Users/"}) out = without_folders_of(out, parent);
+  for (const std::string& host : who.hosts) out = replaced(out, host, "HOST");
+  for (const std::string& user : who.users) out = replaced(out, user, "USER");
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,20 @@
+// What names a person or a machine, taken out of text that others get to see.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vsplat {
+
+struct Personal {
+  std::vector<std::string> homes;  // folders, which become ~
+  std::vector<std::string> users;  // names, which become USER where they stand alone
+  std::vector<std::string> hosts;  // the same with HOST
+};
+// Of who runs this process, by the environment and the system's list of users. root is nobody's name.
+Personal personal_here();
+
+// Other users' folders, /home/NAME and /Users/NAME, too.
+std::string without_personal(const std::string& text, const Personal& who);
+
+}  // namespace vsplat

@@ -1,0 +1,106 @@
+"""vsplat report: one file has what is needed to find a defect, and nothing that names a person or a machine."""
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import tempfile
+
+import support
+
+USER = "alicexample"
+
+
+class Report(support.Case):
+    def setUp(self):                                                     # no model, no views
+        self.folder = tempfile.mkdtemp(prefix="vsplat-report-")
+        self.addCleanup(shutil.rmtree, self.folder, True)
+        self.home = self.path("homes", USER)
+        self.cache = os.path.join(self.home, "kept")
+        os.makedirs(self.home)
+        os.makedirs(os.path.join(self.cache, "verdicts"), mode=0o700)
+        self.env = {"HOME": self.home, "USER": USER, "LOGNAME": USER, "VSPLAT_CACHE_DIR": self.cache, "POCL_CACHE_DIR": self.path("pocl"),
+                    "LD_LIBRARY_PATH": f"{self.home}/lib:/home/somebody/lib:" + os.environ.get("LD_LIBRARY_PATH", "")}
+
+    def report(self, *more, env=None):
+        """-> what is in the file, its text"""
+        path = self.path("report.json")
+        _, err = self.succeeds("report", "--output", path, "--overwrite", *more, env={**self.env, **(env or {})})
+        with open(path) as f:
+            text = f.read()
+        return json.loads(text), text, err
+
+    def keep(self, name, content):
+        path = os.path.join(self.cache, name)
+        with open(path, "w") as f:
+            f.write(content)
+        return path
+
+    def impersonal(self, text, *others):
+        for word in (USER, self.home, socket.gethostname(), "somebody", *others):
+            self.assertIsNone(re.search(rf"(?<![A-Za-z0-9]){re.escape(word)}(?![A-Za-z0-9])", text), word)
+
+    def test_it_tells_what_is_needed(self):
+        host = socket.gethostname()
+        verdict = {"verdict": "degraded", "off": ["gemm_tile_gpu"], "log": f"{self.home}/log of {USER} on {host}"}
+        self.keep("verdicts/a.json", json.dumps(verdict))
+        self.keep("verdicts/damaged.json", "{")
+        self.keep("big.json", "[" + "1," * 200000 + "1]")
+        told, text, _ = self.report()
+        self.assertEqual((told["format"], "vsplat " + told["version"]), ("vsplat-report", support.run("--version")[1].strip()))
+        self.assertEqual(sorted(told), sorted(["format", "version", "made", "system", "environment", "doctor", "device", "run", "kept"]))
+        kept = {k["file"]: k for k in told["kept"]}
+        self.assertEqual(kept["verdicts/a.json"]["content"], {**verdict, "log": "~/log of USER on HOST" if host != "localhost" else verdict["log"]})
+        self.assertEqual(kept["verdicts/damaged.json"]["bytes"], 1)
+        self.assertNotIn("content", kept["big.json"])
+        self.assertEqual(told["environment"]["VSPLAT_CACHE_DIR"], "~/kept")
+        self.assertTrue(told["environment"]["LD_LIBRARY_PATH"].startswith("~/lib:/home/USER/lib:"))
+        self.assertEqual(told["doctor"]["caches"][0]["path"], "~/kept")
+        # The standard run, on the device that would be taken, with its profile; and the peaks that it measured are kept.
+        device = told["device"]
+        self.assertIn(device["name"], [d["name"] for d in told["doctor"]["devices"]])
+        self.assertGreater(told["run"]["check"]["psnr"], told["run"]["check"]["psnr_nearest"])
+        profile = told["run"]["profile"]
+        self.assertEqual(profile["device"], device["name"])
+        self.assertIn("gemm", " ".join(k["name"] for k in profile["kernels"]))
+        self.assertGreater(profile["peaks"]["gflops"], 0)
+        self.assertIn(profile["peaks"]["gflops"], [k["content"].get("gflops") for k in told["kept"] if k["file"].endswith(".bin")])
+        self.impersonal(text)
+        self.assertLess(len(text), 2 << 20)
+
+    def test_without_a_run(self):
+        told, text, _ = self.report("--no-run")
+        self.assertIsNone(told["run"])
+        self.assertIsNone(told["device"])
+        self.impersonal(text)
+
+    def test_without_a_device(self):
+        nowhere = os.path.join(self.home, "nowhere")
+        told, text, err = self.report(env={"OCL_ICD_VENDORS": nowhere})
+        self.assertIn("no device is opened", err)
+        self.assertIsNone(told["run"])
+        self.assertIn("OCL_ICD_VENDORS=~/nowhere is not there", told["doctor"]["findings"][0]["found"])
+        self.impersonal(text)
+
+    def test_a_driver_that_crashes_leaves_the_report(self):
+        compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+        if not compiler:
+            self.skipTest("no C compiler")
+        library, vendors = self.path("libcrash.so"), self.path("vendors")
+        subprocess.run([compiler, "-shared", "-fPIC", "-x", "c", "-", "-o", library], check=True, text=True,
+                       input="#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) { abort(); }\n")
+        os.mkdir(vendors)
+        with open(os.path.join(vendors, "crash.icd"), "w") as f:
+            f.write(library + "\n")
+        told, _, _ = self.report(env={"OCL_ICD_VENDORS": vendors})
+        self.assertEqual([d["state"] for d in told["doctor"]["drivers"]], ["crashed"])
+
+    def test_nothing_is_written_over(self):
+        with open(self.path("report.json"), "w") as f:
+            f.write("mine")
+        self.refuses(1, "exists", "report", "--output", self.path("report.json"), env=self.env)
+
+
+if __name__ == "__main__":
+    support.main()
