@@ -12,7 +12,7 @@ build="build-essential cmake ninja-build git pkg-config
   libassimp-dev libembree-dev libhdf5-dev libnanoflann-dev
   libgtest-dev python3"
 tests="python3-torch python3-numpy python3-scipy python3-pil libopenblas0-pthread libopenmpi-dev openmpi-bin
-  mesa-opencl-icd oclgrind clang-15 libclc-15 clang-format clang-tidy clang libclang-rt-dev strace
+  libsdl2-dev xvfb xauth mesa-opencl-icd oclgrind clang-15 libclc-15 clang-format clang-tidy clang libclang-rt-dev strace
   debootstrap file"
 
 packages=$build

@@ -34,7 +34,8 @@ def write_png(path, width, height, rows):
 
 def read_png(path):
     """-> width, height, the bytes of all pixels (8-bit RGB or RGBA)."""
-    data = open(path, "rb").read()
+    with open(path, "rb") as file:
+        data = file.read()
     assert data[:8] == b"\x89PNG\r\n\x1a\n", path
     at, packed = 8, b""
     while at < len(data):

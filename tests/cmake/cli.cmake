@@ -23,6 +23,15 @@ add_test(NAME cli_ranks COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}
 set_tests_properties(cli_ranks PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MPI_MODULE=${ranks_module};PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
+# A window, on a screen of the test's own.
+if(TARGET window_example)
+  add_test(NAME window_example COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/window_test.py)
+  set_tests_properties(window_example PROPERTIES LABELS cli TIMEOUT ${test_seconds} SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_WINDOW=$<TARGET_FILE:window_example>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+else()
+  message(${left_out} "No SDL (Debian: libsdl2-dev): the example with a window is left out")
+endif()
+
 # The documents: where their links lead, README's size, and that the options which they name exist.
 add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/links_test.py)
 set_tests_properties(links PROPERTIES LABELS unit TIMEOUT 120 SKIP_REGULAR_EXPRESSION "${python_skipped}"
