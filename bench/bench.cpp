@@ -282,6 +282,7 @@ Report run(Context& ctx, const Options& options) {
     if (std::find(known.begin(), known.end(), name) == known.end())
       fail(Status::usage, "no suite \"{}\" to bench; there is: {}", name, fmt::join(known, ", "));
   Report report;
+  report.tuning = ctx.tuning().hash();
   report.device = ctx.device().name, report.driver = ctx.device().driver, report.kernels = name_of(ctx.flavour());
   // Measured before and after, since other load on the machine may take from either.
   report.peak_gflops = measure_gflops(ctx);
@@ -307,7 +308,8 @@ Recorded recorded(Context& ctx) {
   ctx.profiler().enable(false);
   const Profile profile = ctx.profiler().profile();
   const DeviceInfo& device = ctx.device();
-  const ProfileSubject subject{device.name, device.driver, ctx.memory().peak(), {{"command", "bench"}}, peaks_of(ctx)};
+  const ProfileSubject subject{device.name,   device.driver,      ctx.memory().peak(), {{"command", "bench"}},
+                               peaks_of(ctx), ctx.tuning().hash()};
   return {profile_json(profile, subject), profile_page(profile, subject), profile_trace(profile)};
 }
 
@@ -337,6 +339,8 @@ std::string json(const Report& report) {
   j["device"] = report.device;
   j["driver"] = report.driver;
   j["kernels"] = report.kernels;
+  j["tuning"] = report.tuning.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(report.tuning);
+  j["precision"] = "fp32";
   j["peak_gflops"] = report.peak_gflops;
   j["peak_gbs"] = report.peak_gbs;
   j["results"] = nlohmann::ordered_json::array();

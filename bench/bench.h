@@ -78,6 +78,7 @@ struct Result {
 
 struct Report {
   std::string device, driver, kernels;
+  std::string tuning;      // the hash of the table of tuned parameters; empty: none
   double peak_gflops = 0;  // independent multiply-adds
   double peak_gbs = 0;     // y = a + s b
   std::vector<Result> results;

@@ -53,8 +53,8 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
     global const float* residual, global float* out) {
   local float4 work[WORK];
   const struct Rows rows = {X, Y, Z};
-  tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, 27, X * Y * Z, b, X * Y * Z, N, bias, 0, residual, out,
-           0);
+  tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, 27, X * Y * Z, b, X * Y * Z, N, bias, 0, residual, out, 0,
+           ALL_TERMS);
 }
 
 // The weight gradient's sum over one chunk of `rows` voxels, as a product with BM rows (tap, c) and BN columns a tile.

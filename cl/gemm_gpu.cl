@@ -33,7 +33,46 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
     int M, int N, global const float* bias, int act, global const float* residual, global float* out, int out_row0) {
   local float4 work[WORK];
   const struct Rows rows = {map, row0, T};
-  tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, bias, act, residual, out, out_row0);
+  tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, bias, act, residual, out, out_row0,
+           ALL_TERMS);
+}
+
+// The same for a sum of many terms and a result of few tiles: the sums in parts, each of `terms`, without what follows
+// them. x0 .. b as above; gemm_split_sum adds them up.
+// ```
+// argument    type  shape    what
+// M, N        int            rows and columns of the result
+// terms       int            of a part: a multiple of 16
+// parts       f32   [s,M,N]  written
+// work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows, s)
+// ```
+kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_split_gpu(
+    global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
+    global const float* shift, int silu_a, global const int* map, int T, int src_rows, int row0, global const float* b,
+    int M, int N, int terms, global float* parts) {
+  local float4 work[WORK];
+  const struct Rows rows = {map, row0, T};
+  const int s = get_group_id(2);
+  tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, 0, 0, 0, parts, s * M, s * terms,
+           (s + 1) * terms);
+}
+
+// out = act(the sum of the parts, in their order, + bias) + residual.
+// ```
+// argument    type  shape        what
+// parts       f32   [count,M,N]
+// bias .. out_row0               as in gemm_tile_gpu
+// work-items  one per element
+// ```
+kernel void gemm_split_sum(global const float* parts, int count, int M, int N, global const float* bias, int act,
+                           global const float* residual, global float* out, int out_row0) {
+  const size_t i = get_global_id(0), all = (size_t)M * N;
+  if (i >= all) return;
+  float sum = bias ? bias[i % N] : 0.0f;
+  for (int s = 0; s < count; ++s) sum += parts[s * all + i];
+  const size_t at = (size_t)out_row0 * N + i;
+  const float v = activate(sum, act);
+  out[at] = residual ? v + residual[at] : v;
 }
 
 // parts[s] = A^T B over the rows [s chunk, (s + 1) chunk) of A and B, + residual: a long sum over rows, in parts.
@@ -52,7 +91,7 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
   const int s = get_group_id(2);
   const struct Rows plain = {0, 0, 1};
   tile_gpu(work, at + (size_t)s * chunk * M, min(chunk, rows - s * chunk), 0, 0, 0, 0, 0, &plain, 1, M,
-           b + ((size_t)first + (size_t)s * chunk) * N, M, N, 0, 0, residual, parts, s * M);
+           b + ((size_t)first + (size_t)s * chunk) * N, M, N, 0, 0, residual, parts, s * M, ALL_TERMS);
 }
 
 #define PACK_SIDE 16

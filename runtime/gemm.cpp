@@ -104,8 +104,33 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   }
 }
 
+// Of a sum of so many terms, those of a part: a multiple of what the kernel takes in a step.
+long terms_of_part(long k, long parts) { return round_up(div_up(k, parts), 16L); }
+
+// In how many parts, where that was asked for: not in ones of few terms, nor more than scratch memory has room for.
+long parts_of(const TunedValues& tuned, const Sizes& s) {
+  constexpr long few = 64;
+  const long room = 4 * kScratchFloats / std::max(1L, s.m * s.n);
+  const long most = std::clamp(std::min(tuned.at("split"), room), 1L, std::max(1L, s.k / few));
+  return s.k > 0 ? div_up(s.k, terms_of_part(s.k, most)) : 1;
+}
+
+// Few tiles of out would leave a GPU idle: their sums in parts, side by side, which are then added up in order.
+void gemm_split(Context& ctx, const Gemm& g, const Sizes& s, const GpuTile& shape, long count) {
+  const Tensor parts = ctx.tensor({count, s.m, s.n}, Type::f32, "partial sums");
+  ctx.launch({"gemm_gpu", "gemm_split_gpu", shape.defines, g.name},
+             groups(div_up(s.n, shape.side), 256, div_up(s.m, shape.side), count), cost_of(g, s, s.m), g.a.x0, s.c0,
+             g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0, g.b->data, s.m,
+             s.n, terms_of_part(s.k, count), written(parts));
+  ctx.launch({"gemm_gpu", "gemm_split_sum", ""}, items(s.m * s.n),
+             {static_cast<double>(parts.count()), static_cast<double>(parts.bytes())}, parts, count, s.m, s.n, g.bias,
+             static_cast<int>(g.activation), g.residual, written_rows(g, s), s.out_row0);
+}
+
 void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
-  const GpuTile shape = gpu_tile(ctx, ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}}), s.m, s.n);
+  const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
+  const GpuTile shape = gpu_tile(ctx, tuned, s.m, s.n);
+  if (const long count = parts_of(tuned, s); count > 1) return gemm_split(ctx, g, s, shape, count);
   const long tile = shape.side;
   ctx.launch({"gemm_gpu", "gemm_tile_gpu", shape.defines, g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
              cost_of(g, s, s.m), g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps,

@@ -15,6 +15,7 @@ struct ProfileSubject {
   std::uint64_t peak_bytes = 0;                            // of the device's memory
   std::vector<std::pair<std::string, std::string>> names;  // "model", "scene", ...: whatever the program tells
   std::optional<Peaks> peaks = {};
+  std::string tuning = {};  // the hash of the table of tuned parameters; empty: none
 };
 
 std::string profile_table(const Profile& profile, const std::optional<Peaks>& peaks = std::nullopt);

@@ -21,7 +21,11 @@ const std::vector<TunedDeclaration>& tuned_declarations() {
   const TunedParameter rows{"rows", "tokens of a register tile; 0: 12, or 2 where there are no vectors", {0, 4, 6, 8}};
   const TunedParameter panels{"panels", "of 32 tokens in a step of the running softmax", {4, 1, 2, 8}};
   static const std::vector<TunedDeclaration> all = {
-      {TunedOp::gemm, "gemm", Flavour::gpu, matrix, {tile, unroll}},
+      {TunedOp::gemm,
+       "gemm",
+       Flavour::gpu,
+       matrix,
+       {tile, unroll, {"split", "parts of a sum, side by side, which are added up in order", {1, 2, 4, 8}}}},
       {TunedOp::gemm,
        "gemm",
        Flavour::cpu,

@@ -82,7 +82,7 @@ ordered_json json_of(const std::vector<Column>& shown, const vsplat_scores& scor
   return out;
 }
 
-void print_results(const Results& results) {
+void print_results(const Results& results, const Session& session) {
   const std::vector<Column> shown = columns_of(results.mean);
   ordered_json objects = ordered_json::array();
   for (const auto& object : results.objects) {
@@ -92,6 +92,7 @@ void print_results(const Results& results) {
   }
   ordered_json out = {{"objects", objects}, {"mean", json_of(shown, results.mean)}};
   if (!results.stopped.empty()) out["stopped"] = results.stopped;
+  session.add_numerics(out);
   print_json(out);
 }
 
@@ -113,22 +114,22 @@ void print_table(const Results& results) {
   print_row(shown, static_cast<int>(width), "mean", results.mean);
 }
 
-void print(const EvaluateOptions& o, const Results& results) {
+void print(const EvaluateOptions& o, const Session& session, const Results& results) {
   clear_progress();
-  o.common.json ? print_results(results) : print_table(results);
+  o.common.json ? print_results(results, session) : print_table(results);
 }
 
 // What is done of an evaluation that an error or an interrupt ends is printed before that is told.
 class Kept {
  public:
-  explicit Kept(const EvaluateOptions& options) : options_(options) {}
+  Kept(const EvaluateOptions& options, const Session& session) : options_(options), session_(session) {}
 
   void add(const char* name, const vsplat_scores& scores) { objects_.push_back({name, scores}); }
 
   [[noreturn]] void end(const vsplat::Error& error, std::size_t all) const {
     const bool cancelled = error.status() == VSPLAT_ERROR_CANCELLED;
     const std::string why = cancelled ? "interrupted" : with_flags(error.what());
-    if (!objects_.empty()) print(options_, {objects_, mean_of(objects_), why});
+    if (!objects_.empty()) print(options_, session_, {objects_, mean_of(objects_), why});
     if (cancelled)
       throw std::runtime_error("interrupted after " + std::to_string(objects_.size()) + " of " + std::to_string(all) +
                                " objects");
@@ -137,6 +138,7 @@ class Kept {
 
  private:
   const EvaluateOptions& options_;
+  const Session& session_;
   std::vector<vsplat::Evaluation::Object> objects_;
 };
 
@@ -181,7 +183,7 @@ void evaluate(EvaluateOptions& o) {
   session.about("scene", o.folders.front());
   const vsplat::Model model = load_model(o.model);
   const vsplat::DataSet data(o.folders);
-  Listener listener{session, Kept(o)};
+  Listener listener{session, Kept(o, session)};
   options.progress = [](void* user, const char* stage, double done) {
     return Session::on_progress(&static_cast<Listener*>(user)->session, stage, done);
   };
@@ -201,7 +203,7 @@ void evaluate(EvaluateOptions& o) {
   if (!o.sheet.empty()) evaluation.save_sheet(outputs.begin(o.sheet));
   session.write_profile(outputs);
   outputs.commit();
-  print(o, {evaluation.objects(), evaluation.mean(), ""});
+  print(o, session, {evaluation.objects(), evaluation.mean(), ""});
   const std::size_t count = evaluation.objects().size();
   say(o.common, std::to_string(count) + (count == 1 ? " object" : " objects") +
                     (evaluation.skipped() ? ", " + std::to_string(evaluation.skipped()) + " left out" : "") +

@@ -103,7 +103,7 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
   print_plans(o.common, plans);
 }
 
-void summarise(const ReconstructOptions& o, const PictureJob& job, const vsplat::Input& input,
+void summarise(const ReconstructOptions& o, const Session& session, const PictureJob& job, const vsplat::Input& input,
                const vsplat::Scene& scene, const SceneFile& file, std::size_t pictures,
                const std::optional<Comparison>& comparison, const std::optional<RefineJob>& refinement) {
   const vsplat_scene_info info = scene.info();
@@ -127,6 +127,7 @@ void summarise(const ReconstructOptions& o, const PictureJob& job, const vsplat:
   file.add_results(out);
   job.add_results(comparison, out);
   if (refinement) refinement->add_results(out["refined"]);
+  session.add_numerics(out);
   out["seconds"] = elapsed_seconds();
   print_json(out);
 }
@@ -216,7 +217,7 @@ void reconstruct(ReconstructOptions& o) {
   file.save(o.common, scene);
   session.write_profile(outputs);
   outputs.commit();
-  summarise(o, job, input, scene, file, shots.all.size(), comparison, request.refinement);
+  summarise(o, session, job, input, scene, file, shots.all.size(), comparison, request.refinement);
 }
 
 void add_refinement(CLI::App& sub, ReconstructOptions& o) {

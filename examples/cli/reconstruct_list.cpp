@@ -194,6 +194,7 @@ void reconstruct_list(const ListRequest& request) {
   if (common.json) {
     nlohmann::ordered_json out = {{"objects", nlohmann::ordered_json::array()}, {"skipped", all.skipped}};
     for (const auto& [place, row] : all.objects) out["objects"].push_back(row);
+    session.add_numerics(out);
     out["seconds"] = elapsed_seconds();
     print_json(out);
   }

@@ -140,6 +140,7 @@ void refine(const RefineSettings& o) {
   nlohmann::ordered_json out = {{"output", o.output}, {"gaussians", result.info().count}};
   file.add_results(out);
   job.add_results(out);
+  session.add_numerics(out);
   out["seconds"] = elapsed_seconds();
   print_json(out);
 }

@@ -46,8 +46,8 @@ void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scen
                           plan}});
 }
 
-void print_results(const RenderOptions& o, const PictureJob& job, const vsplat::Scene& scene, std::size_t count,
-                   const std::optional<Comparison>& comparison) {
+void print_results(const RenderOptions& o, const Session& session, const PictureJob& job, const vsplat::Scene& scene,
+                   std::size_t count, const std::optional<Comparison>& comparison) {
   if (comparison) say(o.common, comparison->table());
   say(o.common, job.summary(count) + " of " + std::to_string(scene.info().count) + " Gaussians, " +
                     seconds_text(elapsed_seconds()));
@@ -57,6 +57,7 @@ void print_results(const RenderOptions& o, const PictureJob& job, const vsplat::
   nlohmann::ordered_json out = {
       {"gaussians", scene.info().count}, {"skipped", skipped_json(scene.info())}, {"images", files}};
   job.add_results(comparison, out);
+  session.add_numerics(out);
   out["seconds"] = elapsed_seconds();
   print_json(out);
 }
@@ -97,7 +98,7 @@ void render(const RenderOptions& o) {
   job.draw(session, scene, shots.all, comparison, outputs);
   session.write_profile(outputs);
   outputs.commit();
-  print_results(o, job, scene, shots.all.size(), comparison);
+  print_results(o, session, job, scene, shots.all.size(), comparison);
 }
 
 }  // namespace

@@ -102,6 +102,18 @@ int32_t Session::on_progress(void* session, const char* stage, double done) {
   return 1;
 }
 
+void Session::add_numerics(nlohmann::ordered_json& out) const {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  bool alike = true;
+  for (const vsplat::Device& device : devices_) {
+    const std::string hash = device.info().tuning;
+    all.push_back(hash.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(hash));
+    alike = alike && all.back() == all.front();
+  }
+  out["tuning"] = alike ? all.front() : all;
+  out["precision"] = "fp32";
+}
+
 void Session::write_profile(Outputs& outputs) {
   if (!recorded_) return;
   devices_.front().profile(false);

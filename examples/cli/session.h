@@ -2,6 +2,7 @@
 // the profile at the end.
 #pragma once
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 #include <vsplat/vsplat.hpp>
@@ -33,6 +34,9 @@ class Session {
   static int32_t on_progress(void* session, const char* stage, double done);
   // What the work is called in the next progress lines, and when it began.
   void start(const std::string& what);
+  // What the numbers of a result depend on: "tuning", the hash of the table of tuned parameters, null without one, of
+  // several devices that differ a list; and "precision".
+  void add_numerics(nlohmann::ordered_json& out) const;
   // Names what its profile is of: ("model", "m.safetensors").
   void about(const std::string& what, const std::string& name) { devices_.front().profile_name(what, name); }
   // Writes --profile and --trace, and the table to stderr with --verbose. The recording ends with that: when all else

@@ -244,12 +244,15 @@ void train(TrainOptions& o) {
   say(o.common, "at most " + bytes_text(result.peak) + " of device memory");
   const std::string model = o.output + "/model.safetensors";
   if (result.stopped) say(o.common, "stopped after step " + std::to_string(result.step) + "; --resume goes on");
-  if (o.common.json)
-    print_json(nlohmann::ordered_json{{"step", result.step},
-                                      {"stopped", result.stopped != 0},
-                                      {"bad", result.bad},
-                                      {"peak_bytes", result.peak},
-                                      {"model", model}});
+  if (o.common.json) {
+    nlohmann::ordered_json out = {{"step", result.step},
+                                  {"stopped", result.stopped != 0},
+                                  {"bad", result.bad},
+                                  {"peak_bytes", result.peak},
+                                  {"model", model}};
+    session.add_numerics(out);
+    print_json(out);
+  }
   session.write_profile(outputs);
   outputs.commit();
 }

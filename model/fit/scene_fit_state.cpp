@@ -7,6 +7,7 @@
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/scene_fit_impl.h"
 #include "runtime/fail.h"
+#include "runtime/held_tuning.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat {
@@ -79,6 +80,7 @@ void SceneFit::Impl::save() const {
     keep("sh", {n, static_cast<long>(best->sh_count()), 3}, best->sh);
     out.state["best_degree"] = std::to_string(best->sh_degree);
   }
+  hold_tuning(ctx, out.state);
   out.state["leg"] = std::to_string(leg);
   out.state["steps"] = std::to_string(fitter->steps_done());
   out.state["leg_steps"] = std::to_string(leg_steps);
@@ -139,6 +141,7 @@ void SceneFit::Impl::go_on(const FitCheckpoint& from) {
       fail(Status::format, "{}: {}", fit_checkpoint_path(request.checkpoint), e.what());
     }
   };
+  refuse_other_tuning(ctx, from.state, fit_checkpoint_path(request.checkpoint));
   named(&Impl::read_place);
   const std::map<long, Judged> judged_before = curve;
   resuming = true;

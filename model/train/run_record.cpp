@@ -22,6 +22,7 @@ bool read_part(const json& from, RunRecord::Part& to) {
   const auto field = [&](const char* name, auto& value) {
     return from.is_object() && from.contains(name) && json_fields::read_field(from[name], value);
   };
+  if (from.is_object() && from.contains("tuning")) field("tuning", to.tuning);  // (there was none once)
   return field("device", to.device) && field("driver", to.driver) && field("kernels", to.kernels) &&
          field("limit_bytes", to.limit) && field("peak_bytes", to.peak) && field("first", to.first) &&
          field("last", to.last) && field("starts", to.starts) && field("seconds", to.seconds);
@@ -30,7 +31,7 @@ bool read_part(const json& from, RunRecord::Part& to) {
 }  // namespace
 
 bool RunRecord::Part::same_device(const Part& other) const {
-  return std::tie(device, driver, kernels) == std::tie(other.device, other.driver, other.kernels);
+  return std::tie(device, driver, kernels, tuning) == std::tie(other.device, other.driver, other.kernels, other.tuning);
 }
 
 RunRecord::RunRecord(std::string path, long step, Part now) : path_(std::move(path)) {
@@ -92,6 +93,7 @@ std::string RunRecord::text() const {
     out["parts"].push_back({{"device", part.device},
                             {"driver", part.driver},
                             {"kernels", part.kernels},
+                            {"tuning", part.tuning},
                             {"limit_bytes", part.limit},
                             {"peak_bytes", part.peak},
                             {"first", part.first},

@@ -17,6 +17,7 @@
 #include "model/train/training_sheet.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/held_tuning.h"
 #include "runtime/log.h"
 #include "runtime/units.h"
 
@@ -271,6 +272,7 @@ class Page {
     out.device = ctx.device().name;
     out.driver = ctx.device().platform_name + " " + ctx.device().driver;
     out.kernels = name_of(ctx.flavour());
+    out.tuning = ctx.tuning().hash();
     out.limit = ctx.memory().limits().total;
     return out;
   }
@@ -324,6 +326,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
         ctx, plan_train(ctx, given, {options.selection, options.planned_selected, options.assumed_intersections}));
   const Beginning beginning = begin(given, {options.output, options.init, options.resume, options.extend});
   const Checkpoint& start = beginning.checkpoint;
+  if (start.step > 0) refuse_other_tuning(ctx, start.state, options.output);
   const TrainConfig& config = start.config;
   const std::optional<std::vector<int>> selection = forced_selection(config, options.selection);
   if (!options.helpers.empty() && config.parts == 1)

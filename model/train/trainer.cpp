@@ -10,6 +10,7 @@
 #include "model/ops/select.h"
 #include "model/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/held_tuning.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -92,6 +93,7 @@ Trainer::Trainer(Context& ctx, const Checkpoint& start, long planned_selected, R
     if (config_.ema > 0)
       average_.push_back(like(run, "average", start.average.all().empty() ? start.parameters : start.average));
   }
+  hold_tuning(ctx, state_);
   memory_ = {rounded(planned_)};
   if (ctx.planning()) return;
   const Plan most = bound();

@@ -37,8 +37,9 @@ void Trainer::PartSums::add(const PartSums& next) {
 
 std::string Trainer::kind() const {
   const DeviceInfo& device = ctx_.device();
-  return fmt::format("{} ({} {}), {} kernels", device.name, device.platform_name, device.driver,
-                     name_of(ctx_.flavour()));
+  const std::string table = ctx_.tuning().hash();
+  return fmt::format("{} ({} {}), {} kernels{}", device.name, device.platform_name, device.driver,
+                     name_of(ctx_.flavour()), table.empty() ? "" : ", tuned by " + table);
 }
 
 std::vector<float> Trainer::read_moved(Tensor LearntTensor::*what) const {

@@ -5,8 +5,10 @@
 
 #include <random>
 
+#include "model/tune/check_chosen.h"
 #include "model/tune/tune_case.h"
 #include "tests/support/device.h"
+#include "tests/support/temporary.h"
 
 namespace vsplat {
 namespace {
@@ -72,6 +74,35 @@ TEST(TuneCase, FindsWhatIsWrong) {
     one->spoil(ctx);
     EXPECT_FALSE(one->error(ctx) <= one->tolerance()) << static_cast<int>(op);
   }
+}
+
+// A choice that is wrong on this driver is told and taken out of the table; the rest stays.
+TEST(CheckChosen, TellsAndRefuses) {
+  const test::TemporaryFolder folder;
+  ::setenv("VSPLAT_CACHE_DIR", folder.path("cache").c_str(), 1);
+  const auto ctx = test::open_context(Flavour::gpu);
+  const TunedDeclaration& of = *tuned_declaration(TunedOp::gemm, Flavour::gpu);
+  TuningTable table;
+  table.of = tuning_subject(ctx->device(), Flavour::gpu);
+  table.measured = "2026-11-23";
+  for (const long n : {33L, 70L}) table.choice.set({TunedOp::gemm, {4000, n, 40, 1}}, all_values(of).back());
+  const std::string path = tuning_path(table.of);
+  write_tuning(path, table);
+  ctx->use_tuning(std::make_shared<const Tuning>(table.choice));
+  std::vector<CheckedChoice> checked = check_chosen(*ctx);
+  ASSERT_EQ(checked.size(), 2u);
+  for (const CheckedChoice& one : checked) {
+    EXPECT_TRUE(one.right()) << one.name << " " << one.error << " " << one.why;
+    EXPECT_GT(one.error, 0);
+  }
+  EXPECT_EQ(checked[0].name, "gemm m=4096 n=33 k=40 taps=1, tile=128 unroll=8 split=8");
+  checked[1].error = 7;
+  EXPECT_EQ(refuse_chosen(*ctx, {checked[1]}), 1);
+  const TuningTable now = read_tuning(path);
+  ASSERT_EQ(now.choice.chosen().size(), 1u);
+  EXPECT_EQ(now.choice.chosen().begin()->first.sizes[1], 33);
+  EXPECT_EQ(refuse_chosen(*ctx, {checked[1]}), 0);
+  ::unsetenv("VSPLAT_CACHE_DIR");
 }
 
 }  // namespace

@@ -1,0 +1,26 @@
+// What a device's table chooses, tried again on the driver that there is now: for the self-test.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "runtime/context.h"
+
+namespace vsplat {
+
+struct CheckedChoice {
+  TunedShape shape;  // a class of the table's
+  TunedValues values;
+  std::string name;  // "gemm m=4096 n=768 k=768 taps=1, tile=128 unroll=0"
+  double error = 0;  // the worst, by what may be; more than 1 is wrong, infinite where it did not run
+  std::string why;   // it did not run
+  bool right() const { return error <= 1; }
+};
+
+// Each choice of the context's table once, at an odd shape and at one of its class that takes little time.
+std::vector<CheckedChoice> check_chosen(Context& ctx);
+
+// Takes these out of the device's table in the cache's folder, where that is the context's; contexts that are made
+// after it run with the defaults there, and a search does not choose them again. How many were taken out.
+int refuse_chosen(const Context& ctx, const std::vector<CheckedChoice>& wrong);
+
+}  // namespace vsplat

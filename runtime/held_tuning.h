@@ -1,0 +1,20 @@
+// What a checkpoint holds of how its numbers were made, so that what goes on from it makes the same ones: the table of
+// tuned parameters, by its hash, and the precision.
+#pragma once
+#include <map>
+#include <string>
+
+#include "runtime/context.h"
+
+namespace vsplat {
+
+// What kernels compute with: "fp32".
+const char* precision_of(const Context& ctx);
+
+// As "tuning" (empty: none) and "precision".
+void hold_tuning(const Context& ctx, std::map<std::string, std::string>& state);
+// Error(usage) naming both where a checkpoint was made with another table, or precision, than the context has; `path`
+// is whose state it is. What was made before there were tables had none, and fp32.
+void refuse_other_tuning(const Context& ctx, const std::map<std::string, std::string>& state, const std::string& path);
+
+}  // namespace vsplat

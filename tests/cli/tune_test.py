@@ -1,0 +1,237 @@
+"""vsplat tune: what it finds is used, is right, survives being killed; what it is offered that is wrong it does not take."""
+import glob
+import hashlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+
+import support
+import train_support
+
+CL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "cl")
+
+
+def tables(cache):
+    """-> paths of devices' tables, without those that are kept by their hash"""
+    return sorted(p for p in glob.glob(os.path.join(cache, "tuning", "*.json")) if not os.path.basename(p).startswith("table-"))
+
+
+def chosen_text(flavour, entry):
+    words = lambda named: " ".join(f"{name}={value}" for name, value in named.items())
+    return f"{flavour} {entry['op']} {words(entry['shape'])}: {words(entry['set'])}\n"
+
+
+def with_choice(table, entry):
+    """The table with that one choice alone."""
+    out = {**table, "chosen": [entry], "tried": []}
+    out["hash"] = hashlib.sha256(chosen_text(table["flavour"], entry).encode()).hexdigest()
+    return out
+
+
+class Tuned:
+    """A cache of its own for tables; the driver's is the user's."""
+
+    def tune_environment(self, **more):
+        return {"VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_TUNING": "", **more}
+
+    def tune(self, *more, env=None, code=0):
+        got, out, err = support.run("tune", "--json", *more, env=env or self.tune_environment())
+        self.assertEqual(got, code, err)
+        return json.loads(out), err
+
+    def table(self):
+        found = tables(self.path("cache"))
+        self.assertEqual(len(found), 1, found)
+        with open(found[0]) as f:
+            return found[0], json.load(f)
+
+    def write(self, name, table):
+        with open(self.path(name), "w") as f:
+            json.dump(table, f)
+        return self.path(name)
+
+
+class Tune(Tuned, support.Case):
+    def test_what_it_finds_is_used_and_kept(self):
+        told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 4)
+        path, table = self.table()
+        self.assertEqual((told["path"], told["table"]), (path, table["hash"]))
+        self.assertEqual(told["refused"], [], err)
+        self.assertEqual(told["not_right"], [])
+        self.assertGreater(told["tried"], 5)
+        self.assertEqual(len(table["tried"]), told["tried"])
+        self.assertEqual({t["verdict"] for t in table["tried"]} - {"default", "best", "slower"}, set())
+        self.assertLessEqual(max(t["error"] for t in table["tried"]), 1e-4)
+        self.assertGreater(max(t["error"] for t in table["tried"]), 0, "nothing was held against anything")
+        for one in told["chosen"]:
+            self.assertGreaterEqual(one["times_as_fast"], 1 / 0.97 - 1e-9, one)
+        # What was tried is not tried again; a search to its end leaves nothing.
+        again, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 200)
+        _, now = self.table()
+        self.assertEqual(again["left"], 0)
+        self.assertEqual(len(now["tried"]), told["tried"] + again["tried"])
+        self.assertEqual(now["tried"][:told["tried"]], table["tried"])
+        sets = [json.dumps([t["op"], t["shape"], t["set"]]) for t in now["tried"]]
+        self.assertEqual(len(sets), len(set(sets)))
+        # From what is best then, one parameter at a time, until nothing is new.
+        done = again
+        for _ in range(8):
+            if done["tried"] == 0:
+                break
+            done, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 200)
+        self.assertEqual((done["tried"], done["left"]), (0, 0))
+        _, now = self.table()
+        self.assertEqual((done["table"], done["before"]), (now["hash"], now["hash"]))
+        if now["hash"]:
+            with open(self.path("cache", "tuning", f"table-{now['hash']}.json")) as f:
+                self.assertEqual(json.load(f)["chosen"], now["chosen"])
+
+    def test_a_table_is_told_and_gives_the_same_bytes(self):
+        for flavour in ("cpu", "gpu"):
+            _, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 0.01, "--kernels", flavour,
+                             "--output", self.path(f"{flavour}.json"))
+            with open(self.path(f"{flavour}.json")) as f:
+                empty = json.load(f)
+            # Tiles and attention of other sizes than the defaults, at the shapes that the model has.
+            entries = {"cpu": {"op": "attention_forward", "set": {"rows": 4, "panels": 1}},
+                       "gpu": {"op": "gemm", "set": {"tile": 128, "unroll": 8, "split": 1}}}[flavour]
+            shape = next(t["shape"] for t in self.noted(flavour) if t["op"] == entries["op"])
+            table = with_choice(empty, {"op": entries["op"], "shape": shape, "set": entries["set"]})
+            env = self.tune_environment(VSPLAT_TUNING=self.write(f"{flavour}-table.json", table))
+            results = []
+            for i in range(3):
+                out, err = self.succeeds(*self.reconstruct("--kernels", flavour, "--json", "--overwrite"), env=env)
+                self.assertIn(f"tuned (table {table['hash'][:12]})", err.splitlines()[0])
+                self.assertEqual(json.loads(out)["tuning"], table["hash"])
+                self.assertEqual(json.loads(out)["precision"], "fp32")
+                results.append(open(self.path("out.ply"), "rb").read())
+            self.assertEqual(results[0], results[1])
+            self.assertEqual(results[0], results[2])
+            out, err = self.succeeds(*self.reconstruct("--kernels", flavour, "--json", "--overwrite"), env=self.tune_environment(VSPLAT_TUNING="off"))
+            self.assertNotIn("tuned", err.splitlines()[0])
+            self.assertIsNone(json.loads(out)["tuning"])
+            out, _ = self.succeeds("kernels", "--model", self.model, "--no-build", "--flavour", flavour, "--for", "reconstruct", "--json", env={**env})
+            options = {p["options"] for p in json.loads(out) if any(a["launches"] for a in p["about"])}
+            wanted = {"cpu": "-DROWS=4 -DPANELS=1", "gpu": "-DRM=8 -DRN=8 -DUNROLL=8"}[flavour]
+            self.assertTrue(any(wanted in o for o in options), options)
+
+    def noted(self, flavour):
+        """What a search tries of the model, a set of each shape."""
+        path = self.path(f"noted-{flavour}.json")
+        if not os.path.exists(path):
+            self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 20, "--kernels", flavour, "--output", path)
+        with open(path) as f:
+            return json.load(f)["tried"]
+
+    def test_a_fast_wrong_candidate_is_not_taken(self):
+        """Half of the products, in every loop of an odd unrolling: the fastest of all, and wrong."""
+        folder = self.path("cl")
+        shutil.copytree(CL, folder)
+        path = os.path.join(folder, "tile_gpu.clh")
+        text = open(path).read()
+        loop = "for (int s = 0; s < BK; ++s) {"
+        self.assertEqual(text.count(loop), 1)
+        fast = "#if defined(UNROLL) && UNROLL == 2\n  for (int s = 0; s < BK / 8; ++s) {\n#else\n  " + loop + "\n#endif"
+        with open(path, "w") as f:
+            f.write(text.replace("TILE_UNROLL\n  " + loop, fast))
+        self.assertIn("BK / 8", open(path).read())
+        env = self.tune_environment(VSPLAT_KERNEL_DIR=folder)
+        told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 25, "--kernels", "gpu", env=env)
+        wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
+        self.assertGreater(len(wrong), 1, told["refused"])
+        for one in told["refused"]:
+            self.assertEqual((one["verdict"], one["set"]["unroll"]), ("wrong", 2), one)
+            self.assertGreater(one["error"], 1e-2)
+            shape = " ".join(f"{name}={value}" for name, value in one["shape"].items())
+            self.assertRegex(err, re.escape(f"{one['op']} {shape}, tile=") + r"\d+ unroll=2( split=\d)?: refused: off by [0-9.e+-]+ of the largest value")
+        _, table = self.table()
+        tried = [t for t in table["tried"] if t["set"].get("unroll") == 2]
+        self.assertEqual({t["verdict"] for t in tried}, {"wrong"})
+        self.assertEqual([one for one in table["chosen"] if one["set"].get("unroll") == 2], [])
+        # These kernels' table is not the product's: another hash of the sources.
+        _, err = self.succeeds(*self.reconstruct("--kernels", "gpu"), env=self.tune_environment())
+        self.assertNotIn("tuned", err)
+
+    def test_where_nothing_is_right_it_says_so(self):
+        folder = self.path("cl")
+        shutil.copytree(CL, folder)
+        path = os.path.join(folder, "radix_sort.cl")
+        text = open(path).read()
+        self.assertIn("out_keys[to] = key;", text)
+        with open(path, "w") as f:
+            f.write(text.replace("out_values[to] = values ? values[i] : i;", "out_values[to] = 0;"))
+        told, err = self.tune("--model", self.model, "--for", "render", "--seconds", 60, env=self.tune_environment(VSPLAT_KERNEL_DIR=folder), code=1)
+        self.assertTrue(told["not_right"])
+        self.assertTrue(all(name.startswith("radix_sort ") for name in told["not_right"]))
+        self.assertEqual(told["table"], "")
+        self.assertIn("no set of parameters is right", err)
+
+    def test_killed_it_loses_nothing(self):
+        process = subprocess.Popen([support.VSPLAT, "tune", "--model", self.model, "--for", "reconstruct", "--seconds", "100"],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **self.tune_environment()})
+        finished = lambda: [t for t in self.table()[1]["tried"] if t["verdict"] != "begun"] if tables(self.path("cache")) else []
+        until = time.time() + 120
+        while len(finished()) < 4 and time.time() < until:
+            self.assertIsNone(process.poll(), "it ended too early to be killed")
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        before = finished()
+        self.assertGreaterEqual(len(before), 4)
+        told, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 2)
+        after = finished()
+        self.assertEqual(after[:len(before)], before)
+        self.assertEqual(len(after), len(before) + told["tried"])
+
+    def test_what_it_refuses(self):
+        self.refuses(2, ["--quick", "--full"], "tune", "--quick", "--full")
+        self.refuses(2, ["--for", "\"draw\" is none of"], "tune", "--for", "draw")
+        self.refuses(2, ["--seconds"], "tune", "--full", "--seconds", 3)
+        self.refuses(2, ["--output"], "tune", "--model", self.model, env={"VSPLAT_CACHE_DIR": "off"})
+        self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 0.01, "--kernels", "gpu", "--output", self.path("gpu.json"))
+        of_gpu = {"VSPLAT_TUNING": self.path("gpu.json")}
+        self.refuses(2, [self.path("gpu.json"), "VSPLAT_TUNING", "gpu kernels", "cpu kernels", "VSPLAT_TUNING=off"],
+                     *self.reconstruct("--kernels", "cpu"), env=of_gpu)
+        with open(self.path("gpu.json")) as f:
+            table = json.load(f)
+        bad = with_choice(table, {"op": "gemm", "shape": {"m": 64, "n": 8, "k": 8, "taps": 1}, "set": {"tile": 96, "unroll": 0, "split": 1}})
+        for wrong, words in ((bad, ["chosen[0].set.tile is 96", "one of 0, 64, 128"]), ({**table, "version": 9}, ["version is 9"])):
+            self.refuses(1, [self.path("bad.json"), *words], *self.reconstruct("--kernels", "gpu"),
+                         env={"VSPLAT_TUNING": self.write("bad.json", wrong)})
+        self.refuses(1, [self.path("none.json")], *self.reconstruct(), env={"VSPLAT_TUNING": self.path("none.json")})
+
+
+class Training(Tuned, train_support.Case):
+    def test_a_training_goes_on_with_its_table_or_not_at_all(self):
+        model = self.path("model.safetensors")
+        support.run("init", "micro", "--seed", 3, "--output", model, "--quiet")
+        self.tune("--model", model, "--for", "train", "--seconds", 0.01, "--output", self.path("empty.json"), "--kernels", "cpu")
+        with open(self.path("empty.json")) as f:
+            empty = json.load(f)
+        table = with_choice(empty, {"op": "gemm_transposed", "shape": {"rows": 64, "m": 16, "n": 16}, "set": {"terms": 512, "block": 1}})
+        cpu, tuned = ("--kernels", "cpu"), self.tune_environment(VSPLAT_TUNING=self.write("table.json", table))
+        off = self.tune_environment(VSPLAT_TUNING="off")
+        two, four = self.config("two.json", steps=2), self.config("four.json", steps=2)
+        out, _ = self.succeeds(*self.train(two, "run", "--json", *cpu), env=tuned)
+        self.assertEqual(json.loads(out)["tuning"], table["hash"])
+        with open(self.path("run", "record.json")) as f:
+            self.assertEqual([part["tuning"] for part in json.load(f)["parts"]], [table["hash"]])
+        err = self.refuses(2, [self.path("run"), table["hash"][:12], "no table of tuned parameters", "VSPLAT_TUNING"],
+                           *self.train(four, "run", "--resume", "--extend", 2, *cpu), env=off)
+        self.assertNotIn("terminate", err)
+        self.succeeds(*self.train(four, "run", "--resume", "--extend", 2, *cpu), env=tuned)
+        # The other way round, too; and what was begun with a table that is kept is told where that is.
+        self.succeeds(*self.train(two, "plain", *cpu), env=off)
+        self.refuses(2, [table["hash"][:12], "VSPLAT_TUNING=off"], *self.train(four, "plain", "--resume", "--extend", 2, *cpu), env=tuned)
+        os.makedirs(self.path("cache", "tuning"), exist_ok=True)
+        kept = self.path("cache", "tuning", f"table-{table['hash']}.json")
+        shutil.copy(self.path("table.json"), kept)
+        self.refuses(2, [f"VSPLAT_TUNING={kept}"], *self.train(four, "run", "--resume", "--extend", 2, *cpu), env=off)
+
+
+if __name__ == "__main__":
+    support.main()
