@@ -84,7 +84,8 @@ typedef struct vsplat_refine_options {
   int32_t exposure;       /* 1: each picture fitted to has an affine map of colours, dropped at the end */
   const char* checkpoint; /* a folder into which the state is written now and then, and from which an interrupted
                              refinement is gone on with to the same bits; NULL: none */
-  int32_t resume;         /* 1: go on from `checkpoint` where there is a state; it must be of the same request */
+  int32_t resume;         /* 1: go on from `checkpoint` where there is a state; it must be of the same request, and
+                             of the same tuned parameters (vsplat_device_info.tuning) */
 } vsplat_refine_options;
 #define VSPLAT_REFINE_OPTIONS_INIT                                                                                     \
   {                                                                                                                    \

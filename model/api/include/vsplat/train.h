@@ -90,11 +90,12 @@ typedef struct vsplat_train_result {
    warning where these two cannot be written. `config`: a JSON object, see vsplat_train_config. `options` are needed,
    for `output`; `out_result` may be NULL. The same configuration, data and device give the same bits, however often the
    training was interrupted. Callbacks are called on this thread and may not use the device. VSPLAT_ERROR_USAGE where
-   the folder holds checkpoints and `resume` is 0, or checkpoints of another configuration; VSPLAT_ERROR_FORMAT for a
-   field of the configuration, or where `init` is of another model; VSPLAT_ERROR_INPUT for data, naming object, view and
-   field; VSPLAT_ERROR_MEMORY before the start, with both figures, where vsplat_train_plan says that it does not fit;
-   VSPLAT_ERROR_FILE where nothing can be written (earlier checkpoints stay); VSPLAT_ERROR_INTERNAL where the loss is no
-   longer a number, naming step, tensor and the last good checkpoint. */
+   the folder holds checkpoints and `resume` is 0, or checkpoints of another configuration, or of a device that ran with
+   another table of tuned parameters (vsplat_device_info.tuning); VSPLAT_ERROR_FORMAT for a field of the configuration,
+   or where `init` is of another model; VSPLAT_ERROR_INPUT for data, naming object, view and field; VSPLAT_ERROR_MEMORY
+   before the start, with both figures, where vsplat_train_plan says that it does not fit; VSPLAT_ERROR_FILE where
+   nothing can be written (earlier checkpoints stay); VSPLAT_ERROR_INTERNAL where the loss is no longer a number, naming
+   step, tensor and the last good checkpoint. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_train(vsplat_device device, const char* config,
                                                        const vsplat_train_options* options,
                                                        vsplat_train_result* out_result);
