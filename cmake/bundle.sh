@@ -1,14 +1,15 @@
 #!/bin/sh
 # Packs a built vsplat so that it runs from any folder of a machine where nothing is installed but an OpenCL driver: the command, its
-# library, every shared library that they need, the OpenCL loader among them, and what trains on a GPU (model/weights/train-on-a-gpu.sh). The C
-# library comes along, too, but is used only where the machine's is older than the one here.
-#   cmake/bundle.sh [--build DIR] [--reader] [--limit MIB] OUTPUT
+# library, every shared library that they need, the OpenCL loader among them, and what runs on a GPU for a first time
+# (bench/gpu-first-hour.sh) and trains there (model/weights/train-on-a-gpu.sh). The C library comes along, too, but is used only where the
+# machine's is older than the one here.
+#   cmake/bundle.sh [--build DIR] [--reader] [--tests] [--limit MIB] OUTPUT
 # OUTPUT is NAME.tar.xz, NAME.tar.gz (larger, but a bare machine may have no xz), or a folder that is not there yet. DIR is the build,
 # build/release where none is named; an archive of more than MIB (40) is an error. --reader adds the program that reads meshes and HDF5 files,
-# with its libraries: training on random objects and on folders of pictures does without.
+# with its libraries: training on random objects and on folders of pictures does without. --tests adds the kernels' test programs.
 set -eu
 usage() {
-  echo "usage: $0 [--build DIR] [--reader] [--limit MIB] OUTPUT.tar.xz|OUTPUT.tar.gz|FOLDER" >&2
+  echo "usage: $0 [--build DIR] [--reader] [--tests] [--limit MIB] OUTPUT.tar.xz|OUTPUT.tar.gz|FOLDER" >&2
   exit 2
 }
 fail() {
@@ -19,12 +20,14 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 build=$root/build/release
 limit=40
 with_reader=no
+with_tests=no
 output=
 while [ $# -gt 0 ]; do
   case $1 in
     --build) [ $# -gt 1 ] || usage; build=$2; shift ;;
     --limit) [ $# -gt 1 ] || usage; limit=$2; shift ;;
     --reader) with_reader=yes ;;
+    --tests) with_tests=yes ;;
     -h | --help) sed -n '2,/^set -eu/{/^set -eu/d;s/^# \{0,1\}//;p;}' "$0"; exit 0 ;;
     -*) usage ;;
     *) [ -z "$output" ] || usage; output=$1 ;;
@@ -42,8 +45,9 @@ look=$build/model/libexec/vsplat/vsplat-look
 reader=$build/model/libexec/vsplat/vsplat-read
 set -- "$program" "$library" "$look"
 if [ $with_reader = yes ]; then set -- "$@" "$reader"; fi
+if [ $with_tests = yes ]; then set -- "$@" "$build/tests/ops_tests" "$build/tests/runtime_tests"; fi
 for file in "$@"; do
-  [ -f "$file" ] || fail "$file is missing: build it first (cmake --build $build --target bin/vsplat)"
+  [ -f "$file" ] || fail "$file is missing: build it first (cmake --build $build --target bin/vsplat ops_tests runtime_tests)"
 done
 
 work=$(mktemp -d)
@@ -65,6 +69,15 @@ if [ $with_reader = yes ]; then
   own="$own;$top/libexec/vsplat/vsplat-read.elf"
 fi
 cp "$root/model/weights/train-on-a-gpu.sh" "$root/model/weights/gpu.json" "$top/model/weights/"
+mkdir -p "$top/bench"
+cp "$root/bench/gpu-driver.sh" "$root/bench/gpu-first-hour.sh" "$top/bench/"
+if [ $with_tests = yes ]; then
+  mkdir -p "$top/tests"
+  for name in ops_tests runtime_tests; do
+    cp "$build/tests/$name" "$top/tests/$name.elf"
+    own="$own;$top/tests/$name.elf"
+  done
+fi
 
 # ldd has all libraries with what those need in turn; what it does not find is told by name.
 LD_LIBRARY_PATH=$(dirname "$library")${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} ldd "$@" >"$work/needed"
@@ -122,6 +135,9 @@ END
   chmod 755 "$1"
 }
 launcher "$top/bin/vsplat" .. bin/vsplat.elf
+if [ $with_tests = yes ]; then
+  for name in ops_tests runtime_tests; do launcher "$top/tests/$name" .. "tests/$name.elf"; done
+fi
 launcher "$top/libexec/vsplat/vsplat-look" ../.. libexec/vsplat/vsplat-look.elf
 if [ $with_reader = yes ]; then launcher "$top/libexec/vsplat/vsplat-read" ../.. libexec/vsplat/vsplat-read.elf; fi
 

@@ -50,8 +50,6 @@ seconds() {
 count() { case $2 in '' | *[!0-9]*) usage "$1 is \"$2\": a whole number expected" ;; esac; }
 # near FOUND EXPECTED MOST: whether they differ by at most MOST
 near() { awk -v a="$1" -v b="$2" -v d="$3" 'BEGIN { exit (a == "" || a - b > d || b - a > d) ? 1 : 0 }'; }
-# field NAME: the first value of a JSON field from stdin, one field a line as vsplat prints it
-field() { sed -n "s/^.*\"$1\": *\"\{0,1\}\([^\",]*\).*$/\1/p" | head -n 1; }
 mean() { sed -n '/"mean"/,$p' "$1" | field "$2"; }
 
 minutes='' output='' from='' config='' init='' piece=8 device='' data='' draw='' textures='' objects=16 work='' part_size=16320 check_only=no
@@ -99,13 +97,9 @@ if [ "$objects" -eq 0 ] || [ "$part_size" -eq 0 ]; then usage "--objects and --p
 [ -z "$draw" ] || count --draw "$draw"
 
 here=$(cd "$(dirname "$0")" && pwd)
-vsplat=${VSPLAT-}
-for file in "$here/../../bin/vsplat" "$here/../../build/release/bin/vsplat"; do
-  if [ -z "$vsplat" ] && [ -x "$file" ]; then vsplat=$file; fi
-done
-[ -n "$vsplat" ] || fail "no vsplat in $here/../../bin or $here/../../build/release/bin: build it, or unpack what cmake/bundle.sh packs"
-version=$("$vsplat" --version 2>&1) ||
-  fail "$vsplat does not run on this machine ($version); cmake/bundle.sh packs it with the libraries that it needs"
+top=$here/../..
+. "$top/bench/gpu-driver.sh"
+find_vsplat
 
 if [ -z "$work" ]; then
   work=$(mktemp -d)
@@ -121,59 +115,9 @@ trap 'stopped=yes; [ -n "$child" ] || exit 143; kill -INT "$child" 2>/dev/null |
 : "${HOME:=$work}" "${VSPLAT_CACHE_DIR:=$work/cache}"
 export HOME VSPLAT_CACHE_DIR
 
-# --- The driver: an OpenCL loader finds it by a file in a folder, which containers often lack though the driver is there.
-vendors=/etc/OpenCL/vendors
-driver='' looked=''
-folders="/usr/lib/x86_64-linux-gnu /usr/lib/aarch64-linux-gnu /usr/lib64 /usr/lib /usr/local/nvidia/lib64 /usr/local/nvidia/lib
-  /usr/local/cuda/compat /usr/local/cuda/lib64 /usr/lib/wsl/lib /run/opengl-driver/lib /usr/lib/nvidia"
-find_driver() {
-  # ldconfig's list, where this is one; /sbin is not on everybody's path.
-  driver=$(PATH=$PATH:/usr/sbin:/sbin ldconfig -p 2>/dev/null | awk '$1 == "libnvidia-opencl.so.1" { print $NF; exit }') || driver=
-  looked="what ldconfig -p lists"
-  if [ -n "$driver" ] && [ -e "$driver" ]; then return; fi
-  driver=
-  for folder in $(printf '%s' "${LD_LIBRARY_PATH-}" | tr ':' ' ') $folders; do
-    looked="$looked, $folder"
-    for file in "$folder/libnvidia-opencl.so.1" "$folder"/libnvidia-opencl.so.*; do
-      if [ -z "$driver" ] && [ -e "$file" ]; then driver=$file; fi
-    done
-    if [ -n "$driver" ]; then
-      # What the driver loads in turn lies beside it, where the system does not look.
-      LD_LIBRARY_PATH=${LD_LIBRARY_PATH:+$LD_LIBRARY_PATH:}$folder
-      export LD_LIBRARY_PATH
-      return
-    fi
-  done
-}
-if [ -n "${OCL_ICD_VENDORS-}${OCL_ICD_FILENAMES-}" ]; then
-  looked="OCL_ICD_VENDORS=${OCL_ICD_VENDORS-} and OCL_ICD_FILENAMES=${OCL_ICD_FILENAMES-}, which are set here and say where the loader looks"
-  say "the driver is what ${looked%%, which*} say"
-else
-  find_driver
-  if [ -z "$driver" ]; then
-    say "no libnvidia-opencl.so.1; drivers that $vendors names are used"
-  elif grep -qs nvidia "$vendors"/*.icd; then
-    say "driver $driver, which $vendors names"
-  else
-    mkdir -p "$work/vendors"
-    cp "$vendors"/*.icd "$work/vendors/" 2>/dev/null || :
-    printf '%s\n' "$driver" >"$work/vendors/nvidia.icd"
-    export OCL_ICD_VENDORS="$work/vendors"
-    say "driver $driver; $vendors does not name it: an entry of its own does, in $OCL_ICD_VENDORS"
-  fi
-  looked="$vendors; for NVIDIA's driver (libnvidia-opencl.so.1) at $looked"
-fi
-nodes=''
-for node in /dev/nvidia[0-9]* /dev/dxg; do
-  if [ -e "$node" ]; then nodes="$nodes $node"; fi
-done
+name_driver
 no_device() {
-  say "looked at: $looked"
-  if [ -n "$nodes" ]; then
-    say "the machine has a device (${nodes# }): its container may lack the driver's OpenCL part (NVIDIA_DRIVER_CAPABILITIES=compute,utility)"
-  else
-    say "there is no /dev/nvidia0: the machine has no NVIDIA GPU, or its container was not given it"
-  fi
+  say_no_device
   fail "$*"
 }
 "$vsplat" devices --json >"$work/devices.json" 2>"$work/devices.err" || no_device "no OpenCL device: $(head -n 1 "$work/devices.err")"

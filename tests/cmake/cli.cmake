@@ -96,3 +96,10 @@ add_test(NAME cli_gpu_script_trains COMMAND Python3::Interpreter ${CMAKE_CURRENT
 set_tests_properties(cli_gpu_script cli_gpu_script_trains PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_BUNDLE=$<IF:$<BOOL:${VSPLAT_SANITIZE}>,,${PROJECT_BINARY_DIR}>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 set_tests_properties(cli_gpu_script_trains PROPERTIES LABELS "cli;slow" TIMEOUT 1800)
+# The same of what a GPU is asked first.
+add_test(NAME cli_gpu_first_hour COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_first_hour_test.py StandIn)
+add_test(NAME cli_gpu_first_hour_runs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/gpu_first_hour_test.py FirstHour)
+set_tests_properties(cli_gpu_first_hour cli_gpu_first_hour_runs PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
+  SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_BUNDLE=$<IF:$<BOOL:${VSPLAT_SANITIZE}>,,${PROJECT_BINARY_DIR}>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+set_tests_properties(cli_gpu_first_hour_runs PROPERTIES LABELS "cli;slow" TIMEOUT 3600)
