@@ -52,6 +52,7 @@ std::vector<DriverEntry> entries_in(const fs::path& folder, std::string& problem
   if (error) problem = error == std::errc::no_such_file_or_directory ? "is not there" : error.message();
   std::sort(files.begin(), files.end());
   std::vector<DriverEntry> out;
+  out.reserve(files.size());
   for (const fs::path& file : files) out.push_back(entry_of(file));
   return out;
 }

@@ -38,6 +38,7 @@ std::vector<DeviceFile> device_files(const fs::path& folder, const std::string& 
     if (at->path().filename().string().starts_with(beginning) && !at->is_directory(error)) paths.push_back(at->path());
   std::sort(paths.begin(), paths.end());
   std::vector<DeviceFile> out;
+  out.reserve(paths.size());
   for (const fs::path& path : paths) out.push_back(device_file(path));
   return out;
 }
@@ -83,7 +84,7 @@ GpuFiles gpu_files(const fs::path& root) {
   out.has_nvidia = out.has_nvidia || out.nvidia_gpu() || fs::exists(root / "proc/driver/nvidia", error);
   out.has_amd = out.has_amd || !out.amd.empty();
   out.container = fs::exists(root / ".dockerenv", error) || fs::exists(root / "run/.containerenv", error) ||
-                  first_word(root / "run/systemd/container") != "";
+                  !first_word(root / "run/systemd/container").empty();
   return out;
 }
 

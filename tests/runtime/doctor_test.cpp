@@ -7,7 +7,10 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <optional>
 #include <string>
+
+#include "runtime/personal.h"
 
 namespace vsplat {
 namespace {
@@ -166,6 +169,80 @@ TEST(Doctor, TellsAGpuDriverThatGivesNoDevice) {
   looked.drivers.push_back(driver);
   EXPECT_TRUE(find(findings_of(looked), "no_devices"));
   EXPECT_FALSE(find(findings_of(looked), "library_without_entry"));
+}
+
+// A variable of the environment, for as long as this lives.
+class DriverVariable {
+ public:
+  DriverVariable(const char* name, const std::string& value) : name_(name) {
+    if (const char* before = std::getenv(name)) before_ = before;
+    ::setenv(name, value.c_str(), 1);
+  }
+  ~DriverVariable() {
+    if (before_)
+      ::setenv(name_, before_->c_str(), 1);
+    else
+      ::unsetenv(name_);
+  }
+  DriverVariable(const DriverVariable&) = delete;
+  DriverVariable& operator=(const DriverVariable&) = delete;
+
+ private:
+  const char* name_;
+  std::optional<std::string> before_;
+};
+
+TEST(DriverEntries, AreThoseThatTheLoaderFinds) {
+  const System system;
+  const std::string folder = system.file("vendors/b.icd", "libb.so.1\nlibc.so\n").parent_path().string();
+  system.file("vendors/a.icd", "/opt/a.so \n");
+  system.file("vendors/c.icd.off", "libc.so\n");
+  const DriverVariable vendors("OCL_ICD_VENDORS", folder), files("OCL_ICD_FILENAMES", "/x.so:y.so"),
+      path("OPENCL_VENDOR_PATH", "");
+  const DriverEntries ocl_icd = driver_entries(true);
+  EXPECT_EQ(ocl_icd.variable, "OCL_ICD_VENDORS");
+  EXPECT_TRUE(ocl_icd.folder && ocl_icd.problem.empty());
+  ASSERT_EQ(ocl_icd.entries.size(), 2u);
+  EXPECT_EQ(ocl_icd.entries[0].library, "/opt/a.so ");
+  EXPECT_EQ(ocl_icd.entries[1].library, "libb.so.1");
+  const DriverEntries khronos = driver_entries(false);
+  ASSERT_EQ(khronos.entries.size(), 4u);
+  EXPECT_EQ(khronos.entries[2].library, "/x.so");
+  EXPECT_EQ(khronos.entries[3].file, "");
+}
+
+TEST(DriverEntries, MayBeOneFileOrOneLibraryForOclIcd) {
+  const System system;
+  const fs::path entry = system.file("vendors/a.icd", "liba.so\n");
+  const DriverVariable path("OPENCL_VENDOR_PATH", entry.parent_path().string()), files("OCL_ICD_FILENAMES", "");
+  for (const std::string& name : {entry.string(), std::string("a.icd")}) {
+    const DriverVariable vendors("OCL_ICD_VENDORS", name);
+    const DriverEntries found = driver_entries(true);
+    ASSERT_EQ(found.entries.size(), 1u) << name;
+    EXPECT_EQ(found.entries[0].file, entry.string());
+    EXPECT_EQ(found.entries[0].library, "liba.so");
+  }
+  {
+    const DriverVariable vendors("OCL_ICD_VENDORS", "libother.so.3");
+    const DriverEntries found = driver_entries(true);
+    ASSERT_EQ(found.entries.size(), 1u);
+    EXPECT_EQ(found.entries[0].library, "libother.so.3");
+    EXPECT_EQ(driver_entries(false).problem, "is not there");
+  }
+  const DriverVariable none("OCL_ICD_VENDORS", "");
+  EXPECT_EQ(driver_entries(true).variable, "OPENCL_VENDOR_PATH");
+  EXPECT_EQ(driver_entries(true).entries.size(), 1u);
+  EXPECT_EQ(driver_entries(false).place, "/etc/OpenCL/vendors");
+}
+
+TEST(Personal, IsReplacedWhereItStandsAlone) {
+  const Personal who = {{"/data/people/ann"}, {"ann"}, {"box.example.org", "box"}};
+  EXPECT_EQ(without_personal("/data/people/ann/x and /data/people/anna/x", who), "~/x and /data/people/anna/x");
+  EXPECT_EQ(without_personal("HOME=/data/people/ann", who), "HOME=~");
+  EXPECT_EQ(without_personal("ann@box.example.org, ann_1, planned, box-2", who), "USER@HOST, USER_1, planned, HOST-2");
+  EXPECT_EQ(without_personal("/home/bob/x:/home/eve, /Users/kim", who), "/home/USER/x:/home/USER, /Users/USER");
+  EXPECT_EQ(without_personal("/home/", who), "/home/");
+  EXPECT_EQ(without_personal("", who), "");
 }
 
 }  // namespace
