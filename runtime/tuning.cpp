@@ -77,6 +77,16 @@ const std::vector<TunedDeclaration>& tuned_declarations() {
        {{"keys", true}, {"bits"}},
        {{"digit", "bits of a pass, at the most", {8, 6, 10, 11}},
         {"blocks", "of keys for each compute unit", {4, 2, 8}}}},
+      {TunedOp::rasterize_forward,
+       "rasterize_forward",
+       Flavour::gpu,
+       {{"tiles", true}, {"intersections", true}},
+       {{"pixels", "of a work-item, at the least", {1, 2, 4, 8}}}},
+      {TunedOp::rasterize_forward,
+       "rasterize_forward",
+       Flavour::cpu,
+       {{"tiles", true}, {"intersections", true}},
+       {{"batch", "Gaussians of a tile that a work-item looks at together", {64, 32, 128}}}},
   };
   return all;
 }

@@ -28,8 +28,9 @@ enum class TunedOp : int {
   attention_forward,
   attention_backward,
   radix_sort,
+  rasterize_forward,
 };
-constexpr int kTunedOps = 9;
+constexpr int kTunedOps = 10;
 
 struct TunedParameter {
   const char* name;

@@ -1,5 +1,7 @@
 #include "model/ops/rasterize.h"
 
+#include <algorithm>
+
 #include "runtime/fail.h"
 
 namespace vsplat {
@@ -28,9 +30,12 @@ std::size_t local_bytes(const TileKernel& k, long group) {
 
 TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles) {
   if (in_blocks(ctx))
-    return {{kernel.file, kernel.cpu, "-DBATCH=" + std::to_string(kBatch) + kernel.defines, nullptr, kernel.flops},
-            groups(tiles, 1)};
-  for (long pixels = kernel.columns ? kBackwardPixels : 1; pixels <= kTile; pixels *= 2) {
+    return {
+        {kernel.file, kernel.cpu,
+         "-DBATCH=" + std::to_string(kernel.batch > 0 ? kernel.batch : kBatch) + kernel.defines, nullptr, kernel.flops},
+        groups(tiles, 1)};
+  const long least = kernel.columns ? kBackwardPixels : 1;
+  for (long pixels = std::max(kernel.pixels, least); pixels <= kTile; pixels *= 2) {
     const long group = kTile * kTile / pixels;
     const KernelId id{kernel.file, kernel.gpu, "-DPIXELS=" + std::to_string(pixels) + kernel.defines, nullptr,
                       kernel.flops};
@@ -100,8 +105,11 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
   const Cost cost{0, n * 52.0 + pixels * 20.0};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
-  const TileLaunch l = tile_launch(
-      {"rasterize", "rasterize_forward_cpu", "rasterize_forward_gpu", "", kRecord, 0, kForwardFlops}, ctx, tiles);
+  TileKernel kernel{"rasterize", "rasterize_forward_cpu", "rasterize_forward_gpu", "", kRecord, 0, kForwardFlops};
+  const TunedValues tuned = ctx.tuned({TunedOp::rasterize_forward, {tiles, d["N"]}});
+  (ctx.flavour() == Flavour::cpu ? kernel.batch : kernel.pixels) =
+      tuned.at(ctx.flavour() == Flavour::cpu ? "batch" : "pixels");
+  const TileLaunch l = tile_launch(kernel, ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(a.picture.colour),
              drawn(a.picture.alpha), drawn(a.picture.depth), d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
              a.background[0], a.background[1], a.background[2]);

@@ -76,6 +76,8 @@ struct TileKernel {
   long record;                   // floats of a Gaussian's record
   long columns = 0;              // backward: floats of a row of sums; 0: forward, which sums nothing
   double flops = 0;              // operations for a pixel and a Gaussian that it sees, which the kernel counts
+  // cpu: how many of a tile's Gaussians are looked at together; gpu: pixels of an item, at the least. 0: the usual
+  long batch = 0, pixels = 0;
 };
 
 struct TileLaunch {

@@ -32,6 +32,9 @@ TunedShape little(TunedShape shape) {
     case TunedOp::radix_sort:
       at_most(0, 70001);
       break;
+    case TunedOp::rasterize_forward:
+      shape.sizes = {16, 16 * 100};
+      break;
     case TunedOp::conv3d_method:
       break;
   }

@@ -125,6 +125,9 @@ double weight_of(const TunedShape& shape, long calls) {
     case TunedOp::radix_sort:
       flops = 10 * size(0) * size(1);
       break;
+    case TunedOp::rasterize_forward:
+      flops = 39.0 * 64 * size(1);  // a quarter of the pixels of a tile, as a guess
+      break;
   }
   return flops * static_cast<double>(calls);
 }

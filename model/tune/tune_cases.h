@@ -7,6 +7,7 @@ namespace vsplat::tuning {
 // Null where the operation is none of theirs.
 std::unique_ptr<TuneCase> product_case(Context& ctx, const TunedShape& shape);
 std::unique_ptr<TuneCase> attention_case(Context& ctx, const TunedShape& shape);
+std::unique_ptr<TuneCase> rasterize_case(Context& ctx, const TunedShape& shape);
 std::unique_ptr<TuneCase> sort_case(Context& ctx, const TunedShape& shape);
 
 }  // namespace vsplat::tuning

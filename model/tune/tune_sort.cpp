@@ -69,7 +69,7 @@ namespace vsplat {
 
 std::unique_ptr<TuneCase> tune_case(Context& ctx, const TunedShape& shape) {
   using namespace tuning;
-  for (const auto& family : {product_case, attention_case, sort_case})
+  for (const auto& family : {product_case, attention_case, sort_case, rasterize_case})
     if (auto out = family(ctx, shape)) return out;
   return nullptr;
 }
@@ -99,6 +99,9 @@ TunedShape odd_shape(const TunedShape& like) {
       break;
     case TunedOp::radix_sort:
       out.sizes = {5003, like.sizes[1]};
+      break;
+    case TunedOp::rasterize_forward:
+      out.sizes = {9, 9 * 37};
       break;
   }
   return out;

@@ -35,6 +35,8 @@ std::vector<TunedShape> shapes_of(TunedOp op) {
       return {{op, {2, 165, 48}}, {op, {1, 70, 80}}};
     case TunedOp::radix_sort:
       return {{op, {70001, 17}}, {op, {3000, 45}}};
+    case TunedOp::rasterize_forward:
+      return {{op, {25, 25 * 150}}};
   }
   return {};
 }
@@ -65,7 +67,7 @@ INSTANTIATE_TEST_SUITE_P(Declared, TunedSets, ::testing::ValuesIn(declared()), n
 TEST(TuneCase, FindsWhatIsWrong) {
   Context& ctx = context(Flavour::cpu);
   for (const TunedOp op : {TunedOp::gemm, TunedOp::attention_forward, TunedOp::attention_backward, TunedOp::conv3d,
-                           TunedOp::gemm_transposed}) {
+                           TunedOp::gemm_transposed, TunedOp::rasterize_forward}) {
     const TunedShape shape = shapes_of(op).front();
     const auto one = tune_case(ctx, shape);
     const auto run = one->ready(ctx);
