@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -19,6 +18,7 @@
 #include "runtime/log.h"
 #include "runtime/output_file.h"
 #include "runtime/printable.h"
+#include "runtime/private_folder.h"
 #include "runtime/program.h"
 #include "runtime/tuning.h"
 
@@ -233,11 +233,7 @@ void write_tuning(const std::string& path, const TuningTable& table) {
     if (!t.why.empty()) one["why"] = t.why;
     json["tried"].push_back(std::move(one));
   }
-  const fs::path folder = fs::path(path).parent_path();
-  std::error_code ignored;
-  if (!folder.empty()) fs::create_directories(folder.parent_path(), ignored);
-  if (!folder.empty() && ::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
-    fail(Status::file, "{}: the folder cannot be made: {}", folder.string(), std::strerror(errno));
+  make_private_folder(fs::path(path).parent_path().string());
   OutputFile out(path);
   out.write(json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   out.commit();

@@ -11,7 +11,9 @@
 #include "model/tune/tune_case.h"
 #include "runtime/clock.h"
 #include "runtime/fail.h"
+#include "runtime/folder_lock.h"
 #include "runtime/log.h"
+#include "runtime/private_folder.h"
 
 namespace vsplat {
 namespace {
@@ -168,6 +170,8 @@ class Search {
       fail(Status::usage,
            "there is no folder to keep the table in (VSPLAT_CACHE_DIR is off, or others may write to the cache's "
            "folder): vsplat_tune_options.path names a file");
+    // Two searches at once would take each other's time, and each would lose what the other has tried.
+    if (request.path.empty()) hold_folder(fs::path(out_.path).parent_path().string());
     take_up();
     table_.measured = today();
   }
@@ -175,7 +179,10 @@ class Search {
   TuneResult run() {
     const std::vector<Task> tasks = tasks_of(request_.shapes);
     for (const Task& task : tasks)
-      if (const TunedDeclaration* of = declaration(task)) all_ += sets_of(*of, request_.full);
+      if (const TunedDeclaration* of = declaration(task)) {
+        out_.shapes.push_back(task.shape);
+        all_ += sets_of(*of, request_.full);
+      }
     for (const Task& task : tasks)
       if (const TunedDeclaration* of = declaration(task)) {
         const long before = done_;
@@ -217,6 +224,12 @@ class Search {
     if (request_.again) return;
     table_.choice = before.choice;
     table_.trials = before.trials;
+  }
+
+  void hold_folder(const std::string& folder) {
+    make_private_folder(folder);
+    lock_.emplace(folder, folder + ", where tuned parameters are kept");
+    lock_->keep_folders();
   }
 
   void keep() { write_tuning(out_.path, table_); }
@@ -378,6 +391,7 @@ class Search {
     keep();
   }
 
+  std::optional<FolderLock> lock_;
   std::unique_ptr<Context> own_;
   Context& ctx_;
   const TuneRequest& request_;

@@ -27,6 +27,7 @@ struct TuneResult {
   std::string before;        // the hash of the table that was there
   long tried = 0, left = 0;  // sets, now; and those that no time was left for
   double seconds = 0;
+  std::vector<TunedShape> shapes;      // classes of what the jobs have, what takes longest first
   std::vector<std::string> not_right;  // shapes of which no set was right
 };
 

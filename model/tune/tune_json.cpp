@@ -37,6 +37,11 @@ std::string tune_json(const Context& ctx, const TuneResult& result) {
   out["tried"] = result.tried;
   out["left"] = result.left;
   out["seconds"] = result.seconds;
+  out["shapes"] = Json::array();
+  for (const TunedShape& shape : result.shapes) {
+    const TunedDeclaration& of = *tuned_declaration(shape.op, ctx.flavour());
+    out["shapes"].push_back({{"op", of.name}, {"shape", shape_json(of, shape)}});
+  }
   out["chosen"] = Json::array();
   out["refused"] = Json::array();
   for (const TunedTrial& t : result.table.trials) {

@@ -92,14 +92,14 @@ class Tune(Tuned, support.Case):
 
     def test_a_table_is_told_and_gives_the_same_bytes(self):
         for flavour in ("cpu", "gpu"):
-            _, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 0.01, "--kernels", flavour,
-                             "--output", self.path(f"{flavour}.json"))
+            told, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 0.01, "--kernels", flavour,
+                                "--output", self.path(f"{flavour}.json"))
             with open(self.path(f"{flavour}.json")) as f:
                 empty = json.load(f)
             # Tiles and attention of other sizes than the defaults, at the shapes that the model has.
             entries = {"cpu": {"op": "attention_forward", "set": {"rows": 4, "panels": 1}},
                        "gpu": {"op": "gemm", "set": {"tile": 128, "unroll": 8, "split": 1}}}[flavour]
-            shape = next(t["shape"] for t in self.noted(flavour) if t["op"] == entries["op"])
+            shape = next(t["shape"] for t in told["shapes"] if t["op"] == entries["op"])
             table = with_choice(empty, {"op": entries["op"], "shape": shape, "set": entries["set"]})
             env = self.tune_environment(VSPLAT_TUNING=self.write(f"{flavour}-table.json", table))
             results = []
@@ -118,14 +118,6 @@ class Tune(Tuned, support.Case):
             options = {p["options"] for p in json.loads(out) if any(a["launches"] for a in p["about"])}
             wanted = {"cpu": "-DROWS=4 -DPANELS=1", "gpu": "-DRM=8 -DRN=8 -DUNROLL=8"}[flavour]
             self.assertTrue(any(wanted in o for o in options), options)
-
-    def noted(self, flavour):
-        """What a search tries of the model, a set of each shape."""
-        path = self.path(f"noted-{flavour}.json")
-        if not os.path.exists(path):
-            self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 20, "--kernels", flavour, "--output", path)
-        with open(path) as f:
-            return json.load(f)["tried"]
 
     def test_a_fast_wrong_candidate_is_not_taken(self):
         """Half of the products, in every loop of an odd unrolling: the fastest of all, and wrong."""
@@ -178,10 +170,14 @@ class Tune(Tuned, support.Case):
         while len(finished()) < 4 and time.time() < until:
             self.assertIsNone(process.poll(), "it ended too early to be killed")
             time.sleep(0.05)
+        code, _, err = support.run("tune", "--model", self.model, "--for", "reconstruct", env=self.tune_environment())
+        self.assertEqual(code, 1)
+        self.assertIn("another process", err)
         process.send_signal(signal.SIGKILL)
         process.wait()
         before = finished()
         self.assertGreaterEqual(len(before), 4)
+        self.assertEqual(os.stat(self.path("cache")).st_mode & 0o77, 0, "a cache's folder is its owner's alone")
         told, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 2)
         after = finished()
         self.assertEqual(after[:len(before)], before)
