@@ -81,6 +81,9 @@ output=$(cd "$output" && pwd)
 work=$(cd "$work" && pwd)
 top=$(cd "$(dirname "$0")/.." && pwd)
 . "$top/bench/gpu-driver.sh"
+for program in timeout tar gzip awk; do
+  command -v $program >/dev/null || fail "this machine has no $program"
+done
 find_vsplat
 : "${HOME:=$work}" "${VSPLAT_CACHE_DIR:=$work/cache}" "${POCL_CACHE_DIR:=$work/pocl}"
 export HOME VSPLAT_CACHE_DIR POCL_CACHE_DIR
@@ -91,11 +94,13 @@ trap 'stopped=yes; [ -z "$child" ] || kill -TERM "$child" 2>/dev/null || :' INT 
 
 # left: seconds that the step still has
 left() { echo $((step_end - $(now))); }
-# run NAME COMMAND...: into $dir/NAME.out and NAME.err, within the step's time. -> its exit code; 124 where it took too long
+# run NAME COMMAND...: into $dir/NAME.out and NAME.err, within the step's time, or $most of it. -> its exit code; 124 where it took too long
+most=''
 run() {
   name=$1
   shift
   time=$(left)
+  if [ -n "$most" ] && [ "$most" -lt "$time" ]; then time=$most; fi
   if [ "$stopped" = yes ] || [ "$time" -lt 1 ]; then
     echo "not begun: the step's $limit s are over" >"$dir/$name.err"
     return 124
@@ -128,6 +133,8 @@ device_seconds() {
 step_doctor() {
   bad=0
   run nvidia-smi nvidia-smi -q || :
+  # As the machine is, and with the entry that may have been made.
+  run doctor-as-found env -u OCL_ICD_VENDORS ${found_vendors:+"OCL_ICD_VENDORS=$found_vendors"} LD_LIBRARY_PATH="$found_libraries" "$vsplat" doctor || :
   run doctor "$vsplat" doctor || note "$(told doctor)"
   run doctor-json "$vsplat" doctor --json || :
   run devices "$vsplat" devices --json || bad=1
@@ -163,10 +170,10 @@ step_tests() {
 step_tune() {
   has_command tune || return 77
   code=0
-  most=$(($(left) - 5))
-  if [ $most -gt 50 ]; then most=50; fi
-  if [ $most -lt 1 ]; then most=1; fi
-  run tune "$vsplat" tune --quick --seconds $most --device "$device" --json || code=$?
+  search=$(($(left) - 5))
+  if [ "$search" -gt 50 ]; then search=50; fi
+  if [ "$search" -lt 1 ]; then search=1; fi
+  run tune "$vsplat" tune --quick --seconds "$search" --device "$device" --json || code=$?
   note "$(field tried <"$dir/tune.out") sets tried"
   return $code
 }
@@ -231,10 +238,12 @@ step_bench() {
     done
   fi
   for suite in $suites; do
-    code=0
+    # One that takes long leaves time for others.
+    code=0 most=$(($(left) / 2))
     run "bench-$suite" "$vsplat" bench "$suite" --seconds "$seconds" --device "$device" --json --profile "$dir/bench-$suite.json" --overwrite || code=$?
     case $code in 0) ;; 124 | 130) late=$((late + 1)) ;; *) bad=$((bad + 1)) ;; esac
   done
+  most=
   note "$(($(echo "$suites" | wc -w))) suites, $bad failed, $late without time"
   [ $bad = 0 ] && [ $late = 0 ]
 }
@@ -252,6 +261,7 @@ pack() {
   mv "$work/packed.tar.gz" "$output/$1.tar.gz"
 }
 
+found_vendors=${OCL_ICD_VENDORS-} found_libraries=${LD_LIBRARY_PATH-}
 name_driver
 if [ -z "$device" ]; then
   if timeout -k 10 60 "$vsplat" devices --json 2>/dev/null | grep -q '"type": "gpu"'; then device=gpu; else say_no_device; fi
