@@ -48,6 +48,7 @@ TEST(RunRecord, HoldsDataAndDevice) {
                           {{{"device", "a"},
                             {"driver", "driver"},
                             {"kernels", "cpu"},
+                            {"tuning", ""},
                             {"limit_bytes", 1000},
                             {"peak_bytes", 124},
                             {"first", 0},
