@@ -44,22 +44,27 @@ ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, lon
   return out;
 }
 
-// G g G^T over x and y for all of w [Cout][Cin][3][3][3], as cl/conv3d_winograd.cl reads it.
+// Of cl/conv3d_winograd.cl, or of cl/conv3d_winograd_gpu.cl.
+Shape winograd_shape(const Context& ctx, long cout, long cin) {
+  if (ctx.flavour() == Flavour::gpu) return {kCoefficients, 3, cin, cout};
+  return {div_up(cout, kTileCols), kCoefficients, cin, 3, kTileCols};
+}
+
+// G g G^T over x and y for all of w [Cout][Cin][3][3][3], as those read it.
 ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long cout, long cin,
                           const std::string& what) {
-  if (ctx.flavour() != Flavour::cpu) fail(Status::usage, "{}: Winograd's method is for the cpu kernels", what);
   constexpr double p = 0.75, q = 1.5, pp = p * p, qq = q * q;
   constexpr double at_p = 1 / (2 * pp * (pp - qq)), at_q = 1 / (2 * qq * (qq - pp));
   constexpr double g[6][3] = {{1 / (pp * qq), 0, 0},       {at_p, at_p * p, at_p * pp},  {at_p, -at_p * p, at_p * pp},
                               {at_q, at_q * q, at_q * qq}, {at_q, -at_q * q, at_q * qq}, {0, 0, 1}};
-  const long panels = div_up(cout, kTileCols);
+  const bool gpu = ctx.flavour() == Flavour::gpu;
   ConvWeights out;
   out.cin = cin, out.cout = cout, out.winograd = true;
   out.w.k = kCoefficients * 3 * cin, out.w.n = cout;
-  out.w.data = ctx.tensor({panels, kCoefficients, cin, 3, kTileCols}, Type::f32, what);
+  out.w.data = ctx.tensor(winograd_shape(ctx, cout, cin), Type::f32, what);
   if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
   if (ctx.planning()) return out;
-  std::vector<float> u(static_cast<std::size_t>(panels * kCoefficients * cin * 3 * kTileCols), 0.0f);
+  std::vector<float> u(static_cast<std::size_t>(out.w.data.count()), 0.0f);
   for (long n = 0; n < cout; ++n)
     for (long c = 0; c < cin; ++c)
       for (long dz = 0; dz < 3; ++dz) {
@@ -71,8 +76,10 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
         for (int i = 0; i < 6; ++i)
           for (int j = 0; j < 6; ++j) {
             const double value = g[j][0] * half_way[i][0] + g[j][1] * half_way[i][1] + g[j][2] * half_way[i][2];
+            const long k = i * 6 + j;
             const long at =
-                (((n / kTileCols * kCoefficients + i * 6 + j) * cin + c) * 3 + dz) * kTileCols + n % kTileCols;
+                gpu ? ((k * 3 + dz) * cin + c) * cout + n
+                    : (((n / kTileCols * kCoefficients + k) * cin + c) * 3 + dz) * kTileCols + n % kTileCols;
             u[static_cast<std::size_t>(at)] = static_cast<float>(value);
           }
       }
@@ -82,12 +89,12 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
 
 ConvMethod choose(const Context& ctx, ConvMethod method, long cout, long cin) {
   if (method != ConvMethod::auto_) return method;
+  const bool gpu = ctx.flavour() == Flavour::gpu;
+  if (!gpu && ctx.device().native_float_width < 4) return ConvMethod::direct;
   const TunedValues tuned = ctx.tuned({TunedOp::conv3d_method, {cin, cout}});
-  if (tuned.of && tuned.at("method") > 0 && ctx.device().native_float_width >= 4)
-    return static_cast<ConvMethod>(tuned.at("method"));
-  return cin >= 32 && cout >= 32 && ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4
-             ? ConvMethod::winograd
-             : ConvMethod::direct;
+  if (tuned.of && tuned.at("method") > 0) return static_cast<ConvMethod>(tuned.at("method"));
+  // What is transformed lies in registers of the cpu flavour, and goes through memory in the gpu's.
+  return std::min(cin, cout) >= (gpu ? 64 : 32) ? ConvMethod::winograd : ConvMethod::direct;
 }
 
 // On the device. mirrored: see weight_of() in cl/conv3d.clh.
@@ -98,11 +105,16 @@ ConvWeights pack_on_device(Context& ctx, const Tensor& w, bool mirrored, const s
   const bool cpu = ctx.flavour() == Flavour::cpu;
   ConvWeights out;
   out.cin = c, out.cout = n, out.winograd = choose(ctx, method, n, c) == ConvMethod::winograd;
-  if (out.winograd && !cpu) fail(Status::usage, "{}: Winograd's method is for the cpu kernels", what);
   out.w.k = (out.winograd ? 3 * kCoefficients : 27) * c, out.w.n = n;
-  out.w.data = ctx.tensor(cpu ? Shape{panels, out.w.k, kTileCols} : Shape{out.w.k, n}, Type::f32, what);
+  out.w.data = ctx.tensor(out.winograd ? winograd_shape(ctx, n, c)
+                          : cpu        ? Shape{panels, out.w.k, kTileCols}
+                                       : Shape{out.w.k, n},
+                          Type::f32, what);
   const Cost cost{0, static_cast<double>(w.bytes()) + static_cast<double>(out.w.data.bytes())};
-  if (out.winograd)
+  if (out.winograd && !cpu)
+    ctx.launch({"conv3d_winograd_gpu", "winograd_pack_weights_gpu", ""}, items(3 * c * n), cost, w, mirrored ? 1 : 0, c,
+               n, written(out.w.data));
+  else if (out.winograd)
     ctx.launch({"conv3d_winograd", "winograd_pack_weights", ""}, groups(panels, 1, c), cost, w, mirrored ? 1 : 0, c, n,
                written(out.w.data));
   else
@@ -215,6 +227,32 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
     ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
                {direct_flops(s) * share, whole.bytes * share, multiplied(count, s)}, v, c.weights->w.data, s.c(), s.n,
                s.x, s.y, s.z, t, c.weights->bias, c.residual,
+               t + count == tiles ? written(c.out) : written_somewhere(c.out));
+  }
+}
+
+void forward_winograd_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
+  const long tiles = div_up(s.x, kTileSide) * div_up(s.y, kTileSide);
+  const long in = kCoefficients * (s.z + 2) * s.c(), out = kCoefficients * s.z * s.n;  // numbers of a tile
+  const TunedValues tuned = ctx.tuned(tuned_shape(TunedOp::conv3d_winograd, s));
+  const long step = std::clamp(tuned.at("scratch") / (in + out), 1L, tiles);
+  const Tensor v = ctx.tensor({kCoefficients, step, s.z + 2, s.c()}, Type::f32, "transformed tiles");
+  const Tensor m = ctx.tensor({kCoefficients, step, s.z, s.n}, Type::f32, "their products");
+  const GpuTile tile = gpu_tile(ctx, tuned, kCoefficients * step * s.z, s.n);
+  const Cost whole = cost_of(c, s, s.x);
+  for (long t = 0; t < tiles; t += step) {
+    const long count = std::min(step, tiles - t);
+    const double share = static_cast<double>(count) / static_cast<double>(tiles), to = whole.bytes * share / 2;
+    const double packed = 4.0 * static_cast<double>(count * in), products = 4.0 * static_cast<double>(count * out);
+    ctx.launch({"conv3d_winograd_gpu", "winograd_forward_pack_gpu", ""}, items(count * (s.z + 2) * s.c()),
+               {0, packed + to}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z,
+               t, count, written(v, count * in));
+    ctx.launch({"conv3d_winograd_gpu", "winograd_forward_tile_gpu", tile.defines, c.name},
+               groups(div_up(s.n, tile.side), 256, div_up(count * s.z, tile.side), kCoefficients),
+               {direct_flops(s) * share, packed + products, multiplied(count, s)}, v, c.weights->w.data, count, s.z,
+               s.c(), s.n, written(m, count * out));
+    ctx.launch({"conv3d_winograd_gpu", "winograd_forward_unpack_gpu", ""}, items(count * s.z * s.n), {0, products + to},
+               m, s.x, s.y, s.z, s.n, t, count, c.weights->bias, c.residual,
                t + count == tiles ? written(c.out) : written_somewhere(c.out));
   }
 }
@@ -344,7 +382,7 @@ void conv3d_forward(Context& ctx, const Conv3dForward& c) {
   const Shape3d s = check(c);
   if (s.x * s.y * s.z * s.n == 0) return;
   if (c.weights->winograd)
-    forward_winograd(ctx, c, s);
+    (ctx.flavour() == Flavour::cpu ? forward_winograd : forward_winograd_gpu)(ctx, c, s);
   else if (ctx.flavour() == Flavour::cpu)
     forward_cpu(ctx, c, s);
   else
@@ -367,7 +405,8 @@ void conv3d_backward_weights(Context& ctx, const Conv3dBackwardWeights& g) {
   if (voxels * k * s.n == 0) return;
   if (g.dbias) column_sum(ctx, {g.dy, g.dbias, true});
 
-  if (choose(ctx, g.method, s.n, s.c()) == ConvMethod::winograd)
+  const bool direct = ctx.flavour() == Flavour::gpu && g.method == ConvMethod::auto_;
+  if (!direct && choose(ctx, g.method, s.n, s.c()) == ConvMethod::winograd)
     backward_weights_winograd(ctx, g, s);
   else
     backward_weights_direct(ctx, g, s);

@@ -12,13 +12,14 @@ struct ConvWeights {
   bool winograd = false;
 };
 
-// How a dense 3x3x3 convolution is computed. winograd (cpu flavour only) multiplies four times less than the direct
-// sum, for four times the weights' memory and three times the rounding error (some 4e-6 of the largest value).
+// How a dense 3x3x3 convolution is computed. winograd multiplies four times less than the direct sum, for four times
+// the weights' memory and three times the rounding error (some 4e-6 of the largest value). In the gpu flavour what is
+// transformed goes through memory; the gradient by weights is a direct sum there.
 enum class ConvMethod : int { auto_ = 0, direct = 1, winograd = 2 };
 
 // 3x3x3 weights as PyTorch has them, w [Cout][Cin][3][3][3] (x, y, z), repacked for conv3d_forward(). bias [Cout] or
 // null.
-// auto_: winograd in the cpu flavour, unless the convolution is too small for it to pay.
+// auto_: winograd, unless the convolution is too small for it to pay.
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method = ConvMethod::auto_);
 // The same from device memory, for weights that training changes. w [Cout, Cin, 3, 3, 3]; bias [Cout] or none.

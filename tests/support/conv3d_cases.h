@@ -55,6 +55,11 @@ struct ConvWay {
 
 inline auto conv_ways() {
   return ::testing::Values(ConvWay{Flavour::cpu, ConvMethod::direct}, ConvWay{Flavour::cpu, ConvMethod::winograd},
+                           ConvWay{Flavour::gpu, ConvMethod::direct}, ConvWay{Flavour::gpu, ConvMethod::winograd});
+}
+// Of the gradient by weights.
+inline auto conv_weights_ways() {
+  return ::testing::Values(ConvWay{Flavour::cpu, ConvMethod::direct}, ConvWay{Flavour::cpu, ConvMethod::winograd},
                            ConvWay{Flavour::gpu, ConvMethod::direct});
 }
 

@@ -168,7 +168,7 @@ TEST_P(Conv3dWeights, RejectsBadShapes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dInputs, test::conv_ways(), test::name_of_way);
-INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dWeights, test::conv_ways(), test::name_of_way);
+INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dWeights, test::conv_weights_ways(), test::name_of_way);
 
 class Conv3dDownBackwardTest : public test::FlavourTest {};
 VSPLAT_FLAVOURS(Conv3dDownBackwardTest);

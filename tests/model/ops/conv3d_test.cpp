@@ -84,8 +84,10 @@ TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
 
 // More planes than are packed at a time, so that the ring of planes goes round.
 TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
-  // Only the cpu flavour packs: of planes of 1040 channels it does seven at a time, of tiles eight.
-  ConvTry t{{11, 40, 12}, GetParam().flavour == Flavour::cpu ? 1040 : 26, 3};
+  // The cpu flavour packs seven planes of 1040 channels at a time, or eight tiles; the gpu flavour 27 tiles of 30 with
+  // 1200 channels, and for the direct sum nothing.
+  const bool gpu = GetParam().flavour == Flavour::gpu;
+  ConvTry t{{11, 40, 12}, !gpu ? 1040 : GetParam().method == ConvMethod::winograd ? 1200 : 26, 3};
   t.affine = t.silu = true;
   const ref::ConvCase c = make_conv_case(t);
   const auto d = upload(ctx(), c);
@@ -245,14 +247,15 @@ TEST_P(Conv3dTest, RejectsBadShapes) {
 
 INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dTest, test::conv_ways(), test::name_of_way);
 
-// Left to itself, the cpu flavour takes Winograd's method where there is enough to do, and the gpu flavour never.
+// Left to itself, a flavour takes Winograd's method where there is enough to do.
 TEST(Conv3dMethod, IsChosenBySize) {
-  const std::vector<float> w(27 * 32 * 32, 1.0f);
+  const std::vector<float> w(27 * 64 * 64, 1.0f);
   Context &cpu = test::context(Flavour::cpu), &gpu = test::context(Flavour::gpu);
   EXPECT_TRUE(pack_conv3d(cpu, w.data(), nullptr, 32, 32, "w").winograd);
   EXPECT_FALSE(pack_conv3d(cpu, w.data(), nullptr, 16, 32, "w").winograd);
   EXPECT_FALSE(pack_conv3d(gpu, w.data(), nullptr, 32, 32, "w").winograd);
-  EXPECT_THROW(pack_conv3d(gpu, w.data(), nullptr, 32, 32, "w", ConvMethod::winograd), Error);
+  EXPECT_TRUE(pack_conv3d(gpu, w.data(), nullptr, 64, 64, "w").winograd);
+  EXPECT_FALSE(pack_conv3d(gpu, w.data(), nullptr, 64, 63, "w").winograd);
 }
 
 }  // namespace
