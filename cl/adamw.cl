@@ -39,7 +39,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(glo
                                                                              global float* restrict sums, int n,
                                                                              int first) {
   local float part[GROUP];
-  const int block = get_group_id(0);
+  const int block = GROUP_ID(0);
   global const float* from = grad + (size_t)block * GROUP * EACH;
   const int left = min(n - block * (GROUP * EACH), GROUP * EACH);
   float sum = 0.0f;
@@ -49,7 +49,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_squares(glo
 }
 
 kernel void adamw_squares_cpu(global const float* restrict grad, global float* restrict sums, int n, int first) {
-  const int block = get_group_id(0), from = block * (GROUP * EACH), left = min(n - from, GROUP * EACH);
+  const int block = GROUP_ID(0), from = block * (GROUP * EACH), left = min(n - from, GROUP * EACH);
   float16 a = 0.0f, b = 0.0f;
   for (int i = 0; i < left; i += 32) {
     const float16 x = load_part(grad + from + i, left - i), y = load_part(grad + from + i + 16, left - i - 16);

@@ -11,5 +11,5 @@ kernel void add_columns(global const float* restrict x, global float* restrict o
   if (r >= R) return;
   global const float* row = x + (long)r * X + from;
   global float* to = out + (long)r * W + column;
-  for (int c = get_global_id(0); c < C; c += get_global_size(0)) to[c] += row[c];
+  for (int c = get_global_id(0); c < C; c += get_local_size(0)) to[c] += row[c];
 }

@@ -11,10 +11,11 @@
 //                                      attention_backward_by_key
 // scale            float               1 / sqrt(D)
 // define HEAD_PAD  64                  D rounded up to a multiple of 64
-// work-items       groups of 256: (tile of 64 tokens, v H + h), the tokens being queries or keys
+// define GROUP     256                 256, 128 or 64
+// work-items       groups of GROUP: (tile of GROUP / 4 tokens, v H + h), the tokens being queries or keys
 // ```
-// A group goes through the other tokens (keys or queries) in blocks of 32. Weights go through local memory, 17 KB in
-// all.
+// A group goes through the other tokens (keys or queries) in blocks of 32. Weights go through local memory, 16.5 KB in
+// all (12.5 KB in groups of 128, 10.5 KB in groups of 64).
 #include "attention_tile_gpu.clh"
 
 // Work-items (token, v H + h).
@@ -32,8 +33,8 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
   local float4 stage[STAGE], ds[WEIGHTS];
-  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
-  const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
+  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = GROUP_ID(1);
+  const int v = vh / H, h = vh % H, t0 = GROUP_ID(0) * ROWS;
   const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
   global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
   global const float* keys = queries + out_step;
@@ -70,8 +71,8 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
     global const float* qkv, global const float* stats, global const float* delta, global const float* dout,
     global float* dqkv, int V, int T, int H, int D, float scale) {
   local float4 stage[STAGE], p[WEIGHTS];
-  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
-  const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
+  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = GROUP_ID(1);
+  const int v = vh / H, h = vh % H, t0 = GROUP_ID(0) * ROWS;
   const size_t step = (size_t)3 * H * D, out_step = (size_t)H * D;
   global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
   global const float* keys = queries + out_step;

@@ -9,10 +9,12 @@
 //                                      over the sum of 2^(score - largest); null: not wanted
 // scale            float               1 / sqrt(D)
 // define HEAD_PAD  64                  D rounded up to a multiple of 64
-// work-items       groups of 256: (tile of 64 queries, v H + h)
+// define GROUP     256                 256, 128 or 64
+// work-items       groups of GROUP: (tile of GROUP / 4 queries, v H + h)
 // ```
-// A group goes through the keys in blocks of 32. Weights go through local memory, 17.3 KB in all; the softmax of a
-// query is shared by 4 work-items, which take a quarter of the block's keys each.
+// A group goes through the keys in blocks of 32. Weights go through local memory, 17.5 KB in all (13 KB in groups of
+// 128, 10.8 KB in groups of 64); the softmax of a query is shared by 4 work-items, which take a quarter of the block's
+// keys each.
 #include "attention_tile_gpu.clh"
 
 // The running softmax of query item % ROWS, of which this work-item takes the keys of one quarter of each block. The
@@ -54,8 +56,8 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
     global const float* qkv, global float* out, global float* stats, int V, int T, int H, int D, float scale) {
   local float4 stage[STAGE], w[WEIGHTS], part[ROWS];
   local float* parts = (local float*)part;
-  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = get_group_id(1);
-  const int v = vh / H, h = vh % H, t0 = get_group_id(0) * ROWS;
+  const int item = get_local_id(0), x = item % 16, y = item / 16, vh = GROUP_ID(1);
+  const int v = vh / H, h = vh % H, t0 = GROUP_ID(0) * ROWS;
   const size_t step = (size_t)3 * H * D;
   global const float* queries = qkv + (size_t)v * T * step + (size_t)h * D;
   global const float* keys = queries + (size_t)H * D;

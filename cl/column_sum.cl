@@ -26,7 +26,7 @@ kernel void column_sum(global const float* x, global float* out, int R, int C, i
 
 // cpu flavour: work-groups of one work-item, one per block of ROWS rows.
 kernel void column_sum_cpu(global const float* x, global float* out, int R, int C, int add) {
-  const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
+  const int chunk = GROUP_ID(0), until = min(R, (chunk + 1) * ROWS);
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);
     float16 sum = 0.0f;

@@ -36,7 +36,7 @@ kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int 
 kernel void conv3d_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
                                 global const float* scale, global const float* shift, int silu, int Y, int Z, int R,
                                 int plane0, global float* ring) {
-  const int zt = get_group_id(0), y = get_group_id(1), x = plane0 + get_group_id(2);
+  const int zt = GROUP_ID(0), y = GROUP_ID(1), x = plane0 + GROUP_ID(2);
   const int ZT = DIV_UP(Z, TILE_ROWS);
   int row[PACK_ROWS];
   for (int i = 0; i < PACK_ROWS; ++i) {
@@ -61,8 +61,8 @@ kernel void conv3d_forward_cpu(global const float* ring, global const float* b, 
                                int R, int plane0, global const float* bias, global const float* residual,
                                global float* out) {
   const int ZT = DIV_UP(Z, TILE_ROWS);
-  const int y = get_group_id(0) / ZT, zt = get_group_id(0) % ZT, x = plane0 + get_group_id(1);
-  const int n0 = get_group_id(2) * TILE_COLS;
+  const int y = GROUP_ID(0) / ZT, zt = GROUP_ID(0) % ZT, x = plane0 + GROUP_ID(1);
+  const int n0 = GROUP_ID(2) * TILE_COLS;
   TILE_DECLARE
   for (int dx = 0; dx < 3; ++dx) {
     const int from_x = x + dx - 1;
@@ -124,8 +124,8 @@ kernel void conv3d_backward_panels(global const float* x0, int c0, global const 
 // ```
 kernel void conv3d_backward_weights_cpu(global const float* in, global const float* dy, int C, int N, int X, int Y,
                                         int Z, int lines, global float* partial) {
-  const int tap = get_group_id(0) % 27, c_first = get_group_id(0) / 27 * TILE_ROWS;
-  const int n0 = get_group_id(1) * TILE_COLS, chunk = get_group_id(2);
+  const int tap = GROUP_ID(0) % 27, c_first = GROUP_ID(0) / 27 * TILE_ROWS;
+  const int n0 = GROUP_ID(1) * TILE_COLS, chunk = GROUP_ID(2);
   const int dx = tap / 9 - 1, dy_tap = tap / 3 % 3 - 1, dz = tap % 3 - 1;
   const int from_z = max(0, -dz), until_z = min(Z, Z - dz);
   const size_t voxels = (size_t)X * Y * Z;

@@ -45,7 +45,7 @@ kernel void conv3d_pack_weights(global const float* w, int mirrored, int C, int 
 // bias          f32   [N]           null: none
 // residual      f32   [X,Y,Z,N]     null: none; may be out
 // out           f32   [X,Y,Z,N]     written
-// work-items    groups of SIDE SIDE = 256: (tile of channels, tile of voxels), see tile_gpu.clh
+// work-items    groups of SIDE SIDE: (tile of channels, tile of voxels), see tile_gpu.clh
 // ```
 kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void conv3d_forward_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
@@ -64,7 +64,7 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
 // dy            f32   [X,Y,Z,N]        gradient of out
 // rows          int                    voxels of a chunk
 // partial       f32   [chunks,27,C,N]  written: the sum over the chunk's voxels p of in[p + tap - 1, c] dy[p, n]
-// work-items    groups of SIDE SIDE = 256: (tile of columns, tile of rows, chunk)
+// work-items    groups of SIDE SIDE: (tile of columns, tile of rows, chunk)
 // ```
 kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void
 conv3d_backward_weights_gpu(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
@@ -75,7 +75,7 @@ conv3d_backward_weights_gpu(global const float* x0, int c0, global const float* 
   local float4* bs = work + BK * AS / 4;
   const struct Rows volume = {X, Y, Z};
   const int item = get_local_id(0), tx = item % SIDE, ty = item / SIDE, C = c0 + c1, K = 27 * C;
-  const int n0 = get_group_id(0) * BN, k0 = get_group_id(1) * BM, chunk = get_group_id(2);
+  const int n0 = GROUP_ID(0) * BN, k0 = GROUP_ID(1) * BM, chunk = GROUP_ID(2);
   const int until = min((chunk + 1) * rows, X * Y * Z);
   Tile tile;
   tile_gpu_clear(&tile);

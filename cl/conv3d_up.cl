@@ -20,7 +20,7 @@ kernel void conv3d_up_forward(global const float* restrict parts, global const f
   if (i >= n) return;
   global const float* from = parts + (size_t)i * Cout * 8 + a;
   global float* to = out + corner_row(first + i, a, Y, Z) * Cout;
-  for (int c = get_global_id(0); c < Cout; c += get_global_size(0)) to[c] = from[8 * c] + (bias ? bias[c] : 0.0f);
+  for (int c = get_global_id(0); c < Cout; c += get_local_size(0)) to[c] = from[8 * c] + (bias ? bias[c] : 0.0f);
 }
 
 // The other way round.
@@ -36,5 +36,5 @@ kernel void conv3d_up_backward(global const float* restrict dy, global float* re
   if (i >= n) return;
   global const float* from = dy + corner_row(first + i, a, Y, Z) * Cout;
   global float* to = dparts + (size_t)i * Cout * 8 + a;
-  for (int c = get_global_id(0); c < Cout; c += get_global_size(0)) to[8 * c] = from[c];
+  for (int c = get_global_id(0); c < Cout; c += get_local_size(0)) to[8 * c] = from[c];
 }

@@ -18,11 +18,11 @@
 // work-items  groups of one: (panel, input channel)
 // ```
 kernel void winograd_pack_weights(global const float* w, int mirrored, int C, int N, global float* u) {
-  const int n0 = get_group_id(0) * TILE_COLS, c = get_group_id(1);
+  const int n0 = GROUP_ID(0) * TILE_COLS, c = GROUP_ID(1);
   float taps[27 * TILE_COLS];  // tap, output channel
   for (int j = 0; j < TILE_COLS; ++j)
     for (int t = 0; t < 27; ++t) taps[t * TILE_COLS + j] = weight_of(w, mirrored, N, C, n0 + j, c, t);
-  global float* to = u + ((size_t)get_group_id(0) * 36 * C + c) * 3 * TILE_COLS;
+  global float* to = u + ((size_t)GROUP_ID(0) * 36 * C + c) * 3 * TILE_COLS;
   for (int part = 0; part < 6; ++part) {
     const int dz = part / 2, from_n = 16 * (part % 2);
     float16 half_way[18];  // dy, coefficient along x
@@ -101,8 +101,8 @@ static inline void pack_source(global const float* x, int count, global const fl
 kernel void winograd_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
                                   global const float* scale, global const float* shift, int silu, int X, int Y, int Z,
                                   int tile0, global float* v) {
-  const int zt = get_group_id(0), ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
-  const int t = get_group_id(1), tile = tile0 + t;
+  const int zt = GROUP_ID(0), ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
+  const int t = GROUP_ID(1), tile = tile0 + t;
   const int x = 4 * (tile / TY) - 1, y = 4 * (tile % TY) - 1, z = TILE_ROWS * zt - 1;
   const int blocks = DIV_UP(c0 + c1, 16);
   global float* to = v + ((size_t)t * ZT + zt) * 36 * blocks * PACK_ROWS * 16;
@@ -126,9 +126,9 @@ kernel void winograd_forward_tile(global const float* v, global const float* u, 
                                   int tile0, global const float* bias, global const float* residual,
                                   global float* out) {
   const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
-  const int tile = tile0 + get_group_id(0) / ZT, z0 = TILE_ROWS * (get_group_id(0) % ZT);
-  const int n0 = get_group_id(1) * TILE_COLS;
-  global const float* pa = v + (size_t)get_group_id(0) * 36 * DIV_UP(C, 16) * PACK_ROWS * 16;
+  const int tile = tile0 + GROUP_ID(0) / ZT, z0 = TILE_ROWS * (GROUP_ID(0) % ZT);
+  const int n0 = GROUP_ID(1) * TILE_COLS;
+  global const float* pa = v + (size_t)GROUP_ID(0) * 36 * DIV_UP(C, 16) * PACK_ROWS * 16;
   global const float* pb = u + (size_t)n0 * 36 * C * 3;
   float16 m[36 * 2 * TILE_ROWS];  // coefficient, z, half of the channels
   for (int i = 0; i < 36; ++i) {

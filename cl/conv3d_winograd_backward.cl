@@ -11,10 +11,11 @@
 // v           f32   [36,tiles,Z,C]  written: B^T d B
 // work-items  groups of one: (z, tile), Z and `tiles` of them
 // ```
-kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int tile0, global float* v) {
-  const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
+kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int Z, int tile0, int tiles,
+                                 global float* v) {
+  const int z = GROUP_ID(0), t = GROUP_ID(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY) - 1, y0 = 4 * ((tile0 + t) % TY) - 1;
-  const size_t step = (size_t)get_num_groups(1) * Z * C;
+  const size_t step = (size_t)tiles * Z * C;
   global float* to = v + ((size_t)t * Z + z) * C;
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);
@@ -38,10 +39,11 @@ kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int
 // e           f32   [36,tiles,Z,NP]  written: A dy A^T; NP is N made a multiple of 32, with zeros
 // work-items  groups of one: (z, tile), Z and `tiles` of them
 // ```
-kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, int tile0, global float* e) {
-  const int z = get_group_id(0), Z = get_num_groups(0), t = get_group_id(1), TY = DIV_UP(Y, 4);
+kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, int Z, int tile0, int tiles,
+                                  global float* e) {
+  const int z = GROUP_ID(0), t = GROUP_ID(1), TY = DIV_UP(Y, 4);
   const int x0 = 4 * ((tile0 + t) / TY), y0 = 4 * ((tile0 + t) % TY), NP = DIV_UP(N, TILE_COLS) * TILE_COLS;
-  const size_t step = (size_t)get_num_groups(1) * Z * NP;
+  const size_t step = (size_t)tiles * Z * NP;
   global float* to = e + ((size_t)t * Z + z) * NP;
   for (int n = 0; n < NP; n += 16) {
     const int width = min(16, N - n);
@@ -71,7 +73,7 @@ kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, i
 // ```
 kernel void winograd_backward_tile(global const float* v, global const float* e, int C, int N, int Z, int tiles,
                                    int add, global float* m) {
-  const int c0 = get_group_id(0) * TILE_ROWS, n0 = get_group_id(1) * TILE_COLS, i = get_group_id(2);
+  const int c0 = GROUP_ID(0) * TILE_ROWS, n0 = GROUP_ID(1) * TILE_COLS, i = GROUP_ID(2);
   const int NP = DIV_UP(N, TILE_COLS) * TILE_COLS,
             block = max(1, 64 / Z);  // tiles whose rows stay in the first cache for all dz
   global const float* pv = v + (size_t)i * tiles * Z * C + c0;
@@ -108,7 +110,7 @@ kernel void winograd_backward_tile(global const float* v, global const float* e,
 // work-items  groups of one: (16 outputs, channel)
 // ```
 kernel void winograd_backward_sum(global const float* m, int C, int N, global float* dw) {
-  const int n0 = get_group_id(0) * 16, c = get_group_id(1), width = min(16, N - n0);
+  const int n0 = GROUP_ID(0) * 16, c = GROUP_ID(1), width = min(16, N - n0);
   float taps[27 * 16];
   for (int dz = 0; dz < 3; ++dz) {
     float16 all[36], half_way[18], g[9];

@@ -97,14 +97,14 @@ kernel MORE_REGISTERS void winograd_forward_pack_gpu(global const float* x0, int
 // v           f32   [36,tiles,Z+2,C]  from winograd_forward_pack_gpu
 // u           f32   [36,3,C,N]        from winograd_pack_weights_gpu
 // m           f32   [36,tiles,Z,N]    written: their products, summed over dz and C
-// work-items  groups of SIDE SIDE = 256: (tile of channels, tile of rows, coefficient), see tile_gpu.clh
+// work-items  groups of SIDE SIDE: (tile of channels, tile of rows, coefficient), see tile_gpu.clh
 // ```
 kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void
 winograd_forward_tile_gpu(global const float* v, global const float* u, int tiles, int Z, int C, int N,
                           global float* m) {
   local float4 work[WORK];
   const struct Rows rows = {Z};
-  const int k = get_group_id(2), M = tiles * Z, sources = tiles * (Z + 2);
+  const int k = GROUP_ID(2), M = tiles * Z, sources = tiles * (Z + 2);
   tile_gpu(work, v + (size_t)k * sources * C, C, 0, 0, 0, 0, 0, &rows, 3, sources, u + (size_t)k * 3 * C * N, M, N, 0,
            0, 0, m + (size_t)k * M * N, 0, ALL_TERMS);
 }

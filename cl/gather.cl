@@ -13,7 +13,7 @@ kernel void gather_forward(global const float* restrict x, global const int* res
   if (p >= P) return;
   global const float* from = x + (long)(index[p] / shared) * C;
   global float* to = out + ((long)row0 + p) * W + column;
-  for (int c = get_global_id(0); c < C; c += get_global_size(0)) to[c] = from[c];
+  for (int c = get_global_id(0); c < C; c += get_local_size(0)) to[c] = from[c];
 }
 
 // The same of whole numbers, one a row.
@@ -51,7 +51,7 @@ kernel void gather_backward(global const float* restrict dout, global const int*
   }
   global const float* from = dout + ((long)row0 + p) * W + column;
   global float* to = dx + (long)row * C;
-  for (int c = get_global_id(0); c < C; c += get_global_size(0)) {
+  for (int c = get_global_id(0); c < C; c += get_local_size(0)) {
     float sum = from[c];
     for (int i = 1; i < end - p; ++i) sum += from[(long)i * W + c];
     to[c] += sum;

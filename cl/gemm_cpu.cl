@@ -14,8 +14,8 @@
 kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
                         global const float* shift, int silu, global const int* map, int T, int src_rows, int row0,
                         int M, global float* panels) {
-  const int t = get_group_id(0);
-  const int panel = get_group_id(1);
+  const int t = GROUP_ID(0);
+  const int panel = GROUP_ID(1);
   int row[PACK_ROWS];
   for (int i = 0; i < PACK_ROWS; ++i) {
     const int m = panel * PACK_ROWS + i;
@@ -41,11 +41,11 @@ kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, 
 // ```
 kernel void gemm_pack_panels(global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride,
                              int width, global float* out) {
-  const int n0 = get_group_id(0) * width, k0 = get_group_id(1) * ROWS;
+  const int n0 = GROUP_ID(0) * width, k0 = GROUP_ID(1) * ROWS;
   const int count = min(width, N - n0);
   for (int k = k0; k < min(K, k0 + ROWS); ++k) {
     global const float* from = w + offset + (size_t)(first + k) * k_stride + (size_t)n0 * n_stride;
-    global float* to = out + ((size_t)get_group_id(0) * K + k) * width;
+    global float* to = out + ((size_t)GROUP_ID(0) * K + k) * width;
     if (n_stride == 1) {
       for (int j = 0; j < count; ++j) to[j] = from[j];
     } else {
@@ -69,9 +69,9 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
 // ```
 kernel void gemm_tile(global const float* panels, global const float* b, int block, int M, int N, int K,
                       global const float* bias, int act, global const float* residual, global float* out, int row0) {
-  const int n0 = get_group_id(0) * TILE_COLS;
-  const int last = min((int)(get_group_id(1) + 1) * block, DIV_UP(M, TILE_ROWS));
-  for (int panel = get_group_id(1) * block; panel < last; ++panel) {
+  const int n0 = GROUP_ID(0) * TILE_COLS;
+  const int last = min((int)(GROUP_ID(1) + 1) * block, DIV_UP(M, TILE_ROWS));
+  for (int panel = GROUP_ID(1) * block; panel < last; ++panel) {
     global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
     global const float* pb = b + (size_t)n0 * K;
     TILE_DECLARE

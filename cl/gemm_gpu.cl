@@ -25,7 +25,7 @@ static inline int source_row(const struct Rows* r, const struct Source* of, int 
 // act         int                 0 none, 1 GELU, 2 SiLU
 // residual    f32   [..,N]        from row out_row0 on; null: none; may be out
 // out         f32   [..,N]        written: rows out_row0 .. out_row0 + M - 1
-// work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows), see tile_gpu.clh
+// work-items  groups of SIDE SIDE: (tile of columns, tile of rows), see tile_gpu.clh
 // ```
 kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_tile_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
@@ -44,7 +44,7 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
 // M, N        int            rows and columns of the result
 // terms       int            of a part: a multiple of 16
 // parts       f32   [s,M,N]  written
-// work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows, s)
+// work-items  groups of SIDE SIDE: (tile of columns, tile of rows, s)
 // ```
 kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_split_gpu(
     global const float* x0, int c0, global const float* x1, int c1, global const float* scale,
@@ -52,7 +52,7 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
     int M, int N, int terms, global float* parts) {
   local float4 work[WORK];
   const struct Rows rows = {map, row0, T};
-  const int s = get_group_id(2);
+  const int s = GROUP_ID(2);
   tile_gpu(work, x0, c0, x1, c1, scale, shift, silu_a, &rows, T, src_rows, b, M, N, 0, 0, 0, parts, s * M, s * terms,
            (s + 1) * terms);
 }
@@ -82,36 +82,39 @@ kernel void gemm_split_sum(global const float* parts, int count, int M, int N, g
 // b           f32   [..,N]     of which the rows from `first` on are meant, `rows` in all
 // residual    f32   [M,N]      null: none; else there is one part, and it may be parts
 // parts       f32   [..,M,N]   written
-// work-items  groups of SIDE SIDE = 256: (tile of columns, tile of rows, s)
+// work-items  groups of SIDE SIDE: (tile of columns, tile of rows, s)
 // ```
 kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE, 1, 1))) void gemm_transposed_gpu(
     global const float* at, global const float* b, int first, int rows, int chunk, int M, int N,
     global const float* residual, global float* parts) {
   local float4 work[WORK];
-  const int s = get_group_id(2);
+  const int s = GROUP_ID(2);
   const struct Rows plain = {0, 0, 1};
   tile_gpu(work, at + (size_t)s * chunk * M, min(chunk, rows - s * chunk), 0, 0, 0, 0, 0, &plain, 1, M,
            b + ((size_t)first + (size_t)s * chunk) * N, M, N, 0, 0, residual, parts, s * M, ALL_TERMS);
 }
 
+#ifndef PACK_SIDE
 #define PACK_SIDE 16
+#endif
 
 // Any matrix [K,N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower).
 // Its element (k, n) is w[offset + k k_stride + (first + n) n_stride]. It goes through local memory, so that
 // neighbouring work-items read and write neighbouring numbers where a stride is 1.
 // ```
-// argument    type  shape          what
-// w           f32                  where the matrix lies
-// out         f32   [K,piece], ..  written
-// work-items  groups of PACK_SIDE PACK_SIDE = 256: (16 columns, 16 rows, piece)
+// argument          type  shape          what
+// w                 f32                  where the matrix lies
+// out               f32   [K,piece], ..  written
+// define PACK_SIDE                       16, or 8 where groups are small
+// work-items        groups of PACK_SIDE PACK_SIDE: (so many columns, so many rows, piece)
 // ```
 kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
     global const float* w, int offset, int first, int K, int N, int k_stride, int n_stride, int piece,
     global float* out) {
   local float tile[PACK_SIDE * (PACK_SIDE + 1)];
   const int x = get_local_id(0) % PACK_SIDE, y = get_local_id(0) / PACK_SIDE;
-  const int begin = get_group_id(2) * piece, width = min(piece, N - begin);
-  const int k0 = get_group_id(1) * PACK_SIDE, n0 = get_group_id(0) * PACK_SIDE;
+  const int begin = GROUP_ID(2) * piece, width = min(piece, N - begin);
+  const int k0 = GROUP_ID(1) * PACK_SIDE, n0 = GROUP_ID(0) * PACK_SIDE;
   const int dk = k_stride == 1 ? x : y, dn = k_stride == 1 ? y : x;
   if (k0 + dk < K && n0 + dn < width)
     tile[dk * (PACK_SIDE + 1) + dn] =

@@ -9,6 +9,8 @@
 // b_out       f32   [N]    written: s b
 // work-items  (input of a row: K, row: N)
 // ```
+#include "common.clh"
+
 kernel void layer_scale_forward(global const float* w, global const float* b, global const float* s,
                                 global float* w_out, global float* b_out, int N, int K) {
   const int k = get_global_id(0), n = get_global_id(1);
@@ -34,7 +36,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layer_scale_backw
     global const float* w, global const float* b, global const float* s, global const float* g_w,
     global const float* g_b, global float* dw, global float* db, global float* ds, int N, int K) {
   local float part[GROUP];
-  const int item = get_local_id(0), n = get_group_id(0);
+  const int item = get_local_id(0), n = GROUP_ID(0);
   const float scale = s[n];
   float sum = 0.0f;
   for (int k = item; k < K; k += GROUP) {

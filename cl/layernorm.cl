@@ -152,7 +152,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_forward
     global const float* x, global const float* gamma, global const float* beta, global const float* film,
     global float* out, int R, int C, int P, int skip, float eps) {
   local float part[GROUP];
-  const int r = get_group_id(0), item = get_local_id(0);
+  const int r = GROUP_ID(0), item = get_local_id(0);
   global const float* from = x + ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
   global float* to = out + (size_t)r * C;
   const float2 s = group_statistics(from, C, eps, part);
@@ -168,7 +168,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void layernorm_backwar
     global const float* dy, global float* dx, global float* dfilm, global float* stats, int R, int C, int P, int skip,
     float eps, int add) {
   local float part[GROUP];
-  const int r = get_group_id(0), item = get_local_id(0);
+  const int r = GROUP_ID(0), item = get_local_id(0);
   const size_t at = ((size_t)(r / P) * (P + skip) + r % P + skip) * C;
   const float2 s = group_statistics(x + at, C, eps, part);
   if (item == 0) vstore2(s, r, stats);
@@ -229,7 +229,7 @@ kernel void layernorm_backward_columns_gpu(global const float* x, global const f
 kernel void layernorm_backward_columns_cpu(global const float* x, global const float* film, global const float* dy,
                                            global const float* stats, global float* dgamma, global float* dbeta, int R,
                                            int C, int P, int skip) {
-  const int chunk = get_group_id(0), until = min(R, (chunk + 1) * ROWS);
+  const int chunk = GROUP_ID(0), until = min(R, (chunk + 1) * ROWS);
   global const float* none = 0;
   for (int c = 0; c < C; c += 16) {
     const int width = min(16, C - c);

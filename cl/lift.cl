@@ -6,6 +6,7 @@
 // define LANES   16       channels that a work-item takes at a time: 1, 4 or 16
 // define VOXELS  8        voxels that a group takes one after the other
 // ```
+#include "common.clh"
 #include "many_registers.clh"
 #include "sample.clh"
 
@@ -84,9 +85,9 @@ static inline float sample_one(global const float* maps, int C, int4 at, float4 
 // the samples.
 kernel MORE_REGISTERS void lift_variance_forward(global const float* maps, global const int4* index,
                                                  global const float4* weight, global float* out, int n, int V, int C) {
-  const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
+  const int begin = GROUP_ID(0) * VOXELS, end = min(n, begin + VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
-  for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
+  for (int i = begin; i < end; ++i) {
     global const int4* at = index + (size_t)i * V;
     global const float4* w = weight + (size_t)i * V;
     global float* to = out + (size_t)i * C;
@@ -124,9 +125,9 @@ kernel MORE_REGISTERS void lift_variance_forward(global const float* maps, globa
 // ```
 kernel void lift_mean_forward(global const float* maps, global const int4* index, global const float4* weight,
                               global const float* bias, global float* out, int first, int n, int V, int C) {
-  const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
+  const int begin = GROUP_ID(0) * VOXELS, end = min(n, begin + VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
-  for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
+  for (int i = begin; i < end; ++i) {
     global const int4* at = index + (size_t)i * V;
     global const float4* w = weight + (size_t)i * V;
     global float* to = out + (size_t)(first + i) * C;
@@ -151,9 +152,9 @@ kernel void lift_mean_forward(global const float* maps, global const int4* index
 // ```
 kernel void lift_samples_forward(global const float* maps, global const int4* index, global const float4* weight,
                                  global float* out, int n, int V, int C) {
-  const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
+  const int begin = GROUP_ID(0) * VOXELS, end = min(n, begin + VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
-  for (int i = get_group_id(0) * VOXELS; i < end; ++i)
+  for (int i = begin; i < end; ++i)
     for (int v = 0; v < V; ++v) {
       const size_t row = (size_t)i * V + v;
       global float* to = out + row * C;
@@ -174,9 +175,9 @@ kernel void lift_samples_forward(global const float* maps, global const int4* in
 kernel MORE_REGISTERS void lift_variance_backward(global const float* maps, global const int4* index,
                                                   global const float4* weight, global const float* dout,
                                                   global float* dsamples, int n, int V, int C) {
-  const int end = min(n, ((int)get_group_id(0) + 1) * VOXELS);
+  const int begin = GROUP_ID(0) * VOXELS, end = min(n, begin + VOXELS);
   const int whole = C / LANES * LANES, lanes = get_local_size(0), lane = get_local_id(0);
-  for (int i = get_group_id(0) * VOXELS; i < end; ++i) {
+  for (int i = begin; i < end; ++i) {
     global const int4* at = index + (size_t)i * V;
     global const float4* w = weight + (size_t)i * V;
     global const float* from = dout + (size_t)i * C;

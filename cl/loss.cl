@@ -217,7 +217,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(global 
                                                                          global float* restrict sums, int pixels,
                                                                          int of) {
   local float part[3][GROUP];
-  const int block = get_group_id(0), n = get_group_id(1), item = get_local_id(0);
+  const int block = GROUP_ID(0), n = GROUP_ID(1), item = get_local_id(0);
   global const float* from = x + ((size_t)n * pixels + (size_t)block * GROUP * EACH) * 3;
   const int left = min(pixels - block * (GROUP * EACH), GROUP * EACH);
   float sum[3] = {0.0f, 0.0f, 0.0f};
@@ -233,7 +233,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void loss_sums(global 
       for (int c = 0; c < 3; ++c) part[c][item] += part[c][item + step];
   }
   if (item == 0)
-    for (int c = 0; c < 3; ++c) sums[((size_t)n * get_num_groups(0) + block) * 3 + c] = part[c][0];
+    for (int c = 0; c < 3; ++c) sums[((size_t)n * DIV_UP(pixels, GROUP * EACH) + block) * 3 + c] = part[c][0];
 }
 
 // Means from those sums, by Kahan's summation.

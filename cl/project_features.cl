@@ -14,6 +14,7 @@
 // work-items  cpu: one per point; gpu: (lane, point), where the lanes of a point share its channels
 // ```
 // Both flavours sum in `out`, view by view.
+#include "common.clh"
 #include "sample.clh"
 #include "vector16.clh"
 
@@ -75,7 +76,7 @@ kernel void project_features_forward_gpu(global const float* restrict features, 
   global float* to = out + (long)p * C;
   for (int v = 0; v < V; ++v) {
     TEXELS(v)
-    for (int c = get_global_id(0); c < C; c += get_global_size(0)) {
+    for (int c = get_global_id(0); c < C; c += get_local_size(0)) {
       to[c] = (v == 0 ? 0.0f : to[c]) + (a.x * p0[c] + a.y * p1[c] + a.z * p2[c] + a.w * p3[c]);
     }
   }
@@ -142,7 +143,7 @@ kernel __attribute__((reqd_work_group_size(DOT_LANES, 1, 1))) void project_featu
     global const float* restrict intrinsics, global const float* restrict dout, global float4* restrict dots, int P,
     int V, int t, int C, float image, float half_pixel) {
   local float4 part[DOT_LANES];
-  const int pair = get_group_id(0), p = pair / V, v = pair % V, lane = get_local_id(0);
+  const int pair = GROUP_ID(0), p = pair / V, v = pair % V, lane = get_local_id(0);
   const Footprint f = footprint(vload3(p, points), w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t);
   global const float* map = features + (long)v * t * t * C;
   global const float* dy = dout + (long)p * C;

@@ -15,6 +15,8 @@
 // work-items         cpu: one per block, with its counters in private memory; gpu: groups of WG, one per block, each
 //                    item a run of block / WG keys, with counters [digit][item] in local memory
 // ```
+#include "common.clh"
+
 #ifndef DIGIT_BITS
 #define DIGIT_BITS 8
 #endif
@@ -68,7 +70,7 @@ static inline void count_runs(global const key_type* keys, local uint* count, ui
 kernel void radix_histogram_gpu(global const key_type* keys, global uint* histogram, uint n, uint block, uint blocks,
                                 int shift, uint mask) {
   local uint count[DIGITS * WG];
-  const uint item = get_local_id(0), b = get_group_id(0), run = block / WG;
+  const uint item = get_local_id(0), b = GROUP_ID(0), run = block / WG;
   const uint begin = min(n, b * block + item * run), end = min(n, begin + run);
   count_runs(keys, count, begin, end, shift, mask);
   for (uint d = item; d <= mask; d += WG) {
@@ -82,7 +84,7 @@ kernel void radix_scatter_gpu(global const key_type* keys, global const uint* va
                               global key_type* out_keys, global uint* out_values, uint n, uint block, uint blocks,
                               int shift, uint mask) {
   local uint count[DIGITS * WG];
-  const uint item = get_local_id(0), b = get_group_id(0), run = block / WG;
+  const uint item = get_local_id(0), b = GROUP_ID(0), run = block / WG;
   const uint begin = min(n, b * block + item * run), end = min(n, begin + run);
   count_runs(keys, count, begin, end, shift, mask);
   // Where each item's run of each digit goes.

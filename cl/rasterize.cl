@@ -18,6 +18,7 @@
 // work-items            cpu: one per tile, a float16 being a block of 4 x 4 pixels; gpu: groups of 256 / PIXELS, one
 //                       per tile, with records going through local memory
 // ```
+#include "many_registers.clh"
 #include "rasterize.clh"
 
 #ifdef BATCH
@@ -177,6 +178,12 @@ kernel void rasterize_forward_cpu(global const float* records, global const uint
 #ifdef PIXELS
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
+// Several pixels of an item, which small groups have, need registers.
+#if PIXELS > 1
+#define PIXELS_REGISTERS MANY_REGISTERS
+#else
+#define PIXELS_REGISTERS
+#endif
 
 // Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
@@ -192,6 +199,7 @@ static inline float blend(Column* own, float4 at, float4 f, float4 c) {
   const float dx = (at.x - ((float)own->x0 + 0.5f)) - (float)own->x;
   const float dy0 = (at.y - ((float)own->y0 + 0.5f)) - (float)own->y;
   float left = 0.0f;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const float t = SHEARED(f, dx, dy0 - (float)(p * STEP));
     const float a = min(exp2_scalar(LOG2_ALPHA(f, dx, t)), MAX_ALPHA);
@@ -211,17 +219,19 @@ static inline float blend(Column* own, float4 at, float4 f, float4 c) {
   return left;
 }
 
-kernel void rasterize_forward_gpu(global const float* records, global const uint* ids, global const uint* starts,
-                                  global float* colour, global float* alpha, global float* depth, int width, int height,
-                                  int tile_x0, int tile_y0, int tiles_x, int tile_count, float background_r,
-                                  float background_g, float background_b COUNTER_ARGUMENTS) {
+kernel PIXELS_REGISTERS void rasterize_forward_gpu(global const float* records, global const uint* ids,
+                                                   global const uint* starts, global float* colour, global float* alpha,
+                                                   global float* depth, int width, int height, int tile_x0, int tile_y0,
+                                                   int tiles_x, int tile_count, float background_r, float background_g,
+                                                   float background_b COUNTER_ARGUMENTS) {
   local float4 place[WG], form[WG], tint[WG];
   local int alive;
-  const int item = get_local_id(0), tile = get_group_id(0);
+  const int item = get_local_id(0), tile = GROUP_ID(0);
   Column own;
   COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     own.T[p] = own.x0 + own.x < width && own.y0 + own.y + p * STEP < height ? 1.0f : 0.0f;
     own.red[p] = own.green[p] = own.blue[p] = own.sum[p] = own.far[p] = 0.0f;
@@ -239,6 +249,7 @@ kernel void rasterize_forward_gpu(global const float* records, global const uint
     if (item == 0) alive = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     float left = 0.0f;
+#pragma unroll
     for (int p = 0; p < PIXELS; ++p) left = max(left, own.T[p]);
     for (uint i = 0; i < n && left > 0.0f; ++i) left = blend(&own, place[i], form[i], tint[i]);
     if (left > 0.0f) atomic_or(&alive, 1);
@@ -246,6 +257,7 @@ kernel void rasterize_forward_gpu(global const float* records, global const uint
     going = alive;
     barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
   }
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const int px = own.x0 + own.x, py = own.y0 + own.y + p * STEP;
     if (px >= width || py >= height) continue;

@@ -328,7 +328,7 @@ kernel MORE_REGISTERS void rasterize_backward_gpu(
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
   local int alive;
-  const int item = get_local_id(0), tile = get_group_id(0);
+  const int item = get_local_id(0), tile = GROUP_ID(0);
   Column own;
   COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;

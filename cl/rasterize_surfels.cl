@@ -18,6 +18,7 @@
 // define GEOMETRY                      normal, median, distortion or moments are wanted
 // work-items            as in rasterize.cl
 // ```
+#include "many_registers.clh"
 #include "rasterize_surfels.clh"
 
 #ifdef BATCH
@@ -147,6 +148,12 @@ kernel void rasterize_surfels_forward_cpu(global const float* records, global co
 #ifdef PIXELS
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
+// Several pixels of an item, which small groups have, need registers.
+#if PIXELS > 1
+#define PIXELS_REGISTERS MANY_REGISTERS
+#else
+#define PIXELS_REGISTERS
+#endif
 
 // Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
@@ -167,6 +174,7 @@ static inline float blend(Column* own, Record r, float near, int current, float 
   const float dx = (r.place.x - ((float)own->x0 + 0.5f)) - (float)own->x;
   const float dy0 = (r.place.y - ((float)own->y0 + 0.5f)) - (float)own->y;
   float left = 0.0f;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const Meeting at = meet(r, dx, dy0 - (float)(p * STEP), near, current);
     const float full = exp2_scalar(SURFEL_LOG2_ALPHA(r, at.rho)), a = min(full, MAX_ALPHA);
@@ -194,20 +202,19 @@ static inline float blend(Column* own, Record r, float near, int current, float 
   return left;
 }
 
-kernel void rasterize_surfels_forward_gpu(global const float* records, global const uint* ids,
-                                          global const uint* starts, global float* colour, global float* alpha,
-                                          global float* depth, global float* normal, global float* median,
-                                          global float* distortion, global float* moments, float near, int current,
-                                          int width, int height, int tile_x0, int tile_y0, int tiles_x, int tile_count,
-                                          float background_r, float background_g,
-                                          float background_b COUNTER_ARGUMENTS) {
+kernel PIXELS_REGISTERS void rasterize_surfels_forward_gpu(
+    global const float* records, global const uint* ids, global const uint* starts, global float* colour,
+    global float* alpha, global float* depth, global float* normal, global float* median, global float* distortion,
+    global float* moments, float near, int current, int width, int height, int tile_x0, int tile_y0, int tiles_x,
+    int tile_count, float background_r, float background_g, float background_b COUNTER_ARGUMENTS) {
   local Record batch[WG];
   local int alive;
-  const int item = get_local_id(0), tile = get_group_id(0);
+  const int item = get_local_id(0), tile = GROUP_ID(0);
   Column own;
   COUNT_FROM_0(&own);
   own.x0 = (tile_x0 + tile % tiles_x) * TILE, own.y0 = (tile_y0 + tile / tiles_x) * TILE;
   own.x = item % TILE, own.y = item / TILE;
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     own.T[p] = own.x0 + own.x < width && own.y0 + own.y + p * STEP < height ? 1.0f : 0.0f;
     own.tint[p] = own.sum[p] = 0.0f;
@@ -224,6 +231,7 @@ kernel void rasterize_surfels_forward_gpu(global const float* records, global co
     if (item == 0) alive = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     float left = 0.0f;
+#pragma unroll
     for (int p = 0; p < PIXELS; ++p) left = max(left, own.T[p]);
     for (uint i = 0; i < n && left > 0.0f; ++i) left = blend(&own, batch[i], near, current, r0);
     if (left > 0.0f) atomic_or(&alive, 1);
@@ -231,6 +239,7 @@ kernel void rasterize_surfels_forward_gpu(global const float* records, global co
     going = alive;
     barrier(CLK_LOCAL_MEM_FENCE);  // before the next batch overwrites it
   }
+#pragma unroll
   for (int p = 0; p < PIXELS; ++p) {
     const int px = own.x0 + own.x, py = own.y0 + own.y + p * STEP;
     if (px >= width || py >= height) continue;

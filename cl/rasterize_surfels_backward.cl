@@ -317,7 +317,7 @@ kernel MORE_REGISTERS void rasterize_surfels_backward_gpu(
   local int hits[WG];
   local float values[COLUMNS * (WG + PARTS)], parts[COLUMNS * PARTS];  // a column's stride avoids bank conflicts
   local int alive;
-  const int item = get_local_id(0), tile = get_group_id(0);
+  const int item = get_local_id(0), tile = GROUP_ID(0);
   const float3 background = (float3)(background_r, background_g, background_b);
   Column own;
   COUNT_FROM_0(&own);

@@ -5,13 +5,14 @@
 // argument      type  shape       what
 // in            u32   [n]         n >= 1
 // sums          u32   [blocks]    written by scan_sums: the sum of each block
-// before        u32   [blocks+1]  exclusive scan of the sums; not read where there is one block
+// before        u32   [blocks+1]  exclusive scan of the sums; null where there is one block
 // out           u32   [n+1]       written: out[i] = in[0] + ... + in[i-1], so that out[n] is the total (modulo 2^32)
 // define GROUP  64                work-items of a group, a power of two
 // define EACH   32                consecutive elements of a work-item, a multiple of 16
 // work-items    groups of exactly GROUP items, one group per block
 // ```
 // The order of the additions is fixed, and of no matter for integers.
+#include "common.clh"
 
 #ifndef GROUP
 #define GROUP 64
@@ -39,12 +40,12 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_sums(global 
                                                                          global uint* restrict sums, uint n) {
   local uint part[GROUP];
   const uint item = get_local_id(0);
-  part[item] = sum_of_each(in, (uint)get_group_id(0) * GROUP * EACH + item * EACH, n);
+  part[item] = sum_of_each(in, (uint)GROUP_ID(0) * GROUP * EACH + item * EACH, n);
   for (uint step = GROUP / 2; step > 0; step /= 2) {
     barrier(CLK_LOCAL_MEM_FENCE);
     if (item < step) part[item] += part[item + step];
   }
-  if (item == 0) sums[get_group_id(0)] = part[0];
+  if (item == 0) sums[GROUP_ID(0)] = part[0];
 }
 
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_blocks(global const uint* restrict in,
@@ -52,7 +53,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_blocks(globa
                                                                            global uint* restrict out, uint n) {
   local uint part[2][GROUP];
   const uint item = get_local_id(0);
-  const uint first = (uint)get_group_id(0) * GROUP * EACH + item * EACH;
+  const uint first = (uint)GROUP_ID(0) * GROUP * EACH + item * EACH;
   const uint own = sum_of_each(in, first, n);
   part[0][item] = own;
   uint from = 0;
@@ -62,7 +63,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void scan_blocks(globa
     from = 1 - from;
   }
   uint sum = part[from][item] - own;
-  if (get_num_groups(0) > 1) sum += before[get_group_id(0)];
+  if (before) sum += before[GROUP_ID(0)];
   for (uint i = first; i < n && i < first + EACH; ++i) {
     out[i] = sum;
     sum += in[i];

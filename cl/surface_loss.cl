@@ -18,6 +18,8 @@
 // define GROUP   64               work-items of a group, a power of two
 // define EACH    32               pixels of each of them
 // ```
+#include "common.clh"
+
 #ifndef GROUP
 #define GROUP 64
 #endif
@@ -31,7 +33,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void surface_loss(
     global float* restrict ddistortion, global float* restrict sums, int pixels, float by_distortion, float by_normal,
     float gradient_scale) {
   local float part[GROUP];
-  const int block = get_group_id(0), item = get_local_id(0), first = block * (GROUP * EACH);
+  const int block = GROUP_ID(0), item = get_local_id(0), first = block * (GROUP * EACH);
   const int last = min(pixels, first + GROUP * EACH);
   float sum = 0.0f;
   for (int i = first + item; i < last; i += GROUP) {

@@ -27,7 +27,7 @@ kernel void upscale_forward(global const float* restrict raw, global const float
                             float reach, float unit) {
   const int child = get_global_id(1);
   if (child >= P * F) return;
-  const int p = child / F, waves = 6 * N, lane = get_global_id(0), lanes = get_global_size(0);
+  const int p = child / F, waves = 6 * N, lane = get_global_id(0), lanes = get_local_size(0);
   const float3 offset = reach * tanh(vload3(child, raw));
   if (lane == 0) {
     vstore3(offset, child, offsets);
@@ -89,7 +89,7 @@ kernel void upscale_backward_features(global const float* restrict dwide, global
   const int p = get_global_id(1);
   if (p >= P) return;
   const int width = 6 * N + C;
-  for (int c = get_global_id(0); c < C; c += get_global_size(0)) {
+  for (int c = get_global_id(0); c < C; c += get_local_size(0)) {
     float sum = 0.0f;
     for (int f = 0; f < F; ++f) sum += dwide[((size_t)p * F + f) * width + 6 * N + c];
     dfeature[(size_t)p * C + c] += sum;

@@ -13,12 +13,14 @@
 #include "runtime/clock.h"
 #include "runtime/counters.h"
 #include "runtime/device_handles.h"
+#include "runtime/device_limits.h"
 #include "runtime/device_memory.h"
 #include "runtime/fail.h"
 #include "runtime/host_memory.h"
 #include "runtime/host_span.h"
 #include "runtime/launch_arguments.h"
 #include "runtime/launch_checks.h"
+#include "runtime/launch_parts.h"
 #include "runtime/log.h"
 #include "runtime/pace.h"
 #include "runtime/profiler.h"
@@ -50,6 +52,7 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
 
 ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
   ArenaLimits limits;
+  limits.align = static_cast<std::size_t>(device.align);
   constexpr double most_gib = 1ull << 32;  // more than any device has; sums of sizes stay within 64 bits
   if (max_memory_gib > 0)
     limits.total = static_cast<std::size_t>(std::min(max_memory_gib, most_gib) * (1ull << 30));
@@ -57,8 +60,9 @@ ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
     limits.total = std::min<std::size_t>(device.memory, host_memory_limit());
   else
     limits.total = device.memory;
+  if (device.address_bits < 64)
+    limits.total = std::min(limits.total, (std::size_t{1} << device.address_bits) - limits.align);
   limits.max_alloc = std::min<std::size_t>(device.max_alloc, limits.total);
-  limits.align = static_cast<std::size_t>(device.align);
   limits.on_host = device.type == DeviceType::cpu;
   if (guard_is_wanted()) limits.guard = round_up<std::size_t>(256, limits.align);
   return limits;
@@ -67,12 +71,15 @@ ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
 // A kernel, and the work-groups that it was launched with.
 struct Built {
   cl::Kernel kernel;
-  std::vector<std::array<std::size_t, 3>> groups;
+  KernelLimits limits;
+  std::vector<std::array<std::size_t, 4>> groups;
 
-  // Whether it is the first time with these, which some drivers compile for.
-  bool first(const std::array<std::size_t, 3>& local) {
-    if (std::find(groups.begin(), groups.end(), local) != groups.end()) return false;
-    groups.push_back(local);
+  // Whether it is the first time with these, or with these behind an offset, which some drivers compile for.
+  bool first(const std::array<std::size_t, 3>& local, const std::array<std::size_t, 3>& offset) {
+    const std::size_t moved = offset == std::array<std::size_t, 3>{} ? 0 : 1;
+    const std::array<std::size_t, 4> key{local[0], local[1], local[2], moved};
+    if (std::find(groups.begin(), groups.end(), key) != groups.end()) return false;
+    groups.push_back(key);
     return true;
   }
 };
@@ -202,7 +209,14 @@ struct Context::Impl {
     const auto it = kernels.find(key);
     if (it != kernels.end()) return it->second;
     const HostSpan span(HostKind::compile, "programs", id.name);
-    return kernels.emplace(key, Built{programs->kernel(id.file, id.name, defines), {}}).first->second;
+    Built built{programs->kernel(id.file, id.name, defines), {}, {}};
+    try {
+      built.limits.group = built.kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(handle);
+      built.limits.local = built.kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(handle);
+    } catch (const cl::Error& e) {
+      fail_cl(e, std::string("asking about kernel ") + id.name);
+    }
+    return kernels.emplace(key, std::move(built)).first->second;
   }
 
   bool counts(const KernelId& id) const { return id.flops_per_count > 0 && profiler.enabled(); }
@@ -214,19 +228,20 @@ struct Context::Impl {
     return out;
   }
 
-  void enqueue(Built& built, const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
+  void enqueue(Built& built, const KernelId& id, const Range& range, const LaunchPart& part,
+               const std::vector<KernelArg>& args) {
     const auto at_least_1 = [](std::size_t size) { return std::max<std::size_t>(size, 1); };
-    const cl::NDRange global(range.global[0], range.global[1], range.global[2]);
+    const cl::NDRange offset(part.offset[0], part.offset[1], part.offset[2]);
+    const cl::NDRange global(part.global[0], part.global[1], part.global[2]);
     const cl::NDRange local = range.local[0]
                                   ? cl::NDRange(range.local[0], at_least_1(range.local[1]), at_least_1(range.local[2]))
                                   : cl::NullRange;
-    const bool first = built.first(range.local);
+    const bool first = built.first(range.local, part.offset);
     const std::string name = id.label ? id.label : id.name;
     const std::uint64_t variant = profiler.enabled() ? hash_of(range, args) : 0;
-    record({name, stage, cost, first, 0, 0, variant, &range, &args}, [&](cl::Event* event) {
-      queue.enqueueNDRangeKernel(built.kernel, cl::NullRange, global, local, nullptr, event);
-    });
-    keep_pace(cost);
+    record({name, stage, part.cost, first, 0, 0, variant, &range, &args},
+           [&](cl::Event* event) { queue.enqueueNDRangeKernel(built.kernel, offset, global, local, nullptr, event); });
+    keep_pace(part.cost);
   }
 
   // What is looked at after each launch where the environment asks for it. Red zones first: a NaN may come of them.
@@ -289,6 +304,7 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
     impl_->take(options.theirs);
   else
     impl_->info = choose_device(options.device);
+  refuse_too_small(impl_->info);
   impl_->flavour = choose_flavour(options.kernels, impl_->info);
   impl_->gemm = options.gemm;
   if (!theirs) {
@@ -359,12 +375,21 @@ TunedValues Context::tuned(const TunedShape& shape) const {
 const Tuning& Context::tuning() const { return *impl_->tuning; }
 void Context::use_tuning(std::shared_ptr<const Tuning> tuning) { impl_->tuning = std::move(tuning); }
 
-void Context::note(const KernelId& kernel, const Range& range, std::size_t local_bytes) {
+void Context::note(const KernelId& kernel, const Range& range, const Cost& cost, std::size_t local_bytes) {
+  for (const std::size_t size : range.global)
+    if (size == 0) return;
+  const std::vector<LaunchPart> parts = parts_of(kernel, range, cost, impl_->info);
   if (!impl_->collected) return;
   NotedLaunch launch{impl_->stage, range.local, local_bytes};
   if (launch.group[0] > 0)
     for (std::size_t& size : launch.group) size = std::max<std::size_t>(size, 1);
-  (*impl_->collected)[{kernel.file, kernel.name, kernel.defines}].insert(std::move(launch));
+  NotedKernel& noted = (*impl_->collected)[{kernel.file, kernel.name, kernel.defines}];
+  noted.launches.insert(std::move(launch));
+  for (const LaunchPart& part : parts) {
+    noted.work = std::max(noted.work, work_of(part.cost));
+    for (std::size_t d = 1; d < 3; ++d)
+      noted.most_groups = std::max(noted.most_groups, part.global[d] / std::max<std::size_t>(range.local[d], 1));
+  }
 }
 
 void Context::build(const NamedKernel& kernel) {
@@ -441,12 +466,7 @@ void Context::read(const Tensor& tensor, void* data) {
 void Context::launch(const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
   for (const std::size_t size : range.global)
     if (size == 0) return;
-  if (impl_->planning) {
-    std::size_t local = 0;
-    for (const KernelArg& arg : args)
-      if (const auto* of = std::get_if<Local>(&arg)) local += of->bytes;
-    return note(id, range, local);
-  }
+  if (impl_->planning) return note(id, range, cost, local_bytes_of(args));
   impl_->stop_if_cancelled();
   if (impl_->counts(id)) {
     KernelId counting = impl_->counting(id);
@@ -457,11 +477,15 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
     return launch(counting, range, cost, more);
   }
   Built& built = impl_->kernel(id);
-  const std::size_t group = check_range(id, range, impl_->info);
+  const std::size_t group = check_range(id, range, built.limits, local_bytes_of(args), impl_->info);
+  const std::vector<LaunchPart> parts = parts_of(id, range, cost, impl_->info);
   try {
     set_arguments(built.kernel, id.name, args, impl_->info);
     if (impl_->checks_nan) check_marks(built.kernel, id.name, args);
-    impl_->enqueue(built, id, range, cost, args);
+    for (const LaunchPart& part : parts) {
+      impl_->stop_if_cancelled();
+      impl_->enqueue(built, id, range, part, args);
+    }
     impl_->check_launch(id.name, args);
   } catch (const cl::Error& e) {
     fail_cl(e, fmt::format("kernel {} over {}x{}x{} in groups of {}", id.name, range.global[0], range.global[1],
@@ -469,15 +493,11 @@ void Context::launch(const KernelId& id, const Range& range, Cost cost, const st
   }
 }
 
-std::size_t Context::max_work_group(const KernelId& id) {
-  if (impl_->planning) return impl_->info.max_work_group;
-  const cl::Kernel& kernel = impl_->kernel(impl_->counting(id)).kernel;
-  try {
-    const auto device = impl_->queue.getInfo<CL_QUEUE_DEVICE>();
-    return std::min(impl_->info.max_work_group, kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device));
-  } catch (const cl::Error& e) {
-    fail_cl(e, std::string("asking about kernel ") + id.name);
-  }
+bool Context::takes(const KernelId& id, std::size_t group, std::size_t local_bytes) {
+  if (group > impl_->info.max_work_group || local_bytes > impl_->info.local_memory) return false;
+  if (impl_->planning) return true;
+  const KernelLimits limits = impl_->kernel(impl_->counting(id)).limits;
+  return group <= limits.group && limits.local <= impl_->info.local_memory;
 }
 
 std::size_t Context::local_memory(const NamedKernel& kernel) {

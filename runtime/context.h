@@ -66,7 +66,12 @@ struct NotedLaunch {
   std::size_t local_bytes = 0;
   auto operator<=>(const NotedLaunch&) const = default;
 };
-using NotedKernels = std::map<NamedKernel, std::set<NotedLaunch>>;
+struct NotedKernel {
+  std::set<NotedLaunch> launches;
+  double work = 0;              // of the longest part of a launch, see launch_parts.h
+  std::size_t most_groups = 0;  // of a part, in the second or the third direction
+};
+using NotedKernels = std::map<NamedKernel, NotedKernel>;
 
 // Device memory while a stage ran: bytes of slabs, and of tensors alive in them.
 struct StageMemory {
@@ -135,19 +140,21 @@ class Context {
     return out;
   }
 
-  // The one place that enqueues kernels of ours. Checks the number and sizes of arguments and the work-group against
-  // the device's limits before the driver does, names the launch for the profile, and records its event. What the
-  // kernel writes is given as written(): ctx.launch(kernel, range, cost, x, rows, columns, written(y)).
+  // The one place that enqueues kernels of ours, a long launch in parts (launch_parts.h). Checks the number and sizes
+  // of arguments and the work-group against the device's limits before the driver does, names the launch for the
+  // profile, and records its event. What the kernel writes is given as written(): ctx.launch(kernel, range, cost, x,
+  // rows, columns, written(y)).
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
     if (planning())
-      note(kernel, range, (std::size_t{0} + ... + local_bytes_of(args)));
+      note(kernel, range, cost, (std::size_t{0} + ... + local_bytes_of(args)));
     else
       launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
   }
   void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
-  // Largest work-group that this kernel can run in, and no more than the device's.
-  std::size_t max_work_group(const KernelId& kernel);
+  // Whether the kernel runs in groups of so many items with so much local memory: by what the device claims and, but
+  // for a planner, by what its compiler has made of it. For choosing among variants, largest first.
+  bool takes(const KernelId& kernel, std::size_t group, std::size_t local_bytes);
 
   // Between us and a program with OpenCL of its own. Another's buffer as a tensor, which keeps it alive: Error(usage),
   // naming `what`, where it is of another context, too small, or may not be written and is `to_write`.
@@ -181,7 +188,7 @@ class Context {
   friend class Stage;
   friend class Uncancelled;
   struct Impl;
-  void note(const KernelId& kernel, const Range& range, std::size_t local_bytes);
+  void note(const KernelId& kernel, const Range& range, const Cost& cost, std::size_t local_bytes);
   static std::size_t local_bytes_of(const Local& local) { return local.bytes; }
   template <class Arg>
   static std::size_t local_bytes_of(const Arg&) {

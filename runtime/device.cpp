@@ -10,6 +10,8 @@
 #include <iterator>
 
 #include "runtime/device_handles.h"
+#include "runtime/device_limits.h"
+#include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
 #include "runtime/missing_devices.h"
@@ -113,8 +115,11 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   d.local_memory = device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
   d.local_is_fast = device.getInfo<CL_DEVICE_LOCAL_MEM_TYPE>() == CL_LOCAL;
   d.max_work_group = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
+  if (const auto sizes = device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>(); !sizes.empty())
+    d.max_work_group = std::min(d.max_work_group, sizes[0]);
   d.compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>());
   d.native_float_width = static_cast<int>(device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>());
+  d.address_bits = static_cast<int>(device.getInfo<CL_DEVICE_ADDRESS_BITS>());
   d.align = std::max(static_cast<int>(device.getInfo<CL_DEVICE_MEM_BASE_ADDR_ALIGN>() / 8), 128);
   d.event_profiling = (device.getInfo<CL_DEVICE_QUEUE_PROPERTIES>() & CL_QUEUE_PROFILING_ENABLE) != 0;
   const std::string extensions = " " + device.getInfo<CL_DEVICE_EXTENSIONS>() + " ";
@@ -126,6 +131,11 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
     d.uuid = told<std::array<std::uint8_t, 16>>(device, kUuid);
   d.pci = pci_of(device, extensions);
   d.is_pocl = d.platform_name == "Portable Computing Language";
+  // With many units a short launch would end while most of them wait for the last, and half a second is more there; a
+  // processor's few cores have fewer operations in a twentieth of a second.
+  if (d.type == DeviceType::gpu) d.most_flops *= std::max(1.0, d.compute_units / 16.0);
+  if (d.type == DeviceType::cpu) d.most_flops *= std::min(1.0, d.compute_units / 8.0);
+  lower(d, environment("VSPLAT_LIMITS"));
   return d;
 }
 

@@ -26,16 +26,21 @@ struct DeviceInfo {
   std::uint64_t max_alloc = 0;     // bytes of the largest single buffer
   std::uint64_t local_memory = 0;  // bytes per work-group
   bool local_is_fast = false;      // local memory of its own, not a piece of global memory
-  std::size_t max_work_group = 1;
+  std::size_t max_work_group = 1;  // in the first direction; kernels have groups in no other
   int compute_units = 1;
   int native_float_width = 1;    // less than 4: its compiler takes vectors apart
   int align = 128;               // bytes: where a sub-buffer may start
+  int address_bits = 64;         // of the device's sizes
   bool event_profiling = false;  // device events carry times
   bool fp16 = false, fp64 = false, subgroups = false;
   // Of a GPU whose compiler can be told how many work-items run as one: the least number that fills its vectors; 0 of a
   // device that is left alone, -1 where there is nothing to tell.
   int sub_group = -1;
-  bool is_pocl = false;                              // has a binary cache of its own
+  bool is_pocl = false;  // has a binary cache of its own
+  // What one launch may be; a longer one goes to the device in parts (launch_parts.h).
+  double most_flops = 2e10;         // operations: half a second at 40 GFLOP/s
+  std::size_t most_groups = 65535;  // work-groups in the second and the third direction: NVIDIA's limit
+  std::string lowered;              // what VSPLAT_LIMITS says (device_limits.h); empty: nothing
   std::optional<std::array<std::uint8_t, 16>> uuid;  // where the driver tells it
   std::optional<PciAddress> pci;
 };

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
@@ -119,9 +120,9 @@ long parts_of(const TunedValues& tuned, const Sizes& s) {
 void gemm_split(Context& ctx, const Gemm& g, const Sizes& s, const GpuTile& shape, long count) {
   const Tensor parts = ctx.tensor({count, s.m, s.n}, Type::f32, "partial sums");
   ctx.launch({"gemm_gpu", "gemm_split_gpu", shape.defines, g.name},
-             groups(div_up(s.n, shape.side), 256, div_up(s.m, shape.side), count), cost_of(g, s, s.m), g.a.x0, s.c0,
-             g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0, g.b->data, s.m,
-             s.n, terms_of_part(s.k, count), written(parts));
+             groups(div_up(s.n, shape.side), shape.group, div_up(s.m, shape.side), count), cost_of(g, s, s.m), g.a.x0,
+             s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0, g.b->data,
+             s.m, s.n, terms_of_part(s.k, count), written(parts));
   ctx.launch({"gemm_gpu", "gemm_split_sum", ""}, items(s.m * s.n),
              {static_cast<double>(parts.count()), static_cast<double>(parts.bytes())}, parts, count, s.m, s.n, g.bias,
              static_cast<int>(g.activation), g.residual, written_rows(g, s), s.out_row0);
@@ -129,13 +130,15 @@ void gemm_split(Context& ctx, const Gemm& g, const Sizes& s, const GpuTile& shap
 
 void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
-  const GpuTile shape = gpu_tile(ctx, tuned, s.m, s.n);
-  if (const long count = parts_of(tuned, s); count > 1) return gemm_split(ctx, g, s, shape, count);
+  const long count = parts_of(tuned, s);
+  const char* kernel = count > 1 ? "gemm_split_gpu" : "gemm_tile_gpu";
+  const GpuTile shape = gpu_tile(ctx, {"gemm_gpu", kernel, {}}, tuned, s.m, s.n);
+  if (count > 1) return gemm_split(ctx, g, s, shape, count);
   const long tile = shape.side;
-  ctx.launch({"gemm_gpu", "gemm_tile_gpu", shape.defines, g.name}, groups(div_up(s.n, tile), 256, div_up(s.m, tile)),
-             cost_of(g, s, s.m), g.a.x0, s.c0, g.a.x1, s.c1, g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps,
-             s.src_rows, s.row0, g.b->data, s.m, s.n, g.bias, static_cast<int>(g.activation), g.residual,
-             written_rows(g, s), s.out_row0);
+  ctx.launch({"gemm_gpu", "gemm_tile_gpu", shape.defines, g.name},
+             groups(div_up(s.n, tile), shape.group, div_up(s.m, tile)), cost_of(g, s, s.m), g.a.x0, s.c0, g.a.x1, s.c1,
+             g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0, g.b->data, s.m, s.n, g.bias,
+             static_cast<int>(g.activation), g.residual, written_rows(g, s), s.out_row0);
 }
 
 // A map that reads each row many times would compose it as often: then the composed rows are worth keeping.
@@ -206,6 +209,22 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   return true;
 }
 
+// A long product by parts of its rows, as Context::launch() has launches of ours.
+bool in_parts_by_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
+  constexpr long step = 256;  // of rows
+  const double row = cost_of(g, s, 1).flops;
+  const double most = std::min(std::max(1.0, ctx.device().most_flops / row / step) * step, static_cast<double>(s.m));
+  const long rows = static_cast<long>(most) == s.m ? s.m : static_cast<long>(most) / step * step;
+  for (long done = 0; done < s.m; done += rows) {
+    Gemm part = g;
+    part.row0 = s.row0 + done, part.rows = std::min(rows, s.m - done), part.out_row0 = s.out_row0 + done;
+    if (gemm_clblast(ctx, part, check(part))) continue;
+    if (done > 0) fail(Status::device, "{}: CLBlast refuses rows from {} on, after those before", g.name, done);
+    return false;
+  }
+  return true;
+}
+
 // A strided matrix [k, n], whose first row is w's row `first`, as panels of `width` columns: [ceil(n / width), k,
 // width].
 void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
@@ -219,8 +238,8 @@ void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k,
 // The same as [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin with w's `first`.
 void pack_plain(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
                 long piece, const Tensor& out) {
-  constexpr long side = 16;  // PACK_SIDE of cl/gemm_gpu.cl
-  ctx.launch({"gemm_gpu", "gemm_pack_plain", ""},
+  const long side = square_side(ctx);
+  ctx.launch({"gemm_gpu", "gemm_pack_plain", side == 16 ? "" : "-DPACK_SIDE=8"},
              groups(div_up(std::min(piece, n), side), side * side, div_up(k, side), div_up(n, piece)),
              {0, 8.0 * static_cast<double>(k * n)}, w, offset, first, k, n, k_stride, n_stride, piece,
              written(out, k * n));
@@ -259,7 +278,8 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
 
 // As many sums at a time as scratch memory has room for, side by side: few tiles of out would leave a GPU idle.
 void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
-  const GpuTile shape = gpu_tile(ctx, ctx.tuned({TunedOp::gemm_transposed, {s.rows, s.m, s.n}}), s.m, s.n);
+  const GpuTile shape = gpu_tile(ctx, {"gemm_gpu", "gemm_transposed_gpu", {}},
+                                 ctx.tuned({TunedOp::gemm_transposed, {s.rows, s.m, s.n}}), s.m, s.n);
   const long all = div_up(s.rows, kSumRows), room = 4 * kScratchFloats / std::max(s.m * s.n, s.m * kSumRows);
   const long most = std::clamp(room, 1L, all);
   const Tensor a = ctx.tensor({std::min(s.rows, most * kSumRows), s.m}, Type::f32, "packed rows");
@@ -270,7 +290,7 @@ void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
     const bool add = g.add || done > 0;
     pack_plain(ctx, g.a, 0, row, s.m, rows, 1, s.m, kSumRows, a);
     ctx.launch({"gemm_gpu", "gemm_transposed_gpu", shape.defines, g.name},
-               groups(div_up(s.n, shape.side), 256, div_up(s.m, shape.side), sums),
+               groups(div_up(s.n, shape.side), shape.group, div_up(s.m, shape.side), sums),
                cost_of(s, rows, sums + (add && !parts ? 1 : 0)), a, g.b, row, rows, kSumRows, s.m, s.n,
                add && !parts ? g.out : Tensor(), parts ? written(parts, sums * s.m * s.n) : written(g.out));
     if (parts) column_sum(ctx, {parts.first(sums), g.out, add});
@@ -279,16 +299,31 @@ void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
 
 }  // namespace
 
-GpuTile gpu_tile(const Context& ctx, const TunedValues& tuned, long m, long n) {
+GpuTile gpu_tile(Context& ctx, const KernelId& kernel, const TunedValues& tuned, long m, long n) {
+  struct Variant {
+    long side, group, local;  // local memory in bytes
+    const char* defines;
+  };
+  constexpr std::array<Variant, 4> variants = {{{128, 256, 16640, "-DRM=8 -DRN=8"},
+                                                {64, 256, 8448, ""},
+                                                {64, 64, 4224, "-DSIDE=8 -DRM=8 -DRN=8"},
+                                                {32, 64, 2176, "-DSIDE=8"}}};
   // Larger tiles load less for each product, as long as there are enough of them to keep every unit busy.
-  constexpr long large = 128;
   const long enough = 2L * ctx.device().compute_units, asked = tuned.at("tile"), unroll = tuned.at("unroll");
-  const bool by_rule = n > 64 && div_up(m, large) * div_up(n, large) >= enough;
-  GpuTile out{64, ""};
-  if (asked == large || (asked == 0 && by_rule)) out = {large, "-DRM=8 -DRN=8"};
-  if (unroll > 0) out.defines += fmt::format("{}-DUNROLL={}", out.defines.empty() ? "" : " ", unroll);
-  return out;
+  for (const Variant& v : variants) {
+    const bool by_rule =
+        v.side * v.side == 16 * v.group || (2 * n > v.side && div_up(m, v.side) * div_up(n, v.side) >= enough);
+    if (asked > 0 ? v.side > asked : !by_rule) continue;
+    KernelId id = kernel;
+    id.defines = v.defines;
+    if (unroll > 0) id.defines += fmt::format("{}-DUNROLL={}", id.defines.empty() ? "" : " ", unroll);
+    if (ctx.takes(id, static_cast<std::size_t>(v.group), static_cast<std::size_t>(v.local)))
+      return {v.side, v.group, id.defines};
+  }
+  fail(Status::device, "{}: {} takes none of its variants, not even in groups of 64", kernel.name, ctx.device().name);
 }
+
+long square_side(const Context& ctx) { return ctx.device().max_work_group >= 256 ? 16 : 8; }
 
 void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {
   constexpr long most = 65535 / (kTileRows + 1) - 64;  // a turn for each row and term, less what starts and ends a tile
@@ -367,7 +402,7 @@ void gemm(Context& ctx, const Gemm& g) {
     plain.a.map = g.a.map;
     return gemm(ctx, plain);
   }
-  if (s.k > 0 && wants_clblast(ctx, g) && gemm_clblast(ctx, g, s)) return;
+  if (s.k > 0 && wants_clblast(ctx, g) && in_parts_by_clblast(ctx, g, s)) return;
   if (ctx.flavour() == Flavour::cpu)
     gemm_cpu(ctx, g, s);
   else

@@ -26,13 +26,16 @@ PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_s
 // Bytes that pack_matrix takes (without PackedMatrix::plain), for planning.
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
-// The side of the gpu flavour's square tiles for an [m, n] output, and the defines that cl/tile_gpu.clh takes for it:
-// of parameters "tile" and "unroll" (runtime/tuning.h).
+// The side of the gpu flavour's square tiles for an [m, n] output, the work-items of a group, and the defines that
+// cl/tile_gpu.clh takes for them: of parameters "tile" and "unroll" (runtime/tuning.h), and no larger than the device
+// takes the kernel in, whose own defines are none.
 struct GpuTile {
-  long side;
+  long side, group;
   std::string defines;
 };
-GpuTile gpu_tile(const Context& ctx, const TunedValues& tuned, long m, long n);
+GpuTile gpu_tile(Context& ctx, const KernelId& kernel, const TunedValues& tuned, long m, long n);
+// The side of square groups that are no tiles of a product: 16, or 8 where groups of 256 are too large.
+long square_side(const Context& ctx);
 
 // Where A's rows come from. Channel c of a row is x0[row, c] for c < C0, else x1[row, c - C0]; then, where there is a
 // scale, v = v * scale[c] + shift[c], and SiLU where asked for. Rows that a map calls absent are zero (after all that).

@@ -14,6 +14,7 @@ struct Cost {
   double flops = 0;
   double bytes = 0;
   double performed = 0;  // operations of a method that saves some of `flops`; 0: just these
+  double most = 0;       // operations at the most, where only the kernel finds out how many; 0: just these
 };
 
 // Global and local sizes; a local size of 0 leaves the choice to the driver. A global size of 0 launches nothing.

@@ -55,7 +55,8 @@ const Tensor* tensor_of(const KernelArg& arg) {
 
 }  // namespace
 
-std::size_t check_range(const KernelId& id, const Range& range, const DeviceInfo& device) {
+std::size_t check_range(const KernelId& id, const Range& range, const KernelLimits& kernel, std::size_t local_bytes,
+                        const DeviceInfo& device) {
   std::size_t group = 1;
   for (std::size_t i = 0; i < 3; ++i) {
     const std::size_t local = range.local[i];
@@ -68,7 +69,22 @@ std::size_t check_range(const KernelId& id, const Range& range, const DeviceInfo
   if (group > device.max_work_group)
     fail(Status::device, "{}: work-groups of {} items asked for, the device allows {}", id.name, group,
          device.max_work_group);
+  if (group > kernel.group)
+    fail(Status::device,
+         "{}: work-groups of {} items asked for, the driver runs it in groups of {} at the most; smaller ones run with "
+         "VSPLAT_LIMITS=group=128 or 64",
+         id.name, group, kernel.group);
+  if (kernel.local + local_bytes > device.local_memory)
+    fail(Status::device, "{}: {} bytes of local memory needed, the device has {}", id.name, kernel.local + local_bytes,
+         device.local_memory);
   return group;
+}
+
+std::size_t local_bytes_of(const std::vector<KernelArg>& args) {
+  std::size_t out = 0;
+  for (const KernelArg& arg : args)
+    if (const auto* of = std::get_if<Local>(&arg)) out += of->bytes;
+  return out;
 }
 
 void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,

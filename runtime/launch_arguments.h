@@ -11,8 +11,18 @@
 
 namespace vsplat {
 
-// The work-items of one work-group; fails where the device cannot run them so.
-std::size_t check_range(const KernelId& id, const Range& range, const DeviceInfo& device);
+// What a kernel is, by the device's compiler.
+struct KernelLimits {
+  std::size_t group = 0;  // items of its largest work-group
+  std::size_t local = 0;  // bytes of local memory that it declares
+};
+
+// The work-items of one work-group; fails where the device cannot run them so, by its claims or by its compiler's.
+std::size_t check_range(const KernelId& id, const Range& range, const KernelLimits& kernel, std::size_t local_bytes,
+                        const DeviceInfo& device);
+
+// Of local memory, that arguments are.
+std::size_t local_bytes_of(const std::vector<KernelArg>& args);
 
 void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,
                    const DeviceInfo& device);

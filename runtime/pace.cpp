@@ -11,8 +11,9 @@ constexpr double kFlops = 1e11, kBytes = 1e10, kLaunchSeconds = 2e-5;  // a midd
 }  // namespace
 
 void Pace::add(const cl::CommandQueue& queue, Cost cost) {
-  ahead_ += factor_ * (std::max((cost.performed > 0 ? cost.performed : cost.flops) / kFlops, cost.bytes / kBytes) +
-                       kLaunchSeconds);
+  // (Of what finds out itself how much it does, that is some eighth of the most.)
+  const double flops = std::max(cost.performed > 0 ? cost.performed : cost.flops, cost.most / 8);
+  ahead_ += factor_ * (std::max(flops / kFlops, cost.bytes / kBytes) + kLaunchSeconds);
   if (ahead_ >= kPart) mark(queue);
 }
 

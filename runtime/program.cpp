@@ -114,7 +114,9 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines, bool from_source) {
   std::string options = build_options(defines);
   if (info_.sub_group >= 0) options += " -DSUB_GROUP=" + std::to_string(info_.sub_group);
-  const std::string source = expanded_source(file);
+  std::string source = expanded_source(file);
+  // Where the device has none, by VSPLAT_LIMITS alone it may be, its compiler is to refuse them, too.
+  if (!info_.fp64) source = "#define double no_double_on_this_device\n" + source;
   std::vector<std::string> parts = {
       "1", source, options, info_.name, info_.driver, info_.version, info_.platform_version};
   if (marks_.enabled())

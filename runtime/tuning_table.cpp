@@ -145,7 +145,8 @@ std::string text_of(const TuningSubject& of) {
 }  // namespace
 
 TuningSubject tuning_subject(const DeviceInfo& device, Flavour flavour) {
-  return {device.name + ", " + std::to_string(device.compute_units) + " units", device.driver,
+  const std::string lowered = device.lowered.empty() ? "" : ", VSPLAT_LIMITS=" + device.lowered;
+  return {device.name + ", " + std::to_string(device.compute_units) + " units" + lowered, device.driver,
           device.platform_name + " " + device.platform_version, name_of(flavour), hash_of_kernels()};
 }
 

@@ -37,7 +37,7 @@ WITHOUT = {
 }
 
 # What a header declares beside operations, which no benchmark times.
-NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|upload_views")  # they make or pack tensors
+NO_OPERATIONS = re.compile(r"make_(culled|gaussians|picture|rows)|pack_\w+|upload_views|gpu_tile")  # they make, pack, choose
 
 DECLARATION = re.compile(r"^[A-Za-z][\w:<>,& ]*?[ &](\w+)_(forward|backward)(?:_\w+)?\(Context& ctx", re.M)
 STRUCT = re.compile(r"^struct (\w+?)(Forward|Backward)\w* \{", re.M)
@@ -143,6 +143,15 @@ class Pairs(unittest.TestCase):
         benchmarks = {path.stem: path.read_text() for folder in ("bench", "bench/ops") for path in (ROOT / folder).glob("*.cpp")}
         self.assertGreater(sum(len(FUNCTION.findall(without_comments(text))) for text in headers.values()), 60)
         self.assertEqual(benchmark_problems(headers, benchmarks, (ROOT / "bench" / "bench.cpp").read_text()), [])
+
+
+    def test_kernels_know_their_place_in_a_launch_of_parts(self):
+        """What OpenCL counts groups and sizes by are those of a part alone: see runtime/launch_parts.h."""
+        for path in sorted((ROOT / "cl").glob("*.cl*")):
+            if path.name == "common.clh":  # GROUP_ID
+                continue
+            for name in ("get_group_id", "get_num_groups", "get_global_size", "get_global_offset"):
+                self.assertNotIn(name, without_comments(path.read_text()), f"{path.name}: GROUP_ID(), or an argument")
 
 
 class Faults(unittest.TestCase):

@@ -45,7 +45,8 @@ void bench(const BenchOptions& o) try {
   outputs.expect(o.common.trace);
   vsplat::Context ctx(context_options(o.common));
   say(o.common, "device " + std::to_string(ctx.device().index) + ": " + ctx.device().name + ", driver " +
-                    ctx.device().driver + ", " + vsplat::name_of(ctx.flavour()) + " kernels");
+                    ctx.device().driver + ", " + vsplat::name_of(ctx.flavour()) + " kernels" +
+                    (ctx.device().lowered.empty() ? "" : ", lowered by VSPLAT_LIMITS=" + ctx.device().lowered));
   if (!o.common.profile.empty() || !o.common.trace.empty()) vsplat::bench::record(ctx);
   vsplat::bench::Options options;
   options.suites = o.suites;

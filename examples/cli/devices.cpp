@@ -41,6 +41,10 @@ nlohmann::ordered_json pci_of(const vsplat_device_info& d) {
   return out;
 }
 
+std::string limits_text(const vsplat_device_info& d) {
+  return *d.limits ? std::string(" [VSPLAT_LIMITS=") + d.limits + "]" : "";
+}
+
 nlohmann::ordered_json json_of(const vsplat_device_info& d) {
   return {{"index", d.index},
           {"platform", d.platform},
@@ -61,7 +65,8 @@ nlohmann::ordered_json json_of(const vsplat_device_info& d) {
           {"fp64", d.fp64 != 0},
           {"subgroups", d.subgroups != 0},
           {"uuid", uuid_of(d)},
-          {"pci", pci_of(d)}};
+          {"pci", pci_of(d)},
+          {"limits", d.limits}};
 }
 
 void list_devices(const Common& common) {
@@ -82,7 +87,7 @@ void list_devices(const Common& common) {
   for (const vsplat_device_info& d : devices)
     std::printf("%5d  %d:%d  %-5s  %-9s  %-9s  %5d  %s (%s, %s)%s\n", d.index, d.platform, d.device, type_name(d.type),
                 bytes_text(d.memory).c_str(), bytes_text(d.max_alloc).c_str(), d.compute_units, d.name, d.platform_name,
-                d.driver, d.event_profiling ? "" : " [profiles are timed on the host]");
+                d.driver, (limits_text(d) + (d.event_profiling ? "" : " [profiles are timed on the host]")).c_str());
 }
 
 }  // namespace

@@ -62,7 +62,8 @@ Session::Session(const Common& common, Devices most) : common_(common) {
     say(common_, std::string("device ") + std::to_string(info.index) + ": " + info.name + " (" + info.platform_name +
                      "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
                      " kernels" + (*info.tuning ? ", tuned (table " + std::string(info.tuning, 12) + ")" : "") +
-                     (info.event_profiling ? "" : ", timed on the host"));
+                     (info.event_profiling ? "" : ", timed on the host") +
+                     (*info.limits ? std::string(", lowered by VSPLAT_LIMITS=") + info.limits : ""));
   }
   for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
   recorded_ = timed || (common_.verbose && devices_.size() == 1);

@@ -38,6 +38,7 @@ vsplat_device_info describe(const DeviceInfo& d) {
   out.has_pci = d.pci.has_value();
   if (d.pci) out.pci_domain = d.pci->domain, out.pci_bus = d.pci->bus;
   if (d.pci) out.pci_device = d.pci->device, out.pci_function = d.pci->function;
+  copy_name(out.limits, d.lowered);
   return out;
 }
 

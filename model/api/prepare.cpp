@@ -59,7 +59,7 @@ vsplat_status vsplat_device_prepare(vsplat_device device, vsplat_model model, co
     const NotedKernels kernels = kernels_of(ctx, *network, views, selected, info.sh_degree);
     const double parts = static_cast<double>(kernels.size()) * (o.launch ? 1.25 : 1);
     double done = 0;
-    for (const auto& [kernel, launches] : kernels) {
+    for (const auto& [kernel, noted] : kernels) {
       tell("compile", done++ / parts);
       ctx.build(kernel);
     }

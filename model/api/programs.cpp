@@ -36,7 +36,7 @@ NotedKernels launched_by(const Context& ctx, vsplat_model model, vsplat_program_
 }
 
 // A kernel of a program, by who launches it.
-using Launches = std::map<std::string, std::set<NotedLaunch>>;
+using Launches = std::map<std::string, NotedKernel>;
 struct Program {
   std::string file, defines;
   auto operator<=>(const Program&) const = default;
@@ -46,8 +46,8 @@ using Programs = std::map<Program, std::map<std::string, Launches>>;
 void add_launched(Programs& to, const Context& ctx, vsplat_model model, uint32_t jobs) {
   for (const Job& job : kJobs) {
     if (!(jobs & job.bit)) continue;
-    for (const auto& [kernel, launches] : launched_by(ctx, model, job.bit))
-      to[{kernel.file, kernel.defines}][kernel.name][job.name].insert(launches.begin(), launches.end());
+    for (const auto& [kernel, noted] : launched_by(ctx, model, job.bit))
+      to[{kernel.file, kernel.defines}][kernel.name][job.name] = noted;
   }
 }
 
@@ -65,8 +65,8 @@ void add_others(Programs& to, const std::vector<KernelFile>& files, Flavour flav
 
 Json json_of(const Launches& by) {
   Json out = Json::array();
-  for (const auto& [job, launches] : by)
-    for (const NotedLaunch& launch : launches) {
+  for (const auto& [job, noted] : by)
+    for (const NotedLaunch& launch : noted.launches) {
       Json one;
       one["job"] = job;
       one["stage"] = launch.stage;
@@ -75,6 +75,15 @@ Json json_of(const Launches& by) {
       out.push_back(std::move(one));
     }
   return out;
+}
+
+// The longest launch, and the most groups of one in the second or the third direction: of its parts, where it has some.
+void add_longest(Json& to, const Launches& by) {
+  double work = 0;
+  std::size_t groups = 0;
+  for (const auto& [job, noted] : by) work = std::max(work, noted.work), groups = std::max(groups, noted.most_groups);
+  to["longest"] = work;
+  to["most_groups"] = groups;
 }
 
 // The bytes of local memory that a kernel declares; null, with why, where the device's compiler does not take it.
@@ -126,6 +135,7 @@ vsplat_status vsplat_device_programs(vsplat_device device, vsplat_model model, c
         Json kernel;
         kernel["name"] = name;
         kernel["launches"] = json_of(by);
+        add_longest(kernel, by);
         if (o.build) add_local_memory(kernel, ctx, {program.file, name, program.defines});
         one["kernels"].push_back(std::move(kernel));
       }

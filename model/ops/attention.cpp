@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "runtime/fail.h"
 #include "runtime/rounding.h"
 #include "runtime/shape_check.h"
 
@@ -35,6 +36,23 @@ struct Sizes {
   TunedShape tuned_shape(TunedOp op) const { return {op, {v * h, t, c}}; }
 };
 
+// Work-items of a group of a kernel of the gpu flavour, a quarter as many tokens: the most that the device takes.
+struct GpuGroup {
+  long items;
+  std::string defines;
+};
+
+GpuGroup gpu_group(Context& ctx, const char* file, const char* kernel, long channels) {
+  for (const long items : {256L, 128L, 64L}) {
+    const std::string defines =
+        fmt::format("-DHEAD_PAD={}{}", round_up(channels, 64L), items == 256 ? "" : fmt::format(" -DGROUP={}", items));
+    const long rows = items / 4, local = 8192 + 32 * 4 * (rows + 4) + 16 * rows;  // see cl/attention_tile_gpu.clh
+    if (ctx.takes({file, kernel, defines}, static_cast<std::size_t>(items), static_cast<std::size_t>(local)))
+      return {items, defines};
+  }
+  fail(Status::device, "{}: {} does not take it, not even in groups of 64", kernel, ctx.device().name);
+}
+
 void backward_cpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
   const long pad = round_up(s.c, 32L), panels = div_up(s.t, 32L), heads = s.v * s.h;
   const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_backward));
@@ -62,12 +80,14 @@ void backward_gpu(Context& ctx, const AttentionBackward& a, const Sizes& s) {
   ctx.launch({"attention_backward_gpu", "attention_backward_delta", defines}, groups(div_up(s.t, 64L), 64, s.v * s.h),
              {2.0 * static_cast<double>(a.out.count()), 2.0 * static_cast<double>(a.out.bytes())}, a.out, a.dout,
              written(delta), v, t, h, c);
-  const Range range = groups(div_up(s.t, 64L), 256, s.v * s.h);
-  for (const bool by_key : {false, true})
-    ctx.launch(
-        {"attention_backward_gpu", by_key ? "attention_backward_by_key" : "attention_backward_by_query", defines},
-        range, {(by_key ? 4 : 3) * s.product, io + (by_key ? 2.0 : 1.0) * static_cast<double>(a.out.bytes())}, a.qkv,
-        a.stats, delta, a.dout, by_key ? written(a.dqkv) : written_somewhere(a.dqkv), v, t, h, c, s.scale());
+  for (const bool by_key : {false, true}) {
+    const char* kernel = by_key ? "attention_backward_by_key" : "attention_backward_by_query";
+    const GpuGroup group = gpu_group(ctx, "attention_backward_gpu", kernel, s.c);
+    ctx.launch({"attention_backward_gpu", kernel, group.defines},
+               groups(div_up(s.t, group.items / 4), group.items, s.v * s.h),
+               {(by_key ? 4 : 3) * s.product, io + (by_key ? 2.0 : 1.0) * static_cast<double>(a.out.bytes())}, a.qkv,
+               a.stats, delta, a.dout, by_key ? written(a.dqkv) : written_somewhere(a.dqkv), v, t, h, c, s.scale());
+  }
 }
 
 }  // namespace
@@ -83,9 +103,10 @@ void attention_forward(Context& ctx, const AttentionForward& a) {
   const double io = static_cast<double>(a.qkv.bytes());
   const Cost cost{2 * s.product, io + static_cast<double>(a.out.bytes())};
   if (ctx.flavour() == Flavour::gpu) {
-    const std::string defines = fmt::format("-DHEAD_PAD={}", round_up(s.c, 64L));
-    ctx.launch({"attention_forward_gpu", "attention_forward_gpu", defines}, groups(div_up(s.t, 64L), 256, s.v * s.h),
-               cost, a.qkv, written(a.out), written(a.stats), v, t, h, c, s.scale());
+    const GpuGroup group = gpu_group(ctx, "attention_forward_gpu", "attention_forward_gpu", s.c);
+    ctx.launch({"attention_forward_gpu", "attention_forward_gpu", group.defines},
+               groups(div_up(s.t, group.items / 4), group.items, s.v * s.h), cost, a.qkv, written(a.out),
+               written(a.stats), v, t, h, c, s.scale());
     return;
   }
   const TunedValues tuned = ctx.tuned(s.tuned_shape(TunedOp::attention_forward));

@@ -238,7 +238,8 @@ void forward_winograd_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s
   const long step = std::clamp(tuned.at("scratch") / (in + out), 1L, tiles);
   const Tensor v = ctx.tensor({kCoefficients, step, s.z + 2, s.c()}, Type::f32, "transformed tiles");
   const Tensor m = ctx.tensor({kCoefficients, step, s.z, s.n}, Type::f32, "their products");
-  const GpuTile tile = gpu_tile(ctx, tuned, kCoefficients * step * s.z, s.n);
+  const GpuTile tile =
+      gpu_tile(ctx, {"conv3d_winograd_gpu", "winograd_forward_tile_gpu", {}}, tuned, kCoefficients * step * s.z, s.n);
   const Cost whole = cost_of(c, s, s.x);
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
@@ -248,7 +249,7 @@ void forward_winograd_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s
                {0, packed + to}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z,
                t, count, written(v, count * in));
     ctx.launch({"conv3d_winograd_gpu", "winograd_forward_tile_gpu", tile.defines, c.name},
-               groups(div_up(s.n, tile.side), 256, div_up(count * s.z, tile.side), kCoefficients),
+               groups(div_up(s.n, tile.side), tile.group, div_up(count * s.z, tile.side), kCoefficients),
                {direct_flops(s) * share, packed + products, multiplied(count, s)}, v, c.weights->w.data, count, s.z,
                s.c(), s.n, written(m, count * out));
     ctx.launch({"conv3d_winograd_gpu", "winograd_forward_unpack_gpu", ""}, items(count * s.z * s.n), {0, products + to},
@@ -258,11 +259,12 @@ void forward_winograd_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s
 }
 
 void forward_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
-  const GpuTile tile = gpu_tile(ctx, ctx.tuned(tuned_shape(TunedOp::conv3d, s)), s.x * s.y * s.z, s.n);
+  const GpuTile tile = gpu_tile(ctx, {"conv3d_gpu", "conv3d_forward_gpu", {}},
+                                ctx.tuned(tuned_shape(TunedOp::conv3d, s)), s.x * s.y * s.z, s.n);
   ctx.launch({"conv3d_gpu", "conv3d_forward_gpu", tile.defines, c.name},
-             groups(div_up(s.n, tile.side), 256, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x), c.in.x0, s.c0,
-             c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z, c.weights->w.data, s.n,
-             c.weights->bias, c.residual, written(c.out));
+             groups(div_up(s.n, tile.side), tile.group, div_up(s.x * s.y * s.z, tile.side)), cost_of(c, s, s.x),
+             c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z, c.weights->w.data,
+             s.n, c.weights->bias, c.residual, written(c.out));
 }
 
 void backward_weights_direct(Context& ctx, const Conv3dBackwardWeights& g, const Shape3d& s) {
@@ -290,10 +292,12 @@ void backward_weights_direct(Context& ctx, const Conv3dBackwardWeights& g, const
                groups(27 * div_up(s.c(), kTileRows), 1, div_up(s.n, kTileCols), chunks), cost, in, out, s.c(), s.n, s.x,
                s.y, s.z, lines, written(partial));
   } else {
-    const GpuTile tile = gpu_tile(ctx, ctx.tuned(tuned_shape(TunedOp::conv3d_weights, s)), k, s.n);
+    const GpuTile tile = gpu_tile(ctx, {"conv3d_gpu", "conv3d_backward_weights_gpu", {}},
+                                  ctx.tuned(tuned_shape(TunedOp::conv3d_weights, s)), k, s.n);
     ctx.launch({"conv3d_gpu", "conv3d_backward_weights_gpu", tile.defines, g.name},
-               groups(div_up(s.n, tile.side), 256, div_up(k, tile.side), chunks), cost, g.in.x0, s.c0, g.in.x1, s.c1,
-               g.in.scale, g.in.shift, g.in.silu ? 1 : 0, s.x, s.y, s.z, g.dy, s.n, lines * s.z, written(partial));
+               groups(div_up(s.n, tile.side), tile.group, div_up(k, tile.side), chunks), cost, g.in.x0, s.c0, g.in.x1,
+               s.c1, g.in.scale, g.in.shift, g.in.silu ? 1 : 0, s.x, s.y, s.z, g.dy, s.n, lines * s.z,
+               written(partial));
   }
   ctx.launch({"conv3d_backward", "conv3d_backward_weights_sum", ""}, items(k * s.n),
              {static_cast<double>(partial.count()), static_cast<double>(partial.bytes())}, partial, written(g.dw),
@@ -319,10 +323,10 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
     const long count = std::min(step, tiles - t);
     const double rows = static_cast<double>(kCoefficients * count * s.z);
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_in", ""}, groups(s.z, 1, count),
-               {0, 4 * rows * static_cast<double>(s.c())}, x, s.c(), s.x, s.y, t,
+               {0, 4 * rows * static_cast<double>(s.c())}, x, s.c(), s.x, s.y, s.z, t, count,
                written(v, kCoefficients * count * s.z * s.c()));
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_out", ""}, groups(s.z, 1, count),
-               {0, 4 * rows * static_cast<double>(np)}, g.dy, s.n, s.x, s.y, t,
+               {0, 4 * rows * static_cast<double>(np)}, g.dy, s.n, s.x, s.y, s.z, t, count,
                written(e, kCoefficients * count * s.z * np));
     ctx.launch({"conv3d_winograd_backward", "winograd_backward_tile", "", g.name},
                groups(div_up(s.c(), kTileRows), 1, np / kTileCols, kCoefficients),

@@ -16,6 +16,16 @@ long block_size(const Context& ctx, const TunedValues& tuned, long n) {
   return std::clamp(n / (tuned.at("blocks") * std::max(ctx.device().compute_units, 1)), 1024L, 65536L);
 }
 
+// A group has a counter for each item and digit: what a smaller device does not take is left for what it does.
+TunedValues tuned_for(const Context& ctx, long n, int bits) {
+  const TunedValues asked = ctx.tuned({TunedOp::radix_sort, {n, bits}});
+  if (ctx.flavour() == Flavour::cpu) return asked;
+  const auto group = static_cast<std::size_t>(asked.at("group"));
+  const bool fits =
+      group <= ctx.device().max_work_group && (4 * group << asked.at("digit")) <= ctx.device().local_memory;
+  return fits ? asked : default_values(*asked.of);
+}
+
 }  // namespace
 
 Sorted radix_sort(Context& ctx, Tensor keys, Tensor values, int bits) {
@@ -27,7 +37,7 @@ Sorted radix_sort(Context& ctx, Tensor keys, Tensor values, int bits) {
   if (n >= (1L << 31)) fail(Status::memory, "radix_sort: {} keys, at most 2^31 - 1 can be sorted", n);
 
   const bool cpu = ctx.flavour() == Flavour::cpu;
-  const TunedValues tuned = ctx.tuned({TunedOp::radix_sort, {n, bits}});
+  const TunedValues tuned = tuned_for(ctx, n, bits);
   const int most = static_cast<int>(tuned.at("digit"));
   // Without any bit to look at one pass still makes the values.
   const int passes = std::max((bits + most - 1) / most, values ? 0 : 1);

@@ -28,6 +28,8 @@ std::size_t local_bytes(const TileKernel& k, long group) {
 
 }  // namespace
 
+double most_blended(double n, double flops) { return n * static_cast<double>(kTile * kTile) * flops; }
+
 TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles) {
   if (in_blocks(ctx))
     return {
@@ -39,9 +41,7 @@ TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles) {
     const long group = kTile * kTile / pixels;
     const KernelId id{kernel.file, kernel.gpu, "-DPIXELS=" + std::to_string(pixels) + kernel.defines, nullptr,
                       kernel.flops};
-    if (group > static_cast<long>(ctx.device().max_work_group)) continue;
-    if (local_bytes(kernel, group) > ctx.device().local_memory) continue;
-    if (static_cast<std::size_t>(group) <= ctx.max_work_group(id)) return {id, groups(tiles, group)};
+    if (ctx.takes(id, static_cast<std::size_t>(group), local_bytes(kernel, group))) return {id, groups(tiles, group)};
   }
   fail(Status::device, "{}: {} allows work-groups of {} items with {} bytes of local memory, {} with {} are needed",
        kernel.file, ctx.device().name, ctx.device().max_work_group, ctx.device().local_memory, kTile,
@@ -102,7 +102,7 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
   bind_blended(d, a.projected, a.binned, part, a.picture, "12", "rasterize");
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // How much of it is blended is known only when it is done: what must move at the least counts alone.
-  const Cost cost{0, n * 52.0 + pixels * 20.0};
+  const Cost cost{0, n * 52.0 + pixels * 20.0, 0, most_blended(n, kForwardFlops)};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
   TileKernel kernel{"rasterize", "rasterize_forward_cpu", "rasterize_forward_gpu", "", kRecord, 0, kForwardFlops};
@@ -127,7 +127,8 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   const IntersectionGradients out = make_rows(ctx, d["N"], pulls ? 2 : kColumns);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   // As in drawing, what must move at the least counts alone.
-  const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0};
+  const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0, 0,
+                  most_blended(n, pulls ? kPullFlops : kBackwardFlops)};
   const TileLaunch l = tile_launch({"rasterize_backward", "rasterize_backward_cpu", "rasterize_backward_gpu", flavour,
                                     kRecord, kColumns, pulls ? kPullFlops : kBackwardFlops},
                                    ctx, tiles);

@@ -87,6 +87,8 @@ struct TileLaunch {
 // The flavour's kernel over `tiles` tiles. In the gpu flavour as many items a group as the device lets it have, each
 // with the fewest pixels; Error(device) where it allows too few.
 TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles);
+// Cost::most of it, where tiles have `n` Gaussians in all.
+double most_blended(double n, double flops);
 
 // Binds "V", "N", "H", "W" and "tiles + 1" by what both directions read, and maps of surfels where the picture has
 // them. Refuses a part that is not one of the picture. `record`: as in TileKernel, in words.

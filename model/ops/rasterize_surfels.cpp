@@ -25,15 +25,17 @@ void rasterize_surfels_forward(Context& ctx, const RasterizeSurfelsForward& a) {
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   const auto each = [](const Tensor& map, double bytes) { return map ? bytes : 0.0; };
   // As in blending volumes, what must move at the least counts alone.
-  const Cost cost{0, n * 84.0 + pixels * (20.0 + each(p.normal, 12) + each(p.median, 4) + each(p.distortion, 4) +
-                                          each(p.moments, 8))};
+  const bool maps = p.normal || p.median || p.distortion || p.moments;
+  const double flops = kSurfelFlops + (maps ? kSurfelMapsFlops : 0);
+  const Cost cost{
+      0,
+      n * 84.0 + pixels * (20.0 + each(p.normal, 12) + each(p.median, 4) + each(p.distortion, 4) + each(p.moments, 8)),
+      0, most_blended(n, flops)};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
-  const bool maps = p.normal || p.median || p.distortion || p.moments;
-  const TileLaunch l =
-      tile_launch({"rasterize_surfels", "rasterize_surfels_forward_cpu", "rasterize_surfels_forward_gpu",
-                   geometry(maps), kSurfelRecord, 0, kSurfelFlops + (maps ? kSurfelMapsFlops : 0)},
-                  ctx, tiles);
+  const TileLaunch l = tile_launch({"rasterize_surfels", "rasterize_surfels_forward_cpu",
+                                    "rasterize_surfels_forward_gpu", geometry(maps), kSurfelRecord, 0, flops},
+                                   ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, drawn(p.colour), drawn(p.alpha),
              drawn(p.depth), drawn(p.normal), drawn(p.median), drawn(p.distortion), drawn(p.moments), a.near,
              a.revision == SurfelRevision::current ? 1 : 0, d["W"], d["H"], part.x0, part.y0, part.tiles_x(), tiles,
@@ -54,11 +56,11 @@ IntersectionGradients rasterize_surfels_backward(Context& ctx, const RasterizeSu
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
   const bool more = dp.normal || dp.distortion;
   // As in drawing, what must move at the least counts alone.
-  const Cost cost{0, n * (88.0 + 4.0 * kColumns + 1.0) + pixels * (more ? 80.0 : 40.0)};
-  const TileLaunch l = tile_launch(
-      {"rasterize_surfels_backward", "rasterize_surfels_backward_cpu", "rasterize_surfels_backward_gpu", geometry(more),
-       kSurfelRecord, kColumns, kSurfelBackwardFlops + (more ? kSurfelMapsBackwardFlops : 0)},
-      ctx, tiles);
+  const double flops = kSurfelBackwardFlops + (more ? kSurfelMapsBackwardFlops : 0);
+  const Cost cost{0, n * (88.0 + 4.0 * kColumns + 1.0) + pixels * (more ? 80.0 : 40.0), 0, most_blended(n, flops)};
+  const TileLaunch l = tile_launch({"rasterize_surfels_backward", "rasterize_surfels_backward_cpu",
+                                    "rasterize_surfels_backward_gpu", geometry(more), kSurfelRecord, kColumns, flops},
+                                   ctx, tiles);
   ctx.launch(l.id, l.range, cost, a.projected.records, a.binned.ids, a.binned.starts, a.binned.slots, p.colour, p.alpha,
              p.depth, p.normal, p.distortion, p.moments, dp.colour, dp.alpha, dp.depth, dp.normal, dp.distortion,
              written_somewhere(out.rows), written(out.touched), a.near, a.revision == SurfelRevision::current ? 1 : 0,

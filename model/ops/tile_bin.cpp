@@ -47,7 +47,8 @@ void count_and_place(const Job& j, Binned& out) {
   const Tensor histogram = ctx.tensor({most, tiles}, Type::u32, "tile_bin.histogram").first(blocks);
   const Tensor ordered = ctx.tensor({j.v, 2}, Type::u32, "tile_bin.ordered");
   const Tensor masks = j.masks ? ctx.tensor({j.v}, Type::u64, "tile_bin.ordered_masks") : Tensor();
-  ctx.launch({"tile_bin", "tile_bin_order", defines_for(j.masks)}, items(j.v, 256), {0, 20 * v}, j.rects, j.masks,
+  ctx.launch({"tile_bin", "tile_bin_order", defines_for(j.masks)},
+             items(j.v, std::min(256L, static_cast<long>(ctx.device().max_work_group))), {0, 20 * v}, j.rects, j.masks,
              j.order, written(ordered), written(masks), j.v);
   {
     const Tensor totals = ctx.tensor({tiles}, Type::u32, "tile_bin.totals");

@@ -16,6 +16,8 @@ long block_of(const Context& ctx, long k) {
   return static_cast<long>(std::clamp<std::uint64_t>(std::bit_ceil(even), cpu ? 1024 : 64, 1 << 16));
 }
 
+Range range_of(const Context& ctx, long blocks) { return items(blocks, ctx.flavour() == Flavour::cpu ? 1 : 32); }
+
 }  // namespace
 
 Culled make_culled(Context& ctx, long k) {
@@ -32,9 +34,10 @@ VisibleCount count_visible(Context& ctx, const Culled& culled, const Part& part)
   const long blocks = (k + out.block - 1) / out.block;
   out.before.assign(static_cast<std::size_t>(blocks) + 1, 0);
   const bool wide = ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4;
-  ctx.launch({"visible", "visible_count", wide ? "-DWIDE" : ""}, items(blocks, 1), {0, 12.0 * static_cast<double>(k)},
-             culled.rects, culled.keys, written(culled.sums), k, out.block, blocks, static_cast<unsigned>(part.x0),
-             static_cast<unsigned>(part.x1), static_cast<unsigned>(part.y0), static_cast<unsigned>(part.y1));
+  ctx.launch({"visible", "visible_count", wide ? "-DWIDE" : ""}, range_of(ctx, blocks),
+             {0, 12.0 * static_cast<double>(k)}, culled.rects, culled.keys, written(culled.sums), k, out.block, blocks,
+             static_cast<unsigned>(part.x0), static_cast<unsigned>(part.x1), static_cast<unsigned>(part.y0),
+             static_cast<unsigned>(part.y1));
   if (ctx.planning()) return out;
   const auto sums = ctx.read<std::uint64_t>(culled.sums);
   out.least_key = 0xffffffffu;
@@ -60,7 +63,7 @@ Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, 
   out.keys = ctx.tensor({n}, Type::u32, "splat.keys");
   out.records = ctx.tensor({n, record}, Type::f32, "splat.records");
   out.key_bits = std::bit_width(count.largest_key - count.least_key);
-  ctx.launch({"visible", "visible_compact", ""}, items(blocks, 1),
+  ctx.launch({"visible", "visible_compact", ""}, range_of(ctx, blocks),
              {0, 8.0 * static_cast<double>(k) + 20.0 * static_cast<double>(n)}, culled.rects, culled.keys, culled.sums,
              written(out.ids), written(out.rects), written(out.keys), k, count.block, blocks,
              static_cast<unsigned>(count.least_key), static_cast<unsigned>(part.x0), static_cast<unsigned>(part.x1),

@@ -1,5 +1,5 @@
 # The public header, as C programs use it.
-foreach(name c99_test gradient_test jobs_test memory_test opencl_test pictures_test refine_api_test share_test threads_test train_api_test)
+foreach(name c99_test cancel_test gradient_test jobs_test memory_test opencl_test pictures_test refine_api_test share_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})
@@ -11,9 +11,11 @@ target_link_libraries(cpp_test PRIVATE vsplat)
 vsplat_target(cpp_test)
 add_test(NAME cpp_test COMMAND cpp_test)
 set_tests_properties(cpp_test PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
+# A network's training and its stopping, at a size whose launches are long: a minute of two processors.
+set_tests_properties(cancel_test PROPERTIES TIMEOUT 600 COST 200 PROCESSORS 2)
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
-foreach(name jobs_test memory_test opencl_test refine_api_test share_test threads_test)
+foreach(name cancel_test jobs_test memory_test opencl_test refine_api_test share_test threads_test)
   target_compile_definitions(${name} PRIVATE _POSIX_C_SOURCE=200809L _DEFAULT_SOURCE)
   target_link_libraries(${name} PRIVATE Threads::Threads)
 endforeach()

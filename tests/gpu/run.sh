@@ -1,6 +1,7 @@
 #!/bin/sh
 # Holds the kernels of the gpu flavour against bench/results/gpu-compilers.txt by the compilers of GPU drivers (static_check.py): of all that
-# jobs launch with the model inside and with small models of the other networks. What was compiled once is kept by its text.
+# jobs launch with the model inside and with small models of the other networks, and of the variants for smaller devices. What was compiled
+# once is kept by its text.
 #   tests/gpu/run.sh VSPLAT WORK [OPTIONS of static_check.py]
 #   tests/gpu/run.sh VSPLAT WORK --table bench/results/gpu-compilers.txt      writes the table anew
 # 77 where the compilers cannot be had.
@@ -14,6 +15,11 @@ dump() { "$vsplat" kernels --no-build --overwrite --quiet --dump "$work/$1" ${2:
 rm -rf "$work/own"
 dump own
 set -- "$work/own" "$@"
+for limits in group=128 local=16K; do
+  rm -rf "${work:?}/$limits"
+  VSPLAT_LIMITS=$limits dump "$limits"
+  set -- "$work/$limits" "$@"
+done
 for system in lara genden vsplat+genden; do
   "$vsplat" init small --system $system --seed 1 --output "$work/$system.safetensors" --overwrite --quiet
   rm -rf "${work:?}/$system"

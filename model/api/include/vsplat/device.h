@@ -51,13 +51,14 @@ typedef struct vsplat_device_info {
   uint8_t uuid[16];
   int32_t has_pci; /* 1: the driver tells where on the bus it is (cl_khr_pci_bus_info, or its vendor's own) */
   uint32_t pci_domain, pci_bus, pci_device, pci_function;
-  char tuning[72]; /* of an open device: the SHA-256 of the tuned parameters that it runs with (vsplat/tune.h); "":
+  char tuning[72];  /* of an open device: the SHA-256 of the tuned parameters that it runs with (vsplat/tune.h); "":
                       none, the defaults. Equal ones give equal bits on one device */
+  char limits[256]; /* what the environment's VSPLAT_LIMITS makes of the above, as it says; "": nothing */
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \
   {                                                                                                          \
     sizeof(vsplat_device_info), 0, 0, 0, VSPLAT_DEVICE_OTHER, "", "", "", "", "", 0, 0, 0, 0, 0, 0, 0, 0, 0, \
-        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, ""                                                       \
+        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", ""                                                   \
   }
 
 /* How many OpenCL devices there are, over all platforms; 0 where there is no platform. */

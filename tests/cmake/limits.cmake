@@ -1,0 +1,27 @@
+# What smaller devices claim (VSPLAT_LIMITS), tried on this one: operations in the variants of their kernels that such a device gets, against
+# their references. In parts, and with few groups a side, every operation: each kernel must know its place. Whole jobs: cli_limits.
+set(ops_with_variants *Attention*:*Conv3d*:*LayerNorm*:*RadixSort*:*Rasterize*:*TileBin*:*Transpose*:*Scan*:*Confidence*:*TopK*)
+set(runtime_with_variants *Gemm*:*ColumnSum*:*ComposeRows*:*Variants*)
+function(vsplat_limits_test name program limits filter)
+  add_test(NAME limits.${program}.${name} COMMAND ${program}_tests --gtest_brief=1 --gtest_filter=${filter})
+  set_tests_properties(limits.${program}.${name} PROPERTIES LABELS unit TIMEOUT 600 COST 100
+    ENVIRONMENT "VSPLAT_LIMITS=${limits};${sanitizer_environment}")
+endfunction()
+foreach(program ops runtime)
+  set(some "${${program}_with_variants}")
+  vsplat_limits_test(groups_of_128 ${program} group=128 "${some}")
+  vsplat_limits_test(groups_of_64 ${program} group=64 "${some}")
+  vsplat_limits_test(local_16k ${program} local=16K "${some}")
+  vsplat_limits_test(local_32k ${program} local=32K "${some}")
+  vsplat_limits_test(others ${program} buffer=128M,memory=2G,fp64=0,fp16=0,subgroups=0,align=4096,size=32 "${some}")
+endforeach()
+vsplat_limits_test(parts ops flops=1e5,grid=5 "*")
+vsplat_limits_test(parts runtime flops=1e5,grid=5 "${runtime_with_variants}")
+foreach(limit groups_of_128 groups_of_64 local_memory_of_32k local_memory_of_16k small_buffers no_doubles wide_alignment sizes_of_32_bits parts few_groups_a_side bad_limits)
+  add_test(NAME cli_limits.${limit} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/limits_test.py Limits.test_${limit})
+  set_tests_properties(cli_limits.${limit} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
+    ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+endforeach()
+add_test(NAME cli_limits.planned COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/limits_test.py Planned)
+set_tests_properties(cli_limits.planned PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
