@@ -22,6 +22,14 @@ endforeach()
 
 target_link_libraries(opencl_test PRIVATE OpenCL::OpenCL)
 
+# Slow: 500 times, of which each opens a device.
+add_executable(cycles_test model/api/cycles_test.c)
+target_link_libraries(cycles_test PRIVATE vsplat)
+target_compile_definitions(cycles_test PRIVATE _POSIX_C_SOURCE=200809L)
+vsplat_target(cycles_test)
+add_test(NAME cycles_test COMMAND cycles_test)
+set_tests_properties(cycles_test PROPERTIES LABELS "unit;slow" TIMEOUT 1800 ENVIRONMENT "${sanitizer_environment}")
+
 # The example that fits Gaussians to a picture: it fails where its loss does not come down to a hundredth.
 add_test(NAME fit_example COMMAND fit_example ${CMAKE_CURRENT_BINARY_DIR}/fit_before.png ${CMAKE_CURRENT_BINARY_DIR}/fit_after.png)
 set_tests_properties(fit_example PROPERTIES LABELS unit TIMEOUT 300 ENVIRONMENT "${sanitizer_environment}")

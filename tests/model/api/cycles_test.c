@@ -1,0 +1,107 @@
+/* A device, a stream of it, a scene and a job, made and released again and again: neither memory nor files nor threads
+   are left. `cycles_test [CYCLES]`: 500, of which the first fifth warms up. */
+#include <dirent.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include "checks.h"
+
+enum { EDGE = 32, PIXELS = EDGE * EDGE, COUNT = 200 };
+
+typedef struct held {
+  double mib;
+  int files, threads;
+} held;
+
+static int entries_of(const char* folder) {
+  DIR* dir = opendir(folder);
+  int out = 0;
+  while (dir && readdir(dir)) ++out;
+  if (dir) closedir(dir);
+  return out;
+}
+
+static held held_now(void) {
+  held out = {0, 0, 0};
+  long pages = 0, resident = 0;
+  FILE* file = fopen("/proc/self/statm", "r");
+  if (file && fscanf(file, "%ld %ld", &pages, &resident) == 2)
+    out.mib = (double)resident * (double)sysconf(_SC_PAGESIZE) / (1 << 20);
+  if (file) fclose(file);
+  out.files = entries_of("/proc/self/fd");
+  out.threads = entries_of("/proc/self/task");
+  return out;
+}
+
+static vsplat_scene make_scene(void) {
+  static float means[3 * COUNT], scales[3 * COUNT], rotations[4 * COUNT], opacities[COUNT], sh[3 * COUNT];
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
+  vsplat_scene out = NULL;
+  int i, c;
+  for (i = 0; i < COUNT; ++i) {
+    rotations[4 * i] = 1;
+    opacities[i] = 0.2f + 0.7f * (float)(i * 31 % 17) / 17;
+    for (c = 0; c < 3; ++c) {
+      means[3 * i + c] = (float)(i * (919 + 210 * c) % 1000) / 1000 - 0.5f;
+      scales[3 * i + c] = 0.05f;
+      sh[3 * i + c] = (float)((i + 5 * c) % 11) / 5 - 1;
+    }
+  }
+  info.count = arrays.capacity = COUNT;
+  arrays.means = means, arrays.scales = scales, arrays.rotations = rotations;
+  arrays.opacities = opacities, arrays.sh = sh;
+  EXPECT(VSPLAT_OK, vsplat_scene_create(&info, &arrays, &out));
+  return out;
+}
+
+/* -> the sum of what was drawn */
+static double cycle(void) {
+  static float alpha[PIXELS];
+  vsplat_device device = NULL, stream = NULL;
+  vsplat_scene scene = make_scene();
+  vsplat_camera camera = VSPLAT_CAMERA_INIT;
+  vsplat_picture picture = VSPLAT_PICTURE_INIT;
+  vsplat_job job = NULL;
+  vsplat_job_state state = VSPLAT_JOB_QUEUED;
+  double sum = 0;
+  int i;
+  camera.width = camera.height = EDGE;
+  camera.fx = camera.fy = 1.25 * EDGE;
+  camera.cx = camera.cy = EDGE / 2.0;
+  camera.w2c[11] = 2;
+  picture.capacity = PIXELS;
+  picture.alpha = alpha;
+  for (i = 0; i < PIXELS; ++i) alpha[i] = -1;
+  EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
+  EXPECT(VSPLAT_OK, vsplat_stream_create(device, &stream));
+  EXPECT(VSPLAT_OK, vsplat_render_async(stream, scene, &camera, 1, NULL, &picture, NULL, &job));
+  EXPECT(VSPLAT_OK, vsplat_job_wait(job, -1, &state));
+  HOLD(state == VSPLAT_JOB_DONE);
+  vsplat_job_release(job);
+  vsplat_scene_release(scene);
+  vsplat_device_release(stream);
+  vsplat_device_release(device);
+  for (i = 0; i < PIXELS; ++i) sum += (double)alpha[i];
+  return sum;
+}
+
+int main(int argc, char** argv) {
+  const int cycles = argc > 1 ? atoi(argv[1]) : 500, warm = cycles / 5;
+  held before = {0, 0, 0}, after;
+  double drawn = 0;
+  int i;
+  for (i = 0; i < cycles && failures == 0; ++i) {
+    const double sum = cycle();
+    if (i == 0) drawn = sum;
+    HOLD(sum == drawn && sum > 1);
+    if (i + 1 == warm) before = held_now();
+  }
+  after = held_now();
+  printf("%d cycles: %.1f MiB, %d files, %d threads after %d of them, %.1f MiB, %d, %d at the end\n", cycles,
+         before.mib, before.files, before.threads, warm, after.mib, after.files, after.threads);
+  HOLD(after.mib < before.mib + 0.02 * (cycles - warm)); /* 20 KiB a cycle would be a leak worth finding */
+  HOLD(after.files <= before.files);
+  HOLD(after.threads <= before.threads);
+  return failures != 0;
+}
