@@ -7,13 +7,13 @@
 #include <random>
 
 #include "bench/bench.h"
-#include "bench/reference/rasterize_backward.h"
-#include "bench/reference/splat.h"
-#include "bench/reference/surfels.h"
 #include "bench/render.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
 #include "model/base/scene.h"
+#include "model/selftest/reference/rasterize_backward.h"
+#include "model/selftest/reference/splat.h"
+#include "model/selftest/reference/surfels.h"
 #include "model/splat/render_backward.h"
 
 namespace vsplat::bench {

@@ -28,8 +28,8 @@ WITHOUT = {
     "add_columns": {"reference": "a sum, which the test writes down"},
     "compact": {"test": "the last step of selection: select_test.cpp", "reference": "the selected indices, which that test lists"},
     "gather": {"reference": "rows by index, which the test takes from the input"},
-    "project": {"reference": "bench/reference/splat.h: that of whole pictures, which benchmarks are checked with, too"},
-    "project_surfels": {"reference": "bench/reference/surfels.h, for the same reason"},
+    "project": {"reference": "splat.h: that of whole pictures, which benchmarks are checked with, too"},
+    "project_surfels": {"reference": "surfels.h, for the same reason"},
     "radix_sort": {"reference": "std::stable_sort"},
     "tile_bin": {"reference": "what a tile sees, which the test tells from the rectangles"},
     "transpose": {"reference": "rows as columns, which the test writes down"},
@@ -130,7 +130,7 @@ class Pairs(unittest.TestCase):
             stem = header.stem
             files = {"source": [OPS / f"{stem}.cpp"], "kernel": list((ROOT / "cl").glob(f"{stem}*.cl")),
                      "test": [ROOT / "tests" / "model" / "ops" / f"{stem}_test.cpp"],
-                     "reference": [ROOT / "tests" / "reference" / f"{stem}.h"]}
+                     "reference": [ROOT / "model" / "selftest" / "reference" / f"{stem}.h"]}
             for what, paths in files.items():
                 with self.subTest(stem=stem, file=what):
                     there = bool(paths) and all(path.is_file() for path in paths)

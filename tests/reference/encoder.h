@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "model/params/config.h"
-#include "tests/reference/attention.h"
-#include "tests/reference/gemm.h"
-#include "tests/reference/layernorm.h"
-#include "tests/reference/patch_embed.h"
-#include "tests/reference/position_resample.h"
+#include "model/selftest/reference/attention.h"
+#include "model/selftest/reference/gemm.h"
+#include "model/selftest/reference/layernorm.h"
+#include "model/selftest/reference/patch_embed.h"
+#include "model/selftest/reference/position_resample.h"
 
 namespace vsplat::ref {
 

@@ -5,8 +5,8 @@
 
 #include "model/params/config.h"
 #include "model/params/weights.h"
-#include "tests/reference/decode.h"
-#include "tests/reference/gemm.h"
+#include "model/selftest/reference/decode.h"
+#include "model/selftest/reference/gemm.h"
 
 namespace vsplat::ref {
 

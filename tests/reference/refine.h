@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "model/params/config.h"
-#include "tests/reference/gemm.h"
-#include "tests/reference/groupnorm.h"
-#include "tests/reference/position_encoding.h"
-#include "tests/reference/project_features.h"
-#include "tests/reference/sparse_map.h"
+#include "model/selftest/reference/gemm.h"
+#include "model/selftest/reference/groupnorm.h"
+#include "model/selftest/reference/position_encoding.h"
+#include "model/selftest/reference/project_features.h"
+#include "model/selftest/reference/sparse_map.h"
 
 namespace vsplat::ref {
 

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "model/params/config.h"
-#include "tests/reference/gemm.h"
-#include "tests/reference/groupnorm.h"
-#include "tests/reference/upsample3d.h"
+#include "model/selftest/reference/gemm.h"
+#include "model/selftest/reference/groupnorm.h"
+#include "model/selftest/reference/upsample3d.h"
 
 namespace vsplat::ref {
 

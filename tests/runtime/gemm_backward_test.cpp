@@ -2,9 +2,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/selftest/reference/gemm.h"
 #include "runtime/column_sum.h"
 #include "runtime/gemm.h"
-#include "tests/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

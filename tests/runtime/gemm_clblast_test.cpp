@@ -1,10 +1,10 @@
 // The same products through CLBlast, which a CPU compiles for ten seconds.
 #include <gtest/gtest.h>
 
+#include "model/selftest/reference/gemm.h"
 #include "runtime/gemm.h"
 #include "runtime/profile_text.h"
 #include "runtime/profiler.h"
-#include "tests/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "tests/reference/gemm.h"
+#include "model/selftest/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

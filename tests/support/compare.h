@@ -1,4 +1,4 @@
-// Random data and comparisons with messages that say where, how much, and against what.
+// Comparisons with messages that say where, how much, and against what.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -10,27 +10,15 @@
 #include <string>
 #include <vector>
 
+#include "model/selftest/inputs/random.h"
+
 namespace vsplat::test {
 
-inline std::vector<float> random_floats(std::size_t count, std::uint32_t seed, float low = -1.0f, float high = 1.0f) {
-  std::mt19937 engine(seed);
-  std::uniform_real_distribution<float> uniform(low, high);
-  std::vector<float> out(count);
-  for (float& v : out) v = uniform(engine);
-  return out;
-}
-
-inline std::vector<double> as_doubles(const std::vector<float>& x) { return {x.begin(), x.end()}; }
-inline std::vector<float> as_floats(const std::vector<double>& x) { return {x.begin(), x.end()}; }
-
-// The same numbers.
-inline std::vector<double> random_doubles(std::size_t count, std::uint32_t seed, float low = -1.0f, float high = 1.0f) {
-  return as_doubles(random_floats(count, seed, low, high));
-}
-
-inline std::vector<float> nans(std::size_t count) {
-  return std::vector<float>(count, std::numeric_limits<float>::quiet_NaN());
-}
+using selftest::as_doubles;
+using selftest::as_floats;
+using selftest::nans;
+using selftest::random_doubles;
+using selftest::random_floats;
 
 // Largest |got - want| over the largest |want|; a gap (NaN) fails, and so does an expectation that is all zeros where
 // there should be something to compare (allow_zero).

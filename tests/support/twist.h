@@ -1,26 +1,9 @@
-// Small motions of a camera.
+// Motions, as the self-test has them.
 #pragma once
-#include <Eigen/Geometry>
-#include <cmath>
+#include "model/selftest/inputs/twist.h"
 
 namespace vsplat::test {
 
-// exp of the rigid motion's generator (omega, tau).
-inline Eigen::Matrix4d exp_twist(const Eigen::Matrix<double, 6, 1>& twist) {
-  const Eigen::Vector3d omega = twist.head<3>(), tau = twist.tail<3>();
-  const double angle = omega.norm();
-  Eigen::Matrix3d hat;
-  hat << 0, -omega.z(), omega.y(), omega.z(), 0, -omega.x(), -omega.y(), omega.x(), 0;
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity(), along = Eigen::Matrix3d::Identity();
-  if (angle > 0) {
-    const double a2 = angle * angle;
-    rotation += std::sin(angle) / angle * hat + (1 - std::cos(angle)) / a2 * hat * hat;
-    along += (1 - std::cos(angle)) / a2 * hat + (angle - std::sin(angle)) / (a2 * angle) * hat * hat;
-  }
-  Eigen::Matrix4d out = Eigen::Matrix4d::Identity();
-  out.topLeftCorner<3, 3>() = rotation;
-  out.topRightCorner<3, 1>() = along * tau;
-  return out;
-}
+using selftest::exp_twist;
 
 }  // namespace vsplat::test

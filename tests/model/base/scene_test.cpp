@@ -7,8 +7,8 @@
 #include <limits>
 #include <random>
 
-#include "bench/reference/splat.h"
 #include "model/base/camera.h"
+#include "model/selftest/reference/splat.h"
 #include "runtime/error.h"
 #include "tests/support/scenes.h"
 

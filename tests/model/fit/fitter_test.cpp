@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bench/reference/splat.h"
 #include "model/base/rng.h"
-#include "tests/reference/loss.h"
-#include "tests/reference/splat_parameters.h"
+#include "model/selftest/reference/loss.h"
+#include "model/selftest/reference/splat.h"
+#include "model/selftest/reference/splat_parameters.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

@@ -7,7 +7,7 @@
 
 #include "model/network/upload_weights.h"
 #include "model/params/init.h"
-#include "tests/reference/gemm.h"
+#include "model/selftest/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "model/params/init.h"
-#include "tests/reference/lift.h"
+#include "model/selftest/reference/lift.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

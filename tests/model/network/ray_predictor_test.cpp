@@ -6,7 +6,7 @@
 #include "model/network/ray_tables.h"
 #include "model/params/init.h"
 #include "model/params/params.h"
-#include "tests/reference/plucker.h"
+#include "model/selftest/reference/plucker.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/extension_golden.h"

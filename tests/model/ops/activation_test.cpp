@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "tests/reference/activation.h"
+#include "model/selftest/reference/activation.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

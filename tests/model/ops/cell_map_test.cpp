@@ -5,7 +5,7 @@
 
 #include "model/ops/radix_sort.h"
 #include "model/ops/sparse_conv.h"
-#include "tests/reference/cell_map.h"
+#include "model/selftest/reference/cell_map.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

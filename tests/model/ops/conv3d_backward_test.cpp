@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "model/ops/conv3d.h"
-#include "tests/reference/conv3d.h"
+#include "model/selftest/reference/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
 #include "tests/support/counted.h"

@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "tests/reference/groupnorm.h"
+#include "model/selftest/reference/groupnorm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

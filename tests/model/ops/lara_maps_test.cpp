@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "tests/reference/lara_maps.h"
+#include "model/selftest/reference/lara_maps.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

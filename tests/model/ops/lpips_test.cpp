@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "model/selftest/reference/lpips.h"
 #include "runtime/gemm.h"
-#include "tests/reference/lpips.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "tests/reference/patch_embed.h"
+#include "model/selftest/reference/patch_embed.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

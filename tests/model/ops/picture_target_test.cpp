@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "model/selftest/reference/picture_target.h"
 #include "runtime/fail.h"
-#include "tests/reference/picture_target.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

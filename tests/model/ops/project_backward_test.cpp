@@ -5,8 +5,8 @@
 #include <limits>
 #include <random>
 
-#include "bench/reference/splat.h"
 #include "model/ops/project.h"
+#include "model/selftest/reference/splat.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

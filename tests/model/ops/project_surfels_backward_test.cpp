@@ -5,8 +5,8 @@
 #include <limits>
 #include <random>
 
-#include "bench/reference/surfels.h"
 #include "model/ops/project_surfels.h"
+#include "model/selftest/reference/surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

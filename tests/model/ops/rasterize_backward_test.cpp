@@ -1,4 +1,4 @@
-#include "bench/reference/rasterize_backward.h"
+#include "model/selftest/reference/rasterize_backward.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <random>
 
 #include "model/ops/rasterize.h"
-#include "tests/reference/rasterize.h"
+#include "model/selftest/reference/rasterize.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"

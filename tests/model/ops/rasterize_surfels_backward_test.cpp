@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "model/ops/rasterize_surfels.h"
-#include "tests/reference/rasterize_surfels.h"
+#include "model/selftest/reference/rasterize_surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"

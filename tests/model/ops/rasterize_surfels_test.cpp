@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "tests/reference/rasterize_surfels.h"
+#include "model/selftest/reference/rasterize_surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/surfel_records.h"

@@ -2,7 +2,7 @@
 
 #include "model/base/rng.h"
 #include "model/ops/compact.h"
-#include "tests/reference/select.h"
+#include "model/selftest/reference/select.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -6,7 +6,7 @@
 
 #include "model/ops/conv3d.h"
 #include "model/ops/sparse_map.h"
-#include "tests/reference/sparse_conv.h"
+#include "model/selftest/reference/sparse_conv.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

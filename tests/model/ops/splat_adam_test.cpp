@@ -2,8 +2,8 @@
 
 #include <array>
 
+#include "model/selftest/reference/splat_adam.h"
 #include "runtime/fail.h"
-#include "tests/reference/splat_adam.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

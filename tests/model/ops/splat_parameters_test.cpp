@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "model/selftest/reference/splat_parameters.h"
 #include "runtime/fail.h"
-#include "tests/reference/splat_parameters.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

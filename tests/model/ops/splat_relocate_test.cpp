@@ -4,9 +4,9 @@
 #include <map>
 #include <numeric>
 
+#include "model/selftest/reference/splat_relocate.h"
 #include "model/splat/render.h"
 #include "runtime/fail.h"
-#include "tests/reference/splat_relocate.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bench/reference/surfels.h"
+#include "model/selftest/reference/surfels.h"
 #include "model/splat/render.h"
 #include "model/splat/render_backward.h"
 #include "tests/support/compare.h"

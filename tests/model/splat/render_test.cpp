@@ -7,9 +7,9 @@
 #include <limits>
 #include <random>
 
-#include "bench/reference/splat.h"
 #include "model/base/scene.h"
 #include "model/io/ply.h"
+#include "model/selftest/reference/splat.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
 #include "tests/support/scenes.h"

@@ -7,10 +7,10 @@
 
 #include "model/base/scene.h"
 #include "model/params/params.h"
+#include "model/selftest/reference/adamw.h"
+#include "model/selftest/reference/muon.h"
 #include "model/splat/render_backward.h"
 #include "model/train/trainer.h"
-#include "tests/reference/adamw.h"
-#include "tests/reference/muon.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

@@ -1,6 +1,6 @@
 // Rays of six numbers as spherical harmonics, in double; the gradient by differences.
 #pragma once
-#include "tests/reference/plucker.h"
+#include "model/selftest/reference/plucker.h"
 
 namespace vsplat::ref {
 

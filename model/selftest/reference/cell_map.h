@@ -2,7 +2,7 @@
 #pragma once
 #include <vector>
 
-#include "tests/reference/space_curve.h"
+#include "model/selftest/reference/space_curve.h"
 
 namespace vsplat::ref {
 

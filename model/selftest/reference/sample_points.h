@@ -1,6 +1,6 @@
 // What the views show at points, in double, from the definition.
 #pragma once
-#include "tests/reference/project_features.h"
+#include "model/selftest/reference/project_features.h"
 
 namespace vsplat::ref {
 

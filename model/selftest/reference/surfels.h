@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "bench/reference/splat.h"
+#include "model/selftest/reference/splat.h"
 
 namespace vsplat::ref {
 

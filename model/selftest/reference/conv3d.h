@@ -3,7 +3,7 @@
 #include <array>
 #include <vector>
 
-#include "tests/reference/gemm.h"
+#include "model/selftest/reference/gemm.h"
 
 namespace vsplat::ref {
 

@@ -1,6 +1,6 @@
 // Lifting in double, with all samples of a voxel in memory.
 #pragma once
-#include "tests/reference/project_features.h"
+#include "model/selftest/reference/project_features.h"
 
 namespace vsplat::ref {
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bench/reference/surfels.h"
+#include "model/selftest/reference/surfels.h"
 
 namespace vsplat::ref {
 

@@ -2,7 +2,7 @@
 #pragma once
 #include <vector>
 
-#include "tests/reference/gemm.h"
+#include "model/selftest/reference/gemm.h"
 
 namespace vsplat::ref {
 

@@ -2,7 +2,7 @@
 #pragma once
 #include <cmath>
 
-#include "tests/reference/gemm.h"
+#include "model/selftest/reference/gemm.h"
 
 namespace vsplat::ref {
 

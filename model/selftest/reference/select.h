@@ -2,7 +2,7 @@
 #pragma once
 #include <string>
 
-#include "tests/reference/decode.h"
+#include "model/selftest/reference/decode.h"
 
 namespace vsplat::ref {
 
