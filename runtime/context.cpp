@@ -15,6 +15,7 @@
 #include "runtime/device_handles.h"
 #include "runtime/device_limits.h"
 #include "runtime/device_memory.h"
+#include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/host_memory.h"
 #include "runtime/host_span.h"
@@ -33,17 +34,28 @@ const char* name_of(Flavour flavour) { return flavour == Flavour::cpu ? "cpu" : 
 
 namespace {
 
-Flavour choose_flavour(const std::string& asked, const DeviceInfo& device) {
+// What was asked for by name is used or refused, whatever would be chosen.
+Flavour asked_for(Flavour flavour, const SwitchedOff& off) {
+  if (flavour == Flavour::cpu ? off.cpu : off.gpu)
+    fail(Status::device,
+         "the {} kernels were asked for by name, and a self-test has found them wrong on this device and driver: leave "
+         "the choice to the program, or set VSPLAT_SELFTEST=ignore to use them all the same",
+         name_of(flavour));
+  return flavour;
+}
+
+Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const SwitchedOff& off) {
   std::string name = asked;
   if (name.empty() || name == "auto") {
     const char* env = std::getenv("VSPLAT_KERNELS");
     name = env && *env ? env : "auto";
   }
-  if (name == "cpu") return Flavour::cpu;
-  if (name == "gpu") return Flavour::gpu;
+  if (name == "cpu") return asked_for(Flavour::cpu, off);
+  if (name == "gpu") return asked_for(Flavour::gpu, off);
   if (name != "auto")
     fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (vsplat_device_options.kernels, VSPLAT_KERNELS)",
          name);
+  if (off.cpu || off.gpu) return off.cpu ? Flavour::gpu : Flavour::cpu;
   // Tiling through local memory pays where that memory is a store of its own.
   return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu
          : device.type == DeviceType::gpu                       ? Flavour::gpu
@@ -90,8 +102,9 @@ struct Context::Impl {
   DeviceInfo info;
   Flavour flavour = Flavour::cpu;
   GemmChoice gemm = GemmChoice::auto_;
+  SwitchedOff off;
   bool planning = false;
-  NotedKernels* collected = nullptr;  // of a planner: where kernels are noted
+  NotedKernels* collected = nullptr;  // where kernels are noted
   NotedShapes* shapes = nullptr;      // of a planner: where shapes are noted
   std::shared_ptr<const Tuning> tuning;
   bool checks_nan = false, guards = false;  // see launch_checks.h
@@ -305,8 +318,17 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   else
     impl_->info = choose_device(options.device);
   refuse_too_small(impl_->info);
-  impl_->flavour = choose_flavour(options.kernels, impl_->info);
+  impl_->off = options.off ? *options.off : fit_for_use(impl_->info);
+  if (impl_->off.sub_groups && impl_->info.sub_group > 0) impl_->info.sub_group = 0;
+  if (impl_->off.vectors) impl_->info.native_float_width = 1;
+  impl_->flavour = choose_flavour(options.kernels, impl_->info, impl_->off);
   impl_->gemm = options.gemm;
+  if (impl_->gemm == GemmChoice::clblast && impl_->off.clblast)
+    fail(
+        Status::device,
+        "CLBlast was asked for by name, and a self-test has found its products wrong on {} with this driver: leave the "
+        "choice to the program, or set VSPLAT_SELFTEST=ignore to use it all the same",
+        impl_->info.name);
   if (!theirs) {
     const HostSpan span(HostKind::host, "open the device");
     impl_->handle = find_devices().at(static_cast<std::size_t>(impl_->info.index)).handle;
@@ -329,6 +351,7 @@ std::unique_ptr<Context> Context::stream() const {
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
   impl->tuning = impl_->tuning;
+  impl->off = impl_->off;
   impl->handle = impl_->handle;
   impl->context = impl_->context;
   impl->programs = impl_->programs;
@@ -350,6 +373,7 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
   impl->tuning = impl_->tuning;
+  impl->off = impl_->off;
   impl->planning = true;
   impl->collected = impl_->collected;
   impl->shapes = impl_->shapes;
@@ -401,6 +425,7 @@ bool Context::planning() const { return impl_->planning; }
 const DeviceInfo& Context::device() const { return impl_->info; }
 Flavour Context::flavour() const { return impl_->flavour; }
 GemmChoice Context::gemm_choice() const { return impl_->gemm; }
+const SwitchedOff& Context::switched_off() const { return impl_->off; }
 Arena& Context::memory() { return *impl_->arena; }
 const Arena& Context::memory() const { return *impl_->arena; }
 Profiler& Context::profiler() { return impl_->profiler; }
@@ -466,7 +491,8 @@ void Context::read(const Tensor& tensor, void* data) {
 void Context::launch(const KernelId& id, const Range& range, Cost cost, const std::vector<KernelArg>& args) {
   for (const std::size_t size : range.global)
     if (size == 0) return;
-  if (impl_->planning) return note(id, range, cost, local_bytes_of(args));
+  if (impl_->planning || impl_->collected) note(id, range, cost, local_bytes_of(args));
+  if (impl_->planning) return;
   impl_->stop_if_cancelled();
   if (impl_->counts(id)) {
     KernelId counting = impl_->counting(id);

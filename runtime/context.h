@@ -22,6 +22,7 @@
 #include "runtime/launch.h"
 #include "runtime/tensor.h"
 #include "runtime/tuning.h"
+#include "runtime/verdict.h"
 
 namespace vsplat {
 
@@ -48,6 +49,8 @@ struct ContextOptions {
   GemmChoice gemm = GemmChoice::auto_;
   double max_memory_gib = 0;  // 0: what the device reports
   ForeignHandles theirs;      // in place of `device`
+  // What is not used; none: what a self-test has left behind of this device (verdict.h).
+  std::optional<SwitchedOff> off = std::nullopt;
   // Called before each kernel that is compiled: its name and how many were compiled so far in this context.
   std::function<void(const std::string&, int)> on_compile;
 };
@@ -96,7 +99,8 @@ class Context {
   // limits: see Arena::plan.
   std::unique_ptr<Context> planner(bool limited = true) const;
   bool planning() const;
-  // Of a planner, and planners made of it: from now on the kernels that would be launched are put into `to`.
+  // From now on the kernels that are launched, in a planner and planners made of it those that would be, are put into
+  // `to`: before they are compiled.
   void collect(NotedKernels& to);
   // The same of the shapes that it is asked for tuned parameters of.
   void collect(NotedShapes& to);
@@ -114,6 +118,7 @@ class Context {
   const Tuning& tuning() const;
   // In place of the device's table: for trials, and tests. Streams and planners that are made after it have the same.
   void use_tuning(std::shared_ptr<const Tuning> tuning);
+  const SwitchedOff& switched_off() const;
   Arena& memory();
   const Arena& memory() const;
   Profiler& profiler();

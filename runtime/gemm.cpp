@@ -159,7 +159,7 @@ Tensor composed(Context& ctx, const Gemm& g, const Sizes& s) {
 bool wants_clblast(const Context& ctx, const Gemm& g) {
   if (g.a.x1 || g.a.scale || g.a.silu || g.a.map) return false;
   if (ctx.gemm_choice() != GemmChoice::auto_) return ctx.gemm_choice() == GemmChoice::clblast;
-  if (ctx.device().type != DeviceType::gpu || ctx.flavour() != Flavour::gpu) return false;
+  if (ctx.switched_off().clblast || ctx.device().type != DeviceType::gpu || ctx.flavour() != Flavour::gpu) return false;
   for (const char* vendor : {"NVIDIA", "AMD", "Advanced Micro Devices", "Intel", "ARM", "QUALCOMM"})
     if (ctx.device().vendor.find(vendor) != std::string::npos) return true;
   return false;
@@ -314,6 +314,7 @@ GpuTile gpu_tile(Context& ctx, const KernelId& kernel, const TunedValues& tuned,
     const bool by_rule =
         v.side * v.side == 16 * v.group || (2 * n > v.side && div_up(m, v.side) * div_up(n, v.side) >= enough);
     if (asked > 0 ? v.side > asked : !by_rule) continue;
+    if (v.side == 128 && ctx.switched_off().large_tiles) continue;
     KernelId id = kernel;
     id.defines = v.defines;
     if (unroll > 0) id.defines += fmt::format("{}-DUNROLL={}", id.defines.empty() ? "" : " ", unroll);

@@ -44,9 +44,11 @@ void bench(const BenchOptions& o) try {
   outputs.expect(o.common.profile);
   outputs.expect(o.common.trace);
   vsplat::Context ctx(context_options(o.common));
-  say(o.common, "device " + std::to_string(ctx.device().index) + ": " + ctx.device().name + ", driver " +
-                    ctx.device().driver + ", " + vsplat::name_of(ctx.flavour()) + " kernels" +
-                    (ctx.device().lowered.empty() ? "" : ", lowered by VSPLAT_LIMITS=" + ctx.device().lowered));
+  say(o.common,
+      "device " + std::to_string(ctx.device().index) + ": " + ctx.device().name + ", driver " + ctx.device().driver +
+          ", " + vsplat::name_of(ctx.flavour()) + " kernels" +
+          (ctx.device().lowered.empty() ? "" : ", lowered by VSPLAT_LIMITS=" + ctx.device().lowered) +
+          (ctx.switched_off().any() ? ", not used since its self-test: " + vsplat::in_words(ctx.switched_off()) : ""));
   if (!o.common.profile.empty() || !o.common.trace.empty()) vsplat::bench::record(ctx);
   vsplat::bench::Options options;
   options.suites = o.suites;

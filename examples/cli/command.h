@@ -92,6 +92,7 @@ using Run = std::function<void()>;
 void add_devices(CLI::App& app, Run& run);
 void add_doctor(CLI::App& app, Run& run);
 void add_kernels(CLI::App& app, Run& run);
+void add_selftest(CLI::App& app, Run& run);
 void add_init(CLI::App& app, Run& run);
 void add_weights(CLI::App& app, Run& run);
 void add_reconstruct(CLI::App& app, Run& run);

@@ -73,6 +73,7 @@ int main(int argc, char** argv) {
   command::add_report(app, run);
   command::add_kernels(app, run);
   command::add_tune(app, run);
+  command::add_selftest(app, run);
   command::add_bench(app, run);
   command::add_profile(app, run);
   command::add_dataset(app, run);

@@ -63,7 +63,8 @@ Session::Session(const Common& common, Devices most) : common_(common) {
                      "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
                      " kernels" + (*info.tuning ? ", tuned (table " + std::string(info.tuning, 12) + ")" : "") +
                      (info.event_profiling ? "" : ", timed on the host") +
-                     (*info.limits ? std::string(", lowered by VSPLAT_LIMITS=") + info.limits : ""));
+                     (*info.limits ? std::string(", lowered by VSPLAT_LIMITS=") + info.limits : "") +
+                     (*info.switched_off ? std::string(", not used since its self-test: ") + info.switched_off : ""));
   }
   for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
   recorded_ = timed || (common_.verbose && devices_.size() == 1);

@@ -161,6 +161,7 @@ vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* o
     vsplat_device_info info = describe(device->context.device());
     info.kernels = static_cast<vsplat_kernels>(device->context.flavour());
     copy_name(info.tuning, device->context.tuning().hash());
+    copy_name(info.switched_off, in_words(device->context.switched_off()));
     give(out_info, info, "out_info");
   });
 }

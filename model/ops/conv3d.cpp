@@ -90,7 +90,7 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
 ConvMethod choose(const Context& ctx, ConvMethod method, long cout, long cin) {
   if (method != ConvMethod::auto_) return method;
   const bool gpu = ctx.flavour() == Flavour::gpu;
-  if (!gpu && ctx.device().native_float_width < 4) return ConvMethod::direct;
+  if (ctx.switched_off().winograd || (!gpu && ctx.device().native_float_width < 4)) return ConvMethod::direct;
   const TunedValues tuned = ctx.tuned({TunedOp::conv3d_method, {cin, cout}});
   if (tuned.of && tuned.at("method") > 0) return static_cast<ConvMethod>(tuned.at("method"));
   // What is transformed lies in registers of the cpu flavour, and goes through memory in the gpu's.

@@ -363,6 +363,8 @@ class Values:
             return handles.reconstruction()
         if p.base == "vsplat_refine_options":
             return handles.refinement()
+        if p.base == "vsplat_selftest_options":
+            return api.struct(p.base, quick=1, forget=1)
         if p.base == "vsplat_train_options":
             return api.struct(p.base, data=texts(self.files.set), num_data=1, output=str(self.files.output()).encode())
         if p.name in ("options", "job_options", "rules") or p.base in ("vsplat_opencl_picture", "vsplat_opencl_gaussians"):

@@ -12,6 +12,8 @@ namespace vsplat::test {
 
 // Without a table of tuned parameters that this machine may have; one that a test is run with is taken.
 inline const int untuned = ::setenv("VSPLAT_TUNING", "off", 0);
+// And with all of its kernels, whatever a self-test has found.
+inline const int unjudged = ::setenv("VSPLAT_SELFTEST", "ignore", 0);
 
 // A context of its own.
 inline std::unique_ptr<Context> open_context(Flavour flavour, ContextOptions options = {}) {

@@ -54,11 +54,14 @@ typedef struct vsplat_device_info {
   char tuning[72];  /* of an open device: the SHA-256 of the tuned parameters that it runs with (vsplat/tune.h); "":
                       none, the defaults. Equal ones give equal bits on one device */
   char limits[256]; /* what the environment's VSPLAT_LIMITS makes of the above, as it says; "": nothing */
+  /* Of an open device: what a self-test (vsplat_selftest) has found wrong, and is not used, in words: "gpu kernels,
+     CLBlast". Empty where nothing is. */
+  char switched_off[256];
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \
   {                                                                                                          \
     sizeof(vsplat_device_info), 0, 0, 0, VSPLAT_DEVICE_OTHER, "", "", "", "", "", 0, 0, 0, 0, 0, 0, 0, 0, 0, \
-        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", ""                                                   \
+        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", "", ""                                               \
   }
 
 /* How many OpenCL devices there are, over all platforms; 0 where there is no platform. */
@@ -83,7 +86,8 @@ typedef struct vsplat_device_options {
 #define VSPLAT_DEVICE_OPTIONS_INIT \
   { sizeof(vsplat_device_options), NULL, VSPLAT_KERNELS_AUTO, VSPLAT_GEMM_AUTO, 0.0, NULL, NULL }
 
-/* Opens a device. `options` NULL: all defaults. VSPLAT_ERROR_DEVICE with a list where there is no such device. */
+/* Opens a device. `options` NULL: all defaults. VSPLAT_ERROR_DEVICE with a list where there is no such device, and
+   where a self-test (vsplat_selftest) has found it unusable. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_open(const vsplat_device_options* options,
                                                              vsplat_device* out_device);
 /* A stream of an opened device: a device handle like any other, which every call takes that takes one. It computes

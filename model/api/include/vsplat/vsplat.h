@@ -41,6 +41,7 @@
 #include <vsplat/render.h>
 #include <vsplat/report.h>
 #include <vsplat/scene.h>
+#include <vsplat/selftest.h>
 #include <vsplat/share.h>
 #include <vsplat/status.h>
 #include <vsplat/train.h>

@@ -88,6 +88,13 @@ class Device : public DeviceHandle {
   }
 };
 
+// JSON, and what it says in short.
+inline std::string selftest(const vsplat_selftest_options& options, vsplat_fitness& fitness) {
+  char* out = nullptr;
+  check(vsplat_selftest(&options, &fitness, &out));
+  return text(out);
+}
+
 class Model : public ModelHandle {
  public:
   Model() = default;

@@ -1,0 +1,105 @@
+// The self-test, and what is remembered of it.
+#include "model/selftest/selftest.h"
+
+#include <vsplat/selftest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "model/api/handle.h"
+#include "runtime/fail.h"
+
+using namespace vsplat;
+using namespace vsplat::api;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+Json number_of(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+Json names_of(const SwitchedOff& off) {
+  Json out = Json::array();
+  for (const SwitchName& one : switch_names())
+    if (off.*one.which) out.push_back(one.name);
+  return out;
+}
+
+Json names_of(const std::vector<NamedKernel>& kernels) {
+  Json out = Json::array();
+  for (const NamedKernel& k : kernels) out.push_back(k.name);
+  return out;
+}
+
+Json json_of(const selftest::FlavourResult& f) {
+  Json out;
+  out["flavour"] = name_of(f.flavour);
+  if (!f.variant.empty()) out["variant"] = f.variant;
+  out["usable"] = f.usable;
+  out["off"] = names_of(f.off);
+  out["results"] = f.results;
+  out["kernels"] = Json::array();
+  for (const selftest::KernelResult& k : f.kernels)
+    out["kernels"].push_back({{"kernel", k.kernel.name},
+                              {"file", k.kernel.file},
+                              {"options", k.kernel.defines},
+                              {"verdict", name_of(k.verdict)},
+                              {"results", k.results},
+                              {"wrong", k.wrong},
+                              {"what", k.what},
+                              {"error", number_of(k.error)},
+                              {"tolerance", k.tolerance}});
+  out["wrong"] = Json::array();
+  for (const selftest::Finding& w : f.wrong)
+    out["wrong"].push_back({{"what", w.what},
+                            {"kernels", names_of(w.kernels)},
+                            {"error", number_of(w.error)},
+                            {"tolerance", w.tolerance},
+                            {"trouble", w.trouble}});
+  out["tuned"] = Json::array();
+  for (const CheckedChoice& one : f.chosen)
+    out["tuned"].push_back(
+        {{"what", one.name}, {"error", number_of(one.error)}, {"right", one.right()}, {"why", one.why}});
+  out["untested"] = names_of(f.untested);
+  return out;
+}
+
+// "now", "before" where a worse verdict stays, "no".
+std::string remember(const selftest::Report& report, bool forget) {
+  if (forget) return "no";
+  if (report.quick)
+    if (const auto before = remembered_verdict(report.device); before && before->fitness > report.verdict.fitness)
+      return "before";
+  return vsplat::remember(report.device, report.verdict) ? "now" : "no";
+}
+
+}  // namespace
+
+vsplat_status vsplat_selftest(const vsplat_selftest_options* options, vsplat_fitness* out_fitness, char** out_text) {
+  return guarded([&] {
+    need(out_fitness, "out_fitness");
+    const vsplat_selftest_options o = taken(options, VSPLAT_SELFTEST_OPTIONS_INIT, "options");
+    selftest::Options to;
+    to.quick = o.quick != 0;
+    to.forget = o.forget != 0;
+    if (o.progress)
+      to.progress = [&](const std::string& stage, double done) { return o.progress(o.user, stage.c_str(), done) != 0; };
+    if (o.on_compile)
+      to.on_compile = [&](const std::string& kernel, int compiled) { o.on_compile(o.user, kernel.c_str(), compiled); };
+    const selftest::Report report = selftest::run(o.device ? o.device : "", to);
+    Json out;
+    out["verdict"] = name_of(report.verdict.fitness);
+    out["off"] = names_of(report.verdict.off);
+    out["off_in_words"] = in_words(report.verdict.off);
+    out["worst"] = report.verdict.worst;
+    out["date"] = report.verdict.date;
+    out["device"] = report.device.name;
+    out["driver"] = report.device.driver;
+    out["quick"] = report.quick;
+    out["remembered"] = remember(report, o.forget != 0);
+    out["flavours"] = Json::array();
+    for (const selftest::FlavourResult& f : report.flavours) out["flavours"].push_back(json_of(f));
+    if (out_text) *out_text = new_text(out.dump(-1, ' ', false, Json::error_handler_t::replace));
+    *out_fitness = static_cast<vsplat_fitness>(report.verdict.fitness);
+  });
+}

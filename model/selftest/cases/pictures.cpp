@@ -1,0 +1,333 @@
+// Losses on pictures, and what they are made of.
+#include <array>
+
+#include "model/ops/exposure.h"
+#include "model/ops/lara_maps.h"
+#include "model/ops/loss.h"
+#include "model/ops/lpips.h"
+#include "model/ops/picture_target.h"
+#include "model/ops/project.h"
+#include "model/ops/surface_loss.h"
+#include "model/selftest/cases/cases.h"
+#include "model/selftest/inputs/scenes.h"
+#include "model/selftest/reference/exposure.h"
+#include "model/selftest/reference/lara_maps.h"
+#include "model/selftest/reference/loss.h"
+#include "model/selftest/reference/lpips.h"
+#include "model/selftest/reference/picture_target.h"
+#include "model/selftest/reference/surface_loss.h"
+#include "runtime/gemm.h"
+
+namespace vsplat::selftest {
+namespace {
+
+std::size_t picture_size(long a, long b = 1) { return static_cast<std::size_t>(a * b); }
+constexpr std::array<float, 3> kBehindPictures = {0.2f, 0.9f, 0.5f};
+
+// Central differences of a function of the numbers `at`, of every `stride`-th and the last.
+template <class Loss>
+std::vector<double> differences_of(std::vector<double> at, double step, const Loss& loss) {
+  std::vector<double> out;
+  for (double& x : at) {
+    const double here = x;
+    x = here + step;
+    const double up = loss(at);
+    x = here - step;
+    out.push_back((up - loss(at)) / (2 * step));
+    x = here;
+  }
+  return out;
+}
+
+// Pictures that are their target but for some noise: none near 0, 1 or the target, where the loss has kinks.
+std::vector<float> off_target(const std::vector<float>& target, std::uint32_t seed) {
+  auto out = random_floats(target.size(), seed, -0.3f, 0.3f);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (std::abs(out[i]) < 1e-3f) out[i] = 2e-3f;
+    out[i] += target[i];
+    if (std::abs(out[i]) < 1e-3f || std::abs(out[i] - 1) < 1e-3f) out[i] += 3e-3f;
+  }
+  return out;
+}
+
+void loss_of(Checks& c, long n, long h, long w, ErrorKind error, SimilarityKind similarity) {
+  const auto target = random_floats(picture_size(n * h, 3 * w), 1, 0, 1), pictures = off_target(target, 2);
+  const Shape shape{n, h, w, 3};
+  PictureLoss a{c.up(shape, pictures), c.up(shape, target), 0.4f, c.gap({3}), c.gap(shape)};
+  a.error = error, a.similarity = similarity;
+  picture_loss(c.ctx, a);
+  const ref::LossKind kind{error == ErrorKind::absolute, similarity == SimilarityKind::single_scale,
+                           similarity != SimilarityKind::none};
+  const auto wide = as_doubles(pictures);
+  const auto weight = static_cast<double>(0.4f);
+  c.close(
+      "loss", a.out,
+      [&] {
+        const auto want = ref::loss(wide, target, h, w, weight, kind);
+        return std::vector<double>(want.begin(), want.end());
+      },
+      1e-6);
+  const auto got = c.ctx.read<float>(a.dpictures);
+  const std::size_t stride = 1 + got.size() / (got.size() > 20000 ? 7 : 40);
+  std::vector<float> some;
+  for (std::size_t at = 0; at < got.size(); at += stride) some.push_back(got[at]);
+  c.close(
+      "gradient", some,
+      [&] {
+        std::vector<double> out;
+        for (std::size_t at = 0; at < got.size(); at += stride)
+          out.push_back(ref::loss_slope(wide, target, h, w, weight, at, kind));
+        return out;
+      },
+      2e-5);
+  // All of it, by what no kernel leaves out.
+  bool finite = true;
+  for (const float v : got) finite = finite && std::isfinite(v);
+  c.that("gradient, every number", finite);
+}
+
+void loss_all(Checks& c) {
+  for (const auto& [n, h, w] :
+       c.some({std::array<long, 3>{1, 11, 11}, {2, 12, 11}, {1, 13, 31}, {3, 21, 22}, {1, 33, 32}}))
+    loss_of(c, n, h, w, ErrorKind::squared, SimilarityKind::automatic);
+  loss_of(c, 1, 161, 162, ErrorKind::squared, SimilarityKind::automatic);  // five scales
+  loss_of(c, 2, 12, 13, ErrorKind::absolute, SimilarityKind::automatic);
+  loss_of(c, 2, 12, 13, ErrorKind::squared, SimilarityKind::none);
+  loss_of(c, 1, 12, 13, ErrorKind::absolute, SimilarityKind::none);
+}
+
+void lpips_all(Checks& c) {
+  struct Try {
+    int height, width, channels, outs;
+    Window2d window;
+  };
+  for (const Try& t : c.some({Try{1, 1, 1, 1, {1, 1, 0}},
+                              {3, 7, 3, 5, {3, 1, 1}},
+                              {11, 13, 3, 7, {11, 4, 2}},
+                              {17, 31, 3, 33, {5, 1, 2}}})) {
+    const auto taps = picture_size(t.window.side, t.window.side), cin = picture_size(t.channels),
+               cout = picture_size(t.outs);
+    const auto in = random_floats(picture_size(t.height, t.width) * cin, 1), w = random_floats(cout * cin * taps, 2);
+    std::vector<float> last(w.size());
+    for (std::size_t i = 0; i < w.size(); ++i) last[(i / (cin * taps) * taps + i % taps) * cin + i / taps % cin] = w[i];
+    const long k = static_cast<long>(taps * cin), places = t.window.places(t.height) * t.window.places(t.width);
+    const PackedMatrix packed = pack_matrix(c.ctx, last.data(), k, t.outs, 1, k, "w");
+    Gemm g;
+    g.a.x0 = c.up({t.height, t.width, t.channels}, in), g.a.map = picture_map(c.ctx, t.height, t.width, t.window);
+    g.b = &packed, g.out = c.gap({places, t.outs});
+    c.that("map's shape", g.a.map.shape() == Shape{places, static_cast<long>(taps)});
+    gemm(c.ctx, g);
+    c.close("convolution by a map", g.out,
+            ref::conv2d(in, t.height, t.width, t.channels, w, t.outs, static_cast<int>(t.window.side),
+                        static_cast<int>(t.window.stride), static_cast<int>(t.window.pad)),
+            1e-5);
+  }
+  for (const auto& [h, w, channels] : c.some({std::array<int, 3>{3, 3, 7}, {7, 8, 3}, {13, 9, 64}, {8, 17, 65}})) {
+    const auto in = random_floats(picture_size(h, w) * picture_size(channels), 3, -2, -1);
+    const Tensor picture = c.up({h, w, channels}, in);
+    c.close("largest of windows", max_pool(c.ctx, picture, {3, 2, 0}), ref::max_pool(in, h, w, channels, 3, 2), 0);
+  }
+  for (const long n : c.some({1L, 63L, 64L, 65L, 1009L})) {
+    const auto x = random_floats(picture_size(n), 4);
+    std::vector<float> want = x;
+    for (float& v : want) v = v > 0 ? v : 0;
+    const Tensor t = c.up({n}, x);
+    relu(c.ctx, t);
+    c.equal("ReLU", t, want);
+  }
+  for (const auto& [places, channels] : c.some({std::array<long, 2>{3, 7}, {7, 3}, {65, 64}, {64, 65}, {13, 512}})) {
+    const auto a = random_floats(picture_size(places, channels), 5, 0, 1), b = random_floats(a.size(), 6, -0.5f, 1),
+               weight = random_floats(picture_size(channels), 7, 0.1f, 1);
+    const Tensor out = c.gap({places});
+    feature_distance(c.ctx, {c.up({places, channels}, a), c.up({places, channels}, b), c.up({channels}, weight), out});
+    c.close("distance", out, ref::feature_distance(a, b, weight), 1e-5);
+  }
+}
+
+void lara_maps_all(Checks& c) {
+  for (const auto& [w, h] : c.some({std::array<int, 2>{3, 3}, {2, 17}, {7, 13}, {17, 5}})) {
+    const Camera camera = make_camera({"", 0, 0, w, h, "off-centre"}, 7);
+    const std::size_t n = picture_size(w, h);
+    auto colour = random_floats(3 * n, 1, -0.3f, 1.3f), alpha = random_floats(n, 3, 0.1f, 0.99f);
+    const auto normal = random_floats(3 * n, 2), rough = random_floats(n, 4, 0.0f, 0.05f);
+    std::vector<float> depth;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (i % 7 == 3) alpha[i] = 0;
+      const auto x = static_cast<float>(i % picture_size(w)), y = static_cast<float>(i) / static_cast<float>(w);
+      depth.push_back(alpha[i] * (1.5f + 0.03f * x - 0.02f * y + rough[i]));
+    }
+    for (float& v : colour)
+      if (std::abs(v) < 0.01f || std::abs(v - 1) < 0.01f) v = 0.5f;
+    const Shape map{h, w}, vectors{h, w, 3};
+    const DevicePicture picture{c.up(vectors, colour), c.up(map, alpha), c.up(map, depth), c.up(vectors, normal)};
+    const Tensor views = upload_views(c.ctx, {camera}, 0.2f, {});
+    const LaraMaps got = lara_maps_forward(c.ctx, {picture, views, 0});
+    const ref::PictureMaps wide{as_doubles(colour), as_doubles(alpha), as_doubles(depth), as_doubles(normal)};
+    const ref::LaraMaps want = ref::lara_maps(wide, camera, wide.alpha);
+    c.close("colour", got.image, want.image, 1e-6);
+    c.close("depth", got.depth, want.depth, 1e-6);
+    c.close("normal", got.normal, want.normal, 1e-6);
+    c.close("normal of depths", got.depth_normal, want.depth_normal, 3e-5);
+    const auto by_image = random_floats(3 * n, 11), by_alpha = random_floats(n, 12), by_depth = random_floats(n, 13),
+               by_normal = random_floats(3 * n, 14), by_depth_normal = random_floats(3 * n, 15);
+    const PictureGradient by =
+        lara_maps_backward(c.ctx, {picture,
+                                   views,
+                                   0,
+                                   {c.up(vectors, by_image), c.up(map, by_alpha), c.up(map, by_depth),
+                                    c.up(vectors, by_normal), c.up(vectors, by_depth_normal), c.up(map, by_alpha)}});
+    const auto loss = [&, &cam = camera](const ref::PictureMaps& maps) {
+      const ref::LaraMaps l = ref::lara_maps(maps, cam, wide.alpha);
+      double sum = 0;
+      const auto add = [&sum](const std::vector<double>& of, const std::vector<float>& g) {
+        for (std::size_t i = 0; i < g.size(); ++i) sum += of[i] * g[i];
+      };
+      add(l.image, by_image), add(maps.alpha, by_alpha), add(l.depth, by_depth), add(l.normal, by_normal);
+      add(l.depth_normal, by_depth_normal);
+      return sum;
+    };
+    const auto differences = [&](std::vector<double> ref::PictureMaps::*field) {
+      std::vector<double> out;
+      ref::PictureMaps moved = wide;
+      for (double& value : moved.*field) {
+        const double base = value;
+        const auto slope = [&](double step) {
+          value = base + step;
+          const double above = loss(moved);
+          value = base - step;
+          const double below = loss(moved);
+          value = base;
+          return (above - below) / (2 * step);
+        };
+        // (Where alpha is 0 nothing moves with what is drawn but alpha's own.)
+        const bool nothing = base == 0 && field == &ref::PictureMaps::alpha;
+        const std::size_t at = out.size();
+        out.push_back(nothing ? by_alpha[at] : (4 * slope(5e-7) - slope(1e-6)) / 3);
+      }
+      return out;
+    };
+    c.close(
+        "backward, colour", by.colour, [&] { return differences(&ref::PictureMaps::colour); }, 1e-5);
+    c.close(
+        "backward, alpha", by.alpha, [&] { return differences(&ref::PictureMaps::alpha); }, 5e-5);
+    c.close(
+        "backward, depth", by.depth, [&] { return differences(&ref::PictureMaps::depth); }, 5e-5);
+    c.close(
+        "backward, normal", by.normal, [&] { return differences(&ref::PictureMaps::normal); }, 1e-5);
+    c.equal("backward, distortion", by.distortion, by_alpha);
+  }
+}
+
+void surface_loss_all(Checks& c) {
+  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {7, 3}, {31, 11}, {1, 2047}, {32, 64}, {97, 61}})) {
+    const std::size_t n = picture_size(h, w);
+    const auto normal = random_floats(3 * n, 1), depth_normal = random_floats(3 * n, 2),
+               alpha = random_floats(n, 3, 0, 1), distortion = random_floats(n, 4, 0, 0.1f);
+    const Shape vectors{h, w, 3}, map{h, w};
+    SurfaceLoss a;
+    a.normal = c.up(vectors, normal), a.depth_normal = c.up(vectors, depth_normal);
+    a.alpha = c.up(map, alpha), a.distortion = c.up(map, distortion), a.weights = {7, 0.3f};
+    a.value = c.up({3}, std::vector<float>{2, 3, 4}), a.gradient_scale = 0.25f;
+    a.dnormal = c.gap(vectors), a.ddepth_normal = c.gap(vectors), a.ddistortion = c.gap(map);
+    surface_loss(c.ctx, a);
+    const double value = ref::surface_loss(as_doubles(normal), as_doubles(depth_normal), as_doubles(alpha),
+                                           as_doubles(distortion), 7, static_cast<double>(0.3f));
+    c.close("loss", a.value, std::vector<double>{2 + value, 3, 4}, 1e-6);
+    // Linear in each map: d/dn = -w alpha depth_normal / N, and so on.
+    const double each = 0.25 / static_cast<double>(n), by = -static_cast<double>(0.3f) * each;
+    std::vector<double> dnormal, ddepth_normal;
+    for (std::size_t i = 0; i < 3 * n; ++i) {
+      dnormal.push_back(by * alpha[i / 3] * depth_normal[i]);
+      ddepth_normal.push_back(by * alpha[i / 3] * normal[i]);
+    }
+    c.close("gradient, normal", a.dnormal, dnormal, 1e-5);
+    c.close("gradient, normal of depths", a.ddepth_normal, ddepth_normal, 1e-5);
+    c.close("gradient, distortion", a.ddistortion, std::vector<double>(n, 7 * each), 1e-5);
+  }
+}
+
+void picture_target_all(Checks& c) {
+  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {3, 1}, {7, 9}, {8, 8}, {5, 13}, {31, 37}})) {
+    const std::size_t n = picture_size(h, w);
+    std::vector<std::uint8_t> given, known;
+    std::vector<float> colour, alpha;
+    const auto random = random_floats(8 * n, static_cast<std::uint32_t>(97 * h + w), 0, 1);
+    for (std::size_t i = 0; i < n; ++i) {
+      const float* r = &random[8 * i];
+      const int a = i % 3 == 0 ? 255 : i % 3 == 1 ? static_cast<int>(255 * r[0]) : 0;
+      for (int k = 1; k < 4; ++k) given.push_back(static_cast<std::uint8_t>(static_cast<float>(a) * r[k]));
+      given.push_back(static_cast<std::uint8_t>(a));
+      known.push_back(i > 0 && r[4] < 0.3f ? 0 : 255);
+      for (int k = 1; k < 4; ++k) colour.push_back(2 * r[k + 3] - 0.5f);
+      float off = (r[0] - 0.5f) * (i % 2 == 0 ? 3.0f : 200.0f);
+      if (std::abs(std::abs(off) - 0.5f) < 1e-2f) off += 0.1f;
+      alpha.push_back((static_cast<float>(a) + off) / 255);
+    }
+    std::vector<double> target, dalpha;
+    for (std::size_t i = 0; i < n; ++i) {
+      std::array<double, 3> background{}, drawn{};
+      for (std::size_t k = 0; k < 3; ++k) background[k] = kBehindPictures[k], drawn[k] = colour[3 * i + k];
+      const auto want = ref::pixel_target(&given[4 * i], known[i] != 0, background, drawn, alpha[i],
+                                          static_cast<double>(0.3f) / static_cast<double>(n));
+      target.insert(target.end(), want.colour.begin(), want.colour.end());
+      dalpha.push_back(want.dalpha);
+    }
+    PictureTarget a;
+    a.given = c.ctx.upload({h, w, 4}, given, Type::u8), a.known = c.ctx.upload({h, w}, known, Type::u8);
+    a.background = kBehindPictures, a.alpha_weight = 0.3f;
+    a.drawn.colour = c.up({h, w, 3}, colour), a.drawn.alpha = c.up({h, w}, alpha);
+    a.target = c.gap({h, w, 3}), a.dalpha = c.gap({h, w});
+    picture_target(c.ctx, a);
+    c.close("target", a.target, target, 1e-6);
+    c.close("gradient of alpha", a.dalpha, dalpha, 1e-6);
+  }
+}
+
+void exposure_all(Checks& c) {
+  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {1, 7}, {5, 11}, {16, 16}, {1, 257}})) {
+    const std::size_t n = picture_size(h, w);
+    const auto map = random_floats(12, 1), colour = random_floats(3 * n, 2, -0.5f, 1.5f),
+               alpha = random_floats(n, 3, 0, 1), by = random_floats(3 * n, 4), dalpha = random_floats(n, 5);
+    const DevicePicture drawn{c.up({h, w, 3}, colour), c.up({h, w}, alpha), {}};
+    const Tensor m = c.up({12}, map), out = c.gap({h, w, 3}), dmap = c.gap({12});
+    exposure_forward(c.ctx, {m, drawn, kBehindPictures, out});
+    const std::array<double, 3> behind{kBehindPictures[0], kBehindPictures[1], kBehindPictures[2]};
+    const auto dm = as_doubles(map), dc = as_doubles(colour), da = as_doubles(alpha);
+    c.close("forward", out, ref::exposure(dm, dc, da, behind), 1e-6);
+    const PictureGradient to{c.up({h, w, 3}, by), c.up({h, w}, dalpha), {}};
+    exposure_backward(c.ctx, {m, drawn, kBehindPictures, to, dmap});
+    const auto value = [&](const auto& x, const auto& y, const auto& z) {
+      const auto shown = ref::exposure(x, y, z, behind);
+      double sum = 0;
+      for (std::size_t i = 0; i < shown.size(); ++i) sum += by[i] * shown[i];
+      return sum;
+    };
+    c.close(
+        "backward, dmap", dmap, [&] { return differences_of(dm, 1, [&](const auto& x) { return value(x, dc, da); }); },
+        2e-6);
+    c.close(
+        "backward, colour", to.colour,
+        [&] { return differences_of(dc, 1, [&](const auto& x) { return value(dm, x, da); }); }, 2e-6);
+    c.close(
+        "backward, alpha", to.alpha,
+        [&] {
+          auto sums = differences_of(da, 1, [&](const auto& x) { return value(dm, dc, x); });
+          for (std::size_t i = 0; i < n; ++i) sums[i] += dalpha[i];
+          return sums;
+        },
+        2e-6);
+  }
+}
+
+}  // namespace
+
+std::vector<Case> picture_cases() {
+  return {{"loss", loss_all},
+          {"lpips", lpips_all},
+          {"lara_maps", lara_maps_all},
+          {"surface_loss", surface_loss_all},
+          {"picture_target", picture_target_all},
+          {"exposure", exposure_all}};
+}
+
+}  // namespace vsplat::selftest

@@ -1,0 +1,154 @@
+#include "runtime/verdict.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "runtime/disk_cache.h"
+#include "runtime/environment.h"
+#include "runtime/fail.h"
+#include "runtime/file.h"
+#include "runtime/log.h"
+#include "runtime/output_file.h"
+#include "runtime/program.h"
+#include "runtime/sha256.h"
+
+namespace vsplat {
+namespace {
+
+std::string hash_of_all() {
+  Sha256 hash;
+  for (const std::string& name : kernel_file_names()) {
+    const std::string text = kernel_text(name), head = fmt::format("{} {}\n", name, text.size());
+    hash.add(head.data(), head.size());
+    hash.add(text.data(), text.size());
+  }
+  return hash.hex();
+}
+
+// Kernels that somebody works at are nobody else's business: what is found of them is kept in a folder that is named
+// for it, or not at all.
+bool keeps_verdicts() { return environment("VSPLAT_KERNEL_DIR").empty() || !environment("VSPLAT_CACHE_DIR").empty(); }
+
+// Where it is kept: in a file of its own, for `report` and whoever looks. Empty: nowhere.
+std::string verdict_path(const DeviceInfo& d) {
+  const DiskCache cache;
+  if (!cache.enabled() || !keeps_verdicts()) return "";
+  const std::string key =
+      DiskCache::key({"verdict 1", d.name, d.vendor, d.driver, d.version, d.platform_name, d.platform_version,
+                      std::to_string(d.compute_units), d.lowered, kernels_hash()});
+  return cache.folder() + "/verdicts/" + key.substr(0, 32) + ".json";
+}
+
+// Of a file that nobody else may write to.
+nlohmann::json kept_verdict(const std::string& path) {
+  struct stat found {};
+  const bool ours = !path.empty() && ::lstat(path.c_str(), &found) == 0 && S_ISREG(found.st_mode) &&
+                    (found.st_uid == ::geteuid() || found.st_uid == 0) && (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+  if (!ours || found.st_size > 1 << 20) return nullptr;
+  const std::vector<unsigned char> text = read_file(path);
+  return nlohmann::json::parse(text.begin(), text.end(), nullptr, false);
+}
+
+}  // namespace
+
+const std::vector<SwitchName>& switch_names() {
+  static const std::vector<SwitchName> names = {
+      {&SwitchedOff::cpu, "cpu", "cpu kernels"},
+      {&SwitchedOff::gpu, "gpu", "gpu kernels"},
+      {&SwitchedOff::winograd, "winograd", "Winograd's convolutions"},
+      {&SwitchedOff::vectors, "vectors", "vectors of 16"},
+      {&SwitchedOff::large_tiles, "large_tiles", "tiles of 128 x 128"},
+      {&SwitchedOff::sub_groups, "sub_groups", "chosen sub-groups"},
+      {&SwitchedOff::clblast, "clblast", "CLBlast"},
+      {&SwitchedOff::tuned, "tuned", "tuned parameters that are wrong"},
+  };
+  return names;
+}
+
+std::string in_words(const SwitchedOff& off) {
+  std::string out;
+  for (const SwitchName& one : switch_names())
+    if (off.*one.which) out += (out.empty() ? "" : ", ") + std::string(one.words);
+  return out;
+}
+
+const char* name_of(Fitness fitness) {
+  return fitness == Fitness::ok ? "ok" : fitness == Fitness::degraded ? "degraded" : "unusable";
+}
+
+std::string kernels_hash() {
+  if (!environment("VSPLAT_KERNEL_DIR").empty()) return hash_of_all();  // which may change while we run
+  static const std::string embedded = hash_of_all();
+  return embedded;
+}
+
+std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
+  try {
+    const nlohmann::json json = kept_verdict(verdict_path(device));
+    if (!json.is_object()) return std::nullopt;
+    Verdict out;
+    const std::string fitness = json.at("verdict");
+    for (const Fitness one : {Fitness::ok, Fitness::degraded, Fitness::unusable})
+      if (fitness == name_of(one)) out.fitness = one;
+    for (const std::string name : json.at("off"))
+      for (const SwitchName& one : switch_names())
+        if (name == one.name) out.off.*one.which = true;
+    out.worst = json.at("worst");
+    out.date = json.at("date");
+    return out;
+  } catch (const nlohmann::json::exception&) {  // of another version, then
+    return std::nullopt;
+  } catch (const Error& e) {  // what cannot be read says nothing
+    verbose("{}", e.what());
+    return std::nullopt;
+  }
+}
+
+bool remember(const DeviceInfo& device, const Verdict& verdict) {
+  const std::string path = verdict_path(device);
+  if (path.empty()) return false;
+  nlohmann::ordered_json json{{"verdict", name_of(verdict.fitness)},
+                              {"off", nlohmann::json::array()},
+                              {"worst", verdict.worst},
+                              {"date", verdict.date},
+                              {"device", device.name},
+                              {"driver", device.driver},
+                              {"kernels", kernels_hash()}};
+  for (const SwitchName& one : switch_names())
+    if (verdict.off.*one.which) json["off"].push_back(one.name);
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  std::error_code ignored;
+  std::filesystem::create_directories(folder.parent_path().parent_path(), ignored);
+  for (const auto& each : {folder.parent_path(), folder})
+    if (::mkdir(each.c_str(), 0700) != 0 && errno != EEXIST) return false;
+  try {
+    OutputFile out(path);
+    out.write(json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    out.commit();
+    return true;
+  } catch (const Error& e) {
+    warn("{}", e.what());
+    return false;
+  }
+}
+
+SwitchedOff fit_for_use(const DeviceInfo& device) {
+  if (environment("VSPLAT_SELFTEST") == "ignore") return {};
+  const std::optional<Verdict> verdict = remembered_verdict(device);
+  if (!verdict) return {};
+  if (verdict->fitness == Fitness::unusable)
+    fail(Status::device,
+         "{} with driver {} computes wrongly, and there is nothing else to do it with: {} (self-test of {}). Take "
+         "another device or another driver, or set VSPLAT_SELFTEST=ignore to use it all the same",
+         device.name, device.driver, verdict->worst, verdict->date);
+  if (verdict->off.any())
+    verbose("{}: not used since the self-test of {}: {}", device.name, verdict->date, in_words(verdict->off));
+  return verdict->off;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,167 @@
+"""vsplat selftest: a sound device is found sound, kernels that are made wrong on purpose are found, and what is switched off is not used."""
+import json
+import os
+import shutil
+import struct
+
+import support
+from tune_test import tables, with_choice
+
+CL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "cl")
+
+
+class Selftest(support.Case):
+    def setUp(self):
+        super().setUp()
+        self.cache = self.path("cache")
+        self.env = {"VSPLAT_CACHE_DIR": self.cache, "VSPLAT_TUNING": "", "VSPLAT_SELFTEST": ""}
+
+    def plant(self, file, before, after):
+        """The kernels in a folder of their own, with one text of them changed: the environment of a command that takes these."""
+        folder = self.path("kernels")
+        shutil.copytree(CL, folder)
+        path = os.path.join(folder, file)
+        with open(path) as f:
+            text = f.read()
+        self.assertEqual(text.count(before), 1, f"{file}: {before}")
+        with open(path, "w") as f:
+            f.write(text.replace(before, after))
+        return {**self.env, "VSPLAT_KERNEL_DIR": folder}
+
+    def selftest(self, code, env):
+        got, out, err = support.run("selftest", "--quick", "--json", env=env)
+        self.assertEqual(got, code, err)
+        return json.loads(out), err
+
+    def numbers(self, path):
+        """Of a binary PLY, all of it."""
+        with open(path, "rb") as f:
+            data = f.read()
+        body = data[data.index(b"end_header\n") + 11:]
+        return struct.unpack(f"<{len(body) // 4}f", body[:len(body) // 4 * 4])
+
+    def scene(self, model, name, env, *more):
+        """-> the numbers of the scene, what was said"""
+        output = self.path(name + ".ply")
+        _, err = self.succeeds("reconstruct", self.views, "--model", model, "--output", output, *more, env=env)
+        return self.numbers(output), err
+
+    def difference(self, a, b):
+        return max(abs(x - y) for x, y in zip(a, b)) / max(abs(x) for x in a) if len(a) == len(b) else float("inf")
+
+    def wrong(self, report, flavour):
+        return {k["kernel"] for f in report["flavours"] if f["flavour"] == flavour for k in f["kernels"] if k["verdict"] == "wrong"}
+
+    def test_a_sound_device(self):
+        report, err = self.selftest(0, self.env)
+        self.assertEqual((report["verdict"], report["off"], report["worst"], report["remembered"]), ("ok", [], "", "now"))
+        self.assertTrue(report["quick"])
+        self.succeeds("init", "micro", "--system", "lara", "--seed", 1, "--output", self.path("lara.safetensors"))
+        for flavour in report["flavours"]:
+            self.assertEqual(flavour["wrong"], [])
+            tested = {(k["file"], k["kernel"]) for k in flavour["kernels"]}
+            for kernel in flavour["kernels"]:
+                self.assertEqual(kernel["verdict"], "ok", kernel)
+                self.assertGreater(kernel["results"], 0)
+                self.assertLessEqual(kernel["error"], kernel["tolerance"], kernel)
+            # Whatever a job launches in this flavour has been tested in it.
+            for model in (self.model, self.path("lara.safetensors")):
+                listed = json.loads(self.succeeds("kernels", "--model", model, "--no-build", "--json", "--flavour", flavour["flavour"])[0])
+                launched = {(p["name"], k["name"]) for p in listed for k in p["about"] if k["launches"]}
+                self.assertGreater(len(launched), 80)
+                self.assertEqual(launched - tested, set(), flavour["flavour"])
+        self.assertNotIn("self-test", self.scene(self.model, "sound", self.env)[1])
+
+    def test_a_wrong_variant_is_switched_off(self):
+        model = self.path("wide.safetensors")  # as many channels as Winograd's method wants
+        self.succeeds("init", "micro", "--seed", 3, "--set", "volume_ch=32", "--output", model)
+        cpu = ("--kernels", "cpu")
+        sound, _ = self.scene(model, "sound", self.env, *cpu)
+        env = self.plant("conv3d_winograd.cl", "    TILE_STORE(m + i * 2 * TILE_ROWS)\n",
+                         "    TILE_STORE(m + i * 2 * TILE_ROWS)\n    if (i == 7) m[i * 2 * TILE_ROWS] += 0.5f;\n")
+        self.assertGreater(self.difference(sound, self.scene(model, "before", env, *cpu)[0]), 1e-4, "the fault does nothing")
+        report, _ = self.selftest(0, env)
+        self.assertEqual((report["verdict"], report["off"]), ("degraded", ["winograd"]))
+        self.assertEqual(self.wrong(report, "cpu"), {"winograd_forward_pack", "winograd_forward_tile"})  # two that make one result
+        self.assertEqual(self.wrong(report, "gpu"), set())
+        self.assertIn("kernel winograd_forward_", report["worst"])
+        now, err = self.scene(model, "after", env, *cpu)
+        self.assertIn("not used since its self-test: Winograd's convolutions", err.splitlines()[0])
+        self.assertLess(self.difference(sound, now), 1e-4)
+        # The verdict is of those kernels: the library's own are not affected.
+        self.assertNotIn("self-test", self.scene(model, "others", self.env, *cpu)[1])
+
+    def test_a_wrong_flavour_is_switched_off(self):
+        sound, _ = self.scene(self.model, "sound", self.env, "--kernels", "cpu")
+        env = self.plant("gemm_gpu.cl", "if (k0 + dk < K && n0 + dn < width)\n", "if (k0 + dk < K && n0 + dn < width && n0 + dn != 17)\n")
+        report, _ = self.selftest(0, env)
+        self.assertEqual((report["verdict"], report["off"]), ("degraded", ["gpu"]))
+        self.assertEqual(self.wrong(report, "gpu"), {"gemm_pack_plain"})
+        self.assertEqual(self.wrong(report, "cpu"), set())
+        self.assertEqual([f["usable"] for f in report["flavours"]], [True, False])
+        now, err = self.scene(self.model, "after", {**env, "VSPLAT_KERNELS": ""})
+        self.assertIn("cpu kernels, not used since its self-test: gpu kernels", err.splitlines()[0])
+        self.assertEqual(now, sound, "not the cpu kernels' scene")
+        self.refuses(1, ["gpu kernels were asked for by name", "self-test", "VSPLAT_SELFTEST=ignore"], *self.reconstruct("--kernels", "gpu"), env=env)
+        self.assertIn("gpu kernels", self.scene(self.model, "all the same", {**env, "VSPLAT_SELFTEST": "ignore"}, "--kernels", "gpu")[1])
+
+    def test_a_wrong_tuned_variant_is_taken_out_of_the_table(self):
+        """Half of the products, in every loop of one unrolling, which a table chooses that was right once."""
+        gpu = ("--kernels", "gpu")
+        sound, _ = self.scene(self.model, "sound", self.env, *gpu)
+        loop = "  TILE_UNROLL\n  for (int s = 0; s < BK; ++s) {\n"
+        env = self.plant("tile_gpu.clh", loop, "#if defined(UNROLL) && UNROLL == 2\n  for (int s = 0; s < BK / 8; ++s) {\n#else\n" + loop + "#endif\n")
+        self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 8, *gpu, env=env)
+        [path] = tables(self.cache)
+        with open(path) as f:
+            table = json.load(f)
+        tried = next(t for t in table["tried"] if "unroll" in t["set"])
+        wrong = {"op": tried["op"], "shape": tried["shape"], "set": {**tried["set"], "unroll": 2}}
+        with open(path, "w") as f:
+            json.dump(with_choice(table, wrong), f)
+        before, err = self.scene(self.model, "before", env, *gpu)
+        self.assertIn("tuned (table", err)
+        self.assertGreater(self.difference(sound, before), 1e-4, "the fault does nothing")
+        report, _ = self.selftest(0, env)
+        self.assertEqual((report["verdict"], report["off"]), ("degraded", ["tuned"]))
+        self.assertIn("unroll=2", report["worst"])
+        self.assertEqual([(one["right"], one["error"] is None or one["error"] > 1) for f in report["flavours"] for one in f["tuned"]], [(False, True)])
+        self.assertEqual(self.wrong(report, "gpu"), set())
+        now, err = self.scene(self.model, "after", env, *gpu)
+        self.assertIn("not used since its self-test: tuned parameters that are wrong", err.splitlines()[0])
+        self.assertNotIn("tuned (table", err.splitlines()[0])
+        self.assertLess(self.difference(sound, now), 1e-4)
+
+    def test_a_wrong_kernel_that_nothing_replaces(self):
+        env = self.plant("decode.cl", "  decode(raw + (long)k * (8 + D + sh_size), (voxel + 0.5f) /", "  decode(raw + (long)k * (8 + D + sh_size), (voxel + 0.501f) /")
+        report, err = self.selftest(1, env)
+        self.assertEqual((report["verdict"], report["off"]), ("unusable", ["cpu", "gpu"]))
+        self.assertEqual(self.wrong(report, "cpu"), {"decode_coarse_forward"})
+        self.assertEqual(self.wrong(report, "gpu"), {"decode_coarse_forward"})
+        self.assertIn("another device or another driver", err)
+        words = ["decode_coarse_forward", "computes wrongly", "with driver", "allowed", "another driver", "VSPLAT_SELFTEST=ignore"]
+        self.refuses(1, words, *self.reconstruct(), env=env)
+        self.assertNotIn("self-test", self.scene(self.model, "ignored", {**env, "VSPLAT_SELFTEST": "ignore"})[1])
+        # Tested again it is found again, and a kernel that is mended is another one.
+        self.assertEqual(self.selftest(1, env)[0]["remembered"], "now")
+        self.scene(self.model, "sound", self.env)
+
+    def test_kernels_at_hand_leave_nothing_behind(self):
+        folder = self.path("kernels")
+        shutil.copytree(CL, folder)
+        home = self.path("home")
+        os.makedirs(home)
+        env = {"VSPLAT_KERNEL_DIR": folder, "VSPLAT_CACHE_DIR": "", "HOME": home, "VSPLAT_SELFTEST": ""}
+        if "POCL_CACHE_DIR" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
+            env["POCL_CACHE_DIR"] = os.path.join(os.path.expanduser("~"), ".cache", "pocl", "kcache")
+        report, err = self.selftest(0, env)
+        self.assertEqual((report["verdict"], report["remembered"]), ("ok", "no"))
+        self.assertIn("nothing is remembered", err)
+
+    def test_asks_for_what_there_is(self):
+        self.refuses(1, ["no device is", "--device"], "selftest", "--device", "nowhere")
+        self.refuses(2, "--what", "selftest", "--what")
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,132 @@
+// The self-test: that it leaves no kernel out, blames the right ones, and finds nothing on a device that is sound.
+#include "model/selftest/selftest.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "model/selftest/cases/cases.h"
+#include "model/selftest/stages.h"
+#include "tests/support/device.h"
+#include "tests/support/golden.h"
+
+namespace vsplat {
+namespace {
+
+using selftest::by_kernel;
+using selftest::Finding;
+using selftest::KernelVerdict;
+
+std::string device_index() { return std::to_string(test::context(Flavour::cpu).device().index); }
+
+// One quick run for the tests that look at it.
+const selftest::Report& quick_report() {
+  static const selftest::Report report = [] {
+    selftest::Options options;
+    options.quick = true;
+    return selftest::run(device_index(), options);
+  }();
+  return report;
+}
+
+// A kernel that somebody adds, and that no case launches, is named here: it wants a case in model/selftest/cases/.
+TEST(Selftest, LaunchesEveryKernelOfBothFlavours) {
+  ASSERT_EQ(quick_report().flavours.size(), 2u);
+  for (const selftest::FlavourResult& flavour : quick_report().flavours) {
+    EXPECT_GT(flavour.kernels.size(), 100u);
+    for (const NamedKernel& kernel : flavour.untested)
+      ADD_FAILURE() << name_of(flavour.flavour) << ": no case launches " << kernel.name << " of cl/" << kernel.file
+                    << ".cl";
+  }
+}
+
+TEST(Selftest, FindsNothingOnASoundDevice) {
+  EXPECT_EQ(quick_report().verdict.fitness, Fitness::ok) << quick_report().verdict.worst;
+  for (const selftest::FlavourResult& flavour : quick_report().flavours) {
+    EXPECT_GT(flavour.results, 500);
+    for (const Finding& f : flavour.wrong)
+      ADD_FAILURE() << name_of(flavour.flavour) << ": " << f.what << ": " << f.error << " (" << f.tolerance << ") "
+                    << f.trouble;
+    for (const selftest::KernelResult& k : flavour.kernels) EXPECT_EQ(k.verdict, KernelVerdict::right) << k.kernel.name;
+  }
+}
+
+Finding finding(const std::vector<std::string>& kernels, bool right, double error = 0.5) {
+  Finding f;
+  f.what = "a result";
+  for (const std::string& k : kernels) f.kernels.push_back({"file", k, ""});
+  f.right = right, f.error = error, f.tolerance = 1e-5;
+  return f;
+}
+
+std::map<std::string, KernelVerdict> verdicts(const std::vector<Finding>& findings) {
+  std::map<std::string, KernelVerdict> out;
+  for (const auto& k : by_kernel(findings)) out[k.kernel.name] = k.verdict;
+  return out;
+}
+
+TEST(SelftestBlame, FallsOnTheKernelOfASmallResult) {
+  const auto v =
+      verdicts({finding({"gemm", "pack"}, false), finding({"pack"}, true), finding({"gemm", "rows", "tokens"}, false)});
+  EXPECT_EQ(v.at("gemm"), KernelVerdict::wrong);
+  EXPECT_EQ(v.at("pack"), KernelVerdict::right);
+  EXPECT_EQ(v.at("rows"), KernelVerdict::in_doubt) << "no right result, but the product explains it";
+}
+
+TEST(SelftestBlame, FallsOnAllWhereNothingTellsWhich) {
+  const auto v = verdicts({finding({"a", "b"}, false), finding({"a", "b"}, true), finding({"c"}, true)});
+  EXPECT_EQ(v.at("a"), KernelVerdict::wrong);
+  EXPECT_EQ(v.at("b"), KernelVerdict::wrong);
+  EXPECT_EQ(v.at("c"), KernelVerdict::right);
+}
+
+TEST(SelftestBlame, TellsTheWorstResult) {
+  const auto k = by_kernel({finding({"a"}, true, 1e-6), finding({"a"}, false, INFINITY), finding({"a"}, false, 0.1)});
+  ASSERT_EQ(k.size(), 1u);
+  EXPECT_EQ(k[0].results, 3);
+  EXPECT_EQ(k[0].wrong, 2);
+  EXPECT_TRUE(std::isinf(k[0].error));
+}
+
+class SelftestChecks : public test::FlavourTest {};
+VSPLAT_FLAVOURS(SelftestChecks);
+
+// NaN, another size and other bits the second time are wrong, and so is an error that is thrown.
+TEST_P(SelftestChecks, FindWhatIsWrong) {
+  const auto one = [&](const std::function<void(selftest::Checks&)>& work) {
+    const auto own = test::open_context(GetParam());
+    selftest::Checks c(*own, true);
+    c.run("case", work);
+    EXPECT_EQ(c.findings().size(), 1u);
+    return c.findings().at(0);
+  };
+  const std::vector<double> want = {1, 2};
+  EXPECT_TRUE(one([&](auto& c) { c.close("x", std::vector<float>{1, 2}, want, 1e-6); }).right);
+  EXPECT_FALSE(one([&](auto& c) { c.close("x", std::vector<float>{1, 2.1f}, want, 1e-2); }).right);
+  EXPECT_FALSE(one([&](auto& c) { c.close("x", std::vector<float>{1, NAN}, want, 1e-2); }).right);
+  EXPECT_FALSE(one([&](auto& c) { c.close("x", std::vector<float>{1}, want, 1e-2); }).right);
+  EXPECT_FALSE(one([&](auto& c) { c.equal("x", std::vector<int>{1, 2}, std::vector<int>{1, 3}); }).right);
+  float next = 1;
+  const Finding other = one([&](auto& c) { c.close("x", std::vector<float>{next += 1e-7f, 2}, want, 1e-2); });
+  EXPECT_FALSE(other.right);
+  EXPECT_EQ(other.trouble, "other bits the second time");
+  const Finding thrown = one([&](auto&) { throw Error(Status::device, "it broke"); });
+  EXPECT_FALSE(thrown.right);
+  EXPECT_EQ(thrown.trouble, "it broke");
+}
+
+// What the library carries of the network's stages is what PyTorch has made.
+TEST(SelftestStages, AreThoseOfTheGoldenVectors) {
+  const SafetensorsFile file("stages", selftest::stages_file());
+  const test::Golden golden = test::Golden::load("micro");
+  EXPECT_EQ(file.metadata(), golden.file().metadata());
+  EXPECT_GT(file.tensors().size(), 100u);
+  for (const TensorEntry& entry : file.tensors()) {
+    if (entry.dtype != Dtype::f32) continue;
+    EXPECT_EQ(file.floats(entry), golden.floats(entry.name)) << entry.name;
+  }
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,121 @@
+#include "runtime/verdict.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "runtime/error.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+class VerdictTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    cache_ = variable("VSPLAT_CACHE_DIR"), kernels_ = variable("VSPLAT_KERNEL_DIR"),
+    ignore_ = variable("VSPLAT_SELFTEST");
+    ::setenv("VSPLAT_CACHE_DIR", (home_ / "deep/cache").c_str(), 1);
+    ::unsetenv("VSPLAT_KERNEL_DIR");
+    ::unsetenv("VSPLAT_SELFTEST");
+    device_.name = "a device", device_.driver = "1.0";
+  }
+  void TearDown() override {
+    restore("VSPLAT_CACHE_DIR", cache_), restore("VSPLAT_KERNEL_DIR", kernels_), restore("VSPLAT_SELFTEST", ignore_);
+  }
+  static std::optional<std::string> variable(const char* name) {
+    const char* value = std::getenv(name);
+    return value ? std::optional<std::string>(value) : std::nullopt;
+  }
+  static void restore(const char* name, const std::optional<std::string>& value) {
+    value ? ::setenv(name, value->c_str(), 1) : ::unsetenv(name);
+  }
+  fs::path file() const {
+    for (const auto& entry : fs::directory_iterator(home_ / "deep/cache/verdicts")) return entry.path();
+    return {};
+  }
+
+  test::TemporaryFolder home_;
+  std::optional<std::string> cache_, kernels_, ignore_;
+  DeviceInfo device_;
+};
+
+TEST_F(VerdictTest, IsRememberedForTheDeviceAndItsDriver) {
+  EXPECT_FALSE(remembered_verdict(device_));
+  EXPECT_FALSE(fit_for_use(device_).any());
+  Verdict verdict{Fitness::degraded, {}, "kernel k is off", "2026-11-23"};
+  verdict.off.winograd = verdict.off.clblast = true;
+  ASSERT_TRUE(remember(device_, verdict));
+  const auto got = remembered_verdict(device_);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->fitness, Fitness::degraded);
+  EXPECT_TRUE(got->off == verdict.off);
+  EXPECT_EQ(got->worst, verdict.worst);
+  EXPECT_EQ(got->date, verdict.date);
+  EXPECT_TRUE(fit_for_use(device_) == verdict.off);
+  EXPECT_EQ(in_words(verdict.off), "Winograd's convolutions, CLBlast");
+  DeviceInfo other = device_;
+  other.driver = "1.1";
+  EXPECT_FALSE(remembered_verdict(other)) << "of another driver nothing is known";
+  ASSERT_TRUE(remember(device_, {}));
+  EXPECT_FALSE(fit_for_use(device_).any()) << "the last one counts";
+}
+
+TEST_F(VerdictTest, AnUnusableDeviceIsRefusedButWhereItIsIgnored) {
+  Verdict verdict{Fitness::unusable, {}, "kernel k is off by 0.5", "2026-11-23"};
+  verdict.off.cpu = verdict.off.gpu = true;
+  ASSERT_TRUE(remember(device_, verdict));
+  try {
+    fit_for_use(device_);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::device);
+    for (const char* words :
+         {"a device", "driver 1.0", "kernel k is off by 0.5", "2026-11-23", "VSPLAT_SELFTEST=ignore"})
+      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
+  }
+  ::setenv("VSPLAT_SELFTEST", "ignore", 1);
+  EXPECT_FALSE(fit_for_use(device_).any());
+}
+
+TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {
+  ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
+  ASSERT_EQ(::chmod(file().c_str(), 0666), 0);
+  EXPECT_FALSE(remembered_verdict(device_)) << "others may write to it";
+  for (const char* text : {"", "{", "[]", "null", "{\"verdict\": 3}", "{\"verdict\": \"ok\", \"off\": 1}"}) {
+    ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
+    std::ofstream(file()) << text;
+    EXPECT_FALSE(remembered_verdict(device_)) << text;
+  }
+  ::setenv("VSPLAT_CACHE_DIR", "off", 1);
+  EXPECT_FALSE(remember(device_, {}));
+  EXPECT_FALSE(remembered_verdict(device_));
+}
+
+// Kernels at hand have a verdict of their own, and none where the cache is the user's.
+TEST_F(VerdictTest, IsOfTheKernelsText) {
+  ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
+  const std::string embedded = kernels_hash();
+  const fs::path folder = home_ / "cl";
+  fs::create_directories(folder);
+  std::ofstream(folder / "a.cl") << "kernel void a() {}\n";
+  ::setenv("VSPLAT_KERNEL_DIR", folder.c_str(), 1);
+  const std::string one = kernels_hash();
+  EXPECT_NE(one, embedded);
+  EXPECT_FALSE(remembered_verdict(device_));
+  ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
+  EXPECT_TRUE(remembered_verdict(device_));
+  std::ofstream(folder / "a.cl") << "kernel void b() {}\n";
+  EXPECT_NE(kernels_hash(), one);
+  EXPECT_FALSE(remembered_verdict(device_));
+  ::unsetenv("VSPLAT_CACHE_DIR");
+  EXPECT_FALSE(remember(device_, {}));
+}
+
+}  // namespace
+}  // namespace vsplat
