@@ -226,6 +226,9 @@ struct Context::Impl {
     try {
       built.limits.group = built.kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(handle);
       built.limits.local = built.kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(handle);
+      // Some drivers tell how many items run as one (Mesa 22's rusticl: 32 of every kernel), and run more. Who tells
+      // fewer than any variant has is not believed: if it was true, the launch fails.
+      if (built.limits.group < kLeastGroup) built.limits.group = info.max_work_group;
     } catch (const cl::Error& e) {
       fail_cl(e, std::string("asking about kernel ") + id.name);
     }

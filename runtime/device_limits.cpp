@@ -10,9 +10,6 @@
 namespace vsplat {
 namespace {
 
-// The least that every kernel fits, in its smallest variant.
-constexpr std::size_t kLeastGroup = 64, kLeastLocal = 16 << 10;
-
 [[noreturn]] void refuse(const std::string& part, const char* why) {
   fail(Status::usage,
        "VSPLAT_LIMITS: \"{}\" {}. Expected are, with commas between them: group=ITEMS, local=BYTES, buffer=BYTES, "

@@ -6,6 +6,9 @@
 
 namespace vsplat {
 
+// The least that every kernel fits, in its smallest variant: work-items of a group, bytes of local memory.
+constexpr std::size_t kLeastGroup = 64, kLeastLocal = 16 << 10;
+
 // Lowers, and never raises, what `device` claims by `text`, as VSPLAT_LIMITS has it: "group=128,local=16K", see
 // runtime/README.md. Error(usage) names what is not understood.
 void lower(DeviceInfo& device, const std::string& text);

@@ -1,6 +1,7 @@
 """vsplat weights check: whether a model's weights do what they should, told by the input views of an object that needs no file."""
 import json
 import os
+import pathlib
 import struct
 
 import support
@@ -11,7 +12,7 @@ SHIPPED = os.path.join(ROOT, "model", "weights", "model.safetensors")
 
 def reversed_values(path, to, name, size=2):
     """The same model, but that a tensor's values are in the opposite order: as of weights that were read wrongly. Without its hash."""
-    data = open(path, "rb").read()
+    data = pathlib.Path(path).read_bytes()
     begin = 8 + struct.unpack("<Q", data[:8])[0]
     header = json.loads(data[8:begin])
     header["__metadata__"].pop("sha256", None)

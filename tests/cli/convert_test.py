@@ -1,6 +1,7 @@
 """Scenes of surfels on the command line: drawn as they are, and made Gaussians for other programs."""
 import json
 import math
+import pathlib
 import random
 import struct
 import unittest
@@ -26,9 +27,9 @@ class Surfels(support.Case):
         solid = self.path("solid.ply")
         out, _ = self.succeeds("convert", self.scene, "--surfels-to-gaussians", 0.05, "--output", solid, "--json")
         self.assertEqual(json.loads(out)["gaussians"], 200)
-        head, rows = open(solid, "rb").read().split(b"end_header\n", 1)
+        head, rows = pathlib.Path(solid).read_bytes().split(b"end_header\n", 1)
         names = [line.split()[-1] for line in head.decode().splitlines() if line.startswith("property")]
-        given = open(self.scene, "rb").read().split(b"end_header\n", 1)[1]
+        given = pathlib.Path(self.scene).read_bytes().split(b"end_header\n", 1)[1]
         for flat, made in zip(struct.iter_unpack("<13f", given), struct.iter_unpack(f"<{len(names)}f", rows)):
             flat, made = dict(zip(NAMES, flat)), dict(zip(names, made))
             for name in NAMES[:9]:

@@ -2,6 +2,7 @@
 import json
 import math
 import os
+import pathlib
 import shutil
 
 import support
@@ -49,7 +50,7 @@ class Far(support.Case):
         self.assertGreaterEqual(got, LEAST, (what, distance))
 
     def offset_of(self, scene):
-        head = open(scene, "rb").read().split(b"end_header")[0].decode()
+        head = pathlib.Path(scene).read_bytes().split(b"end_header")[0].decode()
         found = [line.split()[3:] for line in head.splitlines() if line.startswith("comment vsplat offset")]
         return [float(v) for v in found[0]] if found else None
 

@@ -1,6 +1,7 @@
 """GenDen's network and VS-Splat's with the densifier on the command line: made, run, trained and measured."""
 import json
 import os
+import pathlib
 import shutil
 
 import support
@@ -34,7 +35,7 @@ class Genden(support.Case):
                 scenes = [self.path(f"{system}-{i}.ply") for i in range(2)]
                 for scene in scenes:
                     self.succeeds("reconstruct", self.views, "--model", model, "--output", scene)
-                self.assertEqual(*(open(scene, "rb").read() for scene in scenes))
+                self.assertEqual(*(pathlib.Path(scene).read_bytes() for scene in scenes))
                 self.succeeds("render", scenes[0], "--cameras", "orbit:1", "--size", "24x24", "--images", self.path(f"{system}-images"))
 
 

@@ -2,6 +2,7 @@
 run, nothing is written."""
 import json
 import os
+import pathlib
 import random
 import struct
 import subprocess
@@ -19,7 +20,7 @@ ALL = bool(os.environ.get("VSPLAT_MUTATIONS"))  # else some of them
 
 def tensors(path):
     """-> {name: (shape, bytes)} of a safetensors file"""
-    data = open(path, "rb").read()
+    data = pathlib.Path(path).read_bytes()
     size = struct.unpack("<Q", data[:8])[0]
     header = json.loads(data[8:8 + size])
     return {name: (entry["shape"], data[8 + size + entry["data_offsets"][0]:8 + size + entry["data_offsets"][1]])
@@ -66,15 +67,15 @@ class Import(Checkpoints):
                 self.assertIn("imported", self.info(self.path("got.safetensors"))["provenance"]["origin"])
                 self.succeeds("weights", "verify", self.path("got.safetensors"))
                 self.succeeds("reconstruct", self.views, "--model", self.path("got.safetensors"), "--output", self.path("got.ply"), "--overwrite")
-                scenes.add(open(self.path("got.ply"), "rb").read())
+                scenes.add(pathlib.Path(self.path("got.ply")).read_bytes())
         self.succeeds(*self.reconstruct())
-        self.assertEqual(scenes, {open(self.path("out.ply"), "rb").read()})
+        self.assertEqual(scenes, {pathlib.Path(self.path("out.ply")).read_bytes()})
 
     def test_values_of_other_types(self):
         for name in ("half", "bfloat"):
             self.imports(name + ".ckpt")
             got = b"".join(data for _, data in tensors(self.path("got.safetensors")).values())
-            self.assertEqual(got, open(self.path(name + ".raw"), "rb").read(), name)
+            self.assertEqual(got, pathlib.Path(self.path(name + ".raw")).read_bytes(), name)
         self.refused(["F64", "F32, F16 or BF16"], "double.ckpt")
 
     def test_what_was_left_out_is_listed(self):
@@ -143,7 +144,7 @@ class Import(Checkpoints):
         made = [self.path(f"{name}.safetensors") for name in ("by_model", "by_dino", "by_teacher", "by_whole")]
         for encoder, out in zip(("model.safetensors", "dino.pth", "dino_teacher.pth", "lightning.ckpt"), made):
             self.succeeds("init", "micro", "--seed", 9, "--encoder", self.path(encoder), "--output", out)
-        self.assertEqual(len({open(path, "rb").read() for path in made}), 1)
+        self.assertEqual(len({pathlib.Path(path).read_bytes() for path in made}), 1)
         for words, name in (("register_tokens", "dinov3.pth"), ("cls_token", "lara.ckpt"), ("protocol 4", "protocol.pth")):
             self.refuses(1, words, "init", "micro", "--seed", 9, "--encoder", self.path(name), "--output", self.path("none.safetensors"))
 
@@ -195,7 +196,7 @@ class Lara(support.Case):
         made, scene = self.path("lara.safetensors"), self.path("scene.ply")
         self.succeeds("weights", "import", self.CHECKPOINT, "--output", made)
         self.succeeds("reconstruct", self.views, "--model", made, "--center", "0,0,0", "--scale", 1, "--output", scene)
-        header = open(scene, "rb").read().split(b"end_header")[0].decode()
+        header = pathlib.Path(scene).read_bytes().split(b"end_header")[0].decode()
         self.assertIn("property float scale_1", header)
         self.assertNotIn("property float scale_2", header)  # surfels
         self.assertNotIn("element vertex 0", header)
@@ -222,7 +223,7 @@ class Genden(support.Case):
         self.succeeds("weights", "verify", made)
         for scene, seed in zip(scenes, (0, 0, 4)):
             self.succeeds("reconstruct", self.views, "--model", made, "--center", "0,0,0", "--scale", 1, "--selection-seed", seed, "--output", scene)
-        first, again, other = (open(scene, "rb").read() for scene in scenes)
+        first, again, other = (pathlib.Path(scene).read_bytes() for scene in scenes)
         self.assertIn(b"property float scale_2", first)
         self.assertEqual(first, again)
         self.assertNotEqual(first, other)  # the curves in another order

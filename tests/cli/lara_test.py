@@ -1,6 +1,7 @@
 """LaRa's network on the command line: what works for VS-Splat's works for it, by the model file's `system`; and its scenes of surfels."""
 import json
 import os
+import pathlib
 import shutil
 import struct
 
@@ -9,7 +10,7 @@ import train_support
 
 
 def header_of(path):
-    return open(path, "rb").read().split(b"end_header\n")[0].decode()
+    return pathlib.Path(path).read_bytes().split(b"end_header\n")[0].decode()
 
 
 class Lara(support.Case):
@@ -29,7 +30,7 @@ class Lara(support.Case):
         self.succeeds("weights", "verify", self.lara)
         again = self.path("again.safetensors")
         self.succeeds("init", "micro", "--system", "lara", "--seed", 3, "--output", again)
-        self.assertEqual(open(again, "rb").read(), open(self.lara, "rb").read())
+        self.assertEqual(pathlib.Path(again).read_bytes(), pathlib.Path(self.lara).read_bytes())
         self.succeeds("init", "tiny", "--system", "lara", "--seed", 3, "--set", "kind=gaussian", "--set", "primitives=1", "--output", self.path("g.safetensors"))
         self.refuses(2, ["paper", "published"], "init", "paper", "--system", "lara", "--seed", 1, "--output", self.path("none"))
         self.refuses(2, ["published", "paper"], "init", "published", "--seed", 1, "--output", self.path("none"))
@@ -72,7 +73,7 @@ class Lara(support.Case):
         self.assertTrue(plan)
 
     def test_damaged_surfels(self):
-        data = open(self.scene(), "rb").read()
+        data = pathlib.Path(self.scene()).read_bytes()
         begin = data.index(b"end_header\n") + len("end_header\n")
         for size in (begin - 20, begin + 7, len(data) - 1):
             with open(self.path("cut.ply"), "wb") as f:

@@ -1,6 +1,7 @@
 """Which model is taken where none is named, with a library that carries one and with one that does not; and conversion."""
 import json
 import os
+import pathlib
 import re
 
 import support
@@ -15,13 +16,13 @@ def library(folder):
 
 class Model(support.Case):
     def read(self, name):
-        return open(self.path(name), "rb").read()
+        return pathlib.Path(self.path(name)).read_bytes()
 
     def info(self, *model, env=None):
         return json.loads(self.succeeds("weights", "info", *model, "--json", env=env)[0])
 
     def test_the_built_in_model_is_taken(self):
-        self.assertEqual(self.read("model.safetensors"), open(MICRO, "rb").read())
+        self.assertEqual(self.read("model.safetensors"), pathlib.Path(MICRO).read_bytes())
         self.succeeds(*self.reconstruct())
         self.succeeds("reconstruct", self.views, "--output", self.path("own.ply"), env=library(WITH))
         self.assertEqual(self.read("out.ply"), self.read("own.ply"))

@@ -2,6 +2,7 @@
 import json
 import math
 import os
+import pathlib
 import struct
 
 import support
@@ -11,7 +12,7 @@ SPLATS = [((0.1 * i - 0.3, 0.05 * (i % 3) - 0.05, 0.07 * (i % 2)), (i / 6, 1 - i
 
 def webp_frames(path):
     """-> canvas, loops (0: for ever), and every frame's duration in milliseconds."""
-    data = open(path, "rb").read()
+    data = pathlib.Path(path).read_bytes()
     riff, size, kind = struct.unpack("<4sI4s", data[:12])
     assert (riff, kind, size + 8) == (b"RIFF", b"WEBP", len(data)), path
     at, canvas, loops, durations = 12, None, None, []
@@ -89,7 +90,7 @@ class Pictures(support.Case):
         self.succeeds(*self.render("--turntable", self.path("b.webp"), "--fps", "3", "--quality", "100", cameras="orbit:5"))
         self.assertEqual(webp_frames(self.path("b.webp")), ((32, 24), 0, [333, 334, 333, 333, 334]))
         self.succeeds(*self.render("--turntable", self.path("a again.webp"), cameras="orbit:5"))
-        self.assertEqual(*(open(self.path(name), "rb").read() for name in ("a.webp", "a again.webp")))
+        self.assertEqual(*(pathlib.Path(self.path(name)).read_bytes() for name in ("a.webp", "a again.webp")))
 
     def cameras(self, *sizes, **changes):
         """-> the path of our cameras.json: one camera of each size, named like the shots of a folder."""
@@ -185,7 +186,7 @@ class Pictures(support.Case):
         self.assertEqual(json.loads(out)["cameras"], self.path("set", "cameras.json"))
         self.succeeds(*self.render("--images", self.path("again"), cameras=self.path("set"), size=None))
         for i in range(3):
-            a, b = (open(self.path(*folder, f"{i:04d}.png"), "rb").read() for folder in (("set", "images"), ("again",)))
+            a, b = (pathlib.Path(self.path(*folder, f"{i:04d}.png")).read_bytes() for folder in (("set", "images"), ("again",)))
             self.assertEqual(a, b)
         self.succeeds("reconstruct", self.path("set"), "--model", self.model, "--output", self.path("out.ply"))   # its pictures are found
         out, _ = self.succeeds(*self.render("--write-cameras", self.path("alone.json"), "--size", "64x48", cameras=self.path("set"), size=None))

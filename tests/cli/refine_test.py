@@ -3,6 +3,7 @@ import csv
 import json
 import math
 import os
+import pathlib
 import random
 import shutil
 import signal
@@ -43,7 +44,7 @@ class Refine(support.Case):
         self.assertEqual(told["claimed"], False)  # a scene from a file may have seen every picture
         self.assertGreater(told["result"]["psnr"], told["start"]["psnr"] + 1)
         self.assertEqual(told["suspects"], [])
-        self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+        self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
         rows = list(csv.DictReader(open(self.path("log.csv"))))
         self.assertEqual([int(row["step"]) for row in rows], list(range(1, 61)))
         self.assertEqual({row["phase"] for row in rows}, {"refining"})
@@ -83,7 +84,7 @@ class Refine(support.Case):
         camera = ("--cameras", os.path.join(self.photos, "transforms.json"), "--quiet", "--images")
         self.succeeds("render", self.path("good.ply"), *camera, self.path("a"))
         self.succeeds("render", self.path("out.ply"), *camera, self.path("b"))
-        self.assertEqual(open(self.path("a", "0000.png"), "rb").read(), open(self.path("b", "0000.png"), "rb").read())
+        self.assertEqual(pathlib.Path(self.path("a", "0000.png")).read_bytes(), pathlib.Path(self.path("b", "0000.png")).read_bytes())
 
     def test_the_same_input_gives_the_same_bytes(self):
         more = ("--holdout", 1, "--steps", 30, "--seed", 7)
@@ -92,10 +93,10 @@ class Refine(support.Case):
                 scenes = []
                 for name in ("a.ply", "b.ply"):
                     self.succeeds(*self.refine(*more, start=start, output=name), "--overwrite")
-                    scenes.append(open(self.path(name), "rb").read())
+                    scenes.append(pathlib.Path(self.path(name)).read_bytes())
                 self.assertEqual(scenes[0], scenes[1])
                 self.succeeds(*self.refine(*more[:-1], 8, start=start, output="c.ply"), "--overwrite")
-                self.assertNotEqual(scenes[0], open(self.path("c.ply"), "rb").read())
+                self.assertNotEqual(scenes[0], pathlib.Path(self.path("c.ply")).read_bytes())
 
     def test_the_network_predicts_again_without_what_is_left_out(self):
         told = self.told(*self.refine("--steps", 25, "--model", self.model, start="network"))
@@ -114,7 +115,7 @@ class Refine(support.Case):
     def test_what_is_frozen_stays(self):
         self.succeeds(*self.refine("--holdout", "none", "--steps", 10, "--freeze", "means,scales,rotations,opacities"))
         def body(path):
-            return open(path, "rb").read().partition(b"end_header\n")[2]
+            return pathlib.Path(path).read_bytes().partition(b"end_header\n")[2]
         count = len(body(self.ball)) // 56
         told = self.told("render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
         self.assertEqual(told["gaussians"], count)
@@ -129,7 +130,7 @@ class Refine(support.Case):
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(60), 130, process.stderr.read())
-        self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+        self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
 
     def test_poses_are_written_and_read_again(self):
         told = self.told(*self.refine("--holdout", "@0", "--steps", 30, "--poses", "--exposure"))
@@ -155,7 +156,7 @@ class Refine(support.Case):
         process.wait()
         self.refuses(2, ["--resume", "state"], *self.refine(*more, *kept, output="again.ply"))
         self.succeeds(*self.refine(*more, *kept, "--resume", output="again.ply"), "--overwrite")
-        self.assertEqual(open(self.path("out.ply"), "rb").read(), open(self.path("again.ply"), "rb").read())
+        self.assertEqual(pathlib.Path(self.path("out.ply")).read_bytes(), pathlib.Path(self.path("again.ply")).read_bytes())
         self.refuses(2, "--resume needs --checkpoint", *self.refine("--resume", output="x.ply"))
 
     def test_killed_at_any_moment(self):
@@ -181,7 +182,7 @@ class Refine(support.Case):
                 kills += 1
         self.succeeds(*again, "--overwrite")
         for name in ("out.ply", "out.poses.json"):
-            self.assertEqual(open(self.path(name), "rb").read(), open(self.path(name.replace("out", "again")), "rb").read())
+            self.assertEqual(pathlib.Path(self.path(name)).read_bytes(), open(self.path(name.replace("out", "again")), "rb").read())
         self.assertFalse([name for name in os.listdir(self.path("state")) if name.endswith(".tmp")])
 
     def test_time_is_kept(self):

@@ -1,6 +1,7 @@
 """Well-formed requests that cannot be served: exit code 1, a sentence of their own, nothing written."""
 import json
 import os
+import pathlib
 import random
 import struct
 import subprocess
@@ -23,7 +24,7 @@ class Outputs(support.Case):
                 os.remove(self.path(name))
         open(self.path("out.ply"), "w").write("mine")
         self.succeeds(*self.reconstruct(*more, "--overwrite"))
-        self.assertTrue(open(self.path("out.ply"), "rb").read().startswith(b"ply\n"))
+        self.assertTrue(pathlib.Path(self.path("out.ply")).read_bytes().startswith(b"ply\n"))
 
     def test_folder_that_cannot_be_written(self):
         open(self.path("file"), "w").write("")
@@ -81,7 +82,7 @@ class Views(support.Case):
 
     def test_truncated_picture(self):
         path = self.path("views", "images", "1.png")
-        data = open(path, "rb").read()
+        data = pathlib.Path(path).read_bytes()
         open(path, "wb").write(data[:len(data) // 2])
         self.refuses(1, "1.png", *self.reconstruct("--views", "0,1"))
 
@@ -137,7 +138,7 @@ class Models(support.Case):
         open(self.model, "wb").write(struct.pack("<Q", len(text)) + text + body)
 
     def test_damage_is_found(self):
-        data = open(self.model, "rb").read()
+        data = pathlib.Path(self.model).read_bytes()
         rng = random.Random(1)
         for _ in range(8):
             open(self.model, "wb").write(data[:rng.randrange(len(data))])
@@ -150,7 +151,7 @@ class Models(support.Case):
             self.refuses(1, "model.safetensors", *self.reconstruct())
 
     def test_tensors_that_do_not_fit(self):
-        header, body = self.header(open(self.model, "rb").read())
+        header, body = self.header(pathlib.Path(self.model).read_bytes())
         name = next(n for n in header if n.endswith("attn.qkv.weight"))
         del header["__metadata__"]["sha256"]
         original = header[name]
@@ -171,7 +172,7 @@ class Models(support.Case):
 class Scenes(support.Case):
     def test_damaged_ply(self):
         self.succeeds(*self.reconstruct())
-        data = open(self.path("out.ply"), "rb").read()
+        data = pathlib.Path(self.path("out.ply")).read_bytes()
         open(self.path("out.ply"), "wb").write(data[:-10])
         self.refuses(1, "out.ply", "render", self.path("out.ply"), "--cameras", "orbit:1", "--images", self.path("x"))
         self.refuses(1, "none.ply", "render", self.path("none.ply"), "--cameras", "orbit:1", "--images", self.path("x"))

@@ -2,12 +2,13 @@
 import json
 import os
 
+import pathlib
 import support
 
 
 class Run(support.Case):
     def read(self, *parts):
-        return open(self.path(*parts), "rb").read()
+        return pathlib.Path(self.path(*parts)).read_bytes()
 
     def test_everything_is_written(self):
         out, err = self.succeeds(*self.reconstruct(

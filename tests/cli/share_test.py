@@ -1,6 +1,7 @@
 """Several devices at once: what they make is what one makes, to the byte, and lists of objects lose nothing."""
 import json
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
@@ -21,7 +22,7 @@ PLATFORMS = {"RUSTICL_ENABLE": "llvmpipe", "VSPLAT_DEVICE": ""}
 class Share(support.Case):
     def files(self, *parts):
         folder = self.path(*parts)
-        return {name: open(os.path.join(folder, name), "rb").read() for name in sorted(os.listdir(folder))}
+        return {name: pathlib.Path(folder, name).read_bytes() for name in sorted(os.listdir(folder))}
 
     def equal(self, run, env=TWO):
         """run(devices, folder) -> arguments; -> what stderr told of both devices"""
@@ -47,7 +48,7 @@ class Share(support.Case):
         one, _ = self.succeeds(*arguments, "--sheet", self.path("one.png"), "-d", "0", env=TWO)
         two, _ = self.succeeds(*arguments, "--sheet", self.path("two.png"), "-d", "0,1", env=TWO)
         self.assertEqual(one, two)
-        self.assertEqual(open(self.path("one.png"), "rb").read(), open(self.path("two.png"), "rb").read())
+        self.assertEqual(pathlib.Path(self.path("one.png")).read_bytes(), pathlib.Path(self.path("two.png")).read_bytes())
         self.assertEqual([o["name"] for o in json.loads(two)["objects"]], [f"solid_{i:04}" for i in range(5)])
         table = self.path("table.json")
         with open(table, "w") as f:
@@ -97,7 +98,7 @@ class Share(support.Case):
         self.assertEqual(self.files("one"), self.files("two"))
         self.assertEqual(self.files("one"), self.files("all"))
         self.succeeds("reconstruct", objects[3], "--model", self.model, "--center", "0,0,0", "--scale", "1", "--output", self.path("alone.ply"), env=TWO)
-        self.assertEqual(open(self.path("alone.ply"), "rb").read(), self.files("one")["named.ply"])
+        self.assertEqual(pathlib.Path(self.path("alone.ply")).read_bytes(), self.files("one")["named.ply"])
 
     def test_the_list_may_come_from_a_pipe(self):
         objects = self.listed(2)

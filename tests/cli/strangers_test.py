@@ -2,6 +2,7 @@
 nothing of it acts on a terminal."""
 import json
 import os
+import pathlib
 import shutil
 import struct
 import subprocess
@@ -134,7 +135,7 @@ class Meshes(support.Case):
 class Words(support.Case):
     def header(self, change):
         """Rewrites the model's header."""
-        data = open(self.model, "rb").read()
+        data = pathlib.Path(self.model).read_bytes()
         size = struct.unpack("<Q", data[:8])[0]
         header, body = json.loads(data[8:8 + size]), bytearray(data[8 + size:])
         header["__metadata__"].pop("sha256", None)

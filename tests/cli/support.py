@@ -2,6 +2,7 @@
 import json
 import math
 import os
+import pathlib
 import shutil
 import struct
 import subprocess
@@ -126,7 +127,7 @@ class Case(unittest.TestCase):
                 out[os.path.join(root, name)] = None
             for name in files:
                 path = os.path.join(root, name)
-                out[path] = open(path, "rb").read() if os.path.isfile(path) else "no file"  # reading a pipe would wait
+                out[path] = pathlib.Path(path).read_bytes() if os.path.isfile(path) else "no file"  # reading a pipe would wait
         return out
 
     def refuses(self, code, words, *arguments, env=None):

@@ -3,6 +3,7 @@ import glob
 import hashlib
 import json
 import os
+import pathlib
 import re
 import shutil
 import signal
@@ -108,7 +109,7 @@ class Tune(Tuned, support.Case):
                 self.assertIn(f"tuned (table {table['hash'][:12]})", err.splitlines()[0])
                 self.assertEqual(json.loads(out)["tuning"], table["hash"])
                 self.assertEqual(json.loads(out)["precision"], "fp32")
-                results.append(open(self.path("out.ply"), "rb").read())
+                results.append(pathlib.Path(self.path("out.ply")).read_bytes())
             self.assertEqual(results[0], results[1])
             self.assertEqual(results[0], results[2])
             out, err = self.succeeds(*self.reconstruct("--kernels", flavour, "--json", "--overwrite"), env=self.tune_environment(VSPLAT_TUNING="off"))

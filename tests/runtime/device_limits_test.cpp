@@ -45,8 +45,9 @@ TEST(DeviceLimits, RaiseNothing) {
   EXPECT_EQ(d.address_bits, before.address_bits);
   EXPECT_EQ(d.most_flops, before.most_flops);
   EXPECT_EQ(d.most_groups, before.most_groups);
-  lower(d, "");
-  EXPECT_EQ(d.lowered, "");
+  DeviceInfo same = large();
+  lower(same, "");
+  EXPECT_EQ(same.lowered, "");
   DeviceInfo little = large();  // a smaller memory has smaller buffers
   lower(little, "memory=1G");
   EXPECT_EQ(little.max_alloc, 1ull << 30);
