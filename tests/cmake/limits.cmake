@@ -1,5 +1,6 @@
 # What smaller devices claim (VSPLAT_LIMITS), tried on this one: operations in the variants of their kernels that such a device gets, against
 # their references. In parts, and with few groups a side, every operation: each kernel must know its place. Whole jobs: cli_limits.
+# Quick are those that go other ways from one another; slow: the rest.
 set(ops_with_variants *Attention*:*Conv3d*:*LayerNorm*:*RadixSort*:*Rasterize*:*TileBin*:*Transpose*:*Scan*:*Confidence*:*TopK*)
 set(runtime_with_variants *Gemm*:*ColumnSum*:*ComposeRows*:*Variants*)
 function(vsplat_limits_test name program limits filter)
@@ -25,3 +26,7 @@ endforeach()
 add_test(NAME cli_limits.planned COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/limits_test.py Planned)
 set_tests_properties(cli_limits.planned PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+set_tests_properties(limits.ops.groups_of_64 limits.ops.local_32k limits.ops.others limits.ops.parts limits.runtime.local_32k
+  limits.runtime.others PROPERTIES LABELS "unit;slow")
+set_tests_properties(cli_limits.groups_of_64 cli_limits.local_memory_of_32k cli_limits.no_doubles cli_limits.wide_alignment
+  cli_limits.sizes_of_32_bits cli_limits.few_groups_a_side PROPERTIES LABELS "cli;slow")
