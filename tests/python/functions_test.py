@@ -318,11 +318,17 @@ class Functions(unittest.TestCase):
     maxDiff = None
     SECONDS = 240  # of a process, after which it counts as hanging
 
+    def setUp(self):
+        """What self-tests and searches remember is the test's own: others compute as they did."""
+        cache = tempfile.TemporaryDirectory(prefix="vsplat-cache-")
+        self.addCleanup(cache.cleanup)
+        self.environment = {**os.environ, "VSPLAT_CACHE_DIR": cache.name}
+
     def worker(self, done):
         """-> results, None or where it ended too early."""
         with tempfile.TemporaryDirectory(prefix="vsplat-functions-") as folder, tempfile.TemporaryFile("w+") as errors:
             process = subprocess.Popen([sys.executable, __file__, "--worker", folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                       stderr=errors, text=True)
+                                       stderr=errors, text=True, env=self.environment)
             process.stdin.write("\n".join(done))
             process.stdin.close()
             timer = threading.Timer(self.SECONDS, process.kill)
