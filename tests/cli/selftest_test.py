@@ -117,7 +117,8 @@ class Selftest(support.Case):
             [path] = tables(self.cache)
             with open(path) as f:
                 table = json.load(f)
-            tried = next((t for t in table["tried"] if "unroll" in t["set"]), None)
+            # Of what the network does without a table, too, whatever the number of views.
+            tried = next((t for t in table["tried"] if t["op"] == "conv3d" and "unroll" in t["set"]), None)
             if tried:
                 break
         self.assertTrue(tried, table["tried"])
