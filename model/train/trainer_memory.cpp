@@ -134,6 +134,10 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
   if (ctx) {
     out.peak = ctx->memory().peak();
     out.stages = ctx->stage_memory();
+  } else {  // not even the weights: what they alone would take
+    const auto unlimited = ctx_.planner(false);
+    const auto network = make_network(*unlimited, config_.model, weights_);
+    out.peak = unlimited->memory().peak();
   }
   return ran && out.peak <= ctx_.memory().limits().total;
 }
