@@ -12,7 +12,8 @@ vsplat_target(cpp_test)
 add_test(NAME cpp_test COMMAND cpp_test)
 set_tests_properties(cpp_test PROPERTIES LABELS unit TIMEOUT 120 ENVIRONMENT "${sanitizer_environment}")
 # A network's training and its stopping, at a size whose launches are long: a minute of two processors.
-set_tests_properties(cancel_test PROPERTIES TIMEOUT 600 COST 200 PROCESSORS 2)
+# Slow: it holds times, of which a training's has the disk's in it.
+set_tests_properties(cancel_test PROPERTIES LABELS "unit;slow" TIMEOUT 600 COST 200 PROCESSORS 2)
 target_compile_definitions(pictures_test PRIVATE _POSIX_C_SOURCE=200809L)  # for a temporary folder
 find_package(Threads REQUIRED)
 foreach(name cancel_test jobs_test memory_test opencl_test refine_api_test share_test threads_test)
