@@ -125,13 +125,12 @@ class Tune(Tuned, support.Case):
         folder = self.path("cl")
         shutil.copytree(CL, folder)
         path = os.path.join(folder, "tile_gpu.clh")
-        text = open(path).read()
+        text = pathlib.Path(path).read_text()
         loop = "for (int s = 0; s < BK; ++s) {"
         self.assertEqual(text.count(loop), 1)
         fast = "#if defined(UNROLL) && UNROLL == 2\n  for (int s = 0; s < BK / 8; ++s) {\n#else\n  " + loop + "\n#endif"
-        with open(path, "w") as f:
-            f.write(text.replace("TILE_UNROLL\n  " + loop, fast))
-        self.assertIn("BK / 8", open(path).read())
+        self.assertIn("TILE_UNROLL\n  " + loop, text)
+        pathlib.Path(path).write_text(text.replace("TILE_UNROLL\n  " + loop, fast))
         env = self.tune_environment(VSPLAT_KERNEL_DIR=folder)
         told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 25, "--kernels", "gpu", env=env)
         wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
@@ -153,14 +152,15 @@ class Tune(Tuned, support.Case):
         folder = self.path("cl")
         shutil.copytree(CL, folder)
         path = os.path.join(folder, "radix_sort.cl")
-        text = open(path).read()
-        self.assertIn("out_keys[to] = key;", text)
-        with open(path, "w") as f:
-            f.write(text.replace("out_values[to] = values ? values[i] : i;", "out_values[to] = 0;"))
+        text = pathlib.Path(path).read_text()
+        right = "out_values[to] = values ? values[i] : i;"
+        self.assertIn(right, text)
+        pathlib.Path(path).write_text(text.replace(right, "out_values[to] = 0;"))
         told, err = self.tune("--model", self.model, "--for", "render", "--seconds", 60, env=self.tune_environment(VSPLAT_KERNEL_DIR=folder), code=1)
         self.assertTrue(told["not_right"])
         self.assertTrue(all(name.startswith("radix_sort ") for name in told["not_right"]))
-        self.assertEqual(told["table"], "")
+        # Of the other operations some set may be faster than the one by hand, and then there is a table.
+        self.assertEqual([one for one in told["chosen"] if one["op"] == "radix_sort"], [])
         self.assertIn("no set of parameters is right", err)
 
     def test_killed_it_loses_nothing(self):
