@@ -7,6 +7,7 @@ namespace vsplat::test {
 using selftest::make_records;
 using selftest::offsets_of;
 using selftest::Records;
+using selftest::rows_in_order;
 using selftest::slots_of;
 
 }  // namespace vsplat::test

@@ -277,13 +277,8 @@ void rasterize_of(Checks& c, int width, int height, int per_tile, float opacity)
         {Pulls::held, ref::RowKind::pulls, 2, "pulls"},
         {Pulls::through, ref::RowKind::pulls_through_clamp, 2, "pulls through what is held"}}) {
     const IntersectionGradients got = rasterize_backward(c.ctx, {p, b, whole, background, picture, by, pulls});
-    const auto rows = c.ctx.read<float>(got.rows);
-    const auto touched = c.ctx.read<std::uint8_t>(got.touched);
     const std::size_t each = draw_size(columns);
-    std::vector<float> sums(rows.size(), 0.0f);
-    for (std::size_t i = 0; i < slots.size(); ++i)
-      for (std::size_t col = 0; col < each && touched[slots[i]]; ++col)
-        sums[each * i + col] = rows[each * slots[i] + col];
+    const auto sums = rows_in_order(c.ctx.read<float>(got.rows), c.ctx.read<std::uint8_t>(got.touched), slots, each);
     const auto wanted = [&, kind = kind] {
       return ref::blend_backward(r.records, r.ids, r.starts, width, height, background, by_colour, by_alpha, by_depth,
                                  kind);

@@ -9,9 +9,9 @@
 #include "model/ops/project.h"
 #include "model/ops/surface_loss.h"
 #include "model/selftest/cases/cases.h"
+#include "model/selftest/inputs/lara_picture.h"
 #include "model/selftest/inputs/scenes.h"
 #include "model/selftest/reference/exposure.h"
-#include "model/selftest/reference/lara_maps.h"
 #include "model/selftest/reference/loss.h"
 #include "model/selftest/reference/lpips.h"
 #include "model/selftest/reference/picture_target.h"
@@ -146,66 +146,26 @@ void lpips_all(Checks& c) {
 
 void lara_maps_all(Checks& c) {
   for (const auto& [w, h] : c.some({std::array<int, 2>{3, 3}, {2, 17}, {7, 13}, {17, 5}})) {
-    const Camera camera = make_camera({"", 0, 0, w, h, "off-centre"}, 7);
-    const std::size_t n = picture_size(w, h);
-    auto colour = random_floats(3 * n, 1, -0.3f, 1.3f), alpha = random_floats(n, 3, 0.1f, 0.99f);
-    const auto normal = random_floats(3 * n, 2), rough = random_floats(n, 4, 0.0f, 0.05f);
-    std::vector<float> depth;
-    for (std::size_t i = 0; i < n; ++i) {
-      if (i % 7 == 3) alpha[i] = 0;
-      const auto x = static_cast<float>(i % picture_size(w)), y = static_cast<float>(i) / static_cast<float>(w);
-      depth.push_back(alpha[i] * (1.5f + 0.03f * x - 0.02f * y + rough[i]));
-    }
-    for (float& v : colour)
-      if (std::abs(v) < 0.01f || std::abs(v - 1) < 0.01f) v = 0.5f;
+    const LaraPicture m(w, h);
     const Shape map{h, w}, vectors{h, w, 3};
-    const DevicePicture picture{c.up(vectors, colour), c.up(map, alpha), c.up(map, depth), c.up(vectors, normal)};
-    const Tensor views = upload_views(c.ctx, {camera}, 0.2f, {});
+    const DevicePicture picture{c.up(vectors, m.colour), c.up(map, m.alpha), c.up(map, m.depth),
+                                c.up(vectors, m.normal)};
+    const Tensor views = upload_views(c.ctx, {m.camera}, 0.2f, {});
     const LaraMaps got = lara_maps_forward(c.ctx, {picture, views, 0});
-    const ref::PictureMaps wide{as_doubles(colour), as_doubles(alpha), as_doubles(depth), as_doubles(normal)};
-    const ref::LaraMaps want = ref::lara_maps(wide, camera, wide.alpha);
+    const ref::PictureMaps wide = m.wide();
+    const ref::LaraMaps want = ref::lara_maps(wide, m.camera, wide.alpha);
     c.close("colour", got.image, want.image, 1e-6);
     c.close("depth", got.depth, want.depth, 1e-6);
     c.close("normal", got.normal, want.normal, 1e-6);
     c.close("normal of depths", got.depth_normal, want.depth_normal, 3e-5);
-    const auto by_image = random_floats(3 * n, 11), by_alpha = random_floats(n, 12), by_depth = random_floats(n, 13),
-               by_normal = random_floats(3 * n, 14), by_depth_normal = random_floats(3 * n, 15);
+    const auto to = LaraCotangent::random(m);
     const PictureGradient by =
         lara_maps_backward(c.ctx, {picture,
                                    views,
                                    0,
-                                   {c.up(vectors, by_image), c.up(map, by_alpha), c.up(map, by_depth),
-                                    c.up(vectors, by_normal), c.up(vectors, by_depth_normal), c.up(map, by_alpha)}});
-    const auto loss = [&, &cam = camera](const ref::PictureMaps& maps) {
-      const ref::LaraMaps l = ref::lara_maps(maps, cam, wide.alpha);
-      double sum = 0;
-      const auto add = [&sum](const std::vector<double>& of, const std::vector<float>& g) {
-        for (std::size_t i = 0; i < g.size(); ++i) sum += of[i] * g[i];
-      };
-      add(l.image, by_image), add(maps.alpha, by_alpha), add(l.depth, by_depth), add(l.normal, by_normal);
-      add(l.depth_normal, by_depth_normal);
-      return sum;
-    };
-    const auto differences = [&](std::vector<double> ref::PictureMaps::*field) {
-      std::vector<double> out;
-      ref::PictureMaps moved = wide;
-      for (double& value : moved.*field) {
-        const double base = value;
-        const auto slope = [&](double step) {
-          value = base + step;
-          const double above = loss(moved);
-          value = base - step;
-          const double below = loss(moved);
-          value = base;
-          return (above - below) / (2 * step);
-        };
-        // (Where alpha is 0 nothing moves with what is drawn but alpha's own.)
-        const bool nothing = base == 0 && field == &ref::PictureMaps::alpha;
-        const std::size_t at = out.size();
-        out.push_back(nothing ? by_alpha[at] : (4 * slope(5e-7) - slope(1e-6)) / 3);
-      }
-      return out;
-    };
+                                   {c.up(vectors, to.image), c.up(map, to.alpha), c.up(map, to.depth),
+                                    c.up(vectors, to.normal), c.up(vectors, to.depth_normal), c.up(map, to.alpha)}});
+    const auto differences = [&](std::vector<double> ref::PictureMaps::*field) { return to.differences(m, field); };
     c.close(
         "backward, colour", by.colour, [&] { return differences(&ref::PictureMaps::colour); }, 1e-5);
     c.close(
@@ -214,7 +174,7 @@ void lara_maps_all(Checks& c) {
         "backward, depth", by.depth, [&] { return differences(&ref::PictureMaps::depth); }, 5e-5);
     c.close(
         "backward, normal", by.normal, [&] { return differences(&ref::PictureMaps::normal); }, 1e-5);
-    c.equal("backward, distortion", by.distortion, by_alpha);
+    c.equal("backward, distortion", by.distortion, to.alpha);
   }
 }
 

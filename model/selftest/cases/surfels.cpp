@@ -8,13 +8,10 @@
 #include "model/ops/visible.h"
 #include "model/selftest/cases/cases.h"
 #include "model/selftest/inputs/scenes.h"
-#include "model/selftest/inputs/surfel_records.h"
-#include "model/selftest/reference/rasterize_surfels.h"
+#include "model/selftest/inputs/surfel_blending.h"
 
 namespace vsplat::selftest {
 namespace {
-
-constexpr std::size_t kNumbers = 20;  // of a record, and of a row
 
 SurfelRevision revision_of(const ref::SurfelOptions& o) {
   return o.current ? SurfelRevision::current : SurfelRevision::lara;
@@ -108,8 +105,8 @@ struct SurfelsOnDevice {
 SurfelsOnDevice up_surfels(Checks& c, const Records& r) {
   const long n = static_cast<long>(r.ids.size());
   SurfelsOnDevice out;
-  out.slots = slots_of(r, kNumbers);
-  out.p.records = c.up({static_cast<long>(r.records.size() / kNumbers), 20}, r.records);
+  out.slots = slots_of(r, kSurfelNumbers);
+  out.p.records = c.up({static_cast<long>(r.records.size() / kSurfelNumbers), 20}, r.records);
   out.b.ids = c.up({n}, r.ids), out.b.starts = c.up({static_cast<long>(r.starts.size())}, r.starts);
   out.b.slots = c.up({n}, out.slots);
   return out;
@@ -149,104 +146,27 @@ void rasterize_surfels_of(Checks& c, int width, int height, int per_tile, float 
   c.close("distortion", got.distortion, want.distortion, 1e-4);
 }
 
-// A few surfels, all of which every pixel sees, none near a threshold: large, faint, on one side of the low pass.
-Records smooth_surfels(int width, int height, int count, bool low_pass) {
-  Records c;
-  const auto at = random_floats(1000, 44);
-  const int tiles = (width + 15) / 16 * ((height + 15) / 16);
-  for (int i = 0; i < count; ++i) {
-    const float* r = &at[static_cast<std::size_t>(30 * i)];
-    const float m = low_pass ? 40.0f : 0.03f, jitter = low_pass ? 0.3f : 2.0f;
-    for (const float v : {0.5f * static_cast<float>(width) + jitter * r[0],
-                          0.5f * static_cast<float>(height) + jitter * r[1],
-                          std::log2(0.35f + 0.2f * r[2]),
-                          1.5f + 0.1f * static_cast<float>(i) + 0.05f * r[3],
-                          m * (1 + 0.5f * r[4]),
-                          0.3f * m * r[5],
-                          0.3f * m * r[6],
-                          m * (1 + 0.5f * r[7]),
-                          0.005f * r[8],
-                          0.005f * r[9],
-                          low_pass ? 0.2f * r[10] : 90 + 5 * r[10],
-                          low_pass ? 0.2f * r[11] : 60 + 5 * r[11],
-                          0.5f + 0.4f * r[12],
-                          0.5f + 0.4f * r[13],
-                          0.5f + 0.4f * r[14],
-                          1e30f,
-                          r[15],
-                          r[16],
-                          r[17],
-                          1e30f})
-      c.records.push_back(v);
-  }
-  for (int tile = 0; tile <= tiles; ++tile) {
-    c.starts.push_back(static_cast<std::uint32_t>(c.ids.size()));
-    for (int i = 0; tile < tiles && i < count; ++i) c.ids.push_back(static_cast<std::uint32_t>(i));
-  }
-  return c;
-}
-
 // By differences of the reference's maps.
 void rasterize_surfels_backward_of(Checks& c, int width, int height, int count, bool low_pass, bool current) {
   const ref::SurfelOptions o = surfel_options(current);
   const Records r = smooth_surfels(width, height, count, low_pass);
   const SurfelsOnDevice d = up_surfels(c, r);
-  const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  const auto colour = random_floats(3 * pixels, 5), alpha = random_floats(pixels, 6), depth = random_floats(pixels, 7),
-             normal = random_floats(3 * pixels, 8), distortion = random_floats(pixels, 9, -20.0f, 20.0f);
+  const auto maps = SurfelCotangent::random(width, height);
   const DevicePicture picture = gap_picture(c, height, width);
   const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
   const float near = static_cast<float>(o.options.near);
   rasterize_surfels_forward(c.ctx, {d.p, d.b, whole, kBehindSurfels, picture, near, revision_of(o)});
   c.keep();  // what is blended
-  const PictureGradient by{c.up({height, width, 3}, colour), c.up({height, width}, alpha), c.up({height, width}, depth),
-                           c.up({height, width, 3}, normal), c.up({height, width}, distortion)};
+  const PictureGradient by{c.up({height, width, 3}, maps.colour), c.up({height, width}, maps.alpha),
+                           c.up({height, width}, maps.depth), c.up({height, width, 3}, maps.normal),
+                           c.up({height, width}, maps.distortion)};
   const IntersectionGradients got =
       rasterize_surfels_backward(c.ctx, {d.p, d.b, whole, kBehindSurfels, picture, by, near, revision_of(o)});
-  const auto rows = c.ctx.read<float>(got.rows);
-  const auto touched = c.ctx.read<std::uint8_t>(got.touched);
-  // What the rows say of the records' numbers (see cl/rasterize_surfels_backward.cl): all but the reaches.
-  std::vector<double> sums(r.records.size());
-  for (std::size_t n = 0; n < r.ids.size(); ++n) {
-    if (!touched[d.slots[n]]) continue;
-    const float* row = &rows[kNumbers * d.slots[n]];
-    const float* q = &r.records[kNumbers * std::size_t{r.ids[n]}];
-    double* to = &sums[kNumbers * std::size_t{r.ids[n]}];
-    to[0] += q[4] * row[1] + q[6] * row[2] + q[8] * row[3] + row[10];
-    to[1] += q[5] * row[1] + q[7] * row[2] + q[9] * row[3] + row[11];
-    to[2] += std::log(2.0) * row[0];
-    to[3] += row[12];
-    for (std::size_t i = 0; i < 8; ++i) to[4 + i] += row[4 + i];
-    for (std::size_t i = 0; i < 3; ++i) to[12 + i] += row[13 + i], to[16 + i] += row[16 + i];
-  }
-  const auto differences = [&] {
-    std::vector<double> records(r.records.begin(), r.records.end()), out(records.size());
-    const auto loss = [&] {
-      const ref::SurfelFrame f = ref::blend_surfels(records, r.ids, r.starts, width, height, o);
-      double sum = 0;
-      const auto add = [&sum](const std::vector<double>& map, const std::vector<float>& g) {
-        for (std::size_t i = 0; i < g.size(); ++i) sum += map[i] * g[i];
-      };
-      add(f.colour, colour), add(f.alpha, alpha), add(f.depth, depth), add(f.normal, normal);
-      add(f.distortion, distortion);
-      return sum;
-    };
-    for (std::size_t i = 0; i < records.size(); ++i) {
-      if (i % kNumbers == 15 || i % kNumbers == 19) continue;
-      const double base = records[i], step = 1e-4 * std::max(std::abs(base), 1e-2);
-      const auto slope = [&](double h) {
-        records[i] = base + h;
-        const double above = loss();
-        records[i] = base - h;
-        const double below = loss();
-        records[i] = base;
-        return (above - below) / (2 * h);
-      };
-      out[i] = (4 * slope(step / 2) - slope(step)) / 3;
-    }
-    return out;
-  };
-  c.close_by_column("backward", as_floats(sums), kNumbers, differences, 2e-5);
+  const std::vector<float> rows =
+      rows_in_order(c.ctx.read<float>(got.rows), c.ctx.read<std::uint8_t>(got.touched), d.slots, kSurfelNumbers);
+  c.close_by_column(
+      "backward", as_floats(by_surfel_records(r, rows)), kSurfelNumbers,
+      [&] { return surfel_differences(r, width, height, maps, o); }, 2e-5);
 }
 
 void rasterize_surfels_all(Checks& c) {

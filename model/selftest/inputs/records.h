@@ -63,4 +63,14 @@ inline std::vector<std::uint32_t> slots_of(const Records& c, std::size_t numbers
   return slots;
 }
 
+// What was written of each intersection, in the order of ids; zeros where nothing was.
+inline std::vector<float> rows_in_order(const std::vector<float>& rows, const std::vector<std::uint8_t>& touched,
+                                        const std::vector<std::uint32_t>& slots, std::size_t numbers) {
+  std::vector<float> out(rows.size(), 0.0f);
+  for (std::size_t i = 0; i < slots.size(); ++i)
+    for (std::size_t col = 0; col < numbers && touched[slots[i]]; ++col)
+      out[numbers * i + col] = rows[numbers * slots[i] + col];
+  return out;
+}
+
 }  // namespace vsplat::selftest

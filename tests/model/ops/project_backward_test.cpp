@@ -3,34 +3,15 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 
 #include "model/ops/project.h"
-#include "model/selftest/reference/splat.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
+#include "tests/support/projection_rows.h"
 #include "tests/support/scenes.h"
-#include "tests/support/twist.h"
 
 namespace vsplat {
 namespace {
-
-// A loss that is linear in what projection makes of one Gaussian: its derivatives.
-struct ProjectBackwardLoss {
-  double by_u, by_v, by_z, by_a, by_b, by_c, by_log_opacity;
-  Eigen::Vector3d by_colour;
-
-  double operator()(const ref::Splat& s) const {
-    return by_u * s.u + by_v * s.v + by_z * s.z + by_a * s.a + by_b * s.b + by_c * s.c +
-           by_log_opacity * std::log(s.opacity) + by_colour.dot(s.colour);
-  }
-};
-
-// By central differences of fourth order: f(0) is not evaluated.
-double derivative(const std::function<double(double)>& f, double step) {
-  const auto slope = [&](double h) { return (f(h) - f(-h)) / (2 * h); };
-  return (4 * slope(step / 2) - slope(step)) / 3;
-}
 
 class ProjectBackward : public test::FlavourTest {
  protected:
@@ -38,10 +19,7 @@ class ProjectBackward : public test::FlavourTest {
     Gaussians g;
     Camera camera;
     ref::Options options;
-    std::vector<std::uint32_t> ids, offsets{0};
-    std::vector<float> records, rows;
-    std::vector<std::uint8_t> touched;
-    std::vector<ProjectBackwardLoss> losses;
+    test::ProjectionRows rows;
   };
 
   struct Result {
@@ -49,57 +27,8 @@ class ProjectBackward : public test::FlavourTest {
     std::vector<float> pose;
   };
 
-  // Far enough from the limits of the Jacobian and of colour for differences to stay on one side.
-  static bool smooth(const ref::Splat& s, const Camera& cam) {
-    const double x = (s.u - cam.cx) / cam.fx, y = (s.v - cam.cy) / cam.fy;
-    const double lx = 1.3 * cam.width / (2 * cam.fx), ly = 1.3 * cam.height / (2 * cam.fy);
-    const bool colour_clear = s.colour.minCoeff() > 0.05;
-    return std::abs(std::abs(x) / lx - 1) > 0.05 && std::abs(std::abs(y) / ly - 1) > 0.05 && colour_clear;
-  }
-
   static Problem make(const Gaussians& g, const Camera& cam, const ref::Options& options) {
-    Problem p{g, cam, options, {}, {0}, {}, {}, {}, {}};
-    std::mt19937 engine(77);
-    std::normal_distribution<double> normal;
-    const double log2e = 1 / std::log(2.0);
-    for (std::size_t k = 0; k < g.count; ++k) {
-      const ref::Splat s = ref::project(g, k, cam, options);
-      if (s.culled || s.opacity < 1.0f / 255 || !smooth(s, cam)) continue;
-      p.ids.push_back(static_cast<std::uint32_t>(k));
-      const double det = s.a * s.c - s.b * s.b, X = 1 / s.a, Y = s.a / det, slope = s.b / s.a;
-      for (const double v : {s.u, s.v, 0.0, s.z, std::log2(s.opacity), slope, -0.5 * log2e * X, -0.5 * log2e * Y,
-                             s.colour[0], s.colour[1], s.colour[2], 0.0})
-        p.records.push_back(static_cast<float>(v));
-      // Derivatives of the size that pictures make them: p is of the size of one over the smaller radius.
-      const double n[] = {normal(engine), normal(engine), normal(engine)};
-      ProjectBackwardLoss loss{n[0] / std::sqrt(s.a),
-                               n[1] / std::sqrt(s.c),
-                               normal(engine),
-                               n[0] * n[0] / s.a,
-                               n[0] * n[1] / std::sqrt(s.a * s.c),
-                               n[1] * n[1] / s.c,
-                               normal(engine),
-                               {normal(engine), normal(engine), normal(engine)}};
-      // The sums of cl/rasterize_backward.cl from which these come: of h (1, dx, t, dx^2, dx t, t^2).
-      const double py = -loss.by_v, px = -loss.by_u, pyy = 2 * loss.by_c, pxy = loss.by_b, pxx = 2 * loss.by_a;
-      const double mxt = (pxy + slope * pyy) / (X * Y), mtt = pyy / (Y * Y);
-      const double mxx = (pxx + 2 * slope * X * Y * mxt - slope * slope * Y * Y * mtt) / (X * X);
-      const std::vector<double> sums = {
-          loss.by_log_opacity, (px + slope * py) / X, py / Y,   mxx, mxt, mtt, loss.by_colour[0],
-          loss.by_colour[1],   loss.by_colour[2],     loss.by_z};
-      const std::size_t parts = 1 + engine() % 4;
-      for (std::size_t part = 0; part < parts; ++part) {
-        if (part == 1) {  // one that no pixel saw
-          p.rows.resize(p.rows.size() + 10, std::numeric_limits<float>::quiet_NaN());
-          p.touched.push_back(0);
-        }
-        for (const double v : sums) p.rows.push_back(static_cast<float>(v / static_cast<double>(parts)));
-        p.touched.push_back(1);
-      }
-      p.offsets.push_back(static_cast<std::uint32_t>(p.touched.size()));
-      p.losses.push_back(loss);
-    }
-    return p;
+    return {g, cam, options, test::volume_rows(g, cam, options)};
   }
 
   struct Device {
@@ -108,7 +37,7 @@ class ProjectBackward : public test::FlavourTest {
     IntersectionGradients intersections;
   };
 
-  Device to_device(const Problem& p) {
+  Device to_device(const test::ProjectionRows& p) {
     const long n = static_cast<long>(p.ids.size()), m = static_cast<long>(p.touched.size());
     Device d;
     d.visible.ids = ctx().upload({n}, p.ids, Type::u32);
@@ -127,89 +56,38 @@ class ProjectBackward : public test::FlavourTest {
     const Tensor views = upload_views(ctx(), {other, p.camera}, 0.2f, mirror);
     const DeviceGaussians g = upload(ctx(), p.g);
     const GaussianGradients out = zero_gradients(ctx(), g.count(), p.g.sh_degree);
-    const Device d = to_device(p);
+    const Device d = to_device(p.rows);
     const Tensor twists = ctx().tensor({d.visible.ids.dim(0), 6});
     project_backward(ctx(), {g, 0, views, 1, mirror.has_value(), d.visible, d.offsets, d.intersections, out, twists});
     return {download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh}),
             ctx().read<float>(sum_twists(ctx(), twists))};
   }
 
-  // Differences by each of a Gaussian's floats, which are changed to floats: the step taken is the one between those.
-  static std::vector<double> differences(const Problem& p, std::vector<float> Gaussians::*field, std::size_t each,
-                                         const std::function<double(std::size_t, std::size_t)>& step) {
-    Gaussians g = p.g;
-    std::vector<double> out((g.*field).size(), 0.0);
-    for (std::size_t i = 0; i < p.ids.size(); ++i) {
-      for (std::size_t j = 0; j < each; ++j) {
-        const std::size_t at = p.ids[i] * each + j;
-        float& value = (g.*field)[at];
-        const float base = value;
-        const auto slope = [&](double h) {
-          const float low = base - static_cast<float>(h), high = base + static_cast<float>(h);
-          value = high;
-          const double f = p.losses[i](ref::project(g, p.ids[i], p.camera, p.options));
-          value = low;
-          const double b = p.losses[i](ref::project(g, p.ids[i], p.camera, p.options));
-          value = base;
-          return (f - b) / (static_cast<double>(high) - low);
-        };
-        const double h = step(p.ids[i], j);
-        out[at] = (4 * slope(h / 2) - slope(h)) / 3;
-      }
-    }
-    return out;
-  }
-
   void check(const Gaussians& g, const Camera& cam, const ref::Options& options, double tolerance) {
     const Problem p = make(g, cam, options);
     const Result got = run(p);
-    const auto smallest = [&](std::size_t k) {
-      return static_cast<double>(std::min({g.scales[3 * k], g.scales[3 * k + 1], g.scales[3 * k + 2]}));
+    const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, std::size_t each,
+                             const std::function<double(std::size_t, std::size_t)>& step, const char* what) {
+      EXPECT_TRUE(test::close(values, test::by_field(p.rows, g, cam, field, each, step), tolerance, p.rows.ids.empty()))
+          << what;
     };
-    const bool none = p.ids.empty();
-    EXPECT_TRUE(test::close(got.gradient.means,
-                            differences(p, &Gaussians::means, 3, [&](auto, auto) { return 0x1p-10; }), tolerance, none))
-        << "means";
-    EXPECT_TRUE(
-        test::close(got.gradient.scales,
-                    differences(p, &Gaussians::scales, 3, [&](auto k, auto j) { return 0x1p-6 * g.scales[3 * k + j]; }),
-                    tolerance, none))
-        << "scales";
-    EXPECT_TRUE(test::close(got.gradient.quats,
-                            differences(p, &Gaussians::quats, 4,
-                                        [&](auto k, auto) {
-                                          const float* q = &g.quats[4 * k];
-                                          const double length =
-                                              std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-                                          return length * (smallest(k) < 1e-3 ? 0x1p-10 : 0x1p-8);
-                                        }),
-                            tolerance, none))
-        << "quats";
-    EXPECT_TRUE(
-        test::close(got.gradient.opacities,
-                    differences(p, &Gaussians::opacities, 1, [&](auto k, auto) { return 0x1p-6 * g.opacities[k]; }),
-                    tolerance, none))
-        << "opacities";
-    EXPECT_TRUE(test::close(got.gradient.sh,
-                            differences(p, &Gaussians::sh, 3 * g.sh_count(), [](auto, auto) { return 0x1p-8; }),
-                            tolerance, none))
-        << "sh";
-    std::vector<double> pose(6);
-    for (std::size_t i = 0; i < 6; ++i) {
-      pose[i] = derivative(
-          [&](double h) {
-            Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
-            twist[static_cast<Eigen::Index>(i)] = h;
-            Camera moved = cam;
-            moved.w2c = test::exp_twist(twist) * cam.w2c;
-            double sum = 0;
-            for (std::size_t n = 0; n < p.ids.size(); ++n)
-              sum += p.losses[n](ref::project(g, p.ids[n], moved, options));
-            return sum;
-          },
-          1e-3);
-    }
-    EXPECT_TRUE(test::close(got.pose, pose, tolerance, none)) << "pose";
+    const auto turn = [&](std::size_t k, std::size_t) {
+      const float *q = &g.quats[4 * k], *s = &g.scales[3 * k];
+      const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+      return length * (std::min({s[0], s[1], s[2]}) < 1e-3f ? 0x1p-10 : 0x1p-8);
+    };
+    compare(
+        got.gradient.means, &Gaussians::means, 3, [](auto, auto) { return 0x1p-10; }, "means");
+    compare(
+        got.gradient.scales, &Gaussians::scales, 3, [&](auto k, auto j) { return 0x1p-6 * g.scales[3 * k + j]; },
+        "scales");
+    compare(got.gradient.quats, &Gaussians::quats, 4, turn, "quats");
+    compare(
+        got.gradient.opacities, &Gaussians::opacities, 1, [&](auto k, auto) { return 0x1p-6 * g.opacities[k]; },
+        "opacities");
+    compare(
+        got.gradient.sh, &Gaussians::sh, 3 * g.sh_count(), [](auto, auto) { return 0x1p-8; }, "sh");
+    EXPECT_TRUE(test::close(got.pose, test::by_pose(p.rows, g, cam, 1e-3), tolerance, p.rows.ids.empty())) << "pose";
   }
 };
 
@@ -241,7 +119,7 @@ TEST_P(ProjectBackward, AddsToWhatIsThere) {
   const Tensor views = upload_views(ctx(), {p.camera}, 0.2f, {});
   const DeviceGaussians g = upload(ctx(), p.g);
   const GaussianGradients out = zero_gradients(ctx(), g.count(), 1);
-  const Device d = to_device(p);
+  const Device d = to_device(p.rows);
   const auto all = [&] {
     project_backward(ctx(), {g, 0, views, 0, false, d.visible, d.offsets, d.intersections, out, Tensor()});
     const Gaussians got = download(ctx(), DeviceGaussians{out.means, out.scales, out.quats, out.opacities, out.sh});
@@ -260,7 +138,7 @@ TEST_P(ProjectBackward, TakesAChunkOfTheScene) {
   const Problem p = make(test::make_scene(c, 36), test::make_camera(c, 36), {});
   const Result whole = run(p);
   const Tensor views = upload_views(ctx(), {p.camera}, 0.2f, {});
-  const Device d = to_device(p);
+  const Device d = to_device(p.rows);
   const Tensor twists = ctx().tensor({d.visible.ids.dim(0), 6});
   std::vector<float> means;
   for (const auto& [base, size] : {std::pair<std::size_t, std::size_t>{0, 17}, {17, 33}}) {

@@ -2,30 +2,15 @@
 
 #include <cmath>
 #include <functional>
-#include <limits>
-#include <random>
 
 #include "model/ops/project_surfels.h"
-#include "model/selftest/reference/surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
+#include "tests/support/projection_rows.h"
 #include "tests/support/scenes.h"
-#include "tests/support/twist.h"
 
 namespace vsplat {
 namespace {
-
-// A loss that is linear in a surfel's record: its derivatives, by the record's numbers. That by the opacity is by its
-// logarithm to base e.
-using ProjectSurfelsBackwardLoss = std::array<double, 20>;
-
-double value_of(const ProjectSurfelsBackwardLoss& by, const ref::Surfel& s) {
-  const std::array<double, 20> record = ref::record_of(s);
-  double sum = 0;
-  for (std::size_t i = 0; i < 20; ++i)
-    if (by[i] != 0) sum += by[i] * (i == 2 ? std::log(2.0) : 1.0) * record[i];
-  return sum;
-}
 
 class ProjectSurfelsBackward : public test::FlavourTest {
  protected:
@@ -33,51 +18,11 @@ class ProjectSurfelsBackward : public test::FlavourTest {
     Gaussians g;
     Camera camera;
     ref::SurfelOptions options;
-    std::vector<std::uint32_t> ids, offsets{0};
-    std::vector<float> records, rows;
-    std::vector<std::uint8_t> touched;
-    std::vector<ProjectSurfelsBackwardLoss> losses;
+    test::ProjectionRows rows;
   };
 
-  // Rows at random, and the loss that they stand for. Each is split over up to four tiles.
   static Problem make(const Gaussians& g, const Camera& cam, const ref::SurfelOptions& options) {
-    Problem p{g, cam, options, {}, {0}, {}, {}, {}, {}};
-    std::mt19937 engine(77);
-    std::normal_distribution<double> normal;
-    for (std::size_t k = 0; k < g.count; ++k) {
-      const ref::Surfel s = ref::project_surfel(g, k, cam, options);
-      if (s.culled || s.opacity < 1.0f / 255) continue;
-      const std::array<double, 20> r = ref::record_of(s);
-      // Off what floats know of a plane seen edge on or of a box that reaches to the camera's plane, and off colours'
-      // limit.
-      if (std::abs(s.facing) < 0.1 || std::hypot(r[10], r[11]) > 50 || s.colour.minCoeff() < 0.05) continue;
-      p.ids.push_back(static_cast<std::uint32_t>(k));
-      for (const double v : r) p.records.push_back(static_cast<float>(v));
-      // Of the size that pictures make them: distances are of the size of 1 / m.
-      const double m = std::sqrt(r[4] * r[4] + r[5] * r[5] + r[6] * r[6] + r[7] * r[7]), reach = 1 / m;
-      std::array<double, 20> row{};
-      const double sizes[] = {1, 1, 1, 1, reach, reach, reach, reach, reach, reach, 0.2, 0.2, 1, 1, 1, 1, 1, 1, 1, 0};
-      for (std::size_t i = 0; i < 20; ++i) row[i] = sizes[i] * normal(engine);
-      const std::size_t parts = 1 + engine() % 4;
-      for (std::size_t part = 0; part < parts; ++part) {
-        if (part == 1) {  // one that no pixel saw
-          p.rows.resize(p.rows.size() + 20, std::numeric_limits<float>::quiet_NaN());
-          p.touched.push_back(0);
-        }
-        for (const double v : row) p.rows.push_back(static_cast<float>(v / static_cast<double>(parts)));
-        p.touched.push_back(1);
-      }
-      p.offsets.push_back(static_cast<std::uint32_t>(p.touched.size()));
-      ProjectSurfelsBackwardLoss by{};
-      by[0] = r[4] * row[1] + r[6] * row[2] + r[8] * row[3] + row[10];
-      by[1] = r[5] * row[1] + r[7] * row[2] + r[9] * row[3] + row[11];
-      by[2] = row[0];
-      by[3] = row[12];
-      for (std::size_t i = 4; i < 12; ++i) by[i] = row[i];
-      for (std::size_t i = 0; i < 3; ++i) by[12 + i] = row[13 + i], by[16 + i] = row[16 + i];
-      p.losses.push_back(by);
-    }
-    return p;
+    return {g, cam, options, test::surfel_rows(g, cam, options)};
   }
 
   struct Device {
@@ -86,7 +31,7 @@ class ProjectSurfelsBackward : public test::FlavourTest {
     IntersectionGradients intersections;
   };
 
-  Device to_device(const Problem& p) {
+  Device to_device(const test::ProjectionRows& p) {
     const long n = static_cast<long>(p.ids.size()), m = static_cast<long>(p.touched.size());
     Device d;
     d.visible.ids = ctx().upload({n}, p.ids, Type::u32);
@@ -110,7 +55,7 @@ class ProjectSurfelsBackward : public test::FlavourTest {
     }
     const Camera other = test::look_at({9, 9, 9}, {0, 0, 0}, {0, 1, 0}, 5, 5, 5);
     const Tensor views = upload_views(ctx(), {other, p.camera}, 0.2f, mirror);
-    const Device d = to_device(p);
+    const Device d = to_device(p.rows);
     Result result;
     const Tensor twists = ctx().tensor({d.visible.ids.dim(0), 6});
     const auto count = static_cast<long>(p.g.count);
@@ -133,63 +78,27 @@ class ProjectSurfelsBackward : public test::FlavourTest {
     return result;
   }
 
-  // Differences by each of a surfel's floats, which are changed to floats: the step taken is the one between those.
-  static std::vector<double> differences(const Problem& p, std::vector<float> Gaussians::*field, std::size_t each,
-                                         double relative) {
-    Gaussians g = p.g;
-    std::vector<double> out((g.*field).size(), 0.0);
-    for (std::size_t i = 0; i < p.ids.size(); ++i) {
-      const float* s = &p.g.scales[2 * std::size_t{p.ids[i]}];
-      for (std::size_t j = 0; j < each; ++j) {
-        const std::size_t at = p.ids[i] * each + j;
-        float& value = (g.*field)[at];
-        const float base = value;
-        const auto slope = [&](double h) {
-          const float low = base - static_cast<float>(h), high = base + static_cast<float>(h);
-          value = high;
-          const double f = value_of(p.losses[i], ref::project_surfel(g, p.ids[i], p.camera, p.options));
-          value = low;
-          const double b = value_of(p.losses[i], ref::project_surfel(g, p.ids[i], p.camera, p.options));
-          value = base;
-          return (f - b) / (static_cast<double>(high) - low);
-        };
-        const double size = field == &Gaussians::scales ? s[j] : field == &Gaussians::opacities ? base : 1.0;
-        const double h = relative * size;
-        out[at] = (4 * slope(h / 2) - slope(h)) / 3;
-      }
-    }
-    return out;
-  }
-
   void check(const Gaussians& g, const Camera& cam, const ref::SurfelOptions& options, double tolerance) {
     const Problem p = make(g, cam, options);
     const Result got = run(p, static_cast<long>(std::max<std::size_t>(g.count, 1)));
-    const bool none = p.ids.empty();
     const auto compare = [&](const std::vector<float>& values, std::vector<float> Gaussians::*field, std::size_t each,
-                             double step, const char* what) {
-      EXPECT_TRUE(test::close(values, differences(p, field, each, step), tolerance, none)) << what;
+                             const std::function<double(std::size_t, std::size_t)>& step, const char* what) {
+      EXPECT_TRUE(test::close(values, test::by_field(p.rows, g, cam, field, each, step), tolerance, p.rows.ids.empty()))
+          << what;
     };
-    compare(got.gradient.means, &Gaussians::means, 3, 0x1p-12, "means");
-    compare(got.gradient.scales, &Gaussians::scales, 2, 0x1p-7, "scales");
-    compare(got.gradient.quats, &Gaussians::quats, 4, 0x1p-12, "quats");
-    compare(got.gradient.opacities, &Gaussians::opacities, 1, 0x1p-6, "opacities");
-    compare(got.gradient.sh, &Gaussians::sh, 3 * g.sh_count(), 0x1p-8, "sh");
-    std::vector<double> pose(6);
-    for (std::size_t i = 0; i < 6; ++i) {
-      const auto loss = [&](double h) {
-        Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
-        twist[static_cast<Eigen::Index>(i)] = h;
-        Camera moved = cam;
-        moved.w2c = test::exp_twist(twist) * cam.w2c;
-        double sum = 0;
-        for (std::size_t n = 0; n < p.ids.size(); ++n)
-          sum += value_of(p.losses[n], ref::project_surfel(g, p.ids[n], moved, options));
-        return sum;
-      };
-      const auto slope = [&](double h) { return (loss(h) - loss(-h)) / (2 * h); };
-      pose[i] = (4 * slope(0x1p-13) - slope(0x1p-12)) / 3;
-    }
-    EXPECT_TRUE(test::close(got.pose, pose, tolerance, none)) << "pose";
+    compare(
+        got.gradient.means, &Gaussians::means, 3, [](auto, auto) { return 0x1p-12; }, "means");
+    compare(
+        got.gradient.scales, &Gaussians::scales, 2, [&](auto k, auto j) { return 0x1p-7 * g.scales[2 * k + j]; },
+        "scales");
+    compare(
+        got.gradient.quats, &Gaussians::quats, 4, [](auto, auto) { return 0x1p-12; }, "quats");
+    compare(
+        got.gradient.opacities, &Gaussians::opacities, 1, [&](auto k, auto) { return 0x1p-6 * g.opacities[k]; },
+        "opacities");
+    compare(
+        got.gradient.sh, &Gaussians::sh, 3 * g.sh_count(), [](auto, auto) { return 0x1p-8; }, "sh");
+    EXPECT_TRUE(test::close(got.pose, test::by_pose(p.rows, g, cam, 0x1p-12), tolerance, p.rows.ids.empty())) << "pose";
   }
 };
 

@@ -54,14 +54,8 @@ class RasterizeBackward : public test::FlavourTest {
          picture,
          {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}), upload(up.depth, {height, width})},
          pulls});
-    const auto rows = ctx().read<float>(got.rows);
-    const auto touched = ctx().read<std::uint8_t>(got.touched);
-    std::vector<float> out(rows.size(), 0.0f);
-    const std::size_t columns = pulls == Pulls::none ? 10 : 2;
-    for (std::size_t i = 0; i < slots.size(); ++i)
-      for (std::size_t col = 0; col < columns && touched[slots[i]]; ++col)
-        out[columns * i + col] = rows[columns * slots[i] + col];
-    return out;
+    return test::rows_in_order(ctx().read<float>(got.rows), ctx().read<std::uint8_t>(got.touched), slots,
+                               pulls == Pulls::none ? 10 : 2);
   }
 
   void check(int width, int height, int per_tile, float opacity, double tolerance = 2e-5) {

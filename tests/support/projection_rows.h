@@ -1,0 +1,13 @@
+// Losses on projected Gaussians, as the self-test has them.
+#pragma once
+#include "model/selftest/inputs/projection_rows.h"
+
+namespace vsplat::test {
+
+using selftest::by_field;
+using selftest::by_pose;
+using selftest::ProjectionRows;
+using selftest::surfel_rows;
+using selftest::volume_rows;
+
+}  // namespace vsplat::test
