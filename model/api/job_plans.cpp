@@ -9,6 +9,7 @@
 #include "model/fit/view_corrections.h"
 #include "model/splat/render_backward.h"
 #include "model/train/train.h"
+#include "runtime/fail.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -101,6 +102,15 @@ void plan_training(const Context& planner, const AnyConfig& model) {
 }
 
 }  // namespace
+
+std::uint32_t vsplat::api::checked_jobs(std::uint32_t jobs, std::uint32_t usual, vsplat_model model) {
+  std::uint32_t all = 0;
+  for (const PlannedJob& job : kPlannedJobs) all |= job.bit;
+  if (jobs & ~all) fail(Status::usage, "options.jobs is {}, not made of values of vsplat_program_jobs", jobs);
+  if (jobs == 0) jobs = usual;
+  if (jobs & (VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_TRAIN)) need(model, "model");
+  return jobs;
+}
 
 void vsplat::api::plan_job(Context& planner, vsplat_model model, vsplat_program_jobs job) {
   if (job == VSPLAT_PROGRAMS_OF_RECONSTRUCT) plan_reconstruction(planner, model);

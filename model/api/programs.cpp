@@ -1,5 +1,4 @@
 // Every OpenCL program that jobs launch, found by planning them; and what no job of that model launches.
-#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -18,15 +17,6 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-struct Job {
-  vsplat_program_jobs bit;
-  const char* name;
-};
-constexpr std::array<Job, 4> kJobs = {{{VSPLAT_PROGRAMS_OF_RECONSTRUCT, "reconstruct"},
-                                       {VSPLAT_PROGRAMS_OF_RENDER, "render"},
-                                       {VSPLAT_PROGRAMS_OF_REFINE, "refine"},
-                                       {VSPLAT_PROGRAMS_OF_TRAIN, "train"}}};
-
 NotedKernels launched_by(const Context& ctx, vsplat_model model, vsplat_program_jobs job) {
   NotedKernels out;
   const auto planner = ctx.planner(false);
@@ -44,7 +34,7 @@ struct Program {
 using Programs = std::map<Program, std::map<std::string, Launches>>;
 
 void add_launched(Programs& to, const Context& ctx, vsplat_model model, uint32_t jobs) {
-  for (const Job& job : kJobs) {
+  for (const PlannedJob& job : kPlannedJobs) {
     if (!(jobs & job.bit)) continue;
     for (const auto& [kernel, noted] : launched_by(ctx, model, job.bit))
       to[{kernel.file, kernel.defines}][kernel.name][job.name] = noted;
@@ -105,14 +95,11 @@ vsplat_status vsplat_device_programs(vsplat_device device, vsplat_model model, c
     const DeviceUse use(device);
     need(out_text, "out_text");
     const vsplat_programs_options o = taken(options, VSPLAT_PROGRAMS_OPTIONS_INIT, "options");
-    constexpr uint32_t all = VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER | VSPLAT_PROGRAMS_OF_REFINE |
-                             VSPLAT_PROGRAMS_OF_TRAIN;
-    if (o.jobs & ~all) fail(Status::usage, "options.jobs is {}, not made of values of vsplat_program_jobs", o.jobs);
-    if (o.jobs & (VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_TRAIN)) need(model, "model");
+    const uint32_t jobs = checked_jobs(o.jobs, 0, model);
     Context& ctx = device->context;
     const std::vector<KernelFile> files = kernel_files();
     Programs programs;
-    add_launched(programs, ctx, model, o.jobs);
+    add_launched(programs, ctx, model, jobs);
     if (o.others) add_others(programs, files, ctx.flavour());
     Json out;
     out["device"] = ctx.device().name;

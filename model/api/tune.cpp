@@ -13,12 +13,11 @@ namespace {
 
 NotedShapes shapes_of(const Context& ctx, vsplat_model model, uint32_t jobs) {
   NotedShapes out;
-  for (const vsplat_program_jobs job : {VSPLAT_PROGRAMS_OF_RECONSTRUCT, VSPLAT_PROGRAMS_OF_RENDER,
-                                        VSPLAT_PROGRAMS_OF_REFINE, VSPLAT_PROGRAMS_OF_TRAIN}) {
-    if (!(jobs & static_cast<uint32_t>(job))) continue;
+  for (const PlannedJob& job : kPlannedJobs) {
+    if (!(jobs & job.bit)) continue;
     const auto planner = ctx.planner(false);
     planner->collect(out);
-    plan_job(*planner, model, job);
+    plan_job(*planner, model, job.bit);
   }
   return out;
 }
@@ -31,13 +30,9 @@ vsplat_status vsplat_tune(vsplat_device device, vsplat_model model, const vsplat
     const DeviceUse use(device);
     need(out_text, "out_text");
     const vsplat_tune_options o = taken(options, VSPLAT_TUNE_OPTIONS_INIT, "options");
-    constexpr uint32_t all = VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER | VSPLAT_PROGRAMS_OF_REFINE |
-                             VSPLAT_PROGRAMS_OF_TRAIN;
-    if (o.jobs & ~all) fail(Status::usage, "options.jobs is {}, not made of values of vsplat_program_jobs", o.jobs);
     if (!(o.seconds >= 0 && o.seconds <= 1e9))
       fail(Status::usage, "options.seconds is {}, 0 to 1e9 expected", o.seconds);
-    const uint32_t jobs = o.jobs ? o.jobs : VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER;
-    if (jobs & (VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_TRAIN)) need(model, "model");
+    const uint32_t jobs = checked_jobs(o.jobs, VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER, model);
     Context& ctx = device->context;
     TuneRequest request;
     request.shapes = shapes_of(ctx, model, jobs);
