@@ -6,10 +6,10 @@ namespace vsplat {
 
 // {"kernel", "machine", "system", "libc", "processor", "processors": their number, "memory": bytes}.
 nlohmann::ordered_json system_facts();
-// The variables that OpenCL, its drivers and this library go by, by name.
+// The variables that OpenCL, its drivers and this library go by, by name: those of a list, and no other.
 nlohmann::ordered_json environment_facts();
-// What the cache's folder holds in JSON: tables, verdicts, measured peaks; not compiled kernels. A list of {"file",
-// "content"}; of one that is large or damaged {"file", "bytes"}.
+// What this library has put into the cache's folder in JSON: verdicts/, tuning/, measured peaks; not compiled kernels,
+// nor what else lies there. A list of {"file", "content"}; of one that is large or damaged {"file", "bytes"}.
 nlohmann::ordered_json kept_facts();
 
 }  // namespace vsplat

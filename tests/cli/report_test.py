@@ -46,14 +46,14 @@ class Report(support.Case):
         verdict = {"verdict": "degraded", "off": ["gemm_tile_gpu"], "log": f"{self.home}/log of {USER} on {host}"}
         self.keep("verdicts/a.json", json.dumps(verdict))
         self.keep("verdicts/damaged.json", "{")
-        self.keep("big.json", "[" + "1," * 200000 + "1]")
+        self.keep("verdicts/big.json", "[" + "1," * 200000 + "1]")
         told, text, _ = self.report()
         self.assertEqual((told["format"], "vsplat " + told["version"]), ("vsplat-report", support.run("--version")[1].strip()))
         self.assertEqual(sorted(told), sorted(["format", "version", "made", "system", "environment", "doctor", "device", "run", "kept"]))
         kept = {k["file"]: k for k in told["kept"]}
         self.assertEqual(kept["verdicts/a.json"]["content"], {**verdict, "log": "~/log of USER on HOST" if host != "localhost" else verdict["log"]})
         self.assertEqual(kept["verdicts/damaged.json"]["bytes"], 1)
-        self.assertNotIn("content", kept["big.json"])
+        self.assertNotIn("content", kept["verdicts/big.json"])
         self.assertEqual(told["environment"]["VSPLAT_CACHE_DIR"], "~/kept")
         self.assertTrue(told["environment"]["LD_LIBRARY_PATH"].startswith("~/lib:/home/USER/lib:"))
         self.assertEqual(told["doctor"]["caches"][0]["path"], "~/kept")
@@ -74,6 +74,21 @@ class Report(support.Case):
         self.assertIsNone(told["run"])
         self.assertIsNone(told["device"])
         self.impersonal(text)
+
+    def test_nothing_else_of_the_environment_and_the_folder(self):
+        """Variables with secrets are named as those that are told; the cache's folder may be a folder with others in it."""
+        os.makedirs(os.path.join(self.cache, "foreign"))
+        for name in ("foreign/credentials.json", "credentials.json", "verdicts/credentials.txt", "credentials.bin"):
+            self.keep(name, 'vsplat-kernel-2\n{"access_token": "hunter2"}' if name.endswith("bin") else '{"access_token": "hunter2"}')
+        os.symlink("../credentials.json", os.path.join(self.cache, "verdicts", "link.json"))
+        self.keep("verdicts/deep.json", "[" * 120000 + "]" * 120000)
+        self.keep("verdicts/twice.json", '{"a": 1, "a": 2}')
+        names = ("NVIDIA_API_KEY", "NEO4J_PASSWORD", "GPU_TOKEN", "VSPLAT_SECRET", "POCL_AUTH", "MESA_KEY", "HIP_PASS", "CUDA_CACHE_KEY")
+        told, text, _ = self.report("--no-run", env={**{name: "hunter2" for name in names}, "CUDA_VISIBLE_DEVICES": "0"})
+        self.assertNotIn("hunter2", text)
+        self.assertEqual(told["environment"]["CUDA_VISIBLE_DEVICES"], "0")
+        self.assertEqual([set(names) & set(told["environment"])], [set()])
+        self.assertEqual({k["file"]: k.get("bytes") for k in told["kept"]}, {"verdicts/deep.json": 240000, "verdicts/twice.json": 16})
 
     def test_without_a_device(self):
         nowhere = os.path.join(self.home, "nowhere")
