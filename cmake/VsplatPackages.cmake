@@ -1,5 +1,6 @@
 # Debian packages, by CPack: `cmake --build build/release --target package` puts them into build/release/packages.
-#   libvsplat1      the library, with the model inside, and the program that reads meshes and HDF5 files for it
+#   libvsplat1      the library, with the model inside
+#   libvsplat1-data what it reads meshes and HDF5 files with, and draws meshes and random objects: Embree, assimp, HDF5
 #   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
 #   libvsplat1-mpi  the module for MPI, where VSPLAT_MPI builds it
 #   vsplat          the command with its manual and completions, the Python module, and four pictures to try it on
@@ -19,6 +20,9 @@ endif()
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT licence)
 set(library_package libvsplat${VSPLAT_SOVERSION})
 set(parts library:${library_package} dev:libvsplat-dev tools:vsplat)
+if(VSPLAT_DATA)
+  list(APPEND parts data:${library_package}-data)
+endif()
 if(TARGET vsplat_mpi)
   list(APPEND parts mpi:${library_package}-mpi)
 endif()
@@ -70,11 +74,18 @@ What programs in C and C++ on libvsplat are built with: headers, a CMake package
 a pkg-config file, and examples. vsplat/opencl.h needs OpenCL's headers.")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "${library_package}-data")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "python3-numpy")
 set(CPACK_DEBIAN_TOOLS_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: command
 The command vsplat: makes scenes of posed photographs, refines and draws them,
 makes data sets, trains and measures models, and measures itself. With a Python
 module in /usr/share/vsplat/python.")
+set(CPACK_DEBIAN_DATA_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_DATA_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DATA_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: data sets
+With this package libvsplat and the command vsplat draw meshes and random objects
+as posed pictures, to train on and to measure with, and read HDF5 files.
+Reconstructing and drawing scenes, and training on pictures, do without.")
 set(CPACK_DEBIAN_MPI_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_MPI_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_MPI_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: MPI

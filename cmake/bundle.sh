@@ -43,7 +43,8 @@ program=$build/bin/vsplat
 library=$build/model/api/libvsplat.so.1
 look=$build/model/libexec/vsplat/vsplat-look
 reader=$build/model/libexec/vsplat/vsplat-read
-set -- "$program" "$library" "$look"
+rays=$build/model/libexec/vsplat/vsplat-rays.so
+set -- "$program" "$library" "$look" "$rays"
 if [ $with_reader = yes ]; then set -- "$@" "$reader"; fi
 if [ $with_tests = yes ]; then set -- "$@" "$build/tests/ops_tests" "$build/tests/runtime_tests"; fi
 for file in "$@"; do
@@ -64,6 +65,8 @@ own="$top/bin/vsplat.elf;$top/lib/libvsplat.so.1"
 mkdir -p "$top/libexec/vsplat"
 cp "$look" "$top/libexec/vsplat/vsplat-look.elf"
 own="$own;$top/libexec/vsplat/vsplat-look.elf"
+cp "$rays" "$top/libexec/vsplat/vsplat-rays.so"
+own="$own;$top/libexec/vsplat/vsplat-rays.so"
 if [ $with_reader = yes ]; then
   cp "$reader" "$top/libexec/vsplat/vsplat-read.elf"
   own="$own;$top/libexec/vsplat/vsplat-read.elf"
@@ -109,7 +112,7 @@ endforeach()
 END
 chmod -R u+w "$top"
 cmake "-DFILES=$own" -P "$work/strip.cmake" >/dev/null
-find "$top" -type f \( -name '*.elf' -o -path '*/lib/*' \) -exec strip --strip-unneeded {} +
+find "$top" -type f \( -name '*.elf' -o -name '*.so' -o -path '*/lib/*' \) -exec strip --strip-unneeded {} +
 wanted=$(find "$top" -type f \( -name '*.elf' -o -path '*/lib/*' \) -exec objdump -T {} + 2>/dev/null |
   grep -o 'GLIBC_2\.[0-9]*' | sort -t. -k2n | tail -n 1 | sed 's/GLIBC_//')
 carried=$(objdump -T "$top/libc/libc.so.6" | grep -o 'GLIBC_2\.[0-9]*' | sort -t. -k2n | tail -n 1 | sed 's/GLIBC_//')

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 
 #include "runtime/environment.h"
 #include "runtime/fail.h"
+#include "runtime/library_programs.h"
 
 namespace vsplat {
 namespace {
@@ -22,15 +22,6 @@ bool is_one_of_several() {
     if (!count.empty()) return std::atoi(count.c_str()) > 1;
   }
   return false;
-}
-
-std::string module_path() {
-  Dl_info library{};
-  if (::dladdr(reinterpret_cast<const void*>(&is_one_of_several), &library) == 0 || !library.dli_fname) return "";
-  std::error_code problem;
-  std::filesystem::path real = std::filesystem::canonical(library.dli_fname, problem);
-  if (problem) real = library.dli_fname;
-  return (real.parent_path() / VSPLAT_MODULES_FROM_LIBRARY / "vsplat-mpi.so").lexically_normal().string();
 }
 
 template <class F>
@@ -52,7 +43,7 @@ Ranks& Ranks::world() {
 
 Ranks::Ranks() {
   if (!is_one_of_several()) return;
-  const std::string path = module_path();
+  const std::string path = library_program("vsplat-mpi.so");
   // Global, since MPI's own modules look for it.
   module_ = ::dlopen(path.c_str(), RTLD_NOW | RTLD_GLOBAL);
   if (!module_) {

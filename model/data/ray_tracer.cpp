@@ -1,37 +1,54 @@
 #include "model/data/ray_tracer.h"
 
-#include <embree3/rtcore.h>
+#include <dlfcn.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <thread>
 
+#include "model/data/rays_module.h"
 #include "model/io/image_file.h"
 #include "runtime/fail.h"
+#include "runtime/library_programs.h"
 
 namespace vsplat {
-
-struct RayTracer::Scene {
-  RTCDevice device = nullptr;
-  RTCScene scene = nullptr;
-  ~Scene() {
-    if (scene) rtcReleaseScene(scene);
-    if (device) rtcReleaseDevice(device);
-  }
-};
 
 namespace {
 
 using Eigen::Vector3f;
 
-void check(RTCDevice device, const Mesh& mesh) {
-  const RTCError error = rtcGetDeviceError(device);
-  if (error == RTC_ERROR_OUT_OF_MEMORY)
-    fail(Status::memory, "{}: not enough memory to trace rays through {} triangles", mesh.name, mesh.triangles());
-  if (error != RTC_ERROR_NONE) fail(Status::internal, "{}: Embree's error {}", mesh.name, static_cast<int>(error));
+std::string& named_module() {
+  static std::string path;
+  return path;
+}
+
+const RayFunctions* loaded() {
+  const std::string path = named_module().empty() ? library_program("vsplat-rays.so") : named_module();
+  void* module = path.empty() ? nullptr : ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (!module) {
+    const char* why = path.empty() ? "it is not known where the library lies" : ::dlerror();
+    fail(Status::internal,
+         "meshes and random objects are drawn by vsplat-rays.so, which is installed beside the library "
+         "(libvsplat{}-data "
+         "is its package): {}",
+         VSPLAT_SOVERSION, why ? why : path.c_str());
+  }
+  auto* functions = reinterpret_cast<RayModule*>(::dlsym(module, "vsplat_rays"));
+  if (const RayFunctions* found = functions ? functions(VSPLAT_VERSION) : nullptr) return found;
+  fail(Status::internal, "{} is not of vsplat {}, whose library is to load it", path, VSPLAT_VERSION);
+}
+
+// Never unloaded: what was found once serves all.
+const RayFunctions& rays() {
+  static std::mutex one;
+  static const RayFunctions* found = nullptr;
+  const std::lock_guard<std::mutex> lock(one);
+  if (!found) found = loaded();
+  return *found;
 }
 
 // What a surface turned towards `normal` sends back of white light. At most 1.
@@ -40,42 +57,30 @@ float light(const Vector3f& normal) {
   return 0.48f + 0.12f * normal.y() + 0.4f * std::max(0.0f, normal.dot(side));
 }
 
-struct Hit {
-  bool any = false;
-  Vector3f colour = Vector3f::Zero();  // linear
-};
-
 Eigen::Vector2f texture_place(const Mesh& mesh, unsigned triangle, float u, float v) {
   const Corner* c = &mesh.corners[3 * static_cast<std::size_t>(triangle)];
   return (1 - u - v) * c[0].uv + u * c[1].uv + v * c[2].uv;
 }
 
-// Embree asks of each triangle that a ray meets whether it counts.
-void pass_through_holes(const RTCFilterFunctionNArguments* args) {
-  const Mesh& mesh = *static_cast<const Mesh*>(args->geometryUserPtr);
-  for (unsigned i = 0; i < args->N; ++i) {
-    const unsigned triangle = RTCHitN_primID(args->hit, args->N, i);
-    const Material& material = mesh.palette[mesh.materials[triangle]];
-    if (args->valid[i] == 0 || !(material.cutoff > 0)) continue;
-    float alpha = material.alpha;
-    if (material.texture)
-      alpha *= sample_alpha(*material.texture, texture_place(mesh, triangle, RTCHitN_u(args->hit, args->N, i),
-                                                             RTCHitN_v(args->hit, args->N, i)));
-    if (alpha < material.cutoff) args->valid[i] = 0;
-  }
+bool passes(const void* user, unsigned triangle, float u, float v) {
+  const Mesh& mesh = *static_cast<const Mesh*>(user);
+  const Material& material = mesh.palette[mesh.materials[triangle]];
+  if (!(material.cutoff > 0)) return false;
+  float alpha = material.alpha;
+  if (material.texture) alpha *= sample_alpha(*material.texture, texture_place(mesh, triangle, u, v));
+  return alpha < material.cutoff;
 }
 
 // The surface that the ray met, in linear light.
-Vector3f shaded(const Mesh& mesh, const RTCRayHit& ray) {
-  const std::size_t triangle = ray.hit.primID;
+Vector3f shaded(const Mesh& mesh, const RayHit& hit, const Vector3f& direction) {
+  const std::size_t triangle = hit.triangle;
   const Corner* c = &mesh.corners[3 * triangle];
-  const float u = ray.hit.u, v = ray.hit.v, w = 1 - u - v;
+  const float u = hit.u, v = hit.v, w = 1 - u - v;
   const Material& material = mesh.palette[mesh.materials[triangle]];
   Vector3f colour = material.colour.cwiseProduct(w * c[0].colour + u * c[1].colour + v * c[2].colour);
   if (material.texture)
-    colour = colour.cwiseProduct(sample(*material.texture, texture_place(mesh, ray.hit.primID, u, v)));
-  const Vector3f direction(ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z);
-  Vector3f face(ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z);
+    colour = colour.cwiseProduct(sample(*material.texture, texture_place(mesh, hit.triangle, u, v)));
+  Vector3f face(hit.normal[0], hit.normal[1], hit.normal[2]);
   if (face.dot(direction) > 0) face = -face;  // the side that is seen, whichever way the triangle is wound
   Vector3f normal = w * c[0].normal + u * c[1].normal + v * c[2].normal;
   if (!(normal.norm() > 1e-6f)) normal = face;
@@ -84,59 +89,33 @@ Vector3f shaded(const Mesh& mesh, const RTCRayHit& ray) {
   return light(length > 0 ? Vector3f(normal / length) : Vector3f(Vector3f::UnitY())) * colour;
 }
 
-Hit traced(RTCScene scene, const Mesh& mesh, const Vector3f& eye, const Vector3f& direction) {
-  RTCRayHit ray{};
-  ray.ray.org_x = eye.x(), ray.ray.org_y = eye.y(), ray.ray.org_z = eye.z();
-  ray.ray.dir_x = direction.x(), ray.ray.dir_y = direction.y(), ray.ray.dir_z = direction.z();
-  ray.ray.tfar = std::numeric_limits<float>::infinity();
-  ray.ray.mask = ~0u;
-  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  rtcIntersect1(scene, &context, &ray);
-  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
-  return {true, shaded(mesh, ray)};
-}
-
 }  // namespace
 
-RayTracer::RayTracer(const Mesh& mesh) : scene_(std::make_unique<Scene>()), mesh_(mesh) {
+void set_rays_module(const std::string& path) { named_module() = path; }
+
+void RayTracer::Close::operator()(void* scene) const { rays().close(scene); }
+
+RayTracer::RayTracer(const Mesh& mesh) : mesh_(mesh) {
   if (mesh.triangles() > std::numeric_limits<unsigned>::max() / 3)
     fail(Status::input, "{}: {} triangles are more than can be drawn", mesh.name, mesh.triangles());
-  scene_->device = rtcNewDevice("threads=1");  // of building; every thread may trace
-  if (!scene_->device)
-    fail(Status::internal, "Embree does not start: error {}", static_cast<int>(rtcGetDeviceError(nullptr)));
-  const RTCDevice device = scene_->device;
-  scene_->scene = rtcNewScene(device);
-  rtcSetSceneFlags(scene_->scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips through an edge
-  const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* positions = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                                                3 * sizeof(float), mesh.corners.size()));
-  auto* indices = static_cast<unsigned*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                                                 3 * sizeof(unsigned), mesh.triangles()));
-  if (positions && indices)
-    for (std::size_t i = 0; i < mesh.corners.size(); ++i) {
-      std::copy_n(mesh.corners[i].position.data(), 3, positions + 3 * i);
-      indices[i] = static_cast<unsigned>(i);
-    }
-  if (std::any_of(mesh.palette.begin(), mesh.palette.end(), [](const Material& m) { return m.cutoff > 0; })) {
-    rtcSetGeometryUserData(geometry, const_cast<Mesh*>(&mesh_));
-    rtcSetGeometryIntersectFilterFunction(geometry, pass_through_holes);
-  }
-  if (positions && indices) rtcCommitGeometry(geometry);
-  rtcAttachGeometry(scene_->scene, geometry);
-  rtcReleaseGeometry(geometry);
-  check(device, mesh);
-  rtcCommitScene(scene_->scene);
-  check(device, mesh);
+  const bool holes =
+      std::any_of(mesh.palette.begin(), mesh.palette.end(), [](const Material& m) { return m.cutoff > 0; });
+  const float* first = mesh.corners.empty() ? nullptr : mesh.corners[0].position.data();
+  const RayTriangles triangles{first, sizeof(Corner), mesh.triangles(), holes ? passes : nullptr, &mesh_};
+  void* scene = nullptr;
+  int error = 0;
+  const int code = rays().open(&triangles, &scene, &error);
+  if (code == 1)
+    fail(Status::memory, "{}: not enough memory to trace rays through {} triangles", mesh.name, mesh.triangles());
+  if (code != 0) fail(Status::internal, "{}: Embree's error {}", mesh.name, error);
+  scene_.reset(scene);
 }
-
-RayTracer::~RayTracer() = default;
 
 Image RayTracer::picture(const Camera& camera, int samples, unsigned threads) const {
   Image out(camera.width, camera.height, 4);
   const Eigen::Matrix4d c2w = camera.c2w();
   const Vector3f eye = camera.centre().cast<float>();
+  const auto trace = rays().trace;
   const auto pixel = [&](int x, int y) {
     Vector3f sum = Vector3f::Zero();
     int hits = 0;
@@ -145,9 +124,9 @@ Image RayTracer::picture(const Camera& camera, int samples, unsigned threads) co
       const double across = x + (column + 0.5) / samples, down = y + (row + 0.5) / samples;
       const Eigen::Vector3d ray((across - camera.cx) / camera.fx, (down - camera.cy) / camera.fy, 1.0);
       const Vector3f direction = (c2w.topLeftCorner<3, 3>() * ray).cast<float>();
-      const Hit hit = traced(scene_->scene, mesh_, eye, direction);
-      if (!hit.any) continue;
-      sum += hit.colour;
+      RayHit hit;
+      if (!trace(scene_.get(), eye.data(), direction.data(), &hit)) continue;
+      sum += shaded(mesh_, hit, direction);
       ++hits;
     }
     if (hits == 0) return;

@@ -59,6 +59,17 @@ class Reader(support.Case):
             os.chmod(program, 0o700)
             self.refuses(1, [program, words], *self.render(mesh), env=env)
 
+    def test_without_what_traces_rays(self):
+        env, program = self.moved()
+        shutil.copytree(os.path.join(os.path.dirname(LIBRARY), "..", "libexec"), self.path("libexec"))
+        rays = os.path.join(os.path.dirname(program), "vsplat-rays.so")
+        procedural = ("dataset", "procedural", "--count", 1, "--size", 16, "--views", 1, "--output", self.path("set"), "--overwrite", "--quiet")
+        self.succeeds(*procedural, env=env)
+        os.unlink(rays)
+        self.refuses(1, [rays, "vsplat-rays.so, which is installed beside the library", "libvsplat1-data"], *procedural, env=env)
+        shutil.copy(LIBRARY, rays)  # a library, but not the module
+        self.refuses(1, [rays, "is not of vsplat"], *procedural, env=env)
+
     def test_other_formats(self):
         for name in ("a.off", "a.3mf", "a.md5mesh", "a.ase"):
             self.refuses(1, [name, ".obj, .ply, .stl, .gltf and .glb"], *self.render(self.put(name, OBJ)))

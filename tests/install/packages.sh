@@ -44,7 +44,7 @@ umount "$root/proc"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
 rm -rf "$work/packages/_CPack_Packages"
 libdir=$(sed -n 's/^CMAKE_INSTALL_LIBDIR:[A-Z]*=//p' "$build/CMakeCache.txt")
-for name in libvsplat1 libvsplat-dev vsplat; do
+for name in libvsplat1 libvsplat1-data libvsplat-dev vsplat; do
   set -- "$work/packages/$name"_*.deb
   [ $# -eq 1 ] && [ -f "$1" ] || fail "no package $name, or several: $*"
   dpkg-deb --info "$1" | sed -n 's/^ \(Package\|Version\|Maintainer\|Installed-Size\|Depends\|Recommends\):/  \1:/p'
@@ -88,7 +88,6 @@ said $apt install --no-install-recommends gcc g++ libc6-dev make cmake pkg-confi
 find /usr /etc /var/lib /opt | sort >/try/before
 said $apt install ./libvsplat1_*.deb ./libvsplat-dev_*.deb ./vsplat_*.deb
 said dpkg --audit
-dpkg -L libvsplat1 libvsplat-dev vsplat | sort -u >/try/ours
 
 echo "-- the command"
 [ -e "/usr/$1/libvsplat.so.1" ]
@@ -97,7 +96,13 @@ vsplat devices
 vsplat reconstruct /usr/share/doc/vsplat/examples/garden_gnome --output gnome.ply --refine --render orbit:8 --turntable gnome.webp \
   --size 128x128 --quiet
 [ -s gnome.ply ] && [ -s gnome.webp ]
+echo "-- data sets, with their package"
+if dpkg -l | grep -q "libembree\|libassimp\|libhdf5"; then echo "what data sets need came with the library"; exit 1; fi
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' >mesh.obj
+if vsplat dataset procedural --count 1 --output set --views 1 --size 16 --quiet 2>err; then echo "drawn without the package"; exit 1; fi
+grep -q "libvsplat1-data is its package" err || { cat err; exit 1; }
+said $apt install ./libvsplat1-data_*.deb
+dpkg -L libvsplat1 libvsplat1-data libvsplat-dev vsplat | sort -u >/try/ours
 vsplat dataset render mesh.obj --output set --views 1 --size 16 --quiet
 if vsplat weights verify >weights 2>&1; then cat weights; else grep -q "without" weights; fi
 for file in man/man1/vsplat.1 man/man1/vsplat-reconstruct.1 bash-completion/completions/vsplat zsh/site-functions/_vsplat \
@@ -122,7 +127,7 @@ build/user_cpp
 if ldd build/user_cpp fit /usr/bin/vsplat | grep vsplat.so | grep -v "/$1/"; then echo "not the installed library"; exit 1; fi
 
 echo "-- removed"
-said $apt purge vsplat libvsplat-dev libvsplat1
+said $apt purge vsplat libvsplat-dev libvsplat1-data libvsplat1
 while read -r path; do
   if [ -L "$path" ] || [ -f "$path" ]; then echo "$path is still there"; exit 1; fi
 done </try/ours

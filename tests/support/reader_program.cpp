@@ -1,11 +1,13 @@
 // Test programs have the library's insides in them, and lie elsewhere than the library: they are told where the reader
-// is.
+// is, and the module that traces rays.
+#include "model/data/ray_tracer.h"
 #include "model/read/reader.h"
 
 namespace {
 
 [[maybe_unused]] const bool told = [] {
   vsplat::set_reader_program(VSPLAT_READER);
+  vsplat::set_rays_module(VSPLAT_RAYS);
   return true;
 }();
 
