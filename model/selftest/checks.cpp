@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "runtime/error.h"
+#include "model/tune/check_chosen.h"
+#include "runtime/fail.h"
 #include "runtime/sha256.h"
 
 namespace vsplat::selftest {
@@ -42,7 +43,8 @@ void Checks::run(const std::string& name, const std::function<void(Checks&)>& wo
     try {
       work(*this);
     } catch (const Error& e) {
-      if (e.status() == Status::cancelled) throw;
+      if (!tells_of_the_device(e))
+        fail(e.status(), "self-test of {}, which tells nothing of the device: {}", name, e.what());
       Finding finding;
       finding.what = name;
       finding.kernels = take_kernels();

@@ -35,7 +35,7 @@ class Checks {
   Context& ctx;
   const bool quick;
 
-  // Runs it, both times. Error(cancelled) passes; any other is a finding.
+  // Runs it, both times. Errors that the device may be to blame for are findings; others pass (tells_of_the_device()).
   void run(const std::string& name, const std::function<void(Checks&)>& work);
 
   // A device's floats against numbers, or what makes them (it is called once).

@@ -43,6 +43,19 @@ TunedShape little(TunedShape shape) {
 
 }  // namespace
 
+bool tells_of_the_device(const Error& error) {
+  switch (error.status()) {
+    case Status::cancelled:
+    case Status::busy:
+    case Status::memory:
+    case Status::file:
+    case Status::usage:
+      return false;
+    default:
+      return true;
+  }
+}
+
 std::vector<CheckedChoice> check_chosen(Context& ctx) {
   std::vector<CheckedChoice> out;
   for (const auto& [shape, values] : ctx.tuning().chosen()) {
@@ -50,7 +63,7 @@ std::vector<CheckedChoice> check_chosen(Context& ctx) {
     try {
       one.error = error_of(ctx, little(shape), values);
     } catch (const Error& e) {
-      if (e.status() == Status::cancelled) throw;
+      if (!tells_of_the_device(e)) throw;
       one.why = e.what();
     }
     out.push_back(std::move(one));

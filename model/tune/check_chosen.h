@@ -7,6 +7,10 @@
 
 namespace vsplat {
 
+// Whether an error may be the device's fault. A shortage of memory, a file and the request say nothing of whether it
+// computes rightly: they end what finds that out, and nothing is remembered.
+bool tells_of_the_device(const Error& error);
+
 struct CheckedChoice {
   TunedShape shape;  // a class of the table's
   TunedValues values;
@@ -16,7 +20,8 @@ struct CheckedChoice {
   bool right() const { return error <= 1; }
 };
 
-// Each choice of the context's table once, at an odd shape and at one of its class that takes little time.
+// Each choice of the context's table once, at an odd shape and at one of its class that takes little time. Errors that
+// tell nothing of the device pass.
 std::vector<CheckedChoice> check_chosen(Context& ctx);
 
 // Takes these out of the device's table in the cache's folder, where that is the context's; contexts that are made

@@ -116,6 +116,23 @@ TEST_P(SelftestChecks, FindWhatIsWrong) {
   EXPECT_EQ(thrown.trouble, "it broke");
 }
 
+// What passes, a lack of memory or of a disk, is no fault of the device's: the self-test ends with it.
+TEST(SelftestErrors, ThatTellNothingOfTheDeviceEndIt) {
+  const auto own = test::open_context(Flavour::cpu);
+  selftest::Checks c(*own, true);
+  for (const Status status : {Status::memory, Status::file, Status::usage, Status::busy, Status::cancelled}) {
+    try {
+      c.run("case", [&](auto&) { throw Error(status, "no room"); });
+      ADD_FAILURE() << "a finding";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.status(), status);
+      EXPECT_NE(std::string(e.what()).find("case"), std::string::npos) << e.what();
+      EXPECT_NE(std::string(e.what()).find("no room"), std::string::npos) << e.what();
+    }
+  }
+  EXPECT_TRUE(c.findings().empty());
+}
+
 // What the library carries of the network's stages is what PyTorch has made.
 TEST(SelftestStages, AreThoseOfTheGoldenVectors) {
   const SafetensorsFile file("stages", selftest::stages_file());

@@ -107,5 +107,21 @@ TEST(CheckChosen, TellsAndRefuses) {
   ::unsetenv("VSPLAT_CACHE_DIR");
 }
 
+// A lack of memory says nothing of what a table chooses.
+TEST(CheckChosen, NeedsRoom) {
+  ContextOptions little;
+  little.max_memory_gib = 1e-5;
+  const auto ctx = test::open_context(Flavour::gpu, little);
+  Tuning choice;
+  choice.set({TunedOp::gemm, {4000, 33, 40, 1}}, all_values(*tuned_declaration(TunedOp::gemm, Flavour::gpu)).back());
+  ctx->use_tuning(std::make_shared<const Tuning>(choice));
+  try {
+    check_chosen(*ctx);
+    ADD_FAILURE() << "not refused";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::memory) << e.what();
+  }
+}
+
 }  // namespace
 }  // namespace vsplat
