@@ -132,7 +132,7 @@ void DiskCache::store(const std::string& key, const std::vector<unsigned char>& 
   if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) return;
   if (others_may_write(folder_)) return;
   try {
-    OutputFile out(path(key));
+    OutputFile out(path(key), kOwnersAlone);
     out.write(magic + digest(key, payload) + "\n");
     out.write(payload.data(), payload.size());
     out.commit();

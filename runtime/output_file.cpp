@@ -14,10 +14,10 @@
 
 namespace vsplat {
 
-OutputFile::OutputFile(const std::string& path) : path_(path) {
+OutputFile::OutputFile(const std::string& path, unsigned mode) : path_(path) {
   static std::atomic<unsigned> serial{0};
   temporary_ = fmt::format("{}.{}-{}.tmp", path, ::getpid(), serial++);
-  const int descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  const int descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   if (descriptor < 0) failed("be created");
   file_ = ::fdopen(descriptor, "wb");
   if (file_ == nullptr) {

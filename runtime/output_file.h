@@ -7,9 +7,13 @@
 
 namespace vsplat {
 
+// Of what the cache keeps: its readers take nothing that others may write to, which a umask of 002 allows.
+constexpr unsigned kOwnersAlone = 0600;
+
 class OutputFile {
  public:
-  explicit OutputFile(const std::string& path);  // Error(file) where the folder cannot be written
+  // Error(file) where the folder cannot be written. `mode` is whose it is, less what the process's umask takes away.
+  explicit OutputFile(const std::string& path, unsigned mode = 0666);
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;

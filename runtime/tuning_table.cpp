@@ -234,8 +234,9 @@ void write_tuning(const std::string& path, const TuningTable& table) {
     if (!t.why.empty()) one["why"] = t.why;
     json["tried"].push_back(std::move(one));
   }
-  make_private_folder(fs::path(path).parent_path().string());
-  OutputFile out(path);
+  const std::string folder = fs::path(path).parent_path().string();
+  make_private_folder(folder);
+  OutputFile out(path, folder == folder_of_tables() ? kOwnersAlone : 0666);
   out.write(json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   out.commit();
 }

@@ -47,11 +47,14 @@ std::string verdict_path(const DeviceInfo& d) {
 // Of a file that nobody else may write to.
 nlohmann::json kept_verdict(const std::string& path) {
   struct stat found {};
-  const bool ours = !path.empty() && ::lstat(path.c_str(), &found) == 0 && S_ISREG(found.st_mode) &&
-                    (found.st_uid == ::geteuid() || found.st_uid == 0) && (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
-  if (!ours || found.st_size > 1 << 20) return nullptr;
-  const std::vector<unsigned char> text = read_file(path);
-  return nlohmann::json::parse(text.begin(), text.end(), nullptr, false);
+  if (path.empty() || ::lstat(path.c_str(), &found) != 0) return nullptr;
+  if (!S_ISREG(found.st_mode) || (found.st_uid != ::geteuid() && found.st_uid != 0) ||
+      (found.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+    fail(Status::file, "{}: others may write to it: `chmod go-w` it where it is yours", path);
+  const std::vector<unsigned char> text = found.st_size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
+  nlohmann::json out = nlohmann::json::parse(text.begin(), text.end(), nullptr, false);
+  if (!out.is_object()) fail(Status::format, "{}: is damaged", path);
+  return out;
 }
 
 }  // namespace
@@ -90,7 +93,7 @@ std::string kernels_hash() {
 std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   try {
     const nlohmann::json json = kept_verdict(verdict_path(device));
-    if (!json.is_object()) return std::nullopt;
+    if (json.is_null()) return std::nullopt;
     Verdict out;
     const std::string fitness = json.at("verdict");
     for (const Fitness one : {Fitness::ok, Fitness::degraded, Fitness::unusable})
@@ -104,7 +107,7 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   } catch (const nlohmann::json::exception&) {  // of another version, then
     return std::nullopt;
   } catch (const Error& e) {  // what cannot be read says nothing
-    verbose("{}", e.what());
+    warn("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it anew", device.name, e.what());
     return std::nullopt;
   }
 }
@@ -127,7 +130,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
   for (const auto& each : {folder.parent_path(), folder})
     if (::mkdir(each.c_str(), 0700) != 0 && errno != EEXIST) return false;
   try {
-    OutputFile out(path);
+    OutputFile out(path, kOwnersAlone);
     out.write(json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     out.commit();
     return true;

@@ -7,7 +7,11 @@
 #include <filesystem>
 #include <fstream>
 
+#include "runtime/context.h"
+#include "runtime/disk_cache.h"
 #include "runtime/error.h"
+#include "runtime/log.h"
+#include "runtime/tuning.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -83,10 +87,37 @@ TEST_F(VerdictTest, AnUnusableDeviceIsRefusedButWhereItIsIgnored) {
   EXPECT_FALSE(fit_for_use(device_).any());
 }
 
+// Where a group may write to what its members make, as many systems have it, the cache is its owner's still.
+TEST_F(VerdictTest, IsBelievedWhateverTheUmask) {
+  const mode_t before = ::umask(002);
+  const bool remembered = remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"});
+  const DiskCache cache;
+  cache.store("a", {1, 2, 3});
+  TuningTable table;
+  table.of = tuning_subject(device_, Flavour::cpu);
+  table.choice.set({TunedOp::gemm, {64, 8, 8, 1}}, all_values(*tuned_declaration(TunedOp::gemm, Flavour::cpu)).back());
+  write_tuning(tuning_path(table.of), table);
+  ::umask(before);
+  ASSERT_TRUE(remembered);
+  EXPECT_TRUE(remembered_verdict(device_));
+  EXPECT_TRUE(cache.load("a"));
+  const std::optional<std::string> tuning = variable("VSPLAT_TUNING");
+  ::unsetenv("VSPLAT_TUNING");
+  EXPECT_EQ(tuning_for(device_, Flavour::cpu)->hash(), table.choice.hash());
+  restore("VSPLAT_TUNING", tuning);
+}
+
 TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {
   ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
   ASSERT_EQ(::chmod(file().c_str(), 0666), 0);
+  std::string said;
+  set_log_sink([&](LogLevel level, const std::string& text) {
+    if (level == LogLevel::warning) said += text;
+  });
   EXPECT_FALSE(remembered_verdict(device_)) << "others may write to it";
+  set_log_sink(nullptr);
+  for (const std::string& words : {device_.name, file().string(), std::string("chmod go-w")})
+    EXPECT_NE(said.find(words), std::string::npos) << said;
   for (const char* text : {"", "{", "[]", "null", "{\"verdict\": 3}", "{\"verdict\": \"ok\", \"off\": 1}"}) {
     ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
     std::ofstream(file()) << text;
