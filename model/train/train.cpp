@@ -392,6 +392,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
     ctx.go_on();
   }
   if (options.leader) options.leader->rest();
+  const Uncancelled whole(ctx);  // whoever says stop again waits for the same checkpoint
   folder.save(trainer);
   if (page.write(trainer.step(), reader.bad())) folder.say("report " + page.path());
   if (cancelled)

@@ -1,6 +1,9 @@
 /* Training through the C interface: misuse with the status of each, the configuration, and the plan of its memory. What
    a training does is tested through the command, which is made of the same calls. */
+#include <pthread.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #include <vsplat/vsplat.h>
 
 #include "checks.h"
@@ -92,6 +95,53 @@ static void tells_what_does_not_fit(void) {
   }
 }
 
+/* Whoever says stop says it again while a training writes what it has: as a user does who sees nothing happen. */
+typedef struct stopping {
+  vsplat_device device;
+  volatile int begun, ended;
+} stopping;
+
+static int32_t a_step(void* user) {
+  ((stopping*)user)->begun = 1;
+  return 1;
+}
+
+static void* stops(void* user) {
+  stopping* s = user;
+  while (!s->begun) usleep(1000);
+  while (!s->ended) {
+    EXPECT(VSPLAT_OK, vsplat_device_cancel(s->device));
+    usleep(100);
+  }
+  return NULL;
+}
+
+static void keeps_its_checkpoint(vsplat_device device) {
+  static const char* const endless =
+      "{\"model\": \"micro\", \"steps\": 100000, \"procedural\": 1, \"batch\": 1, \"checkpoint_every\": 0, "
+      "\"sheet_every\": 0}";
+  static const char* const told = "its checkpoint is ";
+  char run[] = "/tmp/vsplat-train-XXXXXX", command[128];
+  vsplat_train_options options = VSPLAT_TRAIN_OPTIONS_INIT;
+  vsplat_train_result result = VSPLAT_TRAIN_RESULT_INIT;
+  stopping s = {NULL, 0, 0};
+  const char* path;
+  pthread_t thread;
+  s.device = device;
+  HOLD(mkdtemp(run) != NULL);
+  options.output = run;
+  options.go_on = a_step;
+  options.user = &s;
+  HOLD(pthread_create(&thread, NULL, stops, &s) == 0);
+  EXPECT(VSPLAT_ERROR_CANCELLED, vsplat_train(device, endless, &options, &result));
+  s.ended = s.begun = 1;
+  HOLD(pthread_join(thread, NULL) == 0);
+  path = strstr(vsplat_last_error(), told);
+  HOLD(path != NULL && access(path + strlen(told), R_OK) == 0);
+  snprintf(command, sizeof command, "rm -r %s", run);
+  HOLD(system(command) == 0);
+}
+
 int main(void) {
   vsplat_device device = NULL;
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
@@ -99,6 +149,7 @@ int main(void) {
   configures();
   plans(device);
   tells_what_does_not_fit();
+  keeps_its_checkpoint(device);
   vsplat_device_release(device);
   if (failures) printf("%d checks do not hold\n", failures);
   return failures != 0;
