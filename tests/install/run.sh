@@ -10,12 +10,18 @@ trap 'rm -rf "$work"' EXIT
 cmake --install "$build" --prefix "$work/first" >/dev/null
 mv "$work/first" "$work/moved"  # the package may not depend on where it was installed
 cp -r "$here" "$work/project"
-cmake -S "$work/project" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/moved" >/dev/null
+static=OFF
+if [ -n "$(find "$work/moved" -name libvsplat.a)" ]; then static=ON; fi
+cmake -S "$work/project" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/moved" -DSTATIC=$static >/dev/null
 cmake --build "$work/build" >/dev/null
 cd "$work"
 unset VSPLAT_KERNEL_DIR || true
 "$work/build/user_c"
 "$work/build/user_cpp"
+if [ $static = ON ]; then
+  "$work/build/user_static"
+  if ldd "$work/build/user_static" | grep libvsplat; then echo "libvsplat.so, though the archive was linked" >&2; exit 1; fi
+fi
 "$work/moved/bin/vsplat" --version
 for file in LICENSE CREDITS.md examples/fit.c examples/garden_gnome/transforms.json; do
   [ -s "$work/moved/share/doc/vsplat/$file" ] || { echo "share/doc/vsplat/$file is not installed" >&2; exit 1; }
