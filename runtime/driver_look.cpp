@@ -62,7 +62,7 @@ SeenDriver look(const char* what, const char* when, const std::string& library, 
   bool whole = false;
   std::istringstream lines(end.told);
   for (std::string line; std::getline(lines, line);) whole = take_fact(fields_of(line), out) || whole;
-  if (whole && !end.too_late && end.exit_code == 0) {
+  if (whole && !end.too_late && (end.exit_code == 0 || end.unknown)) {
     out.doing.clear();
     return out;
   }
@@ -70,6 +70,8 @@ SeenDriver look(const char* what, const char* when, const std::string& library, 
   out.state = end.too_late ? SeenDriver::State::too_late : SeenDriver::State::crashed;
   if (end.too_late)
     out.error = fmt::format("not done after {:g} s", seconds);
+  else if (end.unknown)
+    out.error = "how is not known here, where SIGCHLD is ignored";
   else if (end.signal != 0)
     out.error = fmt::format("signal {}, {}", end.signal, ::strsignal(end.signal));
   else

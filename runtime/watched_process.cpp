@@ -101,18 +101,23 @@ int milliseconds_to(Clock::time_point end) {
 }
 
 // Until the program has ended or the time has. Descriptors may stay open in what a driver has started: the end of the
-// program itself counts. -> its status, or -1 where it goes on.
-int listen(const Pipe& told, const Pipe& said, pid_t process, Clock::time_point end, WatchedEnd& out) {
+// program itself counts. It is left as it ended, so that its number stays its own. Says whether it goes on, or is gone.
+void listen(const Pipe& told, const Pipe& said, pid_t process, Clock::time_point end, WatchedEnd& out) {
   bool told_open = true, said_open = true, ended = false;
-  int status = 0;
   for (;;) {
-    ended = ended || ::waitpid(process, &status, WNOHANG) == process;
+    siginfo_t found{};
+    if (!ended && ::waitid(P_PID, static_cast<id_t>(process), &found, WEXITED | WNOHANG | WNOWAIT) != 0)
+      ended = out.unknown = errno == ECHILD;
+    ended = ended || found.si_pid == process;
     pollfd files[2] = {{told_open ? told.end(0) : -1, POLLIN, 0}, {said_open ? said.end(0) : -1, POLLIN, 0}};
     const int ready = ::poll(files, 2, ended ? 0 : std::min(milliseconds_to(end), 50));
     if (ready > 0 && files[0].revents != 0) told_open = take(told.end(0), out.told, false, most_told);
     if (ready > 0 && files[1].revents != 0) said_open = take(said.end(0), out.said, true, most_said);
-    if (ended && ready <= 0) return status;
-    if (!ended && Clock::now() >= end) return -1;
+    if (ended && ready <= 0) return;
+    if (!ended && Clock::now() >= end) {
+      out.too_late = true;
+      return;
+    }
   }
 }
 
@@ -133,14 +138,17 @@ WatchedEnd run_watched(const std::string& program, const std::vector<std::string
   said.close_end(1);
   WatchedEnd out;
   const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-  int status = listen(told, said, process, end, out);
-  out.too_late = status == -1;
-  ::kill(-process, SIGKILL);  // and what it may have started
-  if (out.too_late) {
-    while (::waitpid(process, &status, 0) < 0 && errno == EINTR) {
-    }
-    return out;
-  }
+  listen(told, said, process, end, out);
+  if (out.unknown) return out;  // its number may be somebody else's by now
+  ::kill(-process, SIGKILL);    // and what it may have started
+  int status = 0;
+  pid_t got = -1;
+  do {
+    got = ::waitpid(process, &status, 0);
+  } while (got < 0 && errno == EINTR);
+  if (out.too_late) return out;
+  out.unknown = got != process;
+  if (out.unknown) return out;
   if (WIFEXITED(status)) out.exit_code = WEXITSTATUS(status);
   if (WIFSIGNALED(status)) out.signal = WTERMSIG(status);
   return out;

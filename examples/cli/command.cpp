@@ -210,6 +210,11 @@ void catch_interrupts() {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
+void let_interrupts_end() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
+    if (std::signal(signal, SIG_DFL) == SIG_IGN) std::signal(signal, SIG_IGN);
+}
+
 bool interrupted() { return stop_asked != 0; }
 
 int interrupt_code() { return 128 + stop_asked; }

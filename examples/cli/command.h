@@ -84,6 +84,8 @@ double elapsed_seconds();
 // Interrupts (SIGINT, SIGTERM, SIGHUP where it is not ignored) ask for a clean stop; a second one ends at once. A file
 // beyond its limit and a pipe that nobody reads are errors of the write.
 void catch_interrupts();
+// From now on each of them ends the program at once: where nothing is written yet, and a call knows no stop.
+void let_interrupts_end();
 bool interrupted();
 int interrupt_code();  // what a shell tells of it: 130, 143, 129
 

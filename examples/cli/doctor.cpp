@@ -18,6 +18,7 @@ void doctor(const DoctorOptions& o) {
   vsplat_doctor_options options = VSPLAT_DOCTOR_OPTIONS_INIT;
   options.seconds = o.seconds;
   options.json = o.common.json;
+  let_interrupts_end();
   const vsplat::Diagnosis found = vsplat::doctor(options);
   if (o.common.json)
     print_json(nlohmann::ordered_json::parse(found.text));

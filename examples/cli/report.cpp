@@ -32,7 +32,9 @@ void report(const ReportOptions& o) {
   outputs.expect(o.output);
   vsplat_report_options options = VSPLAT_REPORT_OPTIONS_INIT;
   options.seconds = o.seconds;
+  let_interrupts_end();
   const std::string before = vsplat::report(nullptr, options);
+  catch_interrupts();
   write_text(outputs.begin(o.output), before);
   outputs.keep();
   const nlohmann::ordered_json doctor = nlohmann::ordered_json::parse(before)["doctor"];

@@ -4,13 +4,28 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
+import time
 
 import support
 
 COMPILER = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 USUAL = "/etc/OpenCL/vendors"
+
+
+def state_of(process):
+    """-> its state (X: there is none), its parent"""
+    try:
+        with open(f"/proc/{process}/stat") as f:
+            return f.read().rsplit(")", 1)[1].split()[:2]
+    except OSError:
+        return "X", "0"
+
+
+def children_of(process):
+    return [p for p in os.listdir("/proc") if p.isdigit() and state_of(p)[1] == str(process)]
 
 
 class Doctor(support.Case):
@@ -34,6 +49,12 @@ class Doctor(support.Case):
             self.assertIn(finding["mend"], text)
             self.assertTrue(finding["mend"] and finding["about"])
         return code, told, text
+
+    def wait_until(self, done, seconds=60):
+        until = time.time() + seconds
+        while not done():
+            self.assertLess(time.time(), until, "it takes too long")
+            time.sleep(0.02)
 
     def entry(self, name, line):
         path = self.path("vendors", name)
@@ -150,6 +171,32 @@ class Doctor(support.Case):
         entry = self.entry("hang.icd", library + "\n")
         _, told, _ = self.doctor("--seconds", 1)
         self.assertIn("hangs when it is loaded (not done after 1 s)", self.finding(told, "driver_hangs", entry)["found"])
+        # Who does not want to wait for all of that has no need to.
+        doctor = subprocess.Popen([support.VSPLAT, "doctor", "--seconds", "100"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                  env={**os.environ, "OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": ""})
+        self.wait_until(lambda: children_of(doctor.pid))
+        [child] = children_of(doctor.pid)
+        doctor.send_signal(signal.SIGINT)
+        self.assertEqual(doctor.wait(30), -signal.SIGINT)
+        self.wait_until(lambda: state_of(child)[0] in "ZX")
+
+    def test_what_starts_it_may_take_no_notice_of_its_children(self):
+        """Then nobody knows how a process that looks at a driver has ended: what it told counts."""
+        devices = self.whole_entry()
+        quits = self.entry("quits.icd", self.library("libquits.so", "#include <stdlib.h>\n__attribute__((constructor)) static void begin(void) {\n  exit(4);\n}\n") + "\n")
+        before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)                    # which what is started keeps
+        try:
+            with open(self.path("told.json"), "w") as out:
+                doctor = subprocess.Popen([support.VSPLAT, "doctor", "--json", "--seconds", "30"], stdout=out, stderr=subprocess.DEVNULL, restore_signals=False,
+                                          env={**os.environ, "OCL_ICD_VENDORS": self.path("vendors"), "OCL_ICD_FILENAMES": "", "VSPLAT_DEVICE": ""})
+                doctor.wait(support.PATIENCE)
+        finally:
+            signal.signal(signal.SIGCHLD, before)
+        with open(self.path("told.json")) as f:
+            told = json.load(f)
+        self.assertIn("crashes when it is loaded", self.finding(told, "driver_crashes", quits)["found"])
+        whole = next(d for d in told["drivers"] if d["entry"] != quits)
+        self.assertEqual((whole["state"], sum(len(p["devices"]) for p in whole["platforms"])), ("loaded", len(devices)))
 
     def test_a_driver_that_ends_when_it_is_asked(self):
         library = self.library("libquits.so", '#include <stdlib.h>\nint ids(unsigned n, void** out, unsigned* count) { exit(4); }\n'
