@@ -29,8 +29,8 @@ inline void require_weights(const std::string& path, const TensorEntry& entry, c
   if (entry.shape != parameter.shape)
     fail(Status::format, "{}: tensor {} has shape {}, expected {} for this configuration", path, printable(entry.name),
          printable(text_of(entry.shape)), text_of(parameter.shape));
-  if (entry.dtype != Dtype::f32 && entry.dtype != Dtype::f16 && entry.dtype != Dtype::bf16)
-    fail(Status::format, "{}: tensor {} is {}, expected F32, F16 or BF16", path, printable(entry.name),
+  if (entry.dtype != Dtype::f64 && entry.dtype != Dtype::f32 && entry.dtype != Dtype::f16 && entry.dtype != Dtype::bf16)
+    fail(Status::format, "{}: tensor {} is {}, expected F64, F32, F16 or BF16", path, printable(entry.name),
          name_of(entry.dtype));
 }
 
