@@ -31,6 +31,17 @@ vsplat_target(cycles_test)
 add_test(NAME cycles_test COMMAND cycles_test)
 set_tests_properties(cycles_test PROPERTIES LABELS "unit;slow" TIMEOUT 1800 ENVIRONMENT "${sanitizer_environment}")
 
+# Slow: a thousand frames of a million Gaussians, alone, since their time is held against the kernels'.
+add_executable(frames_test model/api/frames_test.c)
+target_link_libraries(frames_test PRIVATE vsplat OpenCL::OpenCL)
+target_compile_definitions(frames_test PRIVATE _POSIX_C_SOURCE=200809L)
+vsplat_target(frames_test)
+add_test(NAME frames_scene COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh bench_scenes.py ${CMAKE_CURRENT_BINARY_DIR}/frames)
+set_tests_properties(frames_scene PROPERTIES LABELS "unit;slow" TIMEOUT 600 SKIP_RETURN_CODE 77 FIXTURES_SETUP frames)
+add_test(NAME frames_test COMMAND frames_test ${CMAKE_CURRENT_BINARY_DIR}/frames/slab-1m.ply ${CMAKE_CURRENT_BINARY_DIR}/frames/slab-1m.cameras.json)
+set_tests_properties(frames_test PROPERTIES LABELS "unit;slow" TIMEOUT 1800 FIXTURES_REQUIRED frames RUN_SERIAL ON
+  ENVIRONMENT "${sanitizer_environment}")
+
 # The example that fits Gaussians to a picture: it fails where its loss does not come down to a hundredth.
 add_test(NAME fit_example COMMAND fit_example ${CMAKE_CURRENT_BINARY_DIR}/fit_before.png ${CMAKE_CURRENT_BINARY_DIR}/fit_after.png)
 set_tests_properties(fit_example PROPERTIES LABELS unit TIMEOUT 300 ENVIRONMENT "${sanitizer_environment}")
