@@ -153,4 +153,11 @@ class Case(unittest.TestCase):
 
 
 def main():
-    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])
+    """What is named; or all but classes whose names begin with Slow; with --slow those alone."""
+    words = sys.argv[1:]
+    slow = "--slow" in words
+    words = [word for word in words if word != "--slow"]
+    if all(word.startswith("-") for word in words):
+        kinds = vars(sys.modules["__main__"]).items()
+        words += [name for name, kind in kinds if isinstance(kind, type) and issubclass(kind, unittest.TestCase) and name.startswith("Slow") == slow]
+    unittest.main(argv=[sys.argv[0], "-v", *words])

@@ -8,6 +8,13 @@ foreach(part accidents cameras check convert dataset doctor evaluate far flags f
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
+# Of these files the classes whose names begin with Slow, which the tests above leave out.
+foreach(part selftest)
+  add_test(NAME cli_${part}_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py --slow)
+  set_tests_properties(cli_${part}_slow PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+endforeach()
+
 # Several processes: with the module for MPI what they do together, without it that each is refused.
 if(TARGET vsplat_mpi)
   set(ranks_part Ranks)
@@ -50,6 +57,10 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME functions COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions PROPERTIES LABELS unit TIMEOUT 300 COST 100
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
+  # Of some that take long the quick test has no whole call.
+  add_test(NAME functions_whole COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
+  set_tests_properties(functions_whole PROPERTIES LABELS "unit;slow" TIMEOUT 1500
+    ENVIRONMENT "VSPLAT_FUNCTIONS=whole;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
   # What programs that were linked before rely on.
   add_test(NAME abi COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/abi_test.py)
   set_tests_properties(abi PROPERTIES LABELS unit TIMEOUT 60

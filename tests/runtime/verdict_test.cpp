@@ -12,6 +12,7 @@
 #include "runtime/error.h"
 #include "runtime/log.h"
 #include "runtime/tuning.h"
+#include "tests/support/device.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -105,6 +106,17 @@ TEST_F(VerdictTest, IsBelievedWhateverTheUmask) {
   ::unsetenv("VSPLAT_TUNING");
   EXPECT_EQ(tuning_for(device_, Flavour::cpu)->hash(), table.choice.hash());
   restore("VSPLAT_TUNING", tuning);
+}
+
+// A self-test says itself what is switched off, and finds again what it has found before.
+TEST_F(VerdictTest, WhoTestsADeviceOpensItAllTheSame) {
+  const DeviceInfo device = test::context(Flavour::cpu).device();
+  ContextOptions options;
+  options.device = std::to_string(device.index);
+  ASSERT_TRUE(remember(device, {Fitness::unusable, {}, "kernel k is off", "2026-11-23"}));
+  EXPECT_THROW(Context refused(options), Error);
+  options.off = SwitchedOff{};
+  EXPECT_NO_THROW(Context opened(options));
 }
 
 TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {

@@ -212,16 +212,17 @@ void tile_bin_exact(Checks& c) {
   const Binned got = tile_bin(c.ctx, p, pairs, {0, 0, tiles_x, tiles_y}, {true, true});
   const auto ids = c.ctx.read<std::uint32_t>(got.ids), starts = c.ctx.read<std::uint32_t>(got.starts),
              offsets = c.ctx.read<std::uint32_t>(got.offsets), slots = c.ctx.read<std::uint32_t>(got.slots);
-  // The largest exponent on a grid finer than a tile's pixels, over what it takes to be drawn.
+  // The largest exponent on a grid finer than a tile's pixels, over what it takes to be drawn: in a column it is the
+  // largest at the grid's point that is nearest to the slant.
   const auto room = [&](std::size_t id, int tile) {
     const float* r = &records[12 * id];
     const int left = 16 * (tile % tiles_x), top = 16 * (tile / tiles_x);
     double most = -1e30;
-    for (int y = 0; y <= 60; ++y)
-      for (int x = 0; x <= 60; ++x) {
-        const double dx = r[0] - (left + 0.5 + x / 4.0), t = r[1] - (top + 0.5 + y / 4.0) - r[5] * dx;
-        most = std::max(most, r[4] + r[6] * dx * dx + r[7] * t * t);
-      }
+    for (int x = 0; x <= 60; ++x) {
+      const double dx = r[0] - (left + 0.5 + x / 4.0), slant = r[1] - (top + 0.5) - r[5] * dx;
+      const double t = slant - std::clamp(std::round(4 * slant), 0.0, 60.0) / 4;
+      most = std::max(most, r[4] + r[6] * dx * dx + r[7] * t * t);
+    }
     return most + std::log2(255.0);
   };
   bool right = starts.back() < pairs * 9 / 10;
