@@ -11,6 +11,8 @@ from c_headers import Headers, Unknown, set_field
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
 GOLDEN = pathlib.Path(__file__).resolve().parents[1] / "golden"
+# Whether what takes long is done to its end.
+WHOLE = os.environ.get("VSPLAT_FUNCTIONS") == "whole"
 OK = 0
 EDGE = 16  # pixels of the views
 ROOM = 1 << 14  # floats of every array
@@ -317,6 +319,12 @@ class Values:
         self.handles.alive.append(out)
         return out
 
+    def ending(self):
+        """A progress function that ends what calls it."""
+        out = self.api.headers.prototypes["vsplat_progress_function"](lambda user, stage, done: 0)
+        self.handles.alive.append(out)
+        return c.cast(out, c.c_void_p).value
+
     def record(self, device):
         """A profile of a drawing."""
         self.api.call("vsplat_device_profile", device, 1)
@@ -364,7 +372,9 @@ class Values:
         if p.base == "vsplat_refine_options":
             return handles.refinement()
         if p.base == "vsplat_selftest_options":
-            return api.struct(p.base, quick=1, forget=1)
+            return api.struct(p.base, quick=1, forget=1, **({} if WHOLE else {"progress": self.ending()}))
+        if p.base == "vsplat_tune_options":
+            return api.struct(p.base, seconds=0.01)
         if p.base == "vsplat_train_options":
             return api.struct(p.base, data=texts(self.files.set), num_data=1, output=str(self.files.output()).encode())
         if p.name in ("options", "job_options", "rules") or p.base in ("vsplat_opencl_picture", "vsplat_opencl_gaussians"):
