@@ -9,14 +9,15 @@
 #   doctor     what there is: vsplat doctor, report with a standard run, nvidia-smi
 #   selftest   every kernel against the reference on this driver, where vsplat has that command
 #   tests      the kernels' test programs, where they were packed
-#   tune       the device's fastest kernels, kept in the cache of the steps that follow
+#   tune       the fastest kernels for the network of paper, kept in the cache of the steps that follow
 #   paper      the paper-size network, random weights, 4 pictures in and 8 out, twice without and twice with the tuned kernels: time and profile
 #   mixed      the same with --precision mixed beside fp32, and the difference of the pictures, where vsplat has that
 #   bench      every suite of vsplat bench with its profile, one after the other while there is time
 #
 #   --minutes M        that a step may take (8; a number, 0.5 is half a minute)
 #   --device NAME      as vsplat takes it (gpu: the first one); "cpu" tries the script out
-#   --config NAME      the size of the network in paper and mixed (paper)
+#   --config NAME      the size of the network in tune, paper and mixed (paper)
+#   --search S         seconds that tune searches (what its step has, less 30)
 #   --suites A,B,...   of bench, in this order (all: the dense kernels, drawing and training first)
 #   --seconds S        for each case of bench (0.3)
 #   --tests FILTER     which tests, as --gtest_filter takes it (*)
@@ -40,19 +41,20 @@ usage() {
 now() { date +%s; }
 
 all_steps="doctor selftest tests tune paper mixed bench"
-minutes=8 device='' config=paper suites='' seconds=0.3 filter='*' work='' output='' steps=''
+minutes=8 device='' config=paper suites='' seconds=0.3 filter='*' work='' output='' steps='' most_search=''
 while [ $# -gt 0 ]; do
   case $1 in
     -h | --help)
       sed -n '2,/^set -eu/{/^set -eu/d;/^# shellcheck/d;s/^# \{0,1\}//;p;}' "$0"
       exit 0
       ;;
-    --minutes | --device | --config | --suites | --seconds | --tests | --work)
+    --minutes | --device | --config | --search | --suites | --seconds | --tests | --work)
       [ $# -gt 1 ] || usage "$1 needs a value"
       case $1 in
         --minutes) minutes=$2 ;;
         --device) device=$2 ;;
         --config) config=$2 ;;
+        --search) most_search=$2 ;;
         --suites) suites=$(printf '%s' "$2" | tr ',' ' ') ;;
         --seconds) seconds=$2 ;;
         --tests) filter=$2 ;;
@@ -169,11 +171,11 @@ step_tests() {
 
 step_tune() {
   has_command tune || return 77
+  prepare || return 1
   code=0
-  search=$(($(left) - 5))
-  if [ "$search" -gt 50 ]; then search=50; fi
+  search=${most_search:-$(($(left) - 30))}
   if [ "$search" -lt 1 ]; then search=1; fi
-  run tune "$vsplat" tune --quick --seconds "$search" --device "$device" --json || code=$?
+  run tune "$vsplat" tune --quick --model "$model" --seconds "$search" --device "$device" --json || code=$?
   note "$(field tried <"$dir/tune.out") sets tried"
   return $code
 }
@@ -204,6 +206,7 @@ reconstruct() {
     }
     note "$kind, $time_of time: $(seconds_in "$kind-$time_of") s, of them $(device_seconds "$dir/$kind-$time_of.json") on the device"
   done
+  note "$kind, table: $(field tuning <"$dir/$kind-second.out")"
 }
 
 step_paper() {

@@ -58,7 +58,8 @@ if command == "dataset":
 elif command == "weights":
     print(json.dumps(dict(config=dict(image=16, volume=4)), indent=1))
 elif command in ("reconstruct", "tune", "render", "bench"):
-    print(json.dumps(dict(seconds=1.5, tried=7, psnr=60.5), indent=1))
+    tuning = None if os.environ.get("VSPLAT_TUNING") == "off" else "ab12"
+    print(json.dumps(dict(seconds=1.5, tried=7, psnr=60.5, tuning=tuning), indent=1))
 """
 
 
@@ -125,6 +126,13 @@ class StandIn(Case):
         self.assertEqual(list(summary), STEPS)
         self.assertEqual({step: result for step, (result, _) in summary.items() if step != "tests"}, {step: "ok" for step in STEPS if step != "tests"})
         self.assertIn("paper-tuned, second time: 1.500 s, of them 0.1250 on the device", summary["paper"][1])
+        self.assertIn("paper, table: null;", summary["paper"][1])
+        self.assertIn("paper-tuned, table: ab12", summary["paper"][1])
+        # Tuned is what is measured then, and for as long as there is time.
+        [tune] = [words for words, _, _ in self.calls() if words[0] == "tune"]
+        [model] = {words[words.index("--model") + 1] for words, _, _ in self.calls() if words[0] in ("reconstruct", "tune")}
+        self.assertTrue(model.endswith("/paper.safetensors"), model)
+        self.assertTrue(400 < int(tune[tune.index("--seconds") + 1]) <= 450, tune)
         self.assertIn("mixed against fp32: 60.5 dB", summary["mixed"][1])
         self.assertIn("3 suites, 0 failed, 0 without time", summary["bench"][1])
         self.assertEqual([words[1] for words, _, _ in self.calls() if words[0] == "bench" and "--json" in words], ["gemm", "conv3d", "scan"])
@@ -150,7 +158,7 @@ class StandIn(Case):
 
     def test_a_step_that_hangs_is_ended(self):
         begun = time.monotonic()
-        code, err = self.on("--minutes", 0.05, self.output, "tune", "bench", hangs=["tune"])
+        code, err = self.on("--minutes", 0.1, "--suites", "gemm", self.output, "tune", "bench", hangs=["tune"])
         self.assertEqual(code, 1, err)
         self.assertLess(time.monotonic() - begun, 60)
         summary = self.summary()
@@ -201,7 +209,7 @@ class StandIn(Case):
 
 
 class FirstHour(Case):
-    SHORT = ["--minutes", "3", "--device", DEVICE, "--config", "micro", "--suites", "scan,layernorm", "--seconds", "0.02", "--tests", "LayerNorm*:Doctor*"]
+    SHORT = ["--minutes", "3", "--device", DEVICE, "--config", "micro", "--search", "5", "--suites", "scan,layernorm", "--seconds", "0.02", "--tests", "LayerNorm*:Doctor*"]
 
     def hold(self, code, err, tests):
         self.assertEqual(code, 0, err)
@@ -215,6 +223,8 @@ class FirstHour(Case):
         report = json.loads(self.packed("doctor")["report.json"])
         self.assertGreater(report["run"]["check"]["psnr"], report["run"]["check"]["psnr_nearest"])
         paper = self.packed("paper")
+        table = json.loads(self.packed("tune")["tune.out"])["table"] or None
+        self.assertEqual([json.loads(paper[f"micro{tuned}-second.out"])["tuning"] for tuned in ("", "-tuned")], [None, table])
         self.assertEqual(sorted(n for n in paper if n.startswith("micro-tuned/")), [f"micro-tuned/{i:04}.png" for i in range(8)])
         self.assertEqual(json.loads(paper["micro-first.out"])["views"], 4)
         self.assertGreater(json.loads(paper["micro-tuned-second.json"])["wall"]["device_s"], 0)
