@@ -26,6 +26,7 @@ told = json.load(open(os.environ["STAND_IN"]))
 words = sys.argv[1:]
 with open(os.environ["STAND_IN"] + ".calls", "a") as f:
     f.write(json.dumps([words, os.environ.get("OCL_ICD_VENDORS", ""), os.environ.get("VSPLAT_TUNING", "")]) + "\n")
+judged = os.environ.get("VSPLAT_SELFTEST") != "ignore" and told["verdict"] == "unusable"
 after = lambda option: words[words.index(option) + 1]
 command = words[0]
 if command == "help":
@@ -43,7 +44,11 @@ elif command == "bench" and words[1] == "none":
     sys.exit(2)
 if command in told["hangs"]:
     time.sleep(600)
-if command in told["fails"]:
+if command == "selftest":
+    print(json.dumps(dict(verdict=told["verdict"], flavours=[dict(verdict="wrong")]), indent=1))
+    print(f"vsplat: a device: {{told['verdict']}}", file=sys.stderr)
+    sys.exit(1 if judged else 0)
+if command in told["fails"] or judged and command not in ("devices", "doctor"):
     print(f"vsplat: {{command}} failed", file=sys.stderr)
     sys.exit(1)
 for option in ("--output", "--profile"):
@@ -107,7 +112,7 @@ class StandIn(Case):
 
     def environment(self, env=None, **told):
         with open(self.path("told"), "w") as f:
-            json.dump({"type": "gpu", "lacks": [], "fails": [], "hangs": [], "large": 0, **told}, f)
+            json.dump({"type": "gpu", "lacks": [], "fails": [], "hangs": [], "large": 0, "verdict": "ok", **told}, f)
         pathlib.Path(self.path("told.calls")).unlink(missing_ok=True)
         return {"VSPLAT": self.path("vsplat"), "STAND_IN": self.path("told"), "OCL_ICD_VENDORS": "", "OCL_ICD_FILENAMES": "", "VSPLAT_TUNING": "",
                 **(env or {})}
@@ -142,6 +147,13 @@ class StandIn(Case):
             for option, value in (("--view-count", "4"), ("--render", "orbit:8"), ("--device", "gpu")):
                 self.assertEqual(words[words.index(option) + 1], value)
         self.assertIn("commands.txt", self.packed("paper"))
+
+    def test_a_verdict_ends_no_step_that_follows(self):
+        code, err = self.on("--suites", "gemm", self.output, "selftest", "tune", "bench", verdict="unusable")
+        self.assertEqual(code, 1, err)
+        summary = self.summary()
+        self.assertEqual([summary[step][0] for step in ("selftest", "tune", "bench")], ["failed", "ok", "ok"], summary)
+        self.assertIn("verdict: unusable", summary["selftest"][1])
 
     def test_steps_survive_each_other_and_can_be_called_alone(self):
         code, err = self.on(self.output, fails=["reconstruct", "doctor"], lacks=["selftest", "mixed"])
