@@ -389,6 +389,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   } catch (const Error& e) {
     if (e.status() != Status::cancelled) throw;
     cancelled = true;  // a step moves the weights whole or not at all
+    folder.say(fmt::format("stopped on request after step {}; its checkpoint is written", trainer.step()));
     ctx.go_on();
   }
   if (options.leader) options.leader->rest();
