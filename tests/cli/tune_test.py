@@ -56,26 +56,37 @@ class Tuned:
         return self.path(name)
 
 
-class Tune(Tuned, support.Case):
-    def test_what_it_finds_is_used_and_kept(self):
-        told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 4)
-        path, table = self.table()
-        self.assertEqual((told["path"], told["table"]), (path, table["hash"]))
-        self.assertEqual(told["refused"], [], err)
-        self.assertEqual(told["not_right"], [])
-        self.assertGreater(told["tried"], 5)
-        self.assertEqual(len(table["tried"]), told["tried"])
+class Searching(Tuned, support.Case):
+    def begun(self):
+        """Until some sets were tried, however many a machine tries in a second: what was told last."""
+        told = {"tried": 0}
+        for _ in range(60):
+            before = len(self.table()[1]["tried"]) if tables(self.path("cache")) else 0
+            told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 1)
+            path, table = self.table()
+            self.assertEqual((told["path"], told["table"]), (path, table["hash"]))
+            self.assertEqual(told["refused"], [], err)
+            self.assertEqual(told["not_right"], [])
+            self.assertGreater(told["tried"], 0)
+            self.assertEqual(len(table["tried"]), before + told["tried"])
+            if len(table["tried"]) > 5:
+                break
+        self.assertGreater(len(table["tried"]), 5)
         self.assertEqual({t["verdict"] for t in table["tried"]} - {"default", "best", "slower"}, set())
         self.assertLessEqual(max(t["error"] for t in table["tried"]), 1e-4)
         self.assertGreater(max(t["error"] for t in table["tried"]), 0, "nothing was held against anything")
         for one in told["chosen"]:
             self.assertGreaterEqual(one["times_as_fast"], 1 / 0.97 - 1e-9, one)
-        # What was tried is not tried again; a search to its end leaves nothing.
-        again, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 200)
+
+    def to_the_end(self, *job):
+        """What was tried is not tried again; a search to its end leaves nothing."""
+        _, table = self.table()
+        again, _ = self.tune(*job, "--seconds", 200)
         _, now = self.table()
         self.assertEqual(again["left"], 0)
-        self.assertEqual(len(now["tried"]), told["tried"] + again["tried"])
-        self.assertEqual(now["tried"][:told["tried"]], table["tried"])
+        self.assertGreater(again["tried"], 0)
+        self.assertEqual(len(now["tried"]), len(table["tried"]) + again["tried"])
+        self.assertEqual(now["tried"][:len(table["tried"])], table["tried"])
         sets = [json.dumps([t["op"], t["shape"], t["set"]]) for t in now["tried"]]
         self.assertEqual(len(sets), len(set(sets)))
         # From what is best then, one parameter at a time, until nothing is new.
@@ -83,13 +94,26 @@ class Tune(Tuned, support.Case):
         for _ in range(8):
             if done["tried"] == 0:
                 break
-            done, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 200)
+            done, _ = self.tune(*job, "--seconds", 200)
         self.assertEqual((done["tried"], done["left"]), (0, 0))
         _, now = self.table()
         self.assertEqual((done["table"], done["before"]), (now["hash"], now["hash"]))
         if now["hash"]:
             with open(self.path("cache", "tuning", f"table-{now['hash']}.json")) as f:
                 self.assertEqual(json.load(f)["chosen"], now["chosen"])
+
+
+class SlowTune(Searching):
+    def test_a_network_to_the_end(self):
+        self.begun()
+        self.to_the_end("--model", self.model, "--for", "reconstruct")
+
+
+class Tune(Searching):
+    def test_what_it_finds_is_used_and_kept(self):
+        """To its end it searches for drawing, which has few shapes."""
+        self.begun()
+        self.to_the_end("--model", self.model, "--for", "render")
 
     def test_a_table_is_told_and_gives_the_same_bytes(self):
         for flavour in ("cpu", "gpu"):
@@ -132,14 +156,19 @@ class Tune(Tuned, support.Case):
         self.assertIn("TILE_UNROLL\n  " + loop, text)
         pathlib.Path(path).write_text(text.replace("TILE_UNROLL\n  " + loop, fast))
         env = self.tune_environment(VSPLAT_KERNEL_DIR=folder)
-        told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 25, "--kernels", "gpu", env=env)
-        wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
-        self.assertGreater(len(wrong), 1, told["refused"])
+        said = ""
+        for _ in range(60):  # how far it gets in its time nobody knows
+            told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 3, "--kernels", "gpu", env=env)
+            said += err
+            wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
+            if len(wrong) > 1:
+                break
         for one in told["refused"]:
             self.assertEqual((one["verdict"], one["set"]["unroll"]), ("wrong", 2), one)
             self.assertGreater(one["error"], 1e-2)
             shape = " ".join(f"{name}={value}" for name, value in one["shape"].items())
-            self.assertRegex(err, re.escape(f"{one['op']} {shape}, tile=") + r"\d+ unroll=2( split=\d)?: refused: off by [0-9.e+-]+ of the largest value")
+            self.assertRegex(said, re.escape(f"{one['op']} {shape}, ") + r"(scratch=\d+ )?tile=\d+ unroll=2( split=\d)?: refused: off by [0-9.e+-]+ of the largest value")
+        self.assertGreater(len(wrong), 1)
         _, table = self.table()
         tried = [t for t in table["tried"] if t["set"].get("unroll") == 2]
         self.assertEqual({t["verdict"] for t in tried}, {"wrong"})
