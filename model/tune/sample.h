@@ -19,12 +19,12 @@ inline std::vector<float> numbers(long count, std::uint32_t seed) {
   return out;
 }
 
-// The worst |got - want| so far, by the largest |want|.
+// The worst |got - want| so far, by the largest |want|; infinite, from then on, where something was no number.
 class WorstError {
  public:
   void add(double got, double want) {
     const double error = std::abs(got - want);
-    if (!(error <= worst_)) worst_ = error;  // what is no number stays
+    worst_ = std::max(worst_, std::isfinite(error) ? error : INFINITY);
     largest_ = std::max(largest_, std::abs(want));
   }
   double of_largest() const { return largest_ > 0 ? worst_ / largest_ : INFINITY; }

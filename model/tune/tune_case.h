@@ -3,6 +3,7 @@
 #pragma once
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "runtime/context.h"
 
@@ -14,10 +15,12 @@ class TuneCase {
   // What comes before runs with what the context is tuned to now: weights, in the layout that it wants. The run, then,
   // which may be repeated, and is enqueued.
   virtual std::function<void()> ready(Context& ctx) = 0;
-  // Overwrites what a run is to write: what another has left there is no result.
-  virtual void spoil(Context& ctx) = 0;
-  // Of what the last run wrote, the worst error of a sample, by the sample's largest value; not finite where something
-  // is no number.
+  // What a run writes.
+  virtual std::vector<Tensor> outputs() const = 0;
+  // Overwrites that with what is no number: what another run has left there is no result.
+  virtual void spoil(Context& ctx);
+  // Of what the last run wrote, the worst error of a sample, by the sample's largest value; infinite where something is
+  // no number.
   virtual double error(Context& ctx) = 0;
   virtual double tolerance() const { return 1e-4; }
   double flops = 0;  // of a run, or what is like them

@@ -1,7 +1,6 @@
 // Blending: Gaussians in every tile, each seen by that tile alone.
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "model/ops/rasterize.h"
 #include "model/tune/sample.h"
@@ -41,11 +40,7 @@ class RasterizeCase : public TuneCase {
     return [this, &ctx] { rasterize_forward(ctx, a_); };
   }
 
-  void spoil(Context& ctx) override {
-    const std::vector<float> nothing(static_cast<std::size_t>(edge_ * edge_ * 3),
-                                     std::numeric_limits<float>::quiet_NaN());
-    for (const Tensor& t : {a_.picture.colour, a_.picture.alpha, a_.picture.depth}) ctx.write(t, nothing.data());
-  }
+  std::vector<Tensor> outputs() const override { return {a_.picture.colour, a_.picture.alpha, a_.picture.depth}; }
 
   double error(Context& ctx) override {
     const auto colour = ctx.read<float>(a_.picture.colour), alpha = ctx.read<float>(a_.picture.alpha),
@@ -59,8 +54,7 @@ class RasterizeCase : public TuneCase {
       of_light.add(static_cast<double>(alpha[at]), want.alpha);
       of_depth.add(static_cast<double>(depth[at]), want.depth);
     }
-    const double light = of_light.of_largest(), far = of_depth.of_largest();
-    return far <= light ? light : far;  // what is no number is worse
+    return std::max(of_light.of_largest(), of_depth.of_largest());
   }
 
  private:

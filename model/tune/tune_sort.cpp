@@ -25,16 +25,29 @@ class SortCase : public TuneCase {
 
   std::function<void()> ready(Context& ctx) override {
     return [this, &ctx] {
+      sorted_ = {};  // the next one's memory
       const Tensor keys = ctx.tensor(from_.shape(), from_.type(), "keys");
       ctx.copy(from_, keys);  // which the sort overwrites
       sorted_ = radix_sort(ctx, keys, {}, static_cast<int>(bits_));
     };
   }
 
-  void spoil(Context&) override { sorted_ = {}; }
+  std::vector<Tensor> outputs() const override { return {sorted_.keys, sorted_.values}; }
+
+  // A run's tensors are new: what is spoiled is the memory that they get.
+  void spoil(Context& ctx) override {
+    sorted_ = {};
+    Sorted both[2];
+    for (Sorted& one : both) {
+      one = {ctx.tensor(from_.shape(), from_.type(), "keys"), ctx.tensor(from_.shape(), Type::u32, "values")};
+      sorted_ = one;
+      TuneCase::spoil(ctx);
+    }
+  }
 
   double error(Context& ctx) override {
     const std::vector<std::uint32_t> got = ctx.read<std::uint32_t>(sorted_.values);
+    const std::vector<std::uint64_t> keys = sorted_keys(ctx);
     if (want_.empty()) {
       want_.resize(keys_.size());
       std::iota(want_.begin(), want_.end(), 0u);
@@ -42,12 +55,18 @@ class SortCase : public TuneCase {
                        [&](std::uint32_t a, std::uint32_t b) { return keys_[a] < keys_[b]; });
     }
     long wrong = 0;
-    for (std::size_t i = 0; i < got.size(); ++i) wrong += got[i] != want_[i];
+    for (std::size_t i = 0; i < got.size(); ++i) wrong += got[i] != want_[i] || keys[i] != keys_[want_[i]];
     return static_cast<double>(wrong) / static_cast<double>(std::max<std::size_t>(got.size(), 1));
   }
   double tolerance() const override { return 0; }
 
  private:
+  std::vector<std::uint64_t> sorted_keys(Context& ctx) const {
+    if (wide_) return ctx.read<std::uint64_t>(sorted_.keys);
+    const std::vector<std::uint32_t> narrow = ctx.read<std::uint32_t>(sorted_.keys);
+    return {narrow.begin(), narrow.end()};
+  }
+
   long bits_;
   bool wide_ = false;
   std::vector<std::uint64_t> keys_;
@@ -66,6 +85,13 @@ std::unique_ptr<TuneCase> sort_case(Context& ctx, const TunedShape& shape) {
 }  // namespace vsplat::tuning
 
 namespace vsplat {
+
+void TuneCase::spoil(Context& ctx) {
+  for (const Tensor& out : outputs()) {
+    const std::vector<unsigned char> nothing(out.bytes(), 0xff);  // no number as a float, no index as an integer
+    ctx.write(out, nothing.data());
+  }
+}
 
 std::unique_ptr<TuneCase> tune_case(Context& ctx, const TunedShape& shape) {
   using namespace tuning;

@@ -3,9 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
 
 #include "model/tune/check_chosen.h"
+#include "model/tune/sample.h"
 #include "model/tune/tune_case.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
@@ -16,6 +19,7 @@ namespace {
 using test::context;
 
 class TunedSets : public ::testing::TestWithParam<const TunedDeclaration*> {};
+class EveryTunedSet : public TunedSets {};
 
 // What is tried beside an odd shape: of a few tiles, with tails.
 std::vector<TunedShape> shapes_of(TunedOp op) {
@@ -41,15 +45,25 @@ std::vector<TunedShape> shapes_of(TunedOp op) {
   return {};
 }
 
-TEST_P(TunedSets, EverySetIsRight) {
-  const TunedDeclaration& of = *GetParam();
-  std::vector<TunedValues> sets = all_values(of);
-  std::shuffle(sets.begin() + 1, sets.end(), std::mt19937(7));
-  sets.resize(std::min<std::size_t>(sets.size(), 20));
+void expect_right(const TunedDeclaration& of, const std::vector<TunedValues>& sets) {
   for (const TunedShape& shape : shapes_of(of.op))
     for (const TunedValues& values : sets)
       EXPECT_LE(error_of(context(of.flavour), shape, values), 1) << text_of(of, shape) << ", " << text_of(values);
 }
+
+// As few sets as have each value of each parameter; which of them are together is the declaration's order.
+std::vector<TunedValues> sets_with_each_value(const TunedDeclaration& of) {
+  std::size_t most = 0;
+  for (const TunedParameter& p : of.parameters) most = std::max(most, p.values.size());
+  std::vector<TunedValues> out(most, default_values(of));
+  for (std::size_t i = 0; i < most; ++i)
+    for (std::size_t p = 0; p < of.parameters.size(); ++p)
+      out[i].values[p] = of.parameters[p].values[i % of.parameters[p].values.size()];
+  return out;
+}
+
+TEST_P(TunedSets, EachValueIsRight) { expect_right(*GetParam(), sets_with_each_value(*GetParam())); }
+TEST_P(EveryTunedSet, IsRight) { expect_right(*GetParam(), all_values(*GetParam())); }
 
 std::vector<const TunedDeclaration*> declared() {
   std::vector<const TunedDeclaration*> out;
@@ -62,19 +76,47 @@ std::string name_of_case(const ::testing::TestParamInfo<const TunedDeclaration*>
 }
 
 INSTANTIATE_TEST_SUITE_P(Declared, TunedSets, ::testing::ValuesIn(declared()), name_of_case);
+INSTANTIATE_TEST_SUITE_P(Slow, EveryTunedSet, ::testing::ValuesIn(declared()), name_of_case);
 
-// The check would find an error: of the same numbers with one that is off.
+TEST(WorstError, OneThatIsNoNumberIsNotForgotten) {
+  tuning::WorstError worst;
+  for (int i = 0; i < 299; ++i) worst.add(i == 150 ? NAN : 1.5, 1);
+  EXPECT_TRUE(std::isinf(worst.of_largest()));
+  worst.add(1, 1);
+  EXPECT_TRUE(std::isinf(worst.of_largest()));
+}
+
+// The error, where the last element of an output, which every sample has, is another.
+double error_with_last(Context& ctx, TuneCase& of, const Tensor& out, float last) {
+  std::vector<unsigned char> bytes(out.bytes());
+  ctx.read(out, bytes.data());
+  std::vector<unsigned char> spoilt = bytes;
+  float before = 0;
+  std::memcpy(&before, &spoilt[spoilt.size() - sizeof before], sizeof before);
+  const float now = before + last;
+  std::memcpy(&spoilt[spoilt.size() - sizeof now], &now, sizeof now);
+  ctx.write(out, spoilt.data());
+  const double error = of.error(ctx);
+  ctx.write(out, bytes.data());
+  return error;
+}
+
+// The check would find an error: of the same numbers with one that is off, one that is none, and none at all.
 TEST(TuneCase, FindsWhatIsWrong) {
-  Context& ctx = context(Flavour::cpu);
-  for (const TunedOp op : {TunedOp::gemm, TunedOp::attention_forward, TunedOp::attention_backward, TunedOp::conv3d,
-                           TunedOp::gemm_transposed, TunedOp::rasterize_forward}) {
-    const TunedShape shape = shapes_of(op).front();
-    const auto one = tune_case(ctx, shape);
+  for (const TunedDeclaration& of : tuned_declarations()) {
+    Context& ctx = context(of.flavour);
+    const auto one = tune_case(ctx, shapes_of(of.op).front());
     const auto run = one->ready(ctx);
-    run();
-    EXPECT_LE(one->error(ctx), one->tolerance()) << static_cast<int>(op);
     one->spoil(ctx);
-    EXPECT_FALSE(one->error(ctx) <= one->tolerance()) << static_cast<int>(op);
+    run();
+    EXPECT_LE(one->error(ctx), one->tolerance()) << of.name;
+    for (const Tensor& out : one->outputs()) {
+      EXPECT_GT(error_with_last(ctx, *one, out, 1), one->tolerance()) << of.name;
+      EXPECT_GT(error_with_last(ctx, *one, out, NAN), one->tolerance()) << of.name;
+    }
+    EXPECT_LE(one->error(ctx), one->tolerance()) << of.name;
+    one->spoil(ctx);
+    EXPECT_GT(one->error(ctx), one->tolerance()) << of.name;
   }
 }
 
