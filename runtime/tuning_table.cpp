@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 constexpr const char* kTableFormat = "vsplat-tuning";
 constexpr int kTableVersion = 1;
 constexpr std::uintmax_t kLargestTable = 64 << 20;
+constexpr double kNoNumber = 1e30;  // an error that JSON has no number for
 
 // The kernels' sources, and what is declared.
 std::string hash_of_kernels() {
@@ -70,7 +71,7 @@ class Reader {
   explicit Reader(const std::string& path) : path_(path) {}
 
   [[noreturn]] void wrong(const std::string& field, const std::string& found, const std::string& expected) const {
-    fail(Status::format, "{}: {} is {}, {} expected; vsplat_tune makes a table anew", path_, field, printable(found),
+    fail(Status::format, "{}: {} is {}, {} expected in a table of vsplat_tune", path_, field, printable(found),
          expected);
   }
 
@@ -199,6 +200,7 @@ TuningTable read_tuning(const std::string& path) {
     trial.seconds = reader.at(tried[i], field + ".", "seconds", Json::value_t::number_float).get<double>();
     trial.against = reader.at(tried[i], field + ".", "against", Json::value_t::number_float).get<double>();
     trial.error = reader.at(tried[i], field + ".", "error", Json::value_t::number_float).get<double>();
+    if (trial.error >= kNoNumber) trial.error = INFINITY;
     if (tried[i].contains("why")) trial.why = reader.text(tried[i], field + ".", "why");
     out.trials.push_back(std::move(trial));
   }
@@ -230,7 +232,7 @@ void write_tuning(const std::string& path, const TuningTable& table) {
              {"verdict", t.verdict},
              {"seconds", t.seconds},
              {"against", t.against},
-             {"error", std::isfinite(t.error) ? t.error : 1e30}};
+             {"error", std::isfinite(t.error) ? t.error : kNoNumber}};
     if (!t.why.empty()) one["why"] = t.why;
     json["tried"].push_back(std::move(one));
   }
@@ -241,17 +243,30 @@ void write_tuning(const std::string& path, const TuningTable& table) {
   out.commit();
 }
 
+namespace {
+
+// That VSPLAT_TUNING names.
+TuningTable named_tuning(const std::string& path) {
+  try {
+    return read_tuning(path);
+  } catch (const Error& e) {
+    fail(e.status(), "{}; unset VSPLAT_TUNING, which names it, or set VSPLAT_TUNING=off", e.what());
+  }
+}
+
+}  // namespace
+
 std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavour) {
   static const auto none = std::make_shared<const Tuning>();
   const std::string asked = environment("VSPLAT_TUNING");
   if (asked == "off") return none;
   if (!asked.empty()) {
-    const TuningTable table = read_tuning(asked);
+    const TuningTable table = named_tuning(asked);
     const TuningSubject here = tuning_subject(device, flavour);
     if (table.of != here)
       fail(Status::usage,
-           "{} (VSPLAT_TUNING) is a table for {}; this is {}: measure one here with vsplat_tune, or set "
-           "VSPLAT_TUNING=off",
+           "{} (VSPLAT_TUNING) is a table for {}; this is {}: unset VSPLAT_TUNING, and each device has the table that "
+           "vsplat_tune has made for it, or set VSPLAT_TUNING=off",
            asked, text_of(table.of), text_of(here));
     return std::make_shared<const Tuning>(table.choice);
   }
@@ -270,7 +285,7 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
     if (table.of != here) fail(Status::format, "{}: a table for {}", path, text_of(table.of));
     return std::make_shared<const Tuning>(table.choice);
   } catch (const Error& e) {
-    warn("no tuned parameters are used: {}", e.what());
+    warn("no tuned parameters are used: {}; vsplat_tune makes a table anew", e.what());
     return none;
   }
 }

@@ -199,6 +199,10 @@ TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
   const std::string other = message_of([&] { tuning_for(ctx.device(), Flavour::cpu); });
   EXPECT_NE(other.find(path + " (VSPLAT_TUNING) is a table for "), std::string::npos) << other;
   EXPECT_NE(other.find("cpu kernels"), std::string::npos) << other;
+  EXPECT_NE(other.find("unset VSPLAT_TUNING"), std::string::npos) << other;
+  put_file(path, "{}");
+  const std::string broken = message_of([&] { tuning_for(ctx.device(), Flavour::gpu); });
+  EXPECT_NE(broken.find("unset VSPLAT_TUNING"), std::string::npos) << broken;
 }
 
 }  // namespace
