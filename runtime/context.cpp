@@ -113,7 +113,7 @@ struct Context::Impl {
   cl::CommandQueue queue;
   std::shared_ptr<ProgramCache> programs;
   std::map<std::string, Built> kernels;
-  std::atomic<bool> cancelled{false};
+  std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
   int uncancelled = 0;  // see Uncancelled
   Pace pace;
   Profiler profiler{[this] { return energy_sources(); }};
@@ -158,7 +158,7 @@ struct Context::Impl {
   void take(const ForeignHandles& theirs);
 
   void stop_if_cancelled() const {
-    if (uncancelled == 0 && cancelled.load(std::memory_order_relaxed))
+    if (uncancelled == 0 && cancelled->load(std::memory_order_relaxed))
       fail(Status::cancelled, "stopped on request{}", stage.empty() ? "" : " in stage " + stage);
   }
 
@@ -602,8 +602,9 @@ void* Context::mark() {
 
 ForeignHandles Context::handles() const { return {impl_->context(), impl_->handle(), impl_->queue()}; }
 
-void Context::cancel() { impl_->cancelled.store(true, std::memory_order_relaxed); }
-void Context::go_on() { impl_->cancelled.store(false, std::memory_order_relaxed); }
+void Context::cancel() { impl_->cancelled->store(true, std::memory_order_relaxed); }
+void Context::go_on() { impl_->cancelled->store(false, std::memory_order_relaxed); }
+void Context::stop_with(const Context& other) { impl_->cancelled = other.impl_->cancelled; }
 
 void Context::finish() {
   if (impl_->planning) return;

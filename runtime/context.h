@@ -180,6 +180,8 @@ class Context {
   // go_on(). No more is ahead of the device then than it does in some 40 ms, and one launch.
   void cancel();
   void go_on();
+  // What stops that one stops this one, too, from now on: for work on a stream that is a call's own.
+  void stop_with(const Context& other);
 
   // Waits for the queue and gathers the profile.
   void finish();

@@ -121,10 +121,10 @@ TuningSubject tuning_subject(const DeviceInfo& device, Flavour flavour);
 struct TunedTrial {
   TunedShape shape;  // a class
   TunedValues values;
-  std::string verdict;  // "default", "best", "slower", "wrong", "failed"
+  std::string verdict;  // "default", "best", "slower", "wrong", "failed"; "right": where the default is not, unraced
   double seconds = 0;   // of one run; 0 where it was not timed
   double against = 0;   // what the best so far took beside it
-  double error = 0;     // of the largest value; of what is wrong
+  double error = 0;     // of the largest value; infinite where something was no number
   std::string why;      // of what failed
 };
 

@@ -30,17 +30,28 @@ std::string words_of(const Json& named) {
   return out;
 }
 
+// Why a set was refused.
+std::string reason_of(const Json& one) {
+  const bool wrong = one["verdict"] == "wrong";
+  if (wrong && one["error"].is_number()) return "wrong: off by " + one["error"].dump() + " of the largest value";
+  const std::string why = one["why"].is_string() ? one["why"].get<std::string>() : "";
+  if (wrong) return "wrong: " + (why.empty() ? "some values are no numbers" : why);
+  return why.empty() ? "it does not run" : why;
+}
+
 void print_tuned(const Json& told) {
   for (const Json& one : told["chosen"]) {
     const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
-    std::printf("%-20s %-40s %-32s %5.2f times as fast\n", op.c_str(), shape.c_str(), set.c_str(),
-                one["times_as_fast"].get<double>());
+    std::printf("%-20s %-40s %-32s ", op.c_str(), shape.c_str(), set.c_str());
+    if (one["times_as_fast"].is_number())
+      std::printf("%5.2f times as fast\n", one["times_as_fast"].get<double>());
+    else
+      std::printf("as before, not timed anew\n");
   }
   for (const Json& one : told["refused"]) {
     const std::string op = one["op"], shape = words_of(one["shape"]), set = words_of(one["set"]);
-    const std::string why = one["verdict"] == "wrong" ? "wrong: off by " + one["error"].dump() + " of the largest value"
-                                                      : one["why"].get<std::string>();
-    std::printf("%-20s %-40s %-32s refused, %s\n", op.c_str(), shape.c_str(), set.c_str(), for_terminal(why).c_str());
+    std::printf("%-20s %-40s %-32s refused, %s\n", op.c_str(), shape.c_str(), set.c_str(),
+                for_terminal(reason_of(one)).c_str());
   }
   const std::string table = told["table"];
   if (table.empty())
@@ -67,15 +78,16 @@ void tune(const TuneOptions& o) {
   const Json told = Json::parse(session.device().tune(model.get(), options));
   clear_progress();
   const auto tried = told["tried"].get<long>(), left = told["left"].get<long>();
-  say(o.common, std::to_string(tried) + " sets tried in " + seconds_text(told["seconds"]) +
-                    (left > 0 ? "; " + std::to_string(left) + " more are tried by another run" : ""));
+  say(o.common,
+      std::to_string(tried) + " sets tried in " + seconds_text(told["seconds"]) +
+          (left > 0 ? "; " + std::to_string(left) + " more are left for another run, for want of time or memory" : ""));
   if (o.common.json)
     print_json(told);
   else
     print_tuned(told);
   if (!told["not_right"].empty())
     throw std::runtime_error(std::to_string(told["not_right"].size()) +
-                             " operations are wrong on this device whatever they are run with, the first: " +
+                             " operations have no set of parameters that is right on this device, the first: " +
                              told["not_right"][0].get<std::string>());
 }
 

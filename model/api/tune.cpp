@@ -1,5 +1,7 @@
 #include <vsplat/tune.h>
 
+#include <algorithm>
+
 #include "model/api/device.h"
 #include "model/api/job_plans.h"
 #include "model/tune/search.h"
@@ -11,15 +13,22 @@ using namespace vsplat::api;
 
 namespace {
 
-NotedShapes shapes_of(const Context& ctx, vsplat_model model, uint32_t jobs) {
+NotedShapes shapes_of(const Context& ctx, vsplat_model model, vsplat_program_jobs job, bool limited) {
   NotedShapes out;
-  for (const PlannedJob& job : kPlannedJobs) {
-    if (!(jobs & job.bit)) continue;
-    const auto planner = ctx.planner(false);
-    planner->collect(out);
-    plan_job(*planner, model, job.bit);
-  }
+  const auto planner = ctx.planner(limited);
+  planner->collect(out);
+  plan_job(*planner, model, job);
   return out;
+}
+
+// As the memory that there is makes them; of a job that it is too little for, without limits.
+NotedShapes shapes_of(const Context& ctx, vsplat_model model, vsplat_program_jobs job) {
+  try {
+    return shapes_of(ctx, model, job, true);
+  } catch (const Error& e) {
+    if (e.status() != Status::memory) throw;
+    return shapes_of(ctx, model, job, false);
+  }
 }
 
 }  // namespace
@@ -35,7 +44,13 @@ vsplat_status vsplat_tune(vsplat_device device, vsplat_model model, const vsplat
     const uint32_t jobs = checked_jobs(o.jobs, VSPLAT_PROGRAMS_OF_RECONSTRUCT | VSPLAT_PROGRAMS_OF_RENDER, model);
     Context& ctx = device->context;
     TuneRequest request;
-    request.shapes = shapes_of(ctx, model, jobs);
+    for (const PlannedJob& job : kPlannedJobs)
+      if (jobs & job.bit)
+        for (const auto& [shape, noted] : shapes_of(ctx, model, job.bit)) {
+          NotedShape& all = request.shapes[shape];
+          all.largest = std::max(all.largest, noted.largest);
+          all.calls += noted.calls;
+        }
     request.full = o.full != 0, request.again = o.again != 0;
     if (o.seconds > 0) request.seconds = o.seconds;
     if (o.path) request.path = o.path;

@@ -1,24 +1,21 @@
 #include "model/tune/search.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <filesystem>
 
+#include "model/tune/check_chosen.h"
+#include "model/tune/tried_table.h"
 #include "model/tune/tune_case.h"
 #include "runtime/clock.h"
 #include "runtime/fail.h"
-#include "runtime/folder_lock.h"
 #include "runtime/log.h"
-#include "runtime/private_folder.h"
 
 namespace vsplat {
 namespace {
 
-namespace fs = std::filesystem;
+using namespace tuning;
 
 constexpr double kBetter = 0.97;  // of what the best so far takes
 constexpr double kSample = 4e-3;  // seconds of a time that is taken
@@ -68,7 +65,7 @@ struct Race {
   double least_best, least_other;
   bool won() const { return other < kBetter * best && least_other < kBetter * least_best; }
 };
-Race race(Context& ctx, const Runner& best, const Runner& other) {
+Race race_of(Context& ctx, const Runner& best, const Runner& other, const std::function<void()>& each_round) {
   const double first = seconds_of(ctx, best, 1), second = seconds_of(ctx, other, 1);
   if (second > kHopeless * first && second > kHopeless * seconds_of(ctx, best, 1))
     return {first, second, first, second};
@@ -76,6 +73,7 @@ Race race(Context& ctx, const Runner& best, const Runner& other) {
   std::vector<double> of_best, of_other;
   const double begun = now_s();
   for (int round = 0; round < kMostRounds && (round < 3 || now_s() - begun < kRace); ++round) {
+    each_round();
     const bool turned = round % 2 != 0;
     const double one = seconds_of(ctx, turned ? other : best, times),
                  two = seconds_of(ctx, turned ? best : other, times);
@@ -155,25 +153,15 @@ long sets_of(const TunedDeclaration& of, bool full) {
   return full ? all : each;
 }
 
-std::string today() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
-}
-
 class Search {
  public:
   Search(Context& ctx, const TuneRequest& request)
-      : own_(ctx.stream()), ctx_(*own_), request_(request), begun_(now_s()) {
-    table_.of = tuning_subject(ctx.device(), ctx.flavour());
-    out_.path = request.path.empty() ? tuning_path(table_.of) : request.path;
-    if (out_.path.empty())
-      fail(Status::usage,
-           "there is no folder to keep the table in (VSPLAT_CACHE_DIR is off, or others may write to the cache's "
-           "folder): vsplat_tune_options.path names a file");
-    // Two searches at once would take each other's time, and each would lose what the other has tried.
-    if (request.path.empty()) hold_folder(fs::path(out_.path).parent_path().string());
-    take_up();
-    table_.measured = today();
+      : own_(ctx.stream()),
+        ctx_(*own_),
+        request_(request),
+        begun_(now_s()),
+        table_(tuning_subject(ctx.device(), ctx.flavour()), request.path) {
+    ctx_.stop_with(ctx);
   }
 
   TuneResult run() {
@@ -189,10 +177,9 @@ class Search {
         search(task, *of);
         done_ = before + sets_of(*of, request_.full);
       }
-    keep();
-    if (const std::string hash = table_.choice.hash(); !hash.empty() && request_.path.empty())
-      write_tuning(kept_tuning_path(hash), table_);
-    out_.table = table_;
+    out_.path = table_.path();
+    out_.before = table_.before();
+    out_.table = table_.table();
     out_.seconds = now_s() - begun_;
     return out_;
   }
@@ -202,202 +189,195 @@ class Search {
     return tuned_declaration(task.shape.op, ctx_.flavour());
   }
 
-  // What an earlier search has found; what it has replaced is kept by its hash.
-  void take_up() {
-    std::error_code error;
-    if (!fs::exists(out_.path, error)) return;
-    TuningTable before;
-    try {
-      before = read_tuning(out_.path);
-    } catch (const Error& e) {
-      if (!request_.path.empty()) throw;  // a file of the caller's, which may be anything
-      warn("the search begins anew: {}", e.what());
-      return;
-    }
-    if (before.of != table_.of) {
-      if (!request_.path.empty())
-        fail(Status::usage, "{}: a table of another device, driver or other kernels; name another file", out_.path);
-      return;
-    }
-    out_.before = before.choice.hash();
-    if (!out_.before.empty() && request_.path.empty()) write_tuning(kept_tuning_path(out_.before), before);
-    if (request_.again) return;
-    table_.choice = before.choice;
-    table_.trials = before.trials;
-  }
-
-  void hold_folder(const std::string& folder) {
-    make_private_folder(folder);
-    lock_.emplace(folder, folder + ", where tuned parameters are kept");
-    lock_->keep_folders();
-  }
-
-  void keep() { write_tuning(out_.path, table_); }
-
-  TunedTrial* tried(const TunedShape& shape, const TunedValues& values) {
-    for (TunedTrial& t : table_.trials)
-      if (t.shape == shape && t.values == values) return &t;
-    return nullptr;
-  }
-
   bool out_of_time() const { return !request_.full && now_s() - begun_ > request_.seconds; }
 
-  void next(const Task& task, const TunedValues& values) {
-    const std::string what = fmt::format("{}, {}", text_of(*values.of, task.shape), text_of(values));
+  // Tells what is done, and asks whether to go on.
+  void tell() {
     const double by_sets = all_ > 0 ? static_cast<double>(done_) / static_cast<double>(all_) : 1;
     const double by_time = request_.full ? 0 : (now_s() - begun_) / request_.seconds;
-    if (request_.progress && !request_.progress(what, std::min(0.999, std::max(by_sets, by_time))))
-      fail(Status::cancelled, "stopped; what was found so far is in {}", out_.path);
+    if (request_.progress && !request_.progress(now_, std::min(0.999, std::max(by_sets, by_time))))
+      fail(Status::cancelled, "stopped; what was found so far is in {}", table_.path());
   }
 
   void search(const Task& task, const TunedDeclaration& of) {
     case_.reset();
     odd_.reset();
+    no_room_ = false;
+    if (request_.again && out_of_time()) {
+      out_.left += sets_of(of, request_.full);
+      return;
+    }
+    if (request_.again) table_.forget(task.shape);
     const TunedValues first = default_values(of);
-    TunedValues best = first;
-    if (const auto it = table_.choice.chosen().find(task.shape); it != table_.choice.chosen().end()) best = it->second;
-    bool right = try_set(task, best, nullptr), won = false;
-    if (!right && best != first) right = try_set(task, best = first, nullptr);
+    std::optional<TunedValues> best;  // of what is right
     const auto consider = [&](const TunedValues& values) {
-      if (values == best) return;
-      if (try_set(task, values, right ? &best : nullptr)) best = values, right = won = true;
+      if (values != best && takes_the_lead(task, values, best)) best = values;
     };
+    if (const TunedTrial* won = table_.best(task.shape)) consider(TunedValues(won->values));
+    consider(first);
+    consider(table_.chosen(task.shape, of));
     if (request_.full) {
       for (const TunedValues& values : all_values(of)) consider(values);
     } else {
       for (std::size_t p = 0; p < of.parameters.size(); ++p)
         for (const long value : of.parameters[p].values) {
-          TunedValues values = best;
+          TunedValues values = best.value_or(first);
           values.values[p] = value;
           consider(values);
         }
     }
-    if (won) confirm(task, first, best);
-    if (!right && tried(task.shape, first)) {
+    if (best) {
+      settle(task, first, *best);
+    } else if (const TunedTrial* trial = table_.find(task.shape, first); trial && is_refused(*trial)) {
       out_.not_right.push_back(text_of(of, task.shape));
       warn("{}: no set of parameters is right on this device", text_of(of, task.shape));
     }
   }
 
-  // Whether that set is the one to run from now on: it is right, and beats `best`, where there is one.
-  bool try_set(const Task& task, const TunedValues& values, const TunedValues* best) {
-    const bool first = best == nullptr;
-    if (const TunedTrial* known = tried(task.shape, values); known && known->verdict.rfind("begun", 0) != 0) {
+  // Whether that set is right, and beats `best`, where there is one.
+  bool takes_the_lead(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best) {
+    if (const TunedTrial* known = table_.find(task.shape, values); known && !is_begun(*known)) {
       ++done_;
-      const bool was_right = known->verdict == "default" || known->verdict == "best" || known->verdict == "slower";
-      return first && was_right;
+      return !best && !is_refused(*known);
     }
-    if (out_of_time()) {
+    if (no_room_ || out_of_time()) {
       ++out_.left;
       return false;
     }
-    next(task, values);
-    TunedTrial& trial = begin(task.shape, values);
-    if (trial.verdict == "failed") return false;
+    now_ = name_of_set(task, values);
+    tell();
+    TunedTrial& trial = table_.begin(task.shape, values);
+    if (!is_refused(trial) && !attempt(task, values, best, trial)) return false;
+    ++done_;
+    if (is_refused(trial)) refuse(task, values, trial);
+    return trial.verdict == "default" || trial.verdict == "right" || trial.verdict == "best";
+  }
+
+  // False where there was no room to try it, and nothing is known of it.
+  bool attempt(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best, TunedTrial& trial) {
     try {
       judge(task, values, best, trial);
     } catch (const Error& e) {
-      if (e.status() == Status::cancelled) {
-        table_.trials.pop_back();
-        keep();
-        throw;
+      if (!tells_of_the_device(e)) {
+        table_.drop(task.shape, values);
+        if (e.status() != Status::memory) throw;
+        no_room_ = !case_ || !odd_;
+        ++out_.left;
+        warn("{}: not tried: {}", no_room_ ? text_of(*values.of, task.shape) : now_, e.what());
+        return false;
       }
       trial.verdict = "failed";
       trial.why = std::string(e.what()).substr(0, 500);
       case_.reset();
       odd_.reset();
+    } catch (...) {
+      table_.drop(task.shape, values);
+      throw;
     }
-    const bool wins = trial.verdict == "default" || trial.verdict == "best";
-    if (trial.verdict == "best") table_.choice.set(task.shape, values);
-    if (trial.verdict == "wrong" || trial.verdict == "failed") refuse(task, values, trial);
-    ++done_;
     ++out_.tried;
-    keep();
-    return wins;
+    table_.end(trial);
+    return true;
   }
 
-  // In the file before it runs: a set that ends the process twice is not tried a third time.
-  TunedTrial& begin(const TunedShape& shape, const TunedValues& values) {
-    std::string verdict = "begun";
-    std::vector<TunedTrial>& all = table_.trials;
-    const auto known = std::find_if(all.begin(), all.end(),
-                                    [&](const TunedTrial& t) { return t.shape == shape && t.values == values; });
-    if (known != all.end()) {
-      verdict = known->verdict == "begun" ? "begun again" : "failed";
-      all.erase(known);
-    }
-    TunedTrial trial;
-    trial.shape = shape, trial.values = values, trial.verdict = verdict;
-    if (verdict == "failed") trial.why = "the process has ended twice while it was tried";
-    all.push_back(trial);
-    keep();
-    return all.back();
+  static std::string name_of_set(const Task& task, const TunedValues& values) {
+    return fmt::format("{}, {}", text_of(*values.of, task.shape), text_of(values));
   }
 
   void refuse(const Task& task, const TunedValues& values, const TunedTrial& trial) {
-    const std::string name = fmt::format("{}, {}", text_of(*values.of, task.shape), text_of(values));
-    if (trial.verdict == "wrong")
+    const std::string name = name_of_set(task, values);
+    if (trial.why.empty())
       warn("{}: refused: off by {:.2g} of the largest value, at most {:.2g} expected", name, trial.error, tolerance_);
     else
       warn("{}: refused: {}", name, trial.why);
-    if (const auto& chosen = table_.choice.chosen(); chosen.count(task.shape) && chosen.at(task.shape) == values)
-      table_.choice.set(task.shape, default_values(*values.of));
+    if (table_.chosen(task.shape, *values.of) == values) table_.choose(task.shape, default_values(*values.of));
   }
 
-  void judge(const Task& task, const TunedValues& values, const TunedValues* best, TunedTrial& trial) {
+  void make_cases(const Task& task) {
     if (!case_) case_ = tune_case(ctx_, task.exact);
     if (!odd_) odd_ = tune_case(ctx_, odd_shape(task.exact));
     tolerance_ = case_->tolerance();
+  }
+
+  void judge(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best, TunedTrial& trial) {
+    make_cases(task);
     const TunedOp op = task.shape.op;
     for (TuneCase* each : {odd_.get(), case_.get()}) {
       const Runner runner = make_ready(ctx_, *each, op, values);
       double error = 0;
       const double share = share_of_tolerance(ctx_, *each, runner, &error);
-      if (!(error <= trial.error)) trial.error = error;
+      tell();
+      trial.error = std::max(trial.error, error);
       if (share > 1) {
         trial.verdict = "wrong";
+        if (!std::isfinite(trial.error)) trial.why = "some values are no numbers";
         return;
       }
     }
-    Runner runner = make_ready(ctx_, *case_, op, values);
+    const Runner runner = make_ready(ctx_, *case_, op, values);
     if (!best) {
-      trial.seconds = trial.against = race(ctx_, runner, runner).other;
-      trial.verdict = values == default_values(*values.of) ? "default" : "best";
+      trial.seconds = trial.against = race(runner, runner).other;
+      trial.verdict = values == default_values(*values.of) ? "default" : "right";
       return;
     }
     const Runner other = make_ready(ctx_, *case_, op, *best);
-    Race found = race(ctx_, other, runner);
-    if (found.won()) found = race(ctx_, other, runner);  // twice, so that chance does not decide
+    Race found = race(other, runner);
+    if (found.won()) found = race(other, runner);  // twice, so that chance does not decide
     trial.seconds = found.other, trial.against = found.best;
     trial.verdict = found.won() ? "best" : "slower";
   }
 
-  // What has won, step by step, against the default in one race: it is chosen where it wins that, too.
-  void confirm(const Task& task, const TunedValues& first, const TunedValues& best) {
-    TunedTrial* trial = tried(task.shape, best);
-    const TunedTrial* of_first = tried(task.shape, first);
-    if (!trial || !case_ || best == first || !of_first || of_first->verdict != "default") return;
-    const Runner runner = make_ready(ctx_, *case_, task.shape.op, best),
-                 other = make_ready(ctx_, *case_, task.shape.op, first);
-    const Race found = race(ctx_, other, runner);
-    trial->seconds = found.other, trial->against = found.best;
-    if (!found.won()) {
-      trial->verdict = "slower";
-      table_.choice.set(task.shape, first);
-    } else {
-      info("{}: {} is {:.2f} times as fast as {}", text_of(*best.of, task.shape), text_of(best),
-           found.best / found.other, text_of(first));
+  // What is chosen has won a race: step by step, and then against the default in one more. Where that is not right,
+  // what is right has lost none.
+  void settle(const Task& task, const TunedValues& first, const TunedValues& best) {
+    const TunedValues chosen = table_.chosen(task.shape, *best.of);
+    const TunedTrial *of_best = table_.find(task.shape, best), *of_first = table_.find(task.shape, first);
+    if (best == chosen || !of_first || is_begun(*of_first)) return;
+    if (best == first) {  // what was chosen has been tried anew, or was not reached
+      if (const TunedTrial* known = table_.find(task.shape, chosen); known && !is_begun(*known))
+        table_.choose(task.shape, first);
+      return;
     }
-    keep();
+    if (is_refused(*of_first)) {
+      if (of_best->verdict == "best" || of_first->verdict == "wrong") table_.choose(task.shape, best);
+      return;
+    }
+    if (!case_ && out_of_time()) return;
+    confirm(task, first, best, *of_best);
   }
 
-  std::optional<FolderLock> lock_;
+  void confirm(const Task& task, const TunedValues& first, const TunedValues& best, TunedTrial trial) {
+    now_ = name_of_set(task, best);
+    try {
+      make_cases(task);
+      const Runner runner = make_ready(ctx_, *case_, task.shape.op, best),
+                   other = make_ready(ctx_, *case_, task.shape.op, first);
+      const Race found = race(other, runner);
+      trial.seconds = found.other, trial.against = found.best;
+      trial.verdict = found.won() ? "best" : "slower";
+    } catch (const Error& e) {
+      if (e.status() != Status::memory) throw;
+      warn("{}: not chosen yet: {}", now_, e.what());
+      return;
+    }
+    table_.replace(trial);
+    if (trial.verdict == "best")
+      info("{}: {} is {:.2f} times as fast as {}", text_of(*best.of, task.shape), text_of(best),
+           trial.against / trial.seconds, text_of(first));
+    table_.choose(task.shape, trial.verdict == "best" ? best : first);
+  }
+
+  Race race(const Runner& best, const Runner& other) {
+    return race_of(ctx_, best, other, [&] { tell(); });
+  }
+
   std::unique_ptr<Context> own_;
   Context& ctx_;
   const TuneRequest& request_;
   double begun_, tolerance_ = 0;
   long all_ = 0, done_ = 0;
-  TuningTable table_;
+  bool no_room_ = false;
+  std::string now_;  // what is tried
+  TriedTable table_;
   TuneResult out_;
   std::unique_ptr<TuneCase> case_, odd_;
 };

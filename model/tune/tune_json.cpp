@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -44,15 +45,20 @@ std::string tune_json(const Context& ctx, const TuneResult& result) {
   }
   out["chosen"] = Json::array();
   out["refused"] = Json::array();
-  for (const TunedTrial& t : result.table.trials) {
-    const auto& chosen = result.table.choice.chosen();
-    if (const auto it = chosen.find(t.shape); it != chosen.end() && it->second == t.values) {
-      Json one = line(t);
-      one["seconds"] = t.seconds;
-      one["times_as_fast"] = t.seconds > 0 ? t.against / t.seconds : 0;
-      one["error"] = t.error;
-      out["chosen"].push_back(std::move(one));
-    }
+  const auto& trials = result.table.trials;
+  for (const auto& [shape, values] : result.table.choice.chosen()) {
+    TunedTrial of;
+    of.shape = shape, of.values = values;
+    Json one = line(of);
+    const auto t = std::find_if(trials.begin(), trials.end(),
+                                [&](const TunedTrial& t) { return t.shape == shape && t.values == values; });
+    const bool timed = t != trials.end() && t->seconds > 0;
+    one["seconds"] = timed ? Json(t->seconds) : Json();
+    one["times_as_fast"] = timed ? Json(t->against / t->seconds) : Json();
+    one["error"] = timed ? Json(t->error) : Json();
+    out["chosen"].push_back(std::move(one));
+  }
+  for (const TunedTrial& t : trials) {
     if (t.verdict != "wrong" && t.verdict != "failed") continue;
     Json one = line(t);
     one["verdict"] = t.verdict;

@@ -29,13 +29,15 @@ typedef struct vsplat_tune_options {
    those that are fastest on that device. Each set is held against sums in double before it may win, at that shape and
    at an odd one; what is wrong or does not run is refused, with a warning that names it, its error and what was
    expected. A set wins that takes 3 % less than the best so far beside it. Each set that is done is in the table's file
-   at once, whole: a search that ends early, or is killed, goes on where it was. VSPLAT_ERROR_FILE where another process
-   searches. The device, opened before, goes on with the table that it has; VSPLAT_TUNING in the environment is "off",
+   at once, whole, and what is chosen for a shape when all of its sets are: a search that ends early, by
+   vsplat_device_cancel, too, or is killed, goes on where it was. VSPLAT_ERROR_FILE where another process searches. The
+   device, opened before, goes on with the table that it has; VSPLAT_TUNING in the environment is "off",
    or names a table to use instead. `options` NULL: defaults.
    `out_text` becomes JSON, to be freed with vsplat_text_free: {"device", "driver", "flavour", "path", "table": its
-   hash, "" where the defaults are best, "before": that of the table that was there, "tried", "left": sets that no time
-   was left for, "seconds", "shapes": [{"op", "shape"}], what the jobs have, what takes longest first, "chosen": [{"op",
-   "shape", "set", "seconds", "times_as_fast": as the defaults, "error"}], "refused": [{"op", "shape", "set", "verdict":
+   hash, "" where the defaults are best, "before": that of the table that was there, "tried", "left": sets that there
+   was no time or no memory for, "seconds", "shapes": [{"op", "shape"}], what the jobs have, what takes longest first, "chosen": [{"op",
+   "shape", "set", "seconds", "times_as_fast": as the defaults, "error"}], these three null where it is chosen from before
+   and was not timed anew, "refused": [{"op", "shape", "set", "verdict":
    "wrong" or "failed", "error", "why"}], "not_right": shapes of which no set is right}. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_tune(vsplat_device device, vsplat_model model,
                                                       const vsplat_tune_options* options, char** out_text);
