@@ -16,9 +16,14 @@ namespace vsplat {
 
 OutputFile::OutputFile(const std::string& path, unsigned mode) : path_(path) {
   static std::atomic<unsigned> serial{0};
-  temporary_ = fmt::format("{}.{}-{}.tmp", path, ::getpid(), serial++);
-  const int descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-  if (descriptor < 0) failed("be created");
+  int descriptor = -1;
+  // One of that name may be left of a process that was killed: in containers numbers of processes are the same again.
+  for (int attempt = 0; attempt < 10000; ++attempt) {
+    temporary_ = fmt::format("{}.{}-{}.tmp", path, ::getpid(), serial++);
+    descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+    if (descriptor >= 0 || errno != EEXIST) break;
+  }
+  if (descriptor < 0) fail(Status::file, "{}: cannot be created as {}: {}", path, temporary_, std::strerror(errno));
   file_ = ::fdopen(descriptor, "wb");
   if (file_ == nullptr) {
     ::close(descriptor);
