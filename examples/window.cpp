@@ -7,10 +7,13 @@
 #include <SDL.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <vector>
 #include <vsplat/vsplat.hpp>
 
 namespace {
@@ -94,10 +97,10 @@ class Viewer {
 
   void run() {
     for (int shown = 0; !quit_ && (frames_ == 0 || shown < frames_); ++shown) {
-      if (frames_ == 0 && !moving_ && !turning_ && sharp_) need(SDL_WaitEvent(nullptr) == 1);
+      if (frames_ == 0 && !turning_ && !stale_) need(SDL_WaitEvent(nullptr) == 1);
       for (SDL_Event event; SDL_PollEvent(&event);) take(event);
-      if (turning_ || frames_ > 0) orbit_.turn(kDirections / 180.0);
-      show(frames_ == 0 && (moving_ || turning_));
+      if (turning_ || frames_ > 0) orbit_.turn(kDirections / 180.0), stale_ = true;
+      if (stale_) show(frames_ == 0 && (moving_ || turning_));
     }
   }
 
@@ -116,15 +119,24 @@ class Viewer {
  private:
   void take(const SDL_Event& event) {
     if (event.type == SDL_QUIT || (event.type == SDL_KEYDOWN && event.key.keysym.sym == SDLK_ESCAPE)) quit_ = true;
-    if (event.type == SDL_KEYDOWN && event.key.keysym.sym == SDLK_SPACE) turning_ = !turning_;
+    if (event.type == SDL_KEYDOWN && event.key.keysym.sym == SDLK_SPACE) turning_ = !turning_, stale_ = true;
     if (event.type == SDL_MOUSEBUTTONDOWN) moving_ = true;
-    if (event.type == SDL_MOUSEBUTTONUP) moving_ = false;
+    if (event.type == SDL_MOUSEBUTTONUP) moving_ = false, stale_ = stale_ || !sharp_;
     if (event.type == SDL_MOUSEMOTION && moving_) {
       orbit_.turn(-event.motion.xrel * kDirections / 720.0);
       orbit_.rise(event.motion.yrel * 0.4);
+      stale_ = true;
     }
-    if (event.type == SDL_MOUSEWHEEL) orbit_.approach(event.wheel.y > 0 ? 1.1 : 1 / 1.1);
-    sharp_ = false;
+    if (event.type == SDL_MOUSEWHEEL && event.wheel.y != 0)
+      orbit_.approach(event.wheel.y > 0 ? 1.1 : 1 / 1.1), stale_ = true;
+    if (event.type == SDL_WINDOWEVENT) take(event.window);
+  }
+
+  void take(const SDL_WindowEvent& event) {
+    if (event.event == SDL_WINDOWEVENT_SIZE_CHANGED) stale_ = true;
+    if (event.event != SDL_WINDOWEVENT_EXPOSED || !texture_) return;
+    draw_texture();
+    SDL_RenderPresent(renderer_.get());
   }
 
   // Smaller while something moves, so that frames come often enough; SDL scales it up.
@@ -156,7 +168,7 @@ class Viewer {
     SDL_UnlockTexture(texture_.get());
     vsplat::check(status);
     seconds_ = by == smaller_ ? took : seconds_;
-    sharp_ = by == 1;
+    sharp_ = by == 1, stale_ = false;
     draw_texture();
     SDL_RenderPresent(renderer_.get());
     char title[80];
@@ -175,7 +187,8 @@ class Viewer {
   Texture texture_;
   int width_ = 0, height_ = 0, smaller_ = 1;
   double seconds_ = 0;  // of a frame while something moves
-  bool quit_ = false, moving_ = false, turning_ = false, sharp_ = false;
+  bool quit_ = false, moving_ = false, turning_ = false;
+  bool sharp_ = false, stale_ = true;  // of what the window shows: at full size; no longer what is seen from there
 };
 
 }  // namespace
