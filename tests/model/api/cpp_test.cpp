@@ -248,6 +248,12 @@ static_assert(std::is_nothrow_move_constructible_v<Picture> && std::is_nothrow_m
 static_assert(std::is_nothrow_move_constructible_v<Job>);
 static_assert(!std::is_convertible_v<std::vector<double>&, Span<float>>);
 static_assert(!std::is_convertible_v<const std::vector<float>&, Span<float>>);
+static_assert(std::is_convertible_v<std::vector<float>&, Span<const float>>);
+struct NamedSpans : PictureSpans {
+  int name = 0;
+};
+static_assert(std::is_convertible_v<std::vector<PictureSpans>&, Span<const PictureSpans>>);
+static_assert(!std::is_convertible_v<std::vector<NamedSpans>&, Span<const PictureSpans>>);
 
 }  // namespace
 

@@ -22,8 +22,9 @@ class Span {
   constexpr Span(T* data, std::size_t size) : data_(data), size_(size) {}
   template <std::size_t N>
   constexpr Span(T (&array)[N]) : data_(array), size_(N) {}
-  template <class Container,
-            class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<Container&>().data()), T*> &&
+  // Of T itself, const or not: elements of a class made of T are further apart.
+  template <class Container, class Element = std::remove_pointer_t<decltype(std::declval<Container&>().data())>,
+            class = std::enable_if_t<std::is_convertible_v<Element (*)[], T (*)[]> &&
                                      !std::is_same_v<std::decay_t<Container>, Span>>>
   constexpr Span(Container&& container) : data_(container.data()), size_(container.size()) {}
 
