@@ -2,6 +2,7 @@
 import os
 import shutil
 import subprocess
+import sys
 import unittest
 
 import support
@@ -42,6 +43,14 @@ class Window(support.Case):
         mean = lambda pixels: sum(pixels) / len(pixels)
         # Half a turn later they have changed places.
         self.assertGreater((mean(red) - mean(blue)) * (mean(blue_after) - mean(red_after)), 50 * 50)
+
+    def test_it_rests_until_something_changes(self):
+        inside = [sys.executable, os.path.join(os.path.dirname(os.path.abspath(__file__)), "window_rest.py"), WINDOW, self.path("s.ply")]
+        done = subprocess.run(["xvfb-run", "-a", "-s", "-screen 0 800x600x24", *inside], capture_output=True, text=True, timeout=120)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        moved, resized = map(int, done.stdout.split())
+        self.assertEqual(moved, 0, "a pointer that moves over the window changes nothing")
+        self.assertGreater(resized, 0)
 
     def test_what_is_no_scene_is_told(self):
         code, err = self.show(self.path("none.ply"), "1")

@@ -1,0 +1,63 @@
+"""WINDOW SCENE, on the screen of $DISPLAY: how often the window draws while the pointer moves over it, and when it gets another size, as two
+numbers. It writes its title after each picture, and the X server tells of that."""
+import ctypes
+import subprocess
+import sys
+import time
+
+NEW_TITLE = 28  # PropertyNotify
+x = ctypes.CDLL("libX11.so.6")
+x.XOpenDisplay.restype = ctypes.c_void_p
+x.XDefaultRootWindow.argtypes, x.XDefaultRootWindow.restype = [ctypes.c_void_p], ctypes.c_ulong
+ids, id_ = ctypes.POINTER(ctypes.c_ulong), ctypes.c_ulong
+x.XQueryTree.argtypes = [ctypes.c_void_p, id_, ids, ids, ctypes.POINTER(ids), ctypes.POINTER(ctypes.c_uint)]
+x.XFetchName.argtypes = [ctypes.c_void_p, id_, ctypes.POINTER(ctypes.c_char_p)]
+x.XSelectInput.argtypes = [ctypes.c_void_p, id_, ctypes.c_long]
+x.XWarpPointer.argtypes = [ctypes.c_void_p, id_, id_] + [ctypes.c_int] * 6
+x.XResizeWindow.argtypes = [ctypes.c_void_p, id_, ctypes.c_uint, ctypes.c_uint]
+x.XCheckTypedEvent.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p]
+x.XSync.argtypes = [ctypes.c_void_p, ctypes.c_int]
+
+display = x.XOpenDisplay(None)
+root = x.XDefaultRootWindow(display)
+
+
+def shown():
+    """-> the window that has drawn"""
+    parent, children, count, title = ctypes.c_ulong(), ids(), ctypes.c_uint(), ctypes.c_char_p()
+    x.XQueryTree(display, root, ctypes.byref(parent), ctypes.byref(parent), ctypes.byref(children), ctypes.byref(count))
+    for i in range(count.value):
+        if x.XFetchName(display, children[i], ctypes.byref(title)) and title.value.endswith(b" ms"):
+            return children[i]
+    return None
+
+
+def drawn(quiet):
+    """-> new titles until there is none for so many seconds"""
+    event, count, last = ctypes.create_string_buffer(192), 0, time.time()
+    while time.time() - last < quiet:
+        x.XSync(display, 0)
+        while x.XCheckTypedEvent(display, NEW_TITLE, event):
+            count, last = count + 1, time.time()
+        time.sleep(0.02)
+    return count
+
+
+process = subprocess.Popen(sys.argv[1:])
+try:
+    while not (window := shown()):
+        if process.poll() is not None:
+            sys.exit("the window has ended")
+        time.sleep(0.1)
+    x.XSelectInput(display, window, 1 << 22)
+    drawn(2)
+    for i in range(20):
+        x.XWarpPointer(display, 0, window, 0, 0, 0, 0, 100 + 10 * i, 100 + 5 * i)
+        x.XSync(display, 0)
+        time.sleep(0.05)
+    moved = drawn(2)
+    x.XResizeWindow(display, window, 320, 240)
+    print(moved, drawn(2))
+finally:
+    process.kill()
+    process.wait()
