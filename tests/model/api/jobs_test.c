@@ -81,6 +81,10 @@ static void counts(void* user, const char* kernel, int32_t before) {
   ++compiled;
 }
 
+/* Told in one thread, looked at in another. */
+static void tell(int* told) { __atomic_store_n(told, 1, __ATOMIC_RELEASE); }
+static int is_told(int* told) { return __atomic_load_n(told, __ATOMIC_ACQUIRE); }
+
 static int32_t hears(void* user, const char* stage, double done) {
   double* last = user;
   if (!stage || done < *last || done > 1) *last = 2; /* no more than that is ever told */
@@ -167,7 +171,7 @@ static void has_ended(void* user, vsplat_job job) {
     const vsplat_reconstruct_options options = some_voxels();
     EXPECT(VSPLAT_OK, vsplat_reconstruct_async(e->device, e->model, e->input, &options, NULL, &e->next));
   }
-  ++e->calls;
+  tell(&e->calls);
 }
 
 static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, vsplat_input input) {
@@ -189,7 +193,7 @@ static void jobs_give_what_calls_give(vsplat_device device, vsplat_model model, 
   EXPECT(VSPLAT_OK, vsplat_job_result(first, &got));
   HOLD(got && are_equal(got, want));
   vsplat_scene_release(got);
-  while (e.calls == 0) pause_for(0.001);
+  while (!is_told(&e.calls)) pause_for(0.001);
   EXPECT(VSPLAT_OK, vsplat_job_wait(e.next, patience(), &state));
   HOLD(state == VSPLAT_JOB_DONE);
   got = NULL;
@@ -299,7 +303,7 @@ static void jobs_know_their_thread(vsplat_device device, vsplat_model model, vsp
   }
   EXPECT(VSPLAT_OK, vsplat_job_wait(first, -1, &state));
   HOLD(state == VSPLAT_JOB_DONE);
-  while (e.calls == 0) pause_for(0.001);
+  while (!is_told(&e.calls)) pause_for(0.001);
   HOLD(e.waited == VSPLAT_ERROR_BUSY);
   EXPECT(VSPLAT_OK, vsplat_job_cancel(long_one));
   EXPECT(VSPLAT_OK, vsplat_job_wait(long_one, -1, &state));
@@ -311,7 +315,7 @@ static void jobs_know_their_thread(vsplat_device device, vsplat_model model, vsp
 static void releases_device(void* user, vsplat_job job) {
   int* done = user;
   (void)job;
-  *done = 1;
+  tell(done);
 }
 
 /* The last that holds a device may be its job. */
@@ -320,14 +324,14 @@ static void the_last_job_closes(vsplat_model model, vsplat_input input) {
   vsplat_job_options on_end = VSPLAT_JOB_OPTIONS_INIT;
   vsplat_device device = NULL;
   vsplat_job job = NULL;
-  volatile int done = 0;
+  int done = 0;
   on_end.on_end = releases_device;
-  on_end.user = (void*)&done;
+  on_end.user = &done;
   EXPECT(VSPLAT_OK, vsplat_device_open(NULL, &device));
   EXPECT(VSPLAT_OK, vsplat_reconstruct_async(device, model, input, &options, &on_end, &job));
   vsplat_device_release(device);
   vsplat_job_release(job);
-  while (!done) pause_for(0.001);
+  while (!is_told(&done)) pause_for(0.001);
   pause_for(0.2); /* for its thread */
 }
 
