@@ -1,7 +1,8 @@
 """vsplat from Python: posed photographs in, Gaussians and pictures out, NumPy in and out.
 
 One file over libvsplat's C interface by ctypes: nothing is compiled, and one file serves every Python from 3.9 on. The
-library is $VSPLAT_LIBRARY, else the one beside an installed `vsplat` command, else where the system looks.
+library is $VSPLAT_LIBRARY, else the one that this file was installed with, else the one beside an installed `vsplat` command,
+else where the system looks. NumPy is needed, and nothing else; the file's folder is to be on PYTHONPATH.
 
     import vsplat
     device = vsplat.Device()                                # the first GPU, else the first device
@@ -14,7 +15,10 @@ Conventions are the library's: cameras have OpenCV axes (x right, y down, z forw
 [4, 4], world to camera; pictures are float32 [H, W, C], sRGB-encoded in 0 to 1; K Gaussians, S = (degree + 1)^2.
 Arrays may be anything that NumPy takes, or that has __dlpack__ on the host's memory; they are copied.
 Failures are vsplat.Error, with the library's sentence and `status`. A Device, a stream of one (Device.stream) and what
-is made with it are used by one thread at a time; while a call runs, other Python threads do."""
+is made with it are used by one thread at a time; while a call runs, other Python threads do.
+
+Training, evaluation, data sets, jobs, contact sheets, paths of cameras and other devices' memory are the C interface's alone
+(vsplat/vsplat.h), and the command's."""
 from __future__ import annotations
 
 import ctypes as c
@@ -28,7 +32,7 @@ from typing import Any, Callable, Iterable, Sequence
 
 import numpy as np
 
-__all__ = ["Camera", "Device", "Error", "Gaussians", "Input", "Model", "Picture", "Scene", "Views", "devices", "version"]
+__all__ = ["Camera", "Device", "Error", "Gaussians", "Input", "Model", "Picture", "Scene", "Views", "compare", "devices", "version"]
 
 Progress = Callable[[str, float], Any]
 """Told (stage, share done); returns False to stop."""
@@ -48,9 +52,10 @@ class Error(RuntimeError):
 
 def _library() -> c.CDLL:
     names = [os.environ.get("VSPLAT_LIBRARY")]
-    command = shutil.which("vsplat")
-    if command:
-        prefix = pathlib.Path(command).resolve().parent.parent
+    here, command = pathlib.Path(__file__).resolve(), shutil.which("vsplat")
+    prefixes = [here.parents[3]] if here.parts[-4:-1] == ("share", "vsplat", "python") else []
+    prefixes += [pathlib.Path(command).resolve().parent.parent] if command else []
+    for prefix in prefixes:
         names += [str(p) for depth in ("lib*", "lib*/*") for p in sorted(prefix.glob(depth + "/libvsplat.so.?"))]
     names += [c.util.find_library("vsplat"), "libvsplat.so.1"]
     problem = None
@@ -160,6 +165,23 @@ class _Picture(_Struct):
     _fields_ = [("size", c.c_size_t), ("capacity", c.c_uint64), ("colour", _f32), ("alpha", _f32), ("depth", _f32)]
 
 
+class _Comparison(_Struct):
+    _fields_ = [("size", c.c_size_t), ("psnr", c.c_double), ("ssim", c.c_double)]
+
+
+class _RefineOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("start", c.c_int), ("scene", c.c_void_p), ("model", c.c_void_p), ("input", c.c_void_p),
+                ("reconstruct", c.c_void_p), ("names", c.POINTER(c.c_char_p)), ("num_names", c.c_size_t), ("holdout", c.c_int),
+                ("holdout_count", c.c_int32), ("holdout_names", c.POINTER(c.c_char_p)), ("num_holdout_names", c.c_size_t),
+                ("steps", c.c_int64), ("seconds", c.c_double), ("max_gaussians", c.c_uint64), ("sh_degree", c.c_int32),
+                ("longest", c.c_int32), ("freeze", c.c_uint32), ("seed", c.c_uint64), ("poses", c.c_int32), ("exposure", c.c_int32)]
+
+
+class _RefineProgress(_Struct):
+    _fields_ = [("size", c.c_size_t), ("phase", c.c_char * 32), ("step", c.c_int64), ("steps", c.c_int64), ("gaussians", c.c_uint64),
+                ("loss", c.c_double), ("psnr", c.c_double), ("seconds_left", c.c_double)]
+
+
 class _OrbitOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("count", c.c_int32), ("width", c.c_int32), ("height", c.c_int32), ("radius", c.c_double),
                 ("has_elevation", c.c_int32), ("elevation", c.c_double), ("has_up", c.c_int32), ("up", c.c_double * 3)]
@@ -252,10 +274,14 @@ class Camera:
     @classmethod
     def looking_at(cls, target: Sequence[float], eye: Sequence[float], up: Sequence[float] = (0, -1, 0), width: int = 512,
                    height: int = 512, fov: float = 50.0) -> Camera:
-        """`fov`: degrees across the width."""
-        at, eye_ = np.asarray(target, float), np.asarray(eye, float)
+        """`fov`: degrees across the width. `up`, in the world, is up in the picture: Scene.up where that is known; the default is what
+        COLMAP's worlds mostly have."""
+        at, eye_, up_ = np.asarray(target, float), np.asarray(eye, float), np.asarray(up, float)
+        x = np.cross(at - eye_, up_)
+        if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(at - eye_) * np.linalg.norm(up_):
+            raise Error("usage", f"a camera at {list(eye_)} looking at {list(at)} with {list(up_)} up: two places, and a direction that does not "
+                                 "lie along the view, expected")
         z = (at - eye_) / np.linalg.norm(at - eye_)
-        x = np.cross(z, np.asarray(up, float))
         x /= np.linalg.norm(x)
         rotation = np.stack([x, np.cross(z, x), z])
         w2c = np.eye(4)
@@ -324,6 +350,15 @@ def devices() -> list[dict[str, Any]]:
         _call("device_describe", c.c_size_t(i), c.byref(info))
         out.append(_info(info))
     return out
+
+
+def compare(picture: Any, truth: Any) -> tuple[float, float]:
+    """PSNR in dB and SSIM of [H, W, 3], values clamped to 0 to 1; SSIM is NaN where a side is under 11 pixels."""
+    first = _array(picture, (None, None, 3), "picture")
+    second = _array(truth, first.shape, "truth")
+    out = _Comparison()
+    _call("compare", _pointer(first), _pointer(second), c.c_int32(first.shape[1]), c.c_int32(first.shape[0]), c.byref(out), None)
+    return out.psnr, out.ssim
 
 
 # ------------------------------------------------------------------------------------------------------------ handles
@@ -432,6 +467,11 @@ class Input(_Handle):
         """The cube's edge in world units."""
         return self._info().scale
 
+    @property
+    def up(self) -> np.ndarray | None:
+        """[3], which way is up in the world; None: not known."""
+        return _known(self._info().up)
+
     def camera(self, index: int) -> Camera:
         s = _Camera()
         _call("input_get_camera", self, c.c_size_t(index), c.byref(s))
@@ -476,22 +516,29 @@ class Scene(_Handle):
         return cls(handle)
 
     @classmethod
-    def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float = 0.0) -> Scene:
-        """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as Gaussians has them; `near`: the near plane, world units (0: the usual)."""
+    def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float | None = None,
+                    up: Sequence[float] | None = None, offset: Sequence[float] | None = None, like: Scene | None = None) -> Scene:
+        """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as Gaussians has them. `like`: the scene that these are of, changed: near plane, up,
+        offset, mirror and whether they are surfels are its, but for what is given. Without it: `near`: the near plane, world units (the usual);
+        `up` (not known); `offset`: the means plus this are in the world (0, 0, 0)."""
         arrays = _gaussians_of(means, scales, rotations, opacities, sh)
-        count, degree = len(arrays.means), _degree_of(arrays.sh)
-        info = _SceneInfo(count=count, sh_degree=degree, near_plane=near)
+        info = like._info() if like is not None else _SceneInfo()
+        info.count, info.sh_degree = len(arrays.means), _degree_of(arrays.sh)
+        info.near_plane = info.near_plane if near is None else near
+        for name, value in (("up", up), ("offset", offset)):
+            if value is not None:
+                setattr(info, name, (c.c_double * 3)(*value))
         handle = c.c_void_p()
-        _call("scene_create", c.byref(info), c.byref(arrays._struct(count)), c.byref(handle))
+        _call("scene_create", c.byref(info), c.byref(arrays._struct(info.count)), c.byref(handle))
         return cls(handle)
 
-    def update(self, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any) -> None:
-        """New values for the same Gaussians."""
-        arrays = _gaussians_of(means, scales, rotations, opacities, sh)
-        if len(arrays.means) != len(self) or _degree_of(arrays.sh) != self.sh_degree:
-            raise Error("usage", f"{len(arrays.means)} Gaussians of degree {_degree_of(arrays.sh)}: "
-                                 f"{len(self)} of degree {self.sh_degree} expected")
-        _call("scene_update", self, c.byref(arrays._struct(len(self))))
+    def update(self, means: Any = None, scales: Any = None, rotations: Any = None, opacities: Any = None, sh: Any = None) -> None:
+        """New values for the same Gaussians; what is None stays as it was."""
+        info = self._info()
+        k, given = info.count, {"means": means, "scales": scales, "rotations": rotations, "opacities": opacities, "sh": sh}
+        shapes = {"means": (k, 3), "scales": (k, 3), "rotations": (k, 4), "opacities": (k,), "sh": (k, (info.sh_degree + 1) ** 2, 3)}
+        arrays = Gaussians(**{name: None if v is None else _array(v, shapes[name], name) for name, v in given.items()})
+        _call("scene_update", self, c.byref(arrays._struct(k)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """A standard 3DGS PLY."""
@@ -514,8 +561,23 @@ class Scene(_Handle):
         """[3]: the means plus this are in the world."""
         return np.array(self._info().offset)
 
+    @property
+    def near(self) -> float:
+        """The near plane, world units."""
+        return self._info().near_plane
+
+    @property
+    def up(self) -> np.ndarray | None:
+        """[3], which way is up in the world; None: not known."""
+        return _known(self._info().up)
+
+    @property
+    def surfels(self) -> bool:
+        """Whether its Gaussians are flat: scales[:, 2] is 0."""
+        return bool(self._info().surfels)
+
     def arrays(self) -> Gaussians:
-        """Copies of all values."""
+        """Copies of all values: from_arrays(*vars(scene.arrays()).values(), like=scene) is the same scene."""
         info = self._info()
         out = Gaussians._empty(info.count, info.sh_degree)
         _call("scene_get_gaussians", self, c.byref(out._struct(info.count)))
@@ -524,6 +586,11 @@ class Scene(_Handle):
     def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
         """A circle about what can be seen of it."""
         return _orbit("scene", self, _OrbitOptions(count=count, width=width, height=height))
+
+
+def _known(direction: Any) -> np.ndarray | None:
+    out = np.array(direction)
+    return out if out.any() else None
 
 
 def _gaussians_of(means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any) -> Gaussians:
@@ -545,13 +612,13 @@ class Device(_Handle):
 
     _noun = "device"
 
-    def __init__(self, device: str = "", kernels: str = "auto", max_memory_gib: float = 0.0):
-        """`device`: an index ("0"), platform:device ("0:1"), a type ("cpu", "gpu", "acc") or a part of a name; "": $VSPLAT_DEVICE, else
+    def __init__(self, device: str | int = "", kernels: str = "auto", max_memory_gib: float = 0.0):
+        """`device`: an index (0, "0"), platform:device ("0:1"), a type ("cpu", "gpu", "acc") or a part of a name; "": $VSPLAT_DEVICE, else
         the first GPU, else the first device."""
         flavours = {"auto": 0, "cpu": 1, "gpu": 2}
         if kernels not in flavours:
             raise Error("usage", f"kernels is {kernels!r}: auto, cpu or gpu expected")
-        options = _DeviceOptions(device=device.encode(), kernels=flavours[kernels], max_memory_gib=max_memory_gib)
+        options = _DeviceOptions(device=str(device).encode(), kernels=flavours[kernels], max_memory_gib=max_memory_gib)
         handle = c.c_void_p()
         _call("device_open", c.byref(options), c.byref(handle))
         super().__init__(handle)
@@ -595,6 +662,30 @@ class Device(_Handle):
         handle = c.c_void_p()
         told.call("reconstruct", self, model, views, c.byref(options), c.byref(handle))
         return Scene(handle)
+
+    def refine(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = 512, max_gaussians: int = 0,
+               poses: bool = False, exposure: bool = False, seed: int = 0, progress: Progress | None = None) -> Scene:
+        """Moves a scene towards the views' photographs, and judges it on some that it is not moved towards: never worse than its start.
+        `start`: a scene, or the model that makes one of them; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
+        `longest`: pixels of the pictures' longer side (0: as they are). What `progress` raises ends it; where it says False, the best so far
+        is what comes out."""
+        options = _RefineOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
+                                 max_gaussians=max_gaussians, poses=poses, exposure=exposure, seed=seed)
+        setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
+        handle = c.c_void_p()
+        _call("refinement_create", self, views, c.byref(options), c.byref(handle))
+        try:
+            more, told = c.c_int32(1), _RefineProgress()
+            while more.value:
+                _call("refinement_step", handle, c.byref(told) if progress else None, c.byref(more))
+                if progress and progress(told.phase.decode(), told.step / max(told.steps, 1)) is False:
+                    _call("refinement_stop", handle)
+                    break
+            out = c.c_void_p()
+            _call("refinement_get_scene", handle, c.byref(out))
+            return Scene(out)
+        finally:
+            _lib.vsplat_refinement_release(handle)
 
     def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
                colour: bool = True, alpha: bool = True, depth: bool = True) -> Picture:

@@ -59,8 +59,57 @@ class Module(unittest.TestCase):
             scene.save(f"{folder}/a.ply")
             again = self.device.render(vsplat.Scene.load(f"{folder}/a.ply"), camera())
             np.testing.assert_allclose(again.colour, picture.colour, atol=1e-5)
+        scene.update(opacities=np.zeros(50))
+        self.assertEqual(self.device.render(scene, camera()).alpha.max(), 0)
+        np.testing.assert_array_equal(scene.arrays().means, np.asarray(values[0], np.float32))
+        with self.assertRaisesRegex(vsplat.Error, r"sh has the shape \[50, 9, 3\]: \[50, 4, 3\] expected"):
+            scene.update(sh=gaussians(functions=9)[4])
         scene.update(*gaussians(seed=2))
         self.assertGreater(np.abs(self.device.render(scene, camera()).colour - picture.colour).max(), 0.05)
+
+    def test_a_changed_scene_stays_where_it_was(self):
+        scene = vsplat.Scene.from_arrays(*gaussians(), near=0.25, up=(0, 1, 0), offset=(5000, 0, 0))
+        self.assertEqual((scene.near, scene.up.tolist(), scene.offset.tolist(), scene.surfels), (0.25, [0, 1, 0], [5000, 0, 0], False))
+        self.assertIsNone(vsplat.Scene.from_arrays(*gaussians()).up)
+        values = vars(scene.arrays())
+        again = vsplat.Scene.from_arrays(**{**values, "sh": -values["sh"]}, like=scene)
+        self.assertEqual((again.near, again.up.tolist(), again.offset.tolist()), (0.25, [0, 1, 0], [5000, 0, 0]))
+        seen, other = (self.device.render(s, s.orbit(1, 40, 33)[0]) for s in (scene, again))
+        self.assertGreater(seen.alpha.max(), 0.5)
+        np.testing.assert_array_equal(seen.alpha, other.alpha)
+        self.assertEqual(vsplat.Scene.from_arrays(**values, near=0.5, like=scene).near, 0.5)
+
+    def test_compares(self):
+        r = np.random.default_rng(3)
+        truth = r.uniform(0, 1, (16, 20, 3))
+        psnr, ssim = vsplat.compare(np.clip(truth + 0.1, 0, 2), truth)
+        self.assertAlmostEqual(psnr, -10 * np.log10(np.mean((np.clip(truth + 0.1, 0, 1) - truth) ** 2)), places=4)
+        self.assertTrue(0 < ssim < 1)
+        self.assertEqual(vsplat.compare(truth, truth)[1], 1)
+
+    def test_cameras_look(self):
+        looking = vsplat.Camera.looking_at((1, 2, 3), (1, 2, -4), up=(0, 1, 0))
+        np.testing.assert_allclose(looking.w2c @ [1, 2, 3, 1], [0, 0, 7, 1], atol=1e-12)
+        self.assertLess((looking.w2c @ [1, 3, 3, 1])[1], 0)  # up is up
+        for target, up in (((1, 2, -4), (0, 1, 0)), ((1, 5, -4), (0, 1, 0)), ((1, 2, 3), (0, 0, 0))):
+            with self.assertRaisesRegex(vsplat.Error, "does not lie along the view"):
+                vsplat.Camera.looking_at(target, (1, 2, -4), up=up)
+
+    def test_refines(self):
+        truth = vsplat.Scene.from_arrays(*gaussians(20))
+        cameras = [camera(turn=0.05 * i) for i in range(5)]
+        views = vsplat.Views.from_arrays([self.device.render(truth, at, background=(0, 0, 0)).colour.clip(0, 1) for at in cameras], cameras)
+        start = vsplat.Scene.from_arrays(*gaussians(20)[:4], np.zeros((20, 4, 3)))
+        told = []
+        out = self.device.refine(views, start, steps=6, progress=lambda phase, share: told.append((phase, share)))
+        self.assertEqual(told[-1][0], "refining")
+        self.assertEqual(told[-1][1], 1)
+        self.assertEqual(len(out), 20)
+        with self.assertRaises(ZeroDivisionError):
+            self.device.refine(views, start, steps=6, progress=lambda *_: 1 / 0)
+        del told[:]
+        self.device.refine(views, start, steps=6, progress=lambda phase, share: told.append(phase) or False)
+        self.assertEqual(len(told), 1)
 
     def test_reconstructs(self):
         model = vsplat.Model.random("micro", seed=5)
