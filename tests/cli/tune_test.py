@@ -33,6 +33,11 @@ def with_choice(table, entry):
     return out
 
 
+def sets_of(trials):
+    """What was tried; what came of it is another when a better set is found."""
+    return [json.dumps([t["op"], t["shape"], t["set"]]) for t in trials]
+
+
 class Tuned:
     """A cache of its own for tables; the driver's is the user's."""
 
@@ -86,8 +91,8 @@ class Searching(Tuned, support.Case):
         self.assertEqual(again["left"], 0)
         self.assertGreater(again["tried"], 0)
         self.assertEqual(len(now["tried"]), len(table["tried"]) + again["tried"])
-        self.assertEqual(now["tried"][:len(table["tried"])], table["tried"])
-        sets = [json.dumps([t["op"], t["shape"], t["set"]]) for t in now["tried"]]
+        self.assertEqual(sets_of(now["tried"])[:len(table["tried"])], sets_of(table["tried"]))
+        sets = sets_of(now["tried"])
         self.assertEqual(len(sets), len(set(sets)))
         # From what is best then, one parameter at a time, until nothing is new.
         done = again
@@ -210,7 +215,7 @@ class Tune(Searching):
         self.assertEqual(os.stat(self.path("cache")).st_mode & 0o77, 0, "a cache's folder is its owner's alone")
         told, _ = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 2)
         after = finished()
-        self.assertEqual(after[:len(before)], before)
+        self.assertEqual(sets_of(after)[:len(before)], sets_of(before))
         self.assertEqual(len(after), len(before) + told["tried"])
 
     def test_what_it_refuses(self):
@@ -219,6 +224,18 @@ class Tune(Searching):
         self.refuses(2, ["--seconds"], "tune", "--full", "--seconds", 3)
         self.refuses(2, ["--output"], "tune", "--model", self.model, env={"VSPLAT_CACHE_DIR": "off"})
         self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 0.01, "--kernels", "gpu", "--output", self.path("gpu.json"))
+        # What is refused has words, of whatever was kept of it; and what has no room is not refused.
+        with open(self.path("gpu.json")) as f:
+            kept = json.load(f)
+        line = {"op": "gemm", "shape": {"m": 64, "n": 8, "k": 8, "taps": 1}, "set": {"tile": 64, "unroll": 0, "split": 1}, "seconds": 0, "against": 0}
+        lines = [{**line, "verdict": "wrong", "error": 1e30}, {**line, "set": {**line["set"], "split": 8}, "verdict": "failed", "error": 0}]
+        out, _ = self.succeeds("tune", "--model", self.model, "--for", "reconstruct", "--seconds", 0.01, "--kernels", "gpu",
+                               "--output", self.write("kept.json", {**kept, "tried": lines}), env=self.tune_environment())
+        self.assertIn("refused, wrong: some values are no numbers\n", out)
+        self.assertIn("refused, it does not run\n", out)
+        told, err = self.tune("--for", "render", "--seconds", 0.5, "--max-memory", 0.005)
+        self.assertIn("not tried: ", err)
+        self.assertEqual((told["refused"], told["not_right"]), ([], []), err)
         of_gpu = {"VSPLAT_TUNING": self.path("gpu.json")}
         self.refuses(2, [self.path("gpu.json"), "VSPLAT_TUNING", "gpu kernels", "cpu kernels", "VSPLAT_TUNING=off"],
                      *self.reconstruct("--kernels", "cpu"), env=of_gpu)
