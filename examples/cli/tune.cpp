@@ -60,6 +60,13 @@ void print_tuned(const Json& told) {
     std::printf("table %s: %s\n", table.substr(0, 12).c_str(), for_terminal(told["path"]).c_str());
 }
 
+std::string text_of_search(const Session& session, const vsplat::Model& model, const vsplat_tune_options& options) try {
+  return session.device().tune(model.get(), options);
+} catch (const vsplat::Error& e) {
+  if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
+  throw std::runtime_error("stopped; what was tried is kept, and another run goes on from there");
+}
+
 void tune(const TuneOptions& o) {
   set_up_library(o.common);
   if (o.quick && o.full) throw UsageError("--quick and --full: one of them");
@@ -75,7 +82,7 @@ void tune(const TuneOptions& o) {
   options.progress = Session::on_progress;
   options.user = &session;
   session.start("tune");
-  const Json told = Json::parse(session.device().tune(model.get(), options));
+  const Json told = Json::parse(text_of_search(session, model, options));
   clear_progress();
   const auto tried = told["tried"].get<long>(), left = told["left"].get<long>();
   say(o.common,

@@ -218,6 +218,19 @@ class Tune(Searching):
         self.assertEqual(sets_of(after)[:len(before)], sets_of(before))
         self.assertEqual(len(after), len(before) + told["tried"])
 
+    def test_stopped_it_keeps_what_was_tried(self):
+        path = self.path("stopped.json")
+        process = subprocess.Popen([support.VSPLAT, "tune", "--model", self.model, "--for", "reconstruct", "--output", path],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env={**os.environ, **self.tune_environment()})
+        while not os.path.exists(path) and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 128 + signal.SIGTERM, err)
+        self.assertIn("another run goes on from there", err)
+        with open(path) as f:
+            self.assertNotIn("begun", f.read())
+
     def test_what_it_refuses(self):
         self.refuses(2, ["--quick", "--full"], "tune", "--quick", "--full")
         self.refuses(2, ["--for", "\"draw\" is none of"], "tune", "--for", "draw")
