@@ -1,11 +1,13 @@
-"""WINDOW SCENE, on the screen of $DISPLAY: how often the window draws while the pointer moves over it, and when it gets another size, as two
-numbers. It writes its title after each picture, and the X server tells of that."""
+"""WINDOW SCENE, on the screen of $DISPLAY: how many titles the window gets while the pointer moves over it, when the wheel is rolled sideways, when it
+is rolled up, and when the window gets another size, as four numbers. It writes its title after each picture, and the X server tells of that."""
 import ctypes
 import subprocess
 import sys
 import time
 
 NEW_TITLE = 28  # PropertyNotify
+PRESS, RELEASE = 4, 5
+UP, SIDEWAYS = 4, 6  # of a wheel, as buttons
 x = ctypes.CDLL("libX11.so.6")
 x.XOpenDisplay.restype = ctypes.c_void_p
 x.XDefaultRootWindow.argtypes, x.XDefaultRootWindow.restype = [ctypes.c_void_p], ctypes.c_ulong
@@ -16,6 +18,7 @@ x.XSelectInput.argtypes = [ctypes.c_void_p, id_, ctypes.c_long]
 x.XWarpPointer.argtypes = [ctypes.c_void_p, id_, id_] + [ctypes.c_int] * 6
 x.XResizeWindow.argtypes = [ctypes.c_void_p, id_, ctypes.c_uint, ctypes.c_uint]
 x.XCheckTypedEvent.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p]
+x.XSendEvent.argtypes = [ctypes.c_void_p, id_, ctypes.c_int, ctypes.c_long, ctypes.c_void_p]
 x.XSync.argtypes = [ctypes.c_void_p, ctypes.c_int]
 
 display = x.XOpenDisplay(None)
@@ -43,6 +46,18 @@ def drawn(quiet):
     return count
 
 
+class Button(ctypes.Structure):
+    _fields_ = [("type", ctypes.c_int), ("serial", ctypes.c_ulong), ("sent", ctypes.c_int), ("display", ctypes.c_void_p), ("window", id_),
+                ("root", id_), ("subwindow", id_), ("time", ctypes.c_ulong), ("x", ctypes.c_int), ("y", ctypes.c_int), ("x_root", ctypes.c_int),
+                ("y_root", ctypes.c_int), ("state", ctypes.c_uint), ("button", ctypes.c_uint), ("same_screen", ctypes.c_int), ("room", ctypes.c_long * 24)]
+
+
+def roll(window, button):
+    for kind, mask in ((PRESS, 1 << 2), (RELEASE, 1 << 3)):
+        event = Button(type=kind, display=display, window=window, root=root, x=200, y=200, button=button, same_screen=1)
+        x.XSendEvent(display, window, 1, mask, ctypes.byref(event))
+
+
 process = subprocess.Popen(sys.argv[1:])
 try:
     while not (window := shown()):
@@ -56,8 +71,12 @@ try:
         x.XSync(display, 0)
         time.sleep(0.05)
     moved = drawn(2)
+    roll(window, SIDEWAYS)
+    sideways = drawn(2)
+    roll(window, UP)
+    up = drawn(2)
     x.XResizeWindow(display, window, 320, 240)
-    print(moved, drawn(2))
+    print(moved, sideways, up, drawn(2))
 finally:
     process.kill()
     process.wait()

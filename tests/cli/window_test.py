@@ -48,8 +48,10 @@ class Window(support.Case):
         inside = [sys.executable, os.path.join(os.path.dirname(os.path.abspath(__file__)), "window_rest.py"), WINDOW, self.path("s.ply")]
         done = subprocess.run(["xvfb-run", "-a", "-s", "-screen 0 800x600x24", *inside], capture_output=True, text=True, timeout=120)
         self.assertEqual(done.returncode, 0, done.stderr)
-        moved, resized = map(int, done.stdout.split())
+        moved, sideways, up, resized = map(int, done.stdout.split())
         self.assertEqual(moved, 0, "a pointer that moves over the window changes nothing")
+        self.assertEqual(sideways, 0, "a wheel that is rolled sideways changes nothing")
+        self.assertGreater(up, 0)
         self.assertGreater(resized, 0)
 
     def test_what_is_no_scene_is_told(self):
