@@ -83,7 +83,7 @@ typedef struct vsplat_train_result {
 #define VSPLAT_TRAIN_RESULT_INIT \
   { sizeof(vsplat_train_result), 0, 0, 0, 0 }
 
-/* Where the configuration has `stages`, one training after another: see model/train/README.md. Trains, from the
+/* Where the configuration has `stages`, one training after another: see TRAINING.md of the documents. Trains, from the
    beginning or from a checkpoint, and writes into `output`: config.json, log.csv, sheets/, the newest checkpoints, each
    whole or not at all, and with them model.safetensors, which vsplat_model_load takes. Beside them, as it goes and at
    the end, report.html, the page of vsplat_train_report about it, and record.json, which that reads; it goes on with a

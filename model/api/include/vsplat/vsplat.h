@@ -10,7 +10,8 @@
      older than the caller takes the fields that both know. In an array of structs the first one's size is the stride.
    Options that are NULL are all defaults, but where a call has no defaults for them and says so.
    - Cameras: OpenCV axes (x right, y down, z forward), pixels with centres at +0.5, matrices row-major, world to
-   camera.
+     camera. In files they are as the file's format has them: a transforms.json leads from the camera to the world, in
+     OpenGL's axes (x right, y up, z backward). FORMATS.md of the documents has every format and convention.
    - Pictures: [height][width][channels] float, colour sRGB-encoded in [0,1].
    - Text that a call hands out (char** out_text) is freed with vsplat_text_free.
    - Text that goes in is UTF-8, ended by NUL, and only read during the call.
@@ -23,7 +24,7 @@
      for those that begin a job (vsplat/jobs.h); another thread may stop them (vsplat_device_cancel). Callbacks come on
      the calling thread, but for those of work that several devices share (vsplat/share.h).
    - Drivers do not live on in a child of fork(): there, calls that take a device end with VSPLAT_ERROR_DEVICE.
-   - Within a major version this interface only grows. */
+   - From 0.N.a to 0.N.b this interface only grows; with 1.0, within a major version. */
 #ifndef VSPLAT_H
 #define VSPLAT_H
 

@@ -1,0 +1,8 @@
+# vsplat_install_document(FILE NAME COMPONENT): a page of the source tree as one that is installed, without links to what is not.
+function(vsplat_install_document file name component)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+  file(READ ${file} text)
+  string(REGEX REPLACE "\\[([^]\n]+)\\]\\([^)#:][^):]*\\)" "\\1" text "${text}")
+  file(WRITE ${PROJECT_BINARY_DIR}/documents/${name} "${text}")
+  install(FILES ${PROJECT_BINARY_DIR}/documents/${name} DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT ${component})
+endfunction()
