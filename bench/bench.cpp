@@ -33,10 +33,10 @@ double quantile(std::vector<double> values, double share) {
   return values[static_cast<std::size_t>(std::lround(share * static_cast<double>(values.size() - 1)))];
 }
 
-// Runs with each input at least three times (once where there is no budget), and for `budget` seconds; the first run
-// with each, which compiles and makes room, is not counted.
+// Runs with each input at least three times, and for `budget` seconds; the first run with each, which compiles and
+// makes room, is not counted. Without a budget, once.
 Times time(Context& ctx, const std::function<void()>& run, double budget, int inputs = 1) {
-  for (int i = 0; i < inputs; ++i) run();
+  for (int i = 0; budget > 0 && i < inputs; ++i) run();
   ctx.finish();
   std::vector<std::vector<double>> by_input(static_cast<std::size_t>(inputs));
   double spent = 0;
