@@ -42,13 +42,18 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
       COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*GoldenModel*${flavour}_micro)
   endforeach()
   add_test(NAME oclgrind.render
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*seventeen:Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*near:Committed/RenderGolden.*empty)
   add_test(NAME oclgrind.gradient
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*_one:Committed/RenderBackwardGolden.*seventeen)
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderBackwardGolden.*seventeen)
+  # Of which the gradient's have the drawing, too.
+  add_test(NAME oclgrind.more_scenes
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=Committed/RenderGolden.*seventeen:Committed/RenderBackwardGolden.*_one)
   add_test(NAME oclgrind.surfels
     COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:splat_tests> --gtest_filter=CommittedSurfels/RenderBackwardGolden.*prime)
   add_test(NAME oclgrind.extensions
-    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*Dinov3*cpu_dinov3_micro_square:*RayPredictorVectors*cpu_share_micro_predictor)
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*Dinov3*cpu_dinov3_micro_square)
+  add_test(NAME oclgrind.predictor
+    COMMAND ${OCLGRIND} --data-races --check-api $<TARGET_FILE:network_tests> --gtest_filter=*RayPredictorVectors*cpu_share_micro_predictor)
   foreach(system lara genden)
     foreach(what EveryStage EveryGradient)
       add_test(NAME oclgrind.${system}.${what}
@@ -56,11 +61,11 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
     endforeach()
   endforeach()
   # It reports and goes on by default; nothing that it reports is to be accepted.
-  set_tests_properties(oclgrind.lara.EveryStage oclgrind.lara.EveryGradient oclgrind.genden.EveryStage oclgrind.genden.EveryGradient oclgrind.extensions oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
+  set_tests_properties(oclgrind.lara.EveryStage oclgrind.lara.EveryGradient oclgrind.genden.EveryStage oclgrind.genden.EveryGradient oclgrind.extensions oclgrind.predictor oclgrind.network.cpu oclgrind.network.gpu oclgrind.render oclgrind.gradient oclgrind.more_scenes oclgrind.surfels PROPERTIES LABELS "model;drivers" TIMEOUT 900 COST 200
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
-  # One or two minutes: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
-  set_tests_properties(oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
+  # Half a minute to two: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
+  set_tests_properties(oclgrind.predictor oclgrind.more_scenes oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
 elseif(NOT OCLGRIND)
   message(${left_out} "No oclgrind (Debian: oclgrind): its tests are left out")
 endif()
