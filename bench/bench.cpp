@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <nlohmann/json.hpp>
 
+#include "bench/references.h"
+#include "bench/timing.h"
 #include "runtime/fail.h"
 #include "runtime/peaks.h"
 #include "runtime/profile_page.h"
@@ -16,56 +16,13 @@ namespace vsplat::bench {
 
 namespace {
 
-double seconds_of(Context& ctx, const std::function<void()>& run) {
-  const auto start = std::chrono::steady_clock::now();
-  run();
-  ctx.finish();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-struct Times {
-  double median, spread, least;
-  double mean;  // over the inputs, of each one's median
-};
-
-double quantile(std::vector<double> values, double share) {
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(std::lround(share * static_cast<double>(values.size() - 1)))];
-}
-
-// Runs with each input at least three times, and for `budget` seconds; the first run with each, which compiles and
-// makes room, is not counted. Without a budget, once.
-Times time(Context& ctx, const std::function<void()>& run, double budget, int inputs = 1) {
-  for (int i = 0; budget > 0 && i < inputs; ++i) run();
-  ctx.finish();
-  std::vector<std::vector<double>> by_input(static_cast<std::size_t>(inputs));
-  double spent = 0;
-  for (int round = 0; round < (budget > 0 ? 3 : 1) || (spent < budget && round < 1000); ++round) {
-    for (auto& times : by_input) {
-      times.push_back(seconds_of(ctx, run));
-      spent += times.back();
-    }
-  }
-  // Inputs differ in what they take; what spreads is one input's time.
-  std::vector<double> all, relative;
-  double mean = 0;
-  for (const auto& times : by_input) {
-    all.insert(all.end(), times.begin(), times.end());
-    mean += quantile(times, 0.5) / inputs;
-    for (const double t : times) relative.push_back(t / quantile(times, 0.5));
-  }
-  return {quantile(all, 0.5), quantile(relative, 0.75) - quantile(relative, 0.25), quantile(all, 0), mean};
-}
-
 struct Suite {
   const char* name;
   std::vector<Case> (*cases)(const Options&);
 };
-const std::vector<Suite> kSuites = {{"gemm", gemm_cases},
-                                    {"conv3d", conv3d_cases},
-                                    {"render", render_cases},
-                                    {"train", train_cases},
-                                    {"refine", refine_cases}};
+const std::vector<Suite> kSuites = {{"gemm", gemm_cases},    {"conv3d", conv3d_cases}, {"render", render_cases},
+                                    {"train", train_cases},  {"refine", refine_cases}, {"model", model_cases},
+                                    {"sparse", sparse_cases}};
 const std::vector<Suite> kOperations = {
     {"activation", activation_cases},
     {"adamw", adamw_cases},
@@ -171,17 +128,17 @@ Profiled profile(Context& ctx, const Prepared& p, double seconds) {
     if (row.calls == old.calls) continue;
     const double each = static_cast<double>(row.total_ns - old.total_ns) * 1e-9 / p.inputs;
     // A training's stages are the network's; where none is at work, weights are.
-    const std::string stage = row.stage.empty() ? "weights" : row.stage;
-    out.stages[p.kind == Kind::training ? stage : stage_of(row.name)] += each;
+    const std::string stage = !row.stage.empty() ? row.stage : p.kind == Kind::network ? "other" : "weights";
+    out.stages[p.kind == Kind::training || p.kind == Kind::network ? stage : stage_of(row.name)] += each;
     in_kernels += each;
     const Cost cost{(row.flops - old.flops) / p.inputs, (row.bytes - old.bytes) / p.inputs,
                     (row.performed_flops - old.performed_flops) / p.inputs};
     out.cost.flops += cost.flops;
     out.cost.bytes += cost.bytes;
     out.cost.performed += cost.performed;
-    if (p.kind == Kind::training || p.kind == Kind::fitting)
+    if (p.kind >= Kind::training)
       out.kernels.push_back({stage, row.name, static_cast<double>(row.calls - old.calls) / p.inputs, each,
-                             cost.flops / each / 1e9, cost.bytes / each / 1e9});
+                             cost.flops / each / 1e9, cost.bytes / each / 1e9, cost.performed / each / 1e9});
   }
   std::sort(out.kernels.begin(), out.kernels.end(),
             [](const KernelTime& a, const KernelTime& b) { return a.seconds > b.seconds; });
@@ -190,53 +147,119 @@ Profiled profile(Context& ctx, const Prepared& p, double seconds) {
   return out;
 }
 
-// That the result of a run is right, or looks like one.
-void check(const Prepared& p, const std::string& name, Result& r) {
-  if (p.look) {
-    if (!p.look()) fail(Status::internal, "bench {}: what it computed is not all numbers, or nothing but zeros", name);
-    return;
-  }
-  r.error = p.error();
-  if (!(*r.error <= p.tolerance))
-    fail(Status::internal, "bench {}: off by {:.2g} of the largest value, at most {:.2g} expected", name, *r.error,
-         p.tolerance);
+// Fails where a result is wrong.
+void hold(const std::string& name, double error, double tolerance) {
+  if (!(error <= tolerance))
+    fail(Status::internal, "bench {}: off by {:.2g} of the largest value, at most {:.2g} expected", name, error,
+         tolerance);
 }
 
-Result run_case(Context& ctx, const std::string& suite, const Case& c, const Options& options) {
+// That the result of a run is right, or looks like one.
+void check(const Prepared& p, const std::string& name, Result& r) {
+  if (p.look && !p.look())
+    fail(Status::internal, "bench {}: what it computed is not all numbers, or nothing but zeros", name);
+  if (!p.error) return;
+  r.error = p.error();
+  hold(name, *r.error, p.tolerance);
+}
+
+using Tell = std::function<void(const std::string& doing)>;
+
+Result run_case(Context& ctx, const std::string& suite, const Case& c, const Options& options, const Tell& tell) {
+  const std::string full = suite + "/" + c.name;
+  tell("preparing");
   const Prepared p = c.prepare(ctx);
   Result r;
   r.suite = suite, r.name = c.name, r.kind = p.kind;
+  tell("first run");
   p.run();
-  check(p, suite + "/" + c.name, r);
-  const Times t = time(ctx, p.run, options.seconds, p.inputs);
+  tell("checking");
+  check(p, full, r);
+  std::vector<Timed> timed = {{p.run, p.inputs}};
+  if (options.references)
+    for (const auto& [library, other] : p.references) {
+      tell("checking " + library);
+      other.run();
+      if (other.error) hold(full + " by " + library, other.error(), p.tolerance);
+      timed.push_back({other.run});
+    }
+  const auto times =
+      time_by_turns(ctx, timed, {options.seconds, [&](int round) { tell(fmt::format("run {}", round)); }}, true);
+  const Times& t = times[0];
   Cost cost = p.cost;
   if (is_pass(p.kind) || p.kind == Kind::operation) {
+    tell("profile");
     const Profiled profiled = profile(ctx, p, t.mean);
     cost = profiled.cost;
     if (is_pass(p.kind)) r.stages = profiled.stages;
     r.kernels = profiled.kernels;
   }
-  r.median_s = t.median, r.spread = t.spread;
+  r.median_s = t.median, r.spread = t.spread, r.least_s = t.least;
   r.gflops = cost.flops / t.median / 1e9;
   r.performed_gflops = (p.performed_flops > 0 ? p.performed_flops
                         : cost.performed > 0  ? cost.performed
                                               : cost.flops) /
                        t.median / 1e9;
   r.gbs = cost.bytes / t.median / 1e9;
-  if (options.references)
-    for (const auto& [library, run] : p.references) r.reference[library] = time(ctx, run, options.seconds).median;
+  if (options.references) {
+    std::size_t at = 0;
+    for (const auto& [library, other] : p.references) r.reference[library] = times[++at].median;
+  }
   return r;
 }
 
-void run_suite(Context& ctx, const Suite& suite, const Options& options, Report& report) {
+// What was asked for, in order.
+std::vector<std::pair<std::string, Case>> chosen(const Options& options) {
+  std::vector<std::pair<std::string, Case>> out;
   const auto& asked = options.suites;
-  if (!asked.empty() && std::find(asked.begin(), asked.end(), suite.name) == asked.end()) return;
-  for (const Case& c : suite.cases(options)) {
-    const std::string full = fmt::format("{}/{}", suite.name, c.name);
-    if (full.find(options.filter) == std::string::npos) continue;
-    if (options.on_case) options.on_case(full);
-    report.results.push_back(run_case(ctx, suite.name, c, options));
+  for (const auto* suites : {&kSuites, &kOperations})
+    for (const Suite& suite : *suites) {
+      if (!asked.empty() && std::find(asked.begin(), asked.end(), suite.name) == asked.end()) continue;
+      for (const Case& c : suite.cases(options))
+        if (fmt::format("{}/{}", suite.name, c.name).find(options.filter) != std::string::npos)
+          out.emplace_back(suite.name, c);
+    }
+  return out;
+}
+
+void run_all(Context& ctx, const Options& options, Report& report) {
+  const auto cases = chosen(options);
+  const auto start = std::chrono::steady_clock::now();
+  for (std::size_t at = 0; at < cases.size(); ++at) {
+    const auto& [suite, c] = cases[at];
+    const double so_far = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const auto tell = [&, full = suite + "/" + c.name](const std::string& doing) {
+      if (!options.on_progress) return;
+      const double now = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      const auto done = static_cast<double>(at), all = static_cast<double>(cases.size());
+      // Of cases that take what those before took; of the one that is on, what of that is left.
+      const double each = so_far / std::max(1.0, done);
+      const double left = at == 0 ? -1 : each * (all - done - 1) + std::max(0.0, each - (now - so_far));
+      options.on_progress({full, doing, at, cases.size(), left});
+    };
+    report.results.push_back(run_case(ctx, suite, c, options, tell));
   }
+}
+
+// Each kernel could take no less time than the nearer of the two peaks allows.
+std::vector<StageTime> by_stage(const Result& r, double peak_gflops, double peak_gbs) {
+  struct Sums {
+    double seconds = 0, flops = 0, performed = 0, bytes = 0, compute = 0, memory = 0;
+  };
+  std::map<std::string, Sums> sums;
+  for (const KernelTime& k : r.kernels) {
+    Sums& s = sums[k.stage];
+    s.seconds += k.seconds;
+    s.flops += k.gflops * k.seconds, s.performed += k.performed_gflops * k.seconds, s.bytes += k.gbs * k.seconds;
+    const double compute = k.performed_gflops * k.seconds / peak_gflops, memory = k.gbs * k.seconds / peak_gbs;
+    (compute >= memory ? s.compute : s.memory) += std::max(compute, memory);
+  }
+  std::vector<StageTime> out;
+  for (const auto& [name, s] : sums)
+    out.push_back({name, s.seconds, s.compute + s.memory, s.flops / s.seconds, s.performed / s.seconds,
+                   s.bytes / s.seconds, s.compute >= s.memory ? Kind::compute : Kind::memory});
+  std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.seconds > b.seconds; });
+  return out;
 }
 
 std::vector<std::string> names_of(const std::vector<Suite>& suites) {
@@ -247,26 +270,6 @@ std::vector<std::string> names_of(const std::vector<Suite>& suites) {
 }
 
 }  // namespace
-
-const char* name_of(Kind kind) {
-  switch (kind) {
-    case Kind::compute:
-      return "compute";
-    case Kind::memory:
-      return "memory";
-    case Kind::operation:
-      return "operation";
-    case Kind::forward:
-      return "forward";
-    case Kind::backward:
-      return "backward";
-    case Kind::training:
-      return "training";
-    case Kind::fitting:
-      return "fitting";
-  }
-  return "?";
-}
 
 std::vector<std::string> suite_names() {
   std::vector<std::string> names = names_of(kSuites);
@@ -287,8 +290,8 @@ Report run(Context& ctx, const Options& options) {
   // Measured before and after, since other load on the machine may take from either.
   report.peak_gflops = measure_gflops(ctx);
   report.peak_gbs = measure_gbs(ctx);
-  for (const auto* suites : {&kSuites, &kOperations})
-    for (const Suite& suite : *suites) run_suite(ctx, suite, options, report);
+  if (options.references) report.references = References::about(ctx);
+  run_all(ctx, options, report);
   report.peak_gflops = std::max(report.peak_gflops, measure_gflops(ctx));
   report.peak_gbs = std::max(report.peak_gbs, measure_gbs(ctx));
   for (Result& r : report.results) {
@@ -297,6 +300,7 @@ Report run(Context& ctx, const Options& options) {
     r.share_of_peak = is_pass(r.kind)          ? std::max(of_memory, of_compute)
                       : r.kind == Kind::memory ? of_memory
                                                : of_compute;
+    if (r.kind == Kind::network) r.by_stage = by_stage(r, report.peak_gflops, report.peak_gbs);
   }
   return report;
 }
@@ -311,62 +315,6 @@ Recorded recorded(Context& ctx) {
   const ProfileSubject subject{device.name,   device.driver,      ctx.memory().peak(), {{"command", "bench"}},
                                peaks_of(ctx), ctx.tuning().hash()};
   return {profile_json(profile, subject), profile_page(profile, subject), profile_trace(profile)};
-}
-
-std::string table(const Report& report) {
-  std::string out = fmt::format("{} ({}), {} kernels: {:.1f} GFLOP/s, {:.1f} GB/s at the most (measured)\n",
-                                report.device, report.driver, report.kernels, report.peak_gflops, report.peak_gbs);
-  out += fmt::format("{:<28}{:>12}{:>9}{:>11}{:>9}{:>9}  {:<9}\n", "case", "median", "spread", "GFLOP/s", "GB/s",
-                     "share", "of");
-  for (const Result& r : report.results) {
-    out += fmt::format("{:<28}{:>9.3f} ms{:>8.1f}%{:>11.1f}{:>9.1f}{:>8.1f}%  {:<9}", r.suite + "/" + r.name,
-                       r.median_s * 1e3, r.spread * 100, r.gflops, r.gbs, r.share_of_peak * 100, name_of(r.kind));
-    for (const auto& [stage, share] : r.stages) out += fmt::format("{} {:.1f}%  ", stage, share * 100);
-    for (const auto& [library, seconds] : r.reference)
-      out += fmt::format("{} {:.3f} ms ({:.2f}x)", library, seconds * 1e3, seconds / r.median_s);
-    out += "\n";
-    for (std::size_t i = 0; i < std::min<std::size_t>(r.kernels.size(), 40); ++i) {
-      const KernelTime& k = r.kernels[i];
-      out += fmt::format("  {:<12}{:<32}{:>6.0f} x{:>10.3f} ms{:>10.1f} GFLOP/s{:>8.1f} GB/s\n", k.stage, k.name,
-                         k.calls, k.seconds * 1e3, k.gflops, k.gbs);
-    }
-  }
-  return out;
-}
-
-std::string json(const Report& report) {
-  nlohmann::ordered_json j;
-  j["device"] = report.device;
-  j["driver"] = report.driver;
-  j["kernels"] = report.kernels;
-  j["tuning"] = report.tuning.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(report.tuning);
-  j["precision"] = "fp32";
-  j["peak_gflops"] = report.peak_gflops;
-  j["peak_gbs"] = report.peak_gbs;
-  j["results"] = nlohmann::ordered_json::array();
-  for (const Result& r : report.results) {
-    nlohmann::ordered_json entry = {{"suite", r.suite},
-                                    {"name", r.name},
-                                    {"kind", name_of(r.kind)},
-                                    {"median_s", r.median_s},
-                                    {"spread", r.spread},
-                                    {"gflops", r.gflops},
-                                    {"performed_gflops", r.performed_gflops},
-                                    {"gbs", r.gbs},
-                                    {"share_of_peak", r.share_of_peak},
-                                    {"error", r.error ? nlohmann::ordered_json(*r.error) : nlohmann::ordered_json()},
-                                    {"reference", r.reference}};
-    if (!r.stages.empty()) entry["stages"] = r.stages;
-    for (const KernelTime& k : r.kernels)
-      entry["kernels"].push_back({{"stage", k.stage},
-                                  {"name", k.name},
-                                  {"calls", k.calls},
-                                  {"seconds", k.seconds},
-                                  {"gflops", k.gflops},
-                                  {"gbs", k.gbs}});
-    j["results"].push_back(std::move(entry));
-  }
-  return j.dump(2) + "\n";
 }
 
 }  // namespace vsplat::bench

@@ -4,6 +4,7 @@
 
 #include "bench/bench.h"
 #include "bench/ops/operation.h"
+#include "bench/references.h"
 #include "bench/sample.h"
 #include "bench/shapes.h"
 
@@ -42,7 +43,7 @@ struct Data {
   }
 };
 
-Prepared prepare(Context& ctx, const ConvShape& s) {
+Prepared prepare(Context& ctx, const ConvShape& s, bool references) {
   auto d = std::make_shared<Data>();
   d->shape = s;
   const long voxels = s.side * s.side * s.side, channels = d->channels();
@@ -80,6 +81,14 @@ Prepared prepare(Context& ctx, const ConvShape& s) {
         static_cast<long>(got.size()), 200, [&](long i) { return got[static_cast<std::size_t>(i)]; },
         [&](long i) { return d->want(i); });
   };
+  if (references)
+    References::add_convolution(ctx, p, [&] {
+      std::vector<float> composed;
+      for (long voxel = 0; voxel < voxels; ++voxel)
+        for (long at = 0; at < channels; ++at) composed.push_back(static_cast<float>(d->in(voxel, at)));
+      return References::Convolution{s.side, channels, s.cout,      std::move(composed),
+                                     d->w,   d->bias,  d->residual, [d](long i) { return d->want(i); }};
+    });
   return p;
 }
 
@@ -131,10 +140,12 @@ Prepared down_backward(Context& ctx) {
 
 }  // namespace
 
-std::vector<Case> conv3d_cases(const Options&) {
+std::vector<Case> conv3d_cases(const Options& options) {
   std::vector<Case> cases;
   cases.reserve(kConvShapes.size() + 4);
-  for (const ConvShape& s : kConvShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
+  for (const ConvShape& s : kConvShapes)
+    cases.push_back(
+        {s.name, [s, references = options.references](Context& ctx) { return prepare(ctx, s, references); }});
   cases.push_back({"backward weights", backward_weights});
   cases.push_back({"backward inputs", backward_inputs});
   cases.push_back({"down forward", down_forward});

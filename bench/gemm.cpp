@@ -4,6 +4,7 @@
 
 #include "bench/bench.h"
 #include "bench/ops/operation.h"
+#include "bench/references.h"
 #include "bench/sample.h"
 #include "bench/shapes.h"
 
@@ -31,15 +32,21 @@ struct Data {
     return v / (1 + std::exp(-v));
   }
 
-  double want(long i) const {
+  // Without bias, activation and residual.
+  double product(long i) const {
     const long m = i / shape.n, n = i % shape.n;
-    double sum = bias[static_cast<std::size_t>(n)];
+    double sum = 0;
     for (long t = 0; t < taps(); ++t) {
       const long row = map.empty() ? m : map[static_cast<std::size_t>(m * taps() + t)];
       if (row < 0) continue;
       for (long c = 0; c < channels(); ++c)
         sum += a(row, c) * static_cast<double>(w[static_cast<std::size_t>(n * k() + t * channels() + c)]);
     }
+    return sum;
+  }
+
+  double want(long i) const {
+    double sum = product(i) + static_cast<double>(bias[static_cast<std::size_t>(i % shape.n)]);
     if (shape.activation == Activation::gelu) sum = 0.5 * sum * (1 + std::erf(sum / std::sqrt(2.0)));
     if (shape.activation == Activation::silu) sum = sum / (1 + std::exp(-sum));
     return residual.empty() ? sum : sum + static_cast<double>(residual[static_cast<std::size_t>(i)]);
@@ -112,7 +119,21 @@ std::function<void()> by_clblast(const Context& ctx, const GemmShape& s) {
   };
 }
 
-Prepared prepare(Context& ctx, const GemmShape& s) {
+// A as other libraries take it: composed, row by row.
+std::vector<float> composed(const Data& d) {
+  const auto width = static_cast<std::size_t>(d.channels());
+  const long rows = d.shape.m;
+  std::vector<float> sources;
+  for (long row = 0; row < rows; ++row)
+    for (long c = 0; c < d.channels(); ++c) sources.push_back(static_cast<float>(d.a(row, c)));
+  if (d.map.empty()) return sources;
+  std::vector<float> out(d.map.size() * width, 0.0f);
+  for (std::size_t i = 0; i < d.map.size(); ++i)
+    if (d.map[i] >= 0) std::copy_n(&sources[static_cast<std::size_t>(d.map[i]) * width], width, &out[i * width]);
+  return out;
+}
+
+Prepared prepare(Context& ctx, const GemmShape& s, bool references) {
   const auto d = make_data(ctx, s);
   Prepared p;
   const double m = static_cast<double>(s.m), n = static_cast<double>(s.n), k = static_cast<double>(d->k());
@@ -125,16 +146,31 @@ Prepared prepare(Context& ctx, const GemmShape& s) {
         d->shape.m * d->shape.n, 300, [&](long i) { return got[static_cast<std::size_t>(i)]; },
         [&](long i) { return d->want(i); });
   };
-  if (!s.c1 && !s.taps && !s.prologue) p.references["CLBlast"] = by_clblast(ctx, s);
+  if (!s.c1 && !s.taps && !s.prologue) p.references["CLBlast"] = {by_clblast(ctx, s), {}};
+  if (references)
+    References::add_product(ctx, p, [&] {
+      return References::Product{s.m,
+                                 s.n,
+                                 d->k(),
+                                 composed(*d),
+                                 d->w,
+                                 d->bias,
+                                 d->residual,
+                                 s.activation,
+                                 [d](long i) { return d->want(i); },
+                                 [d](long i) { return d->product(i); }};
+    });
   return p;
 }
 
 }  // namespace
 
-std::vector<Case> gemm_cases(const Options&) {
+std::vector<Case> gemm_cases(const Options& options) {
   std::vector<Case> cases;
   cases.reserve(kGemmShapes.size() + 1);
-  for (const GemmShape& s : kGemmShapes) cases.push_back({s.name, [s](Context& ctx) { return prepare(ctx, s); }});
+  for (const GemmShape& s : kGemmShapes)
+    cases.push_back(
+        {s.name, [s, references = options.references](Context& ctx) { return prepare(ctx, s, references); }});
   cases.push_back(
       {"encoder.fc1 backward weights", [](Context& ctx) {
          TransposedGemm g;

@@ -79,10 +79,11 @@ Tensor selected_flags(Context& ctx) {
   return ctx.upload({kVoxels}, flags, Type::u32);
 }
 
-DeviceCameras cameras(Context& ctx) {
+std::vector<Camera> orbit_cameras() {
   const auto edge = static_cast<int>(kImage);
-  return upload_cameras(
-      ctx, orbit_about(make_scene("small-5k").cameras, Eigen::Vector3d::Zero(), static_cast<int>(kViews), edge, edge));
+  return orbit_about(make_scene("small-5k").cameras, Eigen::Vector3d::Zero(), static_cast<int>(kViews), edge, edge);
 }
+
+DeviceCameras cameras(Context& ctx) { return upload_cameras(ctx, orbit_cameras()); }
 
 }  // namespace vsplat::bench

@@ -1,6 +1,7 @@
 // What the benchmark of a single operation is made of: bench/ops/NAME.cpp times what model/ops/NAME.h declares, at the
 // paper's size unless its name says otherwise. The tests hold every operation to a reference on the host; here what was
-// computed is only looked at: numbers, and not zeros throughout. It costs what its launches say.
+// computed is looked at: numbers, and not zeros throughout; some say what single results are to be (Prepared::error).
+// It costs what its launches say.
 #pragma once
 #include <functional>
 #include <vector>
@@ -33,6 +34,7 @@ Tensor selected_centres(Context& ctx);
 // u32 [kVoxels]: 1 where a voxel is selected.
 Tensor selected_flags(Context& ctx);
 // kViews of them, about the object.
+std::vector<Camera> orbit_cameras();
 DeviceCameras cameras(Context& ctx);
 
 }  // namespace vsplat::bench

@@ -70,6 +70,15 @@ double voxel_share(const std::string& option, const std::string& text) {
   return value;
 }
 
+double percentage(const std::string& option, const std::string& text) {
+  const std::string digits = text.substr(0, text.find_last_not_of("% ") + 1);
+  char* end = nullptr;
+  const double percent = std::strtod(digits.c_str(), &end);
+  if (digits.empty() || *end != '\0' || !(percent >= 0) || !std::isfinite(percent))
+    throw UsageError(option + " is " + text + ": a share of 0 or more is expected, 5% for instance");
+  return percent / 100;
+}
+
 std::string share_text(double share) {
   std::ostringstream out;
   out << share;

@@ -16,6 +16,8 @@ double positive_number(const std::string& option, const std::string& text, const
 CLI::Validator positive();
 // Above 0 and up to 1; 0 where the option was not given.
 double voxel_share(const std::string& option, const std::string& text);
+// "5%" or "5": 0.05; 0 or more.
+double percentage(const std::string& option, const std::string& text);
 std::string share_text(double share);  // "0.25"
 std::uint64_t seed_value(const std::string& option, const std::string& text);
 std::array<double, 3> triple(const std::string& option, const std::string& text);  // "x,y,z"

@@ -171,6 +171,8 @@ void show_progress(const Common& common, const std::string& text) {
   progress_shown = true;
 }
 
+bool progress_is_shown() { return progress_shown; }
+
 void clear_progress() {
   if (!progress_shown) return;
   std::fprintf(stderr, "\r\033[K");

@@ -72,6 +72,7 @@ void warn(const std::string& text);
 
 // On a terminal a line that is written over; otherwise nothing.
 void show_progress(const Common& common, const std::string& text);
+bool progress_is_shown();  // whether it is now
 void clear_progress();
 
 // "3.4 s", "2 min 05 s"; "1.20 GiB", "35 MiB".

@@ -140,15 +140,6 @@ std::string change_text(const Change& row) {
   return std::isfinite(by) ? text : "new";
 }
 
-double limit_of(const std::string& text) {
-  const std::string number = text.substr(0, text.find_last_not_of("% ") + 1);
-  char* end = nullptr;
-  const double percent = std::strtod(number.c_str(), &end);
-  if (number.empty() || *end != '\0' || !(percent >= 0) || !std::isfinite(percent))
-    throw UsageError("--fail-above is " + text + ": a share of 0 or more is expected, 5% for instance");
-  return percent / 100;
-}
-
 json changes_json(const std::vector<Change>& rows) {
   json out = json::array();
   for (const Change& row : rows) {
@@ -172,7 +163,7 @@ void print_changes(const char* title, const std::vector<Change>& rows, std::size
 }
 
 void diff(const DiffOptions& o) {
-  const double limit = o.fail_above.empty() ? HUGE_VAL : limit_of(o.fail_above);
+  const double limit = o.fail_above.empty() ? HUGE_VAL : percentage("--fail-above", o.fail_above);
   const ReadProfile before = profile_in(o.before), after = profile_in(o.after);
   const auto tell = [&](const char* what, const std::string& a, const std::string& b) {
     if (a != b) warn(std::string("the ") + what + "s differ: " + a + " and " + b);

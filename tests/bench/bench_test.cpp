@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "bench/compare.h"
+#include "bench/model_check.h"
 #include "bench/scenes.h"
 #include "model/io/cameras_json.h"
 #include "model/io/ply.h"
@@ -22,7 +24,11 @@ TEST(Bench, ReportsEachCaseAgainstPeaksOfTheSameRun) {
   options.filter = "small.16";
   options.seconds = 0;
   std::vector<std::string> seen;
-  options.on_case = [&](const std::string& name) { seen.push_back(name); };
+  options.on_progress = [&](const bench::CaseProgress& p) {
+    if (p.doing == "preparing") seen.push_back(p.name);
+    EXPECT_EQ(p.at, 0u);
+    EXPECT_EQ(p.all, 1u);
+  };
   const bench::Report report = bench::run(test::context(Flavour::cpu), options);
   ASSERT_EQ(report.results.size(), 1u);
   EXPECT_EQ(seen, std::vector<std::string>{"conv3d/small.16.128-128"});
@@ -50,7 +56,7 @@ TEST(Bench, RunsEveryOperation) {
     EXPECT_GT(r.median_s, 0) << r.suite << "/" << r.name;
     EXPECT_GT(r.gflops + r.gbs, 0) << r.suite << "/" << r.name << ": its launches say what they cost";
     EXPECT_TRUE(r.kind == bench::Kind::compute || r.kind == bench::Kind::memory);
-    EXPECT_FALSE(r.error);  // looked at, not compared
+    EXPECT_LE(r.error.value_or(0), 1e-4) << r.suite << "/" << r.name;  // most are looked at, not compared
   }
   EXPECT_EQ(ran.size(), bench::operation_names().size());
 }
@@ -158,6 +164,117 @@ TEST(Bench, RefusesOtherThanFourViewsToTrainOn) {
   options.suites = {"train"};
   options.cameras = folder.path("cameras.json");
   EXPECT_THROW(bench::run(test::context(Flavour::cpu), options), Error);
+}
+
+// Every layer at sampled outputs; a stage's limit is what its kernels could be done in.
+TEST(Bench, ANetworkIsCheckedAndStandsAgainstItsStagesLimits) {
+  bench::Options options;
+  options.suites = {"model"};
+  options.filter = "tiny";
+  options.seconds = 0;
+  const bench::Report report = bench::run(test::context(Flavour::cpu), options);
+  ASSERT_EQ(report.results.size(), 1u);
+  const bench::Result& r = report.results[0];
+  EXPECT_EQ(r.kind, bench::Kind::network);
+  ASSERT_TRUE(r.error);
+  EXPECT_GT(*r.error, 0);
+  EXPECT_LT(*r.error, 1e-4);
+  std::map<std::string, bench::StageTime> stages;
+  double flops = 0;
+  for (const bench::StageTime& s : r.by_stage) stages[s.name] = s, flops += s.gflops * s.seconds * 1e9;
+  for (const char* stage : {"encoder", "modulation", "lifting", "volume", "heads", "selection", "refinement", "decode"})
+    EXPECT_GT(stages[stage].limit_s, 0) << stage;
+  EXPECT_NEAR(flops, r.gflops * r.median_s * 1e9, 1e-6 * flops);
+  const bench::StageTime& volume = stages["volume"];
+  EXPECT_GE(volume.limit_s, volume.performed_gflops * volume.seconds / report.peak_gflops * (1 - 1e-9));
+  EXPECT_GE(volume.limit_s, volume.gbs * volume.seconds / report.peak_gbs * (1 - 1e-9));
+  const auto json = nlohmann::json::parse(bench::json(report));
+  EXPECT_EQ(json["results"][0]["by_stage"].size(), r.by_stage.size());
+}
+
+// A weight that the device does not have is told by the layer where it counts.
+TEST(Bench, AWrongLayerOfANetworkIsNamed) {
+  Context& ctx = test::context(Flavour::cpu);
+  bench::ModelInput in = bench::model_input(ctx, "tiny");
+  const VsplatModel model(ctx, in.config, in.weights);
+  std::string worst;
+  EXPECT_LT(bench::model_error(ctx, in, model, &worst), 1e-4);
+  const std::pair<const char*, const char*> wrong[] = {{"predictor.fine_predictor.4.bias", "final."},
+                                                       {"predictor.coarse_predictor.4.bias", "coarse."}};
+  for (const auto& [name, layer] : wrong) {
+    bench::ModelInput other = in;
+    HostTensor changed = in.weights.at(name);
+    for (float& v : changed.data) v += 0.5f;
+    other.weights.set(name, changed);
+    EXPECT_GT(bench::model_error(ctx, other, model, &worst), 1e-3);
+    EXPECT_EQ(worst.rfind(layer, 0), 0u) << worst;
+  }
+  // Of a stage whose results the forward and its own layers are compared by.
+  bench::ModelInput other = in;
+  HostTensor changed = in.weights.at("volume_network.conv_out.bias");
+  for (float& v : changed.data) v += 0.5f;
+  other.weights.set("volume_network.conv_out.bias", changed);
+  EXPECT_GT(bench::model_error(ctx, other, model, &worst), 1e-3);
+  EXPECT_EQ(worst, "volume");
+}
+
+// By turns with ours where they were there when this was built; else the report says that they were not.
+TEST(Bench, TimesOtherLibrariesAtTheSameTask) {
+  Context& ctx = test::context(Flavour::cpu);
+  bench::Options options;
+  options.suites = {"gemm", "conv3d"};
+  options.seconds = 0;
+  options.references = true;
+  for (const char* name : {"small.head", "small.16"}) {
+    options.filter = name;
+    const bench::Report report = bench::run(ctx, options);
+    ASSERT_EQ(report.results.size(), 1u);
+    const bench::Result& r = report.results[0];
+    if (report.references.rfind("without OpenBLAS and oneDNN: ", 0) == 0) {
+      EXPECT_EQ(r.reference.count("onednn") + r.reference.count("openblas"), 0u);
+      continue;
+    }
+    EXPECT_EQ(report.references.rfind("beside ", 0), 0u) << report.references;
+    const auto built_with = [&](const char* library) { return report.references.find(library) != std::string::npos; };
+    EXPECT_EQ(r.reference.count("onednn"), built_with("oneDNN") ? 1u : 0u);
+    EXPECT_EQ(r.reference.count("openblas"), built_with("OpenBLAS") && r.suite == "gemm" ? 1u : 0u);
+    EXPECT_NE(bench::table(report).find(report.references), std::string::npos);
+  }
+}
+
+TEST(Bench, ARunIsComparedWithAnEarlierOne) {
+  const test::TemporaryFolder folder;
+  bench::Report before;
+  before.device = "d", before.driver = "1", before.kernels = "cpu", before.peak_gflops = 100, before.peak_gbs = 10;
+  const auto add = [](bench::Report& to, const char* name, double median, double spread) {
+    bench::Result r;
+    r.suite = "gemm", r.name = name, r.median_s = median, r.spread = spread;
+    to.results.push_back(r);
+  };
+  bench::Report now = before;
+  now.driver = "2";
+  for (const auto& [name, old_s, new_s, spread] : {std::tuple{"slower", 1.0, 1.1, 0.05},
+                                                   {"within the spread", 1.0, 1.1, 0.2},
+                                                   {"faster", 1.0, 0.9, 0.05},
+                                                   {"same", 1.0, 1.02, 0.0},
+                                                   {"twice", 1.0, 2.0, 0.0},
+                                                   {"twice", 2.0, 2.0, 0.0}})
+    add(before, name, old_s, spread), add(now, name, new_s, 0);
+  add(before, "gone", 1, 0);
+  add(now, "new", 1, 0);
+  const std::string path = folder.path("before.json");
+  test::put_file(path, bench::json(before));
+  const bench::Comparison compared = bench::compare(bench::read_report(path), now);
+  std::vector<std::string> verdicts;
+  for (const bench::ComparedCase& c : compared.cases) verdicts.push_back(c.verdict);
+  EXPECT_EQ(verdicts, (std::vector<std::string>{"slower", "same", "faster", "same", "slower", "same", "new"}));
+  EXPECT_NEAR(compared.cases[0].slower_by, 0.1, 1e-12);
+  EXPECT_EQ(compared.not_run, 1u);
+  ASSERT_EQ(compared.differ.size(), 1u);
+  EXPECT_NE(compared.differ[0].find("driver"), std::string::npos);
+
+  test::put_file(path, R"({"device": "d"})");
+  EXPECT_THROW(bench::read_report(path), Error);
 }
 
 TEST(Bench, UnknownSuiteIsAnErrorThatListsThem) {

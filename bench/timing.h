@@ -1,0 +1,33 @@
+// Runs timed by turns, so that what else the machine does meets all of them alike.
+#pragma once
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "runtime/context.h"
+
+namespace vsplat::bench {
+
+struct Times {
+  double median = 0, spread = 0, least = 0;
+  double mean = 0;  // over the inputs, of each one's median
+};
+
+struct Timed {
+  std::function<void()> run;
+  int inputs = 1;  // run() goes through so many in turn
+};
+
+struct TimingOptions {
+  double seconds = 1.0;                         // for each; 0: one run of each input
+  std::function<void(int round)> before_round;  // from 1 on; may throw to stop
+};
+
+// One round after the other runs each with every input: three or more, and as many as `seconds` allow each on average,
+// but no more than 30 times that long. The first run with each input, which compiles and makes room, is not counted,
+// unless `warm` says that it was made.
+std::vector<Times> time_by_turns(Context& ctx, const std::vector<Timed>& all, const TimingOptions& options, bool warm);
+
+double seconds_of(Context& ctx, const std::function<void()>& run);
+
+}  // namespace vsplat::bench

@@ -1,0 +1,51 @@
+"""vsplat bench --compare: a verdict for each case, and an exit code where one is slower than was said to be allowed."""
+import json
+
+import support
+
+
+class Bench(support.Case):
+    RUN = ("bench", "model", "--run", "tiny", "--seconds", "0.05")
+
+    def changed(self, name, report, factor):
+        report = json.loads(json.dumps(report))
+        for result in report["results"]:
+            result["median_s"] *= factor
+            result["spread"] = 0.0
+        with open(self.path(name), "w") as f:
+            json.dump(report, f)
+        return self.path(name)
+
+    def test_compare(self):
+        out, _ = self.succeeds(*self.RUN, "--json")
+        report = json.loads(out)
+        self.assertEqual([(r["suite"], r["name"], r["kind"]) for r in report["results"]], [("model", "tiny", "network")])
+        stages = report["results"][0]["by_stage"]
+        self.assertEqual(sorted(stages[0]), ["gbs", "gflops", "limit", "limit_s", "performed_gflops", "seconds", "share_of_limit", "stage"])
+        self.assertIn("volume", [s["stage"] for s in stages])
+        self.assertNotIn("references", report)
+
+        # A hundred times as fast before: slower beyond any noise.
+        was_fast, was_slow = self.changed("fast.json", report, 0.01), self.changed("slow.json", report, 1000)
+        out, _ = self.succeeds(*self.RUN, "--compare", was_fast)
+        self.assertRegex(out, r"model/tiny +.*slower\n")
+        code, out, err = support.run(*self.RUN, "--compare", was_fast, "--fail-above", "50%")
+        self.assertEqual(code, 1, err)
+        self.assertRegex(err, r"slower by more than 50%: model/tiny \+")
+        self.assertIn("slower", out)  # the table is there, too
+        out, _ = self.succeeds(*self.RUN, "--compare", was_slow, "--fail-above", "0%", "--json")
+        compared = json.loads(out)["compared"]
+        self.assertEqual([c["verdict"] for c in compared["cases"]], ["faster"])
+        self.assertEqual(compared["file"], was_slow)
+
+    def test_refusals(self):
+        with open(self.path("other.json"), "w") as f:
+            json.dump({"device": "x"}, f)
+        self.refuses(1, ["other.json", "driver"], *self.RUN, "--compare", self.path("other.json"))
+        self.refuses(2, "nowhere.json", *self.RUN, "--compare", self.path("nowhere.json"))
+        self.refuses(2, ["--fail-above", "--compare"], *self.RUN, "--fail-above", "5%")
+        self.refuses(2, "--fail-above", *self.RUN, "--compare", self.path("other.json"), "--fail-above", "x")
+
+
+if __name__ == "__main__":
+    support.main()
