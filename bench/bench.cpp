@@ -106,22 +106,24 @@ std::string stage_of(const std::string& kernel) {
 }
 
 struct Profiled {
-  Cost cost;  // of one run, on average
+  double seconds = 0;  // of one run, on average, with the profiler on
+  Cost cost;           // likewise
   std::map<std::string, double> stages;
   std::vector<KernelTime> kernels;
 };
 
 // Every input once more, with the profiler on. Gathering times takes time, so shares are of a run without it,
-// `seconds`.
+// `seconds`; 0: none was timed.
 Profiled profile(Context& ctx, const Prepared& p, double seconds) {
   Profiler& profiler = ctx.profiler();
   const bool enabled = profiler.enabled();
   std::map<std::string, ProfileRow> before;  // the user may be profiling the whole run
   for (const ProfileRow& row : profiler.rows()) before[row.stage + "/" + row.name] = row;
   profiler.enable(true);
-  for (int i = 0; i < p.inputs; ++i) seconds_of(ctx, p.run);
-  profiler.enable(enabled);
   Profiled out;
+  for (int i = 0; i < p.inputs; ++i) out.seconds += seconds_of(ctx, p.run) / p.inputs;
+  profiler.enable(enabled);
+  if (!(seconds > 0)) seconds = out.seconds;
   double in_kernels = 0;
   for (const ProfileRow& row : profiler.rows()) {
     const ProfileRow& old = before[row.stage + "/" + row.name];
@@ -171,8 +173,15 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
   const Prepared p = c.prepare(ctx);
   Result r;
   r.suite = suite, r.name = c.name, r.kind = p.kind;
+  const bool profiled_too = is_pass(p.kind) || p.kind == Kind::operation;
+  // Where no time is given, the profile's run is the only one.
+  const bool once = options.seconds <= 0 && profiled_too && (!options.references || p.references.empty());
   tell("first run");
-  p.run();
+  Profiled profiled;
+  if (once)
+    profiled = profile(ctx, p, 0);
+  else
+    p.run();
   tell("checking");
   check(p, full, r);
   std::vector<Timed> timed = {{p.run, p.inputs}};
@@ -183,13 +192,14 @@ Result run_case(Context& ctx, const std::string& suite, const Case& c, const Opt
       if (other.error) hold(full + " by " + library, other.error(), p.tolerance);
       timed.push_back({other.run});
     }
-  const auto times =
-      time_by_turns(ctx, timed, {options.seconds, [&](int round) { tell(fmt::format("run {}", round)); }}, true);
+  std::vector<Times> times = {{profiled.seconds, 0, profiled.seconds, profiled.seconds}};
+  if (!once)
+    times = time_by_turns(ctx, timed, {options.seconds, [&](int round) { tell(fmt::format("run {}", round)); }}, true);
   const Times& t = times[0];
   Cost cost = p.cost;
-  if (is_pass(p.kind) || p.kind == Kind::operation) {
+  if (profiled_too) {
     tell("profile");
-    const Profiled profiled = profile(ctx, p, t.mean);
+    if (!once) profiled = profile(ctx, p, t.mean);
     cost = profiled.cost;
     if (is_pass(p.kind)) r.stages = profiled.stages;
     r.kernels = profiled.kernels;
@@ -287,13 +297,17 @@ Report run(Context& ctx, const Options& options) {
   Report report;
   report.tuning = ctx.tuning().hash();
   report.device = ctx.device().name, report.driver = ctx.device().driver, report.kernels = name_of(ctx.flavour());
-  // Measured before and after, since other load on the machine may take from either.
-  report.peak_gflops = measure_gflops(ctx);
-  report.peak_gbs = measure_gbs(ctx);
+  // Measured before and after, since other load on the machine may take from either; a run that is given no time is not
+  // worth much of it.
+  const bool quick = options.seconds <= 0;
+  report.peak_gflops = quick ? measure_gflops(ctx, 0) : measure_gflops(ctx);
+  report.peak_gbs = quick ? measure_gbs(ctx, 0) : measure_gbs(ctx);
   if (options.references) report.references = References::about(ctx);
   run_all(ctx, options, report);
-  report.peak_gflops = std::max(report.peak_gflops, measure_gflops(ctx));
-  report.peak_gbs = std::max(report.peak_gbs, measure_gbs(ctx));
+  if (!quick) {
+    report.peak_gflops = std::max(report.peak_gflops, measure_gflops(ctx));
+    report.peak_gbs = std::max(report.peak_gbs, measure_gbs(ctx));
+  }
   for (Result& r : report.results) {
     const double of_memory = r.gbs / report.peak_gbs, of_compute = r.performed_gflops / report.peak_gflops;
     if (r.kind == Kind::operation) r.kind = of_memory > of_compute ? Kind::memory : Kind::compute;

@@ -55,12 +55,30 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
   }
 }
 
+#define GEMM_PANELS 8
+
+// tile += the products of `count` columns of A's panel at `a`, and as many rows of B's at `b`: by pointers and some at
+// once, that little of the loop stands beside its multiply-adds.
+#define TILE_RUN(a, b, count)                                  \
+  {                                                            \
+    global const float* run_a_ = (a);                          \
+    global const float* run_b_ = (b);                          \
+    global const float* run_end_ = run_a_ + (count)*TILE_ROWS; \
+    _Pragma("unroll 4") while (run_a_ != run_end_) {           \
+      TILE_STEP(run_a_, run_b_)                                \
+      run_a_ += TILE_ROWS;                                     \
+      run_b_ += TILE_COLS;                                     \
+    }                                                          \
+  }
+
+// Sums of more than TILE_TERMS terms are made slice by slice of K, each for a whole block of A's panels, so that B's
+// slice stays in the first cache while these pass by.
 // ```
 // argument    type  shape              what
 // panels      f32   [ceil(M/12),K,12]  A, from gemm_pack_a
 // b           f32   [ceil(N/32),K,32]  B, 32 columns at a time; columns beyond N are zero
-// block       int                      panels of A that a work-item goes through, which so stay in cache while B's
-//                                      panels stream by
+// block       int                      panels of A that a work-item goes through; at the most GEMM_PANELS where K is
+//                                      more than TILE_TERMS
 // bias        f32   [N]                null: none
 // act         int                      0 none, 1 GELU, 2 SiLU
 // residual    f32   [..,N]             from row row0 on; null: none; may be out
@@ -70,12 +88,33 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
 kernel void gemm_tile(global const float* panels, global const float* b, int block, int M, int N, int K,
                       global const float* bias, int act, global const float* residual, global float* out, int row0) {
   const int n0 = GROUP_ID(0) * TILE_COLS;
-  const int last = min((int)(GROUP_ID(1) + 1) * block, DIV_UP(M, TILE_ROWS));
-  for (int panel = GROUP_ID(1) * block; panel < last; ++panel) {
+  const int first = GROUP_ID(1) * block, last = min(first + block, DIV_UP(M, TILE_ROWS));
+  global const float* pb = b + (size_t)n0 * K;
+#ifndef TILE_LOOPS
+  if (K > TILE_TERMS) {
+    float16 sums[GEMM_PANELS * 2 * TILE_ROWS];
+    for (int k = 0; k < K; k += TILE_TERMS) {
+      const int until = min(K, k + TILE_TERMS);
+      for (int panel = first; panel < last; ++panel) {
+        global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
+        float16* tile_sums_ = sums + (panel - first) * 2 * TILE_ROWS;
+        TILE_DECLARE
+        TILE_RUN(pa + k * TILE_ROWS, pb + k * TILE_COLS, until - k)
+        EACH_ROW(TILE_FOLD_ROW)
+        if (until < K) continue;
+        const int m = panel * TILE_ROWS;
+        const size_t at = (size_t)(row0 + m) * N + n0;
+        tile_finish(tile_sums_, min(TILE_ROWS, M - m), 2, n0, N, bias, act, residual ? residual + at : residual,
+                    out + at);
+      }
+    }
+    return;
+  }
+#endif
+  for (int panel = first; panel < last; ++panel) {
     global const float* pa = panels + (size_t)panel * K * TILE_ROWS;
-    global const float* pb = b + (size_t)n0 * K;
     TILE_DECLARE
-    TILE_SUM(K, pa + k * TILE_ROWS, pb + k * TILE_COLS)
+    TILE_RUN(pa, pb, K)
     const int m = panel * TILE_ROWS;
     const size_t at = (size_t)(row0 + m) * N + n0;
     TILE_FINISH(min(TILE_ROWS, M - m), n0, N, bias, act, residual ? residual + at : residual, out + at);

@@ -19,6 +19,7 @@ const char* tile_defines(const DeviceInfo& device) { return device.native_float_
 namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
+constexpr long kMostPanels = 8;                 // of cl/gemm_cpu.cl
 // What the gpu flavour packs at a time, a quarter of it: scratch memory stays bounded.
 constexpr long kScratchFloats = 2 << 20;
 
@@ -81,16 +82,17 @@ Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
 Written written_rows(const Gemm& g, const Sizes& s) { return written(g.out, s.out_row0 * s.n, s.m * s.n); }
 
 // What is packed of A at a time stays in a CPU's last-level cache, and scratch memory stays bounded; of that, what one
-// work-item multiplies each panel of B with stays in the first caches.
+// work-item multiplies each panel of B with stays in the second cache.
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
+  const bool loops = *tile_defines(ctx.device()) != '\0';
   const long panels = div_up(s.m, kTileRows);
   const long step = std::clamp(tuned.at("scratch") / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
   const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
   // One panel a work-item where the tile is made of loops: llvmpipe ends every loop of a work-item after 65535 turns in
   // all.
-  const long block = *tile_defines(ctx.device()) ? 1 : std::max(1L, tuned.at("block") / std::max(1L, s.k * kTileRows));
+  const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, s.k * kTileRows), 1L, kMostPanels);
   for (long p = 0; p < panels; p += step) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);

@@ -17,7 +17,6 @@
 namespace vsplat {
 namespace {
 
-constexpr double kBudget = 0.3;   // seconds for each
 constexpr double kEnough = 2e-3;  // seconds of a launch; the shorter, the likelier it has the device to itself
 constexpr double kSlow = 0.1;     // seconds of a launch that is not made any longer
 
@@ -82,7 +81,7 @@ std::string today() {
 }  // namespace
 
 // One work-item's vectors are one register tile of the cpu flavour; a gpu wants many work-items instead.
-double measure_gflops(Context& of) {
+double measure_gflops(Context& of, double seconds) {
   const auto stream = of.stream();
   Context& ctx = *stream;
   const bool cpu = ctx.flavour() == Flavour::cpu;
@@ -95,10 +94,10 @@ double measure_gflops(Context& of) {
   const auto run = [&] { ctx.launch(kernel, items(work_items, cpu ? 1 : 64), {}, steps, 0.9f, written(out)); };
   while (steps < most && least_seconds(ctx, run, 0) < kEnough) steps = std::min(2 * steps, most);
   const double flops = 2.0 * width * chains * steps * static_cast<double>(work_items);
-  return flops / least_seconds(ctx, run, kBudget) / 1e9;
+  return flops / least_seconds(ctx, run, seconds) / 1e9;
 }
 
-double measure_gbs(Context& of) {
+double measure_gbs(Context& of, double seconds) {
   const auto stream = of.stream();
   Context& ctx = *stream;
   const bool cpu = ctx.flavour() == Flavour::cpu;
@@ -115,7 +114,7 @@ double measure_gbs(Context& of) {
     const auto run = [&] { ctx.launch(kernel, items(n, group), {}, n, 0.5f, a, b, written(y)); };
     const double once = least_seconds(ctx, run, 0);
     const bool last = numbers * 4 > most || once > kSlow;
-    best = bytes / (last ? std::min(once, least_seconds(ctx, run, kBudget)) : once) / 1e9;  // of the largest
+    best = bytes / (last ? std::min(once, least_seconds(ctx, run, seconds)) : once) / 1e9;  // of the largest
     if (last) break;
   }
   return best;

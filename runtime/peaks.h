@@ -7,10 +7,10 @@
 
 namespace vsplat {
 
-// Multiply-adds alone; a stream through memory that is larger than caches, where there is room for it. Each for some
-// tenths of a second, in a stream of its own.
-double measure_gflops(Context& ctx);
-double measure_gbs(Context& ctx);
+// Multiply-adds alone; a stream through memory that is larger than caches, where there is room for it. Each for so many
+// seconds, three launches at the least, in a stream of its own.
+double measure_gflops(Context& ctx, double seconds = 0.3);
+double measure_gbs(Context& ctx, double seconds = 0.3);
 
 // Measured before on this device, with this driver and these kernels, and kept in the cache's folder (disk_cache.h).
 std::optional<Peaks> known_peaks(const Context& ctx);

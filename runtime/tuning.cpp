@@ -32,7 +32,7 @@ const std::vector<TunedDeclaration>& tuned_declarations() {
        matrix,
        {{"block",
          "numbers of A that each panel of B is multiplied with",
-         {32 << 10, 8 << 10, 16 << 10, 64 << 10, 128 << 10}},
+         {128 << 10, 16 << 10, 32 << 10, 64 << 10, 256 << 10}},
         {"scratch", "numbers of A that are packed at a time", {2 << 20, 512 << 10, 1 << 20, 4 << 20}}}},
       {TunedOp::gemm_transposed, "gemm_transposed", Flavour::gpu, {{"rows", true}, {"m"}, {"n"}}, {tile, unroll}},
       {TunedOp::gemm_transposed,
