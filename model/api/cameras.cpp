@@ -128,6 +128,40 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
   });
 }
 
+vsplat_status vsplat_cameras_create(const vsplat_camera* cameras, size_t count, vsplat_cameras* out_cameras) {
+  return guarded([&] {
+    need_array(cameras, count, "cameras");
+    need(out_cameras, "out_cameras");
+    if (count == 0) fail(Status::usage, "count is 0: at least one camera expected");
+    std::vector<Camera> all;
+    for (size_t i = 0; i < count; ++i)
+      all.push_back(camera_of(element(cameras, i), fmt::format("cameras[{}]", i).c_str()));
+    *out_cameras = new_cameras(std::move(all));
+  });
+}
+
+vsplat_status vsplat_camera_look_at(const double* eye, const double* target, const double* up,
+                                    vsplat_camera* out_camera) {
+  return guarded([&] {
+    need(eye, "eye");
+    need(target, "target");
+    need(up, "up");
+    need(out_camera, "out_camera");
+    vsplat_camera turned = taken(out_camera, VSPLAT_CAMERA_INIT, "out_camera");
+    const Eigen::Vector3d from(eye[0], eye[1], eye[2]), at(target[0], target[1], target[2]),
+        upwards(up[0], up[1], up[2]);
+    const double across = (at - from).cross(upwards).norm();
+    if (!(across > 1e-9 * (at - from).norm() * upwards.norm()) || !std::isfinite(across))
+      fail(Status::input,
+           "a camera at {}, {}, {} that looks at {}, {}, {} with {}, {}, {} upwards: two places, and a direction that "
+           "does not lie along the view, are expected",
+           eye[0], eye[1], eye[2], target[0], target[1], target[2], up[0], up[1], up[2]);
+    const Eigen::Matrix4d w2c = look_at(from, at, upwards);
+    for (int i = 0; i < 16; ++i) turned.w2c[i] = w2c(i / 4, i % 4);
+    give(out_camera, turned, "out_camera");
+  });
+}
+
 vsplat_status vsplat_cameras_path(vsplat_cameras keys, int32_t count, vsplat_cameras* out_cameras) {
   return guarded([&] {
     need(keys, "keys");

@@ -274,6 +274,8 @@ class Values:
             return self.function(p)
         if p.base == "float" and (p.stars or p.lengths) and p.const:
             return floats()
+        if p.base == "double" and p.stars and p.const:
+            return (c.c_double * 3)(*{"eye": (0, 0, -2), "target": (0, 0, 0), "up": (0, 1, 0)}[p.name])
         if p.base == "cl_event" and p.const:
             return (c.c_void_p * 1)(self.event())
         if short in ("model_load_memory", "scene_load_memory"):

@@ -1,6 +1,7 @@
 // The C++ wrapper: lambdas, what they throw, spans, and that nothing is copied on the way.
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -203,6 +204,30 @@ void a_profile_is_told_in_rows(const Setting& with) {
   HOLD(vsplat_device_profile_get(stream.get(), rows.size(), &none) == VSPLAT_ERROR_USAGE);
 }
 
+void cameras_are_made(const Setting& with) {
+  const vsplat_camera front = vsplat::looking_at({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 16, 16);
+  HOLD(front.w2c[0] == 1 && front.w2c[5] == 1 && front.w2c[10] == 1 && front.w2c[11] == 2);
+  HOLD(front.width == 16 && front.cx == 8 && front.fx > 17.1 && front.fx < 17.2);
+  const vsplat_camera side = vsplat::looking_at({2, 0, 0}, {0, 0, 0}, {0, -1, 0}, 16, 16);
+  HOLD(side.w2c[8] == -1 && side.w2c[11] == 2 && side.w2c[5] == 1);
+  HOLD(status_of([] { vsplat::looking_at({0, 1, 0}, {0, 0, 0}, {0, 1, 0}, 16, 16); }) == VSPLAT_ERROR_INPUT);
+  HOLD(status_of([] { vsplat::looking_at({0, 1, 0}, {0, 1, 0}, {0, 1, 0}, 16, 16); }) == VSPLAT_ERROR_INPUT);
+  HOLD(status_of([] { vsplat::looking_at({0, 1, NAN}, {0, 1, 0}, {0, 1, 0}, 16, 16); }) == VSPLAT_ERROR_INPUT);
+  const std::array<vsplat_camera, 2> keys{front, side};
+  const vsplat::Cameras cameras = vsplat::Cameras::create(keys);
+  HOLD(cameras.all().size() == 2 && std::memcmp(&cameras.all()[1], &side, sizeof side) == 0);
+  HOLD(cameras.path(5).all().size() == 5);
+  HOLD(status_of([] { vsplat::Cameras::create({}); }) == VSPLAT_ERROR_USAGE);
+  HOLD(with.input.camera(0).width == with.input.info().image);
+  const std::vector<float> seen = with.input.picture(0), dark(seen.size());
+  const auto edge = static_cast<int32_t>(with.input.info().image);
+  HOLD(vsplat::compare(seen, seen, edge, edge).psnr > 1e6 && vsplat::compare(seen, dark, edge, edge).psnr < 20);
+  const Scene scene =
+      vsplat::reconstruct(with.device, with.model, with.input, [](const char*, double) { return true; });
+  HOLD(scene.info().count > 0 && scene.orbit().all().size() == 8);
+  HOLD(Device::open().info().memory == with.device.info().memory);
+}
+
 void jobs_end_with_what_they_made(const Setting& with) {
   const Gaussians expected = with.scene().gaussians();
   std::atomic<int> ended{0}, told{0};
@@ -263,6 +288,7 @@ int main() try {
   messages_reach_a_lambda();
   spans_are_read_and_written_where_they_lie(with);
   a_profile_is_told_in_rows(with);
+  cameras_are_made(with);
   jobs_end_with_what_they_made(with);
   if (failures == 0) std::puts("all holds");
   return failures == 0 ? 0 : 1;

@@ -101,8 +101,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_get_info(vsplat_device d
 
 /* Tells the call that has the device to stop, from any thread or signal handler; returns at once. That call ends with
    VSPLAT_ERROR_CANCELLED at its next launch of a kernel, when what was enqueued before is done, some 50 ms of work and
-   one kernel: what it would have made is not made, what was there before is as it was. A training writes a checkpoint
-   of its last whole step, a refinement goes on at its next step. Nothing happens where no call has the device. */
+   one kernel (one that is compiled just then is compiled first, seconds on some drivers: vsplat_device_prepare does it
+   ahead): what it would have made is not made, what was there before is as it was. A training writes a checkpoint of
+   its last whole step, a refinement goes on at its next step. Nothing happens where no call has the device. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_device_cancel(vsplat_device device);
 
 /* Gives back device memory that is kept for the next call: the scene that was drawn last, the weights of models that no

@@ -8,6 +8,18 @@
 namespace vsplat {
 inline namespace cxx {
 
+// PSNR and SSIM of [height][width][3] pictures; where `difference` is not empty, it takes their absolute difference.
+inline vsplat_comparison compare(Span<const float> pixels, Span<const float> reference, int32_t width, int32_t height,
+                                 Span<float> difference = {}) {
+  const std::size_t values =
+      width > 0 && height > 0 ? 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height) : 0;
+  vsplat_comparison out = VSPLAT_COMPARISON_INIT;
+  check(vsplat_compare(detail::pointer(pixels, values, "pixels"), detail::pointer(reference, values, "reference"),
+                       width, height, &out,
+                       detail::pointer(difference, difference.empty() ? 0 : values, "difference")));
+  return out;
+}
+
 using SheetHandle = Handle<vsplat_sheet, vsplat_sheet_retain, vsplat_sheet_release>;
 using AnimationHandle = Handle<vsplat_animation, vsplat_animation_retain, vsplat_animation_release>;
 

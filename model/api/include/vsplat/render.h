@@ -15,7 +15,7 @@ extern "C" {
 typedef struct vsplat_orbit_options {
   size_t size;
   int32_t count;         /* cameras on the circle */
-  int32_t width, height; /* pixels; 0: 512 x 512 */
+  int32_t width, height; /* pixels; each 512 where it is 0 */
   double radius;         /* world units; 0: from inputs or scene */
   int32_t has_elevation; /* 1: `elevation` is set */
   double elevation;      /* degrees above the plane across `up` */

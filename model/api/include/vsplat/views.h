@@ -42,6 +42,14 @@ typedef struct vsplat_cameras_impl* vsplat_cameras;
    pictures not needed. `width` and `height`: the size for cameras whose file tells none; 0: such are an error. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t height,
                                                               vsplat_cameras* out_cameras);
+/* The same of `count` (at least 1) cameras in memory, pinholes, which are copied. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_create(const vsplat_camera* cameras, size_t count,
+                                                                vsplat_cameras* out_cameras);
+/* Turns a camera: out_camera->w2c becomes that of one at `eye` that looks at `target` with `up` upwards in the picture,
+   each three numbers in the world; the rest of it stays as it was. VSPLAT_ERROR_INPUT where they leave it open: `eye` is
+   at `target`, or `up` lies along the view. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_camera_look_at(const double* eye, const double* target,
+                                                                const double* up, vsplat_camera* out_camera);
 VSPLAT_API void vsplat_cameras_retain(vsplat_cameras cameras);
 VSPLAT_API void vsplat_cameras_release(vsplat_cameras cameras);
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_count(vsplat_cameras cameras, size_t* out_count);

@@ -5,6 +5,7 @@
 
 #include <vsplat/vsplat.h>
 
+#include <cmath>
 #include <initializer_list>
 #include <string>
 #include <utility>
@@ -27,7 +28,9 @@ class Device : public DeviceHandle {
  public:
   Device() = default;
   using DeviceHandle::DeviceHandle;
-  explicit Device(const vsplat_device_options& options) : DeviceHandle(open(options)) {}
+  explicit Device(const vsplat_device_options& options) : DeviceHandle(opened(options)) {}
+  // (Device() is none.)
+  static Device open(const vsplat_device_options& options = VSPLAT_DEVICE_OPTIONS_INIT) { return Device(options); }
 
   static std::vector<vsplat_device_info> list() {
     size_t count = 0;
@@ -81,7 +84,7 @@ class Device : public DeviceHandle {
   }
 
  private:
-  static vsplat_device open(const vsplat_device_options& options) {
+  static vsplat_device opened(const vsplat_device_options& options) {
     vsplat_device out = nullptr;
     check(vsplat_device_open(&options, &out));
     return out;
@@ -146,6 +149,17 @@ class Model : public ModelHandle {
   }
 };
 
+// One at `eye`, see vsplat_camera_look_at; `degrees` of field of view across the width.
+inline vsplat_camera looking_at(const double (&eye)[3], const double (&target)[3], const double (&up)[3], int32_t width,
+                                int32_t height, double degrees = 50) {
+  vsplat_camera out = VSPLAT_CAMERA_INIT;
+  out.width = width, out.height = height;
+  out.cx = width / 2.0, out.cy = height / 2.0;
+  out.fx = out.fy = out.cx / std::tan(degrees * 3.14159265358979323846 / 360);
+  check(vsplat_camera_look_at(eye, target, up, &out));
+  return out;
+}
+
 class Cameras : public CamerasHandle {
  public:
   Cameras() = default;
@@ -156,6 +170,16 @@ class Cameras : public CamerasHandle {
     vsplat_cameras out = nullptr;
     check(vsplat_cameras_load(path.c_str(), width, height, &out));
     return Cameras(out);
+  }
+  static Cameras create(Span<const vsplat_camera> cameras) {
+    vsplat_cameras out = nullptr;
+    check(vsplat_cameras_create(cameras.data(), cameras.size(), &out));
+    return Cameras(out);
+  }
+  // As a cameras.json.
+  void save(const std::string& path) const {
+    const std::vector<vsplat_camera> cameras = all();
+    check(vsplat_cameras_save(cameras.data(), cameras.size(), nullptr, path.c_str()));
   }
   std::vector<vsplat_camera> all() const {
     size_t count = 0;
@@ -203,6 +227,11 @@ class Views : public ViewsHandle {
   static Views create(std::initializer_list<vsplat_view> views) {
     return create(Span<const vsplat_view>(views.begin(), views.size()));
   }
+  size_t size() const {
+    size_t out = 0;
+    check(vsplat_views_count(get(), &out));
+    return out;
+  }
   std::string name(size_t index) const {
     char* out = nullptr;
     check(vsplat_views_get_name(get(), index, &out));
@@ -218,12 +247,24 @@ class Views : public ViewsHandle {
 class Input : public InputHandle {
  public:
   Input() = default;
-  Input(const Model& model, const Views& views, const vsplat_input_options& options)
+  Input(const Model& model, const Views& views, const vsplat_input_options& options = VSPLAT_INPUT_OPTIONS_INIT)
       : InputHandle(prepare(model, views, options)) {}
 
   vsplat_input_info info() const {
     vsplat_input_info out = VSPLAT_INPUT_INFO_INIT;
     check(vsplat_input_get_info(get(), &out));
+    return out;
+  }
+  vsplat_camera camera(size_t index) const {
+    vsplat_camera out = VSPLAT_CAMERA_INIT;
+    check(vsplat_input_get_camera(get(), index, &out));
+    return out;
+  }
+  // [image][image][3]
+  std::vector<float> picture(size_t index) const {
+    const auto edge = static_cast<size_t>(info().image);
+    std::vector<float> out(3 * edge * edge);
+    check(vsplat_input_get_picture(get(), index, out.data(), out.size()));
     return out;
   }
   // What save() would write.
@@ -233,7 +274,7 @@ class Input : public InputHandle {
     return lines(text(out));
   }
   void save(const std::string& folder) const { check(vsplat_input_save(get(), folder.c_str())); }
-  Cameras orbit(const vsplat_orbit_options& options) const {
+  Cameras orbit(const vsplat_orbit_options& options = VSPLAT_ORBIT_OPTIONS_INIT) const {
     vsplat_cameras out = nullptr;
     check(vsplat_cameras_orbit_input(get(), &options, &out));
     return Cameras(out);
@@ -342,7 +383,7 @@ class Scene : public SceneHandle {
     check(vsplat_scene_get_selection(get(), out.data(), out.size(), &count));
     return out;
   }
-  Cameras orbit(const vsplat_orbit_options& options) const {
+  Cameras orbit(const vsplat_orbit_options& options = VSPLAT_ORBIT_OPTIONS_INIT) const {
     vsplat_cameras out = nullptr;
     check(vsplat_cameras_orbit_scene(get(), &options, &out));
     return Cameras(out);
@@ -362,6 +403,10 @@ inline Scene reconstruct(const Device& device, const Model& model, const Input& 
   vsplat_scene out = nullptr;
   call.check(vsplat_reconstruct(device.get(), model.get(), input.get(), &told, &out));
   return Scene(out);
+}
+
+inline Scene reconstruct(const Device& device, const Model& model, const Input& input, const Progress& progress) {
+  return reconstruct(device, model, input, VSPLAT_RECONSTRUCT_OPTIONS_INIT, progress);
 }
 
 // What the first reconstruction with the model would do once, ahead of it.
