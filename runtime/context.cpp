@@ -341,7 +341,7 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
       fail_cl(e, "opening " + impl_->info.name);
     }
   }
-  impl_->tuning = tuning_for(impl_->info, impl_->flavour);
+  impl_->tuning = options.tuning ? options.tuning : tuning_for(impl_->info, impl_->flavour);
   impl_->programs = std::make_shared<ProgramCache>(impl_->context, impl_->handle, impl_->info, options.on_compile);
   ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
   limits.device = std::make_shared<DeviceMemory>();

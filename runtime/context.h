@@ -51,6 +51,7 @@ struct ContextOptions {
   ForeignHandles theirs;      // in place of `device`
   // What is not used; none: what a self-test has left behind of this device (verdict.h).
   std::optional<SwitchedOff> off = std::nullopt;
+  std::shared_ptr<const Tuning> tuning = nullptr;  // in place of the device's table, which is not read then
   // Called before each kernel that is compiled: its name and how many were compiled so far in this context.
   std::function<void(const std::string&, int)> on_compile;
 };

@@ -12,6 +12,7 @@
 
 #include "model/selftest/cases/cases.h"
 #include "model/selftest/stages.h"
+#include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/kernel_files.h"
 #include "runtime/log.h"
@@ -47,17 +48,16 @@ class Runner {
     options.kernels = name_of(flavour);
     options.off = off;
     options.on_compile = options_.on_compile;
+    options.tuning = std::make_shared<Tuning>();  // the defaults; a table's choices are tried by themselves
     if (variant) variant->choose(options);
-    auto out = std::make_unique<Context>(options);
-    out->use_tuning(std::make_shared<Tuning>());  // the defaults; a table's choices are tried by themselves
-    return out;
+    return std::make_unique<Context>(options);
   }
 
   // Those of the cases; an empty list: all.
   Findings run(Context& ctx, const std::vector<std::string>& cases, const std::string& stage, double from, double to) {
     Findings out;
-    std::vector<Case> those = all_cases();
-    those.push_back(stages_case());
+    std::vector<Case> those = options_.cases;
+    if (those.empty()) those = all_cases(), those.push_back(stages_case());
     if (!cases.empty())
       those.erase(
           std::remove_if(those.begin(), those.end(),
@@ -143,9 +143,15 @@ FlavourResult test_flavour(Runner& runner, Flavour flavour, double from, double 
   return out;
 }
 
+// A table that the environment names is of one flavour.
+bool names_a_table_of_another(Flavour flavour) {
+  const std::string asked = environment("VSPLAT_TUNING");
+  return !asked.empty() && asked != "off" && read_tuning(asked).of.flavour != name_of(flavour);
+}
+
 // What the device's table chooses in place of defaults, tried again; what is wrong is taken out of it.
 void check_table(const std::string& device, const Options& options, FlavourResult& flavour) {
-  if (!flavour.usable) return;
+  if (!flavour.usable || names_a_table_of_another(flavour.flavour)) return;
   ContextOptions open;
   open.device = device, open.kernels = name_of(flavour.flavour), open.off = flavour.off;
   open.on_compile = options.on_compile;

@@ -10,6 +10,8 @@
 #include "model/selftest/stages.h"
 #include "tests/support/device.h"
 #include "tests/support/golden.h"
+#include "tests/support/temporary.h"
+#include "tests/support/variable.h"
 
 namespace vsplat {
 namespace {
@@ -131,6 +133,25 @@ TEST(SelftestErrors, ThatTellNothingOfTheDeviceEndIt) {
     }
   }
   EXPECT_TRUE(c.findings().empty());
+}
+
+// Self-tests of these cases alone, with a table that the environment names.
+TEST(SelftestErrors, ATableIsTriedWithItsOwnFlavour) {
+  const test::TemporaryFolder folder;
+  for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
+    TuningTable table;
+    table.of = tuning_subject(test::context(flavour).device(), flavour);
+    const TunedShape shape{TunedOp::gemm, {64, 33, 40, 1}};
+    table.choice.set(shape, all_values(*tuned_declaration(TunedOp::gemm, flavour)).back());
+    write_tuning(folder / "table.json", table);
+    const test::Variable named("VSPLAT_TUNING", folder / "table.json");
+    selftest::Options options;
+    options.cases = {{"nothing", [](selftest::Checks&) {}}};
+    const selftest::Report report = selftest::run(device_index(), options);
+    ASSERT_EQ(report.flavours.size(), 2u);
+    for (const selftest::FlavourResult& one : report.flavours)
+      EXPECT_EQ(one.chosen.size(), one.flavour == flavour ? 1u : 0u) << name_of(one.flavour);
+  }
 }
 
 // What the library carries of the network's stages is what PyTorch has made.
