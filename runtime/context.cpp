@@ -156,6 +156,7 @@ struct Context::Impl {
   }
 
   void take(const ForeignHandles& theirs);
+  void leave_out(const std::vector<std::string>& refused);
 
   void stop_if_cancelled() const {
     if (uncancelled == 0 && cancelled->load(std::memory_order_relaxed))
@@ -288,6 +289,15 @@ struct Context::Impl {
 
 Context::Context(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
+// Whatever table they are in. A search may have found something else for them meanwhile.
+void Context::Impl::leave_out(const std::vector<std::string>& refused) {
+  if (refused.empty()) return;
+  auto rest = std::make_shared<Tuning>(*tuning);
+  const bool defaults = rest->refuse(flavour, refused);
+  off.tuned = defaults && (off.tuned || rest->chosen().size() < tuning->chosen().size());
+  tuning = std::move(rest);
+}
+
 // Of a program that has OpenCL of its own.
 void Context::Impl::take(const ForeignHandles& theirs) {
   for (const FoundDevice& found : find_devices())
@@ -342,6 +352,7 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
     }
   }
   impl_->tuning = options.tuning ? options.tuning : tuning_for(impl_->info, impl_->flavour);
+  if (!options.off) impl_->leave_out(refused_choices(impl_->info));
   impl_->programs = std::make_shared<ProgramCache>(impl_->context, impl_->handle, impl_->info, options.on_compile);
   ArenaLimits limits = limits_of(impl_->info, options.max_memory_gib);
   limits.device = std::make_shared<DeviceMemory>();

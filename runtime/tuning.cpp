@@ -151,6 +151,10 @@ std::string text_of(const TunedValues& values) {
   return out;
 }
 
+std::string name_of_choice(const TunedShape& shape, const TunedValues& values) {
+  return fmt::format("{} {}, {}", name_of(values.of->flavour), text_of(*values.of, shape), text_of(values));
+}
+
 std::vector<TunedValues> all_values(const TunedDeclaration& of) {
   std::vector<TunedValues> out{default_values(of)};
   for (std::size_t i = 0; i < of.parameters.size(); ++i) {
@@ -181,6 +185,22 @@ void Tuning::set(const TunedShape& shape, const TunedValues& values) {
     chosen_.erase(key);
   else
     chosen_[key] = values;
+}
+
+bool Tuning::refuse(Flavour flavour, const std::vector<std::string>& names) {
+  bool out = false;
+  for (const std::string& name : names) {
+    if (!name.starts_with(std::string(name_of(flavour)) + " ")) continue;
+    const std::string shape = name.substr(0, name.find(", ") + 2);
+    const auto of_that_shape = std::find_if(chosen_.begin(), chosen_.end(), [&](const auto& one) {
+      return name_of_choice(one.first, one.second).starts_with(shape);
+    });
+    const bool another =
+        of_that_shape != chosen_.end() && name_of_choice(of_that_shape->first, of_that_shape->second) != name;
+    if (of_that_shape != chosen_.end() && !another) chosen_.erase(of_that_shape);
+    out = out || !another;
+  }
+  return out;
 }
 
 void Tuning::force(TunedOp op, const TunedValues& values) { forced_[static_cast<std::size_t>(op)] = values; }

@@ -79,6 +79,8 @@ struct TunedValues {
 TunedValues default_values(const TunedDeclaration& of);
 // "tile=128 unroll=4"
 std::string text_of(const TunedValues& values);
+// A choice, with its flavour: "gpu gemm m=4096 n=768 k=3072 taps=1, tile=128 unroll=4".
+std::string name_of_choice(const TunedShape& shape, const TunedValues& values);
 // All combinations of allowed values, the default first.
 std::vector<TunedValues> all_values(const TunedDeclaration& of);
 
@@ -96,6 +98,8 @@ class Tuning {
   TunedValues values(Flavour flavour, const TunedShape& shape) const;
   // Of that class from now on.
   void set(const TunedShape& shape, const TunedValues& values);
+  // Takes out those choices, by their names. Whether the default runs now, of that flavour, in place of one of them.
+  bool refuse(Flavour flavour, const std::vector<std::string>& names);
   // Whatever the shape: for trials, and tests.
   void force(TunedOp op, const TunedValues& values);
 

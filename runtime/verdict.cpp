@@ -103,6 +103,7 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
         if (name == one.name) out.off.*one.which = true;
     out.worst = json.at("worst");
     out.date = json.at("date");
+    if (json.contains("refused")) out.refused = json.at("refused").get<std::vector<std::string>>();
     return out;
   } catch (const nlohmann::json::exception&) {  // of another version, then
     return std::nullopt;
@@ -119,6 +120,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
                               {"off", nlohmann::json::array()},
                               {"worst", verdict.worst},
                               {"date", verdict.date},
+                              {"refused", verdict.refused},
                               {"device", device.name},
                               {"driver", device.driver},
                               {"kernels", kernels_hash()}};
@@ -152,6 +154,12 @@ SwitchedOff fit_for_use(const DeviceInfo& device) {
   if (verdict->off.any())
     verbose("{}: not used since the self-test of {}: {}", device.name, verdict->date, in_words(verdict->off));
   return verdict->off;
+}
+
+std::vector<std::string> refused_choices(const DeviceInfo& device) {
+  if (environment("VSPLAT_SELFTEST") == "ignore") return {};
+  const std::optional<Verdict> verdict = remembered_verdict(device);
+  return verdict ? verdict->refused : std::vector<std::string>();
 }
 
 }  // namespace vsplat

@@ -20,7 +20,7 @@ struct SwitchedOff {
   bool large_tiles = false;       // the gpu flavour's tiles of 128 x 128: those of 64 x 64
   bool sub_groups = false;        // fewer work-items as one, on compilers that can be told: as many as they choose
   bool clblast = false;           // CLBlast where it would be chosen: our own matrix product
-  bool tuned = false;             // what a table chose (runtime/tuning.h) and was wrong: taken out of it, the defaults
+  bool tuned = false;             // what a table chose (runtime/tuning.h) and was wrong: the defaults
   bool operator==(const SwitchedOff&) const = default;
   bool any() const { return !(*this == SwitchedOff()); }
 };
@@ -42,6 +42,7 @@ struct Verdict {
   SwitchedOff off;    // with unusable: both flavours
   std::string worst;  // the kernel that is wrong, and by how much, in words; empty with ok
   std::string date;   // of the self-test, "2026-11-23"
+  std::vector<std::string> refused = {};  // what tables chose and is wrong, by the names that tuning.h gives them
 };
 
 std::optional<Verdict> remembered_verdict(const DeviceInfo& device);
@@ -50,6 +51,8 @@ bool remember(const DeviceInfo& device, const Verdict& verdict);
 
 // What was remembered to be switched off, but with VSPLAT_SELFTEST=ignore. Error(device) where that leaves nothing.
 SwitchedOff fit_for_use(const DeviceInfo& device);
+// What tables chose that is wrong, but with VSPLAT_SELFTEST=ignore. No context takes it, whichever table has it.
+std::vector<std::string> refused_choices(const DeviceInfo& device);
 
 // SHA-256 of every kernel's text, as 64 digits.
 std::string kernels_hash();

@@ -185,6 +185,21 @@ std::string worst_of(const FlavourResult& flavour) {
   return text + fmt::format(": an error of {:.2g}, {:.2g} allowed", worst->error, worst->tolerance);
 }
 
+// What was found wrong before stays so, but where it is right now.
+std::vector<std::string> refused_by(const DeviceInfo& device, const std::vector<FlavourResult>& flavours) {
+  std::set<std::string> out;
+  if (const auto before = remembered_verdict(device)) out.insert(before->refused.begin(), before->refused.end());
+  for (const FlavourResult& flavour : flavours)
+    for (const CheckedChoice& one : flavour.chosen) {
+      const std::string name = name_of_choice(one.shape, one.values);
+      if (one.right())
+        out.erase(name);
+      else
+        out.insert(name);
+    }
+  return {out.begin(), out.end()};
+}
+
 Verdict verdict_of(const std::vector<FlavourResult>& flavours) {
   Verdict out;
   out.date = today();
@@ -277,6 +292,7 @@ Report run(const std::string& device, const Options& options) {
       from += each;
     }
   out.verdict = verdict_of(out.flavours);
+  out.verdict.refused = refused_by(out.device, out.flavours);
   if (options.progress) (void)options.progress("done", 1);
   return out;
 }

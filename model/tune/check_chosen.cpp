@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "model/tune/search.h"
 #include "model/tune/tune_case.h"
+#include "runtime/folder_lock.h"
+#include "runtime/log.h"
 
 namespace vsplat {
 namespace {
@@ -75,6 +78,15 @@ int refuse_chosen(const Context& ctx, const std::vector<CheckedChoice>& wrong) {
   const std::string path = tuning_path(tuning_subject(ctx.device(), ctx.flavour()));
   std::error_code error;
   if (path.empty() || !std::filesystem::exists(path, error)) return 0;
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  std::optional<FolderLock> lock;
+  try {
+    lock.emplace(folder, folder + ", where tuned parameters are kept");
+    lock->keep_folders();
+  } catch (const Error& e) {  // a search, which would write over it
+    warn("what is wrong stays in the table, and is not used all the same: {}", e.what());
+    return 0;
+  }
   TuningTable table = read_tuning(path);
   int out = 0;
   for (const CheckedChoice& one : wrong) {

@@ -25,7 +25,8 @@ struct CheckedChoice {
 std::vector<CheckedChoice> check_chosen(Context& ctx);
 
 // Takes these out of the device's table in the cache's folder, where that is the context's; contexts that are made
-// after it run with the defaults there, and a search does not choose them again. How many were taken out.
+// after it run with the defaults there, and a search does not choose them again. None while a search has the folder.
+// How many were taken out.
 int refuse_chosen(const Context& ctx, const std::vector<CheckedChoice>& wrong);
 
 }  // namespace vsplat

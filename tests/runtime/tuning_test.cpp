@@ -7,6 +7,7 @@
 
 #include "runtime/error.h"
 #include "runtime/gemm.h"
+#include "runtime/held_tuning.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
@@ -203,6 +204,46 @@ TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
   put_file(path, "{}");
   const std::string broken = message_of([&] { tuning_for(ctx.device(), Flavour::gpu); });
   EXPECT_NE(broken.find("unset VSPLAT_TUNING"), std::string::npos) << broken;
+}
+
+// What a self-test has found wrong no context runs with, whichever table has it; another choice for the same is taken.
+TEST(TuningTable, IsLeftWithoutWhatASelfTestRefused) {
+  const TemporaryFolder folder;
+  const Setting cache("VSPLAT_CACHE_DIR", folder / "cache"), judged("VSPLAT_SELFTEST", "");
+  const DeviceInfo device = test::context(Flavour::gpu).device();
+  const TunedDeclaration& of = gemm_of(Flavour::gpu);
+  const TunedShape wrong{TunedOp::gemm, {1024, 768, 768, 1}}, right{TunedOp::gemm, {1024, 96, 96, 1}};
+  TuningTable table = a_table(test::context(Flavour::gpu));
+  table.choice.set(right, all_values(of).back());
+  ASSERT_EQ(table.choice.chosen().size(), 2u);
+  const std::string hash = table.choice.hash(), name = name_of_choice(wrong, table.choice.chosen().at(wrong));
+  EXPECT_EQ(name, "gpu gemm m=1024 n=768 k=768 taps=1, tile=128 unroll=8 split=8");
+  Verdict verdict{Fitness::degraded, {}, "the tuned parameters of a product", "2026-11-23", {name}};
+  verdict.off.tuned = true;
+  ASSERT_TRUE(remember(device, verdict));
+  EXPECT_EQ(refused_choices(device), std::vector<std::string>{name});
+  const std::string named = folder / "named.json";
+  for (const std::string& path : {tuning_path(table.of), named}) {
+    write_tuning(path, table);
+    const Setting tuning("VSPLAT_TUNING", path == named ? path : "");
+    const auto ctx = test::open_context(Flavour::gpu);
+    EXPECT_EQ(ctx->tuned(wrong), default_values(of));
+    EXPECT_EQ(ctx->tuned(right), all_values(of).back());
+    EXPECT_TRUE(ctx->switched_off().tuned);
+    // A training that has begun with that table is told so, and not to take it.
+    write_tuning(kept_tuning_path(hash), table);
+    const std::string told = message_of([&] { refuse_other_tuning(*ctx, {{"tuning", hash}}, "run"); });
+    for (const std::string& words : {hash.substr(0, 12), std::string("refused"), name})
+      EXPECT_NE(told.find(words), std::string::npos) << told;
+    const Setting ignored("VSPLAT_SELFTEST", "ignore");
+    EXPECT_EQ(test::open_context(Flavour::gpu)->tuning().hash(), hash);
+  }
+  table.choice.set(wrong, with(of, "tile", 128));
+  write_tuning(named, table);
+  const Setting tuning("VSPLAT_TUNING", named);
+  const auto ctx = test::open_context(Flavour::gpu);
+  EXPECT_EQ(ctx->tuning().hash(), table.choice.hash());
+  EXPECT_FALSE(ctx->switched_off().tuned);
 }
 
 }  // namespace

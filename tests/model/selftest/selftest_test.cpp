@@ -144,7 +144,7 @@ TEST(SelftestErrors, ATableIsTriedWithItsOwnFlavour) {
     const TunedShape shape{TunedOp::gemm, {64, 33, 40, 1}};
     table.choice.set(shape, all_values(*tuned_declaration(TunedOp::gemm, flavour)).back());
     write_tuning(folder / "table.json", table);
-    const test::Variable named("VSPLAT_TUNING", folder / "table.json");
+    const test::Variable named("VSPLAT_TUNING", folder.path("table.json").c_str());
     selftest::Options options;
     options.cases = {{"nothing", [](selftest::Checks&) {}}};
     const selftest::Report report = selftest::run(device_index(), options);

@@ -10,6 +10,7 @@
 #include "model/tune/check_chosen.h"
 #include "model/tune/sample.h"
 #include "model/tune/tune_case.h"
+#include "runtime/folder_lock.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
 
@@ -141,6 +142,11 @@ TEST(CheckChosen, TellsAndRefuses) {
   }
   EXPECT_EQ(checked[0].name, "gemm m=4096 n=33 k=40 taps=1, tile=128 unroll=8 split=8");
   checked[1].error = 7;
+  {  // while a search writes it
+    const FolderLock searching(folder.path("cache/tuning"));
+    EXPECT_EQ(refuse_chosen(*ctx, {checked[1]}), 0);
+    EXPECT_EQ(read_tuning(path).choice.hash(), table.choice.hash());
+  }
   EXPECT_EQ(refuse_chosen(*ctx, {checked[1]}), 1);
   const TuningTable now = read_tuning(path);
   ASSERT_EQ(now.choice.chosen().size(), 1u);
