@@ -143,6 +143,39 @@ FlavourResult test_flavour(Runner& runner, Flavour flavour, double from, double 
   return out;
 }
 
+// Of both flavours that can be used.
+SwitchedOff all_off(const std::vector<FlavourResult>& flavours) {
+  SwitchedOff out;
+  for (const FlavourResult& f : flavours)
+    for (const SwitchName& one : switch_names())
+      if (f.usable && f.off.*one.which) out.*one.which = true;
+  return out;
+}
+
+// What is left out makes other kernels run, in both flavours: with all of it each is right, or not used.
+SwitchedOff hold_what_is_left(Runner& runner, std::vector<FlavourResult>& flavours) {
+  for (;;) {
+    const SwitchedOff off = all_off(flavours);
+    if (!off.any()) return off;
+    bool right = true;
+    for (FlavourResult& f : flavours) {
+      if (!f.usable) continue;
+      const auto ctx = runner.open(f.flavour, off, nullptr);
+      const double done = f.flavour == Flavour::cpu ? 0.5 : 1;
+      const Findings found =
+          runner.run(*ctx, {}, fmt::format("{} kernels without {}", name_of(f.flavour), in_words(off)), done, done);
+      if (found.wrong_cases.empty()) continue;
+      f.usable = right = false;
+      f.off = {};
+      for (const Finding& one : found.all)
+        if (!one.right) f.wrong.push_back(one);
+      for (KernelResult& kernel : by_kernel(found.all))
+        if (kernel.verdict != KernelVerdict::right) f.kernels.push_back(std::move(kernel));
+    }
+    if (right) return off;
+  }
+}
+
 // A table that the environment names is of one flavour.
 bool names_a_table_of_another(Flavour flavour) {
   const std::string asked = environment("VSPLAT_TUNING");
@@ -150,10 +183,10 @@ bool names_a_table_of_another(Flavour flavour) {
 }
 
 // What the device's table chooses in place of defaults, tried again; what is wrong is taken out of it.
-void check_table(const std::string& device, const Options& options, FlavourResult& flavour) {
+void check_table(const std::string& device, const Options& options, const SwitchedOff& off, FlavourResult& flavour) {
   if (!flavour.usable || names_a_table_of_another(flavour.flavour)) return;
   ContextOptions open;
-  open.device = device, open.kernels = name_of(flavour.flavour), open.off = flavour.off;
+  open.device = device, open.kernels = name_of(flavour.flavour), open.off = off;
   open.on_compile = options.on_compile;
   Context ctx(open);
   if (ctx.tuning().chosen().empty()) return;
@@ -271,9 +304,10 @@ Report run(const std::string& device, const Options& options) {
   double from = 0;
   for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
     out.flavours.push_back(test_flavour(runner, flavour, from, from + each));
-    check_table(index, options, out.flavours.back());
     from += each;
   }
+  const SwitchedOff off = hold_what_is_left(runner, out.flavours);
+  for (FlavourResult& flavour : out.flavours) check_table(index, options, off, flavour);
   // A kernel without a flavour in its name is of whichever launches it.
   for (std::size_t i = 0; i < 2; ++i) {
     const std::vector<KernelResult>& others = out.flavours[1 - i].kernels;

@@ -52,7 +52,7 @@ struct FlavourResult {
   int results = 0;
   std::vector<KernelResult> kernels;
   std::vector<CheckedChoice> chosen;  // of the device\'s table
-  std::vector<Finding> wrong;         // as the defaults left it
+  std::vector<Finding> wrong;         // as the defaults left it, and what is switched off of both flavours
   std::vector<NamedKernel> untested;  // that no case has launched
 };
 

@@ -135,6 +135,37 @@ TEST(SelftestErrors, ThatTellNothingOfTheDeviceEndIt) {
   EXPECT_TRUE(c.findings().empty());
 }
 
+bool without_winograd(selftest::Checks& c) { return c.ctx.switched_off().winograd; }
+bool in(selftest::Checks& c, Flavour flavour) { return c.ctx.flavour() == flavour; }
+
+selftest::Report report_of(const std::vector<selftest::Case>& cases) {
+  selftest::Options options;
+  options.cases = cases;
+  options.forget = true;
+  return selftest::run(device_index(), options);
+}
+
+// What runs in place of what is wrong is tested before it is relied on, in both flavours.
+TEST(SelftestErrors, WhatIsLeftOnIsRightToo) {
+  const selftest::Case wrong_of_gpu = {
+      "wrong", [](selftest::Checks& c) { c.that("w", in(c, Flavour::cpu) || without_winograd(c)); }};
+  selftest::Report report = report_of({wrong_of_gpu});
+  EXPECT_EQ(report.verdict.fitness, Fitness::degraded);
+  EXPECT_EQ(in_words(report.verdict.off), "Winograd's convolutions");
+  // The direct sum, then, is wrong on the cpu kernels, which were right with Winograd's.
+  report = report_of({wrong_of_gpu, {"other", [](selftest::Checks& c) {
+                                       c.that("o", in(c, Flavour::gpu) || !without_winograd(c));
+                                     }}});
+  EXPECT_EQ(in_words(report.verdict.off), "cpu kernels, Winograd's convolutions");
+  EXPECT_EQ(report.flavours[0].wrong.size(), 1u);
+  // On the same ones: then nothing is left of them.
+  report = report_of({wrong_of_gpu, {"other", [](selftest::Checks& c) {
+                                       c.that("o", in(c, Flavour::cpu) || !without_winograd(c));
+                                     }}});
+  EXPECT_EQ(in_words(report.verdict.off), "gpu kernels");
+  EXPECT_EQ(report.verdict.fitness, Fitness::degraded);
+}
+
 // Self-tests of these cases alone, with a table that the environment names.
 TEST(SelftestErrors, ATableIsTriedWithItsOwnFlavour) {
   const test::TemporaryFolder folder;
