@@ -105,15 +105,20 @@ int32_t Session::on_progress(void* session, const char* stage, double done) {
 }
 
 void Session::add_numerics(nlohmann::ordered_json& out) const {
-  nlohmann::ordered_json all = nlohmann::ordered_json::array();
-  bool alike = true;
-  for (const vsplat::Device& device : devices_) {
-    const std::string hash = device.info().tuning;
-    all.push_back(hash.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(hash));
-    alike = alike && all.back() == all.front();
-  }
-  out["tuning"] = alike ? all.front() : all;
+  using Json = nlohmann::ordered_json;
+  const auto of_all = [&](const auto& text_of) {
+    Json all = Json::array();
+    bool alike = true;
+    for (const vsplat::Device& device : devices_) {
+      const std::string text = text_of(device.info());
+      all.push_back(text.empty() ? Json() : Json(text));
+      alike = alike && all.back() == all.front();
+    }
+    return alike ? all.front() : all;
+  };
+  out["tuning"] = of_all([](const vsplat_device_info& info) { return info.tuning; });
   out["precision"] = "fp32";
+  out["switched_off"] = of_all([](const vsplat_device_info& info) { return info.switched_off; });
 }
 
 void Session::write_profile(Outputs& outputs) {

@@ -23,6 +23,7 @@ bool read_part(const json& from, RunRecord::Part& to) {
     return from.is_object() && from.contains(name) && json_fields::read_field(from[name], value);
   };
   if (from.is_object() && from.contains("tuning")) field("tuning", to.tuning);  // (there was none once)
+  if (from.is_object() && from.contains("switched_off")) field("switched_off", to.switched_off);
   return field("device", to.device) && field("driver", to.driver) && field("kernels", to.kernels) &&
          field("limit_bytes", to.limit) && field("peak_bytes", to.peak) && field("first", to.first) &&
          field("last", to.last) && field("starts", to.starts) && field("seconds", to.seconds);
@@ -31,7 +32,8 @@ bool read_part(const json& from, RunRecord::Part& to) {
 }  // namespace
 
 bool RunRecord::Part::same_device(const Part& other) const {
-  return std::tie(device, driver, kernels, tuning) == std::tie(other.device, other.driver, other.kernels, other.tuning);
+  return std::tie(device, driver, kernels, tuning, switched_off) ==
+         std::tie(other.device, other.driver, other.kernels, other.tuning, other.switched_off);
 }
 
 RunRecord::RunRecord(std::string path, long step, Part now) : path_(std::move(path)) {
@@ -94,6 +96,7 @@ std::string RunRecord::text() const {
                             {"driver", part.driver},
                             {"kernels", part.kernels},
                             {"tuning", part.tuning},
+                            {"switched_off", part.switched_off},
                             {"limit_bytes", part.limit},
                             {"peak_bytes", part.peak},
                             {"first", part.first},

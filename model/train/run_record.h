@@ -15,6 +15,7 @@ class RunRecord {
   struct Part {
     std::string device, driver, kernels;
     std::string tuning;                 // the hash of its table of tuned parameters; empty: none
+    std::string switched_off;           // by a self-test, in words
     std::uint64_t limit = 0, peak = 0;  // bytes of its memory: that may be used, and held at the most
     long first = 0, last = 0;           // steps done before it, and after it
     long starts = 1;

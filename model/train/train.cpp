@@ -273,6 +273,7 @@ class Page {
     out.driver = ctx.device().platform_name + " " + ctx.device().driver;
     out.kernels = name_of(ctx.flavour());
     out.tuning = ctx.tuning().hash();
+    out.switched_off = switched_off_of(ctx);
     out.limit = ctx.memory().limits().total;
     return out;
   }

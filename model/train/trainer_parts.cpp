@@ -8,6 +8,7 @@
 
 #include "model/train/trainer.h"
 #include "runtime/fail.h"
+#include "runtime/held_tuning.h"
 #include "runtime/log.h"
 #include "runtime/share_out.h"
 
@@ -38,8 +39,10 @@ void Trainer::PartSums::add(const PartSums& next) {
 std::string Trainer::kind() const {
   const DeviceInfo& device = ctx_.device();
   const std::string table = ctx_.tuning().hash();
-  return fmt::format("{} ({} {}), {} kernels{}", device.name, device.platform_name, device.driver,
-                     name_of(ctx_.flavour()), table.empty() ? "" : ", tuned by " + table);
+  const std::string off = switched_off_of(ctx_);
+  return fmt::format("{} ({} {}), {} kernels{}{}", device.name, device.platform_name, device.driver,
+                     name_of(ctx_.flavour()), table.empty() ? "" : ", tuned by " + table,
+                     off.empty() ? "" : ", without " + off);
 }
 
 std::vector<float> Trainer::read_moved(Tensor LearntTensor::*what) const {

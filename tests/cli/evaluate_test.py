@@ -41,8 +41,8 @@ class Evaluate(support.Case):
     def test_json_is_as_agreed(self):
         out, _ = self.succeeds(*self.evaluate("--json"))
         told = json.loads(out)
-        self.assertEqual(list(told), ["objects", "mean", "tuning", "precision"])
-        self.assertEqual((told["tuning"], told["precision"]), (None, "fp32"))
+        self.assertEqual(list(told), ["objects", "mean", "tuning", "precision", "switched_off"])
+        self.assertEqual((told["tuning"], told["precision"], told["switched_off"]), (None, "fp32", None))
         self.assertEqual([o["name"] for o in told["objects"]], ["solid_0000", "solid_0001", "solid_0002"])
         for row in told["objects"]:
             self.assertEqual(list(row), ["name"] + NUMBERS)
@@ -198,7 +198,7 @@ class Evaluate(support.Case):
         self.assertEqual(code, 1)
         self.assertIn("solid_0002", err)
         told = json.loads(out)
-        self.assertEqual(list(told), ["objects", "mean", "stopped", "tuning", "precision"])
+        self.assertEqual(list(told), ["objects", "mean", "stopped", "tuning", "precision", "switched_off"])
         self.assertEqual(told["objects"], whole["objects"][:2])
         self.assertIn("solid_0002", told["stopped"])
         for name in NUMBERS:

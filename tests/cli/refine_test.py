@@ -15,7 +15,7 @@ import support
 
 KILLS = int(os.environ.get("VSPLAT_KILLS", "2"))
 RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "seconds"]
-NUMERICS = ["tuning", "precision"]
+NUMERICS = ["tuning", "precision", "switched_off"]
 
 
 class Refine(support.Case):

@@ -8,6 +8,7 @@
 #include "runtime/error.h"
 #include "runtime/gemm.h"
 #include "runtime/held_tuning.h"
+#include "runtime/log.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
@@ -204,6 +205,35 @@ TEST(TuningTable, IsTakenFromTheCacheOrTheEnvironment) {
   put_file(path, "{}");
   const std::string broken = message_of([&] { tuning_for(ctx.device(), Flavour::gpu); });
   EXPECT_NE(broken.find("unset VSPLAT_TUNING"), std::string::npos) << broken;
+}
+
+// What a checkpoint says of how its sums were made.
+TEST(HeldTuning, SaysWhatWasSwitchedOff) {
+  SwitchedOff off;
+  off.winograd = off.tuned = true;
+  ContextOptions options;
+  options.off = off;
+  const auto without = test::open_context(Flavour::cpu, options);
+  const Context& with_all = test::context(Flavour::cpu);
+  std::map<std::string, std::string> all, less;
+  hold_tuning(with_all, all);
+  EXPECT_EQ(all.count("switched_off"), 0u);
+  hold_tuning(*without, less);
+  EXPECT_EQ(less["switched_off"], "Winograd's convolutions") << "what tables choose their hash tells";
+  std::string said;
+  set_log_sink([&](LogLevel level, const std::string& text) {
+    if (level == LogLevel::warning) said += text;
+  });
+  refuse_other_tuning(with_all, all, "run");
+  refuse_other_tuning(*without, less, "run");
+  EXPECT_EQ(said, "");
+  refuse_other_tuning(*without, all, "run");
+  EXPECT_EQ(said.find("run: goes on with other sums"), 0u) << said;
+  EXPECT_NE(said.find("was nothing when it was begun, and is Winograd's convolutions now"), std::string::npos) << said;
+  said.clear();
+  refuse_other_tuning(with_all, less, "run");
+  EXPECT_NE(said.find("was Winograd's convolutions when it was begun, and is nothing now"), std::string::npos) << said;
+  set_log_sink(nullptr);
 }
 
 // What a self-test has found wrong no context runs with, whichever table has it; another choice for the same is taken.

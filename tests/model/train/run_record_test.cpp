@@ -49,6 +49,7 @@ TEST(RunRecord, HoldsDataAndDevice) {
                             {"driver", "driver"},
                             {"kernels", "cpu"},
                             {"tuning", ""},
+                            {"switched_off", ""},
                             {"limit_bytes", 1000},
                             {"peak_bytes", 124},
                             {"first", 0},
