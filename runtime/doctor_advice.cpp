@@ -292,8 +292,8 @@ void look_at_caches(const Looked& looked, Findings& out) {
                            : fmt::format(", or {} to one above it", cache.folder.variable))});
     else if (cache.of == "vsplat" && !DiskCache().enabled())
       out.push_back({"cache_folder", cache.folder.path,
-                     fmt::format("{}: others may write to this folder{}: no compiled kernel is taken from it or kept "
-                                 "there",
+                     fmt::format("{}: others may write to this folder{}: no compiled kernel, self-test's verdict or "
+                                 "table of tuned parameters is taken from it or kept there",
                                  cache.folder.path, from),
                      fmt::format("`chmod go-w {}` where it is yours, or set {} to another", cache.folder.path, own)});
   }

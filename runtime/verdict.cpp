@@ -4,7 +4,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -14,6 +13,7 @@
 #include "runtime/file.h"
 #include "runtime/log.h"
 #include "runtime/output_file.h"
+#include "runtime/private_folder.h"
 #include "runtime/program.h"
 #include "runtime/sha256.h"
 
@@ -115,7 +115,12 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
 
 bool remember(const DeviceInfo& device, const Verdict& verdict) {
   const std::string path = verdict_path(device);
-  if (path.empty()) return false;
+  if (path.empty()) {
+    warn("nothing is remembered of the self-test: {}",
+         keeps_verdicts() ? "there is no folder to keep it in, since VSPLAT_CACHE_DIR is off, or others may write to it"
+                          : "VSPLAT_KERNEL_DIR is set, and VSPLAT_CACHE_DIR names no folder for what is its own");
+    return false;
+  }
   nlohmann::ordered_json json{{"verdict", name_of(verdict.fitness)},
                               {"off", nlohmann::json::array()},
                               {"worst", verdict.worst},
@@ -126,18 +131,14 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
                               {"kernels", kernels_hash()}};
   for (const SwitchName& one : switch_names())
     if (verdict.off.*one.which) json["off"].push_back(one.name);
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  std::error_code ignored;
-  std::filesystem::create_directories(folder.parent_path().parent_path(), ignored);
-  for (const auto& each : {folder.parent_path(), folder})
-    if (::mkdir(each.c_str(), 0700) != 0 && errno != EEXIST) return false;
   try {
+    make_private_folder(std::filesystem::path(path).parent_path().string());
     OutputFile out(path, kOwnersAlone);
     out.write(json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     out.commit();
     return true;
   } catch (const Error& e) {
-    warn("{}", e.what());
+    warn("nothing is remembered of the self-test: {}; set VSPLAT_CACHE_DIR to a folder that can be written", e.what());
     return false;
   }
 }

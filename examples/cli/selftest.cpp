@@ -98,10 +98,6 @@ void selftest(const SelftestOptions& o) {
   }
   if (report["remembered"] == "before")
     warn("an earlier self-test found worse, and its verdict stays: run it without --quick to replace it");
-  if (report["remembered"] == "no" && !o.forget)
-    warn(
-        "nothing is remembered of it: there is no folder to keep it in (VSPLAT_CACHE_DIR), or VSPLAT_KERNEL_DIR is "
-        "set");
   if (fitness == VSPLAT_FITNESS_UNUSABLE)
     throw std::runtime_error(for_terminal(verdict_line(report)) + ": take another device or another driver");
 }

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 
 #include "runtime/context.h"
 #include "runtime/disk_cache.h"
@@ -39,6 +40,16 @@ class VerdictTest : public ::testing::Test {
   }
   static void restore(const char* name, const std::optional<std::string>& value) {
     value ? ::setenv(name, value->c_str(), 1) : ::unsetenv(name);
+  }
+  // What is warned of while it is called.
+  static std::string warned(const std::function<void()>& call) {
+    std::string out;
+    set_log_sink([&](LogLevel level, const std::string& text) {
+      if (level == LogLevel::warning) out += text;
+    });
+    call();
+    set_log_sink(nullptr);
+    return out;
   }
   fs::path file() const {
     for (const auto& entry : fs::directory_iterator(home_ / "deep/cache/verdicts")) return entry.path();
@@ -122,12 +133,7 @@ TEST_F(VerdictTest, WhoTestsADeviceOpensItAllTheSame) {
 TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {
   ASSERT_TRUE(remember(device_, {Fitness::degraded, {}, "k", "2026-11-23"}));
   ASSERT_EQ(::chmod(file().c_str(), 0666), 0);
-  std::string said;
-  set_log_sink([&](LogLevel level, const std::string& text) {
-    if (level == LogLevel::warning) said += text;
-  });
-  EXPECT_FALSE(remembered_verdict(device_)) << "others may write to it";
-  set_log_sink(nullptr);
+  const std::string said = warned([&] { EXPECT_FALSE(remembered_verdict(device_)) << "others may write to it"; });
   for (const std::string& words : {device_.name, file().string(), std::string("chmod go-w")})
     EXPECT_NE(said.find(words), std::string::npos) << said;
   for (const char* text : {"", "{", "[]", "null", "{\"verdict\": 3}", "{\"verdict\": \"ok\", \"off\": 1}"}) {
@@ -136,8 +142,15 @@ TEST_F(VerdictTest, DamagedOnesAndThoseOfOthersSayNothing) {
     EXPECT_FALSE(remembered_verdict(device_)) << text;
   }
   ::setenv("VSPLAT_CACHE_DIR", "off", 1);
-  EXPECT_FALSE(remember(device_, {}));
+  EXPECT_NE(warned([&] { EXPECT_FALSE(remember(device_, {})); }).find("VSPLAT_CACHE_DIR is off"), std::string::npos);
   EXPECT_FALSE(remembered_verdict(device_));
+  // Where the folder cannot be made it is told which, and why.
+  std::ofstream(home_ / "file") << "x";
+  ::setenv("VSPLAT_CACHE_DIR", (home_ / "file/cache").c_str(), 1);
+  const std::string why = warned([&] { EXPECT_FALSE(remember(device_, {})); });
+  for (const std::string& words :
+       {home_ / "file/cache", std::string("Not a directory"), std::string("VSPLAT_CACHE_DIR")})
+    EXPECT_NE(why.find(words), std::string::npos) << why;
 }
 
 // Kernels at hand have a verdict of their own, and none where the cache is the user's.
