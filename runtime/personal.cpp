@@ -73,10 +73,15 @@ Personal personal_here() {
   return out;
 }
 
-std::string without_personal(const std::string& text, const Personal& who) {
+std::string without_homes(const std::string& text, const Personal& who) {
   std::string out = text;
   for (const std::string& home : who.homes) out = replaced(out, home, "~");
   for (const char* parent : {"/home/", "/Users/"}) out = without_folders_of(out, parent);
+  return out;
+}
+
+std::string without_personal(const std::string& text, const Personal& who) {
+  std::string out = without_homes(text, who);
   for (const std::string& host : who.hosts) out = replaced(out, host, "HOST");
   for (const std::string& user : who.users) out = replaced(out, user, "USER");
   return out;

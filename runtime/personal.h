@@ -14,7 +14,10 @@ struct Personal {
 // Of who runs this process, by the environment and the system's list of users. root is nobody's name.
 Personal personal_here();
 
-// Other users' folders, /home/NAME and /Users/NAME, too.
+// Folders alone, other users' /home/NAME and /Users/NAME, too: a name by itself may be a part of a fact, as a user
+// debian is of "3.1+debian".
+std::string without_homes(const std::string& text, const Personal& who);
+// And names.
 std::string without_personal(const std::string& text, const Personal& who);
 
 }  // namespace vsplat

@@ -1,8 +1,11 @@
 // What a report of a defect should tell, put together of what other calls tell.
 #include <fmt/chrono.h>
 
+#include <algorithm>
 #include <chrono>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "model/api/handle.h"
 #include "runtime/doctor.h"
@@ -82,10 +85,29 @@ Json run_json(vsplat_device device, const vsplat_report_options& o) {
   return out;
 }
 
-void make_impersonal(Json& of, const Personal& who) {
-  if (of.is_string()) of = without_personal(of.get<std::string>(), who);
-  if (of.is_structured())
-    for (Json& each : of) make_impersonal(each, who);
+bool is_one_of(const std::string& name, std::initializer_list<const char*> names) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+// Whether a field holds what people write or are asked for, and not what drivers and this program call things.
+bool may_name_people(const std::string& part, const std::string& field) {
+  if (part == "environment") return true;
+  if (part == "kept")
+    return !is_one_of(field, {"date", "device", "driver", "flavour", "format", "hash", "kernels", "measured", "off",
+                              "op", "platform", "refused", "verdict", "version", "worst"});
+  return is_one_of(field, {"about", "doing", "entry", "error", "file", "found", "library", "looks_in", "mend", "path",
+                           "place", "problem", "said", "variable"});
+}
+
+// `field` is the nearest name above a text.
+void make_impersonal(Json& of, const Personal& who, const std::string& part, const std::string& field) {
+  if (of.is_string())
+    of = may_name_people(part, field) ? without_personal(of.get<std::string>(), who)
+                                      : without_homes(of.get<std::string>(), who);
+  if (of.is_array())
+    for (Json& each : of) make_impersonal(each, who, part, field);
+  if (of.is_object())
+    for (auto& [name, each] : of.items()) make_impersonal(each, who, part.empty() ? name : part, name);
 }
 
 }  // namespace
@@ -106,7 +128,7 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     out["device"] = device ? info_json(device) : Json();
     out["run"] = device ? run_json(device, o) : Json();
     out["kept"] = kept_facts();  // peaks that the run's profile has measured, too
-    make_impersonal(out, personal_here());
+    make_impersonal(out, personal_here(), "", "");
     *out_text = new_text(out.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   });
 }

@@ -69,6 +69,18 @@ class Report(support.Case):
         self.impersonal(text)
         self.assertLess(len(text), 2 << 20)
 
+    def test_a_name_that_is_a_part_of_a_fact(self):
+        facts = {"device": "a vsplat of debian", "driver": "3.1+debian", "verdict": "degraded"}
+        self.keep("verdicts/a.json", json.dumps({**facts, "log": "of debian"}))
+        told, _, _ = self.report("--no-run", env={"USER": "debian", "LOGNAME": "vsplat", "VSPLAT_TUNING": "/data/debian/a.json"})
+        as_ever, _, _ = self.report("--no-run", env={"VSPLAT_TUNING": "/data/debian/a.json"})
+        self.assertEqual((told["format"], told["version"]), ("vsplat-report", as_ever["version"]))
+        self.assertEqual(told["kept"][0]["content"], {**facts, "log": "of USER"})
+        self.assertEqual(told["environment"]["VSPLAT_TUNING"], "/data/USER/a.json")
+        self.assertTrue(told["doctor"]["devices"])
+        self.assertEqual(told["doctor"]["devices"], as_ever["doctor"]["devices"])
+        self.assertEqual([d["platforms"] for d in told["doctor"]["drivers"]], [d["platforms"] for d in as_ever["doctor"]["drivers"]])
+
     def test_without_a_run(self):
         told, text, _ = self.report("--no-run")
         self.assertIsNone(told["run"])

@@ -21,8 +21,8 @@ typedef struct vsplat_report_options {
 /* All that helps to find out what is wrong on a machine. `device` may be NULL: nothing of OpenCL is used in this
    process then, and "device" and "run" are null. With one, the standard run is done: the model that the library carries
    reconstructs an object that needs no file, and draws it (vsplat_model_check), and its profile is told; where that
-   fails, the report has the error. Folders and names of users and of the machine are replaced: ~, USER, HOST. `options`
-   NULL: defaults. `out_text` becomes JSON, to be freed with vsplat_text_free: {"format": "vsplat-report", "version",
+   fails, the report has the error. Folders of users are replaced by ~; their names and the machine's, in variables,
+   paths and messages, by USER and HOST. `options` NULL: defaults. `out_text` becomes JSON, to be freed with vsplat_text_free: {"format": "vsplat-report", "version",
    "made": the day, "system", "environment", "doctor": what vsplat_doctor tells, "kept": [{"file", "content", "bytes"}],
    the tables, verdicts and measured peaks in the cache's folder, "device": {"index", "name", "driver", "kernels",
    "tuning", ...}, "run": {"check", "profile", "error"}}. */
