@@ -31,6 +31,15 @@ void end(vsplat_job_impl& job, vsplat_status status, const char* error, const F&
   job.state = status == VSPLAT_OK                ? VSPLAT_JOB_DONE
               : status == VSPLAT_ERROR_CANCELLED ? VSPLAT_JOB_CANCELLED
                                                  : VSPLAT_JOB_FAILED;
+}
+
+void tell_end(vsplat_job_impl& job) {
+  try {
+    if (job.on_end) job.on_end(job.user, &job);
+  } catch (...) {  // nobody is there to hear of it
+  }
+  const std::lock_guard lock(job.mutex);
+  job.told_its_end = true;
   job.changed.notify_all();
 }
 
@@ -100,10 +109,7 @@ void JobQueue::serve(const std::shared_ptr<State>& given, vsplat_device device) 
       state->jobs.pop_front();
       if (state->jobs.empty()) device->in_use.clear(std::memory_order_release);
     });
-    try {
-      if (job->on_end) job->on_end(job->user, job);
-    } catch (...) {  // nobody is there to hear of it
-    }
+    tell_end(*job);
     vsplat_job_release(job);
   }
 }

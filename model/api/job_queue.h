@@ -23,6 +23,7 @@ struct vsplat_job_impl : vsplat::api::Counted {
   std::condition_variable changed;
   vsplat_job_state state = VSPLAT_JOB_QUEUED;
   bool told_to_stop = false;
+  bool told_its_end = false;  // on_end has returned; who waits then waits no longer
   vsplat_status status = VSPLAT_OK;
   std::string error;             // the sentence of its failure
   vsplat_scene scene = nullptr;  // made by a reconstruction

@@ -112,13 +112,16 @@ vsplat_status vsplat_job_wait(vsplat_job job, double seconds, vsplat_job_state* 
     refuse_after_fork();
     std::unique_lock lock(job->mutex);
     const auto has_ended = [&] { return job->state != VSPLAT_JOB_QUEUED && job->state != VSPLAT_JOB_RUNNING; };
-    if (seconds != 0 && !has_ended() && JobQueue::is_on_thread_of(job->device.get()))
+    const bool on_its_thread = JobQueue::is_on_thread_of(job->device.get());
+    if (seconds != 0 && !has_ended() && on_its_thread)
       fail(Status::busy, "the job waits for this callback to return: it is one of the same device's");
+    // What its end is told with may be gone once this returns; its own callback does not wait for itself.
+    const auto is_over = [&] { return has_ended() && (on_its_thread || job->told_its_end); };
     constexpr double most = 1e9;  // a generation; what clocks can count
     if (seconds < 0)
-      job->changed.wait(lock, has_ended);
+      job->changed.wait(lock, is_over);
     else
-      job->changed.wait_for(lock, std::chrono::duration<double>(seconds < most ? seconds : most), has_ended);
+      job->changed.wait_for(lock, std::chrono::duration<double>(seconds < most ? seconds : most), is_over);
     *out_state = job->state;
   });
 }

@@ -29,8 +29,9 @@ typedef enum vsplat_job_state {
   VSPLAT_JOB_CANCELLED = 5 /* by vsplat_job_cancel, or by its progress function */
 } vsplat_job_state;
 
-/* Called once, on the device's thread of jobs, when a job has ended. It may begin other jobs; it may not wait for
-   one of the same device, which would not end (VSPLAT_ERROR_BUSY). */
+/* Called once, on the device's thread of jobs, when a job has ended: its state and result are there. It may begin other
+   jobs; it may not wait for one of the same device that has not ended (VSPLAT_ERROR_BUSY), nor for a thread that waits
+   for this job, which waits for it. */
 typedef void (*vsplat_job_function)(void* user, vsplat_job job);
 
 typedef struct vsplat_job_options {
@@ -62,8 +63,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_async(vsplat_device devi
 VSPLAT_API void vsplat_job_retain(vsplat_job job);
 VSPLAT_API void vsplat_job_release(vsplat_job job);
 
-/* Waits until the job has ended, and no longer than so many seconds: 0 only looks, below 0 there is no limit. Any
-   thread, any number of them. `out_state` is what it is then. */
+/* Waits until the job has ended and its on_end has returned, so that what that uses may go; and no longer than so many
+   seconds: 0 only looks, below 0 there is no limit. Any thread, any number of them. `out_state` is what it is then. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_job_wait(vsplat_job job, double seconds, vsplat_job_state* out_state);
 
 /* Tells it to stop, from any thread; returns at once. One that has not begun never does; one that is running ends as

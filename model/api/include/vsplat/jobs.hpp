@@ -46,7 +46,7 @@ class Job : public JobHandle {
   Job(vsplat_job owned, std::shared_ptr<detail::JobCalls> calls) : JobHandle(owned), calls_(std::move(calls)) {}
 
   vsplat_job_state state() const { return wait(0); }
-  // Until it has ended, or for so many seconds. -> what it is then
+  // Until it has ended and on_end has returned, or for so many seconds. -> what it is then
   vsplat_job_state wait(double seconds = -1) const {
     vsplat_job_state out = VSPLAT_JOB_QUEUED;
     check(vsplat_job_wait(get(), seconds, &out));
