@@ -7,6 +7,7 @@
 #include "runtime/driver_entries.h"
 #include "runtime/driver_look.h"
 #include "runtime/gpu_files.h"
+#include "runtime/kept_verdicts.h"
 
 namespace vsplat {
 
@@ -45,6 +46,7 @@ struct Looked {
   std::vector<InstalledDriver> installed;
   GpuFiles files;
   std::vector<Cache> caches;
+  std::vector<KeptVerdict> verdicts;
   double seconds = 0;  // that each look might take
 };
 

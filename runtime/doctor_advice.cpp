@@ -354,6 +354,30 @@ void look_at_whole(const Looked& looked, Findings& out) {
                    "install a driver: of the GPU's vendor, or for a processor the Debian package pocl-opencl-icd"});
 }
 
+// A device may come up well and compute wrongly.
+void look_at_verdicts(const Looked& looked, Findings& out) {
+  for (const LookedDevice& device : looked.devices)
+    for (const KeptVerdict& kept : looked.verdicts) {
+      const Verdict& verdict = kept.verdict;
+      const std::string name = device.seen.name;
+      if (verdict.fitness == Fitness::ok || printable(kept.device) != name ||
+          printable(kept.driver) != device.seen.driver)
+        continue;
+      const std::string with = fmt::format("{} with driver {}", name, device.seen.driver),
+                        test = fmt::format("the self-test of {} found: {}", verdict.date, printable(verdict.worst));
+      if (verdict.fitness == Fitness::unusable)
+        out.push_back({"device_unusable", name, fmt::format("{} computes wrongly and is not opened, {}", with, test),
+                       "install another version of its driver, or take another device; VSPLAT_SELFTEST=ignore uses it "
+                       "all the same"});
+      else
+        out.push_back({"device_degraded", name,
+                       fmt::format("{} computes some things wrongly, which are not used ({}), {}", with,
+                                   in_words(verdict.off), test),
+                       "install another version of its driver, and run the self-test again; what is used meanwhile is "
+                       "right, and may be slower"});
+    }
+}
+
 }  // namespace
 
 std::vector<Finding> findings_of(const Looked& looked) {
@@ -367,6 +391,7 @@ std::vector<Finding> findings_of(const Looked& looked) {
   look_at_caches(looked, out);
   look_at_empty(looked, out);
   look_at_whole(looked, out);
+  look_at_verdicts(looked, out);
   return out;
 }
 

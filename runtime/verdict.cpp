@@ -4,13 +4,17 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "runtime/disk_cache.h"
 #include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
+#include "runtime/kept_verdicts.h"
 #include "runtime/log.h"
 #include "runtime/output_file.h"
 #include "runtime/private_folder.h"
@@ -44,6 +48,14 @@ std::string verdict_path(const DeviceInfo& d) {
   return cache.folder() + "/verdicts/" + key.substr(0, 32) + ".json";
 }
 
+// A device is asked about more than once.
+void warn_once(const std::string& text) {
+  static std::mutex mutex;
+  static std::set<std::string> told;
+  const std::lock_guard lock(mutex);
+  if (told.insert(text).second) warn("{}", text);
+}
+
 // Of a file that nobody else may write to.
 nlohmann::json kept_verdict(const std::string& path) {
   struct stat found {};
@@ -54,6 +66,20 @@ nlohmann::json kept_verdict(const std::string& path) {
   const std::vector<unsigned char> text = found.st_size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
   nlohmann::json out = nlohmann::json::parse(text.begin(), text.end(), nullptr, false);
   if (!out.is_object()) fail(Status::format, "{}: is damaged", path);
+  return out;
+}
+
+Verdict verdict_in(const nlohmann::json& json) {
+  Verdict out;
+  const std::string fitness = json.at("verdict");
+  for (const Fitness one : {Fitness::ok, Fitness::degraded, Fitness::unusable})
+    if (fitness == name_of(one)) out.fitness = one;
+  for (const std::string name : json.at("off"))
+    for (const SwitchName& one : switch_names())
+      if (name == one.name) out.off.*one.which = true;
+  out.worst = json.at("worst");
+  out.date = json.at("date");
+  if (json.contains("refused")) out.refused = json.at("refused").get<std::vector<std::string>>();
   return out;
 }
 
@@ -94,23 +120,36 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
   try {
     const nlohmann::json json = kept_verdict(verdict_path(device));
     if (json.is_null()) return std::nullopt;
-    Verdict out;
-    const std::string fitness = json.at("verdict");
-    for (const Fitness one : {Fitness::ok, Fitness::degraded, Fitness::unusable})
-      if (fitness == name_of(one)) out.fitness = one;
-    for (const std::string name : json.at("off"))
-      for (const SwitchName& one : switch_names())
-        if (name == one.name) out.off.*one.which = true;
-    out.worst = json.at("worst");
-    out.date = json.at("date");
-    if (json.contains("refused")) out.refused = json.at("refused").get<std::vector<std::string>>();
-    return out;
+    return verdict_in(json);
   } catch (const nlohmann::json::exception&) {  // of another version, then
     return std::nullopt;
   } catch (const Error& e) {  // what cannot be read says nothing
-    warn("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it anew", device.name, e.what());
+    warn_once(fmt::format("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it anew", device.name,
+                          e.what()));
     return std::nullopt;
   }
+}
+
+std::vector<KeptVerdict> kept_verdicts() {
+  std::vector<KeptVerdict> out;
+  const DiskCache cache;
+  if (!cache.enabled() || !keeps_verdicts()) return out;
+  std::vector<std::string> paths;
+  std::error_code error;
+  for (std::filesystem::directory_iterator at(cache.folder() + "/verdicts", error), end; !error && at != end;
+       at.increment(error))
+    if (at->path().extension() == ".json") paths.push_back(at->path().string());
+  std::sort(paths.begin(), paths.end());
+  for (const std::string& path : paths) {
+    try {
+      const nlohmann::json json = kept_verdict(path);
+      if (json.at("kernels") == kernels_hash() && json.value("limits", "") == environment("VSPLAT_LIMITS"))
+        out.push_back({json.at("device"), json.at("driver"), verdict_in(json)});
+    } catch (const std::exception& e) {  // whose it is nobody knows; who opens its device is told
+      verbose("{}: {}", path, e.what());
+    }
+  }
+  return out;
 }
 
 bool remember(const DeviceInfo& device, const Verdict& verdict) {
@@ -128,6 +167,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
                               {"refused", verdict.refused},
                               {"device", device.name},
                               {"driver", device.driver},
+                              {"limits", device.lowered},
                               {"kernels", kernels_hash()}};
   for (const SwitchName& one : switch_names())
     if (verdict.off.*one.which) json["off"].push_back(one.name);

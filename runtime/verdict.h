@@ -39,9 +39,9 @@ const char* name_of(Fitness fitness);
 
 struct Verdict {
   Fitness fitness = Fitness::ok;
-  SwitchedOff off;    // with unusable: both flavours
-  std::string worst;  // the kernel that is wrong, and by how much, in words; empty with ok
-  std::string date;   // of the self-test, "2026-11-23"
+  SwitchedOff off;                        // with unusable: both flavours
+  std::string worst;                      // the kernel that is wrong, and by how much, in words; empty with ok
+  std::string date;                       // of the self-test, "2026-11-23"
   std::vector<std::string> refused = {};  // what tables chose and is wrong, by the names that tuning.h gives them
 };
 

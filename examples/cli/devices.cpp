@@ -45,6 +45,24 @@ std::string limits_text(const vsplat_device_info& d) {
   return *d.limits ? std::string(" [VSPLAT_LIMITS=") + d.limits + "]" : "";
 }
 
+const char* fitness_of(const vsplat_device_info& d) {
+  switch (d.fitness) {
+    case VSPLAT_FITNESS_OK:
+      return "ok";
+    case VSPLAT_FITNESS_DEGRADED:
+      return "degraded";
+    case VSPLAT_FITNESS_UNUSABLE:
+      return "unusable";
+    default:
+      return nullptr;
+  }
+}
+
+std::string fitness_text(const vsplat_device_info& d) {
+  if (!fitness_of(d) || d.fitness == VSPLAT_FITNESS_OK) return "";
+  return std::string(" [its self-test: ") + fitness_of(d) + "]";
+}
+
 nlohmann::ordered_json json_of(const vsplat_device_info& d) {
   return {{"index", d.index},
           {"platform", d.platform},
@@ -66,7 +84,8 @@ nlohmann::ordered_json json_of(const vsplat_device_info& d) {
           {"subgroups", d.subgroups != 0},
           {"uuid", uuid_of(d)},
           {"pci", pci_of(d)},
-          {"limits", d.limits}};
+          {"limits", d.limits},
+          {"fitness", fitness_of(d) ? nlohmann::ordered_json(fitness_of(d)) : nlohmann::ordered_json()}};
 }
 
 void list_devices(const Common& common) {
@@ -85,9 +104,11 @@ void list_devices(const Common& common) {
   }
   std::printf("index  p:d  type   memory     largest    units  name (platform, driver)\n");
   for (const vsplat_device_info& d : devices)
-    std::printf("%5d  %d:%d  %-5s  %-9s  %-9s  %5d  %s (%s, %s)%s\n", d.index, d.platform, d.device, type_name(d.type),
-                bytes_text(d.memory).c_str(), bytes_text(d.max_alloc).c_str(), d.compute_units, d.name, d.platform_name,
-                d.driver, (limits_text(d) + (d.event_profiling ? "" : " [profiles are timed on the host]")).c_str());
+    std::printf(
+        "%5d  %d:%d  %-5s  %-9s  %-9s  %5d  %s (%s, %s)%s\n", d.index, d.platform, d.device, type_name(d.type),
+        bytes_text(d.memory).c_str(), bytes_text(d.max_alloc).c_str(), d.compute_units, d.name, d.platform_name,
+        d.driver,
+        (fitness_text(d) + limits_text(d) + (d.event_profiling ? "" : " [profiles are timed on the host]")).c_str());
 }
 
 }  // namespace

@@ -39,6 +39,7 @@ vsplat_device_info describe(const DeviceInfo& d) {
   if (d.pci) out.pci_domain = d.pci->domain, out.pci_bus = d.pci->bus;
   if (d.pci) out.pci_device = d.pci->device, out.pci_function = d.pci->function;
   copy_name(out.limits, d.lowered);
+  if (const auto verdict = remembered_verdict(d)) out.fitness = static_cast<int32_t>(verdict->fitness);
   return out;
 }
 

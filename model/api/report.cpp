@@ -43,7 +43,9 @@ Json info_json(vsplat_device device) {
           {"fp64", info.fp64 != 0},
           {"subgroups", info.subgroups != 0},
           {"kernels", info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu"},
-          {"tuning", info.tuning}};
+          {"tuning", info.tuning},
+          {"limits", info.limits},
+          {"switched_off", info.switched_off}};
 }
 
 // Text that a call hands out, as JSON. Error where it fails.

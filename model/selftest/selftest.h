@@ -22,8 +22,8 @@ struct Variant {
 };
 
 struct Options {
-  bool quick = false;   // fewer sizes
-  bool forget = false;  // a table's wrong choices stay in it
+  bool quick = false;       // fewer sizes
+  bool forget = false;      // a table's wrong choices stay in it
   std::vector<Case> cases;  // none: all of them
   std::vector<Variant> variants;
   // What is done now, and how much of all; false stops: Error(cancelled).

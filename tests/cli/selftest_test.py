@@ -104,6 +104,14 @@ class Selftest(SelftestCase):
         self.assertEqual(self.wrong(report, "cpu"), {"winograd_forward_pack", "winograd_forward_tile"})  # two that make one result
         self.assertEqual(self.wrong(report, "gpu"), {"gemm_pack_plain"})
         self.assertEqual([f["usable"] for f in report["flavours"]], [True, False])
+        # Who only looks at devices is told, too.
+        listed = json.loads(self.succeeds("devices", "--json", env=env)[0])
+        self.assertIn((report["device"], "degraded"), [(d["name"], d["fitness"]) for d in listed])
+        self.assertIn("[its self-test: degraded]", self.succeeds("devices", env=env)[0])
+        self.assertEqual({d["fitness"] for d in json.loads(self.succeeds("devices", "--json", env=self.env)[0])}, {None}, "of the library's own kernels")
+        [found] = [f for f in json.loads(support.run("doctor", "--json", env=env)[1])["findings"] if f["kind"] == "device_degraded"]
+        for words in (report["device"], "gpu kernels", "gemm_pack_plain", report["date"]):
+            self.assertIn(words, found["found"])
         self.assertIn("kernel winograd_forward_", report["worst"])
         # Without Winograd's method.
         now, err = self.scene(wide, "after", env, *cpu)

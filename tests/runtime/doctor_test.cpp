@@ -76,6 +76,32 @@ TEST(Doctor, FindsNothingWrongWithAProcessorAlone) {
   EXPECT_TRUE(files.nvidia.empty() && files.amd.empty() && files.render.empty());
 }
 
+// What a self-test has found of a device that is there, with that driver.
+TEST(Doctor, TellsWhatSelfTestsFound) {
+  Looked looked = with_a_processor();
+  looked.devices[0].seen.driver = "3.1";
+  KeptVerdict kept{"processor", "3.1", {Fitness::ok, {}, "", "2026-11-23"}};
+  looked.verdicts = {kept};
+  EXPECT_TRUE(findings_of(looked).empty());
+  kept.verdict = {Fitness::degraded, {}, "kernel k is off by 0.5", "2026-11-23"};
+  kept.verdict.off.winograd = true;
+  looked.verdicts = {kept};
+  std::vector<Finding> found = findings_of(looked);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].kind, "device_degraded");
+  for (const char* words : {"processor with driver 3.1", "Winograd's convolutions", "2026-11-23", "k is off by 0.5"})
+    EXPECT_NE(found[0].found.find(words), std::string::npos) << found[0].found;
+  looked.verdicts[0].verdict.fitness = Fitness::unusable;
+  found = findings_of(looked);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].kind, "device_unusable");
+  for (const char* words : {"processor with driver 3.1", "2026-11-23", "k is off by 0.5"})
+    EXPECT_NE(found[0].found.find(words), std::string::npos) << found[0].found;
+  EXPECT_NE(found[0].mend.find("VSPLAT_SELFTEST=ignore"), std::string::npos);
+  looked.verdicts[0].driver = "3.0";
+  EXPECT_TRUE(findings_of(looked).empty());
+}
+
 TEST(Doctor, TellsAContainerThatWasNotGivenItsGpu) {
   const System system;
   system.file(".dockerenv");

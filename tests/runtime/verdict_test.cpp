@@ -11,6 +11,7 @@
 #include "runtime/context.h"
 #include "runtime/disk_cache.h"
 #include "runtime/error.h"
+#include "runtime/kept_verdicts.h"
 #include "runtime/log.h"
 #include "runtime/tuning.h"
 #include "tests/support/device.h"
@@ -76,6 +77,13 @@ TEST_F(VerdictTest, IsRememberedForTheDeviceAndItsDriver) {
   EXPECT_TRUE(fit_for_use(device_) == verdict.off);
   EXPECT_EQ(in_words(verdict.off), "Winograd's convolutions, CLBlast");
   DeviceInfo other = device_;
+  ASSERT_EQ(kept_verdicts().size(), 1u);
+  EXPECT_EQ(kept_verdicts()[0].device, "a device");
+  EXPECT_EQ(kept_verdicts()[0].driver, "1.0");
+  EXPECT_TRUE(kept_verdicts()[0].verdict.off == verdict.off);
+  ::setenv("VSPLAT_LIMITS", "memory=1G", 1);
+  EXPECT_TRUE(kept_verdicts().empty()) << "of the device as it is";
+  ::unsetenv("VSPLAT_LIMITS");
   other.driver = "1.1";
   EXPECT_FALSE(remembered_verdict(other)) << "of another driver nothing is known";
   ASSERT_TRUE(remember(device_, {}));

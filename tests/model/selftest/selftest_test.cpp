@@ -153,15 +153,13 @@ TEST(SelftestErrors, WhatIsLeftOnIsRightToo) {
   EXPECT_EQ(report.verdict.fitness, Fitness::degraded);
   EXPECT_EQ(in_words(report.verdict.off), "Winograd's convolutions");
   // The direct sum, then, is wrong on the cpu kernels, which were right with Winograd's.
-  report = report_of({wrong_of_gpu, {"other", [](selftest::Checks& c) {
-                                       c.that("o", in(c, Flavour::gpu) || !without_winograd(c));
-                                     }}});
+  report = report_of(
+      {wrong_of_gpu, {"other", [](selftest::Checks& c) { c.that("o", in(c, Flavour::gpu) || !without_winograd(c)); }}});
   EXPECT_EQ(in_words(report.verdict.off), "cpu kernels, Winograd's convolutions");
   EXPECT_EQ(report.flavours[0].wrong.size(), 1u);
   // On the same ones: then nothing is left of them.
-  report = report_of({wrong_of_gpu, {"other", [](selftest::Checks& c) {
-                                       c.that("o", in(c, Flavour::cpu) || !without_winograd(c));
-                                     }}});
+  report = report_of(
+      {wrong_of_gpu, {"other", [](selftest::Checks& c) { c.that("o", in(c, Flavour::cpu) || !without_winograd(c)); }}});
   EXPECT_EQ(in_words(report.verdict.off), "gpu kernels");
   EXPECT_EQ(report.verdict.fitness, Fitness::degraded);
 }

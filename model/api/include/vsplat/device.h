@@ -57,11 +57,12 @@ typedef struct vsplat_device_info {
   /* Of an open device: what a self-test (vsplat_selftest) has found wrong, and is not used, in words: "gpu kernels,
      CLBlast". Empty where nothing is. */
   char switched_off[256];
+  int32_t fitness; /* what is remembered of its last self-test, a vsplat_fitness (vsplat/selftest.h); 0: of none */
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \
   {                                                                                                          \
     sizeof(vsplat_device_info), 0, 0, 0, VSPLAT_DEVICE_OTHER, "", "", "", "", "", 0, 0, 0, 0, 0, 0, 0, 0, 0, \
-        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", "", ""                                               \
+        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", "", "", 0                                            \
   }
 
 /* How many OpenCL devices there are, over all platforms; 0 where there is no platform. */

@@ -22,10 +22,11 @@ typedef struct vsplat_report_options {
    process then, and "device" and "run" are null. With one, the standard run is done: the model that the library carries
    reconstructs an object that needs no file, and draws it (vsplat_model_check), and its profile is told; where that
    fails, the report has the error. Folders of users are replaced by ~; their names and the machine's, in variables,
-   paths and messages, by USER and HOST. `options` NULL: defaults. `out_text` becomes JSON, to be freed with vsplat_text_free: {"format": "vsplat-report", "version",
-   "made": the day, "system", "environment", "doctor": what vsplat_doctor tells, "kept": [{"file", "content", "bytes"}],
-   the tables, verdicts and measured peaks in the cache's folder, "device": {"index", "name", "driver", "kernels",
-   "tuning", ...}, "run": {"check", "profile", "error"}}. */
+   paths and messages, by USER and HOST. `options` NULL: defaults. `out_text` becomes JSON, to be freed with
+   vsplat_text_free: {"format": "vsplat-report", "version", "made": the day, "system", "environment", "doctor": what
+   vsplat_doctor tells, "kept": [{"file", "content", "bytes"}], the tables, verdicts and measured peaks in the cache's
+   folder, "device": {"index", "name", "driver", "kernels", "tuning", "limits", "switched_off", ...}, "run": {"check",
+   "profile", "error"}}. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* options,
                                                         char** out_text);
 
