@@ -77,8 +77,8 @@ const std::vector<std::string>& slow_extension_cases() {
 }
 
 const std::vector<std::string>& quick_training_cases() {
-  static const std::vector<std::string> names = {"train",     "train_seed1", "train_steps",    "train_sigmoid",
-                                                 "train_ste", "train_fine4", "train_mirrored", "train_empty_ste"};
+  static const std::vector<std::string> names = {"train",       "train_steps",    "train_sigmoid",  "train_ste",
+                                                 "train_fine4", "train_mirrored", "train_empty_ste"};
   return names;
 }
 

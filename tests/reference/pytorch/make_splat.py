@@ -47,7 +47,7 @@ LARGE = {
     "lengths": (300, 2, 61, 97, 2, "off-centre lengths"),
     "around": (400, 1, 64, 64, 2, "near"),
     "many_needles": (200, 3, 96, 96, 1, "needles"),
-    "many_discs": (200, 3, 96, 96, 1, "discs"),
+    "many_discs": (100, 3, 80, 72, 1, "discs"),
     "large": (12, 1, 200, 40, 1, "large"),
     "dense": (1000, 0, 48, 33, 1, "stops"),
     "many": (5000, 3, 72, 56, 1, "small"),
