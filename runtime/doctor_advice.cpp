@@ -364,7 +364,7 @@ void look_at_verdicts(const Looked& looked, Findings& out) {
           printable(kept.driver) != device.seen.driver)
         continue;
       const std::string with = fmt::format("{} with driver {}", name, device.seen.driver),
-                        test = fmt::format("the self-test of {} found: {}", verdict.date, printable(verdict.worst));
+                        test = fmt::format("the self-test of {} found: {}", verdict.date, verdict.worst);
       if (verdict.fitness == Fitness::unusable)
         out.push_back({"device_unusable", name, fmt::format("{} computes wrongly and is not opened, {}", with, test),
                        "install another version of its driver, or take another device; VSPLAT_SELFTEST=ignore uses it "

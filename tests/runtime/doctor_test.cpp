@@ -83,7 +83,7 @@ TEST(Doctor, TellsWhatSelfTestsFound) {
   KeptVerdict kept{"processor", "3.1", {Fitness::ok, {}, "", "2026-11-23"}};
   looked.verdicts = {kept};
   EXPECT_TRUE(findings_of(looked).empty());
-  kept.verdict = {Fitness::degraded, {}, "kernel k is off by 0.5", "2026-11-23"};
+  kept.verdict = {Fitness::degraded, {}, std::string(100, 'x') + " kernel k is off by 0.5", "2026-11-23"};
   kept.verdict.off.winograd = true;
   looked.verdicts = {kept};
   std::vector<Finding> found = findings_of(looked);
