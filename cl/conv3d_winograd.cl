@@ -111,52 +111,66 @@ kernel void winograd_forward_pack(global const float* x0, int c0, global const f
     pack_source(x1, c1, scale ? scale + c0 : scale, scale ? shift + c0 : shift, silu, X, Y, Z, x, y, z, blocks, c0, to);
 }
 
-// 12 outputs along z of a tile's 4 x 4 columns, times 32 channels.
+#define WINOGRAD_TILES 4
+
+// Of some parts of tiles: 12 outputs along z of a tile's 4 x 4 columns, times 32 channels. Coefficient by coefficient,
+// so that what u has of one stays in the first caches for all parts: a panel of u is larger than these.
 // ```
 // argument    type  shape                           what
 // v           f32   [tiles,ZT,36,ceil(C/16),14,16]  from winograd_forward_pack
 // u           f32   [ceil(N/32),36,C,3,32]          from winograd_pack_weights
 // tile0       int                                   the first tile of v
+// count       int                                   parts of tiles in v
+// each        int                                   those of a work-item, at the most WINOGRAD_TILES
 // bias        f32   [N]                             null: none
 // residual    f32   [X,Y,Z,N]                       null: none; may be out
 // out         f32   [X,Y,Z,N]                       written: the tiles of v
-// work-items  groups of one: (zt + ZT tile, panel of u)
+// work-items  groups of one: (`each` of zt + ZT tile, panel of u)
 // ```
 kernel void winograd_forward_tile(global const float* v, global const float* u, int C, int N, int X, int Y, int Z,
-                                  int tile0, global const float* bias, global const float* residual,
-                                  global float* out) {
-  const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4);
-  const int tile = tile0 + GROUP_ID(0) / ZT, z0 = TILE_ROWS * (GROUP_ID(0) % ZT);
+                                  int tile0, int count, int each, global const float* bias,
+                                  global const float* residual, global float* out) {
+  const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4), first = GROUP_ID(0) * each, here = min(each, count - first);
   const int n0 = GROUP_ID(1) * TILE_COLS;
-  global const float* pa = v + (size_t)GROUP_ID(0) * 36 * DIV_UP(C, 16) * PACK_ROWS * 16;
-  global const float* pb = u + (size_t)n0 * 36 * C * 3;
-  float16 m[36 * 2 * TILE_ROWS];  // coefficient, z, half of the channels
+  const size_t coefficient = (size_t)DIV_UP(C, 16) * PACK_ROWS * 16;
+  // Of each tile: coefficient, z, half of the channels.
+  float16 products[WINOGRAD_TILES * 36 * 2 * TILE_ROWS];
   for (int i = 0; i < 36; ++i) {
-    TILE_DECLARE
-    for (int c0 = 0; c0 < C; c0 += 16) {
-      for (int c = 0; c < min(16, C - c0); ++c) {
-        TILE_STEP(pa + c, pb)
-        TILE_STEP(pa + 16 + c, pb + TILE_COLS)
-        TILE_STEP(pa + 32 + c, pb + 2 * TILE_COLS)
-        pb += 3 * TILE_COLS;
+    for (int p = 0; p < here; ++p) {
+      global const float* pa = v + ((size_t)(first + p) * 36 + i) * coefficient;
+      global const float* pb = u + ((size_t)n0 * 36 + (size_t)i * TILE_COLS) * C * 3;
+      TILE_DECLARE
+      for (int c0 = 0; c0 < C; c0 += 16) {
+        // By planes along z, and not by channels: the numbers of v that three planes share would stay in registers, and
+        // drive sums out of them.
+#pragma unroll 1
+        for (int dz = 0; dz < 3; ++dz) {
+#pragma unroll 2
+          for (int c = 0; c < min(16, C - c0); ++c) TILE_STEP(pa + 16 * dz + c, pb + (3 * c + dz) * TILE_COLS)
+        }
+        pa += PACK_ROWS * 16;
+        pb += 16 * 3 * TILE_COLS;
       }
-      pa += PACK_ROWS * 16;
+      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)
     }
-    TILE_STORE(m + i * 2 * TILE_ROWS)
   }
-  const int rows = min(TILE_ROWS, Z - z0), x0 = 4 * (tile / TY), y0 = 4 * (tile % TY);
-  float16 o[16 * 2 * TILE_ROWS];  // column, z, half of the channels
-  for (int i = 0; i < 2 * rows; ++i) {
-    float16 half_way[24];
+  for (int p = 0; p < here; ++p) {
+    float16* m = products + p * 36 * 2 * TILE_ROWS;
+    const int tile = tile0 + (first + p) / ZT, z0 = TILE_ROWS * ((first + p) % ZT);
+    const int rows = min(TILE_ROWS, Z - z0), x0 = 4 * (tile / TY), y0 = 4 * (tile % TY);
+    float16 o[16 * 2 * TILE_ROWS];  // column, z, half of the channels
+    for (int i = 0; i < 2 * rows; ++i) {
+      float16 half_way[24];
 #pragma unroll
-    for (int k = 0; k < 6; ++k) transform_out(m + (6 * k) * 2 * TILE_ROWS + i, 2 * TILE_ROWS, half_way + 4 * k, 1);
+      for (int k = 0; k < 6; ++k) transform_out(m + (6 * k) * 2 * TILE_ROWS + i, 2 * TILE_ROWS, half_way + 4 * k, 1);
 #pragma unroll
-    for (int k = 0; k < 4; ++k) transform_out(half_way + k, 4, o + k * 2 * TILE_ROWS + i, 4 * 2 * TILE_ROWS);
-  }
-  for (int i = 0; i < 16; ++i) {
-    const int x = x0 + i / 4, y = y0 + i % 4;
-    if (x >= X || y >= Y) continue;
-    const size_t at = ((size_t)(x * Y + y) * Z + z0) * N + n0;
-    tile_finish(o + i * 2 * TILE_ROWS, rows, 2, n0, N, bias, 0, residual ? residual + at : residual, out + at);
+      for (int k = 0; k < 4; ++k) transform_out(half_way + k, 4, o + k * 2 * TILE_ROWS + i, 4 * 2 * TILE_ROWS);
+    }
+    for (int i = 0; i < 16; ++i) {
+      const int x = x0 + i / 4, y = y0 + i % 4;
+      if (x >= X || y >= Y) continue;
+      const size_t at = ((size_t)(x * Y + y) * Z + z0) * N + n0;
+      tile_finish(o + i * 2 * TILE_ROWS, rows, 2, n0, N, bias, 0, residual ? residual + at : residual, out + at);
+    }
   }
 }

@@ -16,7 +16,7 @@ namespace {
 constexpr long kTileRows = 12, kTileCols = 32, kPackRows = 14;  // of cl/tile_cpu.clh and cl/conv3d_cpu.cl
 // Of a weight gradient's partial sums, and what they are made of: scratch memory stays bounded.
 constexpr long kScratchFloats = 4 << 20;
-constexpr long kTileSide = 4, kCoefficients = 36;  // of cl/conv3d_winograd.cl
+constexpr long kTileSide = 4, kCoefficients = 36, kMostTiles = 4;  // of cl/conv3d_winograd.cl
 
 // Element k of the rows that a kernel multiplies with: which tap, which input channel.
 struct TapChannel {
@@ -224,9 +224,12 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
                {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift,
                c.in.silu ? 1 : 0, s.x, s.y, s.z, t,
                s.c() % 16 == 0 ? written(v, count * per_tile) : written_somewhere(v));
-    ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(zt * count, 1, div_up(s.n, kTileCols)),
+    // As many tiles a work-item as leave each core some of these.
+    const long panels = div_up(s.n, kTileCols), cores = ctx.device().compute_units;
+    const long each = std::clamp(zt * count * panels / (4 * cores), 1L, kMostTiles);
+    ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(div_up(zt * count, each), 1, panels),
                {direct_flops(s) * share, whole.bytes * share, multiplied(count, s)}, v, c.weights->w.data, s.c(), s.n,
-               s.x, s.y, s.z, t, c.weights->bias, c.residual,
+               s.x, s.y, s.z, t, zt * count, each, c.weights->bias, c.residual,
                t + count == tiles ? written(c.out) : written_somewhere(c.out));
   }
 }

@@ -95,8 +95,8 @@ class Selftest(SelftestCase):
         cpu = ("--kernels", "cpu")
         sound_wide, _ = self.scene(wide, "sound-wide", self.env, *cpu)
         sound, _ = self.scene(self.model, "sound", self.env, *cpu)
-        env = self.plant(("conv3d_winograd.cl", "    TILE_STORE(m + i * 2 * TILE_ROWS)\n",
-                          "    TILE_STORE(m + i * 2 * TILE_ROWS)\n    if (i == 7) m[i * 2 * TILE_ROWS] += 0.5f;\n"),
+        env = self.plant(("conv3d_winograd.cl", "      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)\n",
+                          "      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)\n      if (i == 7) products[(p * 36 + i) * 2 * TILE_ROWS] += 0.5f;\n"),
                          ("gemm_gpu.cl", "if (k0 + dk < K && n0 + dn < width)\n", "if (k0 + dk < K && n0 + dn < width && n0 + dn != 17)\n"))
         self.assertGreater(self.difference(sound_wide, self.scene(wide, "before", env, *cpu)[0]), 1e-4, "the fault does nothing")
         report, _ = self.selftest(0, env)
