@@ -165,40 +165,42 @@ void check(const Prepared& p, const std::string& name, Result& r) {
   hold(name, *r.error, p.tolerance);
 }
 
-using Tell = std::function<void(const std::string& doing)>;
+// What is going on, and how many seconds the case still takes; below 0 where that is not known.
+using Tell = std::function<void(const std::string& doing, double left_s)>;
 
 Result run_case(Context& ctx, const std::string& suite, const Case& c, const Options& options, const Tell& tell) {
   const std::string full = suite + "/" + c.name;
-  tell("preparing");
+  tell("preparing", -1);
   const Prepared p = c.prepare(ctx);
   Result r;
   r.suite = suite, r.name = c.name, r.kind = p.kind;
   const bool profiled_too = is_pass(p.kind) || p.kind == Kind::operation;
   // Where no time is given, the profile's run is the only one.
   const bool once = options.seconds <= 0 && profiled_too && (!options.references || p.references.empty());
-  tell("first run");
+  tell("first run", -1);
   Profiled profiled;
   if (once)
     profiled = profile(ctx, p, 0);
   else
     p.run();
-  tell("checking");
+  tell("checking", -1);
   check(p, full, r);
   std::vector<Timed> timed = {{p.run, p.inputs}};
   if (options.references)
     for (const auto& [library, other] : p.references) {
-      tell("checking " + library);
+      tell("checking " + library, -1);
       other.run();
       if (other.error) hold(full + " by " + library, other.error(), p.tolerance);
       timed.push_back({other.run});
     }
   std::vector<Times> times = {{profiled.seconds, 0, profiled.seconds, profiled.seconds}};
   if (!once)
-    times = time_by_turns(ctx, timed, {options.seconds, [&](int round) { tell(fmt::format("run {}", round)); }}, true);
+    times = time_by_turns(
+        ctx, timed, {options.seconds, [&](int round, double left) { tell(fmt::format("run {}", round), left); }}, true);
   const Times& t = times[0];
   Cost cost = p.cost;
   if (profiled_too) {
-    tell("profile");
+    tell("profile", t.mean);
     if (!once) profiled = profile(ctx, p, t.mean);
     cost = profiled.cost;
     if (is_pass(p.kind)) r.stages = profiled.stages;
@@ -238,14 +240,17 @@ void run_all(Context& ctx, const Options& options, Report& report) {
   for (std::size_t at = 0; at < cases.size(); ++at) {
     const auto& [suite, c] = cases[at];
     const double so_far = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    const auto tell = [&, full = suite + "/" + c.name](const std::string& doing) {
+    const auto tell = [&, full = suite + "/" + c.name](const std::string& doing, double left_of_case) {
       if (!options.on_progress) return;
       const double now = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       const auto done = static_cast<double>(at), all = static_cast<double>(cases.size());
-      // Of cases that take what those before took; of the one that is on, what of that is left.
-      const double each = so_far / std::max(1.0, done);
-      const double left = at == 0 ? -1 : each * (all - done - 1) + std::max(0.0, each - (now - so_far));
-      options.on_progress({full, doing, at, cases.size(), left});
+      // Of cases that take what those before took, or this one; of the one that is on, what of that is left.
+      const double here = now - so_far, of_this = here + std::max(0.0, left_of_case);
+      const double each = at == 0 ? of_this : so_far / done;
+      const double rest = left_of_case >= 0 ? left_of_case : std::max(0.0, each - here);
+      const double left = at == 0 && left_of_case < 0 ? -1 : each * (all - done - 1) + rest;
+      // (Where one takes longer than those before did, nothing is known.)
+      options.on_progress({full, doing, at, cases.size(), left > 0 ? left : -1});
     };
     report.results.push_back(run_case(ctx, suite, c, options, tell));
   }

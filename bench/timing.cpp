@@ -49,8 +49,13 @@ std::vector<Times> time_by_turns(Context& ctx, const std::vector<Timed>& all, co
     if (options.seconds <= 0 || round >= kMostRounds) return false;
     return spent < share || (round < kRounds && spent < kLongest * share);
   };
+  const auto left = [&](int round) {
+    if (round == 0) return -1.0;
+    const double each = spent / round;
+    return each * std::max({1.0, kRounds - static_cast<double>(round), (share - spent) / each});
+  };
   for (int round = 0; another(round); ++round) {
-    if (options.before_round) options.before_round(round + 1);
+    if (options.before_round) options.before_round(round + 1, left(round));
     for (std::size_t which = 0; which < all.size(); ++which)
       for (auto& times : taken[which]) {
         times.push_back(seconds_of(ctx, all[which].run));

@@ -19,8 +19,10 @@ struct Timed {
 };
 
 struct TimingOptions {
-  double seconds = 1.0;                         // for each; 0: one run of each input
-  std::function<void(int round)> before_round;  // from 1 on; may throw to stop
+  double seconds = 1.0;  // for each; 0: one run of each input
+  // From round 1 on, with the seconds that are left as the rounds before let expect, below 0 before the first; may
+  // throw to stop.
+  std::function<void(int round, double left_s)> before_round;
 };
 
 // One round after the other runs each with every input: three or more, and as many as `seconds` allow each on average,

@@ -166,6 +166,21 @@ TEST(Bench, RefusesOtherThanFourViewsToTrainOn) {
   EXPECT_THROW(bench::run(test::context(Flavour::cpu), options), Error);
 }
 
+// In the first case, too, once a run of it was timed.
+TEST(Bench, SaysHowLongItWillTake) {
+  bench::Options options;
+  options.suites = {"scan"};
+  options.seconds = 0.01;
+  std::vector<std::pair<std::string, double>> told;
+  options.on_progress = [&](const bench::CaseProgress& p) { told.emplace_back(p.doing, p.left_s); };
+  bench::run(test::context(Flavour::cpu), options);
+  ASSERT_GE(told.size(), 6u);
+  EXPECT_EQ(told[0].first, "preparing");
+  EXPECT_LT(told[0].second, 0);
+  EXPECT_EQ(told[4].first, "run 2");
+  EXPECT_GT(told[4].second, 0);
+}
+
 // Every layer at sampled outputs; a stage's limit is what its kernels could be done in.
 TEST(Bench, ANetworkIsCheckedAndStandsAgainstItsStagesLimits) {
   bench::Options options;
