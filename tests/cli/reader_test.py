@@ -27,7 +27,7 @@ def children(pid):
     return out
 
 
-class Reader(support.Case):
+class MeshCase(support.Case):
     def setUp(self):
         self.folder = support.tempfile.mkdtemp(prefix="vsplat-cli-")
         self.addCleanup(shutil.rmtree, self.folder, True)
@@ -40,6 +40,23 @@ class Reader(support.Case):
     def render(self, *meshes):
         return ("dataset", "render", *meshes, "--output", self.path("set"), "--views", 1, "--size", 16, "--overwrite", "--quiet")
 
+    def damage(self, seed, times):
+        """Bits, bytes and ends changed: each ends in a line of ours that names the file, or in a data set."""
+        turn = random.Random(seed)
+        for name, text in (("a.obj", OBJ), ("a.ply", PLY)):
+            for _ in range(times):
+                data = bytearray(text.encode())
+                for _ in range(turn.randrange(1, 4)):
+                    data[turn.randrange(len(data))] ^= 1 << turn.randrange(8)
+                mesh = self.put(name, bytes(data[:turn.choice([len(data), turn.randrange(len(data))])]))
+                code, _, err = support.run(*self.render(mesh))
+                self.assertIn(code, (0, 1), err)
+                if code:
+                    self.assertIn(mesh, err)
+                    self.assertNotIn("terminate", err)
+
+
+class Reader(MeshCase):
     def moved(self):
         """The library in another place, without its program. -> the environment, where the program would be"""
         os.makedirs(self.path("lib"))
@@ -92,25 +109,18 @@ class Reader(support.Case):
         self.fail("the process is still there")
 
     def test_damaged_meshes(self):
-        """Bits, bytes and ends changed: each ends in a line of ours that names the file, or in a data set."""
-        turn = random.Random(5)
-        for name, text in (("a.obj", OBJ), ("a.ply", PLY)):
-            for _ in range(6):
-                data = bytearray(text.encode())
-                for _ in range(turn.randrange(1, 4)):
-                    data[turn.randrange(len(data))] ^= 1 << turn.randrange(8)
-                mesh = self.put(name, bytes(data[:turn.choice([len(data), turn.randrange(len(data))])]))
-                code, _, err = support.run(*self.render(mesh))
-                self.assertIn(code, (0, 1), err)
-                if code:
-                    self.assertIn(mesh, err)
-                    self.assertNotIn("terminate", err)
+        self.damage(5, 2)
 
     def test_what_waits_and_what_crashes(self):
         begun = time.time()
         self.refuses(1, ["w.ply"], *self.render(self.put("w.ply", WAITS)))
         self.refuses(1, ["c.ply"], *self.render(self.put("c.ply", CRASHES)))
         self.assertLess(time.time() - begun, 60)
+
+
+class SlowReader(MeshCase):
+    def test_more_damaged_meshes(self):
+        self.damage(6, 10)
 
 
 if __name__ == "__main__":

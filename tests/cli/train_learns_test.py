@@ -13,7 +13,7 @@ STEPS = 300
 MARGIN = 3.0  # dB
 
 
-class Learns(unittest.TestCase):
+class Rising(unittest.TestCase):
     def expect_rise(self, model, size):
         folder = tempfile.mkdtemp(prefix="vsplat-learns-")
         self.addCleanup(shutil.rmtree, folder, True)
@@ -33,9 +33,14 @@ class Learns(unittest.TestCase):
         print(f"PSNR of novel views: {first:.2f} dB in the first ten steps, {last:.2f} dB in the last ten, {log[-1]['seconds']} s")
         self.assertGreater(last, first + MARGIN)
 
+
+class Learns(Rising):
     def test_psnr_rises(self):
         self.expect_rise("tiny", 48)
 
+
+class SlowLearns(Rising):
+    """In the quick tests: Kernels/LaraTraining and its gradients against PyTorch's."""
     def test_psnr_of_lara_rises(self):
         self.expect_rise({"system": "lara", "base": "tiny"}, 24)
 
