@@ -300,7 +300,7 @@ Report run(Context& ctx, const Options& options) {
     if (std::find(known.begin(), known.end(), name) == known.end())
       fail(Status::usage, "no suite \"{}\" to bench; there is: {}", name, fmt::join(known, ", "));
   Report report;
-  report.tuning = ctx.tuning().hash();
+  report.tuning = ctx.tuning().hash(), report.precision = name_of(ctx.precision());
   report.device = ctx.device().name, report.driver = ctx.device().driver, report.kernels = name_of(ctx.flavour());
   // Measured before and after, since other load on the machine may take from either; a run that is given no time is not
   // worth much of it.
@@ -331,8 +331,8 @@ Recorded recorded(Context& ctx) {
   ctx.profiler().enable(false);
   const Profile profile = ctx.profiler().profile();
   const DeviceInfo& device = ctx.device();
-  const ProfileSubject subject{device.name,   device.driver,      ctx.memory().peak(), {{"command", "bench"}},
-                               peaks_of(ctx), ctx.tuning().hash()};
+  const ProfileSubject subject{device.name,   device.driver,       ctx.memory().peak(), {{"command", "bench"}},
+                               peaks_of(ctx), ctx.tuning().hash(), ctx.precision()};
   return {profile_json(profile, subject), profile_page(profile, subject), profile_trace(profile)};
 }
 

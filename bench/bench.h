@@ -115,7 +115,8 @@ struct Comparison {
 
 struct Report {
   std::string device, driver, kernels;
-  std::string tuning;      // the hash of the table of tuned parameters; empty: none
+  std::string tuning;  // the hash of the table of tuned parameters; empty: none
+  std::string precision;
   double peak_gflops = 0;  // independent multiply-adds
   double peak_gbs = 0;     // y = a + s b
   std::string references;  // what was timed beside ours, or why it was not; empty where it was not asked for

@@ -82,7 +82,7 @@ std::string json(const Report& report) {
   j["driver"] = report.driver;
   j["kernels"] = report.kernels;
   j["tuning"] = report.tuning.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(report.tuning);
-  j["precision"] = "fp32";
+  j["precision"] = report.precision;
   j["peak_gflops"] = report.peak_gflops;
   j["peak_gbs"] = report.peak_gbs;
   j["results"] = nlohmann::ordered_json::array();

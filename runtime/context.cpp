@@ -23,6 +23,7 @@
 #include "runtime/launch_checks.h"
 #include "runtime/launch_parts.h"
 #include "runtime/log.h"
+#include "runtime/matrix_probe.h"
 #include "runtime/pace.h"
 #include "runtime/profiler.h"
 #include "runtime/program.h"
@@ -31,6 +32,11 @@
 namespace vsplat {
 
 const char* name_of(Flavour flavour) { return flavour == Flavour::cpu ? "cpu" : "gpu"; }
+const char* name_of(Precision precision) { return precision == Precision::fp32 ? "fp32" : "mixed"; }
+const char* name_of(MatrixUnit unit) {
+  constexpr std::array<const char*, kMatrixUnits.size()> names = {"emulated", "ptx", "dpas", "wmma", "mfma"};
+  return names.at(static_cast<std::size_t>(unit));
+}
 
 namespace {
 
@@ -44,12 +50,30 @@ Flavour asked_for(Flavour flavour, const SwitchedOff& off) {
   return flavour;
 }
 
-Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const SwitchedOff& off) {
+// In mixed precision the gpu kernels alone multiply.
+Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, const SwitchedOff& off) {
+  if (name == "cpu")
+    fail(
+        Status::usage,
+        "mixed precision and the cpu kernels were asked for, and only the gpu kernels multiply in mixed precision: ask "
+        "for those, or leave the choice to the program (vsplat_device_options.kernels, VSPLAT_KERNELS), or take fp32");
+  if (off.gpu)
+    fail(
+        Status::device,
+        "mixed precision wants the gpu kernels, and a self-test has found them wrong on {} with this driver: take fp32 "
+        "as vsplat_device_options.precision",
+        device.name);
+  return Flavour::gpu;
+}
+
+Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const SwitchedOff& off,
+                       Precision precision) {
   std::string name = asked;
   if (name.empty() || name == "auto") {
     const char* env = std::getenv("VSPLAT_KERNELS");
     name = env && *env ? env : "auto";
   }
+  if (precision == Precision::mixed && (name == "auto" || name == "cpu")) return flavour_of_mixed(name, device, off);
   if (name == "cpu") return asked_for(Flavour::cpu, off);
   if (name == "gpu") return asked_for(Flavour::gpu, off);
   if (name != "auto")
@@ -102,6 +126,8 @@ struct Context::Impl {
   DeviceInfo info;
   Flavour flavour = Flavour::cpu;
   GemmChoice gemm = GemmChoice::auto_;
+  Precision precision = Precision::fp32;
+  MatrixUnit matrix_unit = MatrixUnit::emulated;
   SwitchedOff off;
   bool planning = false;
   NotedKernels* collected = nullptr;  // where kernels are noted
@@ -334,8 +360,23 @@ Context::Context(const ContextOptions& options) : impl_(std::make_unique<Impl>()
   impl_->off = options.off ? *options.off : fit_for_use(impl_->info);
   if (impl_->off.sub_groups && impl_->info.sub_group > 0) impl_->info.sub_group = 0;
   if (impl_->off.vectors) impl_->info.native_float_width = 1;
-  impl_->flavour = choose_flavour(options.kernels, impl_->info, impl_->off);
+  impl_->precision = options.precision;
+  impl_->flavour = choose_flavour(options.kernels, impl_->info, impl_->off, options.precision);
   impl_->gemm = options.gemm;
+  if (impl_->gemm == GemmChoice::clblast && impl_->precision == Precision::mixed)
+    fail(Status::usage,
+         "CLBlast and mixed precision were asked for, and CLBlast multiplies in fp32: leave who multiplies to the "
+         "program (vsplat_device_options.gemm), or take fp32");
+  if (impl_->precision == Precision::mixed && impl_->off.mixed)
+    fail(
+        Status::device,
+        "mixed precision was asked for, and a self-test has found its products wrong on {} with this driver: take fp32 "
+        "as vsplat_device_options.precision, or set VSPLAT_SELFTEST=ignore to use it all the same",
+        impl_->info.name);
+  if (options.matrix_unit)
+    impl_->matrix_unit = *options.matrix_unit;
+  else if (impl_->precision == Precision::mixed)
+    impl_->matrix_unit = choose_matrix_unit(impl_->info);
   if (impl_->gemm == GemmChoice::clblast && impl_->off.clblast)
     fail(
         Status::device,
@@ -364,6 +405,8 @@ std::unique_ptr<Context> Context::stream() const {
   impl->info = impl_->info;
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
+  impl->precision = impl_->precision;
+  impl->matrix_unit = impl_->matrix_unit;
   impl->tuning = impl_->tuning;
   impl->off = impl_->off;
   impl->handle = impl_->handle;
@@ -386,6 +429,8 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
   impl->info = impl_->info;
   impl->flavour = impl_->flavour;
   impl->gemm = impl_->gemm;
+  impl->precision = impl_->precision;
+  impl->matrix_unit = impl_->matrix_unit;
   impl->tuning = impl_->tuning;
   impl->off = impl_->off;
   impl->planning = true;
@@ -439,6 +484,8 @@ bool Context::planning() const { return impl_->planning; }
 const DeviceInfo& Context::device() const { return impl_->info; }
 Flavour Context::flavour() const { return impl_->flavour; }
 GemmChoice Context::gemm_choice() const { return impl_->gemm; }
+Precision Context::precision() const { return impl_->precision; }
+MatrixUnit Context::matrix_unit() const { return impl_->matrix_unit; }
 const SwitchedOff& Context::switched_off() const { return impl_->off; }
 Arena& Context::memory() { return *impl_->arena; }
 const Arena& Context::memory() const { return *impl_->arena; }

@@ -20,6 +20,7 @@
 #include "runtime/error.h"
 #include "runtime/host_span.h"
 #include "runtime/launch.h"
+#include "runtime/precision.h"
 #include "runtime/tensor.h"
 #include "runtime/tuning.h"
 #include "runtime/verdict.h"
@@ -47,8 +48,12 @@ struct ContextOptions {
   std::string device;            // as choose_device() takes it
   std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else by the device's traits), cpu, gpu
   GemmChoice gemm = GemmChoice::auto_;
-  double max_memory_gib = 0;  // 0: what the device reports
-  ForeignHandles theirs;      // in place of `device`
+  double max_memory_gib = 0;              // 0: what the device reports
+  Precision precision = Precision::fp32;  // mixed: with the gpu kernels alone
+  // Whose matrix units multiply in mixed precision; none: those of the device that were tried and are right
+  // (matrix_probe.h), else the emulated ones.
+  std::optional<MatrixUnit> matrix_unit = std::nullopt;
+  ForeignHandles theirs;  // in place of `device`
   // What is not used; none: what a self-test has left behind of this device (verdict.h).
   std::optional<SwitchedOff> off = std::nullopt;
   std::shared_ptr<const Tuning> tuning = nullptr;  // in place of the device's table, which is not read then
@@ -114,6 +119,9 @@ class Context {
   const DeviceInfo& device() const;
   Flavour flavour() const;
   GemmChoice gemm_choice() const;
+  Precision precision() const;
+  // Who multiplies fragments, whatever the precision: see runtime/gemm_matrix.h.
+  MatrixUnit matrix_unit() const;
   // What an operation of that shape is built and launched with, where it is a matter of speed (runtime/tuning.h).
   TunedValues tuned(const TunedShape& shape) const;
   const Tuning& tuning() const;

@@ -127,6 +127,12 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
   d.fp64 = extensions.find(" cl_khr_fp64 ") != std::string::npos;
   d.subgroups = extensions.find(" cl_khr_subgroups ") != std::string::npos;
   if (extensions.find(" cl_intel_required_subgroup_size ") != std::string::npos) d.sub_group = least_sub_group(device);
+  const std::pair<const char*, std::vector<MatrixUnit>> units[] = {
+      {" cl_nv_device_attribute_query ", {MatrixUnit::ptx}},
+      {" cl_intel_subgroup_matrix_multiply_accumulate ", {MatrixUnit::dpas}},
+      {" cl_amd_device_attribute_query ", {MatrixUnit::wmma, MatrixUnit::mfma}}};
+  for (const auto& [extension, of] : units)
+    if (extensions.find(extension) != std::string::npos) d.matrix_units = of;
   if (extensions.find(" cl_khr_device_uuid ") != std::string::npos)
     d.uuid = told<std::array<std::uint8_t, 16>>(device, kUuid);
   d.pci = pci_of(device, extensions);

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "runtime/precision.h"
+
 namespace vsplat {
 
 enum class DeviceType : int { cpu = 1, gpu = 2, accelerator = 3, other = 4 };
@@ -36,6 +38,8 @@ struct DeviceInfo {
   // Of a GPU whose compiler can be told how many work-items run as one: the least number that fills its vectors; 0 of a
   // device that is left alone, -1 where there is nothing to tell.
   int sub_group = -1;
+  // Whose extensions it tells of: which of its matrix units may be tried (matrix_probe.h).
+  std::vector<MatrixUnit> matrix_units;
   bool is_pocl = false;  // has a binary cache of its own
   // What one launch may be; a longer one goes to the device in parts (launch_parts.h).
   double most_flops = 2e10;         // operations: half a second at 40 GFLOP/s

@@ -9,6 +9,7 @@
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
+#include "runtime/gemm_matrix.h"
 #include "runtime/log.h"
 #include "runtime/rounding.h"
 
@@ -141,6 +142,15 @@ void gemm_gpu(Context& ctx, const Gemm& g, const Sizes& s) {
              groups(div_up(s.n, tile), shape.group, div_up(s.m, tile)), cost_of(g, s, s.m), g.a.x0, s.c0, g.a.x1, s.c1,
              g.a.scale, g.a.shift, g.a.silu ? 1 : 0, g.a.map, s.taps, s.src_rows, s.row0, g.b->data, s.m, s.n, g.bias,
              static_cast<int>(g.activation), g.residual, written_rows(g, s), s.out_row0);
+}
+
+void gemm_mixed(Context& ctx, const Gemm& g, const Sizes& s) {
+  MatrixProducts p;
+  p.a = g.a, p.src_rows = s.src_rows, p.row0 = s.row0;
+  p.b = g.b->data, p.m = s.m, p.n = s.n;
+  p.bias = g.bias, p.activation = g.activation, p.residual = g.residual;
+  p.out = g.out, p.out_row0 = s.out_row0, p.name = g.name, p.cost = cost_of(g, s, s.m);
+  gemm_matrix(ctx, p);
 }
 
 // A map that reads each row many times would compose it as often: then the composed rows are worth keeping.
@@ -405,6 +415,7 @@ void gemm(Context& ctx, const Gemm& g) {
     plain.a.map = g.a.map;
     return gemm(ctx, plain);
   }
+  if (!g.exact && wants_matrix(ctx, s.m, s.n, s.k)) return gemm_mixed(ctx, g, s);
   if (s.k > 0 && wants_clblast(ctx, g) && in_parts_by_clblast(ctx, g, s)) return;
   if (ctx.flavour() == Flavour::cpu)
     gemm_cpu(ctx, g, s);

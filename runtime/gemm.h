@@ -68,6 +68,7 @@ struct Gemm {
   // Where residual and out start, if elsewhere than A (a block of A made in scratch memory). < 0: at row0.
   long out_row0 = -1;
   const char* name = "gemm";  // its row in the profile (packing A: "gemm_pack_a")
+  bool exact = false;         // fp32 in mixed precision, too: what results are measured with
 };
 
 void gemm(Context& ctx, const Gemm& g);

@@ -55,17 +55,15 @@ std::string way_to(const std::string& hash, const DeviceInfo& device) {
 
 }  // namespace
 
-const char* precision_of(const Context&) { return "fp32"; }
-
 std::string switched_off_of(const Context& ctx) {
   SwitchedOff off = ctx.switched_off();
-  off.tuned = false;
+  off.tuned = off.mixed = false;
   return in_words(off);
 }
 
 void hold_tuning(const Context& ctx, std::map<std::string, std::string>& state) {
   state["tuning"] = ctx.tuning().hash();
-  state["precision"] = precision_of(ctx);
+  state["precision"] = name_of(ctx.precision());
   state.erase("switched_off");
   if (const std::string off = switched_off_of(ctx); !off.empty()) state["switched_off"] = off;
 }
@@ -75,9 +73,9 @@ void refuse_other_tuning(const Context& ctx, const std::map<std::string, std::st
   if (before != now)
     fail(Status::usage, "{}: was begun with {}, and this device runs with {}: other sums, and other bits. {}", path,
          table_named(before), table_named(now), way_to(before, ctx.device()));
-  if (const std::string precision = value_of(state, "precision", "fp32"); precision != precision_of(ctx))
+  if (const std::string precision = value_of(state, "precision", "fp32"); precision != name_of(ctx.precision()))
     fail(Status::usage, "{}: was begun in {}, and this device computes in {}: choose {} to go on", path,
-         printable(precision), precision_of(ctx), printable(precision));
+         printable(precision), name_of(ctx.precision()), printable(precision));
   if (const std::string off = value_of(state, "switched_off", ""), off_now = switched_off_of(ctx); off != off_now)
     warn(
         "{}: goes on with other sums, and other bits: switched off by a self-test was {} when it was begun, and is {} "

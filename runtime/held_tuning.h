@@ -8,9 +8,6 @@
 
 namespace vsplat {
 
-// What kernels compute with: "fp32".
-const char* precision_of(const Context& ctx);
-
 // What is switched off and changes sums, in words: of what tables choose their hash tells.
 std::string switched_off_of(const Context& ctx);
 

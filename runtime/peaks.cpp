@@ -1,16 +1,15 @@
 #include "runtime/peaks.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <functional>
 #include <nlohmann/json.hpp>
 
 #include "runtime/clock.h"
 #include "runtime/disk_cache.h"
 #include "runtime/fail.h"
+#include "runtime/kept_finding.h"
 #include "runtime/log.h"
 #include "runtime/profiler.h"
 
@@ -71,11 +70,6 @@ std::string key_of(const Context& ctx) {
   const DeviceInfo& d = ctx.device();
   return DiskCache::key({"peaks 1", d.name, d.driver, d.version, d.platform_name, d.platform_version,
                          std::to_string(d.compute_units), name_of(ctx.flavour())});
-}
-
-std::string today() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
 }
 
 }  // namespace

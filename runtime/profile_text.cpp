@@ -175,7 +175,7 @@ std::string profile_json(const Profile& profile, const ProfileSubject& subject) 
   out["device"] = subject.device;
   out["driver"] = subject.driver;
   out["tuning"] = subject.tuning.empty() ? Json() : Json(subject.tuning);
-  out["precision"] = "fp32";
+  out["precision"] = name_of(subject.precision);
   out["run"] = Json::object();
   for (const auto& [what, name] : subject.names) out["run"][what] = name;
   if (subject.peaks)

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "runtime/precision.h"
 #include "runtime/profile_sums.h"
 
 namespace vsplat {
@@ -16,6 +17,7 @@ struct ProfileSubject {
   std::vector<std::pair<std::string, std::string>> names;  // "model", "scene", ...: whatever the program tells
   std::optional<Peaks> peaks = {};
   std::string tuning = {};  // the hash of the table of tuned parameters; empty: none
+  Precision precision = Precision::fp32;
 };
 
 std::string profile_table(const Profile& profile, const std::optional<Peaks>& peaks = std::nullopt);

@@ -95,6 +95,7 @@ const std::vector<SwitchName>& switch_names() {
       {&SwitchedOff::sub_groups, "sub_groups", "chosen sub-groups"},
       {&SwitchedOff::clblast, "clblast", "CLBlast"},
       {&SwitchedOff::tuned, "tuned", "tuned parameters that are wrong"},
+      {&SwitchedOff::mixed, "mixed", "mixed precision"},
   };
   return names;
 }

@@ -21,6 +21,7 @@ struct SwitchedOff {
   bool sub_groups = false;        // fewer work-items as one, on compilers that can be told: as many as they choose
   bool clblast = false;           // CLBlast where it would be chosen: our own matrix product
   bool tuned = false;             // what a table chose (runtime/tuning.h) and was wrong: the defaults
+  bool mixed = false;             // products of rounded operands (gemm_matrix.h): mixed precision is refused
   bool operator==(const SwitchedOff&) const = default;
   bool any() const { return !(*this == SwitchedOff()); }
 };

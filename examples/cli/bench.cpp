@@ -61,6 +61,7 @@ vsplat::ContextOptions context_options(const Common& common, const Telling& tell
              : common.gemm == "clblast" ? vsplat::GemmChoice::clblast
                                         : vsplat::GemmChoice::auto_;
   out.max_memory_gib = common.max_memory;
+  out.precision = common.precision == "mixed" ? vsplat::Precision::mixed : vsplat::Precision::fp32;
   out.on_compile = [&telling](const std::string& kernel, int compiled) { telling.compiling(kernel, compiled); };
   return out;
 }
@@ -94,6 +95,9 @@ void bench(const BenchOptions& o) try {
   say(o.common,
       "device " + std::to_string(ctx.device().index) + ": " + ctx.device().name + ", driver " + ctx.device().driver +
           ", " + vsplat::name_of(ctx.flavour()) + " kernels" +
+          (ctx.precision() == vsplat::Precision::mixed
+               ? std::string(", mixed precision (") + vsplat::name_of(ctx.matrix_unit()) + ")"
+               : "") +
           (ctx.device().lowered.empty() ? "" : ", lowered by VSPLAT_LIMITS=" + ctx.device().lowered) +
           (ctx.switched_off().any() ? ", not used since its self-test: " + vsplat::in_words(ctx.switched_off()) : ""));
   if (!o.common.profile.empty() || !o.common.trace.empty()) vsplat::bench::record(ctx);
@@ -166,7 +170,7 @@ void add_bench(CLI::App& app, Run& run) {
       ->type_name("CAMERAS.json");
   sub->add_option("--selection", o->selection, "Train with these voxels selected (default: a tenth, nearest a sphere)")
       ->type_name("FILE");
-  add_common(*sub, o->common, {.outside = false});
+  add_common(*sub, o->common, {.outside = false, .precision = true});
   sub->footer(
       "Examples:\n"
       "  vsplat bench gemm conv3d\n"

@@ -34,7 +34,7 @@ void on_log(void*, vsplat_log_level level, const char* text) {
                for_terminal(with_flags(text)).c_str());
 }
 
-void add_device_options(CLI::App& app, Common& common) {
+void add_device_options(CLI::App& app, Common& common, bool precision) {
   const std::string group = "Device";
   app.add_option(
          "-d,--device", common.device,
@@ -51,6 +51,12 @@ void add_device_options(CLI::App& app, Common& common) {
       ->check(one_of({"auto", "own", "clblast"}))
       ->type_name("auto|own|clblast")
       ->group(group);
+  if (precision)
+    app.add_option("--precision", common.precision,
+                   "Numbers of large matrix products: mixed rounds what is multiplied to bf16, for matrix units")
+        ->check(one_of({"fp32", "mixed"}))
+        ->type_name("fp32|mixed")
+        ->group(group);
   app.add_option("--max-memory", common.max_memory, "Device memory to plan with (default: what the device reports)")
       ->check(positive())
       ->type_name("GiB")
@@ -62,7 +68,7 @@ void add_device_options(CLI::App& app, Common& common) {
 CLI::Validator one_of(const std::vector<std::string>& values) { return CLI::IsMember(values).description(""); }
 
 void add_common(CLI::App& app, Common& common, const Takes& takes) {
-  if (takes.device) add_device_options(app, common);
+  if (takes.device) add_device_options(app, common, takes.precision);
   const std::string group = "What is told and written";
   if (takes.outside)
     app.add_option("--max-host-memory", common.max_host_memory,

@@ -21,6 +21,7 @@ struct Common {
   std::string device;
   std::string kernels = "auto";
   std::string gemm = "auto";
+  std::string precision = "fp32";
   double max_memory = 0, max_host_memory = 0;  // GiB
   std::string profile, trace;
   bool takes_profile = false;
@@ -32,7 +33,7 @@ CLI::Validator one_of(const std::vector<std::string>& values);
 
 // Which of them a sub-command takes: those that do something there, besides --quiet and --verbose.
 struct Takes {
-  bool device = true, profile = true, json = true, overwrite = true, outside = true;
+  bool device = true, profile = true, json = true, overwrite = true, outside = true, precision = false;
 };
 void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 

@@ -265,7 +265,7 @@ void add_evaluate(CLI::App& app, Run& run) {
   sub->add_flag("--dry-run", o->table.dry_run,
                 "Read what --table lists, models and objects, and print the memory of each row; measure nothing")
       ->needs(table);
-  add_common(*sub, o->common);
+  add_common(*sub, o->common, {.precision = true});
   sub->footer(
       "Columns: PSNR (dB) of the result, of its coarse level, of white pictures, and of the input view nearest to "
       "each\n"

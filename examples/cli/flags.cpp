@@ -26,8 +26,10 @@ constexpr Flag flag(const char* name, const char* flag) {
 
 constexpr Flag flags[] = {
     FIELD(vsplat_device_options, device, "--device"),
+    FIELD(vsplat_device_options, gemm, "--gemm"),
     FIELD(vsplat_device_options, kernels, "--kernels"),
     FIELD(vsplat_device_options, max_memory_gib, "--max-memory"),
+    FIELD(vsplat_device_options, precision, "--precision"),
     FIELD(vsplat_evaluate_options, more_devices, "--device"),
     FIELD(vsplat_evaluate_options, picture_size, "--size"),
     FIELD(vsplat_evaluate_options, pose_draws, "--pose-draws"),

@@ -192,7 +192,7 @@ void add_kernels(CLI::App& app, Run& run) {
   sub->add_flag(
       "--no-build", o->no_build,
       "Compile nothing here, where a driver fails at it: how much local memory a kernel declares is not told");
-  add_common(*sub, o->common, {.profile = false, .outside = false});
+  add_common(*sub, o->common, {.profile = false, .outside = false, .precision = true});
   sub->footer(
       "The jobs are planned, not run: nothing is launched. Kernels of the flavour that none of them launches are in "
       "the\n"

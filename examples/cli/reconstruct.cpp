@@ -312,7 +312,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
   add_refinement(*sub, *o);
   add_extras(*sub, *o);
   add_list(*sub, *o);
-  add_common(*sub, o->common);
+  add_common(*sub, o->common, {.precision = true});
   sub->footer(
       "Examples:\n"
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:8 --sheet sheet.png\n"

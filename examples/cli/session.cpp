@@ -38,6 +38,7 @@ vsplat_device_options Session::options(const std::string& device) {
              : common_.gemm == "clblast" ? VSPLAT_GEMM_CLBLAST
                                          : VSPLAT_GEMM_AUTO;
   out.max_memory_gib = common_.max_memory;
+  out.precision = common_.precision == "mixed" ? VSPLAT_PRECISION_MIXED : VSPLAT_PRECISION_FP32;
   out.on_compile = on_compile;
   out.user = this;
   return out;
@@ -61,12 +62,20 @@ Session::Session(const Common& common, Devices most) : common_(common) {
         throw UsageError("--device " + common.device + " names device " + std::to_string(info.index) + " twice");
     say(common_, std::string("device ") + std::to_string(info.index) + ": " + info.name + " (" + info.platform_name +
                      "), driver " + info.driver + ", " + (info.kernels == VSPLAT_KERNELS_GPU ? "gpu" : "cpu") +
-                     " kernels" + (*info.tuning ? ", tuned (table " + std::string(info.tuning, 12) + ")" : "") +
+                     " kernels" +
+                     (*info.matrix_unit ? ", mixed precision (" + std::string(info.matrix_unit) + ")" : "") +
+                     (*info.tuning ? ", tuned (table " + std::string(info.tuning, 12) + ")" : "") +
                      (info.event_profiling ? "" : ", timed on the host") +
                      (*info.limits ? std::string(", lowered by VSPLAT_LIMITS=") + info.limits : "") +
                      (*info.switched_off ? std::string(", not used since its self-test: ") + info.switched_off : ""));
   }
-  for (const vsplat::Device& device : devices_) handles_.push_back(device.get());
+  for (const vsplat::Device& device : devices_) {
+    handles_.push_back(device.get());
+    if (device.info().matrix_unit == std::string("emulated"))
+      say(common_,
+          "mixed precision: device " + std::to_string(device.info().index) +
+              " has no matrix units that have passed their test; they are emulated, which is slower than fp32");
+  }
   recorded_ = timed || (common_.verbose && devices_.size() == 1);
   if (recorded_) devices_.front().profile(true);
 }
@@ -117,8 +126,10 @@ void Session::add_numerics(nlohmann::ordered_json& out) const {
     return alike ? all.front() : all;
   };
   out["tuning"] = of_all([](const vsplat_device_info& info) { return info.tuning; });
-  out["precision"] = "fp32";
+  out["precision"] = common_.precision;
   out["switched_off"] = of_all([](const vsplat_device_info& info) { return info.switched_off; });
+  if (common_.precision == "mixed")
+    out["matrix_unit"] = of_all([](const vsplat_device_info& info) { return info.matrix_unit; });
 }
 
 void Session::write_profile(Outputs& outputs) {

@@ -35,7 +35,8 @@ class Session {
   // What the work is called in the next progress lines, and when it began.
   void start(const std::string& what);
   // What the numbers of a result depend on: "tuning", the hash of the table of tuned parameters, null without one, of
-  // several devices that differ a list; and "precision".
+  // several devices that differ a list; "precision", and in mixed
+  // precision "matrix_unit".
   void add_numerics(nlohmann::ordered_json& out) const;
   // Names what its profile is of: ("model", "m.safetensors").
   void about(const std::string& what, const std::string& name) { devices_.front().profile_name(what, name); }

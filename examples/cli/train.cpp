@@ -309,7 +309,7 @@ void add_train(CLI::App& app, Run& run) {
   sub->add_option("--selection", o->selection, "Refine these voxels in every step, whatever the network chooses")
       ->type_name("FILE")
       ->group(memory);
-  add_common(*sub, o->common);
+  add_common(*sub, o->common, {.precision = true});
   sub->footer(
       "An interrupt (Ctrl-C) writes a checkpoint and stops; what is resumed ends with the same bits.\n"
       "Example:\n"

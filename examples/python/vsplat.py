@@ -99,7 +99,7 @@ class _DeviceInfo(_Struct):
 
 class _DeviceOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("device", c.c_char_p), ("kernels", c.c_int), ("gemm", c.c_int), ("max_memory_gib", c.c_double),
-                ("on_compile", _on_compile), ("user", c.c_void_p)]
+                ("on_compile", _on_compile), ("user", c.c_void_p), ("precision", c.c_int)]
 
 
 class _PrepareOptions(_Struct):
@@ -612,13 +612,16 @@ class Device(_Handle):
 
     _noun = "device"
 
-    def __init__(self, device: str | int = "", kernels: str = "auto", max_memory_gib: float = 0.0):
+    def __init__(self, device: str | int = "", kernels: str = "auto", max_memory_gib: float = 0.0, precision: str = "fp32"):
         """`device`: an index (0, "0"), platform:device ("0:1"), a type ("cpu", "gpu", "acc") or a part of a name; "": $VSPLAT_DEVICE, else
-        the first GPU, else the first device."""
-        flavours = {"auto": 0, "cpu": 1, "gpu": 2}
+        the first GPU, else the first device. `precision`: fp32 or mixed (vsplat/device.h)."""
+        flavours, precisions = {"auto": 0, "cpu": 1, "gpu": 2}, {"fp32": 0, "mixed": 1}
         if kernels not in flavours:
             raise Error("usage", f"kernels is {kernels!r}: auto, cpu or gpu expected")
-        options = _DeviceOptions(device=str(device).encode(), kernels=flavours[kernels], max_memory_gib=max_memory_gib)
+        if precision not in precisions:
+            raise Error("usage", f"precision is {precision!r}: fp32 or mixed expected")
+        options = _DeviceOptions(device=str(device).encode(), kernels=flavours[kernels], max_memory_gib=max_memory_gib,
+                                 precision=precisions[precision])
         handle = c.c_void_p()
         _call("device_open", c.byref(options), c.byref(handle))
         super().__init__(handle)

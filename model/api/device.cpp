@@ -67,6 +67,16 @@ GemmChoice choice_of(const vsplat_gemm& gemm) {
   fail(Status::usage, "options.gemm is {}, not a value of vsplat_gemm", value_of(gemm));
 }
 
+Precision precision_of(const vsplat_precision& precision) {
+  switch (value_of(precision)) {
+    case VSPLAT_PRECISION_FP32:
+      return Precision::fp32;
+    case VSPLAT_PRECISION_MIXED:
+      return Precision::mixed;
+  }
+  fail(Status::usage, "options.precision is {}, not a value of vsplat_precision", value_of(precision));
+}
+
 }  // namespace
 
 DeviceUse::DeviceUse(vsplat_device device) : device_(device), of_job_(JobQueue::borrow(device)) {
@@ -110,6 +120,7 @@ ContextOptions vsplat::api::context_options(const vsplat_device_options* options
   out.kernels = flavour_named(o.kernels);
   out.gemm = choice_of(o.gemm);
   out.max_memory_gib = o.max_memory_gib;
+  out.precision = precision_of(o.precision);
   if (o.on_compile)
     out.on_compile = [call = o.on_compile, user = o.user](const std::string& kernel, int compiled) {
       call(user, kernel.c_str(), compiled);
@@ -163,6 +174,9 @@ vsplat_status vsplat_device_get_info(vsplat_device device, vsplat_device_info* o
     info.kernels = static_cast<vsplat_kernels>(device->context.flavour());
     copy_name(info.tuning, device->context.tuning().hash());
     copy_name(info.switched_off, in_words(device->context.switched_off()));
+    info.precision = static_cast<vsplat_precision>(device->context.precision());
+    if (device->context.precision() == Precision::mixed)
+      copy_name(info.matrix_unit, name_of(device->context.matrix_unit()));
     give(out_info, info, "out_info");
   });
 }

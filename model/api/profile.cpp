@@ -64,8 +64,8 @@ vsplat_status vsplat_device_profile_text(vsplat_device device, vsplat_profile_fo
     ctx.finish();
     const Profile profile = ctx.profiler().profile();
     const auto subject = [&]() -> ProfileSubject {
-      return {ctx.device().name,     ctx.device().driver,        ctx.memory().peak(),
-              device->profile_names, peaks_if_any(ctx, profile), ctx.tuning().hash()};
+      return {ctx.device().name,          ctx.device().driver, ctx.memory().peak(), device->profile_names,
+              peaks_if_any(ctx, profile), ctx.tuning().hash(), ctx.precision()};
     };
     switch (value_of(format)) {
       case VSPLAT_PROFILE_JSON:

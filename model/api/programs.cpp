@@ -123,7 +123,7 @@ vsplat_status vsplat_device_programs(vsplat_device device, vsplat_model model, c
         kernel["name"] = name;
         kernel["launches"] = json_of(by);
         add_longest(kernel, by);
-        if (o.build) add_local_memory(kernel, ctx, {program.file, name, program.defines});
+        if (o.build && !one.contains("targets")) add_local_memory(kernel, ctx, {program.file, name, program.defines});
         one["kernels"].push_back(std::move(kernel));
       }
       out["programs"].push_back(std::move(one));

@@ -6,6 +6,7 @@
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/fail.h"
+#include "runtime/gemm_matrix.h"
 #include "runtime/rounding.h"
 #include "runtime/shape_check.h"
 
@@ -241,8 +242,6 @@ void forward_winograd_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s
   const long step = std::clamp(tuned.at("scratch") / (in + out), 1L, tiles);
   const Tensor v = ctx.tensor({kCoefficients, step, s.z + 2, s.c()}, Type::f32, "transformed tiles");
   const Tensor m = ctx.tensor({kCoefficients, step, s.z, s.n}, Type::f32, "their products");
-  const GpuTile tile =
-      gpu_tile(ctx, {"conv3d_winograd_gpu", "winograd_forward_tile_gpu", {}}, tuned, kCoefficients * step * s.z, s.n);
   const Cost whole = cost_of(c, s, s.x);
   for (long t = 0; t < tiles; t += step) {
     const long count = std::min(step, tiles - t);
@@ -251,10 +250,20 @@ void forward_winograd_gpu(Context& ctx, const Conv3dForward& c, const Shape3d& s
     ctx.launch({"conv3d_winograd_gpu", "winograd_forward_pack_gpu", ""}, items(count * (s.z + 2) * s.c()),
                {0, packed + to}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift, c.in.silu ? 1 : 0, s.x, s.y, s.z,
                t, count, written(v, count * in));
-    ctx.launch({"conv3d_winograd_gpu", "winograd_forward_tile_gpu", tile.defines, c.name},
-               groups(div_up(s.n, tile.side), tile.group, div_up(count * s.z, tile.side), kCoefficients),
-               {direct_flops(s) * share, packed + products, multiplied(count, s)}, v, c.weights->w.data, count, s.z,
-               s.c(), s.n, written(m, count * out));
+    const Cost cost{direct_flops(s) * share, packed + products, multiplied(count, s)};
+    if (wants_matrix(ctx, step * s.z, s.n, 3 * s.c())) {
+      MatrixProducts p;
+      p.a.x0 = v, p.line = s.z, p.src_rows = count * (s.z + 2);
+      p.b = c.weights->w.data, p.products = kCoefficients, p.m = count * s.z, p.n = s.n;
+      p.out = m, p.name = c.name, p.cost = cost;
+      gemm_matrix(ctx, p);
+    } else {
+      const GpuTile tile = gpu_tile(ctx, {"conv3d_winograd_gpu", "winograd_forward_tile_gpu", {}}, tuned,
+                                    kCoefficients * step * s.z, s.n);
+      ctx.launch({"conv3d_winograd_gpu", "winograd_forward_tile_gpu", tile.defines, c.name},
+                 groups(div_up(s.n, tile.side), tile.group, div_up(count * s.z, tile.side), kCoefficients), cost, v,
+                 c.weights->w.data, count, s.z, s.c(), s.n, written(m, count * out));
+    }
     ctx.launch({"conv3d_winograd_gpu", "winograd_forward_unpack_gpu", ""}, items(count * s.z * s.n), {0, products + to},
                m, s.x, s.y, s.z, s.n, t, count, c.weights->bias, c.residual,
                t + count == tiles ? written(c.out) : written_somewhere(c.out));

@@ -153,6 +153,7 @@ double Lpips::distance(Context& ctx, const Image& a, const Image& b) const {
       convolution.bias = network_->convolutions[i].bias;
       convolution.out = out;
       convolution.name = "lpips.conv";
+      convolution.exact = true;
       gemm(ctx, convolution);
       relu(ctx, out);
       x = out;

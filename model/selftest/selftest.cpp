@@ -1,10 +1,8 @@
 #include "model/selftest/selftest.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -14,16 +12,12 @@
 #include "model/selftest/stages.h"
 #include "runtime/environment.h"
 #include "runtime/fail.h"
+#include "runtime/kept_finding.h"
 #include "runtime/kernel_files.h"
 #include "runtime/log.h"
 
 namespace vsplat::selftest {
 namespace {
-
-std::string today() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
-}
 
 // How far beyond its tolerance; what has none is right or infinitely wrong.
 double excess(const Finding& f) {
@@ -106,6 +100,7 @@ std::vector<bool SwitchedOff::*> choices_of(const Context& ctx) {
   if (ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4) out.push_back(&SwitchedOff::vectors);
   if (ctx.device().type == DeviceType::gpu) out.push_back(&SwitchedOff::clblast);
   if (ctx.device().sub_group > 0) out.push_back(&SwitchedOff::sub_groups);
+  if (ctx.flavour() == Flavour::gpu) out.push_back(&SwitchedOff::mixed);
   return out;
 }
 

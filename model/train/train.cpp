@@ -29,6 +29,15 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
+// Gradients are not computed of rounded products, nor with them.
+void refuse_mixed(const Context& ctx) {
+  if (ctx.precision() != Precision::fp32)
+    fail(Status::usage,
+         "training computes in fp32, and the device was opened in {} precision: take fp32 as "
+         "vsplat_device_options.precision",
+         name_of(ctx.precision()));
+}
+
 void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
   if (plan.fits) return;
   fail(Status::memory,
@@ -321,6 +330,7 @@ bool is_due(long period, long step, long steps) { return step == steps || (perio
 }  // namespace
 
 TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, const TrainOptions& options) {
+  refuse_mixed(ctx);
   // Before weights are made that may be more than fits anywhere; a file's are no more than the file.
   if (options.init.empty())
     refuse_unless_fits(
@@ -408,6 +418,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
 }
 
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
+  refuse_mixed(ctx);
   const auto planner = ctx.planner();
   Checkpoint start;  // no weights: what is only planned has no values, and a model's may be more than fits anywhere
   start.config = config;

@@ -221,7 +221,7 @@ def programs_of(dumps):
 def compiled(compilers, program, target, cache, version, known):
     """-> rows of all of its kernels; known: {(kernel, target, hash): numbers} of those that need not be compiled"""
     vendor, chip = target.split(":")
-    if vendor not in program.get("targets", [vendor]):
+    if not {vendor, target} & set(program.get("targets", [vendor])):
         return []
     text = open(program["path"]).read()
     key = hashlib.sha256("\0".join((METHOD, version, target, program["options"], text)).encode()).hexdigest()

@@ -1,5 +1,6 @@
 // Matrix products and what goes with them.
 #include <array>
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -13,6 +14,7 @@
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 #include "runtime/gemm.h"
+#include "runtime/gemm_matrix.h"
 #include "runtime/tuning.h"
 
 namespace vsplat::selftest {
@@ -127,6 +129,44 @@ void gemm_all(Checks& c) {
       want.push_back(ref::activate(static_cast<double>(x[i]) + bias[i % 33], act) + residual[i]);
     c.close("epilogue", out, want, 1e-6);
   }
+}
+
+// Of rounded operands, on emulated fragments: of small integers it is exact. Whose units else a device has are tried
+// where mixed precision is asked for (runtime/matrix_probe.h).
+void gemm_matrix_all(Checks& c) {
+  if (c.ctx.flavour() != Flavour::gpu || c.ctx.switched_off().mixed) return;
+  for (const Operands operands : {Operands::bf16, Operands::tf32})
+    for (const auto& [m, n, k] : c.some({std::array<long, 3>{1, 1, 1},
+                                         {3, 7, 5},
+                                         {15, 9, 17},
+                                         {16, 8, 16},
+                                         {63, 65, 31},
+                                         {101, 33, 67},
+                                         {64, 64, 32},
+                                         {128L * 2 * c.ctx.device().compute_units + 1, 131, 35}})) {
+      auto a = random_floats(product(m, k), 1, -15, 15), b = random_floats(product(k, n), 2, -15, 15);
+      for (auto* x : {&a, &b})
+        for (float& v : *x) v = std::trunc(v);
+      MatrixProducts p;
+      p.a.x0 = c.up({m, k}, a), p.src_rows = p.m = m, p.b = c.up({k, n}, b), p.n = n;
+      p.out = c.gap({m, n}), p.operands = operands;
+      gemm_matrix(c.ctx, p);
+      std::vector<float> want(product(m, n), 0.0f);
+      for (std::size_t i = 0; i < want.size(); ++i)
+        for (std::size_t t = 0; t < product(k, 1); ++t)
+          want[i] += a[i / product(n, 1) * product(k, 1) + t] * b[t * product(n, 1) + i % product(n, 1)];
+      c.equal("product of integers", p.out, want);
+    }
+  const ref::GemmCase want = gemm_case({41, 43, 27, 7, true, true, 2, true, true});
+  MatrixProducts p;
+  p.a = upload_rows(c.ctx, want.a), p.a.map = c.up({41, 3}, want.map);
+  p.src_rows = want.a.rows, p.m = 41, p.n = 43;
+  p.b = pack_matrix(c.ctx, want.w.data(), want.k, 43, 1, want.k, "weight").data;
+  p.bias = c.up({43}, want.bias), p.residual = c.up({41, 43}, want.residual), p.activation = Activation::silu;
+  p.out = c.gap({41, 43});
+  gemm_matrix(c.ctx, p);
+  c.close(
+      "product of rounded operands", p.out, [&] { return want.all(); }, 8e-3);
 }
 
 void transposed_gemm_all(Checks& c) {
@@ -266,6 +306,7 @@ std::vector<Case> product_cases() {
   return {{"column_sum", column_sum_all},
           {"compose_rows", compose_rows_all},
           {"gemm", gemm_all},
+          {"gemm_matrix", gemm_matrix_all},
           {"transposed_gemm", transposed_gemm_all},
           {"activation", activation_all},
           {"add_columns", add_columns_all},

@@ -32,6 +32,15 @@ typedef enum vsplat_gemm {
   VSPLAT_GEMM_CLBLAST = 2 /* CLBlast */
 } vsplat_gemm;
 
+/* In what numbers large products of matrices are made: those of the network, when it computes a scene. Drawing, moving
+   a scene towards pictures and what pictures are measured by are fp32 in either, and so is training, which is refused
+   in mixed precision. */
+typedef enum vsplat_precision {
+  VSPLAT_PRECISION_FP32 = 0, /* floats throughout */
+  VSPLAT_PRECISION_MIXED = 1 /* operands rounded to bf16, sums in fp32, by the device's matrix units where these have
+                                passed a test on it, else emulated, which is slower than fp32; gpu kernels alone */
+} vsplat_precision;
+
 typedef struct vsplat_device_info {
   size_t size;
   int32_t index;    /* flat, over all platforms */
@@ -58,11 +67,15 @@ typedef struct vsplat_device_info {
      CLBlast". Empty where nothing is. */
   char switched_off[256];
   int32_t fitness; /* what is remembered of its last self-test, a vsplat_fitness (vsplat/selftest.h); 0: of none */
+  vsplat_precision precision; /* of an open device */
+  /* Of one in mixed precision, who multiplies: "ptx", "dpas", "wmma", "mfma", "emulated". Equal ones give equal bits on
+     one device. "" in fp32. */
+  char matrix_unit[16];
 } vsplat_device_info;
 #define VSPLAT_DEVICE_INFO_INIT                                                                              \
   {                                                                                                          \
     sizeof(vsplat_device_info), 0, 0, 0, VSPLAT_DEVICE_OTHER, "", "", "", "", "", 0, 0, 0, 0, 0, 0, 0, 0, 0, \
-        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", "", "", 0                                            \
+        VSPLAT_KERNELS_AUTO, 0, {0}, 0, 0, 0, 0, 0, "", "", "", 0, VSPLAT_PRECISION_FP32, ""                 \
   }
 
 /* How many OpenCL devices there are, over all platforms; 0 where there is no platform. */
@@ -83,9 +96,12 @@ typedef struct vsplat_device_options {
    */
   void (*on_compile)(void* user, const char* kernel, int32_t compiled);
   void* user;
+  /* MIXED: VSPLAT_ERROR_USAGE beside the cpu kernels, or CLBlast, asked for by name. The first time on a device its
+     matrix units are tried, which takes some seconds. */
+  vsplat_precision precision;
 } vsplat_device_options;
 #define VSPLAT_DEVICE_OPTIONS_INIT \
-  { sizeof(vsplat_device_options), NULL, VSPLAT_KERNELS_AUTO, VSPLAT_GEMM_AUTO, 0.0, NULL, NULL }
+  { sizeof(vsplat_device_options), NULL, VSPLAT_KERNELS_AUTO, VSPLAT_GEMM_AUTO, 0.0, NULL, NULL, VSPLAT_PRECISION_FP32 }
 
 /* Opens a device. `options` NULL: all defaults. VSPLAT_ERROR_DEVICE with a list where there is no such device, and
    where a self-test (vsplat_selftest) has found it unusable. */

@@ -1,0 +1,71 @@
+#include "runtime/kept_finding.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+
+#include "runtime/disk_cache.h"
+#include "runtime/environment.h"
+#include "runtime/fail.h"
+#include "runtime/file.h"
+#include "runtime/log.h"
+#include "runtime/output_file.h"
+#include "runtime/verdict.h"
+
+namespace vsplat {
+namespace {
+
+// Kernels that somebody works at are nobody else's business: what is found of them is kept in a folder that is named
+// for it, or not at all.
+bool keeps_findings() { return environment("VSPLAT_KERNEL_DIR").empty() || !environment("VSPLAT_CACHE_DIR").empty(); }
+
+}  // namespace
+
+std::string today() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
+}
+
+std::string kept_finding_path(const DeviceInfo& d, const std::string& subject) {
+  const DiskCache cache;
+  if (!cache.enabled() || !keeps_findings()) return "";
+  const std::string key =
+      DiskCache::key({subject, d.name, d.vendor, d.driver, d.version, d.platform_name, d.platform_version,
+                      std::to_string(d.compute_units), d.lowered, kernels_hash()});
+  return cache.folder() + "/findings/" + key.substr(0, 32) + ".json";
+}
+
+std::optional<std::string> kept_finding(const std::string& path) {
+  struct stat found {};
+  if (path.empty() || ::lstat(path.c_str(), &found) != 0) return std::nullopt;
+  if (!S_ISREG(found.st_mode) || (found.st_uid != ::geteuid() && found.st_uid != 0) ||
+      (found.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+    fail(Status::file, "{}: others may write to it: `chmod go-w` it where it is yours", path);
+  const std::vector<unsigned char> text = found.st_size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
+  return std::string(text.begin(), text.end());
+}
+
+bool keep_finding(const std::string& path, const std::string& text) {
+  if (path.empty()) return false;
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  std::error_code ignored;
+  std::filesystem::create_directories(folder.parent_path().parent_path(), ignored);
+  for (const auto& each : {folder.parent_path(), folder})
+    if (::mkdir(each.c_str(), 0700) != 0 && errno != EEXIST) return false;
+  try {
+    OutputFile out(path, kOwnersAlone);
+    out.write(text);
+    out.commit();
+    return true;
+  } catch (const Error& e) {
+    warn("{}", e.what());
+    return false;
+  }
+}
+
+}  // namespace vsplat

@@ -1,0 +1,68 @@
+"""--precision: mixed is told, gives the same bytes each time and pictures like fp32's, and is refused where it cannot be had."""
+import json
+
+import support
+
+EMULATED = {"VSPLAT_MATRIX": "emulated", "VSPLAT_MATRIX_LEAST": "1"}  # products of a small model, too
+
+
+class Precision(support.Case):
+    def reconstructed(self, name, *more, env=EMULATED):
+        """-> the scene's bytes, stdout, stderr"""
+        out, err = self.succeeds("reconstruct", self.views, "--model", self.model, "--output", self.path(name), "--json", *more, env=env)
+        with open(self.path(name), "rb") as scene:
+            return scene.read(), json.loads(out), err
+
+    def test_mixed_is_told_and_gives_the_same_bytes(self):
+        exact, told, err = self.reconstructed("fp32.ply", "--kernels", "gpu", "--gemm", "own")
+        self.assertEqual(told["precision"], "fp32")
+        self.assertNotIn("matrix_unit", told)
+        self.assertNotIn("mixed", err)
+        mixed, told, err = self.reconstructed("mixed.ply", "--precision", "mixed", "--profile", self.path("p.json"))
+        self.assertEqual((told["precision"], told["matrix_unit"]), ("mixed", "emulated"))
+        self.assertIn("gpu kernels, mixed precision (emulated)", err)
+        self.assertIn("slower than fp32", err)
+        with open(self.path("p.json")) as profile:
+            self.assertEqual(json.load(profile)["precision"], "mixed")
+        self.assertNotEqual(mixed, exact)
+        for name in ("again.ply", "once_more.ply"):
+            self.assertEqual(self.reconstructed(name, "--precision", "mixed")[0], mixed)
+        self.assertEqual(self.reconstructed("explicit.ply", "--precision", "fp32", "--kernels", "gpu", "--gemm", "own")[0], exact)
+
+    def test_what_multiplies_in_fp32_is_refused(self):
+        for more, words in ((["--kernels", "cpu"], "only the gpu kernels multiply in mixed precision"),
+                            (["--gemm", "clblast"], "CLBlast multiplies in fp32")):
+            self.refuses(2, [words], *self.reconstruct("--precision", "mixed", *more))
+        self.refuses(2, ["--precision"], *self.reconstruct("--precision", "fp16"))
+        self.refuses(2, ["--precision"], "render", self.path("no.ply"), "--precision", "mixed")
+        with open(self.path("train.json"), "w") as config:
+            json.dump({"model": "micro", "steps": 1}, config)
+        self.succeeds("dataset", "procedural", "--count", 1, "--solids", "--output", self.path("set"), "--views", 8, "--size", self.SIDE, "--seed", 4)
+        self.refuses(2, ["training computes in fp32", "--precision"], "train", self.path("train.json"), "--data", self.path("set"),
+                     "--output", self.path("run"), "--precision", "mixed")
+
+    def test_units_that_do_not_work_are_left_out_and_remembered(self):
+        """Asked for by name on a device that has none: their test fails, is told once, and the emulated ones multiply."""
+        env = {**EMULATED, "VSPLAT_MATRIX": "wmma", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
+        scene, told, err = self.reconstructed("one.ply", "--precision", "mixed", env=env)
+        if told["matrix_unit"] == "wmma":
+            self.skipTest("a device that has them")
+        self.assertEqual(told["matrix_unit"], "emulated")
+        self.assertIn("matrix units (wmma) are not used, since their test failed", err)
+        again, told, err = self.reconstructed("two.ply", "--precision", "mixed", env=env)
+        self.assertNotIn("their test failed", err)
+        self.assertIn("mixed precision (emulated)", err)
+        self.assertEqual(scene, again)
+        self.refuses(2, ["VSPLAT_MATRIX", "tensor"], *self.reconstruct("--precision", "mixed"), env={"VSPLAT_MATRIX": "tensor"})
+
+    def test_a_driver_that_crashes_in_their_test_does_so_once(self):
+        """PoCL's compiler ends the process over NVIDIA's instructions; wherever it does not, they do not compile, or work."""
+        env = {**EMULATED, "VSPLAT_MATRIX": "ptx", "VSPLAT_CACHE_DIR": self.path("cache"), "VSPLAT_SELFTEST": ""}
+        support.run(*self.reconstruct("--precision", "mixed"), env=env)
+        _, told, err = self.reconstructed("one.ply", "--precision", "mixed", "--verbose", env=env)
+        if told["matrix_unit"] == "emulated":
+            self.assertIn("matrix units (ptx) not used", err)
+
+
+if __name__ == "__main__":
+    support.main()
