@@ -41,11 +41,11 @@ class StaticCheck(unittest.TestCase):
     def path(self, name):
         return os.path.join(self.folder, name)
 
-    def check(self, kernels, *arguments, group=64, allowed="", options="-cl-std=CL1.2 -DMANY=64"):
+    def check(self, kernels, *arguments, group=64, allowed="", options="-cl-std=CL1.2 -DMANY=64", **more):
         """-> exit code, stdout, stderr"""
         about = [{"name": k, "launches": [{"job": "render", "stage": "", "group": [group, 1, 1], "local_bytes": 0}]} for k in kernels]
         with open(self.path("kernels.json"), "w") as out:
-            json.dump([{"name": "a", "source": "a.cl", "options": options, "kernels": kernels, "about": about}], out)
+            json.dump([{"name": "a", "source": "a.cl", "options": options, "kernels": kernels, "about": about, **more}], out)
         with open(self.path("allowed.txt"), "w") as out:
             out.write(allowed)
         done = subprocess.run([sys.executable, CHECK, self.folder, "--targets", "nvptx:sm_80", "--intel", "", *arguments], capture_output=True, text=True)
@@ -68,6 +68,11 @@ class StaticCheck(unittest.TestCase):
     def test_what_does_not_compile_or_is_not_there(self):
         self.assertEqual(self.check(["sound"], options="-cl-std=CL1.2")[0], 1)
         self.assertEqual(self.check(["absent"])[0], 1)
+
+    def test_a_program_is_for_its_vendors_or_chips(self):
+        for targets, rows in ((["nvptx"], 1), (["amd", "nvptx:sm_80"], 1), (["nvptx:sm_90"], 0), (["amd:gfx90a"], 0)):
+            _, out, err = self.check(["sound"], targets=targets)
+            self.assertEqual(out.count("nvptx:sm_80"), rows, err)
 
     def test_groups_are_small(self):
         self.assertEqual(self.check(["sound"], group=257)[0], 1)
