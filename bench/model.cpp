@@ -71,6 +71,7 @@ Prepared prepare_model(Context& ctx, const std::string& name) {
   d->model = std::make_unique<VsplatModel>(ctx, d->in.config, d->in.weights);
   Prepared p;
   p.kind = Kind::network;
+  if (ctx.precision() == Precision::mixed) p.tolerance = 3e-2;  // of rounded operands
   p.run = [&ctx, d] {
     ForwardOptions options;
     options.selection = &d->in.selection;

@@ -104,6 +104,7 @@ double pairs(const SparseData& d) {
 Prepared prepare_sparse(Context& ctx, const SparseShape& s) {
   const auto d = sparse_data(ctx, s);
   Prepared p;
+  if (ctx.precision() == Precision::mixed) p.tolerance = 8e-3;
   const double rows = kSelected, taps = static_cast<double>(s.taps), in = static_cast<double>(s.cin),
                out = static_cast<double>(s.cout);
   // By the definition only neighbours that are there count; the product is of all, zeros in place of the others.

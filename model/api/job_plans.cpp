@@ -88,6 +88,7 @@ void plan_refinement(const Context& ctx) {
 }
 
 void plan_training(const Context& planner, const AnyConfig& model) {
+  if (planner.precision() != Precision::fp32) return;  // refused, and launches nothing
   PlanJson config;
   config["model"] = PlanJson::parse(any_to_json(model));
   for (const char* optimizer : {"adamw", "muon"}) {
