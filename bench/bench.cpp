@@ -270,6 +270,7 @@ std::vector<StageTime> by_stage(const Result& r, double peak_gflops, double peak
     (compute >= memory ? s.compute : s.memory) += std::max(compute, memory);
   }
   std::vector<StageTime> out;
+  out.reserve(sums.size());
   for (const auto& [name, s] : sums)
     out.push_back({name, s.seconds, s.compute + s.memory, s.flops / s.seconds, s.performed / s.seconds,
                    s.bytes / s.seconds, s.compute >= s.memory ? Kind::compute : Kind::memory});

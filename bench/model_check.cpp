@@ -38,11 +38,8 @@ void ModelCheck::same(const std::string& what, const Floats& got, const Floats& 
 }
 
 Eigen::Vector3d ModelCheck::centre_of(long voxel) const {
-  const long r = config_.volume;
-  return (Eigen::Vector3d(static_cast<double>(voxel / (r * r)), static_cast<double>(voxel / r % r),
-                          static_cast<double>(voxel % r))
-              .array() +
-          0.5) /
+  const long r = config_.volume, x = voxel / (r * r), y = voxel / r % r, z = voxel % r;
+  return (Eigen::Vector3d(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)).array() + 0.5) /
              static_cast<double>(r) -
          0.5;
 }

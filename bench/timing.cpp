@@ -41,6 +41,7 @@ std::vector<Times> time_by_turns(Context& ctx, const std::vector<Timed>& all, co
     for (int i = warm ? 1 : 0; i < timed.inputs; ++i) timed.run();
   ctx.finish();
   std::vector<std::vector<std::vector<double>>> taken;  // of each, by input
+  taken.reserve(all.size());
   for (const Timed& timed : all) taken.emplace_back(static_cast<std::size_t>(timed.inputs));
   const double share = options.seconds * static_cast<double>(all.size());
   double spent = 0;
@@ -63,6 +64,7 @@ std::vector<Times> time_by_turns(Context& ctx, const std::vector<Timed>& all, co
       }
   }
   std::vector<Times> out;
+  out.reserve(taken.size());
   for (const auto& by_input : taken) out.push_back(times_of(by_input));
   return out;
 }

@@ -638,6 +638,7 @@ Tensor Context::adopt(void* buffer, const Shape& shape, bool to_write, const std
 void Context::wait_for(const std::vector<void*>& events) {
   if (events.empty()) return;
   std::vector<cl::Event> list;
+  list.reserve(events.size());
   for (void* event : events) list.emplace_back(static_cast<cl_event>(event), true);
   try {
     impl_->queue.enqueueBarrierWithWaitList(&list);

@@ -64,7 +64,7 @@ struct ContextOptions {
 // A kernel, by the fields of its KernelId.
 struct NamedKernel {
   std::string file, name, defines;
-  auto operator<=>(const NamedKernel&) const = default;
+  auto operator<=>(const NamedKernel&) const = default;  // NOLINT(modernize-use-nullptr): it has none
 };
 
 // How a planner was asked to launch a kernel: the size of its work-groups (0: the driver's choice), and the local
@@ -73,7 +73,7 @@ struct NotedLaunch {
   std::string stage;
   std::array<std::size_t, 3> group{};
   std::size_t local_bytes = 0;
-  auto operator<=>(const NotedLaunch&) const = default;
+  auto operator<=>(const NotedLaunch&) const = default;  // NOLINT(modernize-use-nullptr): it has none
 };
 struct NotedKernel {
   std::set<NotedLaunch> launches;

@@ -62,7 +62,7 @@ const TunedDeclaration* tuned_declaration(const std::string& name, Flavour flavo
 struct TunedShape {
   TunedOp op{};
   std::array<long, 4> sizes{};
-  auto operator<=>(const TunedShape&) const = default;
+  auto operator<=>(const TunedShape&) const = default;  // NOLINT(modernize-use-nullptr): it has none
 };
 // Its class.
 TunedShape class_of(const TunedDeclaration& of, const TunedShape& shape);

@@ -37,6 +37,7 @@ class WorstError {
 inline std::vector<long> sampled(long count, int samples) {
   std::mt19937_64 engine(1);
   std::vector<long> out;
+  out.reserve(static_cast<std::size_t>(std::max(samples, 0)));
   for (int s = 0; s < samples; ++s)
     out.push_back(s < 4 ? std::max(0L, count - 1 - s)
                         : static_cast<long>(engine() % static_cast<std::uint64_t>(count)));

@@ -62,8 +62,9 @@ class RasterizeCase : public TuneCase {
   void write_record(const float* random, long tile, float* out) const {
     const auto between = [&](int i, float low, float high) { return low + (high - low) * (random[i] + 1) / 2; };
     const float wide = between(3, 1, 9), high = between(4, 1, 9);
-    out[0] = static_cast<float>(tile % along_ * kTile) + between(0, -4, 20);
-    out[1] = static_cast<float>(tile / along_ * kTile) + between(1, -4, 20);
+    const long column = tile % along_, row = tile / along_;
+    out[0] = static_cast<float>(column * kTile) + between(0, -4, 20);
+    out[1] = static_cast<float>(row * kTile) + between(1, -4, 20);
     out[2] = 64;
     out[3] = between(2, 1, 3);
     out[4] = std::log2(between(5, 0.01f, 0.95f));

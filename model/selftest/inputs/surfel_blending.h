@@ -17,7 +17,7 @@ inline Records smooth_surfels(int width, int height, int count, bool low_pass) {
   const std::vector<float> at = random_floats(1000, 44);
   const int tiles = (width + 15) / 16 * ((height + 15) / 16);
   for (int i = 0; i < count; ++i) {
-    const float* r = &at[static_cast<std::size_t>(30 * i)];
+    const float* r = &at[30 * static_cast<std::size_t>(i)];
     // On the surfel: far from its box's centre in pixels, near in deviations. By the low pass: the other way round.
     const float m = low_pass ? 40.0f : 0.03f, jitter = low_pass ? 0.3f : 2.0f;
     for (const float v : {0.5f * static_cast<float>(width) + jitter * r[0],

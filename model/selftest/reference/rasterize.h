@@ -23,7 +23,8 @@ inline Blended blend(const std::vector<float>& records, const std::vector<std::u
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       double T = 1, sum = 0, depth = 0, rgb[3] = {0, 0, 0};
-      const std::size_t tile = static_cast<std::size_t>(y / 16 * tiles_x + x / 16);
+      const auto tile =
+          static_cast<std::size_t>(y / 16) * static_cast<std::size_t>(tiles_x) + static_cast<std::size_t>(x / 16);
       for (std::uint32_t i = starts[tile]; i < starts[tile + 1]; ++i) {
         const float* r = &records[12 * std::size_t{ids[i]}];
         const double dx = r[0] - (x + 0.5), dy = r[1] - (y + 0.5), t = dy - r[5] * dx;

@@ -32,7 +32,8 @@ SurfelFrame blend_surfels(const std::vector<Number>& records, const std::vector<
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       SurfelPixel pixel;
-      const auto tile = static_cast<std::size_t>(y / 16 * tiles_x + x / 16);
+      const auto tile =
+          static_cast<std::size_t>(y / 16) * static_cast<std::size_t>(tiles_x) + static_cast<std::size_t>(x / 16);
       for (std::uint32_t i = starts[tile]; i < starts[tile + 1]; ++i) {
         const Number* r = &records[20 * std::size_t{ids[i]}];
         const Meeting at = meet_record(r, x + 0.5, y + 0.5, o);

@@ -75,6 +75,7 @@ template <class Work, class Done>
 void share_out(const std::vector<Device>& devices, size_t count, const Work& work, const Done& done, size_t ahead = 0) {
   detail::Sharing<Work, Done> shared{devices, work, done, {}};
   std::vector<vsplat_device> handles;
+  handles.reserve(devices.size());
   for (const Device& device : devices) handles.push_back(device.get());
   vsplat_share_options options = VSPLAT_SHARE_OPTIONS_INIT;
   options.ahead = ahead;

@@ -76,6 +76,7 @@ inline vsplat_train_result train(const Device& device, const std::string& config
 
 inline void train_report(const std::vector<std::string>& runs, const std::string& path) {
   std::vector<const char*> paths;
+  paths.reserve(runs.size());
   for (const std::string& run : runs) paths.push_back(run.c_str());
   check(vsplat_train_report(paths.data(), paths.size(), path.c_str()));
 }
