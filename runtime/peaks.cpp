@@ -102,7 +102,7 @@ double measure_gbs(Context& of, double seconds) {
     const long n = numbers / width;
     const auto streams = streams_of(ctx, n, width);
     if (!streams) break;
-    const auto& [a, b, y] = *streams;
+    const Tensor &a = (*streams)[0], &b = (*streams)[1], &y = (*streams)[2];
     const double bytes = 3.0 * static_cast<double>(a.bytes());
     const long group = cpu ? std::min(256L, static_cast<long>(ctx.device().max_work_group)) : 64;
     const auto run = [&] { ctx.launch(kernel, items(n, group), {}, n, 0.5f, a, b, written(y)); };

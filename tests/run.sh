@@ -12,7 +12,7 @@ strict=OFF
 quick=
 while :; do
   case ${1-} in
-    --asan) preset=asan ;;
+    --asan) preset=asan quick="-DVSPLAT_QUICK_BUILD=ON $quick" ;;
     --all) label_exclude='^$' ;;
     --strict) strict=ON quick="-DVSPLAT_QUICK_BUILD=ON -DVSPLAT_MPI=ON" ;;
     *) break ;;

@@ -34,6 +34,8 @@ using vsplat::PictureSpans;
 using vsplat::Scene;
 using vsplat::Span;
 
+bool same_bits(const void* a, const void* b, size_t bytes) { return std::memcmp(a, b, bytes) == 0; }
+
 // -> the status of the Error that it throws; VSPLAT_OK where it throws none
 template <class F>
 vsplat_status status_of(const F& run) {
@@ -149,7 +151,7 @@ void spans_are_read_and_written_where_they_lie(const Setting& with) {
   std::array<float, 16 * 16> alpha{};
   vsplat::render(with.device, scene, with.camera, PictureSpans{{}, alpha, {}});
   const Picture whole = vsplat::render(with.device, scene, with.camera);
-  HOLD(std::memcmp(alpha.data(), whole.alpha.data(), sizeof alpha) == 0);
+  HOLD(same_bits(alpha.data(), whole.alpha.data(), sizeof alpha));
   std::array<float, 16 * 16 - 1> small{};
   HOLD(status_of([&] {
          vsplat::render(with.device, scene, with.camera, PictureSpans{{}, small, {}});
@@ -177,7 +179,7 @@ void spans_are_read_and_written_where_they_lie(const Setting& with) {
   vsplat::render_backward(with.device, scene, with.camera, {by_picture.colour, {}, {}}, {{}, {}, {}, by_opacity, {}},
                           pose);
   HOLD(by_opacity == all_of_it.gaussians.opacities);
-  HOLD(std::memcmp(pose.data(), all_of_it.pose, sizeof pose) == 0);
+  HOLD(same_bits(pose.data(), all_of_it.pose, sizeof pose));
   HOLD(pose[5] != 0);
 }
 
@@ -215,7 +217,7 @@ void cameras_are_made(const Setting& with) {
   HOLD(status_of([] { vsplat::looking_at({0, 1, NAN}, {0, 1, 0}, {0, 1, 0}, 16, 16); }) == VSPLAT_ERROR_INPUT);
   const std::array<vsplat_camera, 2> keys{front, side};
   const vsplat::Cameras cameras = vsplat::Cameras::create(keys);
-  HOLD(cameras.all().size() == 2 && std::memcmp(&cameras.all()[1], &side, sizeof side) == 0);
+  HOLD(cameras.all().size() == 2 && same_bits(&cameras.all()[1], &side, sizeof side));
   HOLD(cameras.path(5).all().size() == 5);
   HOLD(status_of([] { vsplat::Cameras::create({}); }) == VSPLAT_ERROR_USAGE);
   HOLD(with.input.camera(0).width == with.input.info().image);
