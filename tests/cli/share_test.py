@@ -204,6 +204,14 @@ class Train(train_support.Case):
         self.succeeds(*self.train(config, "resumed", "-d", "0", "--resume"), env=TWO)
         self.same_training("whole", "resumed", 4)
 
+    def test_one_part_is_one_device(self):
+        self.refuses(2, ["--device", "parts is 1", "2 to 4"], *self.train(self.config(batch=4), "run", "-d", "0,1"), env=TWO)
+        self.refuses(1, ["parts", "1 to 2"], *self.train(self.config(batch=2, parts=3), "run"))
+
+
+class SlowTrain(train_support.Case):
+    """In the quick tests: those of two kinds of device on one platform, in ranks_test, and Share.test_devices_of_two_platforms_agree."""
+
     def test_two_platforms_keep_their_parts(self):
         if len({device["platform"] for device in json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])}) < 2:
             self.skipTest("there is one platform")
@@ -216,10 +224,6 @@ class Train(train_support.Case):
         _, err = self.succeeds(*self.train(config, "resumed", "-d", "all", "--resume"), env=PLATFORMS)
         self.assertNotIn("other kinds", err)
         self.same_training("whole", "resumed", 6)
-
-    def test_one_part_is_one_device(self):
-        self.refuses(2, ["--device", "parts is 1", "2 to 4"], *self.train(self.config(batch=4), "run", "-d", "0,1"), env=TWO)
-        self.refuses(1, ["parts", "1 to 2"], *self.train(self.config(batch=2, parts=3), "run"))
 
 
 if __name__ == "__main__":
