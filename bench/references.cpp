@@ -1,6 +1,5 @@
 #include "bench/references.h"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <cstdlib>
@@ -10,6 +9,7 @@
 #include "bench/references_module.h"
 #include "bench/sample.h"
 #include "runtime/fail.h"
+#include "runtime/system.h"
 
 namespace vsplat::bench {
 namespace {
@@ -19,7 +19,7 @@ constexpr int kSamples = 300;
 // Of a program in bin/ or tests/ of where it was built. It is not installed.
 std::string module_file() {
   std::error_code problem;
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", problem);
+  const std::filesystem::path program = sys::program_path(problem);
   return problem ? "" : (program.parent_path().parent_path() / "bench" / "vsplat-references.so").string();
 }
 
@@ -32,10 +32,10 @@ class Module {
 
   bool there() const { return module_ != nullptr; }
   const std::string& why() const { return why_; }
-  bool has(const char* name) const { return ::dlsym(module_, name) != nullptr; }  // or what it is linked with
+  bool has(const char* name) const { return sys::symbol(module_, name) != nullptr; }  // or what it is linked with
   template <class F>
   F* function(const char* name) const {
-    if (void* found = ::dlsym(module_, name)) return reinterpret_cast<F*>(found);
+    if (void* found = sys::symbol(module_, name)) return reinterpret_cast<F*>(found);
     fail(Status::internal, "{} has no {}: it is not of this version", module_file(), name);
   }
 
@@ -49,13 +49,12 @@ class Module {
       return;
     }
     // What waits for its next turn is not to take a core from whoever has this one.
-    ::setenv("OMP_WAIT_POLICY", "PASSIVE", 0);
-    ::setenv("OPENBLAS_THREAD_TIMEOUT", "4", 0);
-    module_ = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (!module_) {
-      const char* said = ::dlerror();
-      why_ = fmt::format("without OpenBLAS and oneDNN: {} cannot be loaded: {}", file, said ? said : "?");
-    }
+    sys::set_variable("OMP_WAIT_POLICY", "PASSIVE");
+    sys::set_variable("OPENBLAS_THREAD_TIMEOUT", "4");
+    std::string said;
+    module_ = sys::load_library(file, sys::Symbols::own, said);
+    if (!module_)
+      why_ = fmt::format("without OpenBLAS and oneDNN: {} cannot be loaded: {}", file, said.empty() ? "?" : said);
   }
 
   void* module_ = nullptr;

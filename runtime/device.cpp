@@ -1,7 +1,6 @@
 #include "runtime/device.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -16,6 +15,7 @@
 #include "runtime/host_span.h"
 #include "runtime/missing_devices.h"
 #include "runtime/opencl.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -193,12 +193,12 @@ std::vector<FoundDevice> find_devices() {
 
 bool is_forked() {
   const int first = first_user;
-  return first != 0 && first != getpid();
+  return first != 0 && first != sys::process_id();
 }
 
 void refuse_after_fork() {
   int nobody = 0;
-  first_user.compare_exchange_strong(nobody, getpid());
+  first_user.compare_exchange_strong(nobody, sys::process_id());
   if (is_forked())
     fail(Status::device,
          "process {} has forked after it had used OpenCL, and its drivers do not live on in the child: fork before, or "

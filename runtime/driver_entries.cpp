@@ -1,7 +1,5 @@
 #include "runtime/driver_entries.h"
 
-#include <dlfcn.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -13,6 +11,7 @@
 
 #include "runtime/environment.h"
 #include "runtime/opencl.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -203,13 +202,13 @@ DriverEntries driver_entries(bool ocl_icd) {
 }
 
 OpenClLoader opencl_loader() {
-  Dl_info library{};
   OpenClLoader out;
-  if (::dladdr(reinterpret_cast<const void*>(&clGetPlatformIDs), &library) == 0 || !library.dli_fname) return out;
+  const std::string library = sys::library_of(reinterpret_cast<const void*>(&clGetPlatformIDs));
+  if (library.empty()) return out;
   std::error_code error;
-  out.path = fs::absolute(library.dli_fname, error).string();
+  out.path = fs::absolute(library, error).string();
   // Of both, a variable that the other does not know. (To be asked, ocl-icd would load every driver.)
-  std::ifstream in(library.dli_fname, std::ios::binary);
+  std::ifstream in(library, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   out.ocl_icd = bytes.find("OCL_ICD_ASSUME_ICD_EXTENSION") != std::string::npos;
   return out;

@@ -1,13 +1,12 @@
 #include "runtime/energy.h"
 
-#include <dlfcn.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 
 #include "runtime/clock.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -49,11 +48,12 @@ class Nvml {
 
  private:
   Nvml() {
-    void* library = ::dlopen("libnvidia-ml.so.1", RTLD_NOW | RTLD_LOCAL);  // stays for as long as the process
+    std::string why;
+    void* library = sys::load_library("libnvidia-ml.so.1", sys::Symbols::own, why);
     if (!library) return;
-    const auto init = reinterpret_cast<int (*)()>(::dlsym(library, "nvmlInit_v2"));
-    find_ = reinterpret_cast<decltype(find_)>(::dlsym(library, "nvmlDeviceGetHandleByPciBusId_v2"));
-    energy_ = reinterpret_cast<decltype(energy_)>(::dlsym(library, "nvmlDeviceGetTotalEnergyConsumption"));
+    const auto init = reinterpret_cast<int (*)()>(sys::symbol(library, "nvmlInit_v2"));
+    find_ = reinterpret_cast<decltype(find_)>(sys::symbol(library, "nvmlDeviceGetHandleByPciBusId_v2"));
+    energy_ = reinterpret_cast<decltype(energy_)>(sys::symbol(library, "nvmlDeviceGetTotalEnergyConsumption"));
     usable_ = init && find_ && energy_ && init() == 0;
   }
 

@@ -1,15 +1,10 @@
 #include "runtime/gpu_files.h"
 
-#include <fcntl.h>
-#include <grp.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstring>
 #include <fstream>
+
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -20,14 +15,8 @@ DeviceFile device_file(const fs::path& path) {
   DeviceFile out;
   out.path = path.string();
   // Opened, since control groups forbid what the file's mode allows.
-  const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-  if (file < 0)
-    out.problem = std::strerror(errno);
-  else
-    ::close(file);
-  struct stat found {};
-  if (::stat(path.c_str(), &found) == 0)
-    if (const group* who = ::getgrgid(found.st_gid)) out.group = who->gr_name;
+  if (const std::error_code problem = sys::try_device(path)) out.problem = problem.message();
+  out.group = sys::group_of(path);
   return out;
 }
 

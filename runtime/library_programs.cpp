@@ -1,19 +1,19 @@
 #include "runtime/library_programs.h"
 
-#include <dlfcn.h>
-
 #include <filesystem>
+
+#include "runtime/system.h"
 
 namespace vsplat {
 
 namespace fs = std::filesystem;
 
 std::string library_program(const std::string& name) {
-  Dl_info library{};
-  if (::dladdr(reinterpret_cast<const void*>(&library_program), &library) == 0 || !library.dli_fname) return "";
+  const std::string library = sys::library_of(reinterpret_cast<const void*>(&library_program));
+  if (library.empty()) return "";
   std::error_code problem;
-  fs::path real = fs::canonical(library.dli_fname, problem);
-  if (problem) real = library.dli_fname;
+  fs::path real = fs::canonical(library, problem);
+  if (problem) real = library;
   // A library that lies where none is installed is one of a build, or was packed together with what it needs.
   const fs::path folder = real.parent_path();
   const bool installed = folder.string().ends_with(VSPLAT_LIBRARY_FOLDER);

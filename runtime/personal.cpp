@@ -1,12 +1,10 @@
 #include "runtime/personal.h"
 
-#include <pwd.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
 
 #include "runtime/environment.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -57,16 +55,12 @@ Personal personal_here() {
   Personal out;
   add_home(out.homes, environment("HOME"));
   for (const char* name : {"USER", "LOGNAME", "SUDO_USER"}) add(out.users, environment(name));
-  if (const passwd* entry = ::getpwuid(::geteuid())) {
-    add_home(out.homes, entry->pw_dir ? entry->pw_dir : "");
-    add(out.users, entry->pw_name ? entry->pw_name : "");
-  }
-  char host[256] = {};
-  if (::gethostname(host, sizeof host - 1) == 0) {
-    add(out.hosts, host);
-    const std::string whole = host;
-    add(out.hosts, whole.substr(0, whole.find('.')));
-  }
+  const sys::User user = sys::this_user();
+  add_home(out.homes, user.home);
+  add(out.users, user.name);
+  const std::string host = sys::host_name();
+  add(out.hosts, host);
+  add(out.hosts, host.substr(0, host.find('.')));
   // A longer one may hold a shorter one.
   for (auto* all : {&out.homes, &out.users, &out.hosts})
     std::sort(all->begin(), all->end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });

@@ -1,7 +1,5 @@
 #include "runtime/ranks.h"
 
-#include <dlfcn.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
@@ -9,6 +7,7 @@
 #include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -26,7 +25,7 @@ bool is_one_of_several() {
 
 template <class F>
 F* function(void* module, const char* name) {
-  if (void* found = ::dlsym(module, name)) return reinterpret_cast<F*>(found);
+  if (void* found = sys::symbol(module, name)) return reinterpret_cast<F*>(found);
   fail(Status::internal, "vsplat-mpi.so has no {}: it is not of this version", name);
 }
 
@@ -45,14 +44,13 @@ Ranks::Ranks() {
   if (!is_one_of_several()) return;
   const std::string path = library_program("vsplat-mpi.so");
   // Global, since MPI's own modules look for it.
-  module_ = ::dlopen(path.c_str(), RTLD_NOW | RTLD_GLOBAL);
-  if (!module_) {
-    const char* why = ::dlerror();
+  std::string why;
+  module_ = sys::load_library(path, sys::Symbols::shared, why);
+  if (!module_)
     fail(Status::usage,
          "this process is one of several that mpirun started, and each would do all of the work: the module for MPI is "
          "not there ({}). Build with -DVSPLAT_MPI=ON, or start one process",
-         why ? why : path);
-  }
+         why.empty() ? path : why);
   hold(function<int(int*, int*)>(module_, "vsplat_mpi_start")(&rank_, &count_), "MPI_Init_thread");
   // Whoever ends without this is taken for one that crashed.
   static void (*end)() = nullptr;

@@ -1,9 +1,5 @@
 #include "runtime/system_facts.h"
 
-#include <gnu/libc-version.h>
-#include <sys/utsname.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -16,6 +12,7 @@
 #include "runtime/cache_folders.h"
 #include "runtime/error.h"
 #include "runtime/json_text.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -160,16 +157,14 @@ Json json_of(const std::string& text) {
 
 Json system_facts() {
   Json out;
-  utsname names{};
-  ::uname(&names);
-  out["kernel"] = std::string(names.sysname) + " " + names.release;
-  out["machine"] = names.machine;
+  const sys::Host host = sys::this_host();
+  out["kernel"] = host.kernel;
+  out["machine"] = host.machine;
   out["system"] = value_in("/etc/os-release", "PRETTY_NAME");
-  out["libc"] = std::string("glibc ") + ::gnu_get_libc_version();
+  out["libc"] = host.libc;
   out["processor"] = value_in("/proc/cpuinfo", "model name");
-  out["processors"] = ::sysconf(_SC_NPROCESSORS_ONLN);
-  out["memory"] =
-      static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  out["processors"] = host.processors;
+  out["memory"] = host.memory;
   return out;
 }
 

@@ -1,7 +1,5 @@
 #include "command.h"
 
-#include <unistd.h>
-
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -12,6 +10,7 @@
 #include "arguments.h"
 #include "flags.h"
 #include "outputs.h"
+#include "runtime/system.h"
 
 namespace command {
 namespace {
@@ -170,7 +169,7 @@ void warn(const std::string& text) {
 }
 
 void show_progress(const Common& common, const std::string& text) {
-  static const bool terminal = isatty(STDERR_FILENO) != 0;
+  static const bool terminal = vsplat::sys::error_output_is_terminal();
   if (common.quiet || !terminal) return;
   std::fprintf(stderr, "\r\033[K%s", for_terminal(text).c_str());
   std::fflush(stderr);
@@ -210,18 +209,11 @@ double elapsed_seconds() {
 }
 
 void catch_interrupts() {
-  std::signal(SIGINT, on_signal);
-  std::signal(SIGTERM, on_signal);
-  if (std::signal(SIGHUP, on_signal) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
-  // What these would tell, the write that fails tells, too; then all that was begun is taken back.
-  std::signal(SIGXFSZ, SIG_IGN);
-  std::signal(SIGPIPE, SIG_IGN);
+  // A write that fails tells of itself; then all that was begun is taken back.
+  vsplat::sys::catch_stops(on_signal);
 }
 
-void let_interrupts_end() {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
-    if (std::signal(signal, SIG_DFL) == SIG_IGN) std::signal(signal, SIG_IGN);
-}
+void let_interrupts_end() { vsplat::sys::let_stops_end(); }
 
 bool interrupted() { return stop_asked != 0; }
 

@@ -1,7 +1,5 @@
 #include "refinement.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -9,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "runtime/system.h"
 
 namespace command {
 namespace {
@@ -69,7 +68,7 @@ class Teller {
   explicit Teller(const Common& common) : common_(common) {}
   void tell(const vsplat_refine_progress& p) {
     const double now = elapsed_seconds();
-    const bool terminal = isatty(STDERR_FILENO) != 0;
+    const bool terminal = vsplat::sys::error_output_is_terminal();
     if (now - last_ < (terminal ? 0.1 : 5) && !(common_.verbose && phase_ != p.phase)) return;
     terminal ? show_progress(common_, progress_text(p)) : say(common_, progress_text(p));
     last_ = now;

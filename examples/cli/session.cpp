@@ -1,13 +1,12 @@
 #include "session.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "runtime/system.h"
 
 namespace command {
 namespace {
@@ -83,7 +82,7 @@ Session::Session(const Common& common, Devices most) : common_(common) {
 void Session::on_compile(void* session, const char* kernel, int32_t compiled) {
   auto* self = static_cast<Session*>(session);
   const std::lock_guard lock(self->mutex_);
-  if (!isatty(STDERR_FILENO) && !self->compiled_)
+  if (!vsplat::sys::error_output_is_terminal() && !self->compiled_)
     say(self->common_, "preparing kernels; a device's first run takes longest");
   self->compiled_ = true;
   show_progress(self->common_, "preparing kernels: " + std::to_string(compiled + 1) + " (" + kernel + ")");
@@ -103,7 +102,7 @@ int32_t Session::on_progress(void* session, const char* stage, double done) {
   std::string text =
       self->what_ + ": " + stage + ", " + std::to_string(static_cast<int>(100 * done)) + " %, " + seconds_text(spent);
   if (done > 0.05 && done < 1) text += ", about " + seconds_text(spent * (1 - done) / done) + " left";
-  if (isatty(STDERR_FILENO)) {
+  if (vsplat::sys::error_output_is_terminal()) {
     show_progress(self->common_, text);
   } else if (self->stage_ != stage && (self->common_.verbose || now - self->last_line_ > 5)) {  // few lines in a log
     self->last_line_ = now;

@@ -1,7 +1,5 @@
 #include "model/data/ray_tracer.h"
 
-#include <dlfcn.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
@@ -14,6 +12,7 @@
 #include "model/io/image_file.h"
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -28,16 +27,15 @@ std::string& named_module() {
 
 const RayFunctions* loaded() {
   const std::string path = named_module().empty() ? library_program("vsplat-rays.so") : named_module();
-  void* module = path.empty() ? nullptr : ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (!module) {
-    const char* why = path.empty() ? "it is not known where the library lies" : ::dlerror();
+  std::string why = "it is not known where the library lies";
+  void* module = path.empty() ? nullptr : sys::load_library(path, sys::Symbols::own, why);
+  if (!module)
     fail(Status::internal,
          "meshes and random objects are drawn by vsplat-rays.so, which is installed beside the library "
          "(libvsplat{}-data "
          "is its package): {}",
-         VSPLAT_SOVERSION, why ? why : path.c_str());
-  }
-  auto* functions = reinterpret_cast<RayModule*>(::dlsym(module, "vsplat_rays"));
+         VSPLAT_SOVERSION, why.empty() ? path : why);
+  auto* functions = reinterpret_cast<RayModule*>(sys::symbol(module, "vsplat_rays"));
   if (const RayFunctions* found = functions ? functions(VSPLAT_VERSION) : nullptr) return found;
   fail(Status::internal, "{} is not of vsplat {}, whose library is to load it", path, VSPLAT_VERSION);
 }
