@@ -17,15 +17,16 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   set_tests_properties(rusticl.network PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200 FIXTURES_REQUIRED golden_tiny
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
-  add_test(NAME rusticl.lara COMMAND lara_tests --gtest_filter=Kernels/LaraVectors.*lara_micro:Kernels/LaraVectors.*lara_tiny:*Lara/Lara.*)
+  add_test(NAME rusticl.lara COMMAND lara_tests --gtest_filter=Kernels/LaraVectors.*lara_micro:*Lara/Lara.*)
+  add_test(NAME rusticl.lara_tiny COMMAND lara_tests --gtest_filter=Kernels/LaraVectors.*lara_tiny)
   add_test(NAME rusticl.genden COMMAND genden_tests --gtest_filter=Kernels/GendenVectors.*genden_micro)
   add_test(NAME rusticl.genden_tiny COMMAND genden_tests --gtest_filter=Kernels/*Vectors.*genden_tiny)
   add_test(NAME rusticl.surface_loss COMMAND ops_tests --gtest_filter=*SurfaceLossOp*)
-  set_tests_properties(rusticl.lara rusticl.genden rusticl.genden_tiny rusticl.surface_loss PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200
+  set_tests_properties(rusticl.lara rusticl.lara_tiny rusticl.genden rusticl.genden_tiny rusticl.surface_loss PROPERTIES LABELS "model;drivers" TIMEOUT 600 COST 200
     FIXTURES_REQUIRED golden_tiny FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
   # Minutes: of both networks that densify.
-  set_tests_properties(rusticl.genden_tiny PROPERTIES LABELS "model;drivers;slow" TIMEOUT 1800)
+  set_tests_properties(rusticl.genden_tiny rusticl.lara_tiny PROPERTIES LABELS "model;drivers;slow" TIMEOUT 1800)
   add_test(NAME rusticl.profile COMMAND runtime_tests --gtest_filter=*ProfilesTimesThatCanBe)
   add_test(NAME rusticl.render COMMAND splat_tests --gtest_filter=Committed/RenderGolden.*:CommittedSurfels/RenderGolden.*)
   add_test(NAME rusticl.gradient COMMAND splat_tests --gtest_filter=Committed/RenderBackwardGolden.*:CommittedSurfels/RenderBackwardGolden.*:*IsZeroWhereTheLossIs*)
@@ -65,7 +66,8 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
     SKIP_REGULAR_EXPRESSION "${some_skipped}"
     FAIL_REGULAR_EXPRESSION "Invalid (read|write|argument)|[Rr]ace|OCLGRIND|errors generated|${nothing_ran}")
   # Half a minute to two: all of a work-group's items are interpreted, and little of its tiles is filled by so small a network.
-  set_tests_properties(oclgrind.predictor oclgrind.more_scenes oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
+  set_tests_properties(oclgrind.predictor oclgrind.gradient oclgrind.more_scenes oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryStage
+    oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
 elseif(NOT OCLGRIND)
   message(${left_out} "No oclgrind (Debian: oclgrind): its tests are left out")
 endif()

@@ -26,7 +26,7 @@ endforeach()
 add_test(NAME cli_limits.planned COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/limits_test.py Planned)
 set_tests_properties(cli_limits.planned PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
-set_tests_properties(limits.ops.groups_of_64 limits.ops.local_32k limits.ops.others limits.ops.parts limits.runtime.local_32k
+set_tests_properties(limits.ops.groups_of_64 limits.ops.local_16k limits.ops.local_32k limits.ops.others limits.ops.parts limits.runtime.local_32k
   limits.runtime.others PROPERTIES LABELS "unit;slow")
 set_tests_properties(cli_limits.groups_of_64 cli_limits.local_memory_of_32k cli_limits.no_doubles cli_limits.wide_alignment
   cli_limits.sizes_of_32_bits cli_limits.few_groups_a_side PROPERTIES LABELS "cli;slow")
