@@ -1,11 +1,9 @@
 #include "runtime/cache_folders.h"
 
-#include <unistd.h>
-
-#include <cstdlib>
 #include <filesystem>
 
 #include "runtime/environment.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -32,13 +30,7 @@ bool is_writable(const std::string& path) {
   std::error_code error;
   while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path())
     folder = folder.parent_path();
-  // access() says yes to root where the file system says no: try.
-  std::string probe = (folder / ".vsplat-XXXXXX").string();
-  const int file = mkstemp(probe.data());
-  if (file < 0) return false;
-  close(file);
-  unlink(probe.c_str());
-  return true;
+  return !sys::try_new_file_in(folder);
 }
 
 }  // namespace vsplat

@@ -1,10 +1,5 @@
 #include "runtime/disk_cache.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <mutex>
@@ -16,6 +11,7 @@
 #include "runtime/log.h"
 #include "runtime/output_file.h"
 #include "runtime/sha256.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -23,7 +19,7 @@ namespace {
 
 const std::string magic = "vsplat-kernel-2\n";
 
-constexpr off_t largest_entry = off_t{1} << 28;  // compiled, our kernels take some hundred kilobytes
+constexpr std::uint64_t largest_entry = std::uint64_t{1} << 28;  // compiled, our kernels take some hundred kilobytes
 
 // An entry of one key is none of another.
 std::string digest(const std::string& key, const std::vector<unsigned char>& payload) {
@@ -34,14 +30,10 @@ std::string digest(const std::string& key, const std::vector<unsigned char>& pay
   return hash.hex();
 }
 
-bool ours_alone(const struct stat& what) {
-  return (what.st_uid == ::geteuid() || what.st_uid == 0) && (what.st_mode & (S_IWGRP | S_IWOTH)) == 0;
-}
-
 // Others could put there what the driver then runs as us.
 bool others_may_write(const std::string& folder) {
-  struct stat found {};
-  return ::stat(folder.c_str(), &found) == 0 && S_ISDIR(found.st_mode) && !ours_alone(found);
+  const std::optional<sys::FileFacts> found = sys::facts_of(folder);
+  return found && found->is_folder() && !found->ours_alone;
 }
 
 // Once in a process.
@@ -57,35 +49,13 @@ void warn_of(const std::string& folder) {
         folder);
 }
 
-class Descriptor {
- public:
-  explicit Descriptor(const std::string& path)
-      : number_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW)) {}
-  ~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int number() const { return number_; }
-
- private:
-  int number_;
-};
-
 // Of a regular file that nobody else may write to; empty where it is none, or cannot be read.
-std::string contents(const Descriptor& file) {
-  struct stat found {};
-  if (file.number() < 0 || ::fstat(file.number(), &found) != 0 || !S_ISREG(found.st_mode) || !ours_alone(found) ||
-      found.st_size > largest_entry)
-    return "";
-  std::string out(static_cast<std::size_t>(found.st_size), '\0');
-  std::size_t at = 0;
-  while (at < out.size()) {
-    const ssize_t got = ::read(file.number(), out.data() + at, out.size() - at);
-    if (got <= 0) return "";
-    at += static_cast<std::size_t>(got);
-  }
-  return out;
+std::string contents(const sys::Handle& file) {
+  std::error_code problem;
+  const std::optional<sys::FileFacts> found = sys::facts_of(file, problem);
+  if (!found || !found->is_file() || !found->ours_alone || found->size > largest_entry) return "";
+  std::string out(static_cast<std::size_t>(found->size), '\0');
+  return sys::read_at(file, 0, out.data(), out.size(), problem) == out.size() ? out : "";
 }
 
 }  // namespace
@@ -111,8 +81,9 @@ std::string DiskCache::key(const std::vector<std::string>& parts) {
 std::optional<std::vector<unsigned char>> DiskCache::load(const std::string& key) const {
   if (!enabled()) return std::nullopt;
   const HostSpan span(HostKind::file, "read", "compiled kernel");
-  const Descriptor file(path(key));
-  if (file.number() < 0 && errno == ENOENT) return std::nullopt;
+  std::error_code problem;
+  const sys::Handle file = sys::open_to_read(path(key), problem, sys::Links::refused);
+  if (problem == std::errc::no_such_file_or_directory) return std::nullopt;
   const std::string text = contents(file);
   const std::size_t head = magic.size() + 65;
   if (text.size() > head && text.compare(0, magic.size(), magic) == 0 && text[head - 1] == '\n') {
@@ -120,7 +91,7 @@ std::optional<std::vector<unsigned char>> DiskCache::load(const std::string& key
     if (text.compare(magic.size(), 64, digest(key, payload)) == 0) return payload;
   }
   verbose("{}: damaged, compiled again", path(key));
-  ::unlink(path(key).c_str());  // a folder stays, and is in the way of no more than this entry
+  sys::remove_file(path(key));  // a folder stays, and is in the way of no more than this entry
   return std::nullopt;
 }
 
@@ -130,7 +101,8 @@ void DiskCache::store(const std::string& key, const std::vector<unsigned char>& 
   std::error_code failed;
   std::filesystem::create_directories(folder.has_filename() ? folder.parent_path() : folder.parent_path().parent_path(),
                                       failed);
-  if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) return;
+  failed = sys::make_folder(folder_, sys::Whose::owner);
+  if (failed && failed != std::errc::file_exists) return;
   if (others_may_write(folder_)) return;
   try {
     OutputFile out(path(key), kOwnersAlone);

@@ -1,9 +1,5 @@
 #include "runtime/file.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -12,21 +8,20 @@
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
 #include "runtime/output_file.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
 std::unique_ptr<std::FILE, FileCloser> open_regular(const std::string& path) {
-  // Of a pipe this does not wait for a writer; of a regular file it means nothing.
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-  if (descriptor < 0) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
-  struct stat found {};
-  const bool known = ::fstat(descriptor, &found) == 0;
+  std::error_code problem;
+  sys::Handle opened = sys::open_to_read(path, problem);
+  if (problem) fail(Status::file, "{}: cannot be opened: {}", path, problem.message());
+  const std::optional<sys::FileFacts> found = sys::facts_of(opened, problem);
+  if (found && found->is_folder()) fail(Status::file, "{}: is a folder, a file is expected", path);
+  if (found && !found->is_file()) fail(Status::file, "{}: is no regular file; one is expected", path);
   std::unique_ptr<std::FILE, FileCloser> out;
-  if (known && S_ISREG(found.st_mode)) out.reset(::fdopen(descriptor, "rb"));
-  if (!out) ::close(descriptor);
-  if (known && S_ISDIR(found.st_mode)) fail(Status::file, "{}: is a folder, a file is expected", path);
-  if (known && !S_ISREG(found.st_mode)) fail(Status::file, "{}: is no regular file; one is expected", path);
-  if (!out) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
+  if (found) out.reset(sys::stream(std::move(opened), "rb", problem));
+  if (!out) fail(Status::file, "{}: cannot be opened: {}", path, problem.message());
   return out;
 }
 

@@ -1,17 +1,14 @@
 #include "runtime/file_rules.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <mutex>
 
 #include "runtime/fail.h"
+#include "runtime/system.h"
 
 namespace vsplat {
+
+namespace fs = std::filesystem;
+
 namespace {
 
 std::mutex& rules_mutex() {
@@ -47,21 +44,23 @@ bool outside_allowed() {
 }
 
 bool rename_to_new(const std::string& from, const std::string& to) {
-  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
-  if (errno == EINVAL || errno == ENOSYS) {  // of a file system that knows no flags
-    if (::link(from.c_str(), to.c_str()) == 0) {
-      ::unlink(from.c_str());
+  std::error_code problem = sys::rename_to_new(from, to), ignored;
+  if (!problem) return true;
+  if (problem == std::errc::invalid_argument || problem == std::errc::function_not_supported) {
+    problem = sys::link(from, to);  // on a file system that knows no flags
+    if (!problem) {
+      sys::remove_file(from);
       return true;
     }
     // Neither links: nobody can do better than to look first.
-    struct stat there {};
-    if (errno != EEXIST && ::lstat(to.c_str(), &there) != 0 && errno == ENOENT &&
-        ::rename(from.c_str(), to.c_str()) == 0)
-      return true;
-    if (::lstat(to.c_str(), &there) == 0) return false;
+    if (problem != std::errc::file_exists && fs::symlink_status(to, ignored).type() == fs::file_type::not_found) {
+      fs::rename(from, to, problem);
+      if (!problem) return true;
+    }
+    if (fs::exists(fs::symlink_status(to, ignored))) return false;
   }
-  if (errno == EEXIST || errno == ENOTEMPTY) return false;
-  fail(Status::file, "{}: cannot be put in place: {}", to, std::strerror(errno));
+  if (problem == std::errc::file_exists || problem == std::errc::directory_not_empty) return false;
+  fail(Status::file, "{}: cannot be put in place: {}", to, problem.message());
 }
 
 }  // namespace vsplat

@@ -1,14 +1,7 @@
 #include "runtime/folder_lock.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstring>
-
 #include "runtime/fail.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -29,36 +22,33 @@ FolderLock::FolderLock(const std::string& folder, const std::string& called) {
 }
 
 FolderLock::~FolderLock() {
-  if (descriptor_ < 0) return;
-  remove_made();  // while it is held: nobody else has begun to write
-  ::close(descriptor_);
+  if (held_.good()) remove_made();  // while it is held: nobody else has begun to write
 }
 
 void FolderLock::make(const fs::path& folder, const std::string& called) {
   std::error_code problem;
   if (folder.empty() || fs::is_directory(folder, problem)) return;
   make(folder.has_filename() ? folder.parent_path() : folder.parent_path().parent_path(), called);
-  if (::mkdir(folder.c_str(), 0777) == 0)
+  const std::error_code failed = sys::make_folder(folder, sys::Whose::everybody);
+  if (!failed)
     made_.push_back(folder);
-  else if (errno != EEXIST || !fs::is_directory(folder, problem))
-    fail(Status::file, "{}: cannot be made: {}", called, std::strerror(errno));
+  else if (failed != std::errc::file_exists || !fs::is_directory(folder, problem))
+    fail(Status::file, "{}: cannot be made: {}", called, failed.message());
 }
 
 // False where the folder is no longer the one of that name.
 bool FolderLock::hold(const std::string& folder, const std::string& called) {
-  const int opened = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (opened < 0 && errno == ENOENT) return false;
-  if (opened < 0) fail(Status::file, "{}: cannot be opened: {}", called, std::strerror(errno));
-  const bool held_elsewhere = ::flock(opened, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  struct stat mine {
-  }, named{};
-  const bool same = ::fstat(opened, &mine) == 0 && ::stat(folder.c_str(), &named) == 0 && mine.st_ino == named.st_ino &&
-                    mine.st_dev == named.st_dev;
-  if (same && !held_elsewhere) {
-    descriptor_ = opened;
+  std::error_code problem;
+  sys::Handle opened = sys::open_folder(folder, problem);
+  if (problem == std::errc::no_such_file_or_directory) return false;
+  if (problem) fail(Status::file, "{}: cannot be opened: {}", called, problem.message());
+  const bool ours = sys::lock(opened);
+  const std::optional<sys::FileFacts> mine = sys::facts_of(opened, problem), named = sys::facts_of(folder);
+  const bool same = mine && named && mine->same_as(*named);
+  if (same && ours) {
+    held_ = std::move(opened);
     return true;
   }
-  ::close(opened);
   if (same)
     fail(Status::file, "{}: another process is writing into this folder: wait until it has ended, or name another one",
          called);
@@ -66,7 +56,7 @@ bool FolderLock::hold(const std::string& folder, const std::string& called) {
 }
 
 void FolderLock::remove_made() const {
-  for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder) ::rmdir(folder->c_str());
+  for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder) sys::remove_folder(*folder);
 }
 
 }  // namespace vsplat

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "runtime/handle.h"
+
 namespace vsplat {
 
 // Holds the kernel's lock on the folder itself: no file is left behind, and of a process that has died nothing is.
@@ -26,7 +28,7 @@ class FolderLock {
   bool hold(const std::string& folder, const std::string& called);
   void remove_made() const;
 
-  int descriptor_ = -1;
+  sys::Handle held_;
   std::vector<std::filesystem::path> made_;  // the outer ones first
 };
 

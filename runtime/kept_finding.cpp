@@ -2,10 +2,7 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <chrono>
 #include <filesystem>
 
@@ -15,6 +12,7 @@
 #include "runtime/file.h"
 #include "runtime/log.h"
 #include "runtime/output_file.h"
+#include "runtime/system.h"
 #include "runtime/verdict.h"
 
 namespace vsplat {
@@ -41,12 +39,11 @@ std::string kept_finding_path(const DeviceInfo& d, const std::string& subject) {
 }
 
 std::optional<std::string> kept_finding(const std::string& path) {
-  struct stat found {};
-  if (path.empty() || ::lstat(path.c_str(), &found) != 0) return std::nullopt;
-  if (!S_ISREG(found.st_mode) || (found.st_uid != ::geteuid() && found.st_uid != 0) ||
-      (found.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+  const std::optional<sys::FileFacts> found = path.empty() ? std::nullopt : sys::facts_of_entry(path);
+  if (!found) return std::nullopt;
+  if (!found->is_file() || !found->ours_alone)
     fail(Status::file, "{}: others may write to it: `chmod go-w` it where it is yours", path);
-  const std::vector<unsigned char> text = found.st_size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
+  const std::vector<unsigned char> text = found->size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
   return std::string(text.begin(), text.end());
 }
 
@@ -55,8 +52,10 @@ bool keep_finding(const std::string& path, const std::string& text) {
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   std::error_code ignored;
   std::filesystem::create_directories(folder.parent_path().parent_path(), ignored);
-  for (const auto& each : {folder.parent_path(), folder})
-    if (::mkdir(each.c_str(), 0700) != 0 && errno != EEXIST) return false;
+  for (const auto& each : {folder.parent_path(), folder}) {
+    const std::error_code failed = sys::make_folder(each, sys::Whose::owner);
+    if (failed && failed != std::errc::file_exists) return false;
+  }
   try {
     OutputFile out(path, kOwnersAlone);
     out.write(text);

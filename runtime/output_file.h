@@ -4,16 +4,19 @@
 #include <cstddef>
 #include <cstdio>
 #include <string>
+#include <system_error>
+
+#include "runtime/system.h"
 
 namespace vsplat {
 
 // Of what the cache keeps: its readers take nothing that others may write to, which a umask of 002 allows.
-constexpr unsigned kOwnersAlone = 0600;
+constexpr sys::Whose kOwnersAlone = sys::Whose::owner;
 
 class OutputFile {
  public:
-  // Error(file) where the folder cannot be written. `mode` is whose it is, less what the process's umask takes away.
-  explicit OutputFile(const std::string& path, unsigned mode = 0666);
+  // Error(file) where the folder cannot be written.
+  explicit OutputFile(const std::string& path, sys::Whose whose = sys::Whose::everybody);
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
@@ -24,7 +27,7 @@ class OutputFile {
   void commit();
 
  private:
-  [[noreturn]] void failed(const char* what) const;
+  [[noreturn]] void failed(const char* what, const std::error_code& why) const;
 
   std::string path_, temporary_;
   std::FILE* file_ = nullptr;

@@ -1,12 +1,9 @@
 #include "runtime/private_folder.h"
 
-#include <sys/stat.h>
-
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -15,8 +12,9 @@ void make_private_folder(const std::string& path) {
   std::error_code error;
   if (path.empty() || std::filesystem::is_directory(folder, error)) return;
   make_private_folder(folder.parent_path().string());
-  if (::mkdir(path.c_str(), 0700) != 0 && errno != EEXIST)
-    fail(Status::file, "{}: the folder cannot be made: {}", path, std::strerror(errno));
+  error = sys::make_folder(folder, sys::Whose::owner);
+  if (error && error != std::errc::file_exists)
+    fail(Status::file, "{}: the folder cannot be made: {}", path, error.message());
 }
 
 }  // namespace vsplat

@@ -1,13 +1,9 @@
 #include "runtime/safetensors.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <bit>
-#include <cerrno>
 #include <cstring>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -20,6 +16,7 @@
 #include "runtime/output_file.h"
 #include "runtime/printable.h"
 #include "runtime/sha256.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -103,47 +100,32 @@ std::string text_of(const Shape& shape) { return fmt::format("[{}]", fmt::join(s
 class SafetensorsFile::Source {
  public:
   explicit Source(const std::string& path) : path_(path) {
-    descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (descriptor_ < 0) fail(Status::file, "{}: cannot be opened: {}", path, std::strerror(errno));
-    struct stat found = {};
-    const bool known = ::fstat(descriptor_, &found) == 0;
-    if (!known || !S_ISREG(found.st_mode)) {
-      ::close(descriptor_);
-      fail(Status::file, "{}: not a regular file", path);
-    }
-    size_ = static_cast<std::uint64_t>(found.st_size);
+    std::error_code problem;
+    file_ = sys::open_to_read(path, problem);
+    if (problem) fail(Status::file, "{}: cannot be opened: {}", path, problem.message());
+    const std::optional<sys::FileFacts> found = sys::facts_of(file_, problem);
+    if (!found || !found->is_file()) fail(Status::file, "{}: not a regular file", path);
+    size_ = found->size;
   }
   explicit Source(std::span<const std::byte> memory) : memory_(memory), size_(memory.size()) {}
-  ~Source() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  Source(const Source&) = delete;
-  Source& operator=(const Source&) = delete;
-
   std::uint64_t size() const { return size_; }
 
   void read(std::uint64_t offset, void* into, std::size_t bytes) const {
-    if (descriptor_ < 0) {
+    if (!file_.good()) {
       if (bytes != 0) std::memcpy(into, memory_.subspan(offset, bytes).data(), bytes);
       return;
     }
     const HostSpan span(HostKind::file, "read", path_);
-    auto* to = static_cast<char*>(into);
-    while (bytes != 0) {
-      const ssize_t got = ::pread(descriptor_, to, bytes, static_cast<off_t>(offset));
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) fail(Status::file, "{}: cannot be read at byte {}: {}", path_, offset, std::strerror(errno));
-      if (got == 0)
-        fail(Status::file, "{}: ended at byte {} while it was read; it had {} bytes before", path_, offset, size_);
-      to += got;
-      offset += static_cast<std::uint64_t>(got);
-      bytes -= static_cast<std::size_t>(got);
-    }
+    std::error_code problem;
+    const std::size_t got = sys::read_at(file_, offset, into, bytes, problem);
+    if (problem) fail(Status::file, "{}: cannot be read at byte {}: {}", path_, offset + got, problem.message());
+    if (got < bytes)
+      fail(Status::file, "{}: ended at byte {} while it was read; it had {} bytes before", path_, offset + got, size_);
   }
 
  private:
   std::string path_;
-  int descriptor_ = -1;  // below 0: `memory_` it is
+  sys::Handle file_;  // none: `memory_` it is
   std::span<const std::byte> memory_;
   std::uint64_t size_ = 0;
 };

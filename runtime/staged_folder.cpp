@@ -1,16 +1,10 @@
 #include "runtime/staged_folder.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 
 #include "runtime/fail.h"
 #include "runtime/file_rules.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -71,27 +65,30 @@ void StagedFolder::carry_over(const std::function<bool(const std::string& inside
   walk(place_, [&](const fs::directory_entry& entry, const std::string& inside) {
     const fs::path to = staged_ / inside;
     if (is_there(to) || (!is_folder(entry) && ours(inside))) return;
-    const bool done = is_folder(entry) ? ::mkdir(to.c_str(), 0777) == 0
-                                       : ::linkat(AT_FDCWD, entry.path().c_str(), AT_FDCWD, to.c_str(), 0) == 0;
-    if (!done)
+    const std::error_code problem =
+        is_folder(entry) ? sys::make_folder(to, sys::Whose::everybody) : sys::link(entry.path(), to);
+    if (problem)
       fail(Status::file, "{}: is none of the files that are replaced, and cannot be kept: {}; move it elsewhere",
-           entry.path().string(), std::strerror(errno));
+           entry.path().string(), problem.message());
   });
 }
 
 void StagedFolder::exchange() const {
-  const char *staged = staged_.c_str(), *place = place_.c_str();
-  if (::renameat2(AT_FDCWD, staged, AT_FDCWD, place, RENAME_EXCHANGE) == 0) return;
-  if (errno == EINVAL || errno == ENOSYS) {  // of a file system that knows no flags: two steps
-    const std::string before = staged_.string() + ".before";
-    if (::rename(place, before.c_str()) == 0) {
-      if (::rename(staged, place) == 0 && ::rename(before.c_str(), staged) == 0) return;
-      const int reason = errno;
-      ::rename(before.c_str(), place);
-      errno = reason;
+  std::error_code problem = sys::exchange(staged_, place_);
+  if (!problem) return;
+  // On a file system that knows no flags: in two steps.
+  if (problem == std::errc::invalid_argument || problem == std::errc::function_not_supported) {
+    const fs::path before = staged_.string() + ".before";
+    fs::rename(place_, before, problem);
+    if (!problem) {
+      fs::rename(staged_, place_, problem);
+      if (!problem) fs::rename(before, staged_, problem);
+      if (!problem) return;
+      std::error_code ignored;
+      fs::rename(before, place_, ignored);
     }
   }
-  fail(Status::file, "{}: cannot be replaced: {}", place_.string(), std::strerror(errno));
+  fail(Status::file, "{}: cannot be replaced: {}", place_.string(), problem.message());
 }
 
 void StagedFolder::put_in_place(const std::function<bool(const std::string& inside)>& ours) {

@@ -35,7 +35,7 @@ struct FileFacts {
 // Nothing where it is not there, or cannot be looked at.
 std::optional<FileFacts> facts_of(const std::filesystem::path& path);
 std::optional<FileFacts> facts_of_entry(const std::filesystem::path& path);  // of a link: its own
-std::optional<FileFacts> facts_of(const Handle& opened);
+std::optional<FileFacts> facts_of(const Handle& opened, std::error_code& error);
 std::optional<FileFacts> facts_of(std::FILE* opened);
 
 enum class Links { followed, refused };

@@ -68,9 +68,10 @@ std::optional<FileFacts> facts_of_entry(const fs::path& path) {
   return facts_in(found);
 }
 
-std::optional<FileFacts> facts_of(const Handle& opened) {
+std::optional<FileFacts> facts_of(const Handle& opened, std::error_code& error) {
   struct stat found {};
-  if (::fstat(opened.number(), &found) != 0) return std::nullopt;
+  error = error_of(::fstat(opened.number(), &found));
+  if (error) return std::nullopt;
   return facts_in(found);
 }
 

@@ -1,8 +1,6 @@
 // The table of a device as a file.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -20,6 +18,7 @@
 #include "runtime/printable.h"
 #include "runtime/private_folder.h"
 #include "runtime/program.h"
+#include "runtime/system.h"
 #include "runtime/tuning.h"
 
 namespace vsplat {
@@ -133,9 +132,8 @@ Line line_of(const Reader& reader, const Json& in, const std::string& field, Fla
 
 // Others could make us run what they choose: parameters alone, but bits are bits.
 bool ours_alone(const std::string& path) {
-  struct stat found {};
-  return ::lstat(path.c_str(), &found) == 0 && S_ISREG(found.st_mode) &&
-         (found.st_uid == ::geteuid() || found.st_uid == 0) && (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+  const std::optional<sys::FileFacts> found = sys::facts_of_entry(path);
+  return found && found->is_file() && found->ours_alone;
 }
 
 std::string text_of(const TuningSubject& of) {
@@ -238,7 +236,7 @@ void write_tuning(const std::string& path, const TuningTable& table) {
   }
   const std::string folder = fs::path(path).parent_path().string();
   make_private_folder(folder);
-  OutputFile out(path, folder == folder_of_tables() ? kOwnersAlone : 0666);
+  OutputFile out(path, folder == folder_of_tables() ? kOwnersAlone : sys::Whose::everybody);
   out.write(json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   out.commit();
 }

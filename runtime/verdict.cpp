@@ -1,8 +1,6 @@
 #include "runtime/verdict.h"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -20,6 +18,7 @@
 #include "runtime/private_folder.h"
 #include "runtime/program.h"
 #include "runtime/sha256.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -58,12 +57,11 @@ void warn_once(const std::string& text) {
 
 // Of a file that nobody else may write to.
 nlohmann::json kept_verdict(const std::string& path) {
-  struct stat found {};
-  if (path.empty() || ::lstat(path.c_str(), &found) != 0) return nullptr;
-  if (!S_ISREG(found.st_mode) || (found.st_uid != ::geteuid() && found.st_uid != 0) ||
-      (found.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+  const std::optional<sys::FileFacts> found = path.empty() ? std::nullopt : sys::facts_of_entry(path);
+  if (!found) return nullptr;
+  if (!found->is_file() || !found->ours_alone)
     fail(Status::file, "{}: others may write to it: `chmod go-w` it where it is yours", path);
-  const std::vector<unsigned char> text = found.st_size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
+  const std::vector<unsigned char> text = found->size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
   nlohmann::json out = nlohmann::json::parse(text.begin(), text.end(), nullptr, false);
   if (!out.is_object()) fail(Status::format, "{}: is damaged", path);
   return out;

@@ -1,13 +1,7 @@
 #include "outputs.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <vsplat/vsplat.hpp>
@@ -40,19 +34,9 @@ void check_writable(const fs::path& path) {
     folder = folder.parent_path();
   if (!fs::is_directory(folder, error))
     throw std::runtime_error(path.string() + " cannot be written: " + folder.string() + " is not a folder");
-  // access() says yes to root where the file system says no: try, with a file that has no name where that is possible,
-  // since this process may be killed at any moment.
-  if (const int unnamed = open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600); unnamed >= 0) {
-    close(unnamed);
-    return;
-  }
-  std::string probe = (folder / ".vsplat-XXXXXX").string();
-  const int file = mkstemp(probe.data());
-  if (file < 0)
+  if (const std::error_code problem = vsplat::sys::try_new_file_in(folder))
     throw std::runtime_error(path.string() + " cannot be written: folder " + folder.string() + ": " +
-                             std::strerror(errno));
-  close(file);
-  unlink(probe.c_str());
+                             problem.message());
 }
 
 }  // namespace
@@ -82,8 +66,8 @@ Outputs::~Outputs() {
 }
 
 bool Outputs::Made::still_there() const {
-  struct stat there {};
-  return lstat(path.c_str(), &there) == 0 && there.st_dev == device && there.st_ino == inode;
+  const auto there = vsplat::sys::facts_of_entry(path);
+  return there && there->same_as(facts);
 }
 
 void Outputs::on_written(void* outputs, const char* path, std::int32_t created) {
@@ -92,9 +76,9 @@ void Outputs::on_written(void* outputs, const char* path, std::int32_t created) 
   const fs::path file = normal(path);
   const auto known =
       std::find_if(self->made_.begin(), self->made_.end(), [&](const Made& m) { return m.path == file; });
-  struct stat there {};
-  if ((!created && known == self->made_.end()) || lstat(path, &there) != 0) return;
-  const Made now{file, there.st_dev, there.st_ino};
+  const auto there = vsplat::sys::facts_of_entry(path);
+  if ((!created && known == self->made_.end()) || !there) return;
+  const Made now{file, *there};
   known == self->made_.end() ? self->made_.push_back(now) : static_cast<void>(*known = now);
 }
 

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "runtime/system.h"
+
 namespace command {
 
 // Whether files may name others that lie anywhere, for the whole process.
@@ -49,7 +51,7 @@ class Outputs {
   // Of a file that this process made: what lies there later may be another's.
   struct Made {
     std::filesystem::path path;
-    std::uint64_t device, inode;
+    vsplat::sys::FileFacts facts;
     bool still_there() const;
   };
   static std::int32_t on_exists(void* outputs, const char* path);

@@ -1,7 +1,6 @@
 #include "model/io/hdf5_file.h"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <ctime>
@@ -13,6 +12,7 @@
 #include "model/read/reader.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -26,21 +26,13 @@ constexpr std::size_t most_idle = 8;
 
 // Which file it is, and that it is the same as before.
 struct Identity {
-  explicit Identity(const std::string& of) : path(of) {
-    struct stat found {};
-    if (::stat(of.c_str(), &found) != 0) return;
-    device = found.st_dev, node = found.st_ino, size = found.st_size;
-    changed = found.st_mtim;
-  }
+  explicit Identity(const std::string& of) : path(of), facts(sys::facts_of(of).value_or(sys::FileFacts())) {}
   // What has just been written may be written again without a later time.
-  bool settled() const { return changed.tv_sec > 0 && changed.tv_sec + 2 < std::time(nullptr); }
-  auto key() const { return std::tie(path, device, node, size, changed.tv_sec, changed.tv_nsec); }
+  bool settled() const { return facts.changed > 0 && facts.changed + 2 < std::time(nullptr); }
+  auto key() const { return std::tie(path, facts.device, facts.node, facts.size, facts.changed, facts.changed_ns); }
 
   std::string path;
-  dev_t device = 0;
-  ino_t node = 0;
-  off_t size = 0;
-  timespec changed{};
+  sys::FileFacts facts;
 };
 
 std::size_t count_of(const std::vector<long>& shape) {

@@ -7,6 +7,7 @@
 
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 
@@ -37,8 +38,8 @@ void PlyFile::seek(std::uint64_t to) {
     at_ = std::min(to, size_);
     return;
   }
-  if (fseeko(file_.get(), static_cast<off_t>(to), SEEK_SET) != 0)
-    fail(Status::file, "{}: cannot be read at byte {}: {}", path_, to, std::strerror(errno));
+  if (const std::error_code problem = sys::seek(file_.get(), to))
+    fail(Status::file, "{}: cannot be read at byte {}: {}", path_, to, problem.message());
 }
 
 }  // namespace vsplat

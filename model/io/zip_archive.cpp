@@ -1,6 +1,5 @@
 #include "model/io/zip_archive.h"
 
-#include <sys/stat.h>
 #include <zip.h>
 
 #include <algorithm>
@@ -9,6 +8,7 @@
 #include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/printable.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -50,8 +50,8 @@ void ZipArchive::Closer::operator()(zip* archive) const { zip_discard(archive); 
 
 ZipArchive::ZipArchive(const std::string& path) : path_(path) {
   auto file = open_regular(path);
-  struct stat whole {};
-  if (::fstat(::fileno(file.get()), &whole) != 0) fail(Status::file, "{}: cannot be looked at", path);
+  const std::optional<sys::FileFacts> whole = sys::facts_of(file.get());
+  if (!whole) fail(Status::file, "{}: cannot be looked at", path);
   zip_error_t error;
   zip_error_init(&error);
   std::unique_ptr<zip_source_t, SourceCloser> source(zip_source_filep_create(file.get(), 0, -1, &error));
@@ -65,7 +65,7 @@ ZipArchive::ZipArchive(const std::string& path) : path_(path) {
   const zip_int64_t count = zip_get_num_entries(archive_.get(), 0);
   if (count > kMostEntries)
     fail(Status::format, "{}: {} entries in its archive, at most {} are expected", path, count, kMostEntries);
-  std::uint64_t left = static_cast<std::uint64_t>(whole.st_size);
+  std::uint64_t left = whole->size;
   for (zip_int64_t i = 0; i < count; ++i) left -= add(static_cast<std::uint64_t>(i), left);
 }
 

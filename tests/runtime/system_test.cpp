@@ -33,29 +33,32 @@ std::string text_at(const std::string& path, std::uint64_t offset, std::size_t b
 
 TEST(SystemFiles, FactsTellOneFromAnother) {
   const TemporaryFolder folder;
-  EXPECT_FALSE(sys::facts_of(fs::path(folder / "missing")));
+  EXPECT_FALSE(sys::facts_of(folder / "missing"));
   EXPECT_FALSE(sys::facts_of_entry(folder / "missing"));
-  EXPECT_FALSE(sys::facts_of(sys::Handle()));
+  std::error_code error;
+  EXPECT_FALSE(sys::facts_of(sys::Handle(), error));
+  EXPECT_EQ(error, std::errc::bad_file_descriptor);
   put_file(folder / "empty", "");
   put_file(folder / "one", "1");
   fs::create_symlink("one", folder / "link");
   fs::create_symlink("missing", folder / "nowhere");
   fs::create_hard_link(folder / "one", folder / "same");
-  const auto empty = sys::facts_of(fs::path(folder / "empty")), one = sys::facts_of(fs::path(folder / "one"));
+  const auto empty = sys::facts_of(folder / "empty"), one = sys::facts_of(folder / "one");
   ASSERT_TRUE(empty && one);
   EXPECT_TRUE(empty->is_file() && empty->size == 0);
   EXPECT_TRUE(one->is_file() && one->size == 1);
   EXPECT_FALSE(one->same_as(*empty));
-  EXPECT_TRUE(one->same_as(*sys::facts_of(fs::path(folder / "same"))));
-  EXPECT_TRUE(one->same_as(*sys::facts_of(fs::path(folder / "link"))));
+  EXPECT_TRUE(one->same_as(*sys::facts_of(folder / "same")));
+  EXPECT_TRUE(one->same_as(*sys::facts_of(folder / "link")));
   EXPECT_FALSE(one->same_as(*sys::facts_of_entry(folder / "link")));
   EXPECT_EQ(sys::facts_of_entry(folder / "link")->kind, sys::FileFacts::Kind::other);
-  EXPECT_FALSE(sys::facts_of(fs::path(folder / "nowhere")));
+  EXPECT_FALSE(sys::facts_of(folder / "nowhere"));
   EXPECT_TRUE(sys::facts_of_entry(folder / "nowhere"));
   EXPECT_TRUE(sys::facts_of(folder.path())->is_folder());
-  EXPECT_EQ(sys::facts_of(fs::path("/dev/null"))->kind, sys::FileFacts::Kind::other);
-  std::error_code error;
-  EXPECT_TRUE(one->same_as(*sys::facts_of(sys::open_to_read(folder / "one", error))));
+  EXPECT_EQ(sys::facts_of("/dev/null")->kind, sys::FileFacts::Kind::other);
+  const sys::Handle opened = sys::open_to_read(folder / "one", error);
+  EXPECT_TRUE(one->same_as(*sys::facts_of(opened, error)));
+  EXPECT_FALSE(error);
   struct stat found {};
   ASSERT_EQ(::stat((folder / "one").c_str(), &found), 0);
   EXPECT_EQ(one->changed, found.st_mtim.tv_sec);
@@ -66,9 +69,7 @@ TEST(SystemFiles, FactsTellWhoMayWrite) {
   const TemporaryFolder folder;
   const std::string path = folder / "a";
   put_file(path, "");
-  const auto ours = [&](mode_t mode) {
-    return ::chmod(path.c_str(), mode) == 0 && sys::facts_of(fs::path(path))->ours_alone;
-  };
+  const auto ours = [&](mode_t mode) { return ::chmod(path.c_str(), mode) == 0 && sys::facts_of(path)->ours_alone; };
   EXPECT_TRUE(ours(0644) && ours(0600) && ours(0755));
   EXPECT_FALSE(ours(0664) || ours(0646));
   if (::geteuid() != 0) GTEST_SKIP() << "only root gives files away";
@@ -111,7 +112,7 @@ TEST(SystemFiles, OpensNothingElse) {
   ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
   const sys::Handle pipe = sys::open_to_read(folder / "pipe", error);  // and does not wait for a writer
   ASSERT_TRUE(pipe.good());
-  EXPECT_EQ(sys::facts_of(pipe)->kind, sys::FileFacts::Kind::other);
+  EXPECT_EQ(sys::facts_of(pipe, error)->kind, sys::FileFacts::Kind::other);
 }
 
 TEST(SystemFiles, CreatesWhatIsNotThere) {
@@ -167,7 +168,7 @@ TEST(SystemFolders, RenamesOntoNothing) {
   EXPECT_FALSE(sys::rename_to_new(folder / "a", folder / "c"));
   EXPECT_EQ(text_at(folder / "c", 0, 1), "b");
   EXPECT_FALSE(sys::link(folder / "c", folder / "d"));
-  EXPECT_TRUE(sys::facts_of(fs::path(folder / "c"))->same_as(*sys::facts_of(fs::path(folder / "d"))));
+  EXPECT_TRUE(sys::facts_of(folder / "c")->same_as(*sys::facts_of(folder / "d")));
 }
 
 TEST(SystemFolders, TakesAwayWhatIsMeant) {
@@ -255,7 +256,7 @@ TEST(SystemChannel, TakesBytesAndFiles) {
   EXPECT_EQ(sys::send_some(one, "yz", 2, opened.number()).bytes, 2u);
   EXPECT_EQ(sys::receive_some(other, got, sizeof got, &file).bytes, 2u);
   ASSERT_TRUE(file.good());
-  EXPECT_TRUE(sys::facts_of(file)->same_as(*sys::facts_of(opened)));
+  EXPECT_TRUE(sys::facts_of(file, error)->same_as(*sys::facts_of(opened, error)));
   one = sys::Handle();
   EXPECT_EQ(sys::wait_for(other, sys::Way::in, -1), sys::Ready::yes);
   EXPECT_FALSE(sys::receive_some(other, got, sizeof got, &file).open);
