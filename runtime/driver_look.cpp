@@ -73,7 +73,7 @@ SeenDriver look(const char* what, const char* when, const std::string& library, 
   else if (end.unknown)
     out.error = "how is not known here, where SIGCHLD is ignored";
   else if (end.signal != 0)
-    out.error = fmt::format("signal {}, {}", end.signal, ::strsignal(end.signal));
+    out.error = fmt::format("signal {}, {}", end.signal, sys::signal_name(end.signal));
   else
     out.error = fmt::format("exit code {}", end.exit_code);
   return out;

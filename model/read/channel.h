@@ -7,26 +7,12 @@
 #include <utility>
 
 #include "model/read/message.h"
+#include "runtime/system_channel.h"
 
 namespace vsplat::read {
 
-// A file's descriptor, or none (-1).
-class Descriptor {
- public:
-  explicit Descriptor(int number = -1) : number_(number) {}
-  ~Descriptor();
-  Descriptor(Descriptor&& other) noexcept : number_(other.number_) { other.number_ = -1; }
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-  }
-  int number() const { return number_; }
-  int release() { return std::exchange(number_, -1); }
-  bool good() const { return number_ >= 0; }
-
- private:
-  int number_;
-};
+// A file's, or the socket's.
+using Descriptor = sys::Handle;
 
 // The other end is closed.
 struct Closed : std::runtime_error {
@@ -57,7 +43,7 @@ class Channel {
   Message receive_whole(std::size_t most, Descriptor* file = nullptr);
 
  private:
-  void wait(short events);
+  void wait(sys::Way way);
 
   Descriptor socket_;
   std::optional<Clock::time_point> deadline_;

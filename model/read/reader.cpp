@@ -1,16 +1,9 @@
 #include "model/read/reader.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <signal.h>
-#include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <thread>
 
@@ -19,6 +12,7 @@
 #include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/printable.h"
+#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -72,7 +66,7 @@ Reader::Reader(const std::string& path, Kind what, std::string others)
 }
 
 Reader::~Reader() {
-  if (process_ >= 0) ::kill(process_, SIGKILL);
+  if (process_ >= 0) sys::kill_program(process_);
   end();
 }
 
@@ -96,7 +90,7 @@ void Reader::start(Kind what) {
     why = "ends as soon as it starts";
   }
   if (says != read::version()) {
-    if (process_ >= 0) ::kill(process_, SIGKILL);
+    if (process_ >= 0) sys::kill_program(process_);
     end();
     fail(Status::internal,
          "{}: {}; meshes and HDF5 files are read by this program, which is installed beside the library",
@@ -193,24 +187,25 @@ void Reader::answer(Kind question, const std::string& name) {
   bool yes = name.find('\0') == std::string::npos && fs::exists(name, ignored);
   if (!yes && question == Kind::open && missing_.empty()) missing_ = name;
   yes = yes && may_read(name);
-  struct stat found {};
+  std::optional<sys::FileFacts> found;
   if (yes && question == Kind::open) try {
       file = open_regular(name);
-      if (::fstat(::fileno(file.get()), &found) != 0) file.reset();
+      found = sys::facts_of(file.get());
+      if (!found) file.reset();
       yes = file != nullptr;
     } catch (const Error& e) {
       if (refused_.empty()) refused_ = e.what();
       yes = false;
     }
-  const bool is_new = file && seen_.emplace(found.st_dev, found.st_ino).second;  // some are opened again and again
-  const auto bytes = is_new ? static_cast<std::uint64_t>(found.st_size) : 0;
+  const bool is_new = file && seen_.emplace(found->device, found->node).second;  // some are opened again and again
+  const auto bytes = is_new ? found->size : 0;
   given_ += bytes;
   const double more = limits_.memory_per_byte > 0 ? static_cast<double>(bytes) / limits_.bytes_per_second : 0;
   seconds_ += more;
   channel_->expect_by(channel_->deadline() + seconds(more));
   Packer body;
   body.put(std::uint32_t{yes}).put(static_cast<std::uint32_t>(std::ceil(more))).put(memory());
-  channel_->send(Kind::answer, body, file ? ::fileno(file.get()) : -1);
+  channel_->send(Kind::answer, body, file ? sys::number_of(file.get()) : -1);
 }
 
 void Reader::complain(const Message& failed) {
@@ -226,15 +221,13 @@ void Reader::complain(const Message& failed) {
 
 // Where a control group's memory was not enough, the kernel kills the reader, too.
 void Reader::crashed() {
-  const int how = end();
-  if (how >= 0 && WIFSIGNALED(how)) {
-    const int with = WTERMSIG(how);
-    if (with == SIGALRM || with == SIGXCPU)
-      give_up(Status::format, "was not read in time; it is damaged, or made to take long");
+  const sys::ProgramEnd how = end();
+  if (how.signal != 0) {
+    if (how.out_of_time) give_up(Status::format, "was not read in time; it is damaged, or made to take long");
     give_up(Status::format,
             fmt::format("its reader crashed (signal {}, {}): the file is damaged, or reading it found a fault in the "
                         "library that reads such files",
-                        with, ::strsignal(with)));
+                        how.signal, sys::signal_name(how.signal)));
   }
   give_up(Status::format,
           "its reader ended without an answer: the file is damaged, or reading it found a fault in the "
@@ -248,37 +241,32 @@ void Reader::senseless(const std::string& why) {
 }
 
 void Reader::give_up(Status status, const std::string& why) {
-  if (process_ >= 0) ::kill(process_, SIGKILL);
+  if (process_ >= 0) sys::kill_program(process_);
   end();
   gave_up_ = why;
   fail(status, "{}: {}", path_, why);
 }
 
-int Reader::end() {
+sys::ProgramEnd Reader::end() {
+  using State = sys::ProgramEnd::State;
   channel_.reset();
-  if (process_ < 0) return -1;
-  int how = -1;
-  pid_t ended = 0;
-  for (int i = 0; i < 200 && ended == 0; ++i) {  // one second in all
-    ended = ::waitpid(process_, &how, WNOHANG);
-    if (ended == 0) std::this_thread::sleep_for(std::chrono::milliseconds(i < 20 ? 1 : 5));
+  if (process_ < 0) return {};
+  sys::ProgramEnd out{State::runs};
+  for (int i = 0; i < 200 && out.state == State::runs; ++i) {  // one second in all
+    out = sys::end_of(process_, sys::Wait::no);
+    if (out.state == State::runs) std::this_thread::sleep_for(std::chrono::milliseconds(i < 20 ? 1 : 5));
   }
-  if (ended == 0) {
-    ::kill(process_, SIGKILL);
-    do ended = ::waitpid(process_, &how, 0);
-    while (ended < 0 && errno == EINTR);
+  if (out.state == State::runs) {
+    sys::kill_program(process_);
+    out = sys::end_of(process_, sys::Wait::until_it_has_ended);
   }
-  const bool known = ended == process_;
   process_ = -1;
-  return known ? how : -1;
+  return out;
 }
 
 // Under sanitizers, whose own address space has no limit.
 void Reader::look_at_memory() {
-  std::unique_ptr<std::FILE, FileCloser> file(std::fopen(fmt::format("/proc/{}/statm", process_).c_str(), "re"));
-  unsigned long whole = 0, resident = 0;
-  if (!file || std::fscanf(file.get(), "%lu %lu", &whole, &resident) != 2) return;
-  if (resident * static_cast<unsigned long>(::sysconf(_SC_PAGESIZE)) > memory())
+  if (sys::memory_of(process_) > memory())
     give_up(Status::format,
             fmt::format("reading it takes more than {} MiB of memory; it is damaged, or made to", memory() >> 20));
 }

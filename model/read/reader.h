@@ -2,7 +2,6 @@
 // files (assimp, HDF5). It can open nothing, has limits of memory and time, and where it crashes that is an error with
 // the file's name. README.md beside this says what confines it.
 #pragma once
-#include <sys/types.h>
 
 #include <chrono>
 #include <cstdint>
@@ -14,6 +13,7 @@
 #include "model/read/channel.h"
 #include "runtime/error.h"
 #include "runtime/roots.h"
+#include "runtime/system_process.h"
 
 namespace vsplat {
 
@@ -58,7 +58,7 @@ class Reader {
   const std::string& missing() const { return missing_; }  // the first file that was asked for and is not there
   const std::string& refused() const { return refused_; }  // why the first one was not opened
   bool ended() const { return !channel_; }
-  pid_t process() const { return process_; }
+  int process() const { return process_; }
 
  private:
   template <class F>
@@ -70,15 +70,15 @@ class Reader {
   void look_at_memory();
   [[noreturn]] void complain(const read::Message& failed);
   [[noreturn]] void crashed();
-  int end();  // gives it a moment, then kills it. -> how it ended, as waitpid() has it; -1 where that is not known
+  sys::ProgramEnd end();  // gives it a moment, then kills it
 
   std::string path_, others_;
   ReaderLimits limits_;
   Roots roots_;
   std::unique_ptr<read::Channel> channel_;
-  pid_t process_ = -1;
+  int process_ = -1;
   std::uint64_t given_ = 0;
-  std::set<std::pair<dev_t, ino_t>> seen_;  // of those files
+  std::set<std::pair<std::uint64_t, std::uint64_t>> seen_;  // of those files
   int questions_ = 0;
   double seconds_ = 0;
   std::string missing_, refused_;

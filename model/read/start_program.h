@@ -1,6 +1,5 @@
 // The reader's program: where it is, and how it is started.
 #pragma once
-#include <sys/types.h>
 
 #include <cstdint>
 #include <functional>
@@ -10,8 +9,8 @@ namespace vsplat::read {
 
 struct Started {
   std::string program;
-  pid_t process;  // -1: none that could be ended
-  int socket;     // its other end is the program's third descriptor
+  int process;  // -1: none that could be ended
+  int socket;   // its other end is the program's third descriptor
 };
 
 // With that end of the socket and nothing else of what this process has open. Error(internal) where there is no such

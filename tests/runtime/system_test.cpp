@@ -12,6 +12,7 @@
 #include <cstdlib>
 
 #include "runtime/system_channel.h"
+#include "runtime/system_process.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {
@@ -293,6 +294,88 @@ TEST(SystemProcess, KnowsItsLibraries) {
   EXPECT_NE(sys::library_of(cosine).find("libm.so.6"), std::string::npos);
   const int on_the_stack = 0;
   EXPECT_EQ(sys::library_of(&on_the_stack), "");
+}
+
+class StartedProgram {
+ public:
+  explicit StartedProgram(const std::string& script) {
+    sys::Handle its;
+    EXPECT_FALSE(sys::make_channel(ours, its));
+    std::error_code error;
+    number = sys::start_program("/bin/sh", {"-c", script}, its, "VSPLAT_HIDDEN", error);
+    EXPECT_FALSE(error) << error.message();
+  }
+  // All that it says to its third descriptor.
+  std::string heard() const {
+    std::string out;
+    for (char piece[256];;) {
+      if (sys::wait_for(ours, sys::Way::in, 30'000) != sys::Ready::yes) return out + " and no end";
+      const sys::Moved moved = sys::receive_some(ours, piece, sizeof piece);
+      if (!moved.open) return out;
+      out.append(piece, moved.bytes);
+    }
+  }
+  sys::Handle ours;
+  int number = -1;
+};
+
+TEST(SystemProgram, SpeaksOnItsThirdDescriptor) {
+  sys::set_variable("VSPLAT_HIDDEN_ONE", "no");
+  sys::set_variable("VSPLAT_SHOWN_ONE", "yes");
+  const sys::Handle kept(::dup2(2, 50));  // by whoever asks for no O_CLOEXEC
+  const StartedProgram program("echo \"<$VSPLAT_HIDDEN_ONE$VSPLAT_SHOWN_ONE>\" >&3; ls -d /proc/$$/fd/* >&3; exit 7");
+  const std::string heard = program.heard();
+  EXPECT_EQ(heard.substr(0, 6), "<yes>\n");
+  EXPECT_NE(heard.find("/fd/3\n"), std::string::npos) << heard;
+  EXPECT_EQ(heard.find("/fd/50\n"), std::string::npos) << heard;
+  const sys::ProgramEnd end = sys::end_of(program.number, sys::Wait::until_it_has_ended);
+  EXPECT_EQ(end.state, sys::ProgramEnd::State::ended);
+  EXPECT_EQ(end.signal, 0);
+  EXPECT_EQ(sys::end_of(program.number, sys::Wait::no).state, sys::ProgramEnd::State::unknown);  // nobody's by now
+  ::unsetenv("VSPLAT_HIDDEN_ONE");
+  ::unsetenv("VSPLAT_SHOWN_ONE");
+}
+
+TEST(SystemProgram, IsKilledAndEndsOfTime) {
+  const StartedProgram program("echo >&3; exec sleep 60");
+  char line = 0;
+  ASSERT_EQ(sys::wait_for(program.ours, sys::Way::in, 30'000), sys::Ready::yes);
+  sys::receive_some(program.ours, &line, 1);
+  EXPECT_EQ(sys::end_of(program.number, sys::Wait::no).state, sys::ProgramEnd::State::runs);
+  EXPECT_GT(sys::memory_of(program.number), 10'000u);
+  sys::kill_program(program.number);
+  sys::ProgramEnd end = sys::end_of(program.number, sys::Wait::until_it_has_ended);
+  EXPECT_EQ(end.signal, SIGKILL);
+  EXPECT_FALSE(end.out_of_time);
+  EXPECT_EQ(sys::signal_name(end.signal), "Killed");
+  EXPECT_EQ(sys::memory_of(program.number), 0u);
+  end = sys::end_of(StartedProgram("kill -ALRM $$").number, sys::Wait::until_it_has_ended);
+  EXPECT_TRUE(end.out_of_time && end.signal == SIGALRM);
+}
+
+TEST(SystemProgram, ThatIsMissingIsNotStarted) {
+  std::error_code error, no_pipe;
+  EXPECT_LT(sys::start_program("/nowhere/program", {}, sys::Handle(), "X", error), 0);
+  EXPECT_EQ(error, std::errc::no_such_file_or_directory);
+  sys::watch_program("/nowhere/program", {}, {1, 1, 1}, no_pipe, error);
+  EXPECT_FALSE(no_pipe);
+  EXPECT_EQ(error, std::errc::no_such_file_or_directory);
+}
+
+TEST(SystemProgram, TellsWhileItIsWatched) {
+  std::error_code no_pipe, error;
+  const auto watched = [&](const std::string& script, double seconds) {
+    return sys::watch_program("/bin/sh", {"-c", script}, {4, 3, seconds}, no_pipe, error);
+  };
+  sys::WatchedEnd end = watched("printf abcdef >&3; printf 12345; exit 9", 60);
+  EXPECT_FALSE(no_pipe || error);
+  EXPECT_EQ(end.told, "abcd");
+  EXPECT_EQ(end.said, "345");
+  EXPECT_EQ(end.exit_code, 9);
+  EXPECT_FALSE(end.too_late || end.unknown);
+  EXPECT_EQ(watched("kill -SEGV $$", 60).signal, SIGSEGV);
+  EXPECT_TRUE(watched("sleep 60", 0.1).too_late);
+  EXPECT_EQ(watched("true", 60).exit_code, 0);
 }
 
 }  // namespace
