@@ -8,8 +8,8 @@ set(some_skipped "SKIPPED \\] [0-9]+ tests?, listed below:\n(\\[  SKIPPED \\] [^
 if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
   set(on_rusticl "RUSTICL_ENABLE=llvmpipe;VSPLAT_DEVICE=llvmpipe")
   if(VSPLAT_SANITIZE)
-    # llvmpipe registers its kernels' frames, and whoever looks for a frame first sorts them: with a lock, in memory that the sanitizer
-    # asks whole call stacks for, which looks for frames. So without these stacks, and without leaks, which need them.
+    # llvmpipe registers its kernels' frames, and whoever looks for a frame first sorts them: with a lock, in memory that the sanitizer would
+    # ask whole call stacks for, which looks for frames. So it must not ask for these, and leaks are not looked for.
     list(APPEND on_rusticl "ASAN_OPTIONS=fast_unwind_on_malloc=1:intercept_tls_get_addr=0:detect_leaks=0")
   endif()
   add_test(NAME rusticl.network

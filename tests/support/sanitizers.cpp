@@ -4,10 +4,10 @@
 
 extern "C" {
 
-// Leaks are told apart by whose they are; that takes whole call stacks. And a thread's dynamic storage is not followed:
+// A thread's dynamic storage is not followed:
 // where glibc put a block of it 16 bytes behind a page's begin, GCC 12's runtime takes what stands before it for an old
 // glibc's header, and the search for leaks at the end reads where that points and dies ("Tracer caught signal 11").
-VISIBLE const char* __asan_default_options() { return "fast_unwind_on_malloc=0:intercept_tls_get_addr=0"; }
+VISIBLE const char* __asan_default_options() { return "intercept_tls_get_addr=0"; }
 
 VISIBLE const char* __lsan_default_options() { return "print_suppressions=0:suppressions=" VSPLAT_SUPPRESSIONS; }
 
