@@ -48,13 +48,15 @@ vsplat_status vsplat_share_out(const vsplat_device* devices, size_t num_devices,
     if (!work) fail(Status::usage, "work is null");
     const vsplat_share_options o = taken(options, VSPLAT_SHARE_OPTIONS_INIT, "options");
     refuse_after_fork();
-    const auto hold = [](vsplat_status status, const char* by) {
+    // What a caller's function returns may be no value of the enum at all, and is looked at as a number first.
+    const auto hold = [](const vsplat_status& returned, const char* by) {
+      const int status = value_of(returned);
       if (status == VSPLAT_OK) return;
-      if (value_of(status) < VSPLAT_OK || value_of(status) > VSPLAT_ERROR_BUSY)
-        fail(Status::usage, "{} returned {}, which is no vsplat_status", by, value_of(status));
+      if (status < VSPLAT_OK || status > VSPLAT_ERROR_BUSY)
+        fail(Status::usage, "{} returned {}, which is no vsplat_status", by, status);
       const char* why = vsplat_last_error();
       throw Error(static_cast<Status>(status),
-                  *why ? why : fmt::format("{} ended it: {}", by, vsplat_status_name(status)));
+                  *why ? why : fmt::format("{} ended it: {}", by, vsplat_status_name(returned)));
     };
     ShareOut shared;
     shared.items = count;
