@@ -1,4 +1,5 @@
-# What continuous integration builds with (`tests/run.sh --strict`): a clean build takes half of the processor's time.
+# What continuous integration and the sanitizers build with (`tests/run.sh --strict`, `--asan`): a clean build takes half of the
+# processor's time.
 #   vsplat_precompile(TARGET <header>...)  system headers that most sources of a target include, parsed once. None of ours is among
 #                                          them, since a change of it would compile everything anew.
 #   vsplat_precompile_as(TARGET OTHER)     those of OTHER, which is compiled with the same options

@@ -166,14 +166,14 @@ class Tune(Searching):
             told, err = self.tune("--model", self.model, "--for", "reconstruct", "--seconds", 3, "--kernels", "gpu", env=env)
             said += err
             wrong = [one for one in told["refused"] if one["op"] in ("gemm", "conv3d")]
-            if wrong:
+            if len(wrong) > 1:
                 break
         for one in told["refused"]:
             self.assertEqual((one["verdict"], one["set"]["unroll"]), ("wrong", 2), one)
             self.assertGreater(one["error"], 1e-2)
             shape = " ".join(f"{name}={value}" for name, value in one["shape"].items())
             self.assertRegex(said, re.escape(f"{one['op']} {shape}, ") + r"(scratch=\d+ )?tile=\d+ unroll=2( split=\d)?: refused: off by [0-9.e+-]+ of the largest value")
-        self.assertTrue(wrong)
+        self.assertGreater(len(wrong), 1)
         _, table = self.table()
         tried = [t for t in table["tried"] if t["set"].get("unroll") == 2]
         self.assertEqual({t["verdict"] for t in tried}, {"wrong"})
