@@ -18,7 +18,7 @@ struct MatrixTile {
 
 struct UnitKernel {
   MatrixUnit unit;
-  const char *file, *name;
+  const char* name;                 // of the file, and of its kernel
   bool tf32;                        // has it, too
   std::array<MatrixTile, 3> tiles;  // the largest first; those of no group are none
 };
@@ -26,17 +26,12 @@ struct UnitKernel {
 constexpr std::array<UnitKernel, 5> kKernels = {
     {{MatrixUnit::emulated,
       "gemm_matrix_gpu",
-      "gemm_matrix_gpu",
       true,
       {{{128, 128, 256, 20480, "-DWIDE"}, {64, 64, 128, 10240, ""}, {64, 32, 64, 7680, "-DNARROW"}}}},
-     {MatrixUnit::ptx,
-      "gemm_matrix_ptx_gpu",
-      "gemm_matrix_ptx_gpu",
-      true,
-      {{{128, 128, 256, 20480, "-DWIDE"}, {64, 64, 128, 10240, ""}, {}}}},
-     {MatrixUnit::dpas, "gemm_matrix_dpas_gpu", "gemm_matrix_dpas_gpu", false, {{{64, 64, 64, 10240, ""}, {}, {}}}},
-     {MatrixUnit::wmma, "gemm_matrix_wmma_gpu", "gemm_matrix_wmma_gpu", false, {{{64, 64, 128, 10240, ""}, {}, {}}}},
-     {MatrixUnit::mfma, "gemm_matrix_mfma_gpu", "gemm_matrix_mfma_gpu", false, {{{64, 64, 256, 10240, ""}, {}, {}}}}}};
+     {MatrixUnit::ptx, "gemm_matrix_ptx_gpu", true, {{{128, 128, 256, 20480, "-DWIDE"}, {64, 64, 128, 10240, ""}, {}}}},
+     {MatrixUnit::dpas, "gemm_matrix_dpas_gpu", false, {{{64, 64, 64, 10240, ""}, {}, {}}}},
+     {MatrixUnit::wmma, "gemm_matrix_wmma_gpu", false, {{{64, 64, 128, 10240, ""}, {}, {}}}},
+     {MatrixUnit::mfma, "gemm_matrix_mfma_gpu", false, {{{64, 64, 256, 10240, ""}, {}, {}}}}}};
 
 // The kernel, with the defines of its tile.
 struct Chosen {
@@ -55,7 +50,7 @@ Chosen choose(Context& ctx, const MatrixProducts& p) {
     if (wide && (ctx.switched_off().large_tiles || 2 * p.n <= tile.columns ||
                  p.products * div_up(p.m, tile.rows) * div_up(p.n, tile.columns) < enough))
       continue;
-    KernelId id{of.file, of.name, tile.defines, p.name};
+    KernelId id{of.name, of.name, tile.defines, p.name};
     if (p.operands == Operands::tf32) id.defines += id.defines.empty() ? "-DMATRIX_TF32" : " -DMATRIX_TF32";
     if (ctx.takes(id, static_cast<std::size_t>(tile.group), static_cast<std::size_t>(tile.local))) return {id, tile};
   }

@@ -10,32 +10,29 @@
 #include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
-#include "runtime/log.h"
 #include "runtime/output_file.h"
+#include "runtime/private_folder.h"
 #include "runtime/system.h"
 #include "runtime/verdict.h"
 
 namespace vsplat {
-namespace {
 
 // Kernels that somebody works at are nobody else's business: what is found of them is kept in a folder that is named
 // for it, or not at all.
 bool keeps_findings() { return environment("VSPLAT_KERNEL_DIR").empty() || !environment("VSPLAT_CACHE_DIR").empty(); }
-
-}  // namespace
 
 std::string today() {
   const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
 }
 
-std::string kept_finding_path(const DeviceInfo& d, const std::string& subject) {
+std::string kept_finding_path(const DeviceInfo& d, const std::string& subject, const std::string& folder) {
   const DiskCache cache;
   if (!cache.enabled() || !keeps_findings()) return "";
   const std::string key =
       DiskCache::key({subject, d.name, d.vendor, d.driver, d.version, d.platform_name, d.platform_version,
                       std::to_string(d.compute_units), d.lowered, kernels_hash()});
-  return cache.folder() + "/findings/" + key.substr(0, 32) + ".json";
+  return cache.folder() + "/" + folder + "/" + key.substr(0, 32) + ".json";
 }
 
 std::optional<std::string> kept_finding(const std::string& path) {
@@ -47,24 +44,11 @@ std::optional<std::string> kept_finding(const std::string& path) {
   return std::string(text.begin(), text.end());
 }
 
-bool keep_finding(const std::string& path, const std::string& text) {
-  if (path.empty()) return false;
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  std::error_code ignored;
-  std::filesystem::create_directories(folder.parent_path().parent_path(), ignored);
-  for (const auto& each : {folder.parent_path(), folder}) {
-    const std::error_code failed = sys::make_folder(each, sys::Whose::owner);
-    if (failed && failed != std::errc::file_exists) return false;
-  }
-  try {
-    OutputFile out(path, kOwnersAlone);
-    out.write(text);
-    out.commit();
-    return true;
-  } catch (const Error& e) {
-    warn("{}", e.what());
-    return false;
-  }
+void keep_finding(const std::string& path, const std::string& text) {
+  make_private_folder(std::filesystem::path(path).parent_path().string());
+  OutputFile out(path, kOwnersAlone);
+  out.write(text);
+  out.commit();
 }
 
 }  // namespace vsplat

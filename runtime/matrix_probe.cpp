@@ -79,8 +79,13 @@ std::optional<std::string> remembered(const DeviceInfo& device, MatrixUnit unit)
 void remember_unit(const DeviceInfo& device, MatrixUnit unit, const std::string& wrong) {
   const nlohmann::ordered_json json{{"unit", name_of(unit)}, {"wrong", wrong},          {"date", today()},
                                     {"device", device.name}, {"driver", device.driver}, {"kernels", kernels_hash()}};
-  keep_finding(kept_finding_path(device, subject_of(unit)),
-               json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  const std::string path = kept_finding_path(device, subject_of(unit));
+  if (path.empty()) return;
+  try {
+    keep_finding(path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  } catch (const Error& e) {  // it is tried again, then
+    warn("{}", e.what());
+  }
 }
 
 // In a context of its own: a driver may give one up that has run what the device cannot.

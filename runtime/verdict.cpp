@@ -11,14 +11,11 @@
 #include "runtime/disk_cache.h"
 #include "runtime/environment.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/kept_finding.h"
 #include "runtime/kept_verdicts.h"
 #include "runtime/log.h"
-#include "runtime/output_file.h"
-#include "runtime/private_folder.h"
 #include "runtime/program.h"
 #include "runtime/sha256.h"
-#include "runtime/system.h"
 
 namespace vsplat {
 namespace {
@@ -33,19 +30,8 @@ std::string hash_of_all() {
   return hash.hex();
 }
 
-// Kernels that somebody works at are nobody else's business: what is found of them is kept in a folder that is named
-// for it, or not at all.
-bool keeps_verdicts() { return environment("VSPLAT_KERNEL_DIR").empty() || !environment("VSPLAT_CACHE_DIR").empty(); }
-
-// Where it is kept: in a file of its own, for `report` and whoever looks. Empty: nowhere.
-std::string verdict_path(const DeviceInfo& d) {
-  const DiskCache cache;
-  if (!cache.enabled() || !keeps_verdicts()) return "";
-  const std::string key =
-      DiskCache::key({"verdict 1", d.name, d.vendor, d.driver, d.version, d.platform_name, d.platform_version,
-                      std::to_string(d.compute_units), d.lowered, kernels_hash()});
-  return cache.folder() + "/verdicts/" + key.substr(0, 32) + ".json";
-}
+// In a folder of their own, for `report` and whoever looks.
+std::string verdict_path(const DeviceInfo& device) { return kept_finding_path(device, "verdict 1", "verdicts"); }
 
 // A device is asked about more than once.
 void warn_once(const std::string& text) {
@@ -55,14 +41,10 @@ void warn_once(const std::string& text) {
   if (told.insert(text).second) warn("{}", text);
 }
 
-// Of a file that nobody else may write to.
 nlohmann::json kept_verdict(const std::string& path) {
-  const std::optional<sys::FileFacts> found = path.empty() ? std::nullopt : sys::facts_of_entry(path);
-  if (!found) return nullptr;
-  if (!found->is_file() || !found->ours_alone)
-    fail(Status::file, "{}: others may write to it: `chmod go-w` it where it is yours", path);
-  const std::vector<unsigned char> text = found->size > 1 << 20 ? std::vector<unsigned char>() : read_file(path);
-  nlohmann::json out = nlohmann::json::parse(text.begin(), text.end(), nullptr, false);
+  const std::optional<std::string> text = kept_finding(path);
+  if (!text) return nullptr;
+  nlohmann::json out = nlohmann::json::parse(*text, nullptr, false);
   if (!out.is_object()) fail(Status::format, "{}: is damaged", path);
   return out;
 }
@@ -132,7 +114,7 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
 std::vector<KeptVerdict> kept_verdicts() {
   std::vector<KeptVerdict> out;
   const DiskCache cache;
-  if (!cache.enabled() || !keeps_verdicts()) return out;
+  if (!cache.enabled() || !keeps_findings()) return out;
   std::vector<std::string> paths;
   std::error_code error;
   for (std::filesystem::directory_iterator at(cache.folder() + "/verdicts", error), end; !error && at != end;
@@ -155,7 +137,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
   const std::string path = verdict_path(device);
   if (path.empty()) {
     warn("nothing is remembered of the self-test: {}",
-         keeps_verdicts() ? "there is no folder to keep it in, since VSPLAT_CACHE_DIR is off, or others may write to it"
+         keeps_findings() ? "there is no folder to keep it in, since VSPLAT_CACHE_DIR is off, or others may write to it"
                           : "VSPLAT_KERNEL_DIR is set, and VSPLAT_CACHE_DIR names no folder for what is its own");
     return false;
   }
@@ -171,10 +153,7 @@ bool remember(const DeviceInfo& device, const Verdict& verdict) {
   for (const SwitchName& one : switch_names())
     if (verdict.off.*one.which) json["off"].push_back(one.name);
   try {
-    make_private_folder(std::filesystem::path(path).parent_path().string());
-    OutputFile out(path, kOwnersAlone);
-    out.write(json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-    out.commit();
+    keep_finding(path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     return true;
   } catch (const Error& e) {
     warn("nothing is remembered of the self-test: {}; set VSPLAT_CACHE_DIR to a folder that can be written", e.what());
