@@ -8,6 +8,8 @@ namespace {
 constexpr std::pair<const char*, CurveName> kCurves[] = {
     {"z", {false, false}}, {"z-trans", {false, true}}, {"hilbert", {true, false}}, {"hilbert-trans", {true, true}}};
 
+constexpr double kLeastCell = 1e-4;  // of which 2^16 along an axis, as many as a curve has bits for, are six units
+
 // The parts between commas.
 std::vector<std::string> parts_of(const std::string& text) {
   std::vector<std::string> out;
@@ -57,7 +59,7 @@ void check(const DensifyConfig& c, const FieldChecks& is) {
   is.within("densify.stride", c.stride, 1, 64);
   is.within("densify.frequencies", c.frequencies, 1, 30);
   is.in("densify.non_leaf_ratio", c.non_leaf_ratio, c.non_leaf_ratio > 0 && c.non_leaf_ratio < 1, "in (0,1)");
-  is.in("densify.cell", c.cell, c.cell > 0 && c.cell <= 1, "in (0,1]");
+  is.in("densify.cell", c.cell, c.cell >= kLeastCell && c.cell <= 1, "in [0.0001,1]");
   is.in("densify.opacity_threshold", c.opacity_threshold, c.opacity_threshold >= 0 && c.opacity_threshold < 1,
         "in [0,1)");
   is.one_of("densify.duplicates", c.duplicates, {"spconv", "all"});

@@ -195,7 +195,8 @@ class GpuScript(Case):
         self.assertGreater(second["steps_here"], 0)
         self.assertEqual((second["calls"], second["psnr_before"], second["psnr_first"]), (2, first["psnr_after"], first["psnr_after"]))
         steps = [int(line.split(",")[0]) for line in pathlib.Path(self.path("second", "log.csv")).read_text().splitlines()[1:]]
-        self.assertEqual(steps, list(range(10, second["steps"] + 1, 10)))
+        self.assertEqual([step for step in steps if step % 10 == 0], list(range(10, second["steps"] + 1, 10)))
+        self.assertEqual(steps, sorted(set(steps)))  # between them where a piece was stopped: what follows are the means of the rest
         # What is damaged is not gone on with.
         with open(self.path("first", parts[-1]), "r+b") as f:
             f.write(b"damaged")

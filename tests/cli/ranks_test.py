@@ -46,7 +46,9 @@ class Ranks(train_support.Case):
         self.together(2, *self.train(config, "resumed", "--resume"))
         self.same_training("whole", "resumed", 4)
 
+    @support.slow
     def test_stages(self):
+        """In the quick tests: a training of one stage."""
         config = self.config(batch=2, parts=2, stages=[{"steps": 2}, {"steps": 3, "lr": 1e-4}])
         self.succeeds(*self.train(config, "one"))
         self.together(2, *self.train(config, "two"))
@@ -95,7 +97,9 @@ class Ranks(train_support.Case):
         started.communicate(timeout=support.PATIENCE)
         self.assertIn(f"going on from step {steps}", line)  # the last one is whole
 
+    @support.slow
     def test_an_evaluation_is_the_same(self):
+        """In the quick tests: a list, whose objects are shared by the same means."""
         model = self.path("model.safetensors")
         self.succeeds("init", "micro", "--seed", 3, "--output", model, "--quiet")
         arguments = ("evaluate", self.solids, "--model", model, "--json")
@@ -105,7 +109,9 @@ class Ranks(train_support.Case):
             self.assertEqual(one, several)
             self.assertEqual(self.read("one.png"), self.read(f"{count}.png"))
 
+    @support.slow
     def test_parts_stay_with_their_kind_of_device(self):
+        """In the quick tests: TrainerParts.EachPartStaysWithItsKindOfDevice."""
         config = self.config(batch=6, parts=6, steps=12)
         env = {"POCL_DEVICES": "basic pthread", "VSPLAT_DEVICE": ""}
         code, _, err = ranks(2, *self.train(config, "mixed", "-d", "0,1"), env=env)

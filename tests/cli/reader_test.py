@@ -117,8 +117,7 @@ class Reader(MeshCase):
         self.refuses(1, ["c.ply"], *self.render(self.put("c.ply", CRASHES)))
         self.assertLess(time.time() - begun, 60)
 
-
-class SlowReader(MeshCase):
+    @support.slow
     def test_more_damaged_meshes(self):
         self.damage(6, 10)
 

@@ -126,8 +126,10 @@ class Selftest(SelftestCase):
         # The verdict is of those kernels: the library's own are not affected.
         self.assertNotIn("self-test", self.scene(wide, "others", self.env, *cpu)[1])
 
+    @support.slow
     def test_a_wrong_tuned_variant_is_taken_out_of_the_table(self):
-        """Half of the products, in every loop of one unrolling, which a table chooses that was right once."""
+        """Half of the products, in every loop of one unrolling, which a table chooses that was right once. In the quick tests:
+        SelftestErrors.ATableIsTriedWithItsOwnFlavour."""
         gpu = ("--kernels", "gpu")
         sound, _ = self.scene(self.model, "sound", self.env, *gpu)
         loop = "  TILE_UNROLL\n  for (int s = 0; s < BK; ++s) {\n"
@@ -163,7 +165,9 @@ class Selftest(SelftestCase):
         # A kernel that is mended is another one.
         self.scene(self.model, "sound", self.env)
 
+    @support.slow
     def test_kernels_at_hand_leave_nothing_behind(self):
+        """Where there is no cache. In the quick tests: VerdictTest, where there is one."""
         folder = self.path("kernels")
         shutil.copytree(CL, folder)
         home = self.path("home")
@@ -179,8 +183,7 @@ class Selftest(SelftestCase):
         self.refuses(1, ["no device is", "--device"], "selftest", "--device", "nowhere")
         self.refuses(2, "--what", "selftest", "--what")
 
-
-class SlowSelftest(SelftestCase):
+    @support.slow
     def test_what_is_refused_is_tested_again(self):
         """In the quick tests: VerdictTest.WhoTestsADeviceOpensItAllTheSame."""
         env = self.unusable()

@@ -57,6 +57,7 @@ class Share(support.Case):
         psnr = [json.loads(text)["rows"][0]["psnr"] for text in rows]
         self.assertEqual(psnr[0], psnr[1])
 
+    @support.slow
     def test_devices_of_two_platforms_agree(self):
         told = json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])
         if len({device["platform"] for device in told}) < 2:
@@ -208,11 +209,9 @@ class Train(train_support.Case):
         self.refuses(2, ["--device", "parts is 1", "2 to 4"], *self.train(self.config(batch=4), "run", "-d", "0,1"), env=TWO)
         self.refuses(1, ["parts", "1 to 2"], *self.train(self.config(batch=2, parts=3), "run"))
 
-
-class SlowTrain(train_support.Case):
-    """In the quick tests: those of two kinds of device on one platform, in ranks_test, and Share.test_devices_of_two_platforms_agree."""
-
+    @support.slow
     def test_two_platforms_keep_their_parts(self):
+        """In the quick tests: two devices of one platform, whose parts are shared by the same means."""
         if len({device["platform"] for device in json.loads(self.succeeds("devices", "--json", env=PLATFORMS)[0])}) < 2:
             self.skipTest("there is one platform")
         config = self.config(batch=4, parts=4, steps=6, checkpoint_every=3)

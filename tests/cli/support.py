@@ -152,12 +152,24 @@ class Case(unittest.TestCase):
         return ("reconstruct", self.views, "--model", self.model, "--output", self.path("out.ply"), *more)
 
 
+def slow(test):
+    """A test that the quick ones leave out, whose docstring or comment says what of it they have."""
+    test.slow = True
+    return test
+
+
 def main():
-    """What is named; or all but classes whose names begin with Slow; with --slow those alone."""
-    words = sys.argv[1:]
-    slow = "--slow" in words
-    words = [word for word in words if word != "--slow"]
-    if all(word.startswith("-") for word in words):
-        kinds = vars(sys.modules["__main__"]).items()
-        words += [name for name, kind in kinds if isinstance(kind, type) and issubclass(kind, unittest.TestCase) and name.startswith("Slow") == slow]
-    unittest.main(argv=[sys.argv[0], "-v", *words])
+    """What is named, a class or one of its tests; or all. Of a class those that are not slow; with --slow those that are."""
+    words = [word for word in sys.argv[1:] if word != "--slow"]
+    wanted = "--slow" in sys.argv
+    kinds = {name: kind for name, kind in vars(sys.modules["__main__"]).items() if isinstance(kind, type) and issubclass(kind, unittest.TestCase)}
+    tests = []
+    for word in [word for word in words if not word.startswith("-")] or kinds:
+        if word in kinds:
+            names = unittest.defaultTestLoader.getTestCaseNames(kinds[word])
+            tests += [f"{word}.{name}" for name in names if getattr(getattr(kinds[word], name), "slow", False) == wanted]
+        else:
+            tests.append(word)
+    if not tests:
+        sys.exit("there is no such test")
+    unittest.main(argv=[sys.argv[0], "-v", *(word for word in words if word.startswith("-")), *tests])

@@ -38,10 +38,9 @@ class Learns(Rising):
     def test_psnr_rises(self):
         self.expect_rise("tiny", 48)
 
-
-class SlowLearns(Rising):
-    """In the quick tests: Kernels/LaraTraining and its gradients against PyTorch's."""
+    @support.slow
     def test_psnr_of_lara_rises(self):
+        """In the quick tests: Kernels/LaraTraining and its gradients against PyTorch's."""
         self.expect_rise({"system": "lara", "base": "tiny"}, 24)
 
 

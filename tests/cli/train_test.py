@@ -97,8 +97,10 @@ class Train(train_support.Case):
         self.refuses(1, [self.path("none")], *self.train(still, "run", "--init", self.path("none")))
         self.assertFalse(os.path.exists(self.path("run")))
 
+    @support.slow
     def test_extended(self):
-        """Two commands give the same bits each time, interrupted or not, and the same as one that knew both."""
+        """Two commands give the same bits each time, interrupted or not, and the same as one that knew both. In the quick tests: stages, which end
+        and begin by the same means, and a training that is killed."""
         config = self.config()
         extend = ("--resume", "--extend", 5)
         for run in ("first", "second"):
@@ -184,8 +186,10 @@ class Train(train_support.Case):
         self.refuses(1, ["stage 2", "stage 1", 'found "sh_degree": 1, expected "sh_degree": 0'], *self.train(wrong, "wrong"))
         self.succeeds("train", config, "--dry-run")
 
+    @support.slow
     def test_procedural_objects_while_training(self):
-        """A share of the objects is drawn while training: interrupted and resumed the same bytes; a share of 0 is none; no data are needed for all."""
+        """A share of the objects is drawn while training: interrupted and resumed the same bytes; a share of 0 is none; no data are needed for all.
+        In the quick tests: such a share in Ranks.test_training_is_the_same_on_any_number."""
         os.makedirs(self.path("pictures"))
         support.write_png(self.path("pictures", "paint.png"), 2, 1, [[(250, 0, 0), (0, 0, 250)]])
         textures = ("--textures", self.path("pictures"))

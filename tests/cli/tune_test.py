@@ -108,17 +108,16 @@ class Searching(Tuned, support.Case):
                 self.assertEqual(json.load(f)["chosen"], now["chosen"])
 
 
-class SlowTune(Searching):
-    def test_a_network_to_the_end(self):
-        self.begun()
-        self.to_the_end("--model", self.model, "--for", "reconstruct")
-
-
 class Tune(Searching):
     def test_what_it_finds_is_used_and_kept(self):
         """To its end it searches for drawing, which has few shapes."""
         self.begun()
         self.to_the_end("--model", self.model, "--for", "render")
+
+    @support.slow
+    def test_a_network_to_the_end(self):
+        self.begun()
+        self.to_the_end("--model", self.model, "--for", "reconstruct")
 
     def test_a_table_is_told_and_gives_the_same_bytes(self):
         for flavour in ("cpu", "gpu"):
@@ -149,8 +148,9 @@ class Tune(Searching):
             wanted = {"cpu": "-DROWS=4 -DPANELS=1", "gpu": "-DRM=8 -DRN=8 -DUNROLL=8"}[flavour]
             self.assertTrue(any(wanted in o for o in options), options)
 
+    @support.slow
     def test_a_fast_wrong_candidate_is_not_taken(self):
-        """Half of the products, in every loop of an odd unrolling: the fastest of all, and wrong."""
+        """Half of the products, in every loop of an odd unrolling: the fastest of all, and wrong. In the quick tests: TuneCase.FindsWhatIsWrong."""
         folder = self.path("cl")
         shutil.copytree(CL, folder)
         path = os.path.join(folder, "tile_gpu.clh")

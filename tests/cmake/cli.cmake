@@ -8,8 +8,8 @@ foreach(part accidents bench cameras check convert dataset doctor evaluate far f
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 endforeach()
 
-# Of these files the classes whose names begin with Slow, which the tests above leave out.
-foreach(part reader selftest share train_learns tune)
+# Of these files what is marked as slow, which the tests above leave out.
+foreach(part reader selftest share train train_learns tune)
   add_test(NAME cli_${part}_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py --slow)
   set_tests_properties(cli_${part}_slow PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
@@ -26,9 +26,17 @@ else()
   set(ranks_part WithoutMpi)
   set(ranks_module "")
 endif()
+set(ranks_tests cli_ranks)
 add_test(NAME cli_ranks COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/ranks_test.py ${ranks_part})
-set_tests_properties(cli_ranks PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+if(TARGET vsplat_mpi)
+  list(APPEND ranks_tests cli_ranks_slow)
+  add_test(NAME cli_ranks_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/ranks_test.py ${ranks_part} --slow)
+endif()
+set_tests_properties(${ranks_tests} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
   ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_MPI_MODULE=${ranks_module};PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
+if(TARGET vsplat_mpi)
+  set_tests_properties(cli_ranks_slow PROPERTIES LABELS "cli;slow")
+endif()
 
 # A window, on a screen of the test's own.
 if(TARGET window_example)

@@ -77,16 +77,16 @@ const std::vector<std::string>& slow_extension_cases() {
 }
 
 const std::vector<std::string>& quick_training_cases() {
-  static const std::vector<std::string> names = {"train",       "train_steps",    "train_sigmoid",  "train_ste",
-                                                 "train_fine4", "train_mirrored", "train_empty_ste"};
+  static const std::vector<std::string> names = {"train", "train_steps", "train_ste", "train_mirrored",
+                                                 "train_empty_ste"};
   return names;
 }
 
 const std::vector<std::string>& slow_training_cases() {
-  static const std::vector<std::string> names = {"train_coarse",        "train_skeletal",      "train_opacity",
-                                                 "train_unprojected",   "train_fine1",         "train_distance",
-                                                 "train_kernel3",       "train_no_half_pixel", "train_empty",
-                                                 "train_empty_sigmoid", "train_empty_opacity"};
+  static const std::vector<std::string> names = {
+      "train_coarse", "train_skeletal",      "train_sigmoid",      "train_opacity", "train_unprojected",
+      "train_fine1",  "train_fine4",         "train_distance",     "train_kernel3", "train_no_half_pixel",
+      "train_empty",  "train_empty_sigmoid", "train_empty_opacity"};
   return names;
 }
 

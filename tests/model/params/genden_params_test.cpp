@@ -64,7 +64,8 @@ TEST(GendenConfigs, WhatCannotBeBuiltIsRefusedByName) {
   expect("densify.orders=", "densify.orders must be one of");
   expect("densify.duplicates=none", "densify.duplicates must be one of spconv, all");
   expect("densify.top_k=0", "densify.top_k must be 1 to");
-  expect("densify.cell=0", "densify.cell must be in (0,1]");
+  expect("densify.cell=0", "densify.cell must be in [0.0001,1]");
+  expect("densify.cell=0.00009", "densify.cell must be in [0.0001,1]");
   GendenConfig c = named_genden_config("tiny");
   EXPECT_NE(refusal([&] { set_field(c, "top_k=3"); }, Status::usage).find("no field \"top_k\""), std::string::npos);
 }

@@ -82,7 +82,7 @@ TRAIN = {
     "train_steps": ["--seed", "1", "--steps", "10"],
     **{f"train_{name}": options for name, options in VARIANTS.items()},
 }
-QUICK = ["train", "train_steps", "train_sigmoid", "train_ste", "train_fine4", "train_mirrored", "train_empty_ste"]
+QUICK = ["train", "train_steps", "train_ste", "train_mirrored", "train_empty_ste"]
 GROUPS = {
     "micro": (MICRO, ["--config", "micro"]),
     "tiny": (TINY, ["--config", "tiny"]),
