@@ -3,12 +3,12 @@
 #   vsplat_precompile(TARGET <header>...)  system headers that most sources of a target include, parsed once. None of ours is among
 #                                          them, since a change of it would compile everything anew.
 #   vsplat_precompile_as(TARGET OTHER)     those of OTHER, which is compiled with the same options
-#   vsplat_quick_test(TARGET)              what tests compute for comparison is small, and the command computes nothing: -O1
+#   vsplat_optimize(TARGET LEVEL)          not by -O3: tests and the command compute little of their own
 #   vsplat_together(TARGET FOLDERS <folder>... [ALONE <source>...])
 #                                          each folder's sources are compiled as one: most of the time goes into headers. All but those
 #                                          that stand alone: they have names in their unnamed namespaces that others there have, too.
 # Without it sources are found that do not include what they use; the linter and the fuzzers see them so, too.
-option(VSPLAT_QUICK_BUILD "Precompile system headers, and compile tests and the command with -O1" OFF)
+option(VSPLAT_QUICK_BUILD "Precompile system headers, join sources, and hardly optimise tests and the command" OFF)
 function(vsplat_precompile target)
   if(VSPLAT_QUICK_BUILD)
     target_precompile_headers(${target} PRIVATE ${ARGN})
@@ -21,9 +21,9 @@ function(vsplat_precompile_as target other)
     vsplat_precompiled_options(${target})
   endif()
 endfunction()
-function(vsplat_quick_test target)
+function(vsplat_optimize target level)
   if(VSPLAT_QUICK_BUILD)
-    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:${level}>)
   endif()
 endfunction()
 function(vsplat_together target)

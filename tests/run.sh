@@ -25,8 +25,7 @@ cmake --preset $preset -DVSPLAT_TESTS=ON -DVSPLAT_REQUIRE_ALL_TESTS=$strict $qui
 cmake --build --preset $preset
 results=$PWD/build/$preset/tests.xml cases=$PWD/build/$preset/test_cases
 rm -rf "$cases"
-# Half as many again as there are processors: many wait, for a file, a process or a lock of the compiler's. On two of them all tests took
-# 10.4 minutes in pairs and 8.6 in threes.
+# Half as many again as there are processors: some wait, for a file, a process or a lock of the compiler's.
 code=0
 ctest --test-dir build/$preset --output-on-failure --no-tests=error --output-junit "$results" -LE "$label_exclude" -j $((($(nproc) * 3 + 1) / 2)) "$@" ||
   code=$?

@@ -149,7 +149,9 @@ class Import(Checkpoints):
         for words, name in (("register_tokens", "dinov3.pth"), ("cls_token", "lara.ckpt"), ("protocol 4", "protocol.pth")):
             self.refuses(1, words, "init", "micro", "--seed", 9, "--encoder", self.path(name), "--output", self.path("none.safetensors"))
 
+    @support.slow
     def test_an_encoder_becomes_a_model_about_it(self):
+        """In the quick tests: test_an_encoder, and Dinov3, whose checkpoint becomes a model."""
         told, err = self.imports("dino.pth")
         self.assertEqual((told["named"], told["encoder_alone"], told["left_out"]), ("micro", True, []))
         self.assertIn("vsplat train --init", err)

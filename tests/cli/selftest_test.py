@@ -159,7 +159,9 @@ class Selftest(SelftestCase):
         self.assertNotIn("tuned (table", err.splitlines()[0])
         self.assertLess(self.difference(sound, now), 1e-4)
 
+    @support.slow
     def test_a_wrong_kernel_that_nothing_replaces(self):
+        """In the quick tests: VerdictTest.AnUnusableDeviceIsRefusedButWhereItIsIgnored."""
         env = self.unusable()
         self.assertNotIn("self-test", self.scene(self.model, "ignored", {**env, "VSPLAT_SELFTEST": "ignore"})[1])
         # A kernel that is mended is another one.

@@ -42,7 +42,9 @@ class Share(support.Case):
             self.assertEqual(self.files("one"), self.files("two"))
             self.assertEqual(self.files("one"), self.files("all"))
 
+    @support.slow
     def test_scores_are_the_same(self):
+        """In the quick tests: a list and pictures, which are shared by the same means."""
         self.succeeds("dataset", "procedural", "--count", 5, "--solids", "--output", self.path("set"), "--views", 9, "--size", self.SIDE, "--seed", 4)
         arguments = ("evaluate", self.path("set"), "--model", self.model, "--json")
         one, _ = self.succeeds(*arguments, "--sheet", self.path("one.png"), "-d", "0", env=TWO)

@@ -9,7 +9,7 @@ foreach(part accidents bench cameras check convert dataset doctor evaluate far f
 endforeach()
 
 # Of these files what is marked as slow, which the tests above leave out.
-foreach(part reader selftest share train train_learns tune)
+foreach(part import reader selftest share train train_learns tune)
   add_test(NAME cli_${part}_slow COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py --slow)
   set_tests_properties(cli_${part}_slow PROPERTIES LABELS "cli;slow" TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
