@@ -10,4 +10,6 @@ function(vsplat_embed out function)
     COMMAND ${CMAKE_COMMAND} -DOUT=${out} -DFUNCTION=${function} "-DFILES=${joined}" -P ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
     DEPENDS ${paths} ${PROJECT_SOURCE_DIR}/cmake/embed.cmake
     COMMENT "Embedding for ${function}" VERBATIM)
+  # A target of its own, so that it does not wait for the libraries of the one whose source it makes.
+  add_custom_target(${function}_text DEPENDS ${out})
 endfunction()
