@@ -13,8 +13,8 @@
 // ```
 // argument    type  shape                   what
 // w           f32   [N,C,27]                weights as PyTorch has them; see conv3d.clh for mirrored
-// u           f32   [ceil(N/32),36,C,3,32]  written: G g G^T; panel, coefficient, channel, dz, 32 output channels; zero
-//                                           beyond N
+// u           f32   [ceil(N/32),36,C,3,32]  written: G g G^T; panel, coefficient, then 16 channels after another (the
+//                                           last ones fewer): dz, channel, 32 output channels; zero beyond N
 // work-items  groups of one: (panel, input channel)
 // ```
 kernel void winograd_pack_weights(global const float* w, int mirrored, int C, int N, global float* u) {
@@ -22,7 +22,8 @@ kernel void winograd_pack_weights(global const float* w, int mirrored, int C, in
   float taps[27 * TILE_COLS];  // tap, output channel
   for (int j = 0; j < TILE_COLS; ++j)
     for (int t = 0; t < 27; ++t) taps[t * TILE_COLS + j] = weight_of(w, mirrored, N, C, n0 + j, c, t);
-  global float* to = u + ((size_t)GROUP_ID(0) * 36 * C + c) * 3 * TILE_COLS;
+  const int c0 = c / 16 * 16, width = min(16, C - c0);
+  global float* to = u + ((size_t)GROUP_ID(0) * 36 * C * 3 + c0 * 3 + c - c0) * TILE_COLS;
   for (int part = 0; part < 6; ++part) {
     const int dz = part / 2, from_n = 16 * (part % 2);
     float16 half_way[18];  // dy, coefficient along x
@@ -34,7 +35,8 @@ kernel void winograd_pack_weights(global const float* w, int mirrored, int C, in
     for (int i = 0; i < 6; ++i) {
       float16 row[6];
       transform_weights(half_way[i], half_way[6 + i], half_way[12 + i], row);
-      for (int j = 0; j < 6; ++j) vstore16(row[j], 0, to + ((size_t)(6 * i + j) * C * 3 + dz) * TILE_COLS + from_n);
+      for (int j = 0; j < 6; ++j)
+        vstore16(row[j], 0, to + ((size_t)(6 * i + j) * C * 3 + dz * width) * TILE_COLS + from_n);
     }
   }
 }
@@ -64,7 +66,9 @@ static inline void pack_source(global const float* x, int count, global const fl
         for (int i = 0; i < 36; ++i) {
           const int px = x_first + i / 6, py = y_first + i % 6;
           if (px < 0 || px >= X || py < 0 || py >= Y) continue;
-          float16 value = load_part(x + ((size_t)(px * Y + py) * Z + z) * count + c, width);
+          global const float* from = x + ((size_t)(px * Y + py) * Z + z) * count + c;
+          PREFETCH(from + count)
+          float16 value = load_part(from, width);
           if (scale) value = FMA(value, a, b);
           d[i] = silu ? silu_16(value) : value;
         }
@@ -141,15 +145,15 @@ kernel void winograd_forward_tile(global const float* v, global const float* u, 
       global const float* pb = u + ((size_t)n0 * 36 + (size_t)i * TILE_COLS) * C * 3;
       TILE_DECLARE
       for (int c0 = 0; c0 < C; c0 += 16) {
+        const int width = min(16, C - c0);
         // By planes along z, and not by channels: the numbers of v that three planes share would stay in registers, and
         // drive sums out of them.
 #pragma unroll 1
         for (int dz = 0; dz < 3; ++dz) {
-#pragma unroll 2
-          for (int c = 0; c < min(16, C - c0); ++c) TILE_STEP(pa + 16 * dz + c, pb + (3 * c + dz) * TILE_COLS)
+#pragma unroll 4
+          for (int c = 0; c < width; ++c, pb += TILE_COLS) TILE_STEP(pa + 16 * dz + c, pb)
         }
         pa += PACK_ROWS * 16;
-        pb += 16 * 3 * TILE_COLS;
       }
       TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)
     }

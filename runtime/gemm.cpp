@@ -20,7 +20,7 @@ const char* tile_defines(const DeviceInfo& device) { return device.native_float_
 namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
-constexpr long kMostPanels = 8;                 // of cl/gemm_cpu.cl
+constexpr long kMostPanels = 8;                 // of cl/gemm_cpu.cl and cl/gemm_rows_cpu.cl
 // What the gpu flavour packs at a time, a quarter of it: scratch memory stays bounded.
 constexpr long kScratchFloats = 2 << 20;
 
@@ -82,18 +82,36 @@ Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
 
 Written written_rows(const Gemm& g, const Sizes& s) { return written(g.out, s.out_row0 * s.n, s.m * s.n); }
 
+// Whether twelve rows of so many numbers stay in a CPU's first cache while a tile goes along them: where they lie a
+// multiple of half a page apart, they all want the same few of its sets.
+bool rows_fit(long width) { return width % 512 != 0 || width == 0; }
+
+// A's rows where they lie: without composing, and where there is a whole panel of them.
+bool wants_rows(const Gemm& g, const Sizes& s) {
+  return !g.a.map && !g.a.scale && !g.a.silu && s.m >= kTileRows && s.k > 0 && rows_fit(s.c0) && rows_fit(s.c1);
+}
+
+void gemm_rows(Context& ctx, const Gemm& g, const Sizes& s, long block) {
+  const char* defines = s.n <= 16 ? "-DCOLUMNS=16" : s.n <= 24 ? "-DCOLUMNS=24" : "";
+  ctx.launch({"gemm_rows_cpu", "gemm_rows", defines, g.name},
+             groups(div_up(s.n, kTileCols), 1, div_up(s.m, kTileRows * block)), cost_of(g, s, s.m), g.a.x0, s.c0,
+             g.a.x1, s.c1, s.row0, g.b->data, block, s.m, s.n, g.bias, static_cast<int>(g.activation), g.residual,
+             written_rows(g, s), s.out_row0);
+}
+
 // What is packed of A at a time stays in a CPU's last-level cache, and scratch memory stays bounded; of that, what one
 // work-item multiplies each panel of B with stays in the second cache.
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
   const bool loops = *tile_defines(ctx.device()) != '\0';
-  const long panels = div_up(s.m, kTileRows);
-  const long step = std::clamp(tuned.at("scratch") / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
-  const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
   // One panel a work-item where the tile is made of loops: llvmpipe ends every loop of a work-item after 65535 turns in
   // all.
   const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, s.k * kTileRows), 1L, kMostPanels);
+  if (!loops && wants_rows(g, s)) return gemm_rows(ctx, g, s, block);
+  const long panels = div_up(s.m, kTileRows);
+  const long step = std::clamp(tuned.at("scratch") / std::max(1L, s.k * kTileRows), 1L, std::max(1L, panels));
+  const Tensor scratch = ctx.tensor({step, s.k, kTileRows}, Type::f32, "packed rows");
   for (long p = 0; p < panels; p += step) {
     const long rows = std::min(s.m - p * kTileRows, step * kTileRows);
     const long count = div_up(rows, kTileRows);

@@ -67,7 +67,8 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
   if (ctx.planning()) return out;
   std::vector<float> u(static_cast<std::size_t>(out.w.data.count()), 0.0f);
   for (long n = 0; n < cout; ++n)
-    for (long c = 0; c < cin; ++c)
+    for (long c = 0; c < cin; ++c) {
+      const long c0 = c / 16 * 16, width = std::min(16L, cin - c0);  // of its block of channels
       for (long dz = 0; dz < 3; ++dz) {
         const float* from = w + (n * cin + c) * 27 + dz;
         double half_way[6][3];
@@ -80,10 +81,12 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
             const long k = i * 6 + j;
             const long at =
                 gpu ? ((k * 3 + dz) * cin + c) * cout + n
-                    : (((n / kTileCols * kCoefficients + k) * cin + c) * 3 + dz) * kTileCols + n % kTileCols;
+                    : ((n / kTileCols * kCoefficients + k) * cin * 3 + c0 * 3 + dz * width + c - c0) * kTileCols +
+                          n % kTileCols;
             u[static_cast<std::size_t>(at)] = static_cast<float>(value);
           }
       }
+    }
   ctx.write(out.w.data, u.data());
   return out;
 }

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "model/selftest/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
@@ -220,6 +222,34 @@ TEST_P(GemmTest, LongGathersAreCutIntoPieces) {
   const auto d = upload(ctx(), c);
   gemm(ctx(), d->g);
   EXPECT_TRUE(test::close(ctx().read<float>(d->g.out), c.all(), kTolerance));
+}
+
+// Where the cpu flavour reads A's rows as they lie; a map that gathers each row as it is has them packed.
+TEST_P(GemmTest, RowsThatArePackedGiveTheSameBits) {
+  for (const long m : {12, 13, 23, 24, 97, 205})
+    for (const long n : {1, 16, 17, 23, 24, 25, 32, 65})
+      for (const auto& [k, c1] : {std::pair{1L, 0L}, {31L, 2L}, {200L, 0L}, {256L, 1L}, {300L, 257L}, {512L, 0L}}) {
+        Try t{m, n, k, c1};
+        t.residual = true, t.act = Activation::silu;
+        SCOPED_TRACE(fmt::format("m {} n {} k {}+{}", m, n, k, c1));
+        const ref::GemmCase c = make_case(t);
+        const auto d = upload(ctx(), c);
+        gemm(ctx(), d->g);
+        const auto lying = ctx().read<float>(d->g.out);
+        if (m < 97) {
+          EXPECT_TRUE(test::close(lying, c.all(), kTolerance));
+        }
+        std::vector<int> same(count(m, 1));
+        std::iota(same.begin(), same.end(), 0);
+        d->g.a.map = ctx().upload({m, 1}, same, Type::i32);
+        ctx().write(d->g.out, test::nans(lying.size()).data());
+        gemm(ctx(), d->g);
+        if (ctx().flavour() == Flavour::cpu)
+          EXPECT_EQ(ctx().read<float>(d->g.out), lying);
+        else
+          EXPECT_TRUE(
+              test::close(ctx().read<float>(d->g.out), std::vector<double>(lying.begin(), lying.end()), kTolerance));
+      }
 }
 
 TEST_P(GemmTest, SameBitsTwice) {

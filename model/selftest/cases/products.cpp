@@ -91,7 +91,9 @@ void gemm_all(Checks& c) {
                                        {13, 33, 17},
                                        {63, 65, 31},
                                        {64, 64, 32},
-                                       {65, 129, 33}}))
+                                       {65, 129, 33},
+                                       {12, 7, 300},
+                                       {97, 23, 257}}))
     check_gemm(c, {m, n, k});
   // Enough tiles of 128 x 128 for the gpu flavour to take those.
   check_gemm(c, {128L * 2 * c.ctx.device().compute_units + 1, 66, 7});
