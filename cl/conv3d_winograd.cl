@@ -61,19 +61,26 @@ static inline void pack_source(global const float* x, int count, global const fl
     for (int j = 0; j < PACK_ROWS; ++j) {
       const int z = z_first + j;
       float16 d[36];
-      for (int i = 0; i < 36; ++i) d[i] = 0.0f;
-      if (z >= 0 && z < Z) {
-        for (int i = 0; i < 36; ++i) {
-          const int px = x_first + i / 6, py = y_first + i % 6;
-          if (px < 0 || px >= X || py < 0 || py >= Y) continue;
-          global const float* from = x + ((size_t)(px * Y + py) * Z + z) * count + c;
-          PREFETCH(from + count)
-          float16 value = load_part(from, width);
-          if (scale) value = FMA(value, a, b);
-          d[i] = silu ? silu_16(value) : value;
-        }
+      if (z < 0 || z >= Z) {
 #pragma unroll
-        for (int i = 0; i < 6; ++i) transform_in(d + 6 * i, d + 6 * i, 1);
+        for (int i = 0; i < 36; ++i) d[i] = (float16)(0.0f);
+      } else {
+        for (int i = 0; i < 6; ++i) {
+          const int px = x_first + i;
+          float16 line[6];
+#pragma unroll
+          for (int k = 0; k < 6; ++k) {
+            const int py = y_first + k;
+            line[k] = (float16)(0.0f);
+            if (px < 0 || px >= X || py < 0 || py >= Y) continue;
+            global const float* from = x + ((size_t)(px * Y + py) * Z + z) * count + c;
+            PREFETCH(from + count)
+            float16 value = load_part(from, width);
+            if (scale) value = FMA(value, a, b);
+            line[k] = silu ? silu_16(value) : value;
+          }
+          transform_in(line, d + 6 * i, 1);
+        }
 #pragma unroll
         for (int i = 0; i < 6; ++i) transform_in(d + i, d + i, 6);
       }

@@ -1,7 +1,8 @@
 """A network of the published size beside the product's: random weights, saved as PyTorch saves them, imported, run on four pictures, and every
-stage held against the specification in float64. What each takes, and what VS-Splat's network of the paper's size takes right after.
+stage held against the specification in float64. What each takes, and what VS-Splat's network of the paper's size takes right after. Of VS-Splat
+with the densifier nobody has published weights: the product's own random ones are read, and a tenth of the voxels is selected for both.
 
-    VSPLAT=... python3 published_size.py --system lara|genden --work DIR [--seed 0] [--threads 2] [--block 4]
+    VSPLAT=... python3 published_size.py --system lara|genden|vsplat+genden --work DIR [--seed 0] [--threads 2] [--block 4]
 
 Not a test: minutes, and 8 GiB. Of LaRa's coarse drawings a block of tiles is made anew (a whole one takes the specification ten minutes and more);
 the specification of Gaussians visits every one of them at every pixel, which nobody waits for at this size.
@@ -105,6 +106,14 @@ def stages(model, given, told):
     return t
 
 
+def vsplat_stages(model, given, told):
+    """The same of VS-Splat's network with the densifier, at the voxels that were selected and by the product's scores."""
+    images, c2w, K, voxels, score, orders = given
+    t = {}
+    timed("network and densifier", lambda: model(images, c2w, K, voxels=voxels, score=score, orders=orders, trace=t), told)
+    return t
+
+
 def off(got, want):
     """-> the largest error, in units of the largest of its channel, as the tests have it, and which share of the values is off by more
     than 1e-4 of that; NaN where the shapes differ"""
@@ -160,9 +169,22 @@ def compare_drawing(model, dump, kept, tiles):
           f"mean {error.mean().item():.1e}; {time.perf_counter() - begun:.0f} s in PyTorch", flush=True)
 
 
+def hold(model, given, dump, stages):
+    """Every stage that was dumped against the specification's in float64, which is returned, and beside its own in float32."""
+    told = []
+    with torch.no_grad():
+        single = stages(model.float(), given, told)
+        print("PyTorch in float32: " + ", ".join(f"{what} {s:.1f} s" for what, s, _ in told)
+              + f"; {sum(s for _, s, _ in told):.1f} s ({sum(p for _, _, p in told):.1f} of processor), drawings aside", flush=True)
+        to_double = lambda x: x.double() if torch.is_tensor(x) and x.is_floating_point() else x
+        exact = stages(model.double(), tuple(map(to_double, given)), [])
+    compare(dump, exact, single)
+    return exact
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--system", required=True, choices=("lara", "genden"))
+    parser.add_argument("--system", required=True, choices=("lara", "genden", "vsplat+genden"))
     parser.add_argument("--work", required=True)
     parser.add_argument("--size", default="published", help="of the specification's configurations")
     parser.add_argument("--seed", type=int, default=0)
@@ -175,29 +197,42 @@ def main():
 
     torch.manual_seed(a.seed)
     model, _ = genden.build(a.system, a.size)
-    make_published.randomise(model, a.seed)
     cfg = model.cfg
     c2w, K = ref.orbit_cameras(cfg.views, cfg, seed=a.seed)
     images = (ref.checked_ball(c2w, K, cfg.image) * 255).round() / 255
     write_views(at("views"), images, c2w, K)
-    with torch.no_grad():
-        settle(model, model.vol_decoder(model.lift(model.features(images, c2w, K), c2w, K)))
-    make_published.checkpoint(at("model.ckpt"), {k: v.detach() for k, v in model.state_dict().items()}, dict(model.named_parameters()))
-    print(f"{a.system}: {lara.count(model):,} parameters, {os.path.getsize(at('model.ckpt')) / 2**20:.0f} MiB as .ckpt", flush=True)
-
-    imported, _ = product("weights", "import", at("model.ckpt"), "--output", at("model.safetensors"))
-    print(f"imported in {imported:.1f} s", flush=True)
-    measured(a.system, at("model.safetensors"), at("views"), a.work, "--assume-selected", 0.5)
-    product("reconstruct", at("views"), "--model", at("model.safetensors"), "--output", at("o.ply"), "--dump", at("dump"),
-            *(("--selection-seed", a.seed) if a.system == "genden" else ()))
-    dump, _ = ref.load_safetensors(at("dump", "stages.safetensors"))
     with open(at("shell.txt"), "w") as f:
         paper = ref.CONFIGS["paper"]
         r = ref.voxel_centres(paper.volume, torch.zeros(1)).norm(dim=1)
-        f.writelines(f"{int(i)}\n" for i in (r - 0.3).abs().argsort(stable=True)[:int(SHELL * paper.volume ** 3)].sort()[0])
+        shell = (r - 0.3).abs().argsort(stable=True)[:int(SHELL * paper.volume ** 3)].sort()[0]
+        f.writelines(f"{int(i)}\n" for i in shell)
+    alone = a.system == "vsplat+genden"
+    if alone:
+        product("init", "paper", "--system", a.system, "--seed", a.seed, "--output", at("model.safetensors"))
+        model.load(ref.load_safetensors(at("model.safetensors"))[0])
+        print(f"{a.system}: {lara.count(model):,} parameters", flush=True)
+    else:
+        make_published.randomise(model, a.seed)
+        with torch.no_grad():
+            settle(model, model.vol_decoder(model.lift(model.features(images, c2w, K), c2w, K)))
+        make_published.checkpoint(at("model.ckpt"), {k: v.detach() for k, v in model.state_dict().items()}, dict(model.named_parameters()))
+        print(f"{a.system}: {lara.count(model):,} parameters, {os.path.getsize(at('model.ckpt')) / 2**20:.0f} MiB as .ckpt", flush=True)
+        imported, _ = product("weights", "import", at("model.ckpt"), "--output", at("model.safetensors"))
+        print(f"imported in {imported:.1f} s", flush=True)
+    selection = ("--selection", at("shell.txt"))
+    measured(a.system, at("model.safetensors"), at("views"), a.work, *(selection if alone else ("--assume-selected", 0.5)))
+    product("reconstruct", at("views"), "--model", at("model.safetensors"), "--output", at("o.ply"), "--dump", at("dump"),
+            *(("--selection-seed", a.seed) if a.system == "genden" else selection if alone else ()))
+    dump, _ = ref.load_safetensors(at("dump", "stages.safetensors"))
     product("init", "paper", "--seed", a.seed, "--output", at("paper.safetensors"))
-    measured("vsplat", at("paper.safetensors"), at("views"), a.work, "--selection", at("shell.txt"))
+    measured("vsplat", at("paper.safetensors"), at("views"), a.work, *selection)
 
+    if alone:
+        # Without a seed its curves are in the order of seed 0, and the selection has no noise.
+        given = (dump["input.images"], dump["input.c2w"], dump["input.K"], shell, dump["stage.score"], genden.random_perms(0))
+        print(f"{len(dump['stage.base.means'])} primitives of {len(shell)} voxels, {len(dump['stage.final.means'])} in the end", flush=True)
+        hold(model, given, dump, vsplat_stages)
+        return
     kept = (dump["stage.coarse.opacities"] > cfg.opacity_threshold).nonzero()[:, 0]
     print(f"{len(kept)} of {len(dump['stage.coarse.opacities'])} primitives kept, {len(dump['stage.final.means'])} in the end", flush=True)
     given = (dump["input.images"], dump["input.c2w"], dump["input.K"], kept, dump["stage.fine.samples"], dump.get("stage.score"),
