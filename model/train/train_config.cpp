@@ -57,6 +57,7 @@ void each_field(C& c, Visit visit) {
   visit("novel", c.novel);
   visit("random_background", c.random_background);
   visit("fit", c.fit);
+  visit("half_size", c.half_size);
   visit("turn_degrees", c.turn_degrees);
   visit("cube_min", c.cube_min);
   visit("cube_max", c.cube_max);
@@ -126,6 +127,11 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.within("inputs_min", c.inputs_min, fewest, c.inputs_max);
   is.within("novel", c.novel, 0, 64);
   is.one_of("fit", c.fit, {"auto", "object", "crop", "pad"});
+  is.in("half_size", c.half_size, c.half_size >= 0 && c.half_size <= 1, "0 to 1");
+  // The similarity looks at windows of 11 pixels.
+  if (c.half_size > 0 && (c.model.image() % 2 != 0 || c.model.image() < 22))
+    is.in("half_size", c.half_size, false,
+          fmt::format("0: the model's image of {} pixels is odd or below 22", c.model.image()).c_str());
   is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
   is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
   is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");

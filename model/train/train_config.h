@@ -45,6 +45,7 @@ struct TrainConfig {
   long novel = 4;                 // views beside them in the loss
   bool random_background = true;  // novel views lie on white, grey or black, drawn for each object; else on white
   std::string fit = "auto";       // how pictures are cropped: auto, object, crop, pad
+  double half_size = 0;           // so much of the views of both kinds are drawn and compared in half the size; 0 to 1
   // The object's frame is turned by an angle of at most so much about any axis, and its cube larger by a factor, both
   // drawn for each object.
   double turn_degrees = 0;

@@ -9,6 +9,7 @@
 #include "model/ops/muon.h"
 #include "model/ops/select.h"
 #include "model/params/params.h"
+#include "model/train/half_size.h"
 #include "runtime/fail.h"
 #include "runtime/held_tuning.h"
 #include "runtime/units.h"
@@ -126,11 +127,21 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
     out.given = noisy_cameras({views.cameras.begin(), views.cameras.begin() + n}, config_.pose_noise, config_.seed,
                               object.noise_draw, views.object);
   for (long v = 0; v < all; ++v) {
-    out.targets.push_back(ctx.upload({1, s, s, 3}, picture(v), Type::f32, "target picture"));
+    // A plan has all of them whole.
+    const bool half =
+        !ctx.planning() && is_half_size(config_.half_size, config_.seed, object.noise_draw, views.object, v);
+    const long side = half ? s / 2 : s;
+    const Camera& camera = views.cameras[static_cast<std::size_t>(v)];
+    out.drawn.push_back(half ? half_size(camera) : camera);
+    const std::vector<float> small = half ? half_size(picture(v), s, 3) : std::vector<float>();
+    out.targets.push_back(
+        ctx.upload({1, side, side, 3}, half ? small.data() : picture(v), Type::f32, "target picture"));
     out.backgrounds.push_back(v < n ? object.given.input_background : views.background);
     if (views.rgba.empty()) continue;
     const std::vector<std::uint8_t>& rgba = views.rgba.at(static_cast<std::size_t>(v));
-    out.rgba.push_back(rgba.empty() ? Tensor() : ctx.upload({s, s, 4}, rgba, Type::u8, "target alpha"));
+    out.rgba.push_back(
+        rgba.empty() ? Tensor()
+                     : ctx.upload({side, side, 4}, half ? half_size(rgba, s, 4) : rgba, Type::u8, "target alpha"));
   }
   if (config_.model.noise() == 0) return out;
   const Tensor noise = options.forward.noise = ctx.tensor({config_.model.noise()}, Type::f32, "noise");

@@ -27,7 +27,7 @@ class Level {
             std::uint64_t& intersections) {
     const float share = options.scale / static_cast<float>(views.cameras.size());
     for (std::size_t v = 0; v < views.cameras.size(); ++v) {
-      const Camera& camera = views.cameras[v];
+      const Camera& camera = views.drawn.empty() ? views.cameras[v] : views.drawn[v];
       const Tensor value = ctx_.tensor({3}, Type::f32, "loss");
       losses.push_back(value);
       if (options.network_alone && ctx_.planning()) continue;

@@ -16,9 +16,10 @@ struct PassViews {
   Tensor inputs;                                  // [V, S, S, 3] in [0,1]
   std::vector<Camera> cameras;                    // V input views, then others; S x S
   std::vector<Camera> given;                      // what the network is told of the V, noise and all; empty: the same
-  std::vector<Tensor> targets;                    // [1, S, S, 3] each
+  std::vector<Camera> drawn;                      // what the loss's pictures are drawn by; empty: `cameras`
+  std::vector<Tensor> targets;                    // [1, S, S, 3] each, of the size that is drawn
   std::vector<std::array<float, 3>> backgrounds;  // that a view is drawn over
-  std::vector<Tensor> rgba;  // u8 [S, S, 4] each, as PictureTarget has them, or none; empty: of no view
+  std::vector<Tensor> rgba;  // u8 [S, S, 4] each, as PictureTarget has them, or none; empty: of no view. As targets
   long input_views() const { return inputs.dim(0); }
 };
 

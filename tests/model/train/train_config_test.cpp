@@ -50,6 +50,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"inputs_max", 4},
                          {"novel", 4},
                          {"fit", "auto"},
+                         {"half_size", 0.0},
                          {"turn_degrees", 0.0},
                          {"cube_min", 1.0},
                          {"cube_max", 1.0},
@@ -81,6 +82,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.inputs_min = 2, c.inputs_max = 4, c.novel = 0;
   c.random_background = false;
   c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1, c.procedural = 0.3, c.pose_noise = 0.02;
+  c.half_size = 0.4;
   c.log_every = 0, c.sheet_every = 5, c.checkpoint_every = 11, c.keep_checkpoints = 1, c.cache_gib = 0.25;
   const std::string text = to_json(c);
   EXPECT_EQ(train_config_from_json(text), c);
@@ -263,6 +265,9 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"inputs_min": 0})", "inputs_min must be 1 to 4 (found 0)"},
       {R"({"novel": -1})", "novel must be 0 to 64 (found -1)"},
       {R"({"fit": "wide"})", "fit must be one of auto, object, crop, pad (found \"wide\")"},
+      {R"({"half_size": -0.5})", "half_size must be 0 to 1 (found -0.5)"},
+      {R"({"model": {"base": "micro", "image": 16}, "half_size": 0.5})",
+       "half_size must be 0: the model's image of 16 pixels is odd or below 22 (found 0.5)"},
       {R"({"turn_degrees": 181})", "turn_degrees must be 0 to 180 (found 181)"},
       {R"({"cube_max": 11})", "cube_max must be 0.1 to 10 (found 11)"},
       {R"({"pose_noise": -0.1})", "pose_noise must be 0 to 1 (found -0.1)"},
