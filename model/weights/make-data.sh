@@ -1,6 +1,6 @@
 #!/bin/sh
-# Draws the pictures that the shipped model is trained on, OUTPUT/train, and those it is judged by, OUTPUT/test: the same bytes as
-# they were. README.md beside this file says what the folders of $VSPLAT_DATA hold and where they come from.
+# Draws the pictures that the shipped model is trained on, OUTPUT/train, and those it is judged by, OUTPUT/test, and larger in
+# OUTPUT/test256: the same bytes as they were. README.md beside this file says what the folders of $VSPLAT_DATA hold and where they come from.
 #   VSPLAT_DATA=DIR model/weights/make-data.sh OUTPUT
 # VSPLAT names the program, where it is not build/release/bin/vsplat.
 set -eu
@@ -39,6 +39,8 @@ fi
 
 # shellcheck disable=SC2086  # lists of paths without blanks
 "$vsplat" dataset render $test --output "$out/test" --views 40 --size 128 --seed 7
+# shellcheck disable=SC2086
+"$vsplat" dataset render $test --output "$out/test256" --views 40 --size 256 --seed 7
 # shellcheck disable=SC2086
 "$vsplat" dataset render $train --output "$out/train/scans" --views 40 --size 128 --seed 1
 # Each shape four times, with another pattern each time.
