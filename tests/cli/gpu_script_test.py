@@ -36,7 +36,7 @@ elif words[0] == "evaluate":
     print("device 0: a test's", file=sys.stderr)
     told["psnr"] += told.get("drift", 0) * os.path.exists(os.environ["STAND_IN"] + ".again")
     open(os.environ["STAND_IN"] + ".again", "w").close()
-    print(json.dumps(dict(mean=dict(psnr=told["psnr"], psnr_white=10.277)), indent=1))
+    print(json.dumps(dict(mean=dict(psnr=told["psnr"], psnr_white=10.379)), indent=1))
 elif words[0] == "weights":
     open(after("--output"), "w").write("weights")
 elif "--print-config" in words:
