@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-// As whole numbers where they were: half of their sum of four is added before it is divided.
+// `half`: added to the sum of four before it is divided, which rounds whole numbers; 0 for others.
 template <class T, class Sum>
 std::vector<T> means_of_four(const T* picture, long side, long channels, Sum half, Sum four) {
   const long to = side / 2;
