@@ -43,7 +43,8 @@ static inline RowSums sum_rows(global const float* rows, global const uchar* tou
 typedef struct {
   float3 p, tu, tv, n;
   float2 s;
-  float fx, fy, rz, xz, yz, N;
+  float fx, fy, rz, xz, yz;
+  float rn;           // 1 / N
   float4 q;           // the quaternion made a unit one
   float q1;           // one over the length that it came with
   float3 W0, W1, W2;  // rows of the rotation world to camera
@@ -53,7 +54,9 @@ typedef struct {
 #define TURNED(W0, W1, W2, a) ((float3)(dot(W0, a), dot(W1, a), dot(W2, a)))
 #define TURNED_BACK(W0, W1, W2, a) ((a).x * (W0) + (a).y * (W1) + (a).z * (W2))
 
-static inline Seen seen_from(global const float* camera, float3 mean, float2 scale, float4 quat) {
+// g: as the record has it. Of a surfel that is seen edge on, N is what rounding leaves, here another number than there,
+// or 0: then it is that of the record.
+static inline Seen seen_from(global const float* camera, float3 mean, float2 scale, float4 quat, float2 g) {
   const float3 W0 = vload3(0, camera), W1 = vload3(1, camera), W2 = vload3(2, camera);
   const float3 d = (mean - vload3(3, camera)) - vload3(4, camera);
   const float q2 = dot(quat, quat), q1 = q2 > 0.0f ? rsqrt(q2) : 0.0f;
@@ -72,7 +75,8 @@ static inline Seen seen_from(global const float* camera, float3 mean, float2 sca
   f.fx = camera[15], f.fy = camera[16];
   f.rz = 1.0f / f.p.z;
   f.xz = f.p.x * f.rz, f.yz = f.p.y * f.rz;
-  f.N = f.n.x * f.xz + f.n.y * f.yz + f.n.z;
+  const float N = f.n.x * f.xz + f.n.y * f.yz + f.n.z;
+  f.rn = fabs(N) > 1e-4f ? 1.0f / N : -dot(g * (float2)(f.fx, f.fy), f.n.xy) / dot(f.n.xy, f.n.xy);
   f.q = q;
   f.q1 = q1;
   return f;
@@ -89,7 +93,7 @@ typedef struct {
 static inline void plane_backward(Seen f, float4 m, float2 g, float4 by_m, float2 by_g, By* by) {
   // m11 = iu / fx (yz tv.z - tv.y), m12 = iu / fy (tv.x - xz tv.z), m21 = iv / fx (tu.y - yz tu.z), m22 = iv / fy (xz
   // tu.z - tu.x), iu = p.z / (s_u N), iv = p.z / (s_v N); g = -(n.x / fx, n.y / fy) / N.
-  const float rn = 1.0f / f.N, iu = f.p.z * rn / f.s.x, iv = f.p.z * rn / f.s.y;
+  const float rn = f.rn, iu = f.p.z * rn / f.s.x, iv = f.p.z * rn / f.s.y;
   const float c11 = by_m.x * iu / f.fx, c12 = by_m.y * iu / f.fy, c21 = by_m.z * iv / f.fx, c22 = by_m.w * iv / f.fy;
   by->tv += (float3)(c12, -c11, c11 * f.yz - c12 * f.xz);
   by->tu += (float3)(-c22, c21, c22 * f.xz - c21 * f.yz);
@@ -145,7 +149,7 @@ kernel MORE_REGISTERS void project_surfels_backward(
   global const float* record = records + (size_t)at * 20;
   const float4 m = vload4(1, record), box = vload4(2, record), tint = vload4(3, record), facing = vload4(4, record);
   const float3 mean = vload3(i, means);
-  const Seen f = seen_from(camera, mean, vload2(i, scales), vload4(i, quats));
+  const Seen f = seen_from(camera, mean, vload2(i, scales), vload4(i, quats), box.xy);
   By by = {(float3)(0.0f), (float3)(0.0f), (float3)(0.0f), (float3)(0.0f), (float2)(0.0f), 0.0f, 0.0f};
   plane_backward(f, m, box.xy, sum.low.s4567, sum.low.s89, &by);
   box_backward(f, current ? 9.0f : 1.0f, sum.low.sab, &by);
