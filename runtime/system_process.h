@@ -23,14 +23,24 @@ enum class Wait { no, until_it_has_ended };
 struct ProgramEnd {
   enum class State { runs, ended, unknown } state = State::unknown;  // unknown: it is none of ours, or no longer
   int signal = 0;                                                    // that ended it
+  int exit_code = -1;                                                // -1 where it did not end by itself
   bool out_of_time = false;                                          // by such a signal
 };
 // Once it has ended its number is no longer its own.
 ProgramEnd end_of(int program, Wait wait);
 void kill_program(int program);
+// Asks it to end, as a terminal's Ctrl-C does.
+void stop_program(int program);
 // Bytes that it has in memory; 0 where that is not known.
 std::uint64_t memory_of(int program);
 std::string signal_name(int signal);
+
+// ----------------------------------------------------------------------------------------------------------------
+// this one again
+
+// From here on there are two of this process: 0 in the new one, which is killed where this one ends before it, and in
+// this one its number; below 0 on an error. Only in a process in which nothing else runs.
+int split_process(std::error_code& error);
 
 // ----------------------------------------------------------------------------------------------------------------
 // one that is run for what it tells, by watched_process.h

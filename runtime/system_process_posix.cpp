@@ -3,12 +3,16 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
+#ifdef __linux__
+#include <sys/prctl.h>
+#endif
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 
@@ -155,11 +159,25 @@ ProgramEnd end_of(int program, Wait wait) {
   if (ended == 0 || ended != program) return out;
   out.state = ProgramEnd::State::ended;
   if (WIFSIGNALED(status)) out.signal = WTERMSIG(status);
+  if (WIFEXITED(status)) out.exit_code = WEXITSTATUS(status);
   out.out_of_time = out.signal == SIGALRM || out.signal == SIGXCPU;
   return out;
 }
 
 void kill_program(int program) { ::kill(program, SIGKILL); }
+
+void stop_program(int program) { ::kill(program, SIGTERM); }
+
+int split_process(std::error_code& error) {
+  std::signal(SIGCHLD, SIG_DFL);  // who ignores it never hears how one ended
+  const pid_t before = ::getpid();
+  const pid_t out = ::fork();
+  error = {out < 0 ? errno : 0, std::generic_category()};
+#ifdef __linux__
+  if (out == 0 && (::prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || ::getppid() != before)) ::_exit(1);
+#endif
+  return out;
+}
 
 std::uint64_t memory_of(int program) {
   std::FILE* file = std::fopen(("/proc/" + std::to_string(program) + "/statm").c_str(), "re");

@@ -5,6 +5,7 @@
 
 #include "arguments.h"
 #include "command.h"
+#include "isolated.h"
 
 namespace command {
 namespace {
@@ -14,16 +15,19 @@ using Json = nlohmann::ordered_json;
 struct SelftestOptions {
   Common common;
   bool quick = false, forget = false;
+  double patience = 300;
 };
 
 struct Shown {
   const Common& common;
   double started = 0;
   bool compiled = false;
+  Patience patience;
 };
 
 int32_t on_progress(void* user, const char* stage, double done) {
   auto* shown = static_cast<Shown*>(user);
+  shown->patience.heard();
   if (interrupted()) return 0;
   show_progress(shown->common, "self-test: " + std::string(stage) + ", " +
                                    std::to_string(static_cast<int>(100 * done)) + " %, " +
@@ -33,6 +37,7 @@ int32_t on_progress(void* user, const char* stage, double done) {
 
 void on_compile(void* user, const char* kernel, int32_t compiled) {
   auto* shown = static_cast<Shown*>(user);
+  shown->patience.heard();
   if (!shown->compiled) say(shown->common, "preparing kernels; a device's first run takes longest");
   shown->compiled = true;
   show_progress(shown->common, "preparing kernels: " + std::to_string(compiled + 1) + " (" + kernel + ")");
@@ -77,8 +82,10 @@ void print_flavour(const Json& flavour, bool all) {
 }
 
 void selftest(const SelftestOptions& o) {
+  const std::string ended = in_another_process(o.common, "self-test");  // before anything of a driver is here
   set_up_library(o.common);
-  Shown shown{o.common, elapsed_seconds()};
+  Shown shown{o.common, elapsed_seconds(), false, {}};
+  shown.patience.begin(o.patience);
   vsplat_selftest_options options = VSPLAT_SELFTEST_OPTIONS_INIT;
   options.device = o.common.device.c_str();
   options.quick = o.quick;
@@ -86,6 +93,7 @@ void selftest(const SelftestOptions& o) {
   options.progress = on_progress;
   options.on_compile = on_compile;
   options.user = &shown;
+  options.ended = ended.c_str();
   vsplat_fitness fitness = VSPLAT_FITNESS_OK;
   const Json report = Json::parse(vsplat::selftest(options, fitness));
   clear_progress();
@@ -112,12 +120,17 @@ void add_selftest(CLI::App& app, Run& run) {
       ->type_name("DEVICE");
   sub->add_flag("--quick", o->quick, "Fewer sizes of everything");
   sub->add_flag("--forget", o->forget, "Remember nothing of it");
+  sub->add_option("--patience", o->patience,
+                  "Take a device that gives no sign for so long for one that hangs (default 300)")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(1.0, 1e6));
   add_common(*sub, o->common, {.device = false, .profile = false, .overwrite = false, .outside = false});
   sub->footer(
       "Every kernel of both flavours and the network's stages run on numbers made here, twice, and are held against\n"
       "scalar implementations. What is wrong is switched off where there is something else for it, for this device,\n"
       "driver and version: other commands say so in their first line. Where there is nothing else they refuse the\n"
-      "device, but with VSPLAT_SELFTEST=ignore. Exit code 1: unusable.\n"
+      "device, but with VSPLAT_SELFTEST=ignore. A driver that crashes or hangs ends a process that is there for it:\n"
+      "what it was doing counts as wrong, and the test goes on. Exit code 1: unusable.\n"
       "Examples:\n"
       "  vsplat selftest\n"
       "  vsplat selftest -d gpu --quick\n"

@@ -82,6 +82,7 @@ vsplat_status vsplat_selftest(const vsplat_selftest_options* options, vsplat_fit
     selftest::Options to;
     to.quick = o.quick != 0;
     to.forget = o.forget != 0;
+    to.ended = o.ended ? o.ended : "";
     if (o.progress)
       to.progress = [&](const std::string& stage, double done) { return o.progress(o.user, stage.c_str(), done) != 0; };
     if (o.on_compile)

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "model/selftest/cases/cases.h"
+#include "model/selftest/journal.h"
 #include "model/selftest/stages.h"
 #include "runtime/environment.h"
 #include "runtime/fail.h"
@@ -25,30 +26,62 @@ double excess(const Finding& f) {
   return f.right ? 0 : INFINITY;
 }
 
+// A flavour in which so many cases end their process is given up, and with something left out the first one says enough:
+// what hangs takes minutes each time.
+constexpr int kMostEnds = 4;
+
 struct Findings {
   std::vector<Finding> all;
   std::set<NamedKernel> launched;
   std::vector<std::string> wrong_cases;
+  int ends = 0;  // cases that have ended a process
 };
+
+// What ended a process before, and is not run again.
+Finding ended_finding(const std::string& what, const std::string& how) {
+  Finding out;
+  out.what = what;
+  out.error = INFINITY;
+  out.right = false;
+  out.trouble = how;
+  return out;
+}
 
 // What all runs of a self-test share.
 class Runner {
  public:
-  Runner(const std::string& device, const Options& options) : device_(device), options_(options) {}
+  Runner(const std::string& device, const Options& options, Journal& journal)
+      : device_(device), options_(options), journal_(journal) {}
 
   std::unique_ptr<Context> open(Flavour flavour, const SwitchedOff& off, const Variant* variant) const {
-    ContextOptions options;
-    options.device = device_;
-    options.kernels = name_of(flavour);
-    options.off = off;
-    options.on_compile = options_.on_compile;
+    ContextOptions options = to_open(flavour, off);
     options.tuning = std::make_shared<Tuning>();  // the defaults; a table's choices are tried by themselves
     if (variant) variant->choose(options);
     return std::make_unique<Context>(options);
   }
 
+  ContextOptions to_open(Flavour flavour, const SwitchedOff& off) const {
+    ContextOptions out;
+    out.device = device_;
+    out.kernels = name_of(flavour);
+    out.off = off;
+    out.on_compile = [this](const std::string& kernel, int compiled) {
+      journal_.compiles(kernel);
+      if (options_.on_compile) options_.on_compile(kernel, compiled);
+    };
+    return out;
+  }
+
+  // How it has ended a process before; "" where it has not, and is begun now.
+  std::string begins(const std::string& doing) const {
+    std::string how = journal_.ended_by(doing);
+    if (how.empty()) journal_.begins(doing);
+    return how;
+  }
+
   // Those of the cases; an empty list: all.
-  Findings run(Context& ctx, const std::vector<std::string>& cases, const std::string& stage, double from, double to) {
+  Findings run(Context& ctx, const std::vector<std::string>& cases, const std::string& stage, double from, double to,
+               int most_ends = kMostEnds) {
     Findings out;
     std::vector<Case> those = options_.cases;
     if (those.empty()) those = all_cases(), those.push_back(stages_case());
@@ -59,9 +92,16 @@ class Runner {
           those.end());
     double done = 0;
     for (const Case& one : those) {
+      if (out.ends >= most_ends) break;
       if (options_.progress &&
           !options_.progress(stage, from + (to - from) * done++ / static_cast<double>(those.size())))
         fail(Status::cancelled, "the self-test was stopped in {}: {}", stage, one.name);
+      if (const std::string how = begins(stage + ": " + one.name); !how.empty()) {
+        out.all.push_back(ended_finding(one.name, how));
+        out.wrong_cases.emplace_back(one.name);
+        ++out.ends;
+        continue;
+      }
       Checks checks(ctx, options_.quick);
       checks.run(one.name, one.run);
       bool right = true;
@@ -76,6 +116,7 @@ class Runner {
  private:
   const std::string& device_;
   const Options& options_;
+  Journal& journal_;
 };
 
 std::vector<NamedKernel> untested(Flavour flavour, const std::set<NamedKernel>& launched) {
@@ -118,18 +159,25 @@ FlavourResult flavour_result(Flavour flavour, const Findings& found) {
 // What is wrong with the defaults is run again with one thing less, and with that left out what is wrong still.
 FlavourResult test_flavour(Runner& runner, Flavour flavour, double from, double to) {
   const std::string stage = fmt::format("{} kernels", name_of(flavour));
+  if (const std::string how = runner.begins(stage + ": opening the device"); !how.empty()) {
+    FlavourResult out;
+    out.flavour = flavour;
+    out.usable = false;
+    out.wrong.push_back(ended_finding("opening the device", how));
+    return out;
+  }
   auto ctx = runner.open(flavour, {}, nullptr);
   const Findings found = runner.run(*ctx, {}, stage, from, to);
   FlavourResult out = flavour_result(flavour, found);
   const auto choices = choices_of(*ctx);
   std::vector<std::string> wrong = found.wrong_cases;
   for (bool SwitchedOff::*choice : choices) {
-    if (wrong.empty()) break;
+    if (wrong.empty() || found.ends >= kMostEnds) break;
     SwitchedOff off = out.off;
     off.*choice = true;
     ctx = runner.open(flavour, off, nullptr);
-    const Findings again = runner.run(*ctx, wrong, stage + " without " + in_words(off), to, to);
-    if (again.wrong_cases.size() >= wrong.size()) continue;
+    const Findings again = runner.run(*ctx, wrong, stage + " without " + in_words(off), to, to, 1);
+    if (again.ends > 0 || again.wrong_cases.size() >= wrong.size()) continue;
     wrong = again.wrong_cases;
     out.off = off;
   }
@@ -178,20 +226,26 @@ bool names_a_table_of_another(Flavour flavour) {
 }
 
 // What the device's table chooses in place of defaults, tried again; what is wrong is taken out of it.
-void check_table(const std::string& device, const Options& options, const SwitchedOff& off, FlavourResult& flavour) {
+void check_table(const Runner& runner, const Options& options, const SwitchedOff& off, FlavourResult& flavour) {
   if (!flavour.usable || names_a_table_of_another(flavour.flavour)) return;
-  ContextOptions open;
-  open.device = device, open.kernels = name_of(flavour.flavour), open.off = off;
-  open.on_compile = options.on_compile;
-  Context ctx(open);
+  Context ctx(runner.to_open(flavour.flavour, off));
   if (ctx.tuning().chosen().empty()) return;
   std::vector<CheckedChoice> wrong;
-  flavour.chosen = check_chosen(ctx);
+  const std::string how = runner.begins(fmt::format("{} kernels: tuned", name_of(flavour.flavour)));
+  flavour.chosen = how.empty() ? check_chosen(ctx) : unchecked_chosen(ctx, how);
   for (const CheckedChoice& one : flavour.chosen)
     if (!one.right()) wrong.push_back(one);
   if (wrong.empty()) return;
   flavour.off.tuned = true;
   if (!options.forget) refuse_chosen(ctx, wrong);
+}
+
+// What is wrong where no kernel can be named, in words.
+std::string unnamed_of(const FlavourResult& flavour) {
+  for (const Finding& f : flavour.wrong)
+    if (f.kernels.empty() && !f.trouble.empty())
+      return fmt::format("{} ({} kernels): {}", f.what, name_of(flavour.flavour), f.trouble);
+  return "";
 }
 
 // The kernel that is furthest off, in words.
@@ -201,6 +255,7 @@ std::string worst_of(const FlavourResult& flavour) {
   for (const KernelResult& k : flavour.kernels)
     if (k.verdict == KernelVerdict::wrong && (!worst || beyond(k) > beyond(*worst))) worst = &k;
   if (!worst) {
+    if (const std::string text = unnamed_of(flavour); !text.empty()) return text;
     for (const CheckedChoice& one : flavour.chosen)
       if (!one.right())
         return fmt::format("the tuned parameters of {} ({} kernels): an error {:.2g} times what is allowed {}",
@@ -294,7 +349,8 @@ Report run(const std::string& device, const Options& options) {
   out.device = choose_device(device);
   out.quick = options.quick;
   const std::string index = std::to_string(out.device.index);
-  Runner runner(index, options);
+  Journal journal(Journal::folder_of(out.device), options.ended);
+  Runner runner(index, options, journal);
   const double each = 1.0 / (2 + static_cast<double>(options.variants.size()) * 2);
   double from = 0;
   for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
@@ -302,7 +358,7 @@ Report run(const std::string& device, const Options& options) {
     from += each;
   }
   const SwitchedOff off = hold_what_is_left(runner, out.flavours);
-  for (FlavourResult& flavour : out.flavours) check_table(index, options, off, flavour);
+  for (FlavourResult& flavour : out.flavours) check_table(runner, options, off, flavour);
   // A kernel without a flavour in its name is of whichever launches it.
   for (std::size_t i = 0; i < 2; ++i) {
     const std::vector<KernelResult>& others = out.flavours[1 - i].kernels;
@@ -315,13 +371,15 @@ Report run(const std::string& device, const Options& options) {
   for (const Variant& variant : options.variants)
     for (const Flavour flavour : {Flavour::cpu, Flavour::gpu}) {
       const auto ctx = runner.open(flavour, {}, &variant);
-      FlavourResult one = flavour_result(flavour, runner.run(*ctx, variant.cases, variant.name, from, from + each));
+      const std::string stage = fmt::format("{}, {} kernels", variant.name, name_of(flavour));
+      FlavourResult one = flavour_result(flavour, runner.run(*ctx, variant.cases, stage, from, from + each));
       one.variant = variant.name, one.usable = one.wrong.empty(), one.untested.clear();
       out.flavours.push_back(std::move(one));
       from += each;
     }
   out.verdict = verdict_of(out.flavours);
   out.verdict.refused = refused_by(out.device, out.flavours);
+  journal.done();
   if (options.progress) (void)options.progress("done", 1);
   return out;
 }

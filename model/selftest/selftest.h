@@ -24,6 +24,7 @@ struct Variant {
 struct Options {
   bool quick = false;       // fewer sizes
   bool forget = false;      // a table's wrong choices stay in it
+  std::string ended;        // how the process ended that the last self-test ran in; empty: not known (journal.h)
   std::vector<Case> cases;  // none: all of them
   std::vector<Variant> variants;
   // What is done now, and how much of all; false stops: Error(cancelled).

@@ -44,6 +44,10 @@ TunedShape little(TunedShape shape) {
   return shape;
 }
 
+CheckedChoice unchecked(const TunedShape& shape, const TunedValues& values, const std::string& why) {
+  return {shape, values, text_of(*values.of, shape) + ", " + text_of(values), INFINITY, why};
+}
+
 }  // namespace
 
 bool tells_of_the_device(const Error& error) {
@@ -59,10 +63,16 @@ bool tells_of_the_device(const Error& error) {
   }
 }
 
+std::vector<CheckedChoice> unchecked_chosen(const Context& ctx, const std::string& why) {
+  std::vector<CheckedChoice> out;
+  for (const auto& [shape, values] : ctx.tuning().chosen()) out.push_back(unchecked(shape, values, why));
+  return out;
+}
+
 std::vector<CheckedChoice> check_chosen(Context& ctx) {
   std::vector<CheckedChoice> out;
   for (const auto& [shape, values] : ctx.tuning().chosen()) {
-    CheckedChoice one{shape, values, text_of(*values.of, shape) + ", " + text_of(values), INFINITY, ""};
+    CheckedChoice one = unchecked(shape, values, "");
     try {
       one.error = error_of(ctx, little(shape), values);
     } catch (const Error& e) {

@@ -23,6 +23,8 @@ struct CheckedChoice {
 // Each choice of the context's table once, at an odd shape and at one of its class that takes little time. Errors that
 // tell nothing of the device pass.
 std::vector<CheckedChoice> check_chosen(Context& ctx);
+// The same without trying them: none is right, for what is known of them all.
+std::vector<CheckedChoice> unchecked_chosen(const Context& ctx, const std::string& why);
 
 // Takes these out of the device's table in the cache's folder, where that is the context's; contexts that are made
 // after it run with the defaults there, and a search does not choose them again. None while a search has the folder.

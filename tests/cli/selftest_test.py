@@ -29,8 +29,8 @@ class SelftestCase(support.Case):
                 f.write(text.replace(before, after))
         return {**self.env, "VSPLAT_KERNEL_DIR": folder}
 
-    def selftest(self, code, env):
-        got, out, err = support.run("selftest", "--quick", "--json", env=env)
+    def selftest(self, code, env, *more):
+        got, out, err = support.run("selftest", "--quick", "--json", *more, env=env)
         self.assertEqual(got, code, err)
         return json.loads(out), err
 
@@ -40,6 +40,9 @@ class SelftestCase(support.Case):
             data = f.read()
         body = data[data.index(b"end_header\n") + 11:]
         return struct.unpack(f"<{len(body) // 4}f", body[:len(body) // 4 * 4])
+
+    def journals(self):
+        return [f for _, _, files in os.walk(os.path.join(self.cache, "selftests")) for f in files]
 
     def scene(self, model, name, env, *more):
         """-> the numbers of the scene, what was said"""
@@ -125,6 +128,35 @@ class Selftest(SelftestCase):
         self.assertIn("gpu kernels", self.scene(self.model, "all the same", {**env, "VSPLAT_SELFTEST": "ignore"}, "--kernels", "gpu")[1])
         # The verdict is of those kernels: the library's own are not affected.
         self.assertNotIn("self-test", self.scene(wide, "others", self.env, *cpu)[1])
+
+    def test_a_driver_that_crashes_does_not_end_it(self):
+        """A kernel of one method ends the process, another all of a flavour's products."""
+        crash = "*(volatile global int*)16 = 0;"
+        env = self.plant(("conv3d_winograd.cl", "      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)\n",
+                          "      TILE_STORE(products + (p * 36 + i) * 2 * TILE_ROWS)\n      if (i == 7) " + crash + "\n"),
+                         ("gemm_gpu.cl", "if (k0 + dk < K && n0 + dn < width)\n", "if (n0 + dn == 17) " + crash + "\n      if (k0 + dk < K && n0 + dn < width)\n"))
+        report, err = self.selftest(0, env)
+        self.assertEqual((report["verdict"], set(report["off"]), report["remembered"]), ("degraded", {"winograd", "gpu"}, "now"))
+        self.assertIn("Segmentation fault", report["worst"])
+        self.assertIn("kernel compiled last was ", report["worst"])
+        self.assertIn("its process was ended (signal 11, Segmentation fault)", err)
+        cpu, gpu = report["flavours"]
+        self.assertEqual([cpu["usable"], gpu["usable"]], [True, False])
+        self.assertEqual({w["what"] for w in cpu["wrong"]}, {"conv3d_winograd"})
+        self.assertEqual(len(gpu["wrong"]), 4, "it is given up there")
+        self.assertEqual(self.journals(), [])
+        now, err = self.scene(self.model, "after", {**env, "VSPLAT_KERNELS": ""})
+        self.assertRegex(err.splitlines()[0], "not used since its self-test: .*gpu kernels.*Winograd's convolutions")
+        self.assertEqual(now, self.scene(self.model, "sound", self.env, "--kernels", "cpu")[0])
+
+    @support.slow
+    def test_a_driver_that_hangs_is_ended(self):
+        env = self.plant(("rope.cl", "  turn_pair(dqkv,", "  for (volatile int on = 1; on;) {}\n  turn_pair(dqkv,"))
+        report, err = self.selftest(1, env, "--patience", 15)
+        self.assertEqual((report["verdict"], report["off"], report["remembered"]), ("unusable", ["cpu", "gpu"], "now"))
+        self.assertIn("rope", report["worst"])
+        self.assertIn("nothing was heard of it any more", report["worst"])
+        self.assertLess(err.count("its process was ended"), 10, "once in each flavour, and without each thing that could be left out")
 
     @support.slow
     def test_a_wrong_tuned_variant_is_taken_out_of_the_table(self):

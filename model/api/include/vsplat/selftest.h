@@ -25,9 +25,11 @@ typedef struct vsplat_selftest_options {
   /* As vsplat_device_options.on_compile. May be NULL. */
   void (*on_compile)(void* user, const char* kernel, int32_t compiled);
   void* user;
+  const char* ended; /* how the process was ended that a self-test of this device ran in last, in words: see below;
+                        NULL or "": not known */
 } vsplat_selftest_options;
 #define VSPLAT_SELFTEST_OPTIONS_INIT \
-  { sizeof(vsplat_selftest_options), NULL, 0, 0, NULL, NULL, NULL }
+  { sizeof(vsplat_selftest_options), NULL, 0, 0, NULL, NULL, NULL, NULL }
 
 /* Runs every kernel, of both flavours, and the network's stages on a device, and holds the results against scalar
    implementations on the host, and those of PyTorch; each twice, to the same bits. What is wrong is tried without what
@@ -37,6 +39,11 @@ typedef struct vsplat_selftest_options {
    processes: vsplat_device_open leaves out what is switched off, and refuses a device that is unusable, with
    VSPLAT_ERROR_DEVICE. VSPLAT_SELFTEST=ignore in the environment uses it all the same. A quick test replaces no worse
    verdict of an earlier one. With VSPLAT_KERNEL_DIR nothing is remembered, but where VSPLAT_CACHE_DIR names a folder.
+
+   A driver that crashes takes the caller's process with it: `vsplat selftest` has one of its own for that. What a
+   self-test is doing is written into the cache's folder before it is done, and one that finds there what another did not
+   come back from takes that for wrong without doing it: where `ended` says how that process was ended, or where it has
+   been twice. It is tried again by the self-test after one that came to its end.
 
    `options` NULL: defaults. `out_text`, unless it is NULL, becomes JSON, to be freed with vsplat_text_free: {"verdict":
    "ok", "degraded" or "unusable", "off": [names], "off_in_words", "worst", "date", "device", "driver", "quick", "remembered": "now",
