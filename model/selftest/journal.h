@@ -1,5 +1,6 @@
-// What a self-test is doing, in a file of the cache's folder: a driver may end the process, or the whole machine, and the next
-// self-test passes over what it was at then. The file is there while a self-test is under way, and stays where one was ended.
+// What a self-test is doing, in a file of the cache's folder: a driver may end the process, or the whole machine, and
+// the next self-test passes over what it was at then. The file is there while a self-test is under way, and stays
+// where one was ended.
 #pragma once
 #include <map>
 #include <memory>
@@ -13,9 +14,10 @@ namespace vsplat::selftest {
 
 class Journal {
  public:
-  // In `folder`, which is made; "": nothing is kept, and nothing is known. `ended` tells how the process ended that wrote
-  // there last, where somebody has seen it: what it was at is to blame. Where nobody has ("") it may have been stopped from
-  // outside, and is to blame once it has ended two. While another self-test holds the folder, nothing is kept either.
+  // In `folder`, which is made; "": nothing is kept, and nothing is known. `ended` tells how the process ended that
+  // wrote there last, where somebody has seen it: what it was at is to blame. Where nobody has ("") it may have been
+  // stopped from outside, and is to blame once it has ended two. While another self-test holds the folder, nothing is
+  // kept either.
   Journal(const std::string& folder, const std::string& ended);
   static std::string folder_of(const DeviceInfo& device);
   // What was under way is no more, since the process goes on; what ended others is known still.

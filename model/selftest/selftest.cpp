@@ -26,8 +26,8 @@ double excess(const Finding& f) {
   return f.right ? 0 : INFINITY;
 }
 
-// A flavour in which so many cases end their process is given up, and with something left out the first one says enough:
-// what hangs takes minutes each time.
+// A flavour in which so many cases end their process is given up, and with something left out the first one says
+// enough: what hangs takes minutes each time.
 constexpr int kMostEnds = 4;
 
 struct Findings {

@@ -269,8 +269,8 @@ TEST_P(RenderSurfels, MatchesDifferences) {
   }
 }
 
-// Seen edge on to the last bit of a float: what the two projections round differently makes no gradient infinite. Such a
-// surfel is drawn as the low pass has it, and its plane says nothing.
+// Seen edge on to the last bit of a float: what the two projections round differently makes no gradient infinite.
+// Such a surfel is drawn as the low pass has it, and its plane says nothing.
 TEST_P(RenderSurfels, SeenEdgeOnHasFiniteGradients) {
   Gaussians g;
   g.kind = GaussianKind::surfel;
