@@ -340,6 +340,7 @@ std::vector<KernelResult> by_kernel(const std::vector<Finding>& findings) {
     }
   }
   std::vector<KernelResult> out;
+  out.reserve(all.size());
   for (auto& [kernel, result] : all) out.push_back(std::move(result));
   return out;
 }
