@@ -124,6 +124,7 @@ TEST_P(HalfSizeTraining, FollowsFromTheSeedAndTheStep) {
   const auto losses = [&](double share) {
     Trainer trainer(ctx(), start_with(share));
     std::vector<double> out;
+    out.reserve(3);
     for (int i = 0; i < 3; ++i) out.push_back(trainer.step({{&views, views.background}}).loss);
     return out;
   };
