@@ -24,6 +24,7 @@ struct ProgramEnd {
   enum class State { runs, ended, unknown } state = State::unknown;  // unknown: it is none of ours, or no longer
   int signal = 0;                                                    // that ended it
   int exit_code = -1;                                                // -1 where it did not end by itself
+  bool fault = false;                                                // by such a signal as comes of its own doing
   bool out_of_time = false;                                          // by such a signal
 };
 // Once it has ended its number is no longer its own.

@@ -160,6 +160,7 @@ ProgramEnd end_of(int program, Wait wait) {
   out.state = ProgramEnd::State::ended;
   if (WIFSIGNALED(status)) out.signal = WTERMSIG(status);
   if (WIFEXITED(status)) out.exit_code = WEXITSTATUS(status);
+  for (const int own : {SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGTRAP, SIGSYS}) out.fault |= out.signal == own;
   out.out_of_time = out.signal == SIGALRM || out.signal == SIGXCPU;
   return out;
 }

@@ -57,6 +57,8 @@ std::string in_another_process(const Common& common, const std::string& called) 
     ended = end.signal == 0 ? std::string("nothing was heard of it any more")
                             : "signal " + std::to_string(end.signal) + ", " + sys::signal_name(end.signal);
     clear_progress();
+    if (end.signal != 0 && !end.fault)  // for want of memory, say: that tells nothing of the work
+      throw std::runtime_error(called + ": its process was ended from outside (" + ended + ")");
     if (ends == kMostEnds) throw std::runtime_error(called + ": its process was ended again and again: " + ended);
     say(common, called + ": its process was ended (" + ended + "); again, without what it was doing");
   }

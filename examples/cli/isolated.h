@@ -17,8 +17,8 @@ class Patience {
 };
 
 // Goes on in another process, and returns there alone: with "" in the first one, and in each that follows with how the
-// one before was ended, in words. This one waits, passes a stop on, and leaves with the exit code of the last. An Error
-// where so many were ended that there must be something else, or none can be had.
+// one before was ended, in words. This one waits, passes a stop on, and leaves with the exit code of the last. An error
+// where one was killed from outside, where so many were ended that there must be something else, or none can be had.
 std::string in_another_process(const Common& common, const std::string& called);
 
 }  // namespace command

@@ -2,7 +2,10 @@
 import json
 import os
 import shutil
+import signal
 import struct
+import subprocess
+import time
 
 import support
 from tune_test import tables, with_choice
@@ -148,6 +151,18 @@ class Selftest(SelftestCase):
         now, err = self.scene(self.model, "after", {**env, "VSPLAT_KERNELS": ""})
         self.assertRegex(err.splitlines()[0], "not used since its self-test: .*gpu kernels.*Winograd's convolutions")
         self.assertEqual(now, self.scene(self.model, "sound", self.env, "--kernels", "cpu")[0])
+
+    def test_a_process_that_is_killed_tells_nothing_of_the_device(self):
+        """As where memory is short."""
+        started = subprocess.Popen([support.VSPLAT, "selftest", "--quick"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **self.env})
+        while started.poll() is None and not self.journals():
+            time.sleep(0.01)
+        with open(f"/proc/{started.pid}/task/{started.pid}/children") as f:
+            os.kill(int(f.read().split()[0]), signal.SIGKILL)
+        out, err = started.communicate(timeout=support.PATIENCE)
+        self.assertEqual((started.returncode, out), (1, ""), err)
+        self.assertIn("ended from outside (signal 9, Killed)", err)
+        self.assertFalse(os.path.exists(os.path.join(self.cache, "verdicts")))
 
     @support.slow
     def test_a_driver_that_hangs_is_ended(self):

@@ -19,7 +19,7 @@ class SelftestJournal : public ::testing::Test {
   void end_in(const std::string& doing, const std::string& kernel) {
     const std::string kept = folder_.path() + "/kept.json";
     {
-      Journal journal(own(), how_);
+      Journal journal(own(), "");
       journal.begins("something before");
       journal.begins(doing);
       journal.compiles(kernel);
@@ -27,13 +27,11 @@ class SelftestJournal : public ::testing::Test {
     }
     std::filesystem::create_directories(own());
     std::filesystem::rename(kept, file());
-    std::filesystem::permissions(file(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   }
   std::string own() const { return folder_.path() + "/own"; }
   std::string file() const { return own() + "/journal.json"; }
 
   test::TemporaryFolder folder_;
-  std::string how_;
 };
 
 TEST_F(SelftestJournal, LeavesNothingWhereAllWasDone) {
