@@ -177,6 +177,7 @@ class Search {
         search(task, *of);
         done_ = before + sets_of(*of, request_.full);
       }
+    table_.keep();  // where the time was too short for a single trial, too: the path that is told has a table
     out_.path = table_.path();
     out_.before = table_.before();
     out_.table = table_.table();

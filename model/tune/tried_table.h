@@ -34,9 +34,10 @@ class TriedTable {
   void forget(const TunedShape& shape);  // all trials; what is chosen stays
   void choose(const TunedShape& shape, const TunedValues& values);
 
+  void keep();
+
  private:
   void take_up();
-  void keep();
 
   bool of_cache_;
   std::string path_, before_;

@@ -116,6 +116,17 @@ TEST_F(SearchTable, WhatIsTriedAgainIsNotLostBeforeAnotherHasWon) {
   EXPECT_TRUE(told["chosen"][1]["times_as_fast"].is_null());
 }
 
+TEST_F(SearchTable, IsThereThoughTheTimeWasTooShortToTryAnything) {
+  TuneRequest asked = request();
+  asked.seconds = 1e-9;
+  const TuneResult result = tune(ctx(), asked);
+  EXPECT_EQ(result.tried, 0);
+  EXPECT_GT(result.left, 0);
+  EXPECT_EQ(result.path, path());
+  EXPECT_TRUE(read().trials.empty());
+  EXPECT_EQ(read().of, subject());
+}
+
 TEST_F(SearchTable, NothingIsChosenThatHasWonNoRace) {
   write({trial(shape(), set(64), "begun again")});
   TuneRequest asked = request();
