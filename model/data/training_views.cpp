@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "model/data/byte_cache.h"
+#include "model/data/disguise.h"
 #include "model/data/drawn_views.h"
 #include "model/data/endless_objects.h"
 #include "model/input/pose_check.h"
@@ -32,6 +33,8 @@ void check(const DataSet& data, const TrainingOptions& o) {
   expect(o.novel >= 0 && o.novel <= 1000, "0 to 1000 novel views");
   expect(o.turn_degrees >= 0 && o.turn_degrees <= 180, "a turn by 0 to 180 degrees");
   expect(o.min_cube > 0 && o.min_cube <= o.max_cube && o.max_cube < 1e3, "the cube's factors must be positive");
+  expect(o.mirror >= 0 && o.mirror <= 1, "the share of mirrored objects is 0 to 1");
+  expect(o.shuffle_channels >= 0 && o.shuffle_channels <= 1, "the share of objects in other colours is 0 to 1");
   expect(o.procedural >= 0 && o.procedural <= 1, "the share of procedural objects is 0 to 1");
   expect(o.threads >= 0 && o.threads <= 256 && o.ahead >= 0, "threads and items ahead cannot be negative");
 }
@@ -108,6 +111,7 @@ struct TrainingReader::Impl {
   TrainingViews take(const Listing& from, std::size_t index, Random& random);
   TrainingViews composed(const Listing& from, int inputs, const std::vector<std::shared_ptr<const StoredView>>& views,
                          Random& random) const;
+  void disguise(TrainingViews& views, Random& random) const;
   Listing random_listing(std::uint64_t number);
   TrainingViews make(std::uint64_t item);
   void finish(std::uint64_t number, std::unique_lock<std::mutex>& lock);  // makes a wanted item, unlocked meanwhile
@@ -204,7 +208,18 @@ TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
     composite(*views[i], static_cast<int>(i) < inputs ? std::array<float, 3>{1, 1, 1} : out.background, out.pictures);
   if (options.alpha)
     for (const auto& view : views) out.rgba.push_back(premultiplied_bytes(*view));
+  disguise(out, random);
   return out;
+}
+
+// Nothing is drawn of what is not wanted: other runs go on as they did.
+void TrainingReader::Impl::disguise(TrainingViews& views, Random& random) const {
+  if (options.mirror > 0 && random.uniform(0, 1) < options.mirror) mirror(views);
+  if (options.shuffle_channels > 0 && random.uniform(0, 1) < options.shuffle_channels) {
+    static constexpr std::array<std::array<int, 3>, 5> others = {
+        {{0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}}};
+    shuffle_channels(views, others[static_cast<std::size_t>(random.below(5))]);
+  }
 }
 
 // Draws again, without them, where views turn out to be bad. Of a random object that is no fault of the data: it may be

@@ -39,6 +39,8 @@ struct TrainingOptions {
   // was made its front, so that it no longer is), and its cube larger by a factor between the two.
   double turn_degrees = 0;
   double min_cube = 1, max_cube = 1;
+  // So much of the items are mirrored, and have their colour channels in another order (disguise.h), by chance.
+  double mirror = 0, shuffle_channels = 0;
   // So much of the items, spread evenly, are endless_object()s by the seed and the item's number; the others go through
   // the set as if there were none of these. `textures`: a folder of pictures that they may be covered with; "": none.
   double procedural = 0;
@@ -49,10 +51,10 @@ struct TrainingOptions {
   bool skip_bad = false;  // views and objects that cannot be read are passed over and counted, else an Error
 };
 
-// Which object, views, background, turn and cube an item has depends on the data, the seed, the step and the item
-// alone: not on threads, the cache or what was asked for before. The objects come in random order, each once before any
-// comes again, and between them procedural ones; input and novel views are drawn from k-means groups of the cameras as
-// draw_views() does.
+// Which object, views, background, turn, cube and disguise an item has depends on the data, the seed, the step and the
+// item alone: not on threads, the cache or what was asked for before. The objects come in random order, each once
+// before any comes again, and between them procedural ones; input and novel views are drawn from k-means groups of the
+// cameras as draw_views() does.
 class TrainingReader {
  public:
   // Error(usage) where an option makes no sense, Error(input) where there is no object and not all are procedural,

@@ -61,6 +61,8 @@ void each_field(C& c, Visit visit) {
   visit("turn_degrees", c.turn_degrees);
   visit("cube_min", c.cube_min);
   visit("cube_max", c.cube_max);
+  visit("mirror", c.mirror);
+  visit("shuffle_channels", c.shuffle_channels);
   visit("pose_noise", c.pose_noise);
   visit("procedural", c.procedural);
   visit("log_every", c.log_every);
@@ -135,6 +137,8 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
   is.in("cube_max", c.cube_max, c.cube_max >= 0.1 && c.cube_max <= 10, "0.1 to 10");
   is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
+  is.in("mirror", c.mirror, c.mirror >= 0 && c.mirror <= 1, "0 to 1");
+  is.in("shuffle_channels", c.shuffle_channels, c.shuffle_channels >= 0 && c.shuffle_channels <= 1, "0 to 1");
   is.in("pose_noise", c.pose_noise, c.pose_noise >= 0 && c.pose_noise <= 1, "0 to 1");
   is.in("procedural", c.procedural, c.procedural >= 0 && c.procedural <= 1, "0 to 1");
 }

@@ -31,6 +31,8 @@ TrainingOptions training_reading(const TrainConfig& config, const TrainOptions& 
   out.turn_degrees = config.turn_degrees;
   out.min_cube = config.cube_min;
   out.max_cube = config.cube_max;
+  out.mirror = config.mirror;
+  out.shuffle_channels = config.shuffle_channels;
   out.procedural = config.procedural;
   out.textures = config.procedural > 0 ? options.textures : "";
   out.cache_bytes = static_cast<std::size_t>(config.cache_gib * static_cast<double>(1ull << 30));
