@@ -100,7 +100,7 @@ TEST(TrainingReader, ReadsMasksAndLensesAsReconstructDoes) {
   nlohmann::json root = {{"k1", 0.1}, {"aabb_half", 0.4}, {"aabb_center", {0.05, 0.0, 0.0}}};
   root["frames"] = nlohmann::json::array();
   int number = 0;
-  for (Camera camera : test::ring(9)) {
+  for (const Camera& camera : test::ring(9)) {
     Image photo(32, 24, 3), mask(32, 24, 1);
     for (int y = 0; y < 24; ++y)
       for (int x = 0; x < 32; ++x) {
@@ -174,7 +174,7 @@ TEST(TrainingReader, GivesAlphaWhereItIsAskedFor) {
     for (std::size_t v = 0; v < views.rgba.size(); ++v) {
       const float shade = static_cast<int>(v) < views.inputs ? 1.0f : views.background[0];
       ASSERT_EQ(views.rgba[v].size(), static_cast<std::size_t>(4 * kSide * kSide));
-      for (std::size_t i = 0; i < static_cast<std::size_t>(kSide * kSide); ++i) {
+      for (std::size_t i = 0; i < std::size_t{kSide} * std::size_t{kSide}; ++i) {
         const std::uint8_t* p = &views.rgba[v][4 * i];
         const float* picture = &views.pictures[3 * (v * static_cast<std::size_t>(kSide * kSide) + i)];
         covered += p[3] == 255 ? 1 : 0;
