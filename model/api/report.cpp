@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "model/api/handle.h"
 #include "runtime/doctor.h"
@@ -120,6 +121,8 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     const vsplat_report_options o = taken(options, VSPLAT_REPORT_OPTIONS_INIT, "options");
     if (!(o.seconds > 0 && o.seconds <= 3600))
       fail(Status::usage, "options.seconds is {}: more than 0 and at most 3600 expected", o.seconds);
+    // First, since it is told here that the device is taken, and looking at the drivers takes its time.
+    Json run = device ? run_json(device, o) : Json();
     Json out;
     out["format"] = "vsplat-report";
     out["version"] = vsplat_version_string();
@@ -128,7 +131,7 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     out["environment"] = environment_facts();
     out["doctor"] = Json::parse(diagnosis_json(diagnose(o.seconds)));
     out["device"] = device ? info_json(device) : Json();
-    out["run"] = device ? run_json(device, o) : Json();
+    out["run"] = std::move(run);
     out["kept"] = kept_facts();  // peaks that the run's profile has measured, too
     make_impersonal(out, personal_here(), "", "");
     *out_text = new_text(out.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
