@@ -1,6 +1,7 @@
 #!/bin/sh
-# Draws the pictures that the shipped model is trained on, OUTPUT/train, and those it is judged by, OUTPUT/test, and larger in
-# OUTPUT/test256: the same bytes as they were. README.md beside this file says what the folders of $VSPLAT_DATA hold and where they come from.
+# Draws the pictures that the shipped model is trained on, OUTPUT/train and, larger, OUTPUT/train192, and those it is judged by, OUTPUT/test
+# and, larger, OUTPUT/test256: the same bytes as they were. README.md beside this file says what the folders of $VSPLAT_DATA hold and where
+# they come from.
 #   VSPLAT_DATA=DIR model/weights/make-data.sh OUTPUT
 # VSPLAT names the program, where it is not build/release/bin/vsplat.
 set -eu
@@ -43,7 +44,9 @@ fi
 "$vsplat" dataset render $test --output "$out/test256" --views 40 --size 256 --seed 7
 # shellcheck disable=SC2086
 "$vsplat" dataset render $train --output "$out/train/scans" --views 40 --size 128 --seed 1
-# Each shape four times, with another pattern each time.
+# shellcheck disable=SC2086
+"$vsplat" dataset render $train --output "$out/train192/scans" --views 40 --size 192 --seed 1
+# Each shape four times, with another pattern each time; larger the first two.
 patterns=$(ls patterns/*.jpg)
 count=$(echo "$patterns" | wc -l)
 i=0
@@ -52,6 +55,9 @@ for k in 0 1 2 3; do
     pattern=$(echo "$patterns" | sed -n "$((i % count + 1))p")
     i=$((i + 13))
     "$vsplat" dataset render "$shape" --texture "$pattern" --output "$out/train/shapes$k" --views 40 --size 128 --seed $((2 + k))
+    if [ "$k" -lt 2 ]; then
+      "$vsplat" dataset render "$shape" --texture "$pattern" --output "$out/train192/shapes$k" --views 40 --size 192 --seed $((2 + k))
+    fi
   done
 done
 "$vsplat" dataset procedural --count 300 --solids --output "$out/train/procedural" --views 32 --size 128 --seed 11

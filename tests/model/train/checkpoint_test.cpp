@@ -122,6 +122,16 @@ TEST(Checkpoint, SeesDamage) {
   }
 }
 
+TEST(Checkpoint, IsNoModelAndTheRefusalTellsWhereThatIs) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "checkpoint-00000003.safetensors";
+  save_checkpoint(path, sample(3));
+  EXPECT_EQ(refusal([&] { load_model(path); }, Status::format),
+            path +
+                ": metadata format is \"vsplat-checkpoint\", expected \"vsplat-model\": a training's state to go on "
+                "from; the weights are in model.safetensors beside it");
+}
+
 TEST(Checkpoint, RefusesOtherFilesByWhatIsWrong) {
   const TemporaryFolder folder;
   const std::string path = folder / "x.safetensors";
