@@ -25,6 +25,8 @@ def read(path):
         header = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
         data = f.read()
     metadata = header.pop("__metadata__", {})
+    if metadata.get("format") != "vsplat-model":
+        sys.exit(f"{path}: its format is {metadata.get('format')}, expected vsplat-model: a checkpoint's weights are in model.safetensors beside it")
     tensors = {}
     for name, about in header.items():
         begin, end = about["data_offsets"]
@@ -53,7 +55,13 @@ def main():
     o = parser.parse_args()
     if len(o.models) % 2:
         parser.error("a share after every model expected")
-    paths, shares = o.models[::2], np.array([float(s) for s in o.models[1::2]])
+    paths = o.models[::2]
+    try:
+        shares = np.array([float(s) for s in o.models[1::2]])
+    except ValueError:
+        parser.error(f"a number as share after every model expected (found {' '.join(o.models[1::2])})")
+    if not (np.isfinite(shares).all() and shares.sum() > 0):
+        parser.error("shares with a sum above 0 expected")
     shares /= shares.sum()
     metadata, mean = None, {}
     for path, share in zip(paths, shares):
