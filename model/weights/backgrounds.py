@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Objects of a data set before a background, as photographs without masks show them: a room about each, and under it a table.
+"""Objects of a data set on a table or before a wall, as photographs without masks show them.
 
     model/weights/backgrounds.py SET OUT PATTERNS [--every N] [--seed S]
 
 SET is a folder of folders as `vsplat dataset render` writes them (y up, RGBA with straight alpha); every N-th of its objects by name
-goes to OUT with RGB pictures of the same size and the same cameras. Walls and table have a colour or one of the pictures of PATTERNS each;
-the table hides nothing from cameras below it. Same arguments, same bytes. Needs numpy and Pillow.
+goes to OUT with RGB pictures of the same size and cameras: those on the front of a plane that touches the cube's lower side or another one,
+has a colour or one of the pictures of PATTERNS, and ends with the cube or far beyond it. Same arguments, same bytes. Needs numpy and Pillow.
 """
 import argparse
 import json
@@ -33,26 +33,21 @@ def surface(rng, patterns):
     return at
 
 
-def background(camera, width, height, focal, room, walls, table, top, reach):
-    """What is seen past the object: [height, width, 3]. camera: camera to world, OpenGL's axes."""
+def behind(camera, width, height, focal, normal, point, reach, colours):
+    """What is seen past the object, [height, width, 3]: the plane through `point` as far as `reach` from there, else white. camera: camera
+    to world, OpenGL's axes."""
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     rays = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], -1).reshape(-1, 3) @ camera[:3, :3].T
     origin = camera[:3, 3]
-    with np.errstate(divide="ignore"):
-        distance = np.where(rays > 0, room[1] - origin, room[0] - origin) / rays  # to the walls ahead of it
-    axis = distance.argmin(1)
-    out = np.zeros_like(rays)
-    for a in range(3):
-        others = [i for i in range(3) if i != a]
-        for side in range(2):
-            these = (axis == a) & ((rays[:, a] > 0) == bool(side))
-            out[these] = walls[2 * a + side]((origin + rays[these] * distance[these, a:a + 1])[:, others])
-    if origin[1] > top:
-        down = rays[:, 1] < 0
-        met = np.zeros_like(rays)
-        met[down] = origin + rays[down] * ((top - origin[1]) / rays[down, 1:2])
-        these = down & (np.abs(met[:, [0, 2]]) < reach).all(1)
-        out[these] = table(met[these][:, [0, 2]])
+    towards = rays @ normal
+    met = towards < 0
+    at = origin + rays[met] * ((point - origin) @ normal / towards[met])[:, None] - point
+    along = np.cross(normal, [0, 0, 1] if abs(normal[1]) > 0.5 else [0, 1, 0])
+    along /= np.linalg.norm(along)
+    uv = at @ np.stack([along, np.cross(normal, along)], 1)
+    near = (np.abs(uv) < reach).all(1)
+    out = np.full_like(rays, 255)
+    out[np.flatnonzero(met)[near]] = colours(uv[near])
     return out.reshape(height, width, 3)
 
 
@@ -72,13 +67,21 @@ def main():
         rng = random.Random(o.seed * 1000 + number)
         views = json.loads((folder / "transforms.json").read_text())
         center, half = np.array(views["aabb_center"]), views["aabb_half"]
-        farthest = max(np.abs(np.array(f["transform_matrix"])[:3, 3] - center).max() for f in views["frames"])
-        size = np.array([farthest * rng.uniform(1.05, 1.8) for _ in range(3)])
-        room, walls = (center - size, center + size), [surface(rng, patterns) for _ in range(6)]
-        table, reach, top = surface(rng, patterns), half * rng.uniform(0.8, 2.5), center[1] - half * rng.uniform(0.6, 0.95)
-        if rng.random() < 0.3:
-            reach = 0
-        out = o.out / folder.name
+        normal = np.array([0.0, 1.0, 0.0])
+        if rng.random() < 0.5:
+            turn = rng.uniform(0, 2 * math.pi)
+            normal = np.array([math.cos(turn), 0, math.sin(turn)])
+        point = center - half * rng.uniform(0.8, 0.98) * normal
+        reach = half * (rng.uniform(0.8, 1.1) if rng.random() < 0.6 else 20)
+        colours = surface(rng, patterns)
+        seen = []
+        for frame in views["frames"]:
+            away = np.array(frame["transform_matrix"])[:3, 3] - center
+            if away @ normal > 0.3 * np.linalg.norm(away):
+                seen.append(frame)
+        if len(seen) < 8:
+            continue
+        views["frames"], out = seen, o.out / folder.name
         (out / "images").mkdir(parents=True, exist_ok=True)
         for frame in views["frames"]:
             path = folder / frame["file_path"]
@@ -86,9 +89,9 @@ def main():
             height, width = rgba.shape[:2]
             angle = frame.get("camera_angle_x", views.get("camera_angle_x"))
             focal = width / 2 / math.tan(angle / 2) if angle else frame.get("fl_x", views.get("fl_x"))
-            behind = background(np.array(frame["transform_matrix"]), width, height, focal, room, walls, table, top, reach)
+            plane = behind(np.array(frame["transform_matrix"]), width, height, focal, normal, point, reach, colours)
             alpha = rgba[..., 3:] / 255
-            picture = alpha * rgba[..., :3] + (1 - alpha) * behind
+            picture = alpha * rgba[..., :3] + (1 - alpha) * plane
             Image.fromarray(np.rint(picture).clip(0, 255).astype("u1")).save(out / frame["file_path"])
         (out / "transforms.json").write_text(json.dumps(views))
 

@@ -75,7 +75,7 @@ class Scripts(support.Case):
     def test_objects_before_a_background(self):
         from PIL import Image
         data, out = pathlib.Path(self.path("set")), pathlib.Path(self.path("out"))
-        self.succeeds("dataset", "procedural", "--count", 3, "--solids", "--output", data, "--views", 4, "--size", 32, "--seed", 4)
+        self.succeeds("dataset", "procedural", "--count", 3, "--solids", "--output", data, "--views", 32, "--size", 24, "--seed", 4)
         patterns = pathlib.Path(self.path("patterns"))
         patterns.mkdir()
         for i in range(3):
@@ -90,8 +90,8 @@ class Scripts(support.Case):
             self.assertEqual(path.read_bytes(), pathlib.Path(self.path("again"), relative).read_bytes())
             width, height, picture = support.read_png(path)
             rgba = support.read_png(data / relative)[2]
-            self.assertEqual((width, height, len(picture)), (32, 32, 3 * 32 * 32))
-            for i in range(32 * 32):
+            self.assertEqual((width, height, len(picture)), (24, 24, 3 * 24 * 24))
+            for i in range(24 * 24):
                 colour, was, alpha = picture[3 * i:3 * i + 3], rgba[4 * i:4 * i + 3], rgba[4 * i + 3]
                 if alpha == 255:
                     self.assertEqual(colour, was)
@@ -100,10 +100,15 @@ class Scripts(support.Case):
                     outside.append(colour)
         self.assertGreater(inside, 100)
         self.assertGreater(len(set(outside)), 20)
-        self.assertLess(outside.count(b"\xff\xff\xff"), len(outside) / 10)
+        self.assertLess(outside.count(b"\xff\xff\xff"), 0.9 * len(outside))
         for name in os.listdir(out):
             told, was = (json.loads((folder / name / "transforms.json").read_text()) for folder in (out, data))
+            frames, before = told.pop("frames"), was.pop("frames")
             self.assertEqual(told, was)
+            self.assertEqual(len(frames), len(os.listdir(out / name / "images")))
+            self.assertIn(len(frames), range(8, 17))  # of 32: those in front of the plane
+            for frame in frames:
+                self.assertIn(frame, before)
         self.assertNotIn("Traceback", script("backgrounds.py", self.path("none"), out, patterns)[1])
         listed, _ = self.succeeds("dataset", "info", out)
         self.assertIn("solid_0002", listed)
