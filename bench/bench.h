@@ -157,6 +157,7 @@ std::vector<Case> refine_cases(const Options& options);
 std::vector<Case> activation_cases(const Options& options);
 std::vector<Case> adamw_cases(const Options& options);
 std::vector<Case> add_columns_cases(const Options& options);
+std::vector<Case> area_mean_cases(const Options& options);
 std::vector<Case> attention_cases(const Options& options);
 std::vector<Case> compact_cases(const Options& options);
 std::vector<Case> decode_cases(const Options& options);

@@ -26,6 +26,7 @@ KERNELS_BACKWARD_ALONE = {
 # Files of a stem that are not there.
 WITHOUT = {
     "add_columns": {"reference": "a sum, which the test writes down"},
+    "area_mean": {"reference": "a mean, which the test writes down"},
     "compact": {"test": "the last step of selection: select_test.cpp", "reference": "the selected indices, which that test lists"},
     "gather": {"reference": "rows by index, which the test takes from the input"},
     "project": {"reference": "splat.h: that of whole pictures, which benchmarks are checked with, too"},

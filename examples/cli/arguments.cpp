@@ -149,6 +149,13 @@ std::array<float, 3> colour(const std::string& option, const std::string& text, 
             names.substr(2) + ",");
 }
 
+std::uint64_t samples(const std::string& option, const std::string& text) {
+  if (text.empty() || text == "auto") return 0;
+  if (text.size() != 1 || text[0] < '1' || text[0] > '8')
+    throw UsageError(option + " is \"" + text + "\": 1 to 8 samples along a pixel's edge, or auto, expected");
+  return static_cast<std::uint64_t>(text[0] - '0');
+}
+
 Size picture_size(const std::string& option, const std::string& text) {
   const std::vector<std::string> parts = split(text, 'x');
   Size out;

@@ -25,7 +25,8 @@ std::array<double, 3> triple(const std::string& option, const std::string& text)
 struct Size {
   int width = 0, height = 0;
 };
-Size picture_size(const std::string& option, const std::string& text);  // "640x480"
+std::uint64_t samples(const std::string& option, const std::string& text);  // "1" to "8"; 0: "auto", or nothing given
+Size picture_size(const std::string& option, const std::string& text);      // "640x480"
 
 // "a,b,c" -> its parts, none empty.
 std::vector<std::string> list(const std::string& option, const std::string& text);

@@ -20,7 +20,7 @@ struct EvaluateOptions {
   Common common;
   PlacementOptions placement;
   std::vector<std::string> folders;
-  std::string model, protocol = "kmeans", seed, lpips, sheet;
+  std::string model, protocol = "kmeans", seed, lpips, sheet, supersample;
   TableOptions table;
   int size = 0, view_count = 0;
   double pose_noise = 0;
@@ -161,6 +161,7 @@ void evaluate(EvaluateOptions& o) {
   set_placement(o.placement, options);
   options.lpips = o.lpips.empty() ? nullptr : o.lpips.c_str();
   options.picture_size = o.size;
+  options.supersample = samples("--supersample", o.supersample);
   options.view_count = o.view_count;
   options.skip_bad = o.skip_bad;
   options.sheet = !o.sheet.empty();
@@ -234,6 +235,11 @@ void add_evaluate(CLI::App& app, Run& run) {
                   "stays at the model's size (default: compare at that, too)")
       ->check(CLI::Range(11, 4096))
       ->type_name("N");
+  sub->add_option(
+         "--supersample", o->supersample,
+         "Samples along a pixel's edge of what is drawn, 1 to 8 (default: auto, as `vsplat render` takes them: "
+         "more than one where pixels are two or more times as wide as the inputs' at the model's size)")
+      ->type_name("N|auto");
   sub->add_option("--lpips", o->lpips, "Folder with alex.safetensors, vgg.safetensors or both: adds LPIPS")
       ->type_name("DIR");
   sub->add_option("--sheet", o->sheet, "Best, median and worst object: inputs, truth, coarse level, result in rows")

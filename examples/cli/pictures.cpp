@@ -65,6 +65,12 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
       ->type_name("R")
       ->group(group);
   app.add_option("--orbit-elevation", o.orbit_elevation, "Their elevation, degrees")->type_name("DEG")->group(group);
+  app.add_option(
+         "--supersample", o.supersample,
+         "Samples along a pixel's edge, 1 to 8: drawn so many times larger, and averaged (default: auto, as many "
+         "as make smaller pictures as fine as those that the scene was made from)")
+      ->type_name("N|auto")
+      ->group(group);
   app.add_option("--up", o.up, "Which way is up in the world (default: what the scene's file or the cameras tell)")
       ->type_name("x,y,z")
       ->group(group);
@@ -77,7 +83,7 @@ void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choic
   if (o.cameras.empty())
     for (const auto& [option, given] :
          {std::pair("--size", !o.size.empty()), std::pair("--background", !o.background.empty()),
-          std::pair("--format", !o.format.empty())})
+          std::pair("--format", !o.format.empty()), std::pair("--supersample", !o.supersample.empty())})
       if (given)
         throw UsageError(option + std::string(" is of the pictures that are drawn: it needs --render, the cameras"));
   if (choice.orbit == 0)
@@ -97,6 +103,7 @@ PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
     std::copy(behind.begin(), behind.end(), background);
   }
   if (!o.near.empty()) near = positive_number("--near", o.near, "distance in world units");
+  supersample = samples("--supersample", o.supersample);
   read_outputs(o);
   orbit_options.count = choice.orbit;
   if (size) orbit_options.width = size->width, orbit_options.height = size->height;
@@ -238,6 +245,7 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = near;
   options.exact_tiles = exact_tiles;
+  options.supersample = supersample;
   // A file with alpha holds no background: what is drawn over black is just that.
   if (!over_black()) std::copy(std::begin(background), std::end(background), options.background);
   if (over_black()) std::fill(std::begin(options.background), std::end(options.background), 0.0f);

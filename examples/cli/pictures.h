@@ -20,7 +20,7 @@ inline constexpr int default_size = 512;
 struct PictureOptions {
   std::string cameras;  // a file or folder, orbit:N or path:CAMERAS:N
   std::string images;   // the folder
-  std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up;
+  std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up, supersample;
   std::string sheet, turntable, fps, compare, differences, write_cameras;
   bool exr_raw = false, exact_tiles = false;
 };
@@ -41,6 +41,7 @@ struct PictureJob {
   bool transparent = false;         // of --images
   double near = 0;                  // 0: the scene's
   bool exact_tiles = false;
+  std::uint64_t supersample = 0;  // 0: as the scene asks for
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;
   vsplat_orbit_options orbit_options = VSPLAT_ORBIT_OPTIONS_INIT;

@@ -30,6 +30,7 @@ void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scen
   vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
   options.near_plane = PictureJob(o.pictures).near;
   options.exact_tiles = o.pictures.exact_tiles;
+  options.supersample = PictureJob(o.pictures).supersample;
   options.progress = &Session::on_progress;
   options.user = &session;
   session.start("counting");

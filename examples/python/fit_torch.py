@@ -19,7 +19,7 @@ class Draw(torch.autograd.Function):
         ctx.device, ctx.camera, ctx.background = device, camera, background
         ctx.scene = vsplat.Scene.from_arrays(*arrays)
         ctx.dtype, ctx.place = means.dtype, means.device
-        picture = device.render(ctx.scene, camera, background)
+        picture = device.render(ctx.scene, camera, background, supersample=1)
         return tuple(torch.from_numpy(a).to(means) for a in (picture.colour, picture.alpha, picture.depth))
 
     @staticmethod

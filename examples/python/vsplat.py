@@ -158,7 +158,7 @@ class _ReconstructOptions(_Struct):
 
 class _RenderOptions(_Struct):
     _fields_ = [("size", c.c_size_t), ("background", c.c_float * 3), ("near_plane", c.c_double), ("progress", _progress),
-                ("user", c.c_void_p), ("exact_tiles", c.c_int32)]
+                ("user", c.c_void_p), ("exact_tiles", c.c_int32), ("supersample", c.c_uint64)]
 
 
 class _Picture(_Struct):
@@ -691,12 +691,13 @@ class Device(_Handle):
             _lib.vsplat_refinement_release(handle)
 
     def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
-               colour: bool = True, alpha: bool = True, depth: bool = True) -> Picture:
-        """Draws the scene; `near`: the near plane, world units (0: the scene's)."""
+               colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0) -> Picture:
+        """Draws the scene; `near`: the near plane, world units (0: the scene's); `supersample`: samples along a pixel's edge (0: as many
+        as the scene asks for; what render_backward() is of has 1)."""
         size = (camera.height, camera.width)
         out = Picture(np.empty((*size, 3), np.float32) if colour else None, np.empty(size, np.float32) if alpha else None,
                       np.empty(size, np.float32) if depth else None)
-        _call("render", self, scene, c.byref(camera._struct()), c.byref(_render_options(background, near)),
+        _call("render", self, scene, c.byref(camera._struct()), c.byref(_render_options(background, near, supersample)),
               c.byref(_picture_of(out, camera)))
         return out
 
@@ -730,8 +731,8 @@ class Device(_Handle):
         return json.loads(_take_text(text))
 
 
-def _render_options(background: Sequence[float], near: float) -> _RenderOptions:
-    return _RenderOptions(background=(c.c_float * 3)(*background), near_plane=near)
+def _render_options(background: Sequence[float], near: float, supersample: int = 1) -> _RenderOptions:
+    return _RenderOptions(background=(c.c_float * 3)(*background), near_plane=near, supersample=supersample)
 
 
 def _picture_of(picture: Picture, camera: Camera) -> _Picture:

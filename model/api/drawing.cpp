@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/splat/supersample.h"
 #include "runtime/fail.h"
 
 namespace vsplat::api {
@@ -58,7 +59,29 @@ RenderOptions options_of(const vsplat_render_options& o, const Scene& scene) {
   out.near = o.near_plane > 0 ? static_cast<float>(o.near_plane) : scene.near;
   out.mirror = scene.mirror;
   out.exact_tiles = o.exact_tiles != 0;
+  if (o.supersample > static_cast<uint64_t>(kMostSamples))
+    fail(Status::usage,
+         "vsplat_render_options.supersample is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the scene "
+         "asks for",
+         o.supersample, kMostSamples);
   return out;
+}
+
+RenderOptions drawn_as(const vsplat_render_options& o, const Scene& scene, const Camera& view) {
+  RenderOptions out = options_of(o, scene);
+  if (o.supersample > 0)
+    out.supersample = static_cast<int>(o.supersample);
+  else if (scene.detail)
+    out.supersample = samples_for(*scene.detail, view);
+  return out;
+}
+
+RenderOptions derived_as(const vsplat_render_options& o, const Scene& scene) {
+  if (o.supersample > 1)
+    fail(Status::usage,
+         "vsplat_render_options.supersample is {}: derivatives are those of a picture without, 0 or 1 is expected",
+         o.supersample);
+  return options_of(o, scene);
 }
 
 }  // namespace vsplat::api

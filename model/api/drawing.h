@@ -20,7 +20,11 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
 void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera,
                   GaussianKind kind = GaussianKind::volume, bool exact_tiles = false);
 
-// Checked.
+// Checked. Without supersampling, which drawn_as() adds and derivatives do not have.
 RenderOptions options_of(const vsplat_render_options& options, const Scene& scene);
+// The same for a picture from a camera in the scene's frame.
+RenderOptions drawn_as(const vsplat_render_options& options, const Scene& scene, const Camera& view);
+// Derivatives are those of a picture without supersampling: one that is asked for is refused.
+RenderOptions derived_as(const vsplat_render_options& options, const Scene& scene);
 
 }  // namespace vsplat::api

@@ -15,6 +15,7 @@
 #include "model/api/share.h"
 #include "model/evaluate/model_check.h"
 #include "model/io/image_file.h"
+#include "model/splat/supersample.h"
 #include "runtime/fail.h"
 
 struct vsplat_evaluation_impl : vsplat::api::Counted {
@@ -104,6 +105,12 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     if (o.ranks) how.ranks = &Ranks::world();
     how.pose_noise = o.pose_noise;
     how.pose_draws = o.pose_draws == 0 ? 1 : o.pose_draws;
+    if (o.supersample > static_cast<uint64_t>(kMostSamples))
+      fail(Status::usage,
+           "vsplat_evaluate_options.supersample is {}: 1 to {} samples along a pixel's edge, or 0 for as many as the "
+           "model's size asks for",
+           o.supersample, kMostSamples);
+    how.supersample = static_cast<int>(o.supersample);
     how.planned_selected = selected_of(0, VSPLAT_ASSUME_SELECTED, config_of(model), "selected");
     if (o.progress)
       how.progress = [&o](const std::string& object, double done) {

@@ -90,7 +90,7 @@ vsplat_status vsplat_opencl_render(vsplat_device device, vsplat_scene scene, con
     need(picture, "picture");
     const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
     const vsplat_opencl_picture p = taken(picture, VSPLAT_OPENCL_PICTURE_INIT, "picture");
-    const RenderOptions how = options_of(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene);
+    const RenderOptions how = drawn_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene, view);
     const std::vector<void*> before = listed(num_events, events);
     Context& ctx = device->context;
     const GaussianChunks& there =
@@ -118,7 +118,7 @@ vsplat_status vsplat_opencl_render_backward(vsplat_device device, vsplat_scene s
     const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
     const vsplat_opencl_picture p = taken(gradient, VSPLAT_OPENCL_PICTURE_INIT, "gradient");
     const vsplat_opencl_gaussians o = taken(out, VSPLAT_OPENCL_GAUSSIANS_INIT, "out");
-    const RenderOptions how = options_of(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene);
+    const RenderOptions how = derived_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene);
     const std::vector<void*> before = listed(num_events, events);
     Context& ctx = device->context;
     const Gaussians& g = scene->scene->gaussians;

@@ -54,7 +54,7 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
   need(device, "device");
   need(scene, "scene");
   const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
-  const RenderOptions how = options_of(o, *scene->scene);
+  (void)options_of(o, *scene->scene);  // refuses before anything is drawn
   uint64_t most = 0;
   for (const Shot& shot : shots) {
     const uint64_t pixels = static_cast<uint64_t>(shot.camera.width) * static_cast<uint64_t>(shot.camera.height);
@@ -68,7 +68,8 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
       fail(Status::cancelled, "stopped with {} of {} pictures drawn", i, shots.size());
     const GaussianChunks& there = on_device(device, scene->scene, static_cast<double>(most));
     Context& ctx = device->context;
-    const DevicePicture drawn = render(ctx, there, in_frame(*scene->scene, shots[i].camera), how);
+    const Camera view = in_frame(*scene->scene, shots[i].camera);
+    const DevicePicture drawn = render(ctx, there, view, drawn_as(o, *scene->scene, view));
     ctx.finish();
     const Shot& shot = shots[i];
     const float* colour_read = read(ctx, drawn.colour, shot.picture.colour, shot.pixels.wanted(), colour);
@@ -113,7 +114,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     need_array(cameras, count, "cameras");
     need_room(out_plan, "out_plan");
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
-    const RenderOptions how = options_of(o, *scene->scene);
+    (void)options_of(o, *scene->scene);
     std::vector<Camera> views;
     double pixels = 0;
     for (size_t i = 0; i < count; ++i) {
@@ -132,7 +133,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
         if (o.progress &&
             !o.progress(o.user, "splat", static_cast<double>(&view - views.data()) / static_cast<double>(count)))
           fail(Status::cancelled, "stopped before all was counted");
-        plan_render(device->context, there, *planner, planned, view, how);
+        plan_render(device->context, there, *planner, planned, view, drawn_as(o, *scene->scene, view));
       }
     });
     give(out_plan, plan_of(*planner, planner->stage_memory(), planner->memory().peak(), fits, host_bytes(pixels)),

@@ -43,7 +43,7 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
       fail(Status::usage, "gradient.capacity is {} pixels: the camera's picture has {}", p.capacity, pixels);
     if (arrays && a.capacity < g.count)
       fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, g.count);
-    const RenderOptions how = options_of(o, *scene->scene);
+    const RenderOptions how = derived_as(o, *scene->scene);
     if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
     Context& ctx = device->context;
     const GaussianChunks& placed = on_device(device, scene->scene, static_cast<double>(pixels));

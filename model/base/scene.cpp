@@ -121,10 +121,15 @@ void transform(Scene& scene, const Similarity& in_world, const Eigen::Vector3d& 
   scene.offset = offset;
   transform(scene.gaussians, move);
   scene.near = static_cast<float>(scene.near * move.scale);
-  if (scene.mirror) {
-    auto& m = *scene.mirror;
-    const Eigen::Vector3d moved = move.scale * (move.rotation * Eigen::Vector3d(m[0], m[1], m[2])) + move.translation;
-    for (int i = 0; i < 3; ++i) m[i] = static_cast<float>(moved[i]);
+  const auto moved = [&move](std::array<float, 3>& place) {
+    const Eigen::Vector3d to =
+        move.scale * (move.rotation * Eigen::Vector3d(place[0], place[1], place[2])) + move.translation;
+    for (int i = 0; i < 3; ++i) place[i] = static_cast<float>(to[i]);
+  };
+  if (scene.mirror) moved(*scene.mirror);
+  if (scene.detail) {
+    moved(scene.detail->at);
+    scene.detail->pixel = static_cast<float>(scene.detail->pixel * move.scale);
   }
   if (scene.up) {
     auto& up = *scene.up;

@@ -16,6 +16,12 @@ inline constexpr double kNearInObject = 0.2;
 
 struct Camera;
 
+// How fine the pictures were that a scene was made from.
+struct Detail {
+  std::array<float, 3> at{};  // the object's middle, in the scene's frame
+  float pixel = 0;            // how wide a pixel of those pictures is there, in the frame's units; above 0
+};
+
 struct Scene {
   Gaussians gaussians;
   // Where in the world the frame of Gaussians and mirror point begins; 0 unless offset_for() has it otherwise.
@@ -23,6 +29,7 @@ struct Scene {
   float near = 0.2f;  // near plane, in the frame's units
   // View-dependent colour is meant as seen from the camera's mirror image about this point.
   std::optional<std::array<float, 3>> mirror;
+  std::optional<Detail> detail;            // none: not known
   std::optional<std::array<float, 3>> up;  // which way is up in the frame, of length 1; none: not known
 };
 
@@ -41,7 +48,7 @@ Similarity operator*(const Similarity& after, const Similarity& before);
 
 // Moves positions, scales, rotations and spherical harmonics: a camera moved along sees the same picture.
 void transform(Gaussians& gaussians, const Similarity& move);
-// The near plane, the mirror point and up, too, all of it in the world; what comes out is relative to `offset`.
+// Near plane, mirror point, detail and up, too, all of it in the world; what comes out is relative to `offset`.
 void transform(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset = Eigen::Vector3d::Zero());
 
 // Surfels as volumes: a third scale, `thickness` times the smaller of a surfel's two.

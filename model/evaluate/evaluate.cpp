@@ -18,6 +18,7 @@
 #include "model/pictures/metrics.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/splat/render.h"
+#include "model/splat/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/share_out.h"
@@ -89,7 +90,7 @@ class Evaluator {
   Drawn draw(const EvaluationObject& object, int noise_draw = 0) const;
   Scores score(const EvaluationObject& object, int noise_draw) const;
   Strip render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
-                   const std::optional<std::array<float, 3>>& mirror) const;
+                   const std::optional<std::array<float, 3>>& mirror, const std::optional<Detail>& detail) const;
   Scene reconstructed(const EvaluationObject& object, const std::vector<int>& views) const;
   Strip render_refined(const EvaluationObject& object) const;
 
@@ -123,14 +124,18 @@ void Evaluator::check() const {
 }
 
 Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationObject& object, float near,
-                            const std::optional<std::array<float, 3>>& mirror) const {
+                            const std::optional<std::array<float, 3>>& mirror,
+                            const std::optional<Detail>& detail) const {
   RenderOptions options = network_.drawing();
   options.background = kWhite;
   options.near = near;
   options.mirror = mirror;
   Strip out(judged(), object.novel());
-  for (std::size_t i = 0; i < object.novel(); ++i)
-    out.put(i, render_picture(ctx_, gaussians, object.cameras[object.inputs + i], options).colour);
+  for (std::size_t i = 0; i < object.novel(); ++i) {
+    const Camera& camera = object.cameras[object.inputs + i];
+    options.supersample = options_.supersample > 0 ? options_.supersample : detail ? samples_for(*detail, camera) : 1;
+    out.put(i, render_picture(ctx_, gaussians, camera, options).colour);
+  }
   return out;
 }
 
@@ -155,7 +160,7 @@ Strip Evaluator::render_refined(const EvaluationObject& object) const {
   }
   Scene scene = fit.result().scene;
   transform(scene, object.to_world.inverse());
-  return render_all(upload(ctx_, scene.gaussians), object, scene.near, scene.mirror);
+  return render_all(upload(ctx_, scene.gaussians), object, scene.near, scene.mirror, {});
 }
 
 Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw) const {
@@ -193,8 +198,9 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
   Strip truth(judged(), object.novel());
   for (std::size_t i = 0; i < object.novel(); ++i) truth.put(i, object.pictures[object.inputs + i]);
   const std::optional<std::array<float, 3>> mirror = network_.drawing().mirror;
+  const std::optional<Detail> detail = detail_of(listed, Eigen::Vector3d::Zero());
   const auto drawn = [&](const DeviceGaussians& gaussians) {
-    return render_all(gaussians, object, static_cast<float>(kNearInObject), mirror);
+    return render_all(gaussians, object, static_cast<float>(kNearInObject), mirror, detail);
   };
   const Strip coarse = drawn(result.coarse);
   // With no voxel selected there is nothing to move.

@@ -293,6 +293,11 @@ void read_comments(const std::string& path, const PlyHeader& header, Scene& scen
       if (scene.offset.cwiseAbs().maxCoeff() > kFarthestOffset)
         fail(Status::format, "{}: comment \"{}\": a place at most {} from the origin is expected", path,
              printable(comment), kFarthestOffset);
+    } else if (what == "detail") {
+      const std::vector<float> p = comment_numbers<float>(path, comment, in, 4);
+      if (!(p[0] > 0))
+        fail(Status::format, "{}: comment \"{}\": a pixel's width above 0 is expected", path, printable(comment));
+      scene.detail = Detail{{p[1], p[2], p[3]}, p[0]};
     } else if (what == "up") {
       scene.up = direction(path, comment, comment_numbers<float>(path, comment, in, 3));
     }

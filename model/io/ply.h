@@ -29,7 +29,7 @@ Scene read_ply(const std::string& path, SkippedGaussians* skipped = nullptr);
 // The same of a file's bytes in memory; `name` stands for the path in errors.
 Scene read_ply(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped = nullptr);
 
-// All floats, with normals, and the near plane, offset, up, mirror point and SH degree as comments. Writes a
+// All floats, with normals, and the near plane, offset, up, detail, mirror point and SH degree as comments. Writes a
 // temporary file and renames it. Opacities 0 and 1 become logits that every reader turns back into 0 and 1.
 void write_ply(const std::string& path, const Scene& scene);
 

@@ -30,6 +30,8 @@ std::string make_header(const Scene& scene, const std::vector<std::string>& name
   const Eigen::Vector3d& offset = scene.offset;
   if (!offset.isZero(0)) out += fmt::format("comment vsplat offset {} {} {}\n", offset.x(), offset.y(), offset.z());
   if (scene.up) out += fmt::format("comment vsplat up {} {} {}\n", (*scene.up)[0], (*scene.up)[1], (*scene.up)[2]);
+  if (const auto& d = scene.detail)
+    out += fmt::format("comment vsplat detail {} {} {} {}\n", d->pixel, d->at[0], d->at[1], d->at[2]);
   if (scene.mirror)
     out += fmt::format("comment vsplat mirror_camera_about {} {} {}\n", (*scene.mirror)[0], (*scene.mirror)[1],
                        (*scene.mirror)[2]);

@@ -4,6 +4,7 @@
 
 #include "model/reconstruct/dump.h"
 #include "model/reconstruct/selection_check.h"
+#include "model/splat/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 
@@ -75,6 +76,9 @@ Reconstruction reconstruct(Context& ctx, const Network& network, const std::vect
   out.scene.near = static_cast<float>(kNearInObject);
   out.scene.mirror = network.drawing().mirror;
   transform(out.scene, placed.to_world, offset_for(placement.centre, placement.edge));
+  out.scene.detail = detail_of(cameras, placement.centre);
+  if (auto& detail = out.scene.detail)
+    for (int i = 0; i < 3; ++i) detail->at[i] = static_cast<float>(placement.centre[i] - out.scene.offset[i]);
   if (options.near > 0) out.scene.near = static_cast<float>(options.near);
   const Config* own = config.as<Config>();
   if (out.scene.gaussians.count == 0)

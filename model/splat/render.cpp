@@ -2,8 +2,10 @@
 
 #include <algorithm>
 
+#include "model/ops/area_mean.h"
 #include "model/ops/tile_bin.h"
 #include "model/splat/room.h"
+#include "model/splat/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 
@@ -154,9 +156,30 @@ DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& ca
   return out;
 }
 
+namespace {
+
+// In supersample times the size, and its means.
+void render_larger(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
+                   const DevicePicture& out) {
+  RenderOptions once = options;
+  once.supersample = 1;
+  const SurfelMaps maps{static_cast<bool>(out.normal), static_cast<bool>(out.median),
+                        static_cast<bool>(out.distortion)};
+  const Camera larger = times_as_large(camera, options.supersample);
+  const DevicePicture picture = picture_in_room(ctx, scene, larger, maps);
+  render_into(ctx, scene, larger, once, picture);
+  for (Tensor DevicePicture::*const map :
+       {&DevicePicture::colour, &DevicePicture::alpha, &DevicePicture::depth, &DevicePicture::normal,
+        &DevicePicture::median, &DevicePicture::distortion, &DevicePicture::moments})
+    if (out.*map) area_mean(ctx, {picture.*map, out.*map, options.supersample});
+}
+
+}  // namespace
+
 void render_into(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                  const DevicePicture& out) {
   const Stage stage(ctx, "splat");
+  if (options.supersample > 1) return render_larger(ctx, scene, camera, options, out);
   for_each_part(ctx, scene, camera, options, false,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, out);
@@ -165,7 +188,7 @@ void render_into(Context& ctx, const GaussianChunks& scene, const Camera& camera
 
 void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,
                  const Camera& camera, const RenderOptions& options) {
-  const View view = cull_in_room(ctx, scene, camera, options);
+  const View view = cull_in_room(ctx, scene, times_as_large(camera, options.supersample), options);
   RenderOptions counted = options;
   counted.counts = [&](const Part& part) { return count_visible(ctx, view.culled, part); };
   render(planner, planned, camera, counted);

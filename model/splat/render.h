@@ -20,6 +20,9 @@ struct RenderOptions {
   float near = 0.2f;                           // camera z up to which Gaussians are left out, world units
   std::optional<std::array<float, 3>> mirror;  // colours as seen from the camera's mirror image about this point
   bool exact_tiles = false;                    // as BinOptions::exact: the same picture, sorted from fewer pairs
+  // Samples along a pixel's edge: drawn in so many times the width and height, of which each pixel is the mean. At
+  // least 1; of pictures alone, not of their derivatives.
+  int supersample = 1;
   // A plan cannot count what a part of the picture sees. Where this is given it is asked; otherwise every Gaussian is
   // taken to be seen and to touch `assumed_tiles`.
   std::function<VisibleCount(const Part&)> counts;

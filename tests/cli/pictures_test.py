@@ -68,6 +68,31 @@ class Pictures(support.Case):
             with open(self.path("box", name), "rb") as a, open(self.path("exact", name), "rb") as b:
                 self.assertEqual(a.read(), b.read())
 
+    def test_supersampling(self):
+        """What is drawn of a scene that tells how fine it is, is the mean of finer pictures where they are small."""
+        told = self.path("told.ply")
+        with open(self.path("scene.ply"), "rb") as f:
+            text = f.read()
+        with open(told, "wb") as f:
+            f.write(text.replace(b"end_header", b"comment vsplat detail 0.001 0 0 0\nend_header", 1))
+        def drawn(folder, scene, *more, size="24x24"):
+            self.succeeds("render", scene, "--cameras", "orbit:3", "--size", size, "--images", self.path(folder), *more)
+            return [support.read_png(self.path(folder, f"{i:04}.png"))[2] for i in range(3)]
+        plain, eight = drawn("plain", self.path("scene.ply")), drawn("eight", self.path("scene.ply"), "--supersample", 8)
+        self.assertEqual(drawn("auto", told), eight)
+        self.assertEqual(drawn("one", told, "--supersample", 1), plain)
+        self.assertNotEqual(plain, eight)
+        large = drawn("large", self.path("scene.ply"), size="192x192")
+        for small, picture in zip(eight, large):
+            for y in range(0, 24, 5):
+                for x in range(0, 24, 5):
+                    for c in range(3):
+                        values = [picture[3 * ((8 * y + j) * 192 + 8 * x + i) + c] for j in range(8) for i in range(8)]
+                        self.assertAlmostEqual(small[3 * (24 * y + x) + c], sum(values) / 64, delta=1.01)
+        for wrong in ("0", "9", "two", "-1"):
+            self.refuses(2, ["--supersample", wrong, "1 to 8"], "render", told, "--cameras", "orbit:3", "--images", self.path("no"),
+                         f"--supersample={wrong}")
+
     def test_sheet(self):
         out, _ = self.succeeds(*self.render("--sheet", self.path("new", "sheet.png"), "--images", self.path("png"), "--json"))
         self.assertEqual(json.loads(out)["sheet"], self.path("new", "sheet.png"))

@@ -1,6 +1,7 @@
 // Losses on pictures, and what they are made of.
 #include <array>
 
+#include "model/ops/area_mean.h"
 #include "model/ops/exposure.h"
 #include "model/ops/lara_maps.h"
 #include "model/ops/loss.h"
@@ -206,6 +207,21 @@ void surface_loss_all(Checks& c) {
   }
 }
 
+void area_mean_all(Checks& c) {
+  for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {3, 7}, {16, 15}, {17, 33}}))
+    for (const long k : {2L, 3L}) {
+      const auto x = random_floats(picture_size(k * h, 3 * k * w), static_cast<std::uint32_t>(h + w + k));
+      std::vector<double> want(picture_size(h, 3 * w));
+      const auto wide = static_cast<std::size_t>(w), by = static_cast<std::size_t>(k);
+      for (std::size_t i = 0; i < x.size(); ++i)
+        want[(i / (3 * by * wide) / by * wide + i / 3 % (by * wide) / by) * 3 + i % 3] +=
+            static_cast<double>(x[i]) / static_cast<double>(k * k);
+      const Tensor out = c.gap({h, w, 3});
+      area_mean(c.ctx, {c.up({k * h, k * w, 3}, x), out, static_cast<int>(k)});
+      c.close("means", out, want, 1e-6);
+    }
+}
+
 void picture_target_all(Checks& c) {
   for (const auto& [h, w] : c.some({std::array<long, 2>{1, 1}, {3, 1}, {7, 9}, {8, 8}, {5, 13}, {31, 37}})) {
     const std::size_t n = picture_size(h, w);
@@ -287,6 +303,7 @@ std::vector<Case> picture_cases() {
           {"lara_maps", lara_maps_all},
           {"surface_loss", surface_loss_all},
           {"picture_target", picture_target_all},
+          {"area_mean", area_mean_all},
           {"exposure", exposure_all}};
 }
 

@@ -144,6 +144,7 @@ TEST(Offset, KeepsWhatIsFarAway) {
   Scene scene;
   scene.gaussians = test::make_scene({"", 20, 1, 0, 0, ""}, 2);
   scene.mirror = {0.1f, 0.2f, 0.3f};
+  scene.detail = Detail{{0.3f, 0.2f, 0.1f}, 0.01f};
   Similarity move;
   move.scale = 2;
   move.rotation = random_rotation(engine);
@@ -151,6 +152,7 @@ TEST(Offset, KeepsWhatIsFarAway) {
   Scene moved = scene;
   transform(moved, move, offset_for(move.translation, move.scale));
   EXPECT_EQ(moved.offset, move.translation);
+  EXPECT_FLOAT_EQ(moved.detail->pixel, 0.02f);
   for (std::size_t k = 0; k < scene.gaussians.count; ++k) {
     const Eigen::Map<const Eigen::Vector3f> before(&scene.gaussians.means[3 * k]), after(&moved.gaussians.means[3 * k]);
     const Eigen::Vector3d world = moved.offset + after.cast<double>();
@@ -166,6 +168,8 @@ TEST(Offset, KeepsWhatIsFarAway) {
   for (std::size_t i = 0; i < scene.gaussians.means.size(); ++i)
     EXPECT_NEAR(elsewhere.gaussians.means[i], scene.gaussians.means[i], 2e-6);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR((*elsewhere.mirror)[i], (*scene.mirror)[i], 1e-6);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(elsewhere.detail->at[i], scene.detail->at[i], 1e-6);
+  EXPECT_FLOAT_EQ(elsewhere.detail->pixel, 0.01f);
 }
 
 TEST(Offset, CamerasOfTheWorldSeeTheSame) {

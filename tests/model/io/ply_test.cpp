@@ -71,6 +71,7 @@ TEST_F(Ply, RoundTripsEveryDegree) {
     scene.gaussians = test::make_scene({"", 50, degree, 0, 0, "opacity"}, 1);
     scene.near = 0.0731f;
     if (degree == 2) scene.mirror = {0.1f, -2.5f, 1e-7f};
+    if (degree > 1) scene.detail = Detail{{0.1f, 2.5e3f, -1e-7f}, 0.0123f};
     if (degree > 0) scene.up = {0.6f, 0, -0.8f};
     write_ply(path(), scene);
     const Scene again = read_ply(path());
@@ -80,6 +81,11 @@ TEST_F(Ply, RoundTripsEveryDegree) {
     EXPECT_EQ(again.near, scene.near);
     EXPECT_EQ(again.mirror, scene.mirror);
     EXPECT_EQ(again.up, scene.up);
+    ASSERT_EQ(again.detail.has_value(), scene.detail.has_value());
+    if (scene.detail) {
+      EXPECT_EQ(again.detail->at, scene.detail->at);
+      EXPECT_EQ(again.detail->pixel, scene.detail->pixel);
+    }
     EXPECT_EQ(a.means, b.means);
     EXPECT_EQ(a.sh, b.sh);
     for (std::size_t i = 0; i < a.scales.size(); ++i) EXPECT_NEAR(b.scales[i], a.scales[i], 1e-6 * a.scales[i]);
@@ -271,6 +277,8 @@ TEST_F(Ply, RefusesByName) {
   EXPECT_NE(with("element", "comment vsplat up 0 1\nelement").find("3 finite"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat up 0 nan 1\nelement").find("3 finite"), std::string::npos);
   EXPECT_NE(with("element", "comment vsplat up 0 -0 0\nelement").find("a direction"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat detail 0.1 1 2\nelement").find("4 finite"), std::string::npos);
+  EXPECT_NE(with("element", "comment vsplat detail 0 1 2 3\nelement").find("above 0"), std::string::npos);
   EXPECT_NE(with("end_header", "something").find("something"), std::string::npos);
   EXPECT_NE(complaint("ply\n" + std::string(2 << 20, 'x')).find("line 2 (byte 4): there is no end_header within"),
             std::string::npos);

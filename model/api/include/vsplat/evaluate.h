@@ -79,11 +79,13 @@ typedef struct vsplat_evaluate_options {
   int32_t ranks; /* not 0: the ranks of vsplat/ranks.h share the objects, each on its devices. Rank 0 has the whole, and
                     the errors; on_object comes there at the end. On the others the result is that of their own objects,
                     and VSPLAT_OK */
+  uint64_t supersample; /* as in vsplat_render_options, 0: by how fine the inputs are at the model's size. Scenes of
+                           `refine` have one sample where it is 0 */
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
     sizeof(vsplat_evaluate_options), VSPLAT_PROTOCOL_KMEANS, 0, 0, {0, 0, 0}, 0.0, 0, VSPLAT_FIT_AUTO, NULL, 0, 0, \
-        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0, 0                                                              \
+        NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0, 0, 0                                                           \
   }
 
 /* The results of one run. Belongs to no device; may be read by several threads. */

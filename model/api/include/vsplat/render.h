@@ -45,11 +45,15 @@ typedef struct vsplat_render_options {
   double near_plane;   /* world units; 0: the scene's */
   vsplat_progress_function progress;
   void* user;
-  int32_t exact_tiles; /* 1: tiles that a Gaussian's ellipse does not reach are not sorted for it. The same picture to
+  int32_t exact_tiles;  /* 1: tiles that a Gaussian's ellipse does not reach are not sorted for it. The same picture to
                           the bit; less work where many Gaussians are long, thin and slanted, a little more elsewhere */
+  uint64_t supersample; /* samples along a pixel's edge, 1 to 8: the picture is drawn in so many times its width and
+                           height, and averaged. 0: where the scene tells how fine the pictures were that it was made
+                           from, and a pixel is two or more times as wide, as many as make it no finer than those, and
+                           none beyond 2048 pixels of what is drawn; else 1. Derivatives take 0 and 1, which is none */
 } vsplat_render_options;
 #define VSPLAT_RENDER_OPTIONS_INIT \
-  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL, 0 }
+  { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL, 0, 0 }
 
 /* Arrays of the caller, any of them NULL where not wanted. */
 typedef struct vsplat_picture {
@@ -90,7 +94,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_views(vsplat_device devi
    is not NULL, takes six: by (omega, tau) at 0, where the camera's pose is exp([omega, tau]) times w2c: a turn about
    the camera's axes, in radians, and a shift along them, in world units. They are the true derivatives, with the order
    of the Gaussians and what is left out of the picture held as they are: alpha does not change where it is limited to
-   0.99, nor colour where it is limited to 0. The same bits every time. The picture is drawn once more to begin with.
+   0.99, nor colour where it is limited to 0. The same bits every time. The picture is drawn once more to begin with, one sample
+   a pixel.
    What is written replaces what was there; sums over cameras are the caller's. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene,
                                                                  const vsplat_camera* camera,
