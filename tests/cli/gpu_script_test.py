@@ -36,7 +36,7 @@ elif words[0] == "evaluate":
     print("device 0: a test's", file=sys.stderr)
     told["psnr"] += told.get("drift", 0) * os.path.exists(os.environ["STAND_IN"] + ".again")
     open(os.environ["STAND_IN"] + ".again", "w").close()
-    print(json.dumps(dict(mean=dict(psnr=told["psnr"], psnr_white=10.369)), indent=1))
+    print(json.dumps(dict(mean=dict(psnr=told["psnr"], psnr_white=10.367)), indent=1))
 elif words[0] == "weights":
     open(after("--output"), "w").write("weights")
 elif "--print-config" in words:
@@ -97,7 +97,7 @@ class StandIn(Case):
     def on(self, *arguments, env=None, **told):
         """The script on a device that is told of. -> exit code, stderr"""
         with open(self.path("told"), "w") as f:
-            json.dump({"type": "gpu", "psnr": 22.38, "gradient": 0.0834, **told}, f)
+            json.dump({"type": "gpu", "psnr": 22.37, "gradient": 0.0834, **told}, f)
         for ending in ("again", "failures"):
             pathlib.Path(self.path("told." + ending)).unlink(missing_ok=True)
         return self.script(*arguments, env={"VSPLAT": self.path("vsplat"), "STAND_IN": self.path("told"), "OCL_ICD_VENDORS": "", "OCL_ICD_FILENAMES": "",
