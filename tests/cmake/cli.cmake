@@ -2,7 +2,7 @@
 find_package(Python3 COMPONENTS Interpreter REQUIRED)
 # Python ends well where it skips a test; its last line tells.
 set(python_skipped "OK \\(skipped=")
-foreach(part accidents bench cameras check convert dataset doctor evaluate far flags full_disk genden help import kernels lara pictures precision profile reader refine refusal report run selftest share strangers tables train train_learns train_report tune usage weights_scripts)
+foreach(part accidents bench cameras check convert dataset doctor evaluate far flags full_disk genden help import kernels lara pictures precision profile reader refine refusal report run selftest share strangers tables train train_learns train_report tune usage)
   add_test(NAME cli_${part} COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/cli/${part}_test.py)
   set_tests_properties(cli_${part} PROPERTIES LABELS cli TIMEOUT ${test_seconds} COST 100 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
@@ -78,6 +78,11 @@ if(NOT VSPLAT_SANITIZE)
   set_tests_properties(abi PROPERTIES LABELS unit TIMEOUT 60
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>;PYTHONDONTWRITEBYTECODE=1")
 endif()
+
+# The mean of models, with numpy.
+add_test(NAME cli_weights_scripts COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../cli/weights_scripts_test.py)
+set_tests_properties(cli_weights_scripts PROPERTIES LABELS cli TIMEOUT ${test_seconds} SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+  ENVIRONMENT "VSPLAT=$<TARGET_FILE:vsplat_cli>;PYTHONDONTWRITEBYTECODE=1;${sanitizer_environment}")
 
 # Operations: a forward for every backward, and files of one stem.
 add_test(NAME pairs COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/pairs_test.py)
