@@ -161,8 +161,10 @@ class Viewer {
     const vsplat_camera camera = orbit_.camera(width, height);
     need(SDL_LockTexture(texture_.get(), nullptr, &picture.data, &pitch) == 0);
     picture.row_bytes = static_cast<size_t>(pitch);
+    vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
+    options.supersample = quickly ? 1 : 0;  // what is small for speed is not drawn larger
     const Uint64 begun = SDL_GetPerformanceCounter();
-    const vsplat_status status = vsplat_render(device_.get(), scene_.get(), &camera, nullptr, &picture);
+    const vsplat_status status = vsplat_render(device_.get(), scene_.get(), &camera, &options, &picture);
     const double took =
         static_cast<double>(SDL_GetPerformanceCounter() - begun) / static_cast<double>(SDL_GetPerformanceFrequency());
     SDL_UnlockTexture(texture_.get());
