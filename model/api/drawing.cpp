@@ -76,6 +76,10 @@ RenderOptions drawn_as(const vsplat_render_options& o, const Scene& scene, const
   return out;
 }
 
+double drawn_pixels(const Camera& view, const RenderOptions& how) {
+  return static_cast<double>(view.width) * view.height * how.supersample * how.supersample;
+}
+
 RenderOptions derived_as(const vsplat_render_options& o, const Scene& scene) {
   if (o.supersample > 1)
     fail(Status::usage,

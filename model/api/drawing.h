@@ -24,6 +24,8 @@ void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Ca
 RenderOptions options_of(const vsplat_render_options& options, const Scene& scene);
 // The same for a picture from a camera in the scene's frame.
 RenderOptions drawn_as(const vsplat_render_options& options, const Scene& scene, const Camera& view);
+// Pixels that are drawn for such a picture.
+double drawn_pixels(const Camera& view, const RenderOptions& how);
 // Derivatives are those of a picture without supersampling: one that is asked for is refused.
 RenderOptions derived_as(const vsplat_render_options& options, const Scene& scene);
 

@@ -93,8 +93,7 @@ vsplat_status vsplat_opencl_render(vsplat_device device, vsplat_scene scene, con
     const RenderOptions how = drawn_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene, view);
     const std::vector<void*> before = listed(num_events, events);
     Context& ctx = device->context;
-    const GaussianChunks& there =
-        on_device(device, scene->scene, static_cast<double>(view.width) * static_cast<double>(view.height));
+    const GaussianChunks& there = on_device(device, scene->scene, drawn_pixels(view, how));
     const long h = view.height, w = view.width;
     const DevicePicture out{given_to(ctx, p.colour, {h, w, 3}, "picture.colour"),
                             given_to(ctx, p.alpha, {h, w}, "picture.alpha"),

@@ -54,22 +54,24 @@ void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& sho
   need(device, "device");
   need(scene, "scene");
   const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
-  (void)options_of(o, *scene->scene);  // refuses before anything is drawn
-  uint64_t most = 0;
+  std::vector<Camera> views;
+  std::vector<RenderOptions> how;
+  double most = 0;
   for (const Shot& shot : shots) {
     const uint64_t pixels = static_cast<uint64_t>(shot.camera.width) * static_cast<uint64_t>(shot.camera.height);
     if (shot.picture.capacity < pixels)
       fail(Status::usage, "picture.capacity is {} pixels: the camera's picture has {}", shot.picture.capacity, pixels);
-    most = std::max(most, pixels);
+    views.push_back(in_frame(*scene->scene, shot.camera));
+    how.push_back(drawn_as(o, *scene->scene, views.back()));
+    most = std::max(most, drawn_pixels(views.back(), how.back()));
   }
   std::vector<float> colour, alpha;
   for (size_t i = 0; i < shots.size(); ++i) {
     if (o.progress && !o.progress(o.user, "splat", static_cast<double>(i) / static_cast<double>(shots.size())))
       fail(Status::cancelled, "stopped with {} of {} pictures drawn", i, shots.size());
-    const GaussianChunks& there = on_device(device, scene->scene, static_cast<double>(most));
+    const GaussianChunks& there = on_device(device, scene->scene, most);
     Context& ctx = device->context;
-    const Camera view = in_frame(*scene->scene, shots[i].camera);
-    const DevicePicture drawn = render(ctx, there, view, drawn_as(o, *scene->scene, view));
+    const DevicePicture drawn = render(ctx, there, views[i], how[i]);
     ctx.finish();
     const Shot& shot = shots[i];
     const float* colour_read = read(ctx, drawn.colour, shot.picture.colour, shot.pixels.wanted(), colour);
@@ -114,26 +116,27 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     need_array(cameras, count, "cameras");
     need_room(out_plan, "out_plan");
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
-    (void)options_of(o, *scene->scene);
     std::vector<Camera> views;
-    double pixels = 0;
+    std::vector<RenderOptions> how;
+    double pixels = 0, most = 0;  // of what is read back, and of what is drawn
     for (size_t i = 0; i < count; ++i) {
       views.push_back(in_frame(*scene->scene, camera_of(element(cameras, i), fmt::format("camera {}", i).c_str())));
+      how.push_back(drawn_as(o, *scene->scene, views.back()));
       pixels = std::max(pixels, static_cast<double>(views.back().width) * views.back().height);
+      most = std::max(most, drawn_pixels(views.back(), how.back()));
     }
     const Gaussians& g = scene->scene->gaussians;
     const std::unique_ptr<Context> planner = device->context.planner();
     const bool fits = fits_within([&] {
       const GaussianChunks planned = [&] {
         const Stage stage(*planner, "scene");
-        return place_on_device(*planner, g, pixels);
+        return place_on_device(*planner, g, most);
       }();
-      const GaussianChunks& there = on_device(device, scene->scene, pixels);
-      for (const Camera& view : views) {
-        if (o.progress &&
-            !o.progress(o.user, "splat", static_cast<double>(&view - views.data()) / static_cast<double>(count)))
+      const GaussianChunks& there = on_device(device, scene->scene, most);
+      for (size_t i = 0; i < count; ++i) {
+        if (o.progress && !o.progress(o.user, "splat", static_cast<double>(i) / static_cast<double>(count)))
           fail(Status::cancelled, "stopped before all was counted");
-        plan_render(device->context, there, *planner, planned, view, drawn_as(o, *scene->scene, view));
+        plan_render(device->context, there, *planner, planned, views[i], how[i]);
       }
     });
     give(out_plan, plan_of(*planner, planner->stage_memory(), planner->memory().peak(), fits, host_bytes(pixels)),

@@ -121,14 +121,14 @@ void transform(Scene& scene, const Similarity& in_world, const Eigen::Vector3d& 
   scene.offset = offset;
   transform(scene.gaussians, move);
   scene.near = static_cast<float>(scene.near * move.scale);
-  const auto moved = [&move](std::array<float, 3>& place) {
+  const auto carry = [&move](std::array<float, 3>& place) {
     const Eigen::Vector3d to =
         move.scale * (move.rotation * Eigen::Vector3d(place[0], place[1], place[2])) + move.translation;
     for (int i = 0; i < 3; ++i) place[i] = static_cast<float>(to[i]);
   };
-  if (scene.mirror) moved(*scene.mirror);
+  if (scene.mirror) carry(*scene.mirror);
   if (scene.detail) {
-    moved(scene.detail->at);
+    carry(scene.detail->at);
     scene.detail->pixel = static_cast<float>(scene.detail->pixel * move.scale);
   }
   if (scene.up) {

@@ -80,6 +80,18 @@ class Evaluate(support.Case):
             json.dump({k: v for k, v in {**usual, **fields}.items() if v is not None}, f)
         return "evaluate", "--table", path
 
+    def test_small_pictures_have_several_samples(self):
+        """A pixel of 11 is more than eight times as wide as one of 112, from wherever: eight samples along it, the most that there are."""
+        self.succeeds("init", "micro", "--seed", 3, "--set", "image=112", "--output", self.path("fine.safetensors"), "--quiet")
+        def told(*more):
+            return json.loads(self.succeeds("evaluate", self.set, "--model", self.path("fine.safetensors"), "--json", *more)[0])["objects"]
+        auto = told("--size", 11)
+        self.assertEqual(auto, told("--size", 11, "--supersample", 8))
+        self.assertEqual(auto, told("--size", 11, "--supersample", "auto"))
+        self.assertNotEqual(auto, told("--size", 11, "--supersample", 1))
+        self.assertEqual(told(), told("--supersample", 1))
+        self.refuses(2, ["--supersample", "1 to 8"], *self.evaluate("--supersample", 9))
+
     def test_rows_of_a_table(self):
         """Each is what an evaluation by itself says."""
         files = [self.path(f"rows.{ending}") for ending in ("md", "csv", "json")]

@@ -93,6 +93,23 @@ class Pictures(support.Case):
             self.refuses(2, ["--supersample", wrong, "1 to 8"], "render", told, "--cameras", "orbit:3", "--images", self.path("no"),
                          f"--supersample={wrong}")
 
+    def test_what_is_reconstructed_tells_how_fine_it_is(self):
+        self.succeeds(*self.reconstruct("--center", "0.1,0.2,0.3", "--scale", 1.5, "--views", "0,1,2"))
+        with open(self.path("out.ply"), "rb") as f:
+            header = f.read(2000).split(b"end_header")[0].decode()
+        told = [line.split()[3:] for line in header.splitlines() if line.startswith("comment vsplat detail ")]
+        self.assertEqual(len(told), 1, header)
+        width, *at = map(float, told[0])
+        for a, b in zip(at, (0.1, 0.2, 0.3)):
+            self.assertAlmostEqual(a, b, 6)
+        with open(self.views) as f:
+            views = json.load(f)
+        depths = []
+        for frame in views["frames"]:
+            m = frame["transform_matrix"]  # it looks along -z
+            depths.append(sum((m[i][3] - p) * m[i][2] for i, p in enumerate((0.1, 0.2, 0.3))))
+        self.assertAlmostEqual(width, sorted(depths)[1] / views["fl_x"], delta=1e-5)  # pictures of the model's size: none is resampled
+
     def test_sheet(self):
         out, _ = self.succeeds(*self.render("--sheet", self.path("new", "sheet.png"), "--images", self.path("png"), "--json"))
         self.assertEqual(json.loads(out)["sheet"], self.path("new", "sheet.png"))

@@ -266,6 +266,16 @@ static void use_scene(vsplat_device device, vsplat_scene scene, const int32_t* v
     HOLD(memcmp(again, alpha, (size_t)side * side * sizeof(float)) == 0);
     EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, NULL, 0, NULL, NULL));
     EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, NULL, 1, NULL, pictures2));
+    /* One sample a pixel is what a scene without a detail has; more are another picture, which has no derivatives. */
+    exact.supersample = 1;
+    EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras2, 2, &exact, pictures2));
+    HOLD(memcmp(again, alpha, (size_t)side * side * sizeof(float)) == 0);
+    exact.supersample = 2;
+    EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras2, 2, &exact, pictures2));
+    HOLD(memcmp(again, alpha, (size_t)side * side * sizeof(float)) != 0);
+    EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, &camera, &exact, &pictures2[1], NULL, NULL));
+    exact.supersample = 9;
+    EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, cameras2, 2, &exact, pictures2));
     free(again);
   }
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save(&picture, side, side + 1, VSPLAT_PICTURE_PNG, "x.png"));
