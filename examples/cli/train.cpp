@@ -269,7 +269,9 @@ void add_train(CLI::App& app, Run& run) {
          "Folders with objects, or an object's folder; none are needed where the configuration's procedural is 1")
       ->type_name("DIR...");
   sub->add_option("--textures", o->textures,
-                  "A folder of pictures that procedural objects are covered with (the configuration's procedural)")
+                  "A folder of pictures that procedural objects and rooms' walls are covered with (the configuration's "
+                  "procedural "
+                  "and rooms)")
       ->type_name("DIR");
   sub->add_option(
          "-o,--output", o->output,

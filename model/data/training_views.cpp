@@ -11,6 +11,7 @@
 #include "model/data/disguise.h"
 #include "model/data/drawn_views.h"
 #include "model/data/endless_objects.h"
+#include "model/data/room.h"
 #include "model/input/pose_check.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -35,6 +36,7 @@ void check(const DataSet& data, const TrainingOptions& o) {
   expect(o.min_cube > 0 && o.min_cube <= o.max_cube && o.max_cube < 1e3, "the cube's factors must be positive");
   expect(o.mirror >= 0 && o.mirror <= 1, "the share of mirrored objects is 0 to 1");
   expect(o.shuffle_channels >= 0 && o.shuffle_channels <= 1, "the share of objects in other colours is 0 to 1");
+  expect(o.rooms >= 0 && o.rooms <= 1, "the share of objects in a room is 0 to 1");
   expect(o.procedural >= 0 && o.procedural <= 1, "the share of procedural objects is 0 to 1");
   expect(o.threads >= 0 && o.threads <= 256 && o.ahead >= 0, "threads and items ahead cannot be negative");
 }
@@ -111,6 +113,8 @@ struct TrainingReader::Impl {
   TrainingViews take(const Listing& from, std::size_t index, Random& random);
   TrainingViews composed(const Listing& from, int inputs, const std::vector<std::shared_ptr<const StoredView>>& views,
                          Random& random) const;
+  std::vector<std::shared_ptr<const StoredView>> shown(const std::vector<std::shared_ptr<const StoredView>>& views,
+                                                       const std::vector<Camera>& cameras, Random& random) const;
   void disguise(TrainingViews& views, Random& random) const;
   Listing random_listing(std::uint64_t number);
   TrainingViews make(std::uint64_t item);
@@ -203,16 +207,29 @@ TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
   if (options.turn_degrees > 0)
     for (Camera& camera : out.cameras) camera = to_frame(camera, turn);
 
-  out.pictures.reserve(views.size() * 3 * static_cast<std::size_t>(options.image) * options.image);
-  for (std::size_t i = 0; i < views.size(); ++i)
-    composite(*views[i], static_cast<int>(i) < inputs ? std::array<float, 3>{1, 1, 1} : out.background, out.pictures);
+  const auto seen = shown(views, out.cameras, random);
+  out.pictures.reserve(seen.size() * 3 * static_cast<std::size_t>(options.image) * options.image);
+  for (std::size_t i = 0; i < seen.size(); ++i)
+    composite(*seen[i], static_cast<int>(i) < inputs ? std::array<float, 3>{1, 1, 1} : out.background, out.pictures);
   if (options.alpha)
-    for (const auto& view : views) out.rgba.push_back(premultiplied_bytes(*view));
+    for (const auto& view : seen) out.rgba.push_back(premultiplied_bytes(*view));
   disguise(out, random);
   return out;
 }
 
-// Nothing is drawn of what is not wanted: other runs go on as they did.
+// Nothing is drawn by chance of what is not wanted, here and in disguise(): other runs go on as they did.
+std::vector<std::shared_ptr<const StoredView>> TrainingReader::Impl::shown(
+    const std::vector<std::shared_ptr<const StoredView>>& views, const std::vector<Camera>& cameras,
+    Random& random) const {
+  if (!(options.rooms > 0 && random.uniform(0, 1) < options.rooms)) return views;
+  const Room room = random_room(random, textures ? &*textures : nullptr);
+  std::vector<std::shared_ptr<const StoredView>> out;
+  out.reserve(views.size());
+  for (std::size_t i = 0; i < views.size(); ++i)
+    out.push_back(std::make_shared<const StoredView>(in_room(*views[i], cameras[i], room)));
+  return out;
+}
+
 void TrainingReader::Impl::disguise(TrainingViews& views, Random& random) const {
   if (options.mirror > 0 && random.uniform(0, 1) < options.mirror) mirror(views);
   if (options.shuffle_channels > 0 && random.uniform(0, 1) < options.shuffle_channels) {

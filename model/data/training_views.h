@@ -41,8 +41,11 @@ struct TrainingOptions {
   double min_cube = 1, max_cube = 1;
   // So much of the items are mirrored, and have their colour channels in another order (disguise.h), by chance.
   double mirror = 0, shuffle_channels = 0;
+  // So much of the items are in a room (room.h), by chance: one for all their views.
+  double rooms = 0;
   // So much of the items, spread evenly, are endless_object()s by the seed and the item's number; the others go through
-  // the set as if there were none of these. `textures`: a folder of pictures that they may be covered with; "": none.
+  // the set as if there were none of these. `textures`: a folder of pictures that they and the rooms' walls may be
+  // covered with; "": none.
   double procedural = 0;
   std::string textures = "";
   std::size_t cache_bytes = std::size_t{1} << 30;  // of decoded pictures, S x S x 4 bytes each

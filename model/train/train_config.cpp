@@ -63,6 +63,7 @@ void each_field(C& c, Visit visit) {
   visit("cube_max", c.cube_max);
   visit("mirror", c.mirror);
   visit("shuffle_channels", c.shuffle_channels);
+  visit("rooms", c.rooms);
   visit("pose_noise", c.pose_noise);
   visit("procedural", c.procedural);
   visit("log_every", c.log_every);
@@ -139,6 +140,7 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.in("cube_min", c.cube_min, c.cube_min >= 0.1 && c.cube_min <= c.cube_max, "0.1 to cube_max");
   is.in("mirror", c.mirror, c.mirror >= 0 && c.mirror <= 1, "0 to 1");
   is.in("shuffle_channels", c.shuffle_channels, c.shuffle_channels >= 0 && c.shuffle_channels <= 1, "0 to 1");
+  is.in("rooms", c.rooms, c.rooms >= 0 && c.rooms <= 1, "0 to 1");
   is.in("pose_noise", c.pose_noise, c.pose_noise >= 0 && c.pose_noise <= 1, "0 to 1");
   is.in("procedural", c.procedural, c.procedural >= 0 && c.procedural <= 1, "0 to 1");
 }

@@ -33,8 +33,9 @@ TrainingOptions training_reading(const TrainConfig& config, const TrainOptions& 
   out.max_cube = config.cube_max;
   out.mirror = config.mirror;
   out.shuffle_channels = config.shuffle_channels;
+  out.rooms = config.rooms;
   out.procedural = config.procedural;
-  out.textures = config.procedural > 0 ? options.textures : "";
+  out.textures = config.procedural > 0 || config.rooms > 0 ? options.textures : "";
   out.cache_bytes = static_cast<std::size_t>(config.cache_gib * static_cast<double>(1ull << 30));
   out.skip_bad = options.skip_bad;
   return out;

@@ -129,7 +129,7 @@ TEST(TrainingReader, DependsOnTheSeedAndTheStepAlone) {
   options.min_inputs = 2;
   options.random_background = true;
   options.turn_degrees = 20;
-  options.mirror = 0.5, options.shuffle_channels = 0.5;
+  options.mirror = 0.5, options.shuffle_channels = 0.5, options.rooms = 0.5;
   options.min_cube = 0.8, options.max_cube = 1.2;
   TrainingReader plain(open_data_set({folder.string()}), options);
   TrainingOptions hurried = options;
@@ -489,6 +489,7 @@ TEST(TrainingReader, RefusesOptionsThatMakeNoSense) {
   refused([](TrainingOptions& o) { o.turn_degrees = NAN; }, "turn");
   refused([](TrainingOptions& o) { o.mirror = 1.5; }, "mirrored");
   refused([](TrainingOptions& o) { o.shuffle_channels = NAN; }, "colours");
+  refused([](TrainingOptions& o) { o.rooms = -0.1; }, "room");
   expect_error(Status::input, {"no objects"}, [] { TrainingReader(DataSet(), options_of()); });
 }
 

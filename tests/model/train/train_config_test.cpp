@@ -56,6 +56,7 @@ TEST(TrainConfig, DefaultsAreThePapersAndValid) {
                          {"cube_max", 1.0},
                          {"mirror", 0.0},
                          {"shuffle_channels", 0.0},
+                         {"rooms", 0.0},
                          {"pose_noise", 0.0},
                          {"procedural", 0.0},
                          {"log_every", 10},
@@ -85,7 +86,7 @@ TEST(TrainConfig, ComesBackFromItsJsonToTheBit) {
   c.random_background = false;
   c.fit = "pad", c.turn_degrees = 12.5, c.cube_min = 0.7, c.cube_max = 1.1, c.procedural = 0.3, c.pose_noise = 0.02;
   c.mirror = 0.5, c.shuffle_channels = 0.6;
-  c.half_size = 0.4;
+  c.half_size = 0.4, c.rooms = 0.2;
   c.log_every = 0, c.sheet_every = 5, c.checkpoint_every = 11, c.keep_checkpoints = 1, c.cache_gib = 0.25;
   const std::string text = to_json(c);
   EXPECT_EQ(train_config_from_json(text), c);
@@ -278,6 +279,7 @@ TEST(TrainConfig, RefusesWhatCannotBeTrainedWithTheValueFound) {
       {R"({"model": {"base": "tiny", "poses": "predicted"}, "inputs_max": 5})", "inputs_max must be 2 to 4 (found 5)"},
       {R"({"procedural": 1.5})", "procedural must be 0 to 1 (found 1.5)"},
       {R"({"mirror": 1.5})", "mirror must be 0 to 1 (found 1.5)"},
+      {R"({"rooms": 1.01})", "rooms must be 0 to 1 (found 1.01)"},
       {R"({"shuffle_channels": -1})", "shuffle_channels must be 0 to 1 (found -1"},
       {R"({"cube_min": 1.5})", "cube_min must be 0.1 to cube_max (found 1.5)"},
       {R"({"log_every": -1})", "log_every must be 0 to"},

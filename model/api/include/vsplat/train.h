@@ -56,8 +56,8 @@ typedef struct vsplat_train_options {
                             numbers again go on with the same extension, or find it done: to extend further, give them
                             and one more. NULL: as the checkpoint was extended */
   size_t num_extend;
-  const char* textures; /* NULL, or a folder of pictures that procedural objects are covered with, half of their parts
-                           with one of them each */
+  const char* textures; /* NULL, or a folder of pictures that procedural objects and the walls of rooms are covered
+                           with, half of their parts with one of them each */
   /* [num_more_devices] devices or streams that compute parts of each step beside the call's device, where the
      configuration's `parts` is more than 1; the call has them, too. On devices of one kind the bits are those of one of
      them. One that fails is told as a warning, and the others go on. NULL: none */
