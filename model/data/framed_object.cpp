@@ -43,13 +43,14 @@ StoredView store_view(const FramedObject& object, int view, const FrameRequest& 
          printable(object.photographs.set.views.at(static_cast<std::size_t>(view)).name), what);
   };
   FramedView framed;
+  StoredView out;
   try {
-    framed = LoadedPhotograph(object.photographs, view)
-                 .framed({request.image, request.fit, object.placement.centre, object.placement.edge});
+    LoadedPhotograph photograph(object.photographs, view);
+    framed = photograph.framed({request.image, request.fit, object.placement.centre, object.placement.edge});
+    out.masked = photograph.is_masked();
   } catch (const Error& e) {
     complain(e.status(), e.what());
   }
-  StoredView out;
   out.camera = std::move(framed.camera);
   out.rgba.resize(framed.image.data.size());
   std::uint8_t most = 0, least = 255;

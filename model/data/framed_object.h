@@ -33,6 +33,9 @@ struct StoredView {
   std::vector<std::uint8_t> rgba;
   Camera camera;  // S x S, in the user's world
   bool opaque = false;
+  // A mask or an alpha channel says what the object is: beside it is background. Else alpha is below 1 only where the
+  // photograph ends, and nothing is known of what is there.
+  bool masked = false;
 };
 
 // Decodes one. Error(file, format or input) names object, view and what is wrong; a picture that shows nothing of the

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <numeric>
 #include <optional>
 
 #include "model/base/pose_noise.h"
@@ -43,6 +44,15 @@ class Strip {
     for (int y = 0; y < edge_; ++y)
       std::transform(picture.at(0, y), picture.at(0, y) + row(), image_.at(static_cast<int>(place) * edge_, y),
                      [](float v) { return std::clamp(v, 0.0f, 1.0f); });
+  }
+  // White where the view is not shown (EvaluationObject::shown).
+  void leave_out(std::size_t place, const Image& shown) {
+    for (int y = 0; y < shown.height; ++y)
+      for (int x = 0; x < shown.width; ++x) {
+        float* const pixel = image_.at(static_cast<int>(place) * edge_ + x, y);
+        const float share = *shown.at(x, y);
+        for (int c = 0; c < 3; ++c) pixel[c] = share * pixel[c] + (1 - share);
+      }
   }
   Image at(std::size_t place) const {
     Image out(edge_, edge_, 3);
@@ -135,6 +145,7 @@ Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationOb
     const Camera& camera = object.cameras[object.inputs + i];
     options.supersample = options_.supersample > 0 ? options_.supersample : detail ? samples_for(*detail, camera) : 1;
     out.put(i, render_picture(ctx_, gaussians, camera, options).colour);
+    out.leave_out(i, object.shown[i]);
   }
   return out;
 }
@@ -225,17 +236,32 @@ Scores Evaluator::score(const EvaluationObject& object) const {
   return mean_of(draws);
 }
 
+// How much of what is compared is shown, 0 to 1: elsewhere pictures are equal.
+double share_shown(const EvaluationObject& object) {
+  double sum = 0, all = 0;
+  for (const Image& shown : object.shown) {
+    const double pixels = static_cast<double>(object.judged) * object.judged;
+    all += pixels;
+    sum += shown.empty() ? pixels : std::accumulate(shown.data.begin(), shown.data.end(), 0.0);
+  }
+  return sum / all;
+}
+
 Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
   const Drawn drawn = draw(object, noise_draw);
   const Image &truth = drawn.truth.image(), &result = drawn.result.image();
   Strip nearest(judged(), object.novel());
-  for (std::size_t i = 0; i < object.novel(); ++i) nearest.put(i, object.input_judged(object.nearest[i]));
+  for (std::size_t i = 0; i < object.novel(); ++i) {
+    nearest.put(i, object.input_judged(object.nearest[i]));
+    nearest.leave_out(i, object.shown[i]);
+  }
   Scores out = drawn.poses;
-  out.psnr = psnr(result, truth);
-  out.psnr_coarse = psnr(drawn.coarse.image(), truth);
+  const double of_shown = 10 * std::log10(share_shown(object));
+  out.psnr = psnr(result, truth) + of_shown;
+  out.psnr_coarse = psnr(drawn.coarse.image(), truth) + of_shown;
   out.ssim = ssim(result, truth);
-  out.psnr_white = psnr(Image(truth.width, truth.height, 3, 1.0f), truth);
-  out.psnr_nearest = psnr(nearest.image(), truth);
+  out.psnr_white = psnr(Image(truth.width, truth.height, 3, 1.0f), truth) + of_shown;
+  out.psnr_nearest = psnr(nearest.image(), truth) + of_shown;
   out.selected = drawn.selected;
   for (const Lpips* lpips : lpips_)
     (lpips->net() == LpipsNet::alex ? out.lpips_alex : out.lpips_vgg) = lpips->distance(ctx_, result, truth);

@@ -13,7 +13,8 @@ namespace vsplat {
 
 // Of all novel views of an object on white, laid side by side. PSNR in dB for a peak of 1, from their mean squared
 // error together; SSIM in windows of 11 x 11. What is drawn is clamped to [0,1]. Pictures have EvaluationRequest's
-// judged size: the truth is resampled to it by area, and the result is drawn in it.
+// judged size: the truth is resampled to it by area, and the result is drawn in it. Where a photograph without mask or
+// alpha ends, nothing is compared: there all pictures are white, and PSNR is over what it shows.
 struct Scores {
   double psnr = 0, psnr_coarse = 0;         // of the model's result, and of its coarse level
   double ssim = 0;                          // of the result

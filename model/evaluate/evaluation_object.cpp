@@ -36,20 +36,20 @@ Chosen choose(const FramedObject& object, const std::vector<int>& good, int inpu
   return out;
 }
 
-// A view's picture on white, from its photograph: a size of its own is resampled from there, by area.
-std::pair<Image, Camera> view_of(const FramedObject& object, int view, const FrameRequest& request) {
-  const StoredView stored = store_view(object, view, request);
+Image on_white(const StoredView& view) {
   Image picture;
-  picture.width = picture.height = request.image;
+  picture.width = view.camera.width, picture.height = view.camera.height;
   picture.channels = 3;
-  composite(stored, kWhite, picture.data);
-  return {std::move(picture), stored.camera};
+  composite(view, kWhite, picture.data);
+  return picture;
 }
 
-void add_view(const FramedObject& object, int view, const FrameRequest& request, EvaluationObject& out) {
-  auto [picture, camera] = view_of(object, view, request);
-  out.pictures.push_back(std::move(picture));
-  out.cameras.push_back(std::move(camera));
+// EvaluationObject::shown of one.
+Image shown(const StoredView& view) {
+  if (view.masked || view.opaque) return {};
+  Image out(view.camera.width, view.camera.height, 1);
+  for (std::size_t i = 0; i < out.data.size(); ++i) out.data[i] = static_cast<float>(view.rgba[4 * i + 3]) / 255.0f;
+  return out;
 }
 
 // The first of the views that cannot be decoded; none: `out` has them all.
@@ -60,8 +60,13 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
   for (const std::vector<int>* views : {&chosen.inputs, &chosen.novel})
     for (const int view : *views) try {
         const bool is_input = views == &chosen.inputs;
-        add_view(object, view, is_input ? request : judged, out);
-        if (is_input && judged.image != request.image) out.inputs_judged.push_back(view_of(object, view, judged).first);
+        // From its photograph: a size of its own is resampled from there, by area.
+        const StoredView stored = store_view(object, view, is_input ? request : judged);
+        out.pictures.push_back(on_white(stored));
+        out.cameras.push_back(stored.camera);
+        if (!is_input) out.shown.push_back(shown(stored));
+        if (is_input && judged.image != request.image)
+          out.inputs_judged.push_back(on_white(store_view(object, view, judged)));
       } catch (const Error& e) {
         if (!skipped || !is_about_data(e)) throw;
         skipped->emplace_back(e.what());

@@ -22,9 +22,12 @@ struct EvaluationRequest {
 
 struct EvaluationObject {
   std::string name;
-  std::size_t inputs = 0;            // the first so many are input views, the others novel ones
-  int judged = 0;                    // edge of the novel views' pictures and cameras
-  std::vector<Image> pictures;       // on white: inputs of the configuration's size, novel views of the judged one
+  std::size_t inputs = 0;       // the first so many are input views, the others novel ones
+  int judged = 0;               // edge of the novel views' pictures and cameras
+  std::vector<Image> pictures;  // on white: inputs of the configuration's size, novel views of the judged one
+  // Of each novel view [S][S][1], how much of a pixel its photograph shows; empty where that is all of it, or a mask or
+  // alpha channel says that what it does not show is background.
+  std::vector<Image> shown;
   std::vector<Image> inputs_judged;  // the inputs once more, of the judged size; empty where the sizes are equal
   std::vector<Camera> cameras;       // in the object's frame, each of its picture's size
   std::vector<std::size_t> nearest;  // for each novel view the place of the input view nearest to it by angle

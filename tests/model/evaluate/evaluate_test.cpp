@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "model/io/image_file.h"
 #include "model/params/init.h"
 #include "model/pictures/contact_sheet.h"
 #include "model/pictures/metrics.h"
@@ -30,14 +31,37 @@ struct Model {
   std::unique_ptr<Network> network;
 };
 
-// PSNR of pictures together, from its definition.
-double psnr_of(const std::vector<Image>& a, const std::vector<Image>& b) {
-  double sum = 0;
-  std::size_t count = 0;
+// PSNR of pictures together, from its definition; of each pixel counts `shown`, the rest of it is white as in b.
+double psnr_of(const std::vector<Image>& a, const std::vector<Image>& b, const std::vector<Image>& shown) {
+  double sum = 0, count = 0;
   for (std::size_t i = 0; i < a.size(); ++i)
-    for (std::size_t k = 0; k < a[i].data.size(); ++k, ++count)
-      sum += std::pow(std::clamp<double>(a[i].data[k], 0, 1) - static_cast<double>(b[i].data[k]), 2);
-  return 10 * std::log10(static_cast<double>(count) / sum);
+    for (std::size_t k = 0; k < a[i].data.size(); ++k) {
+      const double share = shown[i].data[k];
+      sum += std::pow(share * std::clamp<double>(a[i].data[k], 0, 1) + 1 - share - b[i].data[k], 2);
+      count += share;
+    }
+  return 10 * std::log10(count / sum);
+}
+
+// The views' pictures without alpha and three pixels lower on both sides, as photographs that nobody masked.
+void take_alpha(const TemporaryFolder& folder, int objects) {
+  for (int i = 0; i < objects; ++i) {
+    const std::string object = folder / ("solid_" + std::to_string(i));
+    nlohmann::json root = test::read_transforms(object);
+    root["h"] = root["h"].get<int>() - 6;
+    root["cy"] = root["cy"].get<double>() - 3;
+    for (const auto& frame : root["frames"]) {
+      const std::string path = object + "/" + frame["file_path"].get<std::string>();
+      const Image was = read_image(path);
+      Image is(was.width, was.height - 6, 3);
+      for (int y = 0; y < is.height; ++y)
+        for (int x = 0; x < is.width; ++x)
+          for (int c = 0; c < 3; ++c)
+            is.at(x, y)[c] = was.at(x, y + 3)[c] * was.at(x, y + 3)[3] + 0.25f * (1 - was.at(x, y + 3)[3]);
+      write_png(path, is);
+    }
+    test::write_transforms(object, root);
+  }
 }
 
 class EvaluateTest : public test::FlavourTest {
@@ -50,11 +74,12 @@ class EvaluateTest : public test::FlavourTest {
 VSPLAT_FLAVOURS(EvaluateTest);
 
 // The same by the way that `reconstruct` and `render` go: a scene in the user's world, drawn from listed cameras.
-// `judged`: edge of what is compared; 0: the model's.
-void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int judged) {
+// `judged`: edge of what is compared; 0: the model's. `masked`: whether the pictures have alpha.
+void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, int judged, bool masked = true) {
   const Model model(ctx);
   EvaluateOptions asked;
   asked.request.judged = judged;
+  asked.request.fit = masked ? Fit::automatic : Fit::pad;
   const Evaluation got = evaluate(ctx, *model.network, open_data_set({folder.string()}), asked);
   const int side = judged > 0 ? judged : kSide;
   ASSERT_EQ(got.objects.size(), 3u);
@@ -71,10 +96,19 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
     for (const ListedView& view : set.views) positions.push_back(view.camera.centre());
     const auto prepared = [&](int view, int edge) {
       const ListedView& listed = set.views[static_cast<std::size_t>(view)];
-      return prepare_view(listed.camera, listed.picture.string(), "", {edge, Fit::automatic});
+      return prepare_view(listed.camera, listed.picture.string(), "", {edge, asked.request.fit});
+    };
+    // What a black photograph of the same size covers.
+    const auto shown_of = [&](int view) {
+      const Camera& camera = set.views[static_cast<std::size_t>(view)].camera;
+      Image out(side, side, 3, 1.0f);
+      if (masked) return out;
+      out = prepare_view(camera, Image(camera.width, camera.height, 3), nullptr, {side, asked.request.fit}).image;
+      for (float& v : out.data) v = 1 - v;
+      return out;
     };
     std::vector<PreparedView> inputs, inputs_judged;
-    std::vector<Image> truth, drawn, white, nearest;
+    std::vector<Image> truth, drawn, white, nearest, shown;
     for (const Group& group : kmeans(positions, model.config.views)) {
       inputs.push_back(prepared(group.members.front(), kSide));
       inputs_judged.push_back(prepared(group.members.front(), side));
@@ -89,6 +123,7 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
       for (const PreparedView& input : inputs) is_input = is_input || input.camera.file == view.camera.file;
       if (is_input) continue;
       truth.push_back(view.image);
+      shown.push_back(shown_of(group.members.back()));
       drawn.push_back(render_picture(ctx, scene, view.camera, options).colour);
       white.emplace_back(side, side, 3, 1.0f);
       const auto by_angle = [&](const PreparedView& a, const PreparedView& b) {
@@ -102,9 +137,9 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
     ASSERT_GE(truth.size(), 2u);
     // What is resampled is kept in 8 bits by the evaluation, and in floats here.
     const double within = judged > 0 ? 1e-2 : 1e-4;
-    EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth), std::max(within, 1e-3));
-    EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth), within);
-    EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth), within);
+    EXPECT_NEAR(scores.psnr, psnr_of(drawn, truth, shown), std::max(within, 1e-3));
+    EXPECT_NEAR(scores.psnr_white, psnr_of(white, truth, shown), within);
+    EXPECT_NEAR(scores.psnr_nearest, psnr_of(nearest, truth, shown), within);
     EXPECT_EQ(scores.selected, static_cast<double>(made.selected.size()) / 64);
     EXPECT_NE(scores.psnr, scores.psnr_coarse);
     EXPECT_TRUE(scores.ssim > -1 && scores.ssim < 1);
@@ -116,6 +151,14 @@ void check_against_reconstructing(Context& ctx, const TemporaryFolder& folder, i
 }
 
 TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) { check_against_reconstructing(ctx(), folder_, 0); }
+
+// Where a photograph that nobody masked ends, nothing is compared.
+TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 3, kViews, kSide);
+  take_alpha(folder, 3);
+  for (const int judged : {0, 24}) check_against_reconstructing(ctx(), folder, judged, false);
+}
 
 // Photographs larger than the model's pictures: judged as they are, and between the two.
 TEST_P(EvaluateTest, JudgesAtAnotherSize) {

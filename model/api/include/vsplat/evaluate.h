@@ -21,7 +21,8 @@ typedef enum vsplat_protocol {
 } vsplat_protocol;
 
 /* Of all novel views of an object at the size that is compared, on white, laid side by side. PSNR in dB for a peak of
-   1. Equal pictures have an infinite one. */
+   1. Equal pictures have an infinite one. Where a photograph without mask or alpha ends inside its square, all is white
+   and PSNR is over what it shows. */
 typedef struct vsplat_scores {
   size_t size;
   double psnr;                  /* of the result, by the mean squared error of its views together */
