@@ -142,7 +142,7 @@ class _SceneInfo(_Struct):
     _fields_ = [("size", c.c_size_t), ("count", c.c_uint64), ("sh_degree", c.c_int32), ("near_plane", c.c_double),
                 ("has_mirror", c.c_int32), ("mirror", c.c_double * 3), ("skipped_not_finite", c.c_uint64),
                 ("skipped_huge_scale", c.c_uint64), ("skipped_zero_rotation", c.c_uint64), ("up", c.c_double * 3),
-                ("offset", c.c_double * 3), ("surfels", c.c_int32)]
+                ("offset", c.c_double * 3), ("surfels", c.c_int32), ("detail_pixel", c.c_double), ("detail_middle", c.c_double * 3)]
 
 
 class _Gaussians(_Struct):

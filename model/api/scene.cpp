@@ -48,6 +48,21 @@ std::vector<float> tangent_scales(const float* scales, size_t count) {
   return out;
 }
 
+// A caller's; none where it is not known.
+std::optional<Detail> detail_of(const vsplat_scene_info& info) {
+  const double pixel = info.detail_pixel;
+  if (!(pixel >= 0) || (pixel > 0 && !std::isnormal(static_cast<float>(pixel))))
+    fail(Status::input, "info.detail_pixel is {}: 0, or the width of a pixel, expected", pixel);
+  if (pixel == 0) return std::nullopt;
+  Detail out{{}, static_cast<float>(pixel)};
+  for (size_t c = 0; c < 3; ++c) {
+    if (!std::isfinite(info.detail_middle[c]))
+      fail(Status::input, "info.detail_middle[{}] is {}", c, info.detail_middle[c]);
+    out.at[c] = static_cast<float>(info.detail_middle[c]);
+  }
+  return out;
+}
+
 // A copy of the scene with those of the arrays that are there.
 std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussians& a) {
   const size_t n = scene.gaussians.count;
@@ -160,6 +175,7 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
         fail(Status::input, "info.offset[{}] is {}: at most {} either way expected", c, i.offset[c], kFarthestOffset);
       empty.offset[static_cast<Eigen::Index>(c)] = i.offset[c];
     }
+    empty.detail = detail_of(i);
     auto scene = std::make_unique<vsplat_scene_impl>();
     scene->scene = with_values(empty, a);
     *out_scene = scene.release();
@@ -198,6 +214,8 @@ vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_i
     for (size_t c = 0; s.up && c < 3; ++c) info.up[c] = static_cast<double>((*s.up)[c]);
     for (size_t c = 0; c < 3; ++c) info.offset[c] = s.offset[static_cast<Eigen::Index>(c)];
     info.surfels = s.gaussians.kind == GaussianKind::surfel;
+    if (s.detail) info.detail_pixel = static_cast<double>(s.detail->pixel);
+    for (size_t c = 0; s.detail && c < 3; ++c) info.detail_middle[c] = static_cast<double>(s.detail->at[c]);
     info.skipped_not_finite = scene->skipped.not_finite;
     info.skipped_huge_scale = scene->skipped.huge_scale;
     info.skipped_zero_rotation = scene->skipped.zero_rotation;

@@ -29,9 +29,15 @@ typedef struct vsplat_scene_info {
      Cameras are in the world in any case. */
   double offset[3];
   int32_t surfels; /* 1: flat, scales[2] of each is 0 and its third axis is its normal; 0: volumes of three scales */
+  /* How wide, in the world, a pixel is at `detail_middle` of the pictures that the scene was made from, by which
+     vsplat_render_options.supersample chooses where it is 0; 0: not known, one sample a pixel. */
+  double detail_pixel;
+  double detail_middle[3]; /* the object's middle, relative to `offset` */
 } vsplat_scene_info;
-#define VSPLAT_SCENE_INFO_INIT \
-  { sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, 0 }
+#define VSPLAT_SCENE_INFO_INIT                                                                             \
+  {                                                                                                        \
+    sizeof(vsplat_scene_info), 0, 0, 0.0, 0, {0, 0, 0}, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, 0, 0.0, { 0, 0, 0 } \
+  }
 
 /* Arrays of the caller, any of them NULL where not wanted; K Gaussians, S = (sh_degree + 1)^2. */
 typedef struct vsplat_gaussians {
@@ -68,7 +74,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_memory(const void* b
                                                                    vsplat_scene* out_scene);
 
 /* From values in memory, which are copied. Of `info`, its count, sh_degree, near_plane (0: 0.2), mirror, up (of any
-   length), offset and surfels are taken.
+   length), offset, surfels and detail are taken.
    Of `arrays`, none may be NULL: rotations of any length but 0, scales not negative, opacities in [0,1], every value
    finite; VSPLAT_ERROR_INPUT names the first that is not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
