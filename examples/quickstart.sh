@@ -25,4 +25,4 @@ echo "  gnome-views.png  row by row a picture, what the network makes of it, wha
 echo "  skull.*          the same of the 48 photographs in examples/data/painted_skull; skull-views.png shows those held out"
 echo "  views/           what the network saw of these"
 echo "  profile.html     where the time went for the gnome: open it in a browser"
-echo "The model is small and sees pictures of 184 x 184 pixels; what is sharp comes from refinement (--refine), of what the pictures show."
+echo "The model is small and sees pictures of 176 x 176 pixels; what is sharp comes from refinement (--refine), of what the pictures show."

@@ -30,7 +30,7 @@ export LC_ALL
 # What the shipped model reaches on two solids of seed 4711, white pictures as well, and a first step of training from random weights: by
 # PoCL 3.1, both flavours of the kernels. They are what a device has to come near to; a new shipped model needs a new first number, one of another picture
 # size a new second one, too.
-expected_psnr=22.37 expected_white=10.367 expected_loss=1.0084 expected_gradient=0.0834
+expected_psnr=22.34 expected_white=10.367 expected_loss=1.0084 expected_gradient=0.0834
 
 say() { printf 'train-on-a-gpu: %s\n' "$*" >&2; }
 fail() {
