@@ -133,6 +133,13 @@ Paint random_paint(Random& random, const TextureFolder* textures) {
   return out;
 }
 
+Vector3f gradient_colour(const Paint& paint, float at) {
+  const float inside = std::clamp(at, 0.0f, 2.0f);
+  const int first = inside < 1 ? 0 : 1;
+  const float share = inside - static_cast<float>(first);
+  return (1 - share) * paint.colours[first] + share * paint.colours[first + 1];
+}
+
 void apply(const Paint& paint, std::vector<Corner>& corners) {
   for (Corner& c : corners) c.uv = paint.begins + paint.repeats.cwiseProduct(c.uv);
   if (!paint.gradient || corners.empty()) return;
@@ -142,12 +149,7 @@ void apply(const Paint& paint, std::vector<Corner>& corners) {
     high = std::max(high, c.position.dot(paint.along));
   }
   const float extent = std::max(high - low, 1e-6f);
-  for (Corner& c : corners) {
-    const float at = std::clamp(2 * (c.position.dot(paint.along) - low) / extent, 0.0f, 2.0f);
-    const int first = at < 1 ? 0 : 1;
-    const float share = at - static_cast<float>(first);
-    c.colour = (1 - share) * paint.colours[first] + share * paint.colours[first + 1];
-  }
+  for (Corner& c : corners) c.colour = gradient_colour(paint, 2 * (c.position.dot(paint.along) - low) / extent);
 }
 
 }  // namespace vsplat

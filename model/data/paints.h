@@ -40,6 +40,9 @@ struct Paint {
   Eigen::Vector2f repeats = Eigen::Vector2f::Ones(), begins = Eigen::Vector2f::Zero();
 };
 
+// The gradient's colour, linear, from 0 at the one end over 1 in the middle to 2 at the other; the ends go on beyond.
+Eigen::Vector3f gradient_colour(const Paint& paint, float at);
+
 // One colour, a gradient, a pattern, or one of `textures` (may be null: none), these for half of the parts.
 Paint random_paint(Random& random, const TextureFolder* textures);
 

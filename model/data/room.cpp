@@ -18,12 +18,8 @@ constexpr int kSamples = 2;  // in each direction of a pixel
 
 // Linear, at (u, v) in [0,1] of the wall.
 Vector3f painted(const Paint& paint, const Eigen::Vector2f& uv) {
-  if (paint.gradient) {
-    const float at = std::clamp(1 + 2 * paint.along.head<2>().dot(uv - Eigen::Vector2f(0.5f, 0.5f)), 0.0f, 2.0f);
-    const int first = at < 1 ? 0 : 1;
-    const float share = at - static_cast<float>(first);
-    return (1 - share) * paint.colours[first] + share * paint.colours[first + 1];
-  }
+  if (paint.gradient)
+    return gradient_colour(paint, 1 + 2 * paint.along.head<2>().dot(uv - Eigen::Vector2f(0.5f, 0.5f)));
   if (!paint.material.texture) return paint.material.colour;
   const Eigen::Vector2f there = paint.begins + paint.repeats.cwiseProduct(uv);
   return paint.material.colour.cwiseProduct(sample(*paint.material.texture, there));
@@ -90,7 +86,7 @@ Vector3f wall_colour(const Room& room, const Vector3d& origin, const Vector3d& d
 
 StoredView in_room(const StoredView& view, const Camera& camera, const Room& room) {
   StoredView out = view;
-  if (view.opaque) return out;
+  if (view.opaque || !view.masked) return out;
   const Eigen::Matrix3d turn = camera.c2w().topLeftCorner<3, 3>();
   const Vector3d origin = camera.centre();
   const Eigen::Array2d size(camera.width, camera.height), shown = room.shown.array();

@@ -25,7 +25,8 @@ Room random_room(Random& random, const TextureFolder* textures);
 Eigen::Vector3f wall_colour(const Room& room, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction);
 
 // The view with the room behind what it shows, seen with `camera`, which is in the object's frame: alpha is 1 in all
-// that is shown and 0 beside it. A view that is opaque has a background of its own and stays as it is.
+// that is shown and 0 beside it. A view that is opaque, or that nothing masks, has a background of its own and stays as
+// it is.
 StoredView in_room(const StoredView& view, const Camera& camera, const Room& room);
 
 }  // namespace vsplat

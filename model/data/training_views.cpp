@@ -78,7 +78,7 @@ struct Item {
 };
 
 std::vector<std::uint8_t> premultiplied_bytes(const StoredView& view) {
-  if (view.opaque) return {};
+  if (view.opaque || !view.masked) return {};
   std::vector<std::uint8_t> out = view.rgba;
   for (std::size_t i = 0; i < out.size(); i += 4)
     for (std::size_t c = i; c < i + 3; ++c) out[c] = static_cast<std::uint8_t>((out[c] * out[i + 3] + 127) / 255);

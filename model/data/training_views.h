@@ -18,7 +18,7 @@ struct TrainingViews {
   int inputs = 0;
   std::array<float, 3> background{1, 1, 1};  // of the novel views
   // With TrainingOptions::alpha, for each view [S][S][4]: colour premultiplied by alpha, and alpha; empty where the
-  // picture is opaque, which does not say what the object is.
+  // picture is opaque, or has neither mask nor alpha: it does not say what the object is.
   std::vector<std::vector<std::uint8_t>> rgba = {};
 };
 

@@ -107,6 +107,7 @@ TEST(Room, LiesBehindWhatAViewShows) {
   Room room = plain_room();
   room.shown = {0.5, 1};
   StoredView view;
+  view.masked = true;
   view.camera = camera_at({0.3, 0.2, -1.7}, {0.05, 0, 0});
   for (int i = 0; i < kRoomSide * kRoomSide; ++i)
     for (const int v : {i % 251, i * 7 % 251, 128, std::array{0, 100, 255}[static_cast<std::size_t>(i % 3)]})
@@ -142,6 +143,9 @@ TEST(Room, LiesBehindWhatAViewShows) {
   StoredView opaque = view;
   opaque.opaque = true;
   EXPECT_EQ(in_room(opaque, view.camera, room).rgba, view.rgba);
+  StoredView unmasked = view;  // what is beside it nobody knows: its photograph ends there
+  unmasked.masked = false;
+  EXPECT_EQ(in_room(unmasked, view.camera, room).rgba, view.rgba);
 }
 
 TEST(Room, RandomOnesAreLargeEnoughAndDifferentAndTheSameForTheSameNumbers) {
