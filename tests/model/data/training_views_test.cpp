@@ -197,6 +197,20 @@ TEST(TrainingReader, KeepsWhatItHasDecoded) {
   EXPECT_TRUE(same(reader.at(0, 0), before)) << "all eight views are in every step";
 }
 
+// A photograph that nobody masked does not say what the object is, neither where it is opaque nor where it ends.
+TEST(TrainingReader, TakesTheEndOfAPhotographForNeitherAlphaNorBackground) {
+  const TemporaryFolder folder;
+  test::write_solids(folder, 1, 9, kSide);
+  TrainingOptions options = options_of();
+  options.alpha = true, options.fit = Fit::pad;
+  EXPECT_FALSE(TrainingReader(open_data_set({folder.string()}), options).at(0, 0).rgba.front().empty());
+  test::take_alpha(folder, 1);
+  const TrainingViews plain = TrainingReader(open_data_set({folder.string()}), options).at(0, 0);
+  for (const auto& rgba : plain.rgba) EXPECT_TRUE(rgba.empty());
+  options.rooms = 1;
+  EXPECT_EQ(TrainingReader(open_data_set({folder.string()}), options).at(0, 0).pictures, plain.pictures);
+}
+
 TEST(TrainingReader, TakesEveryObjectOnceARound) {
   const TemporaryFolder folder;
   test::write_solids(folder, 5, 8, 8);

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <filesystem>
 
-#include "model/io/image_file.h"
 #include "model/params/init.h"
 #include "model/pictures/contact_sheet.h"
 #include "model/pictures/metrics.h"
@@ -41,27 +40,6 @@ double psnr_of(const std::vector<Image>& a, const std::vector<Image>& b, const s
       count += share;
     }
   return 10 * std::log10(count / sum);
-}
-
-// The views' pictures without alpha and three pixels lower on both sides, as photographs that nobody masked.
-void take_alpha(const TemporaryFolder& folder, int objects) {
-  for (int i = 0; i < objects; ++i) {
-    const std::string object = folder / ("solid_" + std::to_string(i));
-    nlohmann::json root = test::read_transforms(object);
-    root["h"] = root["h"].get<int>() - 6;
-    root["cy"] = root["cy"].get<double>() - 3;
-    for (const auto& frame : root["frames"]) {
-      const std::string path = object + "/" + frame["file_path"].get<std::string>();
-      const Image was = read_image(path);
-      Image is(was.width, was.height - 6, 3);
-      for (int y = 0; y < is.height; ++y)
-        for (int x = 0; x < is.width; ++x)
-          for (int c = 0; c < 3; ++c)
-            is.at(x, y)[c] = was.at(x, y + 3)[c] * was.at(x, y + 3)[3] + 0.25f * (1 - was.at(x, y + 3)[3]);
-      write_png(path, is);
-    }
-    test::write_transforms(object, root);
-  }
 }
 
 class EvaluateTest : public test::FlavourTest {
@@ -156,7 +134,7 @@ TEST_P(EvaluateTest, IsWhatReconstructingAndDrawingGives) { check_against_recons
 TEST_P(EvaluateTest, ComparesWhatPhotographsShow) {
   const TemporaryFolder folder;
   test::write_solids(folder, 3, kViews, kSide);
-  take_alpha(folder, 3);
+  test::take_alpha(folder, 3);
   for (const int judged : {0, 24}) check_against_reconstructing(ctx(), folder, judged, false);
 }
 
