@@ -14,7 +14,6 @@ namespace vsplat {
 namespace {
 
 constexpr const char* kFormat = "vsplat-model";
-constexpr const char* kCheckpoint = "vsplat-checkpoint";  // what is easily taken for one
 constexpr const char* kVersion = "1";
 constexpr const char* kReserved[] = {"format", "version", "config", "sha256", "system"};
 
@@ -28,8 +27,9 @@ const std::string& metadata_at(const SafetensorsFile& file, const std::string& k
 std::string read_system(const SafetensorsFile& file) {
   if (const std::string& format = metadata_at(file, "format"); format != kFormat)
     fail(Status::format, "{}: metadata format is \"{}\", expected \"{}\"{}", file.path(), printable(format), kFormat,
-         format == kCheckpoint ? ": a training's state to go on from; the weights are in model.safetensors beside it"
-                               : "");
+         format == kCheckpointFormat
+             ? ": a training's state to go on from; the weights are in model.safetensors beside it"
+             : "");
   if (const std::string& version = metadata_at(file, "version"); version != kVersion)
     fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made for another vsplat", file.path(),
          printable(version), kVersion);

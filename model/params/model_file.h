@@ -10,6 +10,10 @@
 
 namespace vsplat {
 
+// What a training's checkpoint (model/train/checkpoint.h) calls itself in its metadata's `format`: easily taken for a
+// model, whose reader says so.
+constexpr const char* kCheckpointFormat = "vsplat-checkpoint";
+
 // Everything is checked: the file's structure, format and version, the network that it is of (its metadata's `system`,
 // VS-Splat's where there is none), the configuration, the hash where one is given, and that the tensors are those of
 // the configuration, each in its shape. Errors name path, tensor or field, found and expected.

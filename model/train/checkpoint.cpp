@@ -19,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kFormat = "vsplat-checkpoint";
 constexpr const char* kVersion = "1";
 constexpr std::string_view kFirst = "checkpoint-", kLast = ".safetensors", kUnfinished = ".tmp";
 constexpr const char* kM = "adamw.m.";
@@ -56,8 +55,9 @@ const std::string& metadata_at(const SafetensorsFile& file, const std::string& k
 }
 
 void check_format(const SafetensorsFile& file) {
-  if (const std::string& format = metadata_at(file, "format"); format != kFormat)
-    fail(Status::format, "{}: metadata format is \"{}\", expected \"{}\"", file.path(), printable(format), kFormat);
+  if (const std::string& format = metadata_at(file, "format"); format != kCheckpointFormat)
+    fail(Status::format, "{}: metadata format is \"{}\", expected \"{}\"", file.path(), printable(format),
+         kCheckpointFormat);
   if (const std::string& version = metadata_at(file, "version"); version != kVersion)
     fail(Status::format, "{}: metadata version is \"{}\", expected \"{}\": made by another vsplat", file.path(),
          printable(version), kVersion);
@@ -158,7 +158,7 @@ void save_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
   add(tensors, path, kV, expected, checkpoint.v, false);
   add(tensors, path, kMomentum, expected, checkpoint.momentum, false);
   if (checkpoint.config.ema != 0) add(tensors, path, kAverage, expected, checkpoint.average, true);
-  std::map<std::string, std::string> metadata = {{"format", kFormat},
+  std::map<std::string, std::string> metadata = {{"format", kCheckpointFormat},
                                                  {"version", kVersion},
                                                  {"step", std::to_string(checkpoint.step)},
                                                  {"config", to_json(checkpoint.config)},
