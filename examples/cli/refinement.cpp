@@ -53,9 +53,10 @@ std::string decibels(double psnr) {
 
 std::string progress_text(const vsplat_refine_progress& p) {
   char text[160];
-  std::snprintf(text, sizeof text, "%s: step %lld of %lld, loss %.4f, %llu Gaussians", p.phase,
-                static_cast<long long>(p.step), static_cast<long long>(p.steps), p.loss,
-                static_cast<unsigned long long>(p.gaussians));
+  char loss[32] = "";  // none before the first step
+  if (!std::isnan(p.loss)) std::snprintf(loss, sizeof loss, ", loss %.4f", p.loss);
+  std::snprintf(text, sizeof text, "%s: step %lld of %lld%s, %llu Gaussians", p.phase, static_cast<long long>(p.step),
+                static_cast<long long>(p.steps), loss, static_cast<unsigned long long>(p.gaussians));
   std::string out = text;
   if (!std::isnan(p.psnr)) out += ", held out " + decibels(p.psnr);
   if (p.seconds_left > 0.5) out += ", about " + seconds_text(p.seconds_left) + " left";
