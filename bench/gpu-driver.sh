@@ -40,11 +40,13 @@ find_driver() {
 
 # name_driver: NVIDIA's driver has an entry, made in $work/vendors where the system has none; $looked says where it was looked for.
 name_driver() {
-  if [ -n "${OCL_ICD_VENDORS-}${OCL_ICD_FILENAMES-}" ]; then
-    looked="OCL_ICD_VENDORS=${OCL_ICD_VENDORS-} and OCL_ICD_FILENAMES=${OCL_ICD_FILENAMES-}, which are set here and say where the loader looks"
-    say "the driver is what ${looked%%, which*} say"
+  if [ -n "${OCL_ICD_VENDORS-}" ]; then
+    looked="OCL_ICD_VENDORS=$OCL_ICD_VENDORS, which is set here and says where the loader looks"
+    say "the driver is what OCL_ICD_VENDORS=$OCL_ICD_VENDORS says"
     return
   fi
+  # Khronos's loader reads it, and the one that comes with vsplat (ocl-icd) does not: images for CUDA have it set.
+  if [ -n "${OCL_ICD_FILENAMES-}" ]; then say "OCL_ICD_FILENAMES=$OCL_ICD_FILENAMES is not used"; fi
   find_driver
   if [ -z "$driver" ]; then
     say "no libnvidia-opencl.so.1; drivers that $vendors names are used"

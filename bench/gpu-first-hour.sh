@@ -203,7 +203,7 @@ reconstruct() {
   shift
   for time_of in first second; do
     run "$kind-$time_of" env VSPLAT_TUNING="$tuning" "$vsplat" reconstruct "$views/solid_0000" --model "$model" --view-count 4 --selection "$work/selection-$volume" \
-      --output "$work/$kind.ply" --render orbit:8 --images "$dir/$kind" --profile "$dir/$kind-$time_of.json" --device "$device" --json --overwrite "$@" || {
+      --output "$work/$kind.ply" --render orbit:8 --images "$dir/$kind" --write-cameras "$work/$kind-cameras.json" --profile "$dir/$kind-$time_of.json" --device "$device" --json --overwrite "$@" || {
       note "$kind: $(told "$kind-$time_of")"
       return 1
     }
@@ -228,7 +228,7 @@ step_mixed() {
   bad=0 tuning=${VSPLAT_TUNING-}
   reconstruct fp32 --precision fp32 || bad=1
   reconstruct mixed --precision mixed || bad=1
-  run differences "$vsplat" render "$work/mixed.ply" --cameras orbit:8 --compare "$dir/fp32" --device "$device" --json || bad=1
+  run differences "$vsplat" render "$work/mixed.ply" --cameras "$work/fp32-cameras.json" --compare "$dir/fp32" --device "$device" --json || bad=1
   note "mixed against fp32: $(field psnr <"$dir/differences.out") dB"
   return $bad
 }
