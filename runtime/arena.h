@@ -12,6 +12,7 @@
 
 namespace cl {
 class Buffer;
+class CommandQueue;
 class Context;
 }  // namespace cl
 
@@ -68,8 +69,9 @@ struct ArenaLimits {
 
 class Arena {
  public:
-  // `context` null: virtual from the start.
-  Arena(const cl::Context* context, ArenaLimits limits);
+  // `context` null: virtual from the start. With a queue, which must outlive the arena's growth, each new slab is made
+  // resident on the device at once: see the .cpp.
+  Arena(const cl::Context* context, ArenaLimits limits, const cl::CommandQueue* queue = nullptr);
 
   // Throws Error(memory), naming `what`, both figures and the limit.
   std::shared_ptr<Block> allocate(std::size_t bytes, const std::string& what);

@@ -154,7 +154,7 @@ struct Context::Impl {
     if (!queue()) make_queue();
     checks_nan = nan_check_is_wanted();
     guards = limits.guard > 0;
-    arena = std::make_unique<Arena>(&context, limits);
+    arena = std::make_unique<Arena>(&context, limits, &queue);
   }
 
   // Of the processor, and of a GPU by NVIDIA, whose driver tells where it sits.
