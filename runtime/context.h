@@ -34,7 +34,7 @@ class Profiler;
 enum class Flavour : int { cpu = 1, gpu = 2 };
 const char* name_of(Flavour flavour);
 
-// Who multiplies plain matrices. auto_: CLBlast on a GPU where its database covers the device, else our own.
+// Who multiplies plain matrices. auto_: our own kernels.
 enum class GemmChoice : int { auto_ = 0, own = 1, clblast = 2 };
 
 // Another's OpenCL, as the C interface of it has the handles. All null: our own.

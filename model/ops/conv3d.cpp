@@ -66,8 +66,8 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
   if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
   if (ctx.planning()) return out;
   std::vector<float> u(static_cast<std::size_t>(out.w.data.count()), 0.0f);
-  for (long n = 0; n < cout; ++n)
-    for (long c = 0; c < cin; ++c) {
+  for (long c = 0; c < cin; ++c)  // output channels lie side by side in u
+    for (long n = 0; n < cout; ++n) {
       const long c0 = c / 16 * 16, width = std::min(16L, cin - c0);  // of its block of channels
       for (long dz = 0; dz < 3; ++dz) {
         const float* from = w + (n * cin + c) * 27 + dz;

@@ -27,7 +27,7 @@ typedef enum vsplat_kernels {
 
 /* Who multiplies plain matrices. */
 typedef enum vsplat_gemm {
-  VSPLAT_GEMM_AUTO = 0,   /* CLBlast on a GPU that its tuned database covers, else our own */
+  VSPLAT_GEMM_AUTO = 0,   /* our own kernels */
   VSPLAT_GEMM_OWN = 1,    /* the library's own kernels */
   VSPLAT_GEMM_CLBLAST = 2 /* CLBlast */
 } vsplat_gemm;
