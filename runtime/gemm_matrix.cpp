@@ -20,6 +20,7 @@ struct UnitKernel {
   MatrixUnit unit;
   const char* name;                 // of the file, and of its kernel
   bool tf32;                        // has it, too
+  bool fours;                       // is built for rows of whole fours where there are such
   std::array<MatrixTile, 3> tiles;  // the largest first; those of no group are none
 };
 
@@ -27,11 +28,16 @@ constexpr std::array<UnitKernel, 5> kKernels = {
     {{MatrixUnit::emulated,
       "gemm_matrix_gpu",
       true,
+      true,
       {{{128, 128, 256, 20480, "-DWIDE"}, {64, 64, 128, 10240, ""}, {64, 32, 64, 7680, "-DNARROW"}}}},
-     {MatrixUnit::ptx, "gemm_matrix_ptx_gpu", true, {{{128, 128, 256, 20480, "-DWIDE"}, {64, 64, 128, 10240, ""}, {}}}},
-     {MatrixUnit::dpas, "gemm_matrix_dpas_gpu", false, {{{64, 64, 64, 10240, ""}, {}, {}}}},
-     {MatrixUnit::wmma, "gemm_matrix_wmma_gpu", false, {{{64, 64, 128, 10240, ""}, {}, {}}}},
-     {MatrixUnit::mfma, "gemm_matrix_mfma_gpu", false, {{{64, 64, 256, 10240, ""}, {}, {}}}}}};
+     {MatrixUnit::ptx,
+      "gemm_matrix_ptx_gpu",
+      true,
+      true,
+      {{{128, 128, 256, 20480, "-DWIDE"}, {64, 64, 128, 10240, ""}, {}}}},
+     {MatrixUnit::dpas, "gemm_matrix_dpas_gpu", false, false, {{{64, 64, 64, 10240, ""}, {}, {}}}},
+     {MatrixUnit::wmma, "gemm_matrix_wmma_gpu", false, false, {{{64, 64, 128, 10240, ""}, {}, {}}}},
+     {MatrixUnit::mfma, "gemm_matrix_mfma_gpu", false, false, {{{64, 64, 256, 10240, ""}, {}, {}}}}}};
 
 // The kernel, with the defines of its tile.
 struct Chosen {
@@ -44,6 +50,8 @@ Chosen choose(Context& ctx, const MatrixProducts& p) {
   if (p.operands == Operands::tf32 && !of.tf32)
     fail(Status::internal, "{}: {} multiplies no tf32", p.name, name_of(of.unit));
   const long enough = 2L * ctx.device().compute_units;
+  const long c0 = p.a.x0.shape().back(), c1 = p.a.x1 ? p.a.x1.shape().back() : 0;
+  const bool fours = of.fours && c0 % 4 == 0 && c1 % 4 == 0 && p.n % 4 == 0;
   for (const MatrixTile& tile : of.tiles) {
     if (tile.group == 0) continue;
     const bool wide = tile.rows == 128;
@@ -51,7 +59,9 @@ Chosen choose(Context& ctx, const MatrixProducts& p) {
                  p.products * div_up(p.m, tile.rows) * div_up(p.n, tile.columns) < enough))
       continue;
     KernelId id{of.name, of.name, tile.defines, p.name};
-    if (p.operands == Operands::tf32) id.defines += id.defines.empty() ? "-DMATRIX_TF32" : " -DMATRIX_TF32";
+    const auto define = [&](const char* one) { id.defines += (id.defines.empty() ? "" : " ") + std::string(one); };
+    if (p.operands == Operands::tf32) define("-DMATRIX_TF32");
+    if (fours) define("-DFOURS");
     if (ctx.takes(id, static_cast<std::size_t>(tile.group), static_cast<std::size_t>(tile.local))) return {id, tile};
   }
   fail(Status::device, "{}: {} takes none of the tiles of its {} matrix units", p.name, ctx.device().name,

@@ -139,7 +139,8 @@ std::string wrong_with_matrix_unit(Context& ctx) {
                               {31, 101, 67},
                               {65, 63, 129},
                               {64, 64, 64},
-                              {wide, 131, 35}})
+                              {wide, 131, 35},
+                              {wide, 132, 36}})
     for (const bool whole : {true, false})
       if (std::string wrong = wrong_with(ctx, s, whole); !wrong.empty()) return wrong;
   return "";
