@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "runtime/fail.h"
 #include "runtime/file.h"
@@ -21,8 +22,8 @@ constexpr double kOtherPeak = 0.05;   // peaks that differ by more tell of anoth
   fail(Status::format, "{}: is no report as vsplat bench writes it as JSON: {}", path, what);
 }
 
-const Json& field(const std::string& path, const Json& of, const std::string& where, const char* name) {
-  if (!of.is_object() || !of.contains(name)) no_report(path, where + name + " is not there");
+const Json& field(const std::string& path, const Json& of, std::string_view where, const char* name) {
+  if (!of.is_object() || !of.contains(name)) no_report(path, std::string(where) + name + " is not there");
   return of[name];
 }
 

@@ -34,9 +34,9 @@ void tell(const std::vector<std::string>& fields) {
 }
 
 struct Functions {
-  cl_api_clGetPlatformInfo platform_info = nullptr;
-  cl_api_clGetDeviceIDs device_ids = nullptr;
-  cl_api_clGetDeviceInfo device_info = nullptr;
+  decltype(&::clGetPlatformInfo) platform_info = nullptr;
+  decltype(&::clGetDeviceIDs) device_ids = nullptr;
+  decltype(&::clGetDeviceInfo) device_info = nullptr;
 };
 
 template <class F>
@@ -95,13 +95,13 @@ std::vector<cl_platform_id> platforms_of(Ids ids) {
 
 // As a loader looks at it.
 void look_at_driver(void* library) {
-  const auto address = symbol<cl_api_clGetExtensionFunctionAddress>(library, "clGetExtensionFunctionAddress");
+  const auto address = symbol<decltype(&::clGetExtensionFunctionAddress)>(library, "clGetExtensionFunctionAddress");
   if (!address) return tell({"no driver", "clGetExtensionFunctionAddress"});
   const auto function = [&](const char* name) {
     void* found = address(name);
     return found ? found : ::dlsym(library, name);
   };
-  const auto ids = reinterpret_cast<cl_api_clGetPlatformIDs>(function("clIcdGetPlatformIDsKHR"));
+  const auto ids = reinterpret_cast<decltype(&::clGetPlatformIDs)>(function("clIcdGetPlatformIDsKHR"));
   if (!ids) return tell({"no driver", "clIcdGetPlatformIDsKHR"});
   for (cl_platform_id platform : platforms_of(ids)) {
     const cl_icd_dispatch* dispatch = *reinterpret_cast<cl_icd_dispatch* const*>(platform);
@@ -110,11 +110,11 @@ void look_at_driver(void* library) {
 }
 
 void look_at_loader(void* library) {
-  const auto ids = symbol<cl_api_clGetPlatformIDs>(library, "clGetPlatformIDs");
+  const auto ids = symbol<decltype(&::clGetPlatformIDs)>(library, "clGetPlatformIDs");
   if (!ids) return tell({"no driver", "clGetPlatformIDs"});
-  const Functions f = {symbol<cl_api_clGetPlatformInfo>(library, "clGetPlatformInfo"),
-                       symbol<cl_api_clGetDeviceIDs>(library, "clGetDeviceIDs"),
-                       symbol<cl_api_clGetDeviceInfo>(library, "clGetDeviceInfo")};
+  const Functions f = {symbol<decltype(&::clGetPlatformInfo)>(library, "clGetPlatformInfo"),
+                       symbol<decltype(&::clGetDeviceIDs)>(library, "clGetDeviceIDs"),
+                       symbol<decltype(&::clGetDeviceInfo)>(library, "clGetDeviceInfo")};
   for (cl_platform_id platform : platforms_of(ids)) tell_platform(f, platform);
 }
 

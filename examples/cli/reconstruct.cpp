@@ -288,7 +288,7 @@ void add_list(CLI::App& sub, ReconstructOptions& o) {
 void add_reconstruct(CLI::App& app, Run& run) {
   auto o = std::make_shared<ReconstructOptions>();
   CLI::App* sub = app.add_subcommand("reconstruct", "Make a scene from posed pictures");
-  sub->add_option("views", o->views,
+  sub->add_option("VIEWS", o->views,
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->type_name("VIEWS");
   sub->add_option("-m,--model", o->model, "The model file (default: the built-in model)")->type_name("MODEL");

@@ -177,7 +177,7 @@ void add_refine_options(CLI::App& sub, RefineOptions& o) {
 void add_refine(CLI::App& app, Run& run) {
   auto o = std::make_shared<RefineSettings>();
   CLI::App* sub = app.add_subcommand("refine", "Move a scene towards the pictures that there are of it");
-  sub->add_option("views", o->views,
+  sub->add_option("VIEWS", o->views,
                   "transforms.json, cameras.json, a COLMAP model, or a folder holding one, with pictures")
       ->required()
       ->type_name("VIEWS");

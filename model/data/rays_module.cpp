@@ -1,6 +1,10 @@
 #include "model/data/rays_module.h"
 
+#if VSPLAT_EMBREE == 3
 #include <embree3/rtcore.h>
+#else
+#include <embree4/rtcore.h>
+#endif
 
 #include <algorithm>
 #include <cstring>
@@ -81,9 +85,13 @@ bool trace(void* scene, const float* origin, const float* direction, RayHit* hit
   ray.ray.tfar = std::numeric_limits<float>::infinity();
   ray.ray.mask = ~0u;
   ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+#if VSPLAT_EMBREE == 3
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   rtcIntersect1(static_cast<Scene*>(scene)->scene, &context, &ray);
+#else
+  rtcIntersect1(static_cast<Scene*>(scene)->scene, &ray);
+#endif
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
   *hit = {ray.hit.primID, ray.hit.u, ray.hit.v, {ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z}};
   return true;

@@ -19,7 +19,7 @@ constexpr const char* kFormat = "vsplat-refinement";
 constexpr const char* kVersion = "1";
 constexpr std::string_view kState = "state.";
 
-const std::string& metadata_at(const SafetensorsFile& file, const std::string& key) {
+const std::string& metadata_at(const SafetensorsFile& file, const char* key) {
   const auto found = file.metadata().find(key);
   if (found == file.metadata().end())
     fail(Status::format, "{}: its metadata have no {}: not a refinement's state", file.path(), key);

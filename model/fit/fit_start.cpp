@@ -19,15 +19,31 @@ constexpr float kOpacity = 0.1f;
 
 using Positions = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
+// What nanoflann asks of a set of points. (Its own adaptor for Eigen names its tree otherwise from version to version.)
+struct PointsForTree {
+  const Positions& positions;
+  std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(positions.rows()); }
+  double kdtree_get_pt(Eigen::Index row, std::size_t axis) const {
+    return positions(row, static_cast<Eigen::Index>(axis));
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Adaptor<double, PointsForTree, double, Eigen::Index>,
+                                                 PointsForTree, 3, Eigen::Index>;
+
 // Of each, in the same units.
 std::vector<double> neighbour_distances(const Positions& positions) {
-  const nanoflann::KDTreeEigenMatrixAdaptor<Positions, 3> tree(3, std::cref(positions));
+  const PointsForTree points{positions};
+  const Tree tree(3, points);
   std::vector<double> out;
   out.reserve(static_cast<std::size_t>(positions.rows()));
   for (Eigen::Index i = 0; i < positions.rows(); ++i) {
     std::array<Eigen::Index, kNeighbours + 1> found{};  // itself among them, or a twin in its place
     std::array<double, kNeighbours + 1> squared{};
-    const std::size_t n = tree.index->knnSearch(positions.row(i).data(), found.size(), found.data(), squared.data());
+    const std::size_t n = tree.knnSearch(positions.row(i).data(), found.size(), found.data(), squared.data());
     double sum = 0;
     for (std::size_t k = 1; k < n; ++k) sum += std::sqrt(squared[k]);
     out.push_back(n > 1 ? sum / static_cast<double>(n - 1) : kHighScale);

@@ -226,7 +226,8 @@ FitTensors Fitter::state() const {
 }
 
 void Fitter::restore(const FitTensors& state, long steps_done) {
-  const FitTensor& logits = tensor_of(state, "x.logits");
+  const std::string first_name = "x.logits";  // (of a temporary GCC 14 would think that the reference dangles)
+  const FitTensor& logits = tensor_of(state, first_name);
   if (logits.shape.size() != 1 || logits.shape[0] < 0 || logits.shape[0] > all_.x.count())
     fail(Status::format, "a refinement's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),
          all_.x.count());

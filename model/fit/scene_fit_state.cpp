@@ -19,7 +19,7 @@ Gaussians best_in(const FitCheckpoint& from) {
   if (out.sh_degree > 3)
     fail(Status::format, "a refinement's state has best_degree {}, 0 to 3 expected", out.sh_degree);
   out.count = tensor_of(from.tensors, "best.opacities").data.size();
-  const auto take = [&](const char* name, std::size_t each) {
+  const auto take = [&](const std::string& name, std::size_t each) {
     const FitTensor& tensor = tensor_of(from.tensors, name);
     if (tensor.data.size() != each * out.count)
       fail(Status::format, "a refinement's state has {} for {}, {} of {} Gaussians expected", text_of(tensor.shape),

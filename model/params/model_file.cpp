@@ -17,7 +17,7 @@ constexpr const char* kFormat = "vsplat-model";
 constexpr const char* kVersion = "1";
 constexpr const char* kReserved[] = {"format", "version", "config", "sha256", "system"};
 
-const std::string& metadata_at(const SafetensorsFile& file, const std::string& key) {
+const std::string& metadata_at(const SafetensorsFile& file, const char* key) {
   const auto it = file.metadata().find(key);
   if (it == file.metadata().end())
     fail(Status::format, "{}: its metadata have no {}: not a model file of vsplat", file.path(), key);

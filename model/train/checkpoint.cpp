@@ -47,7 +47,7 @@ void add(std::vector<TensorToWrite>& out, const std::string& path, const std::st
          found);
 }
 
-const std::string& metadata_at(const SafetensorsFile& file, const std::string& key) {
+const std::string& metadata_at(const SafetensorsFile& file, const char* key) {
   const auto it = file.metadata().find(key);
   if (it == file.metadata().end())
     fail(Status::format, "{}: its metadata have no {}: not a checkpoint of vsplat", file.path(), key);
