@@ -11,6 +11,7 @@
 #include "runtime/device_handles.h"
 #include "runtime/device_limits.h"
 #include "runtime/environment.h"
+#include "runtime/environment_check.h"
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
 #include "runtime/missing_devices.h"
@@ -208,6 +209,7 @@ void refuse_after_fork() {
 
 std::vector<DeviceInfo> list_devices() {
   refuse_after_fork();
+  check_environment();
   std::vector<DeviceInfo> out;
   for (const FoundDevice& found : find_devices()) out.push_back(found.info);
   return out;

@@ -24,8 +24,11 @@ bool has_pocl(const Looked& looked) {
 
 std::vector<Cache> caches_of(const Looked& looked) {
   std::vector<Cache> out;
-  if (const CacheFolder own = own_cache(); !own.path.empty()) out.push_back({own, "vsplat", is_writable(own.path)});
-  if (has_pocl(looked)) out.push_back({pocl_cache(), "PoCL", is_writable(pocl_cache().path)});
+  if (const CacheFolder own = own_cache(); !own.path.empty()) out.push_back({own, "vsplat", is_writable(own.path), {}});
+  if (has_pocl(looked)) {
+    const CacheFolder pocl = pocl_cache();
+    out.push_back({pocl, "PoCL", is_writable(pocl.path), damaged_files(pocl.path)});
+  }
   return out;
 }
 
@@ -47,6 +50,7 @@ Diagnosis diagnose(double seconds) {
   looked.installed = installed_drivers();
   looked.files = gpu_files();
   looked.caches = caches_of(looked);
+  looked.variables = environment_problems();
   if (environment("VSPLAT_SELFTEST") != "ignore") looked.verdicts = kept_verdicts();
   out.findings = findings_of(looked);
   return out;

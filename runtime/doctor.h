@@ -6,8 +6,10 @@
 #include "runtime/cache_folders.h"
 #include "runtime/driver_entries.h"
 #include "runtime/driver_look.h"
+#include "runtime/environment_check.h"
 #include "runtime/gpu_files.h"
 #include "runtime/kept_verdicts.h"
+#include "runtime/pocl_files.h"
 
 namespace vsplat {
 
@@ -34,6 +36,7 @@ struct Cache {
   CacheFolder folder;
   std::string of;  // "vsplat", "PoCL"
   bool writable = true;
+  std::vector<DamagedFile> damaged;
 };
 
 // What was looked at.
@@ -47,6 +50,7 @@ struct Looked {
   GpuFiles files;
   std::vector<Cache> caches;
   std::vector<KeptVerdict> verdicts;
+  std::vector<VariableProblem> variables;
   double seconds = 0;  // that each look might take
 };
 

@@ -276,6 +276,11 @@ void look_at_others(const Looked& looked, Findings& out) {
                    "RUSTICL_ENABLE=iris"});
 }
 
+void look_at_variables(const Looked& looked, Findings& out) {
+  for (const VariableProblem& problem : looked.variables)
+    out.push_back({"variable", problem.name, problem.found, problem.mend});
+}
+
 void look_at_caches(const Looked& looked, Findings& out) {
   for (const Cache& cache : looked.caches) {
     const std::string from = cache.folder.variable.empty() ? "" : fmt::format(" ({} says so)", cache.folder.variable);
@@ -296,6 +301,13 @@ void look_at_caches(const Looked& looked, Findings& out) {
                                  "table of tuned parameters is taken from it or kept there",
                                  cache.folder.path, from),
                      fmt::format("`chmod go-w {}` where it is yours, or set {} to another", cache.folder.path, own)});
+    for (const DamagedFile& file : cache.damaged)
+      out.push_back(
+          {"damaged_kernel", file.path,
+           fmt::format("{}: a kernel that PoCL keeps compiled is damaged ({}), and programs that load it crash",
+                       file.path, file.what),
+           fmt::format("`rm -r {}`: PoCL compiles anew; vsplat removes such a file itself before it computes",
+                       file.path)});
   }
 }
 
@@ -388,6 +400,7 @@ std::vector<Finding> findings_of(const Looked& looked) {
   look_at_nvidia(looked, out);
   look_at_others(looked, out);
   look_at_files(looked, out);
+  look_at_variables(looked, out);
   look_at_caches(looked, out);
   look_at_empty(looked, out);
   look_at_whole(looked, out);

@@ -2,34 +2,56 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
+
 namespace vsplat {
 namespace {
 
-// The bytes of the character that begins there; 0 where none does.
-std::size_t character_at(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char lead = byte(0);
-  if (lead < 0x80) return lead >= 0x20 && lead != 0x7f;
-  const std::size_t size = lead >= 0xf5 ? 0 : lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : lead >= 0xc2 ? 2 : 0;
-  if (size > text.size()) return 0;
-  for (std::size_t i = 1; i < size; ++i)
-    if (byte(i) >> 6 != 2) return 0;
-  // U+0080 to U+009F are control characters, too.
-  return lead == 0xc2 && byte(1) < 0xa0 ? 0 : size;
+struct Range {
+  char32_t first, last;
+};
+
+// Characters that are not seen but change what is seen about them, and so may make a name look like another one: marks
+// of direction, separators of lines, joiners, tags (of Unicode's categories Cc, Cf, Zl and Zp those without a picture).
+// And surrogates, which UTF-8 does not have.
+constexpr Range unseen[] = {{0x0000, 0x001f},   {0x007f, 0x009f},   {0x00ad, 0x00ad},  {0x034f, 0x034f},
+                            {0x061c, 0x061c},   {0x115f, 0x1160},   {0x17b4, 0x17b5},  {0x180b, 0x180f},
+                            {0x200b, 0x200f},   {0x2028, 0x202e},   {0x2060, 0x206f},  {0x3164, 0x3164},
+                            {0xd800, 0xdfff},   {0xfeff, 0xfeff},   {0xffa0, 0xffa0},  {0xfff0, 0xfffb},
+                            {0x1bca0, 0x1bca3}, {0x1d173, 0x1d17a}, {0xe0000, 0xe0fff}};
+
+bool is_unseen(char32_t c) {
+  return std::any_of(std::begin(unseen), std::end(unseen),
+                     [c](const Range& range) { return c >= range.first && c <= range.last; });
 }
 
 }  // namespace
+
+Character character_at(std::string_view text) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned char lead = byte(0);
+  const std::size_t size = lead < 0x80 ? 1 : lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : 2;
+  constexpr char32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
+  if (size > text.size() || (lead >= 0x80 && lead < 0xc2) || lead >= 0xf5) return {1, 0, false};
+  char32_t code = size == 1 ? lead : lead & (0x7f >> size);
+  for (std::size_t i = 1; i < size; ++i) {
+    if (byte(i) >> 6 != 2) return {1, 0, false};
+    code = code << 6 | (byte(i) & 0x3f);
+  }
+  if (code < least[size] || code > 0x10ffff) return {1, 0, false};
+  return {size, code, !is_unseen(code)};
+}
 
 std::string printable(std::string_view text) {
   constexpr std::size_t kLongest = 100;
   std::string out;
   std::size_t at = 0;
   while (at < text.size()) {
-    const std::size_t size = character_at(text.substr(at));
-    const std::size_t taken = size == 0 ? 1 : size;
-    if (at + taken > kLongest) break;
-    out += size == 0 ? std::string_view("?") : text.substr(at, size);
-    at += taken;
+    const Character c = character_at(text.substr(at));
+    if (at + c.bytes > kLongest) break;
+    out += c.seen ? text.substr(at, c.bytes) : std::string_view("?");
+    at += c.bytes;
   }
   if (at < text.size()) out += fmt::format("... ({} bytes)", text.size());
   return out;

@@ -13,6 +13,7 @@
 #include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
+#include "runtime/pocl_files.h"
 
 namespace vsplat {
 
@@ -88,7 +89,9 @@ ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo in
       info_(std::move(info)),
       on_compile_(std::move(on_compile)),
       disk_(info_.is_pocl ? DiskCache("") : DiskCache()),
-      marks_(info_.is_pocl ? DiskCache() : DiskCache("")) {}
+      marks_(info_.is_pocl ? DiskCache() : DiskCache("")) {
+  if (info_.is_pocl) mend_pocl_files();
+}
 
 bool ProgramCache::build_from_disk(const std::string& key, const std::string& options, cl::Program& out) const {
   const auto binary = disk_.load(key);
@@ -110,6 +113,18 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
   } catch (const cl::Error&) {  // no binaries to be had from this driver
   }
 }
+
+namespace {
+
+std::string build_log(const cl::Program& program, const cl::Device& device) {
+  try {
+    return program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device);
+  } catch (const cl::Error&) {
+    return "(the driver gives no build log)";
+  }
+}
+
+}  // namespace
 
 cl::Program ProgramCache::build(const std::string& file, const std::string& defines, bool from_source) {
   std::string options = build_options(defines);
@@ -133,18 +148,18 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
     if (on_compile_) on_compile_(file, compiled_);
     ++compiled_;
   }
-  program = cl::Program(context_, source);
-  try {
-    program.build({device_}, options.c_str());
-  } catch (const cl::Error& e) {
-    std::string log;
+  // PoCL's compiler removes the files that it is writing when a signal arrives, whatever the program does with it
+  // (LLVM's handlers). Only what fails without one fails again.
+  for (int left = info_.is_pocl ? 2 : 0;; --left) {
+    program = cl::Program(context_, source);
     try {
-      log = program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_);
-    } catch (const cl::Error&) {
-      log = "(the driver gives no build log)";
+      program.build({device_}, options.c_str());
+      break;
+    } catch (const cl::Error& e) {
+      if (left > 0) continue;
+      fail(Status::compile, "cl/{}.cl does not compile on {} with {}: {}\n{}", file, info_.name, options,
+           cl_error_name(e.err()), build_log(program, device_));
     }
-    fail(Status::compile, "cl/{}.cl does not compile on {} with {}: {}\n{}", file, info_.name, options,
-         cl_error_name(e.err()), log);
   }
   save_to_disk(key, program);
   if (!known) marks_.store(key, {1});

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "runtime/environment.h"
+#include "runtime/environment_check.h"
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
 #include "runtime/system.h"
@@ -16,6 +17,7 @@ constexpr std::size_t kLongest = std::size_t{1} << 30;  // of a piece: MPI count
 
 // As the launchers of the common implementations tell it, before MPI is there to be asked.
 bool is_one_of_several() {
+  check_environment();
   for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS"}) {
     const std::string count = environment(name);
     if (!count.empty()) return std::atoi(count.c_str()) > 1;

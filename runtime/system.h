@@ -88,11 +88,17 @@ std::filesystem::path program_path(std::error_code& error);
 // Where it is not set yet.
 void set_variable(const char* name, const char* value);
 
-// `handler` is called with its number by each signal that asks a program to end; one that whoever started it had
-// ignored stays ignored where that is a custom (nohup). What tells of a write that fails is left to the write.
+// `handler` is called, in a thread of its own, with the number of the first signal that asks this program to end; the
+// second one ends it. A hang-up that whoever started it had ignored (nohup) stays ignored. What tells of a write that
+// fails is left to the write. To be called before there is another thread, and again in a process that split_process()
+// made.
 void catch_stops(void (*handler)(int));
-// As they were before.
+// From now on the first one ends the program.
 void let_stops_end();
+
+// The program's last words where a fault ends it, a driver's or its own: written to the error output, before it ends as
+// it would have. Where something else already answers faults (a sanitizer) nothing changes.
+void tell_of_faults(const std::string& text);
 
 // The system's words for it; "" where it does not know.
 struct User {

@@ -11,11 +11,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
+#include <thread>
+#include <utility>
 
 #include "runtime/system.h"
 
@@ -178,17 +182,79 @@ fs::path program_path(std::error_code& error) { return fs::read_symlink("/proc/s
 
 void set_variable(const char* name, const char* value) { ::setenv(name, value, 0); }
 
+namespace {
+
+std::atomic<bool> stops_end = false;
+
+bool is_ignored(int signal) {
+  struct sigaction now {};
+  return ::sigaction(signal, nullptr, &now) == 0 && now.sa_handler == SIG_IGN;
+}
+
+// As the signal does where nothing catches it.
+void end_by(int signal) {
+  std::signal(signal, SIG_DFL);
+  sigset_t one;
+  ::sigemptyset(&one);
+  ::sigaddset(&one, signal);
+  ::pthread_sigmask(SIG_UNBLOCK, &one, nullptr);
+  std::raise(signal);
+}
+
+void wait_for_stops(sigset_t stops, bool hang_up_ignored, void (*handler)(int)) {
+  for (bool asked = false;;) {
+    int signal = 0;
+    if (::sigwait(&stops, &signal) != 0 || (signal == SIGHUP && hang_up_ignored)) continue;
+    if (asked || stops_end) end_by(signal);
+    handler(signal);
+    asked = true;
+  }
+}
+
+}  // namespace
+
+// No thread takes such a signal but the one that waits for it here. LLVM, which PoCL compiles with, puts its own
+// handlers in place of ours and of SIG_IGN while it compiles, and these remove the files that it is writing. Programs
+// that a driver starts (a linker, say) inherit the mask, and so a terminal's Ctrl-C does not end them under it.
 void catch_stops(void (*handler)(int)) {
-  std::signal(SIGINT, handler);
-  std::signal(SIGTERM, handler);
-  if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
+  static const bool hang_up_ignored = is_ignored(SIGHUP);  // by nohup
+  static pid_t waits = 0;                                  // the process that has such a thread
+  stops_end = false;
+  if (std::exchange(waits, ::getpid()) == ::getpid()) return;
+  sigset_t stops;
+  ::sigemptyset(&stops);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&stops, signal);
+  ::pthread_sigmask(SIG_BLOCK, &stops, nullptr);
+  std::thread(wait_for_stops, stops, hang_up_ignored, handler).detach();
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-void let_stops_end() {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
-    if (std::signal(signal, SIG_DFL) == SIG_IGN) std::signal(signal, SIG_IGN);
+void let_stops_end() { stops_end = true; }
+
+namespace {
+
+std::array<char, 8192> last_words{};
+std::atomic<std::size_t> last_words_size = 0;
+
+void on_fault(int signal) {
+  // (What cannot be written is not told.)
+  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, last_words.data(), last_words_size);
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+}  // namespace
+
+void tell_of_faults(const std::string& text) {
+  last_words_size = 0;
+  const std::size_t size = std::min(text.size(), last_words.size());
+  std::copy_n(text.begin(), size, last_words.begin());
+  last_words_size = size;
+  for (const int fault : {SIGSEGV, SIGBUS, SIGABRT, SIGILL, SIGFPE}) {
+    struct sigaction now {};
+    if (::sigaction(fault, nullptr, &now) == 0 && now.sa_handler == SIG_DFL) std::signal(fault, on_fault);
+  }
 }
 
 User this_user() {

@@ -40,7 +40,8 @@ std::string signal_name(int signal);
 // this one again
 
 // From here on there are two of this process: 0 in the new one, which is killed where this one ends before it, and in
-// this one its number; below 0 on an error. Only in a process in which nothing else runs.
+// this one its number; below 0 on an error. Only in a process in which nothing else runs but what waits for signals
+// (catch_stops() in system.h, which is to be called again in the new one).
 int split_process(std::error_code& error);
 
 // ----------------------------------------------------------------------------------------------------------------

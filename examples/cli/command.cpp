@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
@@ -10,21 +9,20 @@
 #include "arguments.h"
 #include "flags.h"
 #include "outputs.h"
+#include "runtime/printable.h"
 #include "runtime/system.h"
 
 namespace command {
 namespace {
 
 const auto start_time = std::chrono::steady_clock::now();
-volatile std::sig_atomic_t stop_asked = 0;
+std::atomic<int> stop_asked = 0;
+bool stop_told = false;
 std::atomic<bool> progress_shown = false;
 Ranks joined_ranks;
 int log_threshold = VSPLAT_LOG_INFO;
 
-void on_signal(int number) {
-  stop_asked = number;
-  std::signal(number, SIG_DFL);
-}
+void on_signal(int number) { stop_asked = number; }
 
 void on_log(void*, vsplat_log_level level, const char* text) {
   if (static_cast<int>(level) > log_threshold) return;
@@ -129,32 +127,39 @@ void set_up_library(const Common& common) {
 
 namespace {
 
-// The bytes of the character that begins there; 0 where none does, or one that a terminal acts upon.
-std::size_t character_at(const std::string& text, std::size_t at) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[at + i]); };
-  const unsigned char lead = byte(0);
-  if (lead < 0x80) return (lead >= 0x20 && lead != 0x7f) || lead == '\n' || lead == '\t';
-  const std::size_t size = lead >= 0xf5 ? 0 : lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : lead >= 0xc2 ? 2 : 0;
-  if (size > text.size() - at) return 0;
-  for (std::size_t i = 1; i < size; ++i)
-    if (byte(i) >> 6 != 2) return 0;
-  return lead == 0xc2 && byte(1) < 0xa0 ? 0 : size;  // U+0080 to U+009F
+// What can be shown, and what `shown` makes of the rest.
+std::string shown(const std::string& text, const std::function<std::string(const vsplat::Character&)>& replaced) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    const vsplat::Character c = vsplat::character_at(std::string_view(text).substr(at));
+    out += c.seen || c.code == '\n' || c.code == '\t' ? text.substr(at, c.bytes) : replaced(c);
+    at += c.bytes;
+  }
+  return out;
+}
+
+// As JSON writes it: in UTF-16.
+std::string escaped(const vsplat::Character& c) {
+  char out[16];
+  const auto code = static_cast<unsigned>(c.code);
+  if (code < 0x10000)
+    std::snprintf(out, sizeof out, "\\u%04x", code);
+  else
+    std::snprintf(out, sizeof out, "\\u%04x\\u%04x", 0xd7c0 + (code >> 10), 0xdc00 + (code & 0x3ff));
+  return out;
 }
 
 }  // namespace
 
 std::string for_terminal(const std::string& text) {
-  std::string out;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t size = character_at(text, at);
-    out += size == 0 ? "?" : text.substr(at, size);
-    at += size == 0 ? 1 : size;
-  }
-  return out;
+  return shown(text, [](const vsplat::Character&) { return "?"; });
 }
 
+std::string json_for_terminal(const std::string& json) { return shown(json, escaped); }
+
 void print_json(const nlohmann::ordered_json& value) {
-  std::printf("%s\n", value.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  const std::string text = value.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  std::printf("%s\n", json_for_terminal(text).c_str());
 }
 
 void say(const Common& common, const std::string& text) {
@@ -211,11 +216,19 @@ double elapsed_seconds() {
 void catch_interrupts() {
   // A write that fails tells of itself; then all that was begun is taken back.
   vsplat::sys::catch_stops(on_signal);
+  vsplat::sys::tell_of_faults("");  // before drivers have handlers, which call the earlier ones
 }
 
 void let_interrupts_end() { vsplat::sys::let_stops_end(); }
 
 bool interrupted() { return stop_asked != 0; }
+
+void tell_stop(const Common& common, const std::string& text) {
+  say(common, text);
+  stop_told = !common.quiet;
+}
+
+bool stop_is_told() { return stop_told; }
 
 int interrupt_code() { return 128 + stop_asked; }
 

@@ -61,6 +61,8 @@ void set_up_library(const Common& common);
 // Text that may hold what a stranger wrote (names in files, paths), for a terminal: control characters but line ends
 // and tabs, and what is no UTF-8 become ?.
 std::string for_terminal(const std::string& text);
+// JSON with such characters escaped, which means the same.
+std::string json_for_terminal(const std::string& json);
 
 // What --json asks for, on stdout; what of it is no UTF-8, paths for instance, becomes U+FFFD.
 void print_json(const nlohmann::ordered_json& value);
@@ -89,6 +91,9 @@ void catch_interrupts();
 // From now on each of them ends the program at once: where nothing is written yet, and a call knows no stop.
 void let_interrupts_end();
 bool interrupted();
+// A stop that the command has answered by writing what it had; `text` is the line that tells of it.
+void tell_stop(const Common& common, const std::string& text);
+bool stop_is_told();
 int interrupt_code();  // what a shell tells of it: 130, 143, 129
 
 // Each adds its sub-command with everything it needs; `run` is set when it was asked for and does the work.

@@ -49,7 +49,10 @@ std::string in_another_process(const Common& common, const std::string& called) 
     std::error_code error;
     const int process = sys::split_process(error);
     if (process < 0) throw std::runtime_error(called + ": no process of its own to be had: " + error.message());
-    if (process == 0) return ended;
+    if (process == 0) {
+      catch_interrupts();
+      return ended;
+    }
     const sys::ProgramEnd end = wait_for(process);
     const bool by_itself = end.state != sys::ProgramEnd::State::ended || (end.signal == 0 && end.exit_code != kUnheard);
     if (by_itself) std::_Exit(end.exit_code < 0 ? 1 : end.exit_code);

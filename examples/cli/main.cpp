@@ -99,6 +99,8 @@ int main(int argc, char** argv) {
   }
 
   const int code = finish(result_of(run));  // what is printed has left before leave_ranks() may end the process
+  if (command::interrupted() && code == 0 && !command::stop_is_told())
+    report(code, "asked to stop; what was begun is written");
   if (!command::interrupted()) command::leave_ranks(code);
   return command::interrupted() ? command::interrupt_code() : code;
 }

@@ -225,8 +225,8 @@ void RefineJob::summarise(const Common& common) const {
   const std::string on =
       pictures_text(judged_.size()) + (folds ? ", each left out in turn: " : " that it was not fitted to: ");
   if (stopped_)
-    say(common, "stopped; the best so far is written: " +
-                    (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));
+    tell_stop(common, "stopped; the best so far is written: " +
+                          (r.returned ? std::string("the start") : "step " + std::to_string(r.steps)));
   if (r.num_judged > 0 && std::isfinite(r.start_psnr) && std::isfinite(r.result_psnr)) {
     char text[128];
     std::snprintf(text, sizeof text, "PSNR %.2f to %.2f dB, SSIM %.4f to %.4f", r.start_psnr, r.result_psnr,

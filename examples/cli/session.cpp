@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "runtime/cache_folders.h"
 #include "runtime/system.h"
 
 namespace command {
@@ -56,6 +57,10 @@ Session::Session(const Common& common, Devices most) : common_(common) {
   for (const std::string& name : named) {
     devices_.emplace_back(options(name));
     const vsplat_device_info info = devices_.back().info();
+    if (info.platform_name == std::string("Portable Computing Language"))
+      vsplat::sys::tell_of_faults(
+          "vsplat: a fault of PoCL's or of its own ends it. PoCL's compiled kernels may be damaged: `rm -r " +
+          vsplat::pocl_cache().path + "` clears them, and they are compiled anew\n");
     for (std::size_t i = 0; i + 1 < devices_.size(); ++i)
       if (devices_[i].info().index == info.index)
         throw UsageError("--device " + common.device + " names device " + std::to_string(info.index) + " twice");

@@ -243,7 +243,7 @@ void train(TrainOptions& o) {
   if (result.bad > 0) say(o.common, std::to_string(result.bad) + " bad views or objects were passed over");
   say(o.common, "at most " + bytes_text(result.peak) + " of device memory");
   const std::string model = o.output + "/model.safetensors";
-  if (result.stopped) say(o.common, "stopped after step " + std::to_string(result.step) + "; --resume goes on");
+  if (result.stopped) tell_stop(o.common, "stopped after step " + std::to_string(result.step) + "; --resume goes on");
   if (o.common.json) {
     nlohmann::ordered_json out = {{"step", result.step},
                                   {"stopped", result.stopped != 0},
