@@ -34,7 +34,7 @@ if(EXISTS /etc/OpenCL/vendors/rusticl.icd)
     FAIL_REGULAR_EXPRESSION "${nothing_ran}" SKIP_REGULAR_EXPRESSION "${some_skipped}"
     ENVIRONMENT "${on_rusticl}")
 else()
-  message(${left_out} "No rusticl (Debian: mesa-opencl-icd): its tests are left out")
+  vsplat_left_out("No rusticl (Debian: mesa-opencl-icd): its tests are left out")
 endif()
 find_program(OCLGRIND oclgrind)
 if(OCLGRIND AND NOT VSPLAT_SANITIZE)
@@ -69,12 +69,15 @@ if(OCLGRIND AND NOT VSPLAT_SANITIZE)
   set_tests_properties(oclgrind.predictor oclgrind.gradient oclgrind.more_scenes oclgrind.network.gpu oclgrind.lara.EveryGradient oclgrind.genden.EveryStage
     oclgrind.genden.EveryGradient PROPERTIES LABELS "model;drivers;slow")
 elseif(NOT OCLGRIND)
-  message(${left_out} "No oclgrind (Debian: oclgrind): its tests are left out")
+  vsplat_left_out("No oclgrind (Debian: oclgrind): its tests are left out")
 endif()
 
 # What the compilers of GPU drivers make of the kernels: nothing spills, and no row of the table gets worse. Quick: of kernels that have
 # changed since the table was written; slow: of all, three minutes of a processor. A sanitizer's build has the same kernels.
-if(NOT VSPLAT_SANITIZE)
+find_program(CLANG_15 clang-15)
+if(NOT CLANG_15 OR NOT EXISTS /usr/lib/clc/nvptx64--.bc)
+  vsplat_left_out("No clang-15 or libclc-15 (Debian 12 has them), by which the table of GPU compilers was made: gpu_static* are left out")
+elseif(NOT VSPLAT_SANITIZE)
   set(gpu_table ${PROJECT_SOURCE_DIR}/bench/results/gpu-compilers.txt)
   add_test(NAME gpu_static COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/gpu/run.sh $<TARGET_FILE:vsplat_cli> ${PROJECT_BINARY_DIR}/gpu_static
     --baseline ${gpu_table})
