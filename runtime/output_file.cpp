@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 
@@ -16,6 +17,13 @@ namespace {
 // Of C's streams.
 std::error_code stream_error() { return {errno, std::generic_category()}; }
 
+// At most 200 bytes of a name, whole characters of it.
+std::string short_name(const std::string& name) {
+  std::size_t bytes = std::min<std::size_t>(name.size(), 200);
+  while (bytes > 0 && bytes < name.size() && (static_cast<unsigned char>(name[bytes]) & 0xc0) == 0x80) --bytes;
+  return name.substr(0, bytes);
+}
+
 }  // namespace
 
 OutputFile::OutputFile(const std::string& path, sys::Whose whose) : path_(path) {
@@ -23,8 +31,11 @@ OutputFile::OutputFile(const std::string& path, sys::Whose whose) : path_(path) 
   sys::Handle made;
   std::error_code problem;
   // One of that name may be left of a process that was killed: in containers numbers of processes are the same again.
+  // The longest name that a folder takes (255 bytes) has to be one that a file can be written under.
+  const std::filesystem::path place(path);
+  const std::string stem = (place.parent_path() / short_name(place.filename().string())).string();
   for (int attempt = 0; attempt < 10000; ++attempt) {
-    temporary_ = fmt::format("{}.{}-{}.tmp", path, sys::process_id(), serial++);
+    temporary_ = fmt::format("{}.{}-{}.tmp", stem, sys::process_id(), serial++);
     made = sys::create_new(temporary_, whose, problem);
     if (problem != std::errc::file_exists) break;
   }

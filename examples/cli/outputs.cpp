@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <tuple>
 #include <vsplat/vsplat.hpp>
 
 #include "command.h"
@@ -26,17 +27,49 @@ bool contains(const std::vector<fs::path>& paths, const fs::path& path) {
   return std::find(paths.begin(), paths.end(), path) != paths.end();
 }
 
-// The folder `path` would be written into, or the nearest one above it that is there, takes a file.
+// Where it will lie: links on the way are followed; the file itself may be one, and then the link is replaced.
+fs::path place_of(const std::string& path) {
+  std::error_code problem;
+  const fs::path whole = fs::absolute(path), folder = fs::weakly_canonical(whole.parent_path(), problem);
+  return problem ? normal(path) : folder / whole.filename();
+}
+
+// "a link to gone.ply, which is not there"
+std::string dead_link(const fs::path& link) {
+  std::error_code problem;
+  return "a link to " + fs::read_symlink(link, problem).string() + ", which is not there";
+}
+
+bool is_link(const fs::path& path) {
+  std::error_code problem;
+  return fs::is_symlink(fs::symlink_status(path, problem));
+}
+
+// The folder `path` would be written into, or the nearest one above it that is there, takes a file of that name.
 void check_writable(const fs::path& path) {
+  const auto refuse = [&](const std::string& why) {
+    throw std::runtime_error(path.string() + " cannot be written: " + why);
+  };
+  std::vector<fs::path> names = {path.filename()};  // that will be made in that folder
   fs::path folder = path.parent_path();
   std::error_code error;
-  while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path())
+  while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path()) {
+    if (is_link(folder)) refuse(folder.string() + " is " + dead_link(folder));
+    names.push_back(folder.filename());
     folder = folder.parent_path();
-  if (!fs::is_directory(folder, error))
-    throw std::runtime_error(path.string() + " cannot be written: " + folder.string() + " is not a folder");
+  }
+  if (!fs::is_directory(folder, error)) refuse(folder.string() + " is not a folder");
+  for (const fs::path& name : names) {
+    std::ignore = fs::symlink_status(folder / name, error);
+    if (error == std::errc::filename_too_long)
+      refuse("the name " + name.string() + " has " + std::to_string(name.string().size()) +
+             " bytes, which is more than a name in " + folder.string() + " may have");
+  }
+  std::ignore = fs::symlink_status(path, error);
+  if (error == std::errc::filename_too_long)
+    refuse("the path has " + std::to_string(path.string().size()) + " bytes, which is more than a path may have");
   if (const std::error_code problem = vsplat::sys::try_new_file_in(folder))
-    throw std::runtime_error(path.string() + " cannot be written: folder " + folder.string() + ": " +
-                             problem.message());
+    refuse("folder " + folder.string() + ": " + problem.message());
 }
 
 }  // namespace
@@ -151,7 +184,20 @@ void Outputs::expect_gone(const std::string& path) {
   gone_.push_back(file);
 }
 
+void Outputs::refuse_if_gone() {
+  const std::lock_guard lock(made_mutex_);
+  std::vector<fs::path> written = files_;
+  for (const Made& made : made_)
+    if (contains(expected_, made.path)) written.push_back(made.path);
+  std::error_code ignored;
+  for (const fs::path& file : written)
+    if (!fs::exists(fs::symlink_status(file, ignored)))
+      throw std::runtime_error(file.string() +
+                               " was written and is gone: something else has removed it, or its folder");
+}
+
 void Outputs::keep() {
+  refuse_if_gone();
   files_.clear();
   folders_.clear();
   std::error_code ignored;
@@ -168,14 +214,35 @@ void Outputs::expect(const std::string& path) { expect(path, overwrite_); }
 
 void Outputs::expect_renewed(const std::string& path) { expect(path, true); }
 
+// Two names may be those of one file: one folder may have two names, by a link.
+void Outputs::refuse_if_expected(const std::string& path) {
+  const fs::path place = place_of(path);
+  if (const auto other = places_.find(place); other != places_.end())
+    throw UsageError(path + " would be written twice" +
+                     (other->second == path ? "" : ", since " + other->second + " is the same file") +
+                     ": give each output a name of its own");
+  if (const auto inside = parents_.find(place); inside != parents_.end())
+    throw UsageError(path + " would be a file and the folder of " + inside->second +
+                     ": give each output a name of its own");
+  places_.emplace(place, path);
+  for (fs::path folder = place.parent_path();; folder = folder.parent_path()) {
+    if (const auto file = places_.find(folder); file != places_.end())
+      throw UsageError(file->second + " would be a file and the folder of " + path +
+                       ": give each output a name of its own");
+    if (!parents_.emplace(folder, path).second || folder == folder.parent_path()) break;
+  }
+}
+
 void Outputs::expect(const std::string& path, bool renewed) {
   if (path.empty()) return;
   const fs::path file = normal(path);
-  if (contains(expected_, file)) throw UsageError(path + " would be written twice: give each output a name of its own");
+  refuse_if_expected(path);
   for (const fs::path& input : inputs_) refuse_if_same(path, file, input);
   expected_.push_back(file);
   std::error_code error;
   const fs::file_status status = fs::status(file, error);
+  if (!fs::exists(status) && is_link(file) && !renewed)
+    throw std::runtime_error(path + " is " + dead_link(file) + " (--overwrite replaces the link)");
   if (fs::exists(status)) {
     if (!fs::is_regular_file(status)) throw std::runtime_error(path + " exists and is not a file");
     if (!renewed) throw std::runtime_error(path + " exists (--overwrite replaces it)");

@@ -2,6 +2,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -23,8 +24,9 @@ class Outputs {
   Outputs(const Outputs&) = delete;
   Outputs& operator=(const Outputs&) = delete;
 
-  // A file that will be written. UsageError where it is named twice or is one of the inputs; std::runtime_error where
-  // it exists (unless overwriting), is no file, or its folder cannot be written. "" is no file.
+  // A file that will be written. UsageError where it is named twice, is one of the inputs or the folder of another one;
+  // std::runtime_error where it exists (unless overwriting), is no file, or its folder cannot be written. "" is no
+  // file.
   void expect(const std::string& path);
   // The same, of a file that an earlier run may have left for this one to go on with: it is replaced where it exists.
   void expect_renewed(const std::string& path);
@@ -44,7 +46,8 @@ class Outputs {
   std::string begin(const std::string& path);
   // What was begun so far is written, and stays however the rest ends.
   void keep();
-  // All is written: keeps it, and removes what expect_gone() named.
+  // All is written: keeps it, and removes what expect_gone() named. Like keep(), std::runtime_error where something
+  // else has removed what was written.
   void commit();
 
  private:
@@ -58,14 +61,19 @@ class Outputs {
   static void on_written(void* outputs, const char* path, std::int32_t created);
 
   void expect(const std::string& path, bool renewed);
+  void refuse_if_expected(const std::string& path);
+  // What was written is still there.
+  void refuse_if_gone();
   static void refuse_if_same(const std::string& path, const std::filesystem::path& output,
                              const std::filesystem::path& input);
   void make_folder(const std::filesystem::path& folder);
 
   bool overwrite_, committed_ = false;
   std::vector<std::filesystem::path> expected_, inputs_, gone_;
-  std::vector<std::filesystem::path> kept_;             // of those expected: what may not be replaced
-  std::vector<std::filesystem::path> files_, folders_;  // in the order they were begun
+  std::map<std::filesystem::path, std::string> places_;  // of those expected, by where they will lie: as they are named
+  std::map<std::filesystem::path, std::string> parents_;  // the folders that they will lie in: what lies there
+  std::vector<std::filesystem::path> kept_;               // of those expected: what may not be replaced
+  std::vector<std::filesystem::path> files_, folders_;    // in the order they were begun
   std::vector<Made> made_;
   std::mutex made_mutex_;
 };

@@ -64,6 +64,55 @@ class Outputs(train_support.Case):
         self.assertEqual(self.read("target"), b"mine")
         self.assertFalse(os.path.islink(self.path("p.json")))
 
+    def scene(self):
+        support.write_scene(self.path("s.ply"), [((0, 0, 0), (1, 0, 0), 0.1, 0.9)])
+        return ("render", self.path("s.ply"), "--up", "0,1,0", "--size", "8x8", "--quiet")
+
+    def test_what_cannot_be_written_is_refused_before_the_work(self):
+        """Links that lead nowhere, names that are too long, one folder by two names, a file that is to be a folder, too."""
+        render = (*self.scene(), "--cameras", "orbit:2")
+        os.symlink("gone.png", self.path("dead.png"))
+        os.symlink("nowhere", self.path("dead"))
+        os.symlink("loop", self.path("loop"))
+        self.put("real", "kept")
+        os.symlink("real", self.path("other"))
+        out = lambda option, *parts: (option, self.path(*parts))
+        self.refuses(1, ["dead.png is a link to gone.png, which is not there"], *render, *out("--sheet", "dead.png"))
+        self.refuses(1, ["dead is a link to nowhere, which is not there"], *render, *out("--images", "dead"))
+        self.refuses(1, ["dead is a link to nowhere, which is not there"], *render, *out("--sheet", "dead", "below", "s.png"))
+        self.refuses(1, ["loop"], *render, *out("--images", "loop"))
+        self.refuses(1, ["has 256 bytes, which is more than a name"], *render, *out("--sheet", "x" * 252 + ".png"))
+        self.refuses(1, ["has 300 bytes, which is more than a name"], *render, *out("--images", "x" * 300))
+        self.refuses(1, ["bytes, which is more than a path"], *render, "--sheet", os.path.join(self.folder, *["y" * 200] * 25, "s.png"))
+        self.refuses(2, ["written twice", os.path.join("real", "0000.png")], *render, *out("--images", "real"), *out("--sheet", "other", "0000.png"))
+        self.refuses(2, ["written twice"], *render, *out("--images", "real"), "--sheet", os.path.join(self.folder, "other", "..", "real", "0000.png"))
+        self.refuses(2, ["a file and the folder of"], *render, *out("--sheet", "s.png"), *out("--images", "s.png"))
+        self.refuses(2, ["a file and the folder of"], *render, *out("--images", "t.png", "in"), *out("--sheet", "t.png"))
+        # The longest names that a folder takes are good ones; a dead link is replaced where that is asked for.
+        for length in (240, 246, 250, 255):
+            name = "x" * (length - 4) + ".png"
+            self.succeeds(*render, *out("--sheet", name))
+            self.assertTrue(os.path.isfile(self.path(name)))
+        wide = "\u00e4" * 125 + ".png"
+        self.succeeds(*render, *out("--sheet", wide))
+        self.assertTrue(os.path.isfile(self.path(wide)))
+        self.succeeds(*render, *out("--sheet", "dead.png"), "--overwrite")
+        self.assertTrue(os.path.isfile(self.path("dead.png")) and not os.path.islink(self.path("dead.png")))
+        self.assertFalse(os.path.exists(self.path("gone.png")))
+        self.assertFalse([name for name in os.listdir(self.folder) if name.endswith(".tmp")])
+
+    def test_a_folder_that_vanishes_meanwhile(self):
+        process = subprocess.Popen([support.VSPLAT, *map(str, self.scene()), "--cameras", "orbit:400", "--images", self.path("out"), "--kernels", "cpu"],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        while not os.path.exists(self.path("out", "0003.png")):
+            self.assertIsNone(process.poll(), process.stderr.read() if process.poll() is not None else "")
+            time.sleep(0.001)
+        os.rename(self.path("out"), self.path("moved"))
+        _, err = process.communicate(timeout=support.PATIENCE)
+        self.assertEqual(process.returncode, 1, err)
+        self.assertIn(self.path("out"), err)
+        self.assertFalse(os.path.exists(self.path("out")), "what was begun anew is taken back")
+
     def test_printing_that_fails_is_an_error(self):
         for command in (["--version"], ["devices", "--json"], ["train", "--print-config"], ["help", "render"]):
             with open("/dev/full", "w") as full:
