@@ -61,7 +61,7 @@ class Maker:
 
     def escape(self):
         """What moves the cursor, sets the title, or ends a line, where a terminal gets it as it is."""
-        return self.random.choice(("\x1b]0;owned\x07", "\x1b[2J\x1b[H", "\x1b[31mred", "\x9b2J", "\r\x1b[1A\x1b[2Kok", "\x7f\x08\x08", "a\nb: done"))
+        return self.random.choice(("\x1b]0;owned\x07", "\x1b[2J\x1b[H", "\x1b[31mred", "\x9b2J", "\r\x1b[1A\x1b[2Kok", "\x7f\x08\x08", "a\nb: done", "\u202egnp.", "a\u2028b\u2029", "\ufeff\u2066x"))
 
     def outside(self, depth=8):
         """-> names of files outside of the folder that a file lies in, as /etc/passwd."""

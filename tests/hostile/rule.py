@@ -13,6 +13,7 @@ import struct
 import subprocess
 import tempfile
 import time
+import unicodedata
 
 VSPLAT = os.environ.get("VSPLAT", "vsplat")
 SANITIZED = "ASAN_OPTIONS" in os.environ  # a build whose every access is looked at
@@ -23,6 +24,9 @@ PATIENCE = 6 * SECONDS
 KEPT = "sound"
 
 EXPENSIVE = ("--max-memory", "0.5")
+
+# What is not seen and changes what is seen about it: marks of direction and order, joiners, tags.
+UNSEEN = "\u00ad\u061c\u200b\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2060\u2066\u2067\u2068\u2069\ufeff\U000e0041"
 
 
 def commands(role, path, sound, out):
@@ -200,7 +204,7 @@ def violations(ran, made, given, out_folder, left):
     if ran.status != 0 and not ran.err.strip():
         out.append("nothing on stderr")
     for what, text in (("stdout", ran.out), ("stderr", ran.err)):
-        raw = sorted({f"{ord(c):#04x}" for c in text if ord(c) < 32 and c not in "\n\t" or 0x7f <= ord(c) < 0xa0})
+        raw = sorted({f"{ord(c):#04x}" for c in text if c not in "\n\t" and (unicodedata.category(c) in ("Cc", "Zl", "Zp") or c in UNSEEN)})
         if raw:
             out.append(f"{what} holds {', '.join(raw)}")
         if any(len(line) > 20_000 for line in text.split("\n")):

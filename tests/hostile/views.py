@@ -74,6 +74,10 @@ def names(maker):
     copy = Copy(maker, "names/newline")
     os.rename(copy.path("images", "0000.png"), copy.path("images", "a\nvsplat: done.png"))
     copy.first(file_path="images/a\nvsplat: done.png")
+    copy = Copy(maker, "names/unseen")
+    os.rename(copy.path("images", "0000.png"), copy.path("images", "a\u202egnp.\u2028\u200b.png"))
+    copy.first(file_path="images/a\u202egnp.\u2028\u200b.png")
+    Copy(maker, "names/unseen_missing").first(file_path="images/a\u202egnp.\u2028\u200b\u2066.png")
     copy = Copy(maker, "names/escape_mask")
     copy.first(mask_path=maker.escape() + "mask.png")
 
