@@ -196,7 +196,10 @@ void add_import(CLI::App& parent, Run& run) {
       ->required()
       ->type_name("FILE");
   sub->add_option("-o,--output", o->output, "The model file to write")->required()->type_name("MODEL.safetensors");
-  sub->add_option("--config", o->config, "Fields of the configuration, which shapes do not tell")
+  sub->add_option("--config", o->config,
+                  "Fields of the configuration, which shapes do not tell, with dotted names or as objects; or what "
+                  "`vsplat weights "
+                  "info --json` prints")
       ->type_name("FILE.json");
   sub->add_option("--set", o->fields, "Such a field, after those of --config")->type_name("FIELD=VALUE");
   add_common(*sub, o->common, {.device = false, .profile = false, .outside = false});

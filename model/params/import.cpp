@@ -3,8 +3,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <set>
 
+#include "model/base/json_fields.h"
 #include "model/io/torch_file.h"
 #include "model/params/deduced_config.h"
 #include "model/params/init.h"
@@ -14,6 +16,7 @@
 #include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/host_memory.h"
+#include "runtime/json_text.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -56,6 +59,34 @@ std::string read_text(const std::string& path) {
   return {bytes.begin(), bytes.end()};
 }
 
+// {"densify": {"top_k": 9}} is {"densify.top_k": 9}.
+void add_flat(const nlohmann::json& object, const std::string& before, nlohmann::json& out) {
+  for (const auto& [name, value] : object.items()) {
+    const std::string whole = before + name;
+    if (value.is_object())
+      add_flat(value, whole + ".", out);
+    else if (out.contains(whole))
+      fail(Status::format, "the configuration has {} twice", json_fields::shown(whole));
+    else
+      out[whole] = value;
+  }
+}
+
+// A configuration as fields with dotted names. It may be written with objects within objects, and may be a member
+// "config" of what tells more: as vsplat_model_inspect tells of a model file, or as such a file's metadata have it, as
+// text.
+std::string flat_fields(const std::string& text) {
+  nlohmann::json given = parse_json("the configuration", text);
+  if (given.is_object() && given.contains("config")) {
+    nlohmann::json inner = given["config"];
+    given = inner.is_string() ? parse_json("its config", inner.get<std::string>()) : std::move(inner);
+  }
+  if (!given.is_object()) return given.dump();  // refused where it is read
+  nlohmann::json out = nlohmann::json::object();
+  add_flat(given, "", out);
+  return out.dump();
+}
+
 // Puts what was asked for into `config`; -> its fields' names.
 template <class Config>
 std::set<std::string> set_given(Config& config, const ImportOptions& options) {
@@ -63,7 +94,7 @@ std::set<std::string> set_given(Config& config, const ImportOptions& options) {
   if (!options.config_file.empty()) {
     const std::string text = read_text(options.config_file);
     try {
-      for (std::string& name : set_fields_from_json(config, text)) given.insert(std::move(name));
+      for (std::string& name : set_fields_from_json(config, flat_fields(text))) given.insert(std::move(name));
     } catch (const Error& e) {
       fail(e.status(), "{}: {}", options.config_file, e.what());
     }

@@ -235,6 +235,23 @@ class Genden(support.Case):
         self.succeeds("weights", "import", self.CHECKPOINT, "--set", "densify.residual=true", "--output", residual)
         self.assertTrue(json.loads(self.succeeds("weights", "info", residual, "--json")[0])["config"]["densify.residual"])
 
+    def test_a_configuration_is_dotted_or_nested(self):
+        """--config: fields with dotted names, objects within objects, what `weights info --json` prints, and a model file's metadata."""
+        def imported(config):
+            with open(self.path("config.json"), "w") as f:
+                json.dump(config, f)
+            self.succeeds("weights", "import", self.CHECKPOINT, "--config", self.path("config.json"), "--output", self.path("made.safetensors"), "--overwrite")
+            return json.loads(self.succeeds("weights", "info", self.path("made.safetensors"), "--json")[0])
+        dotted = imported({"densify.residual": True, "densify.non_leaf_ratio": 0.7})
+        self.assertEqual((dotted["config"]["densify.residual"], dotted["config"]["densify.non_leaf_ratio"]), (True, 0.7))
+        for config in ({"densify": {"residual": True, "non_leaf_ratio": 0.7}}, dotted, {"system": "genden", "config": json.dumps(dotted["config"])}):
+            self.assertEqual(imported(config)["config"], dotted["config"])
+        for config, said in (({"densify": {"residul": True}}, "densify.residul"), ({"densify": {"residual": True}, "densify.residual": True}, "twice"),
+                             ({"densify": 3}, "densify"), ({"config": 3}, "not a JSON object")):
+            with open(self.path("config.json"), "w") as f:
+                json.dump(config, f)
+            self.refuses(1, ["config.json", said], "weights", "import", self.CHECKPOINT, "--config", self.path("config.json"), "--output", self.path("none.safetensors"))
+
 
 class Mutations:
     """300 files that are damaged or meant to break their reader, of a sound one: some of them, with VSPLAT_MUTATIONS all."""
