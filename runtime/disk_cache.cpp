@@ -39,7 +39,7 @@ bool others_may_write(const std::string& folder) {
 // Once in a process.
 void warn_of(const std::string& folder) {
   static std::mutex mutex;
-  static std::set<std::string> warned;
+  static auto& warned = *new std::set<std::string>;  // jobs may run until the process ends
   const std::lock_guard lock(mutex);
   if (warned.insert(folder).second)
     warn(

@@ -1,5 +1,6 @@
 #include "runtime/file_rules.h"
 
+#include <memory>
 #include <mutex>
 
 #include "runtime/fail.h"
@@ -11,13 +12,15 @@ namespace fs = std::filesystem;
 
 namespace {
 
-std::mutex& rules_mutex() {
-  static std::mutex mutex;
+// What is asked and told may come back here: a function that writes another file, or sets other rules. So a thread may
+// take the mutex again, and rules stay for as long as one of their functions runs. Both outlive every thread.
+std::recursive_mutex& rules_mutex() {
+  static auto& mutex = *new std::recursive_mutex;
   return mutex;
 }
 
-FileRules& current() {
-  static FileRules rules;
+std::shared_ptr<const FileRules>& current() {
+  static auto& rules = *new auto(std::make_shared<const FileRules>());
   return rules;
 }
 
@@ -25,22 +28,24 @@ FileRules& current() {
 
 void set_file_rules(FileRules rules) {
   const std::lock_guard lock(rules_mutex());
-  current() = std::move(rules);
+  current() = std::make_shared<const FileRules>(std::move(rules));
 }
 
 bool may_replace(const std::string& path) {
   const std::lock_guard lock(rules_mutex());
-  return !current().may_replace || current().may_replace(path);
+  const std::shared_ptr<const FileRules> rules = current();
+  return !rules->may_replace || rules->may_replace(path);
 }
 
 void tell_written(const std::string& path, bool created) {
   const std::lock_guard lock(rules_mutex());
-  if (current().written) current().written(path, created);
+  const std::shared_ptr<const FileRules> rules = current();
+  if (rules->written) rules->written(path, created);
 }
 
 bool outside_allowed() {
   const std::lock_guard lock(rules_mutex());
-  return current().allow_outside;
+  return current()->allow_outside;
 }
 
 bool rename_to_new(const std::string& from, const std::string& to) {

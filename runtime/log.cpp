@@ -2,31 +2,49 @@
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <mutex>
 
 namespace vsplat {
 namespace {
 
-std::mutex& sink_mutex() {
-  static std::mutex mutex;
+using Sink = std::function<void(LogLevel, const std::string&)>;
+
+// A sink may call the library, which may log, or set another sink: a thread may take the mutex again, and a sink stays
+// for as long as it runs. Both outlive every thread.
+std::recursive_mutex& sink_mutex() {
+  static auto& mutex = *new std::recursive_mutex;
   return mutex;
 }
 
-std::function<void(LogLevel, const std::string&)>& sink() {
-  static std::function<void(LogLevel, const std::string&)> function;
+std::shared_ptr<const Sink>& sink() {
+  static auto& function = *new std::shared_ptr<const Sink>;
   return function;
 }
+
+// Whether the sink runs on this thread: what it logs itself is dropped, since it would have no end.
+thread_local bool in_sink = false;
 
 }  // namespace
 
 void set_log_sink(std::function<void(LogLevel, const std::string&)> function) {
   const std::lock_guard lock(sink_mutex());
-  sink() = std::move(function);
+  sink() = function ? std::make_shared<const Sink>(std::move(function)) : nullptr;
 }
 
 void log_message(LogLevel level, const std::string& text) {
+  if (in_sink) return;
   const std::lock_guard lock(sink_mutex());
-  if (sink()) sink()(level, text);
+  const std::shared_ptr<const Sink> function = sink();
+  if (!function) return;
+  in_sink = true;
+  try {
+    (*function)(level, text);
+  } catch (...) {
+    in_sink = false;
+    throw;
+  }
+  in_sink = false;
 }
 
 void log_formatted(LogLevel level, fmt::string_view text, fmt::format_args args) {

@@ -24,9 +24,19 @@ std::string short_name(const std::string& name) {
   return name.substr(0, bytes);
 }
 
+thread_local OutputToMemory* to_memory = nullptr;
+
 }  // namespace
 
-OutputFile::OutputFile(const std::string& path, sys::Whose whose) : path_(path) {
+OutputToMemory::OutputToMemory() { to_memory = this; }
+OutputToMemory::~OutputToMemory() { to_memory = nullptr; }
+
+OutputFile::OutputFile(const std::string& path, sys::Whose whose) : path_(path), memory_(to_memory) {
+  if (memory_) {
+    if (memory_->taken_) fail(Status::internal, "{}: a second file in one place in memory", path);
+    memory_->taken_ = true;
+    return;
+  }
   static std::atomic<unsigned> serial{0};
   sys::Handle made;
   std::error_code problem;
@@ -54,11 +64,16 @@ OutputFile::~OutputFile() {
 }
 
 void OutputFile::write(const void* data, std::size_t bytes) {
+  if (memory_) {
+    memory_->bytes_.append(static_cast<const char*>(data), bytes);
+    return;
+  }
   const HostSpan span(HostKind::file, "write", path_);
   if (bytes != 0 && std::fwrite(data, 1, bytes, file_) != bytes) failed("be written", stream_error());
 }
 
 void OutputFile::commit() {
+  if (memory_) return;
   const HostSpan span(HostKind::file, "bring to the disk", path_);
   if (std::fflush(file_) != 0) failed("be written", stream_error());
   if (const std::error_code problem = sys::sync(file_)) failed("be written", problem);

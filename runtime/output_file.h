@@ -13,6 +13,22 @@ namespace vsplat {
 // Of what the cache keeps: its readers take nothing that others may write to, which a umask of 002 allows.
 constexpr sys::Whose kOwnersAlone = sys::Whose::owner;
 
+// While it lives, the file that this thread writes becomes bytes in memory: none is made, and nobody is asked or told.
+class OutputToMemory {
+ public:
+  OutputToMemory();
+  ~OutputToMemory();
+  OutputToMemory(const OutputToMemory&) = delete;
+  OutputToMemory& operator=(const OutputToMemory&) = delete;
+  // Of the file, once it was committed.
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  friend class OutputFile;
+  std::string bytes_;
+  bool taken_ = false;
+};
+
 class OutputFile {
  public:
   // Error(file) where the folder cannot be written.
@@ -31,6 +47,7 @@ class OutputFile {
 
   std::string path_, temporary_;
   std::FILE* file_ = nullptr;
+  OutputToMemory* memory_ = nullptr;  // in place of a file
 };
 
 }  // namespace vsplat

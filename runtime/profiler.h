@@ -57,10 +57,16 @@ class Profiler {
   double wall_seconds() const;
   void reset();
 
+  // How many kernels were compiled, or launched in a new way, for which some drivers compile once more. Counted whether
+  // it is on or not: what was timed while this rose has a compiler's time in it.
+  void add_compilation() { ++compilations_; }
+  long compilations() const { return compilations_; }
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
   bool enabled_ = false;
+  long compilations_ = 0;
 };
 
 }  // namespace vsplat

@@ -20,7 +20,7 @@ const std::vector<TunedDeclaration>& tuned_declarations() {
       tokens{{"heads", true}, {"tokens", true}, {"channels"}};
   const TunedParameter rows{"rows", "tokens of a register tile; 0: 12, or 2 where there are no vectors", {0, 4, 6, 8}};
   const TunedParameter panels{"panels", "of 32 tokens in a step of the running softmax", {4, 1, 2, 8}};
-  static const std::vector<TunedDeclaration> all = {
+  static const auto& all = *new std::vector<TunedDeclaration>{
       {TunedOp::gemm,
        "gemm",
        Flavour::gpu,

@@ -255,7 +255,7 @@ TuningTable named_tuning(const std::string& path) {
 }  // namespace
 
 std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavour) {
-  static const auto none = std::make_shared<const Tuning>();
+  static const auto& none = *new auto(std::make_shared<const Tuning>());
   const std::string asked = environment("VSPLAT_TUNING");
   if (asked == "off") return none;
   if (!asked.empty()) {

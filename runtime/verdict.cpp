@@ -36,7 +36,7 @@ std::string verdict_path(const DeviceInfo& device) { return kept_finding_path(de
 // A device is asked about more than once.
 void warn_once(const std::string& text) {
   static std::mutex mutex;
-  static std::set<std::string> told;
+  static auto& told = *new std::set<std::string>;  // jobs may run until the process ends
   const std::lock_guard lock(mutex);
   if (told.insert(text).second) warn("{}", text);
 }
@@ -66,7 +66,7 @@ Verdict verdict_in(const nlohmann::json& json) {
 }  // namespace
 
 const std::vector<SwitchName>& switch_names() {
-  static const std::vector<SwitchName> names = {
+  static const auto& names = *new std::vector<SwitchName>{
       {&SwitchedOff::cpu, "cpu", "cpu kernels"},
       {&SwitchedOff::gpu, "gpu", "gpu kernels"},
       {&SwitchedOff::winograd, "winograd", "Winograd's convolutions"},
@@ -93,7 +93,7 @@ const char* name_of(Fitness fitness) {
 
 std::string kernels_hash() {
   if (!environment("VSPLAT_KERNEL_DIR").empty()) return hash_of_all();  // which may change while we run
-  static const std::string embedded = hash_of_all();
+  static const auto& embedded = *new std::string(hash_of_all());
   return embedded;
 }
 

@@ -66,10 +66,11 @@ std::string whole_config(const std::string& path, double pose_noise) {
 void tell(void* user, const vsplat_train_progress* p) {
   const auto* common = static_cast<const Common*>(user);
   char line[256];
+  const std::string left = p->seconds_left > 0 ? ", " + seconds_text(p->seconds_left) + " left" : "";
   std::snprintf(line, sizeof line,
-                "step %lld of %lld: loss %.4f, PSNR %.2f dB (coarse %.2f), %.1f %% selected, %.2f objects/s, %s left",
+                "step %lld of %lld: loss %.4f, PSNR %.2f dB (coarse %.2f), %.1f %% selected, %.2f objects/s%s",
                 static_cast<long long>(p->step), static_cast<long long>(p->steps), p->loss, p->psnr, p->psnr_coarse,
-                100 * p->selected, p->objects_per_second, seconds_text(p->seconds_left).c_str());
+                100 * p->selected, p->objects_per_second, left.c_str());
   say(*common, line);
 }
 

@@ -14,6 +14,7 @@
 #include "model/fit/suspects.h"
 #include "model/input/view_choice.h"
 #include "runtime/fail.h"
+#include "runtime/profiler.h"
 
 namespace vsplat {
 namespace {
@@ -261,7 +262,9 @@ bool SceneFit::Impl::step() {
   const bool look = left->judges;
   follow(*left);
   left.reset();
-  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  seconds += took;
+  pace.add(took, ctx.profiler().compilations());
   if (!done && request.seconds > 0 && seconds >= request.seconds) finish();
   if (look && !request.checkpoint.empty()) save();
   return !done;
@@ -332,7 +335,7 @@ FitProgress SceneFit::progress() const {
   // The folds to come, and the leg after them as if it took all its steps.
   const auto left = static_cast<double>(i.leg_steps - out.step) +
                     static_cast<double>(i.legs.size() - i.leg - 1) * static_cast<double>(i.recipe.steps);
-  if (i.steps_in_all > 0 && !i.done) out.seconds_left = left * i.seconds / static_cast<double>(i.steps_in_all);
+  if (const auto pace = i.pace.seconds(); pace && !i.done) out.seconds_left = left * *pace;
   if (i.request.seconds > 0) out.seconds_left = std::min(out.seconds_left, i.request.seconds - i.seconds);
   return out;
 }

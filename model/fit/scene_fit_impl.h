@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "model/base/step_pace.h"
 #include "model/fit/fit_pictures.h"
 #include "model/fit/fit_recipe.h"
 #include "model/fit/scene_fit.h"
@@ -81,6 +82,7 @@ struct SceneFit::Impl {
   bool done = false, unknown = false, resuming = false;
   double seconds = 0, last_psnr = std::nan("");
   long steps_in_all = 0;
+  StepPace pace;  // of this run
   std::optional<AfterStep> left;
   // The best of the last leg.
   std::optional<Gaussians> best;

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "model/base/step_pace.h"
 #include "model/io/image_file.h"
 #include "model/train/beginning.h"
 #include "model/train/report.h"
@@ -19,6 +20,7 @@
 #include "runtime/file.h"
 #include "runtime/held_tuning.h"
 #include "runtime/log.h"
+#include "runtime/profiler.h"
 #include "runtime/units.h"
 
 namespace vsplat {
@@ -84,8 +86,10 @@ class Telling {
  public:
   explicit Telling(long steps) : steps_(steps) {}
 
-  void add(const StepReport& r) {
+  void add(const StepReport& r, long compilations) {
     const StepReport before = sum_;
+    pace_.add(seconds_since(stepped_), compilations);
+    stepped_ = Clock::now();
     sum_ = r;
     sum_.loss += before.loss;
     sum_.psnr += before.psnr;
@@ -108,7 +112,7 @@ class Telling {
     out.steps = steps_;
     out.seconds = seconds_since(began_);
     out.objects_per_second = static_cast<double>(objects) / pace;
-    out.seconds_left = pace * static_cast<double>(steps_ - r.step);
+    if (const auto each = pace_.seconds()) out.seconds_left = *each * static_cast<double>(steps_ - r.step);
     sum_ = {};
     count_ = 0;
     return out;
@@ -119,7 +123,8 @@ class Telling {
   StepReport sum_;
   long count_ = 0;
   const Clock::time_point began_ = Clock::now();
-  Clock::time_point told_ = began_;
+  Clock::time_point told_ = began_, stepped_ = began_;
+  StepPace pace_;
 };
 
 // What writes left that a kill cut short.
@@ -380,7 +385,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
       if (options.leader) options.leader->begin_step();
       const StepReport report = step(trainer, views, selection, folder);
       if (options.leader) options.leader->give_moved(trainer.moved(), trainer.kinds());
-      telling.add(report);
+      telling.add(report, ctx.profiler().compilations());
       const bool stop = options.stop && options.stop();
       const bool logs = is_due(config.log_every, report.step, steps) || stop;
       const bool draws = config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps);

@@ -29,7 +29,7 @@ struct TrainProgress {
   long steps = 0;      // of the whole training
   double seconds = 0;  // of this run so far
   double objects_per_second = 0;  // since the last one
-  double seconds_left = 0;        // at that pace
+  double seconds_left = 0;        // at the pace of the steps so far that compiled nothing; 0: there was none yet
 };
 
 struct TrainOptions {

@@ -51,7 +51,7 @@ typedef struct vsplat_refine_progress {
   uint64_t gaussians;
   double loss;         /* of the last picture: mean absolute error, and SSIM's share; NaN before the first step */
   double psnr;         /* of the pictures held out, when they were last judged; NaN where never */
-  double seconds_left; /* of all phases, estimated */
+  double seconds_left; /* of all phases, by the steps of this run in which no kernel was compiled; 0: none yet */
 } vsplat_refine_progress;
 #define VSPLAT_REFINE_PROGRESS_INIT \
   { sizeof(vsplat_refine_progress), {0}, 0, 0, 0, 0.0, 0.0, 0.0 }

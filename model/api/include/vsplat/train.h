@@ -25,7 +25,7 @@ typedef struct vsplat_train_progress {
   uint64_t most_intersections; /* of Gaussians with a picture's tiles */
   double seconds;              /* of this run so far */
   double objects_per_second;
-  double seconds_left;
+  double seconds_left; /* by the steps of this run in which no kernel was compiled; 0: there was none yet */
 } vsplat_train_progress;
 
 /* The share of the voxels, of LaRa's and GenDen's networks that of the primitives, that a training takes for selected
