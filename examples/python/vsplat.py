@@ -17,22 +17,27 @@ Arrays may be anything that NumPy takes, or that has __dlpack__ on the host's me
 Failures are vsplat.Error, with the library's sentence and `status`. A Device, a stream of one (Device.stream) and what
 is made with it are used by one thread at a time; while a call runs, other Python threads do.
 
-Training, evaluation, data sets, jobs, contact sheets, paths of cameras and other devices' memory are the C interface's alone
-(vsplat/vsplat.h), and the command's."""
+Training, evaluation, data sets, contact sheets and paths of cameras are the C interface's alone (vsplat/vsplat.h), and the
+command's."""
 from __future__ import annotations
 
+import atexit
 import ctypes as c
 import ctypes.util
 import json
+import operator
 import os
 import pathlib
 import shutil
+import threading
+import time
 from dataclasses import dataclass, field
 from typing import Any, Callable, Iterable, Sequence
 
 import numpy as np
 
-__all__ = ["Camera", "Device", "Error", "Gaussians", "Input", "Model", "Picture", "Scene", "Views", "compare", "devices", "version"]
+__all__ = ["Camera", "Device", "Error", "Gaussians", "Input", "Job", "Model", "Picture", "Scene", "UsageError", "Views", "compare", "devices",
+           "version"]
 
 Progress = Callable[[str, float], Any]
 """Told (stage, share done); returns False to stop."""
@@ -45,6 +50,13 @@ class Error(RuntimeError):
     def __init__(self, status: str, text: str):
         super().__init__(text)
         self.status = status
+
+
+class UsageError(Error, ValueError):
+    """An Error of status "usage": a value that the call cannot take. (One of another type is a TypeError.)"""
+
+    def __init__(self, text: str):
+        super().__init__("usage", text)
 
 
 # ------------------------------------------------------------------------------------------------------ the library
@@ -73,20 +85,78 @@ _lib.vsplat_status_name.restype = c.c_char_p
 _lib.vsplat_version_string.restype = c.c_char_p
 _f32 = c.POINTER(c.c_float)
 _progress = c.CFUNCTYPE(c.c_int32, c.c_void_p, c.c_char_p, c.c_double)
+_on_end = c.CFUNCTYPE(None, c.c_void_p, c.c_void_p)
 _on_compile = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int32)
 
 
 def _call(name: str, *args: Any) -> None:
     status = getattr(_lib, "vsplat_" + name)(*args)
     if status:
-        raise Error(_lib.vsplat_status_name(status).decode(), _lib.vsplat_last_error().decode("utf-8", "replace"))
+        name, text = _lib.vsplat_status_name(status).decode(), _lib.vsplat_last_error().decode("utf-8", "replace")
+        raise UsageError(text) if name == "usage" else Error(name, text)
+
+
+_WHOLE = {t: (0 if t(-1).value > 0 else -(1 << 8 * c.sizeof(t) - 1), (1 << 8 * c.sizeof(t) - (t(-1).value < 0)) - 1)
+          for t in (c.c_int32, c.c_int64, c.c_uint32, c.c_uint64, c.c_size_t)}
+
+
+def _whole(value: Any, name: str, type_: Any = c.c_size_t) -> Any:
+    """A whole number as C has it; ctypes by itself would take any, and drop the bits that do not fit."""
+    least, most = _WHOLE[type_]
+    try:
+        number = operator.index(bool(value) if isinstance(value, np.bool_) else value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}: a whole number expected") from None
+    if not least <= number <= most:
+        raise UsageError(f"{name} is {number}: {least} to {most} expected")
+    return type_(number)
+
+
+def _number(value: Any, name: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {value!r}: a number expected") from None
+
+
+def _numbers(values: Any, type_: Any, count: int, name: str) -> Any:
+    """`count` of them as a C array."""
+    try:
+        given = list(values)
+    except TypeError:
+        raise TypeError(f"{name} is {values!r}: {count} numbers expected") from None
+    if len(given) != count:
+        raise UsageError(f"{name} has {len(given)} numbers: {count} expected")
+    return (type_ * count)(*(_number(value, f"{name}[{i}]") for i, value in enumerate(given)))
+
+
+def _bytes(text: str | bytes, name: str) -> bytes:
+    """A text as C has it, which ends at the first NUL."""
+    if not isinstance(text, (str, bytes)):
+        raise TypeError(f"{name} is {text!r}: a text expected")
+    out = os.fsencode(text)
+    if b"\0" in out:
+        raise UsageError(f"{name} is {text!r}, which has a NUL character in it")
+    return out
 
 
 class _Struct(c.Structure):
     """A struct of the interface: begins with its size; a library that knows more fields, or fewer, takes those of both."""
 
     def __init__(self, **fields: Any):
-        super().__init__(c.sizeof(type(self)), **fields)
+        super().__init__(c.sizeof(type(self)))
+        for name, value in fields.items():
+            setattr(self, name, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        type_ = dict(self._fields_).get(name)
+        if type_ in _WHOLE:
+            value = _whole(value, name, type_)
+        elif type_ in (c.c_float, c.c_double):
+            value = _number(value, name)
+        elif type_ is c.c_char_p and value is not None:
+            value = _bytes(value, name)
+        super().__setattr__(name, value)
 
 
 class _DeviceInfo(_Struct):
@@ -124,7 +194,7 @@ class _Camera(_Struct):
 
 class _View(_Struct):
     _fields_ = [("size", c.c_size_t), ("camera", _Camera), ("pixels", _f32), ("channels", c.c_int32), ("type", c.c_int),
-                ("data", c.c_void_p), ("row_bytes", c.c_size_t), ("premultiplied", c.c_int32)]
+                ("data", c.c_void_p), ("row_bytes", c.c_size_t), ("premultiplied", c.c_int32), ("data_bytes", c.c_size_t)]
 
 
 class _InputOptions(_Struct):
@@ -162,7 +232,13 @@ class _RenderOptions(_Struct):
 
 
 class _Picture(_Struct):
-    _fields_ = [("size", c.c_size_t), ("capacity", c.c_uint64), ("colour", _f32), ("alpha", _f32), ("depth", _f32)]
+    _fields_ = [("size", c.c_size_t), ("capacity", c.c_uint64), ("colour", _f32), ("alpha", _f32), ("depth", _f32), ("data", c.c_void_p),
+                ("type", c.c_int), ("channels", c.c_int32), ("row_bytes", c.c_size_t), ("premultiplied", c.c_int32), ("data_bytes", c.c_size_t),
+                ("expected", _f32), ("median", _f32), ("normal", _f32), ("ids", c.POINTER(c.c_int32))]
+
+
+class _JobOptions(_Struct):
+    _fields_ = [("size", c.c_size_t), ("on_end", _on_end), ("user", c.c_void_p)]
 
 
 class _Comparison(_Struct):
@@ -194,7 +270,7 @@ def _array(values: Any, shape: Sequence[int | None], what: str) -> np.ndarray:
     out = np.ascontiguousarray(values, dtype=np.float32)
     if out.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, out.shape)):
         wanted = ", ".join("any" if n is None else str(n) for n in shape)
-        raise Error("usage", f"{what} has the shape {list(out.shape)}: [{wanted}] expected")
+        raise UsageError(f"{what} has the shape {list(out.shape)}: [{wanted}] expected")
     return out
 
 
@@ -202,13 +278,32 @@ def _pointer(array: np.ndarray | None) -> Any:
     return array.ctypes.data_as(_f32) if array is not None else None
 
 
-def _path(path: str | os.PathLike[str] | None) -> bytes | None:
-    return None if path is None else os.fsencode(path)
+def _path(path: str | os.PathLike[str] | None, name: str = "path") -> bytes | None:
+    return None if path is None else _bytes(os.fspath(path), name)
 
 
-def _texts(texts: Iterable[str]) -> tuple[Any, int]:
-    encoded = [text.encode() for text in texts]
+def _texts(texts: Iterable[str], name: str) -> tuple[Any, int]:
+    if isinstance(texts, (str, bytes)):
+        raise TypeError(f"{name} is {texts!r}: a list of texts expected")
+    encoded = [_bytes(text, f"{name}[{i}]") for i, text in enumerate(texts)]
     return (c.c_char_p * len(encoded))(*encoded), len(encoded)
+
+
+def _given(value: Any, kind: type, name: str) -> Any:
+    """What is given for `name`, which is one of that class: C would take any pointer for what it expects."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} is a {type(value).__name__}: a vsplat.{kind.__name__} expected")
+    return value
+
+
+def _saved(name: str, *args: Any) -> bytes:
+    """What vsplat_{name} gives as a file's bytes."""
+    pointer, size = c.c_void_p(), c.c_size_t()
+    _call(name, *args, c.byref(pointer), c.byref(size))
+    try:
+        return c.string_at(pointer, size.value)
+    finally:
+        _lib.vsplat_text_free(pointer)
 
 
 def _take_text(pointer: c.c_char_p) -> str:
@@ -242,18 +337,42 @@ class _Telling:
             raise
 
 
+_jobs: set[Job] = set()  # that have not ended: what they write to stays, whoever drops them
+_jobs_lock = threading.Lock()
+
+
+os.register_at_fork(after_in_child=_jobs.clear)  # they are the parent's
+
+
+@atexit.register
+def _end_jobs() -> None:
+    """Before the interpreter goes, in which they call."""
+    with _jobs_lock:
+        left = list(_jobs)
+    for job in left:
+        job.cancel()
+    for job in left:
+        job.wait()
+
+
 class _Handle:
     """A counted handle, released with its last owner."""
 
     _noun: str
 
     def __init__(self, handle: c.c_void_p):
+        if not isinstance(handle, c.c_void_p) or not handle:
+            raise TypeError(f"a vsplat.{type(self).__name__} is not made of a {type(handle).__name__}: its class methods and those of Device make "
+                            "it")
         self._as_parameter_ = handle
 
     def __del__(self):
         handle = getattr(self, "_as_parameter_", None)
-        if handle:
+        if handle and _lib is not None:  # (None: the interpreter is going)
             getattr(_lib, f"vsplat_{self._noun}_release")(handle)
+
+    def __reduce__(self):
+        raise TypeError(f"a vsplat.{type(self).__name__} can be neither copied nor pickled")
 
 
 # ------------------------------------------------------------------------------------------------------------- values
@@ -279,7 +398,7 @@ class Camera:
         at, eye_, up_ = np.asarray(target, float), np.asarray(eye, float), np.asarray(up, float)
         x = np.cross(at - eye_, up_)
         if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(at - eye_) * np.linalg.norm(up_):
-            raise Error("usage", f"a camera at {list(eye_)} looking at {list(at)} with {list(up_)} up: two places, and a direction that does not "
+            raise UsageError(f"a camera at {list(eye_)} looking at {list(at)} with {list(up_)} up: two places, and a direction that does not "
                                  "lie along the view, expected")
         z = (at - eye_) / np.linalg.norm(at - eye_)
         x /= np.linalg.norm(x)
@@ -292,13 +411,16 @@ class Camera:
     def _struct(self) -> _Camera:
         w2c = np.asarray(self.w2c, dtype=np.float64)
         if w2c.shape != (4, 4):
-            raise Error("usage", f"Camera.w2c has the shape {list(w2c.shape)}: [4, 4] expected")
+            raise UsageError(f"Camera.w2c has the shape {list(w2c.shape)}: [4, 4] expected")
         return _Camera(width=self.width, height=self.height, fx=self.fx, fy=self.fy, cx=self.cx, cy=self.cy,
                        w2c=(c.c_double * 16)(*w2c.ravel()))
 
     @classmethod
     def _of(cls, s: _Camera) -> Camera:
         return cls(s.width, s.height, s.fx, s.fy, s.cx, s.cy, np.array(s.w2c).reshape(4, 4))
+
+
+_FORMATS = {"png": 1, "exr": 2, "exr-raw": 3, "jpeg": 4, "png-alpha": 5}
 
 
 @dataclass
@@ -308,6 +430,23 @@ class Picture:
     colour: np.ndarray | None  # float32 [H, W, 3] over the background; may exceed 1
     alpha: np.ndarray | None  # float32 [H, W]
     depth: np.ndarray | None  # float32 [H, W]: sum of weight x camera z
+    expected: np.ndarray | None = None  # float32 [H, W]: depth / alpha, 0 where alpha is 0
+    median: np.ndarray | None = None  # float32 [H, W]: camera z where half of the light is taken, 0 where that is nowhere
+    normal: np.ndarray | None = None  # float32 [H, W, 3]: sum of weight x normal, in the camera's axes and towards it
+    ids: np.ndarray | None = None  # int32 [H, W]: the nearest Gaussian, -1 where there is none
+
+    def to_bytes(self, format: str = "png") -> bytes:
+        """A picture file: "png", "jpeg" (colour alone), "png-alpha" (and alpha; drawn over black), "exr", "exr-raw" (all three)."""
+        if format not in _FORMATS:
+            raise UsageError(f"format is {format!r}: {', '.join(_FORMATS)} expected")
+        if self.colour is None:
+            raise UsageError("the picture has no colour")
+        height, width = self.colour.shape[:2]
+        arrays = {name: None if (a := getattr(self, name)) is None else _array(a, (height, width, 3) if name == "colour" else (height, width), name)
+                  for name in ("colour", "alpha", "depth")}
+        struct = _Picture(capacity=height * width, **{name: _pointer(a) for name, a in arrays.items()})
+        return _saved("picture_save_memory", c.byref(struct), _whole(width, "width", c.c_int32), _whole(height, "height", c.c_int32),
+                      _FORMATS[format])
 
 
 @dataclass
@@ -364,6 +503,12 @@ def compare(picture: Any, truth: Any) -> tuple[float, float]:
 # ------------------------------------------------------------------------------------------------------------ handles
 
 
+def _memory(data: Any) -> Any:
+    """A copy of bytes for C."""
+    held = bytes(memoryview(data))
+    return (c.c_char * len(held)).from_buffer_copy(held)
+
+
 class Model(_Handle):
     """A network's weights and configuration. Belongs to no device."""
 
@@ -379,14 +524,25 @@ class Model(_Handle):
     @classmethod
     def random(cls, config: str = "paper", seed: int = 0, system: str = "vsplat", fields: Iterable[str] = ()) -> Model:
         """Random weights; `config`: "paper", "small", "tiny" or "micro"; `fields`: "FIELD=VALUE" changes to it."""
-        changes, count = _texts(fields)
-        options = _ModelOptions(config=config.encode(), fields=changes, num_fields=count, seed=seed, system=system.encode())
+        changes, count = _texts(fields, "fields")
+        options = _ModelOptions(config=config, fields=changes, num_fields=count, seed=seed, system=system)
         handle = c.c_void_p()
         _call("model_init", c.byref(options), c.byref(handle))
         return cls(handle)
 
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Model:
+        """Of a model file's bytes."""
+        handle, held = c.c_void_p(), _memory(data)
+        _call("model_load_memory", held, c.c_size_t(len(held)), c.byref(handle))
+        return cls(handle)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         _call("model_save", self, _path(path))
+
+    def to_bytes(self) -> bytes:
+        """The model file that save() writes."""
+        return _saved("model_save_memory", self, c.c_int(1))
 
     @property
     def info(self) -> dict[str, int]:
@@ -405,22 +561,23 @@ class Views(_Handle):
     def load(cls, path: str | os.PathLike[str], pictures: str | os.PathLike[str] | None = None) -> Views:
         """A transforms.json, a cameras.json, a COLMAP model, or a folder with one."""
         handle = c.c_void_p()
-        _call("views_load", _path(path), _path(pictures), c.byref(handle))
+        _call("views_load", _path(path), _path(pictures, "pictures"), c.byref(handle))
         return cls(handle)
 
     @classmethod
     def from_arrays(cls, pictures: Sequence[Any], cameras: Sequence[Camera]) -> Views:
         """`pictures`: [H, W, 3], or [H, W, 4] with straight alpha, each as large as its camera's; 0 to 1, or uint8 0 to 255."""
         if len(pictures) != len(cameras):
-            raise Error("usage", f"{len(pictures)} pictures and {len(cameras)} cameras: as many of both expected")
+            raise UsageError(f"{len(pictures)} pictures and {len(cameras)} cameras: as many of both expected")
         kept, views = [], (_View * len(cameras))()
         for i, (picture, camera) in enumerate(zip(pictures, cameras)):
             values = np.from_dlpack(picture) if hasattr(picture, "__dlpack__") and not isinstance(picture, np.ndarray) else np.asarray(picture)
             if values.dtype == np.uint8:
                 values = values.astype(np.float32) / 255
+            seen_from = _given(camera, Camera, f"cameras[{i}]")._struct()
             values = _array(values, (camera.height, camera.width, None), f"pictures[{i}]")
             kept.append(values)
-            views[i] = _View(camera=camera._struct(), pixels=_pointer(values), channels=values.shape[2])
+            views[i] = _View(camera=seen_from, pixels=_pointer(values), channels=values.shape[2])
         handle = c.c_void_p()
         _call("views_create", views, c.c_size_t(len(views)), c.byref(handle))
         return cls(handle)
@@ -436,11 +593,11 @@ class Views(_Handle):
         not the file's or, with `auto_frame`, estimated; `names`: the views to take, the first being the reference."""
         options = _InputOptions(scale=scale, auto_frame=auto_frame, view_count=view_count, force=force)
         if names is not None:
-            options.names, options.num_names = _texts(names)
+            options.names, options.num_names = _texts(names, "names")
         if center is not None:
-            options.has_center, options.center = 1, (c.c_double * 3)(*center)
+            options.has_center, options.center = 1, _numbers(center, c.c_double, 3, "center")
         handle = c.c_void_p()
-        _call("input_prepare", model, self, c.byref(options), c.byref(handle))
+        _call("input_prepare", _given(model, Model, "model"), self, c.byref(options), c.byref(handle))
         return Input(handle)
 
 
@@ -474,14 +631,14 @@ class Input(_Handle):
 
     def camera(self, index: int) -> Camera:
         s = _Camera()
-        _call("input_get_camera", self, c.c_size_t(index), c.byref(s))
+        _call("input_get_camera", self, _whole(index, "index"), c.byref(s))
         return Camera._of(s)
 
     def picture(self, index: int) -> np.ndarray:
         """float32 [image, image, 3]"""
         edge = self._info().image
         out = np.empty((edge, edge, 3), np.float32)
-        _call("input_get_picture", self, c.c_size_t(index), _pointer(out), c.c_size_t(out.size))
+        _call("input_get_picture", self, _whole(index, "index"), _pointer(out), c.c_size_t(out.size))
         return out
 
     def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
@@ -516,18 +673,66 @@ class Scene(_Handle):
         return cls(handle)
 
     @classmethod
+    def from_bytes(cls, data: bytes) -> Scene:
+        """Of a PLY file's bytes."""
+        handle, held = c.c_void_p(), _memory(data)
+        _call("scene_load_memory", held, c.c_size_t(len(held)), None, c.byref(handle))
+        return cls(handle)
+
+    @classmethod
+    def of(cls, *placed: Scene | tuple[Scene, Any]) -> Scene:
+        """Several scenes in one, each where it is or moved as append() moves it: Scene.of(a, (b, transform)) draws as one picture."""
+        handle = c.c_void_p()
+        _call("scene_create", c.byref(_SceneInfo()), c.byref(_Gaussians()), c.byref(handle))
+        out = cls(handle)
+        for each in placed:
+            out.append(*(each if isinstance(each, tuple) else (each,)))
+        return out
+
+    def append(self, other: Scene, transform: Any = None) -> None:
+        """Adds the Gaussians of another, moved by `transform` [4, 4] in the world: a rotation times a scale, and a shift."""
+        _call("scene_append", self, _given(other, Scene, "other"), None if transform is None else _matrix(transform))
+
+    def transform(self, transform: Any) -> None:
+        """Moves all of it by [4, 4]."""
+        _call("scene_transform", self, _matrix(transform))
+
+    def remove(self, which: Any) -> None:
+        """Takes Gaussians away: bool [K], or their indices."""
+        given, count = np.asarray(which), len(self)
+        if given.dtype == bool:
+            removed = given.astype(np.uint8)
+        else:
+            removed = np.zeros(count, np.uint8)
+            for index in given.ravel().tolist():
+                at = _whole(index, "which").value
+                if at >= count:
+                    raise UsageError(f"which names Gaussian {at}: the scene has {count}")
+                removed[at] = 1
+        removed = np.ascontiguousarray(removed.ravel())
+        _call("scene_remove", self, removed.ctypes.data_as(c.POINTER(c.c_uint8)), c.c_size_t(removed.size))
+
+    def crop(self, low: Sequence[float], high: Sequence[float]) -> None:
+        """Keeps the Gaussians whose means lie between the two corners of a box in the world."""
+        _call("scene_crop", self, _numbers(low, c.c_double, 3, "low"), _numbers(high, c.c_double, 3, "high"))
+
+    def to_bytes(self) -> bytes:
+        """The PLY that save() writes."""
+        return _saved("scene_save_memory", self)
+
+    @classmethod
     def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float | None = None,
                     up: Sequence[float] | None = None, offset: Sequence[float] | None = None, like: Scene | None = None) -> Scene:
         """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as Gaussians has them. `like`: the scene that these are of, changed: near plane, up,
         offset, mirror and whether they are surfels are its, but for what is given. Without it: `near`: the near plane, world units (the usual);
         `up` (not known); `offset`: the means plus this are in the world (0, 0, 0)."""
         arrays = _gaussians_of(means, scales, rotations, opacities, sh)
-        info = like._info() if like is not None else _SceneInfo()
+        info = _given(like, Scene, "like")._info() if like is not None else _SceneInfo()
         info.count, info.sh_degree = len(arrays.means), _degree_of(arrays.sh)
         info.near_plane = info.near_plane if near is None else near
         for name, value in (("up", up), ("offset", offset)):
             if value is not None:
-                setattr(info, name, (c.c_double * 3)(*value))
+                setattr(info, name, _numbers(value, c.c_double, 3, name))
         handle = c.c_void_p()
         _call("scene_create", c.byref(info), c.byref(arrays._struct(info.count)), c.byref(handle))
         return cls(handle)
@@ -588,6 +793,13 @@ class Scene(_Handle):
         return _orbit("scene", self, _OrbitOptions(count=count, width=width, height=height))
 
 
+def _matrix(transform: Any) -> Any:
+    values = np.asarray(transform, dtype=np.float64)
+    if values.shape != (4, 4):
+        raise UsageError(f"transform has the shape {list(values.shape)}: [4, 4] expected")
+    return (c.c_double * 16)(*values.ravel())
+
+
 def _known(direction: Any) -> np.ndarray | None:
     out = np.array(direction)
     return out if out.any() else None
@@ -603,7 +815,7 @@ def _gaussians_of(means: Any, scales: Any, rotations: Any, opacities: Any, sh: A
 def _degree_of(sh: np.ndarray) -> int:
     degree = int(np.sqrt(sh.shape[1])) - 1
     if sh.shape[1] not in (1, 4, 9, 16):
-        raise Error("usage", f"sh has {sh.shape[1]} functions: 1, 4, 9 or 16 expected")
+        raise UsageError(f"sh has {sh.shape[1]} functions: 1, 4, 9 or 16 expected")
     return degree
 
 
@@ -617,10 +829,10 @@ class Device(_Handle):
         the first GPU, else the first device. `precision`: fp32 or mixed (vsplat/device.h)."""
         flavours, precisions = {"auto": 0, "cpu": 1, "gpu": 2}, {"fp32": 0, "mixed": 1}
         if kernels not in flavours:
-            raise Error("usage", f"kernels is {kernels!r}: auto, cpu or gpu expected")
+            raise UsageError(f"kernels is {kernels!r}: auto, cpu or gpu expected")
         if precision not in precisions:
-            raise Error("usage", f"precision is {precision!r}: fp32 or mixed expected")
-        options = _DeviceOptions(device=str(device).encode(), kernels=flavours[kernels], max_memory_gib=max_memory_gib,
+            raise UsageError(f"precision is {precision!r}: fp32 or mixed expected")
+        options = _DeviceOptions(device=_bytes(str(device), "device"), kernels=flavours[kernels], max_memory_gib=max_memory_gib,
                                  precision=precisions[precision])
         handle = c.c_void_p()
         _call("device_open", c.byref(options), c.byref(handle))
@@ -652,7 +864,7 @@ class Device(_Handle):
         """Compiles and uploads what a reconstruction will take; with `launch`, runs one of grey pictures, too."""
         told = _Telling(progress)
         options = _PrepareOptions(views=views, launch=launch, progress=told.function)
-        told.call("device_prepare", self, model, c.byref(options))
+        told.call("device_prepare", self, _given(model, Model, "model"), c.byref(options))
 
     def reconstruct(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None,
                     progress: Progress | None = None) -> Scene:
@@ -660,10 +872,9 @@ class Device(_Handle):
         told = _Telling(progress)
         options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
         if voxels is not None:
-            chosen = np.ascontiguousarray(voxels, dtype=np.int32)
-            options.voxels, options.num_voxels = chosen.ctypes.data_as(c.POINTER(c.c_int32)), chosen.size
+            options.voxels, options.num_voxels = _voxels(voxels)
         handle = c.c_void_p()
-        told.call("reconstruct", self, model, views, c.byref(options), c.byref(handle))
+        told.call("reconstruct", self, _given(model, Model, "model"), _given(views, Input, "views"), c.byref(options), c.byref(handle))
         return Scene(handle)
 
     def refine(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = 512, max_gaussians: int = 0,
@@ -672,11 +883,13 @@ class Device(_Handle):
         `start`: a scene, or the model that makes one of them; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
         `longest`: pixels of the pictures' longer side (0: as they are). What `progress` raises ends it; where it says False, the best so far
         is what comes out."""
+        if not isinstance(start, Scene):
+            _given(start, Model, "start, which is no vsplat.Scene,")
         options = _RefineOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
                                  max_gaussians=max_gaussians, poses=poses, exposure=exposure, seed=seed)
         setattr(options, "scene" if isinstance(start, Scene) else "model", start._as_parameter_)
         handle = c.c_void_p()
-        _call("refinement_create", self, views, c.byref(options), c.byref(handle))
+        _call("refinement_create", self, _given(views, Views, "views"), c.byref(options), c.byref(handle))
         try:
             more, told = c.c_int32(1), _RefineProgress()
             while more.value:
@@ -691,32 +904,66 @@ class Device(_Handle):
             _lib.vsplat_refinement_release(handle)
 
     def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
-               colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0) -> Picture:
+               colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0, out: np.ndarray | None = None,
+               premultiplied: bool = False, also: Iterable[str] = ()) -> Picture:
         """Draws the scene; `near`: the near plane, world units (0: the scene's); `supersample`: samples along a pixel's edge (0: as many
-        as the scene asks for; what render_backward() is of has 1)."""
-        size = (camera.height, camera.width)
-        out = Picture(np.empty((*size, 3), np.float32) if colour else None, np.empty(size, np.float32) if alpha else None,
-                      np.empty(size, np.float32) if depth else None)
-        _call("render", self, scene, c.byref(camera._struct()), c.byref(_render_options(background, near, supersample)),
-              c.byref(_picture_of(out, camera)))
-        return out
+        as the scene asks for; what render_backward() is of has 1).
+
+        `out`: an array that the picture is drawn into as well, as programs keep pictures: uint8, float16 or float32, [H, W, 3] over the
+        background, or [H, W, 4] without it, its alpha straight or `premultiplied`. Its rows may lie apart: a part of a larger frame, as in
+        device.render(scene, camera, colour=False, alpha=False, depth=False, out=frame[:480, :640]).
+
+        `also`: which of "expected", "median", "normal" and "ids" the picture has, too."""
+        seen_from = _given(camera, Camera, "camera")._struct()
+        picture, struct = _new_picture(camera, (colour, alpha, depth), also, out, premultiplied, "out")
+        _call("render", self, _given(scene, Scene, "scene"), c.byref(seen_from), c.byref(_render_options(background, near, supersample)),
+              c.byref(struct))
+        return picture
+
+    def reconstruct_async(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None, progress: Progress | None = None,
+                          on_end: Callable[[Job], Any] | None = None) -> Job:
+        """reconstruct() as a job, whose result is the scene. `progress` and `on_end` are called on the device's thread of jobs."""
+        told = _Telling(progress)
+        options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
+        if voxels is not None:
+            options.voxels, options.num_voxels = _voxels(voxels)
+        given = _given(model, Model, "model"), _given(views, Input, "views")
+        return Job._begin("reconstruct_async", (self, *given, c.byref(options)), told, on_end, None)
+
+    def render_async(self, scene: Scene, cameras: Sequence[Camera], background: Sequence[float] = (1, 1, 1), near: float = 0.0,
+                     colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0,
+                     out: Sequence[np.ndarray] | None = None, premultiplied: bool = False, also: Iterable[str] = (),
+                     progress: Progress | None = None, on_end: Callable[[Job], Any] | None = None) -> Job:
+        """render() from each camera as a job, whose result is a list of pictures. `out`: an array for each of them."""
+        if out is not None and len(out) != len(cameras):
+            raise UsageError(f"out has {len(out)} arrays: one for each of the {len(cameras)} cameras expected")
+        told, also = _Telling(progress), tuple(also)
+        options = _render_options(background, near, supersample)
+        options.progress = told.function
+        seen_from, structs, pictures = (_Camera * len(cameras))(), (_Picture * len(cameras))(), []
+        for i, camera in enumerate(cameras):
+            seen_from[i] = _given(camera, Camera, f"cameras[{i}]")._struct()
+            picture, structs[i] = _new_picture(camera, (colour, alpha, depth), also, out[i] if out is not None else None, premultiplied, f"out[{i}]")
+            pictures.append(picture)
+        arguments = self, _given(scene, Scene, "scene"), seen_from, c.c_size_t(len(cameras)), c.byref(options), structs
+        return Job._begin("render_async", arguments, told, on_end, pictures, out)
 
     def render_backward(self, scene: Scene, camera: Camera, colour: Any = None, alpha: Any = None, depth: Any = None,
                         background: Sequence[float] = (1, 1, 1), near: float = 0.0) -> tuple[Gaussians, np.ndarray]:
         """From gradients of a loss by the picture ([H, W, 3], [H, W], [H, W]; None: zeros) to those by the Gaussians and by the camera's pose,
         float64 [6]: (omega, tau) at 0 of exp([omega, tau]) times w2c."""
-        size = (camera.height, camera.width)
+        seen_from, size = _given(camera, Camera, "camera")._struct(), (camera.height, camera.width)
         by = Picture(None if colour is None else _array(colour, (*size, 3), "colour"),
                      None if alpha is None else _array(alpha, size, "alpha"), None if depth is None else _array(depth, size, "depth"))
-        info = scene._info()
+        info = _given(scene, Scene, "scene")._info()
         out, pose = Gaussians._empty(info.count, info.sh_degree), np.empty(6)
-        _call("render_backward", self, scene, c.byref(camera._struct()), c.byref(_render_options(background, near)),
+        _call("render_backward", self, scene, c.byref(seen_from), c.byref(_render_options(background, near)),
               c.byref(_picture_of(by, camera)), c.byref(out._struct(info.count)), pose.ctypes.data_as(c.POINTER(c.c_double)))
         return out, pose
 
     def profile(self, on: bool) -> None:
         """Starts or stops recording every kernel's time."""
-        _call("device_profile", self, c.c_int32(on))
+        _call("device_profile", self, c.c_int32(bool(on)))
 
     def profile_page(self) -> str:
         """What was recorded, as one HTML page that needs nothing else."""
@@ -731,8 +978,130 @@ class Device(_Handle):
         return json.loads(_take_text(text))
 
 
+class Job(_Handle):
+    """A call that runs beside the program, on its device's thread of jobs, one after the other. While a device has jobs, other calls that
+    take it raise Error("busy"). What a job needs stays until it has ended; those that have not ended when the program does are cancelled."""
+
+    _noun = "job"
+    _STATES = {1: "queued", 2: "running", 3: "done", 4: "failed", 5: "cancelled"}
+
+    @classmethod
+    def _begin(cls, name: str, arguments: tuple[Any, ...], told: _Telling, on_end: Callable[[Job], Any] | None, pictures: Any,
+               *kept: Any) -> Job:
+        self = cls.__new__(cls)
+        self._told, self._pictures, self._kept, self._on_end_problem = told, pictures, (arguments, kept), None
+        self._over, self._ends_on, begun = threading.Event(), None, threading.Event()
+
+        def ended(_user: Any, _job: Any) -> None:
+            begun.wait()
+            self._ends_on = threading.get_ident()
+            try:
+                if on_end:
+                    on_end(self)
+            except BaseException as e:  # noqa: B902: result() raises it
+                self._on_end_problem = e
+            finally:
+                self._kept, self._ends_on = None, None
+                self._over.set()
+                with _jobs_lock:
+                    _jobs.discard(self)
+
+        self._ended = _on_end(ended)
+        handle = c.c_void_p()
+        with _jobs_lock:
+            _jobs.add(self)
+        try:
+            _call(name, *arguments, c.byref(_JobOptions(on_end=self._ended)), c.byref(handle))
+            _Handle.__init__(self, handle)
+        except BaseException:
+            with _jobs_lock:
+                _jobs.discard(self)
+            raise
+        finally:
+            begun.set()
+        return self
+
+    def __del__(self):
+        if getattr(self, "_as_parameter_", None) and _lib is not None:  # what it is told its end by goes with this
+            _lib.vsplat_job_wait(self, c.c_double(-1), c.byref(c.c_int()))
+        super().__del__()
+
+    @property
+    def state(self) -> str:
+        """ "queued", "running", "done", "failed" or "cancelled"."""
+        return self.wait(0)
+
+    def wait(self, seconds: float | None = None) -> str:
+        """Until it has ended and `on_end` has returned, or for so many seconds. -> its state then"""
+        state, until = c.c_int(), float("inf") if seconds is None else time.monotonic() + _number(seconds, "seconds")
+        while True:  # in pieces, so that Ctrl-C is heard
+            _call("job_wait", self, c.c_double(min(max(until - time.monotonic(), 0.0), 0.1)), c.byref(state))
+            is_over = self._over.is_set() or self._ends_on == threading.get_ident()
+            if is_over and state.value > 2 or time.monotonic() >= until:
+                return self._STATES[state.value]
+
+    def cancel(self) -> None:
+        """Tells it to stop, from any thread."""
+        _call("job_cancel", self)
+
+    def result(self) -> Any:
+        """Waits; the scene or the pictures. Raises what the call would have raised, and what `on_end` has raised."""
+        self.wait()
+        out = c.c_void_p()
+        self._told.call("job_result", self, c.byref(out))
+        if self._on_end_problem:
+            raise self._on_end_problem
+        return Scene(out) if self._pictures is None else self._pictures
+
+
+def _voxels(voxels: Any) -> tuple[Any, int]:
+    chosen = np.asarray(voxels)
+    if chosen.size and chosen.dtype.kind not in "iu" or chosen.ndim != 1:
+        raise TypeError(f"voxels has the shape {list(chosen.shape)} and holds {chosen.dtype}: a list of whole numbers expected")
+    if chosen.size and not 0 <= chosen.min() <= chosen.max() < 1 << 31:
+        raise UsageError(f"voxels holds {chosen.min()} to {chosen.max()}: numbers from 0 on expected")
+    kept = np.ascontiguousarray(chosen, dtype=np.int32)
+    return kept.ctypes.data_as(c.POINTER(c.c_int32)), kept.size
+
+
 def _render_options(background: Sequence[float], near: float, supersample: int = 1) -> _RenderOptions:
-    return _RenderOptions(background=(c.c_float * 3)(*background), near_plane=near, supersample=supersample)
+    return _RenderOptions(background=_numbers(background, c.c_float, 3, "background"), near_plane=near, supersample=supersample)
+
+
+_PIXELS = {"float32": 0, "float16": 1, "uint8": 2}
+
+
+def _new_picture(camera: Camera, wanted: tuple[bool, bool, bool], also: Iterable[str], out: np.ndarray | None, premultiplied: bool,
+                 name: str) -> tuple[Picture, _Picture]:
+    """Arrays for what is wanted, and where they are."""
+    size = (camera.height, camera.width)
+    names = [each for each, is_wanted in zip(("colour", "alpha", "depth"), wanted) if is_wanted]
+    for each in (also,) if isinstance(also, str) else also:
+        if each not in ("expected", "median", "normal", "ids"):
+            raise UsageError(f"also has {each!r}: expected, median, normal and ids are what it may have")
+        names.append(each)
+    arrays = {each: np.empty((*size, 3) if each in ("colour", "normal") else size, np.int32 if each == "ids" else np.float32) for each in names}
+    picture = Picture(**{**{"colour": None, "alpha": None, "depth": None}, **arrays})
+    struct = _picture_of(picture, camera)
+    for each in ("expected", "median", "normal"):
+        setattr(struct, each, _pointer(getattr(picture, each)))
+    if picture.ids is not None:
+        struct.ids = picture.ids.ctypes.data_as(c.POINTER(c.c_int32))
+    if out is None:
+        return picture, struct
+    if not isinstance(out, np.ndarray) or out.dtype.name not in _PIXELS:
+        raise TypeError(f"{name} is a {type(out).__name__}{f' of {out.dtype}' if isinstance(out, np.ndarray) else ''}: a numpy.ndarray of uint8, "
+                        "float16 or float32 expected")
+    if out.ndim != 3 or out.shape[:2] != size or out.shape[2] not in (3, 4):
+        raise UsageError(f"{name} has the shape {list(out.shape)}: [{size[0]}, {size[1]}, 3 or 4] expected")
+    row, pixel, value = out.strides
+    if not out.flags.writeable or value != out.itemsize or pixel != out.shape[2] * value or row < out.shape[1] * pixel and size[0] > 1:
+        raise UsageError(f"{name} has strides of {list(out.strides)} bytes{'' if out.flags.writeable else ' and is read-only'}: an array that may "
+                         "be written, with the pixels of a row side by side and the rows one below the other, expected")
+    struct.data, struct.type, struct.channels = out.ctypes.data, _PIXELS[out.dtype.name], out.shape[2]
+    struct.row_bytes, struct.premultiplied = row if size[0] > 1 else 0, bool(premultiplied)
+    struct.data_bytes = (size[0] - 1) * row + size[1] * pixel
+    return picture, struct
 
 
 def _picture_of(picture: Picture, camera: Camera) -> _Picture:
