@@ -130,12 +130,12 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
 
 vsplat_status vsplat_cameras_create(const vsplat_camera* cameras, size_t count, vsplat_cameras* out_cameras) {
   return guarded([&] {
-    need_array(cameras, count, "cameras");
+    need_structs(cameras, count, "cameras");
     need(out_cameras, "out_cameras");
     if (count == 0) fail(Status::usage, "count is 0: at least one camera expected");
     std::vector<Camera> all;
     for (size_t i = 0; i < count; ++i)
-      all.push_back(camera_of(element(cameras, i), fmt::format("cameras[{}]", i).c_str()));
+      all.push_back(camera_of(element(cameras, i, "cameras"), fmt::format("cameras[{}]", i).c_str()));
     *out_cameras = new_cameras(std::move(all));
   });
 }
@@ -191,7 +191,7 @@ vsplat_status vsplat_cameras_orbit_scene(vsplat_scene scene, const vsplat_orbit_
     need(scene, "scene");
     need(out_cameras, "out_cameras");
     const vsplat_orbit_options o = taken(options, VSPLAT_ORBIT_OPTIONS_INIT, "options");
-    *out_cameras = new_cameras(orbit_about_scene(*scene->scene, o.count, o.width > 0 ? o.width : orbit_side,
+    *out_cameras = new_cameras(orbit_about_scene(*scene->now(), o.count, o.width > 0 ? o.width : orbit_side,
                                                  o.height > 0 ? o.height : orbit_side, orbit_options(o)));
   });
 }
@@ -199,12 +199,12 @@ vsplat_status vsplat_cameras_orbit_scene(vsplat_scene scene, const vsplat_orbit_
 vsplat_status vsplat_cameras_save(const vsplat_camera* cameras, size_t count, const char* const* files,
                                   const char* path) {
   return guarded([&] {
-    need_array(cameras, count, "cameras");
+    need_structs(cameras, count, "cameras");
     need(path, "path");
     if (count == 0) fail(Status::usage, "count is 0: at least one camera expected");
     std::vector<Camera> all;
     for (size_t i = 0; i < count; ++i) {
-      all.push_back(camera_of(element(cameras, i), fmt::format("cameras[{}]", i).c_str()));
+      all.push_back(camera_of(element(cameras, i, "cameras"), fmt::format("cameras[{}]", i).c_str()));
       if (files) need(files[i], fmt::format("files[{}]", i).c_str());
       all.back().file = files ? files[i] : fmt::format("{:04}.png", i);
     }

@@ -12,12 +12,13 @@ vsplat_status vsplat_scene_surfels_to_gaussians(vsplat_scene scene, double thick
     if (!(thickness > 0 && thickness <= 1))
       fail(Status::usage,
            "thickness is {}: a share of a surfel's smaller deviation, above 0 and at most 1, is expected", thickness);
-    if (scene->scene->gaussians.kind != GaussianKind::surfel)
+    const std::shared_ptr<const Scene> from = scene->now();
+    if (from->gaussians.kind != GaussianKind::surfel)
       fail(Status::usage, "the scene's Gaussians have three scales each already: one of surfels is expected");
-    auto made = std::make_shared<Scene>(*scene->scene);
-    made->gaussians = thickened(scene->scene->gaussians, thickness);
+    auto made = std::make_shared<Scene>(*from);
+    made->gaussians = thickened(from->gaussians, thickness);
     auto out = std::make_unique<vsplat_scene_impl>();
-    out->scene = std::move(made);
+    out->become(std::move(made));
     out->selected = scene->selected;
     *out_scene = out.release();
   });

@@ -80,8 +80,9 @@ Precision precision_of(const vsplat_precision& precision) {
 }  // namespace
 
 DeviceUse::DeviceUse(vsplat_device device) : device_(device), of_job_(JobQueue::borrow(device)) {
-  if (of_job_) return;
   need(device, "device");
+  JobQueue::watch_this_thread();
+  if (of_job_) return;
   refuse_after_fork();
   if (device->in_use.test_and_set(std::memory_order_acquire))
     fail(Status::busy,
@@ -131,6 +132,7 @@ ContextOptions vsplat::api::context_options(const vsplat_device_options* options
 vsplat_status vsplat_device_open(const vsplat_device_options* options, vsplat_device* out_device) {
   return guarded([&] {
     need(out_device, "out_device");
+    JobQueue::watch_this_thread();
     *out_device = new vsplat_device_impl(std::make_unique<Context>(context_options(options)));
   });
 }
@@ -145,10 +147,10 @@ vsplat_status vsplat_stream_create(vsplat_device device, vsplat_device* out_stre
 }
 
 vsplat_status vsplat_device_cancel(vsplat_device device) {
-  return guarded([&] {
-    need(device, "device");
-    device->context.cancel();
-  });
+  // A signal handler may call this: nothing is allocated, nor held.
+  if (!device) return guarded([&] { need(device, "device"); });
+  device->context.cancel();
+  return VSPLAT_OK;
 }
 
 vsplat_status vsplat_device_trim(vsplat_device device) {

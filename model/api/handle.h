@@ -1,11 +1,17 @@
 // What every handle of the C interface shares: a count, statuses from exceptions, and structs of either side's size.
 #pragma once
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstring>
+#include <functional>
 #include <new>
 #include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
 
+#include "model/api/struct_fields.h"
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
 #include "vsplat/vsplat.h"
@@ -15,6 +21,27 @@ namespace vsplat::api {
 struct Counted {
   std::atomic<int> count{1};
 };
+
+// Of what a handle points to. (Asked by name, since most sources know most of them as names alone.)
+template <class T>
+inline constexpr bool is_handle = false;
+#define VSPLAT_HANDLE(T) \
+  template <>            \
+  inline constexpr bool is_handle<T> = true
+VSPLAT_HANDLE(vsplat_animation_impl);
+VSPLAT_HANDLE(vsplat_cameras_impl);
+VSPLAT_HANDLE(vsplat_dataset_impl);
+VSPLAT_HANDLE(vsplat_device_impl);
+VSPLAT_HANDLE(vsplat_evaluation_impl);
+VSPLAT_HANDLE(vsplat_input_impl);
+VSPLAT_HANDLE(vsplat_job_impl);
+VSPLAT_HANDLE(vsplat_mesh_impl);
+VSPLAT_HANDLE(vsplat_model_impl);
+VSPLAT_HANDLE(vsplat_refinement_impl);
+VSPLAT_HANDLE(vsplat_scene_impl);
+VSPLAT_HANDLE(vsplat_sheet_impl);
+VSPLAT_HANDLE(vsplat_views_impl);
+#undef VSPLAT_HANDLE
 
 template <class Handle>
 void retain(Handle handle) {
@@ -47,6 +74,49 @@ class Kept {
   T handle_ = nullptr;
 };
 
+// A call holds the handles that it was given until it returns, whoever releases them meanwhile: its own callbacks, or
+// another thread. guarded() makes one for each call, need() puts the handles in.
+class Holding {
+ public:
+  Holding() noexcept : outer_(innermost()) { innermost() = this; }
+  ~Holding() {
+    while (count_ > 0) drop_last();
+    innermost() = outer_;
+  }
+  Holding(const Holding&) = delete;
+  Holding& operator=(const Holding&) = delete;
+
+  // For the innermost call of this thread; outside of calls nothing is held.
+  template <class Impl>
+  static void hold(Impl* handle) {
+    if (Holding* const call = innermost()) call->add(handle, [](void* held) { release(static_cast<Impl*>(held)); });
+  }
+
+ private:
+  using Held = std::pair<void*, void (*)(void*)>;
+  static Holding*& innermost() noexcept;
+  template <class Impl>
+  void add(Impl* handle, void (*drop)(void*)) {
+    if (count_ < few_.size())
+      few_[count_] = {handle, drop};
+    else
+      more_.emplace_back(handle, drop);
+    ++count_;
+    retain(handle);
+  }
+  void drop_last() {
+    --count_;
+    const Held last = count_ < few_.size() ? few_[count_] : more_.back();
+    if (count_ >= few_.size()) more_.pop_back();
+    last.second(last.first);
+  }
+
+  Holding* outer_;
+  std::size_t count_ = 0;
+  std::array<Held, 6> few_{};
+  std::vector<Held> more_;
+};
+
 void set_last_error(const char* text) noexcept;
 
 // What profiles call a function of the interface: "vsplat_views_load" is "views load".
@@ -55,6 +125,7 @@ std::string name_in_profiles(const char* function);
 // Runs `body`; nothing that it throws gets past here. The caller's name is for profiles.
 template <class F>
 vsplat_status guarded(const F& body, const char* caller = __builtin_FUNCTION()) noexcept {
+  const Holding held;
   try {
     const HostSpan span(HostKind::host, HostLog::of_process().on() ? name_in_profiles(caller) : "");
     body();
@@ -74,21 +145,27 @@ vsplat_status guarded(const F& body, const char* caller = __builtin_FUNCTION()) 
   }
 }
 
+// Of a handle: it is held until the call returns, too.
 template <class T>
-void need(const T* pointer, const char* what) {
+void need(T* pointer, const char* what) {
   if (!pointer) fail(Status::usage, "{} is null", what);
+  if constexpr (is_handle<T>) Holding::hold(pointer);
 }
+
+// That so many elements of so many bytes can be in memory.
+void check_count(std::size_t count, std::size_t bytes, const char* what);
 
 // A pointer that comes in as an array of `count`.
 template <class T>
 void need_array(const T* pointer, std::size_t count, const char* what) {
   if (!pointer && count) fail(Status::usage, "{} is null, but its count is {}", what, count);
+  if constexpr (!std::is_void_v<T>) check_count(count, sizeof(T), what);
 }
 
+// A caller's struct may be older or newer than this library's, but its size may not end within a field.
 template <class T>
 void check_size(const T& from, const char* what) {
-  if (from.size < 2 * sizeof(std::size_t))
-    fail(Status::usage, "{}.size is {}: start from the struct's _INIT macro", what, from.size);
+  check_struct_size(from.size, sizeof(T), long_fields<T>(), what);
 }
 
 // The caller's struct, whatever its size, over the defaults of this library's.
@@ -102,10 +179,22 @@ T taken(const T* from, const T& defaults, const char* what) {
   return out;
 }
 
-// The i-th of a caller's structs, whose first one's size is the stride.
+// A caller's array of structs: all have the first one's size, which is the stride.
 template <class T>
-const T& element(const T* first, std::size_t i) {
-  return *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
+void need_structs(const T* first, std::size_t count, const char* what) {
+  need_array(first, count, what);
+  if (count == 0) return;
+  check_size(*first, what);
+  check_count(count, first->size, what);
+}
+
+// The i-th of them.
+template <class T>
+const T& element(const T* first, std::size_t i, const char* what) {
+  const T& out = *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
+  if (out.size != first->size)
+    fail(Status::usage, "{0}[{1}].size is {2}: {3} expected, which is {0}[0].size", what, i, out.size, first->size);
+  return out;
 }
 
 // That give() will have somewhere to write to; asked before what it gives is computed.
@@ -135,5 +224,9 @@ int value_of(const E& from) {
 
 // A copy that vsplat_text_free frees.
 char* new_text(const std::string& text);
+
+// What `write`, given a name for errors, would write as a file, as bytes that vsplat_text_free frees.
+void give_bytes(const std::function<void(const std::string& name)>& write, const char* name, char** out_bytes,
+                std::size_t* out_size);
 
 }  // namespace vsplat::api

@@ -9,6 +9,7 @@
 
 #include "model/api/cameras.h"
 #include "model/api/model.h"
+#include "model/api/pixels.h"
 #include "model/cameras/orbit.h"
 #include "model/input/view_choice.h"
 #include "model/input/written_views.h"
@@ -41,6 +42,7 @@ class Rows {
     if (row_bytes_ < row)
       fail(Status::usage, "{}.row_bytes is {}: a row of {} pixels with {} channels has {} bytes", where, row_bytes_,
            view.camera.width, view.channels, row);
+    bytes_of_rows(static_cast<size_t>(view.camera.height), row, row_bytes_, view.pixels ? 0 : view.data_bytes, where);
   }
   const char* field() const { return field_; }
   float at(int y, size_t i) const {  // (Rows may begin anywhere: copied.)
@@ -110,14 +112,13 @@ vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vs
     need(views, "views");
     need(out_views, "out_views");
     if (num_views == 0) fail(Status::usage, "num_views is 0");
-    check_size(*views, "views[0]");
+    need_structs(views, num_views, "views");
     auto out = std::make_unique<vsplat_views_impl>();
     const auto pictures = std::make_shared<std::vector<Image>>();
     out->photographs.set.source = "pictures in memory";
-    const char* at = reinterpret_cast<const char*>(views);
-    for (size_t i = 0; i < num_views; ++i, at += views->size) {
+    for (size_t i = 0; i < num_views; ++i) {
       const std::string where = fmt::format("views[{}]", i);
-      const vsplat_view view = taken(reinterpret_cast<const vsplat_view*>(at), VSPLAT_VIEW_INIT, where.c_str());
+      const vsplat_view view = taken(&element(views, i, "views"), VSPLAT_VIEW_INIT, where.c_str());
       ListedView listed;
       listed.camera = camera_of(view.camera, (where + ".camera").c_str(), true);
       const Rows rows(view, where);

@@ -1,6 +1,12 @@
 #include "model/api/job_queue.h"
 
+#include <cstdlib>
+#include <filesystem>
+#include <set>
+#include <system_error>
+
 #include "model/api/device.h"
+#include "runtime/device.h"
 #include "runtime/fail.h"
 
 vsplat_job_impl::~vsplat_job_impl() { vsplat_scene_release(scene); }
@@ -59,13 +65,87 @@ JobQueue::~JobQueue() {
     thread_.join();
 }
 
+// Never destroyed: threads may outlast whatever is.
+struct JobQueue::All {
+  std::mutex mutex;
+  std::set<std::shared_ptr<State>> serving;
+  bool leaving = false;  // the process exits
+};
+
+JobQueue::All& JobQueue::all() {
+  static auto& out = *new All;
+  return out;
+}
+
+// When main() returns, or exit() is called. Drivers, compilers and the C++ library are taken down after this, and no
+// thread may be inside them then.
+void JobQueue::end_all() noexcept {
+  if (is_forked()) return;  // the threads are the parent's
+  std::set<std::shared_ptr<State>> serving;
+  {
+    const std::lock_guard lock(all().mutex);
+    all().leaving = true;
+    serving = all().serving;
+  }
+  for (const std::shared_ptr<State>& state : serving) {
+    std::deque<vsplat_job> jobs;
+    {
+      const std::lock_guard lock(state->mutex);
+      if (state->thread == std::this_thread::get_id()) continue;  // one of its own callbacks has called exit()
+      for (vsplat_job job : state->jobs) retain(job), jobs.push_back(job);
+      state->ends = true;
+      state->changed.notify_all();
+    }
+    for (vsplat_job job : jobs) {
+      const vsplat_status told = vsplat_job_cancel(job);  // nobody is there to hear of a failure
+      static_cast<void>(told);
+      vsplat_job_release(job);
+    }
+    std::unique_lock lock(state->mutex);
+    state->changed.wait(lock, [&] { return state->over; });
+  }
+}
+
+// What a thread has of its own goes before anything else when it calls exit(), and functions of atexit() in the reverse
+// order of their coming: what a compiler registers while a job compiles would go before ours.
+struct JobQueue::FirstThread {
+  ~FirstThread() {
+    std::error_code problem;  // "PID/task/TID"
+    const std::filesystem::path self = std::filesystem::read_symlink("/proc/thread-self", problem);
+    if (!problem && !self.empty() && *self.begin() == self.filename()) end_all();
+  }
+  void watch() {}
+};
+
+void JobQueue::watch_this_thread() {
+  thread_local FirstThread thread;
+  thread.watch();
+}
+
+void JobQueue::start_thread(vsplat_device device) {
+  const std::lock_guard lock(all().mutex);
+  if (all().leaving) fail(Status::cancelled, "the process exits: no job begins any more");
+  // Each time: what the driver of this device has put there goes after it.
+  if (std::atexit(end_all) != 0) fail(Status::memory, "not enough host memory");
+  all().serving.insert(state_);
+  try {
+    thread_ = std::thread(serve, state_, device);
+    state_->thread = thread_.get_id();
+  } catch (...) {
+    all().serving.erase(state_);
+    throw;
+  }
+}
+
 void JobQueue::add(vsplat_device device, vsplat_job job) {
+  watch_this_thread();
   const std::lock_guard lock(state_->mutex);
   // From the first of them to the last, the jobs have the device.
   if (state_->jobs.empty() && device->in_use.test_and_set(std::memory_order_acquire))
     fail(Status::busy, "the device is in use by another call; a job begins where none has it");
   try {
-    if (!thread_.joinable()) thread_ = std::thread(serve, state_, device);
+    if (!thread_.joinable()) start_thread(device);
+    if (state_->ends) fail(Status::cancelled, "the process exits: no job begins any more");
     state_->jobs.push_back(job);
   } catch (...) {
     if (state_->jobs.empty()) device->in_use.clear(std::memory_order_release);
@@ -88,13 +168,24 @@ bool JobQueue::is_on_thread_of(vsplat_device device) { return served == device; 
 void JobQueue::serve(const std::shared_ptr<State>& given, vsplat_device device) {
   const std::shared_ptr<State> state = given;  // beyond the queue, see ~JobQueue
   served = device;
+  run_jobs(*state, device);
+  {
+    const std::lock_guard lock(all().mutex);
+    all().serving.erase(state);
+  }
+  const std::lock_guard lock(state->mutex);
+  state->over = true;
+  state->changed.notify_all();
+}
+
+void JobQueue::run_jobs(State& state, vsplat_device device) {
   for (;;) {
     vsplat_job job = nullptr;
     {
-      std::unique_lock lock(state->mutex);
-      state->changed.wait(lock, [&] { return state->ends || !state->jobs.empty(); });
-      if (state->jobs.empty()) return;
-      job = state->jobs.front();
+      std::unique_lock lock(state.mutex);
+      state.changed.wait(lock, [&] { return state.ends || !state.jobs.empty(); });
+      if (state.jobs.empty()) return;
+      job = state.jobs.front();
     }
     vsplat_status status = VSPLAT_ERROR_CANCELLED;
     const char* error = "stopped before it began";
@@ -105,9 +196,9 @@ void JobQueue::serve(const std::shared_ptr<State>& given, vsplat_device device) 
       error = vsplat_last_error();
     }
     end(*job, status, error, [&] {
-      const std::lock_guard lock(state->mutex);
-      state->jobs.pop_front();
-      if (state->jobs.empty()) device->in_use.clear(std::memory_order_release);
+      const std::lock_guard lock(state.mutex);
+      state.jobs.pop_front();
+      if (state.jobs.empty()) device->in_use.clear(std::memory_order_release);
     });
     tell_end(*job);
     vsplat_job_release(job);

@@ -39,7 +39,8 @@ class JobQueue {
   JobQueue(const JobQueue&) = delete;
   JobQueue& operator=(const JobQueue&) = delete;
 
-  // Takes a reference of it. Error(busy) where a call has the device that is none of its jobs.
+  // Takes a reference of it. Error(busy) where a call has the device that is none of its jobs. Error(cancelled) once
+  // the process exits: what runs then is cancelled, and waited for.
   void add(vsplat_device device, vsplat_job job);
 
   // For the one call that a job makes, on its thread: whether it has the device by its job; give_back() at its end.
@@ -47,6 +48,8 @@ class JobQueue {
   static void give_back(vsplat_device device);
   // Whether this is the thread of that device's jobs.
   static bool is_on_thread_of(vsplat_device device);
+  // The end of this thread ends the jobs where it is the process's first one: see end_all().
+  static void watch_this_thread();
 
  private:
   struct State {
@@ -54,8 +57,16 @@ class JobQueue {
     std::condition_variable changed;
     std::deque<vsplat_job> jobs;  // the first one may be running
     bool ends = false;
+    bool over = false;  // the thread has done with everything
+    std::thread::id thread;
   };
+  struct All;  // that have a thread, in the process
+  struct FirstThread;
+  static All& all();
   static void serve(const std::shared_ptr<State>& state, vsplat_device device);
+  static void run_jobs(State& state, vsplat_device device);
+  void start_thread(vsplat_device device);
+  static void end_all() noexcept;
 
   std::shared_ptr<State> state_;
   std::thread thread_;

@@ -82,14 +82,14 @@ vsplat_status vsplat_render_async(vsplat_device device, vsplat_scene scene, cons
   return guarded([&] {
     need(device, "device");
     need(scene, "scene");
-    need_array(cameras, count, "cameras");
-    need_array(pictures, count, "pictures");
+    need_structs(cameras, count, "cameras");
+    need_structs(pictures, count, "pictures");
     need(out_job, "out_job");
     std::vector<vsplat_camera> shots;
     std::vector<vsplat_picture> rooms;
     for (size_t i = 0; i < count; ++i) {
-      shots.push_back(taken(&element(cameras, i), VSPLAT_CAMERA_INIT, "cameras"));
-      rooms.push_back(taken(&element(pictures, i), VSPLAT_PICTURE_INIT, "pictures"));
+      shots.push_back(taken(&element(cameras, i, "cameras"), VSPLAT_CAMERA_INIT, "cameras"));
+      rooms.push_back(taken(&element(pictures, i, "pictures"), VSPLAT_PICTURE_INIT, "pictures"));
     }
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     *out_job = begun(

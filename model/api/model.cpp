@@ -108,6 +108,17 @@ std::vector<std::string> texts(const char* const* given, size_t count, const cha
   return out;
 }
 
+void save_as(vsplat_model model, const std::string& path, const vsplat_dtype& dtype) {
+  const int as = value_of(dtype);
+  if (as != VSPLAT_DTYPE_F32 && as != VSPLAT_DTYPE_F16)
+    fail(Status::usage, "dtype is {}, not a value of vsplat_dtype", as);
+  with_file(model, [&](const auto& file) {
+    std::map<std::string, std::string> provenance = file.metadata;
+    for (const char* own : {"format", "version", "config", "sha256", "system"}) provenance.erase(own);
+    save_model(path, file.config, file.weights, provenance, as == VSPLAT_DTYPE_F16 ? Dtype::f16 : Dtype::f32);
+  });
+}
+
 }  // namespace
 
 const ModelFile& vsplat::api::vsplat_file(vsplat_model model) {
@@ -205,13 +216,14 @@ vsplat_status vsplat_model_save_as(vsplat_model model, const char* path, vsplat_
   return guarded([&] {
     need(model, "model");
     need(path, "path");
-    if (value_of(dtype) != VSPLAT_DTYPE_F32 && value_of(dtype) != VSPLAT_DTYPE_F16)
-      fail(Status::usage, "dtype is {}, not a value of vsplat_dtype", value_of(dtype));
-    with_file(model, [&](const auto& file) {
-      std::map<std::string, std::string> provenance = file.metadata;
-      for (const char* own : {"format", "version", "config", "sha256", "system"}) provenance.erase(own);
-      save_model(path, file.config, file.weights, provenance, dtype == VSPLAT_DTYPE_F16 ? Dtype::f16 : Dtype::f32);
-    });
+    save_as(model, path, dtype);
+  });
+}
+
+vsplat_status vsplat_model_save_memory(vsplat_model model, vsplat_dtype dtype, char** out_bytes, size_t* out_size) {
+  return guarded([&] {
+    need(model, "model");
+    give_bytes([&](const std::string& name) { save_as(model, name, dtype); }, "the model", out_bytes, out_size);
   });
 }
 

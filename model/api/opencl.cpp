@@ -1,16 +1,21 @@
 // Beside a program's own OpenCL.
 #include "vsplat/opencl.h"
 
+#include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "model/api/cameras.h"
 #include "model/api/device.h"
 #include "model/api/drawing.h"
+#include "model/api/outputs.h"
+#include "model/api/pixels.h"
 #include "model/api/scene.h"
 #include "model/splat/render_backward.h"
 #include "runtime/fail.h"
+#include "runtime/foreign.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -31,6 +36,69 @@ void give_event(Context& ctx, cl_event* out) {
     ctx.flush();
 }
 
+// Where a call writes to, each with the bytes that it takes there.
+class BuffersOut {
+ public:
+  void add(cl_mem buffer, const Shape& shape, const char* name) {
+    if (!buffer) return;
+    const BufferPlace place = place_of(buffer);
+    outputs_.add(place.whole, place.begin, bytes_of(shape), name);
+    any_ = true;
+  }
+  bool any() const { return any_; }
+  void refuse_shared() { outputs_.refuse_shared(); }
+  void refuse_input(cl_mem buffer, const Shape& shape, const char* name) const {
+    if (!buffer) return;
+    const BufferPlace place = place_of(buffer);
+    outputs_.refuse_input(place.whole, place.begin, bytes_of(shape), name);
+  }
+
+ private:
+  static std::size_t bytes_of(const Shape& shape) {
+    std::size_t out = sizeof(float);
+    for (const long n : shape) out *= static_cast<std::size_t>(n);
+    return out;
+  }
+
+  Outputs outputs_;
+  bool any_ = false;
+};
+
+// A picture in bytes, in a caller's buffer or image.
+class BytesOut {
+ public:
+  BytesOut(Context& ctx, const vsplat_opencl_picture& picture, const Camera& view)
+      : image_(is_image(picture.rgba, "picture.rgba") ? picture.rgba : nullptr),
+        width_(view.width),
+        height_(view.height),
+        premultiplied_(picture.premultiplied) {
+    const std::size_t bytes = 4 * static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+    if (image_)
+      check_image(ctx, image_, width_, height_, "picture.rgba");
+    else
+      buffer_ = Tensor(adopted(ctx, picture.rgba, bytes, true, "picture.rgba"), {height_, width_, 4}, Type::u8);
+  }
+  void write(Context& ctx, const DevicePicture& drawn, const std::array<float, 3>& background) const {
+    const std::vector<float> colour = ctx.read<float>(drawn.colour), alpha = ctx.read<float>(drawn.alpha);
+    std::vector<unsigned char> rgba(4 * alpha.size());
+    vsplat_picture to = VSPLAT_PICTURE_INIT;
+    to.data = rgba.data(), to.type = VSPLAT_PIXELS_U8, to.channels = 4, to.premultiplied = premultiplied_;
+    const float behind[3] = {background[0], background[1], background[2]};
+    CallersPixels(to, static_cast<int>(width_), static_cast<int>(height_), "picture.rgba")
+        .write(colour.data(), alpha.data(), behind);
+    if (image_)
+      copy_to_image(ctx, ctx.upload({height_, width_, 4}, rgba, Type::u8, "picture.rgba"), image_);
+    else
+      ctx.write(buffer_, rgba.data());
+  }
+
+ private:
+  cl_mem image_;
+  long width_, height_;
+  int32_t premultiplied_;
+  Tensor buffer_;
+};
+
 // The caller's, or where there is none, nothing.
 Tensor taken_from(Context& ctx, cl_mem buffer, const Shape& shape, const char* what) {
   return buffer ? ctx.adopt(buffer, shape, false, what) : Tensor();
@@ -41,8 +109,8 @@ Tensor given_to(Context& ctx, cl_mem buffer, const Shape& shape, const char* wha
   return buffer ? ctx.adopt(buffer, shape, true, what) : ctx.tensor(shape, Type::f32, what);
 }
 
-DeviceGaussians whole_on_device(vsplat_device device, vsplat_scene scene, double pixels) {
-  const GaussianChunks& there = on_device(device, scene->scene, pixels);
+DeviceGaussians whole_on_device(vsplat_device device, const std::shared_ptr<const Scene>& scene, double pixels) {
+  const GaussianChunks& there = on_device(device, scene, pixels);
   if (there.chunks() > 1)
     fail(Status::memory, "the scene's {} Gaussians do not lie on the device whole: in parts of {}", there.count,
          there.chunk);
@@ -50,6 +118,23 @@ DeviceGaussians whole_on_device(vsplat_device device, vsplat_scene scene, double
 }
 
 Shape sh_shape(const Gaussians& g) { return {static_cast<long>(g.count), static_cast<long>(g.sh_count()), 3}; }
+
+// Of gradients: the buffers that are written, and those that are read meanwhile.
+void refuse_aliases(const vsplat_opencl_picture& by, const vsplat_opencl_gaussians& to, long h, long w,
+                    const Gaussians& g) {
+  const long n = static_cast<long>(g.count);
+  BuffersOut outputs;
+  outputs.add(to.means, {n, 3}, "out.means");
+  outputs.add(to.scales, {n, scales_of(g.kind)}, "out.scales");
+  outputs.add(to.rotations, {n, 4}, "out.rotations");
+  outputs.add(to.opacities, {n}, "out.opacities");
+  outputs.add(to.sh, sh_shape(g), "out.sh");
+  if (!outputs.any()) fail(Status::usage, "out: every buffer is null: there is nothing to derive by");
+  outputs.refuse_shared();
+  outputs.refuse_input(by.colour, {h, w, 3}, "gradient.colour");
+  outputs.refuse_input(by.alpha, {h, w}, "gradient.alpha");
+  outputs.refuse_input(by.depth, {h, w}, "gradient.depth");
+}
 
 }  // namespace
 
@@ -88,18 +173,30 @@ vsplat_status vsplat_opencl_render(vsplat_device device, vsplat_scene scene, con
     need(scene, "scene");
     need(camera, "camera");
     need(picture, "picture");
-    const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
+    const std::shared_ptr<const Scene> seen = scene->now();
+    const Camera view = in_frame(*seen, camera_of(*camera, "camera"));
     const vsplat_opencl_picture p = taken(picture, VSPLAT_OPENCL_PICTURE_INIT, "picture");
-    const RenderOptions how = drawn_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene, view);
+    const RenderOptions how = drawn_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *seen, view);
     const std::vector<void*> before = listed(num_events, events);
     Context& ctx = device->context;
-    const GaussianChunks& there = on_device(device, scene->scene, drawn_pixels(view, how));
+    const GaussianChunks& there = on_device(device, seen, drawn_pixels(view, how));
     const long h = view.height, w = view.width;
     const DevicePicture out{given_to(ctx, p.colour, {h, w, 3}, "picture.colour"),
                             given_to(ctx, p.alpha, {h, w}, "picture.alpha"),
                             given_to(ctx, p.depth, {h, w}, "picture.depth")};
+    BuffersOut outputs;
+    outputs.add(p.colour, {h, w, 3}, "picture.colour");
+    outputs.add(p.alpha, {h, w}, "picture.alpha");
+    outputs.add(p.depth, {h, w}, "picture.depth");
+    outputs.add(p.rgba, {h, w}, "picture.rgba");  // four bytes of a pixel, as one float's
+    if (!outputs.any())
+      fail(Status::usage, "picture: colour, alpha, depth and rgba are all null: there is nothing to draw into");
+    std::optional<BytesOut> bytes;
+    if (p.rgba) bytes.emplace(ctx, p, view);
+    outputs.refuse_shared();
     ctx.wait_for(before);
     render_into(ctx, there, view, how, out);
+    if (bytes) bytes->write(ctx, out, how.background);
     give_event(ctx, out_event);
   });
 }
@@ -114,14 +211,15 @@ vsplat_status vsplat_opencl_render_backward(vsplat_device device, vsplat_scene s
     need(camera, "camera");
     need(gradient, "gradient");
     need(out, "out");
-    const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
+    const std::shared_ptr<const Scene> seen = scene->now();
+    const Camera view = in_frame(*seen, camera_of(*camera, "camera"));
     const vsplat_opencl_picture p = taken(gradient, VSPLAT_OPENCL_PICTURE_INIT, "gradient");
     const vsplat_opencl_gaussians o = taken(out, VSPLAT_OPENCL_GAUSSIANS_INIT, "out");
-    const RenderOptions how = derived_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *scene->scene);
+    const RenderOptions how = derived_as(taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options"), *seen);
     const std::vector<void*> before = listed(num_events, events);
     Context& ctx = device->context;
-    const Gaussians& g = scene->scene->gaussians;
-    const DeviceGaussians there = whole_on_device(device, scene, static_cast<double>(view.width) * view.height);
+    const Gaussians& g = seen->gaussians;
+    const DeviceGaussians there = whole_on_device(device, seen, static_cast<double>(view.width) * view.height);
     const long h = view.height, w = view.width, n = static_cast<long>(g.count);
     const PictureGradient by{taken_from(ctx, p.colour, {h, w, 3}, "gradient.colour"),
                              taken_from(ctx, p.alpha, {h, w}, "gradient.alpha"),
@@ -130,6 +228,7 @@ vsplat_status vsplat_opencl_render_backward(vsplat_device device, vsplat_scene s
         given_to(ctx, o.means, {n, 3}, "out.means"), given_to(ctx, o.scales, {n, scales_of(g.kind)}, "out.scales"),
         given_to(ctx, o.rotations, {n, 4}, "out.rotations"), given_to(ctx, o.opacities, {n}, "out.opacities"),
         given_to(ctx, o.sh, sh_shape(g), "out.sh")};
+    refuse_aliases(p, o, h, w, g);
     ctx.wait_for(before);
     for (const Tensor& t : {to.means, to.scales, to.quats, to.opacities, to.sh}) ctx.fill_zero(t);
     render_backward(ctx, there, view, how, by, {to}, nullptr);
@@ -178,7 +277,7 @@ vsplat_status vsplat_opencl_scene_buffers(vsplat_device device, vsplat_scene sce
     need(scene, "scene");
     need_room(out_buffers, "out_buffers");
     Context& ctx = device->context;
-    const DeviceGaussians there = whole_on_device(device, scene, 0);
+    const DeviceGaussians there = whole_on_device(device, scene->now(), 0);
     const auto buffer = [&](const Tensor& t) { return static_cast<cl_mem>(ctx.raw_buffer(t)); };
     vsplat_opencl_gaussians out = VSPLAT_OPENCL_GAUSSIANS_INIT;
     out.means = buffer(there.means);
@@ -194,7 +293,7 @@ vsplat_status vsplat_opencl_scene_store(vsplat_device device, vsplat_scene scene
   return guarded([&] {
     const DeviceUse use(device);
     need(scene, "scene");
-    const DeviceGaussians there = whole_on_device(device, scene, 0);
+    const DeviceGaussians there = whole_on_device(device, scene->now(), 0);
     Gaussians g = download(device->context, there);
     std::vector<float> scales;  // three each, as the C interface has them
     if (g.kind == GaussianKind::surfel)
@@ -206,6 +305,6 @@ vsplat_status vsplat_opencl_scene_store(vsplat_device device, vsplat_scene scene
     arrays.sh = g.sh.data();
     const vsplat_status status = vsplat_scene_update(scene, &arrays);
     if (status != VSPLAT_OK) throw Error(static_cast<Status>(status), vsplat_last_error());
-    device->scene_key = scene->scene;  // as it lies there
+    device->scene_key = scene->now();  // as it lies there
   });
 }

@@ -55,23 +55,36 @@ Image colour_of(const vsplat_picture* picture, int32_t width, int32_t height) {
   return image_of(picture_of(picture, width, height).colour, width, height, 3, "picture.colour");
 }
 
+void save_picture(const vsplat_picture* picture, int32_t width, int32_t height, const vsplat_picture_format& format,
+                  const std::string& path) {
+  const vsplat_picture p = picture_of(picture, width, height);
+  const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
+  const int kind = value_of(format);
+  if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
+  if (kind == VSPLAT_PICTURE_JPEG) return write_jpeg(path, colour, usual_quality);
+  if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW && kind != VSPLAT_PICTURE_PNG_ALPHA)
+    fail(Status::usage, "format is {}, not a value of vsplat_picture_format", kind);
+  const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
+  if (kind == VSPLAT_PICTURE_PNG_ALPHA) return write_png(path, straight(colour, alpha));
+  const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
+  (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
+}
+
 }  // namespace
 
 vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width, int32_t height,
                                   vsplat_picture_format format, const char* path) {
   return guarded([&] {
     need(path, "path");
-    const vsplat_picture p = picture_of(picture, width, height);
-    const Image colour = image_of(p.colour, width, height, 3, "picture.colour");
-    const int kind = value_of(format);
-    if (kind == VSPLAT_PICTURE_PNG) return write_png(path, colour);
-    if (kind == VSPLAT_PICTURE_JPEG) return write_jpeg(path, colour, usual_quality);
-    if (kind != VSPLAT_PICTURE_EXR && kind != VSPLAT_PICTURE_EXR_RAW && kind != VSPLAT_PICTURE_PNG_ALPHA)
-      fail(Status::usage, "format is {}, not a value of vsplat_picture_format", kind);
-    const Image alpha = image_of(p.alpha, width, height, 1, "picture.alpha");
-    if (kind == VSPLAT_PICTURE_PNG_ALPHA) return write_png(path, straight(colour, alpha));
-    const Image depth = image_of(p.depth, width, height, 1, "picture.depth");
-    (kind == VSPLAT_PICTURE_EXR ? write_exr : write_exr_raw)(path, colour, alpha, depth);
+    save_picture(picture, width, height, format, path);
+  });
+}
+
+vsplat_status vsplat_picture_save_memory(const vsplat_picture* picture, int32_t width, int32_t height,
+                                         vsplat_picture_format format, char** out_bytes, size_t* out_size) {
+  return guarded([&] {
+    give_bytes([&](const std::string& name) { save_picture(picture, width, height, format, name); }, "the picture",
+               out_bytes, out_size);
   });
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 
 #include "runtime/fail.h"
@@ -21,11 +22,25 @@ unsigned char rounded_to_8_bits(float value) {
 
 }  // namespace
 
-CallersPixels::CallersPixels(const vsplat_picture& picture, int width, const std::string& what)
+std::size_t bytes_of_rows(std::size_t rows, std::size_t row, std::size_t row_bytes, std::size_t capacity,
+                          const std::string& what) {
+  if (rows == 0) return 0;
+  constexpr std::size_t most = PTRDIFF_MAX;
+  if (row > most || (rows > 1 && row_bytes > (most - row) / (rows - 1)))
+    fail(Status::usage, "{}.row_bytes is {}: no memory holds {} such rows", what, row_bytes, rows);
+  const std::size_t bytes = (rows - 1) * row_bytes + row;
+  if (capacity > 0 && capacity < bytes)
+    fail(Status::usage, "{}.data_bytes is {}: {} rows of {} bytes, {} bytes from one to the next, take {}", what,
+         capacity, rows, row, row_bytes, bytes);
+  return bytes;
+}
+
+CallersPixels::CallersPixels(const vsplat_picture& picture, int width, int height, const std::string& what)
     : data_(static_cast<unsigned char*>(picture.data)),
       type_(value_of(picture.type)),
       channels_(picture.channels),
       width_(width),
+      height_(height),
       premultiplied_(picture.premultiplied != 0) {
   if (!wanted()) return;
   if (channels_ != 3 && channels_ != 4)
@@ -34,17 +49,25 @@ CallersPixels::CallersPixels(const vsplat_picture& picture, int width, const std
     fail(Status::usage, "{}.type is {}, not a value of vsplat_pixel_type", what, type_);
   if (premultiplied_ && channels_ == 3)
     fail(Status::usage, "{}.premultiplied is {}: there is no alpha, channels is 3", what, picture.premultiplied);
-  const std::size_t row = static_cast<std::size_t>(width) * static_cast<std::size_t>(channels_) * bytes_of(type_);
-  row_bytes_ = picture.row_bytes ? picture.row_bytes : row;
-  if (row_bytes_ < row)
+  row_ = static_cast<std::size_t>(width) * static_cast<std::size_t>(channels_) * bytes_of(type_);
+  row_bytes_ = picture.row_bytes ? picture.row_bytes : row_;
+  if (row_bytes_ < row_)
     fail(Status::usage, "{}.row_bytes is {}: a row of {} pixels with {} channels has {} bytes", what, row_bytes_, width,
-         channels_, row);
+         channels_, row_);
+  bytes_of_rows(static_cast<std::size_t>(height), row_, row_bytes_, picture.data_bytes, what);
 }
 
-void CallersPixels::write(const float* colour, const float* alpha, int height, const float (&background)[3]) const {
+void CallersPixels::add_to(Outputs& outputs, const std::string& name) const {
+  if (!wanted()) return;
+  const auto rows = static_cast<std::size_t>(height_);
+  if (row_bytes_ == row_) return outputs.add(data_, rows * row_, name);
+  for (std::size_t y = 0; y < rows; ++y) outputs.add(data_ + y * row_bytes_, row_, name);
+}
+
+void CallersPixels::write(const float* colour, const float* alpha, const float (&background)[3]) const {
   const auto n = static_cast<std::size_t>(width_), channels = static_cast<std::size_t>(channels_);
   std::array<float, 4> pixel{};
-  for (std::size_t y = 0; y < static_cast<std::size_t>(height); ++y) {
+  for (std::size_t y = 0; y < static_cast<std::size_t>(height_); ++y) {
     unsigned char* to = data_ + y * row_bytes_;  // which may begin anywhere: copied
     for (std::size_t x = 0; x < n; ++x, to += channels * bytes_of(type_)) {
       const float* seen = colour + 3 * (y * n + x);

@@ -96,7 +96,7 @@ vsplat_status vsplat_reconstruct(vsplat_device device, vsplat_model model, vspla
       made.scene.up = {up.x(), up.y(), up.z()};
     }
     auto scene = std::make_unique<vsplat_scene_impl>();
-    scene->scene = std::make_shared<const Scene>(std::move(made.scene));
+    scene->become(std::make_shared<const Scene>(std::move(made.scene)));
     scene->selected = std::move(made.selected);
     *out_scene = scene.release();
   });

@@ -96,7 +96,7 @@ SceneFit& fit_of(vsplat_refinement refinement) {
 
 vsplat_scene new_scene(Scene scene) {
   auto out = std::make_unique<vsplat_scene_impl>();
-  out->scene = std::make_shared<const Scene>(std::move(scene));
+  out->become(std::make_shared<const Scene>(std::move(scene)));
   return out.release();
 }
 

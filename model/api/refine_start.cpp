@@ -173,7 +173,7 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
   switch (value_of(o.start)) {
     case VSPLAT_REFINE_SCENE: {
       need(o.scene, "options.scene");
-      const std::shared_ptr<const Scene> scene = o.scene->scene;
+      const std::shared_ptr<const Scene> scene = o.scene->now();
       if (scene->gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
       out.placement = place(photographs, input, scene.get(), used);
       out.make = [scene](const std::vector<int>&) { return *scene; };

@@ -33,20 +33,27 @@ vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene, c
     need(scene, "scene");
     need(camera, "camera");
     need(gradient, "gradient");
-    const Camera view = in_frame(*scene->scene, camera_of(*camera, "camera"));
+    const std::shared_ptr<const Scene> seen = scene->now();
+    const Camera view = in_frame(*seen, camera_of(*camera, "camera"));
     const vsplat_render_options o = taken(options, VSPLAT_RENDER_OPTIONS_INIT, "options");
     const vsplat_picture p = taken(gradient, VSPLAT_PICTURE_INIT, "gradient");
     const vsplat_gaussians a = taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays");
-    const Gaussians& g = scene->scene->gaussians;
+    const Gaussians& g = seen->gaussians;
     const uint64_t pixels = static_cast<uint64_t>(view.width) * static_cast<uint64_t>(view.height);
     if (p.capacity < pixels)
       fail(Status::usage, "gradient.capacity is {} pixels: the camera's picture has {}", p.capacity, pixels);
     if (arrays && a.capacity < g.count)
       fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, g.count);
-    const RenderOptions how = derived_as(o, *scene->scene);
+    Outputs outputs;
+    add_to(outputs, a, g.count, g.sh_degree, "arrays");
+    outputs.add(out_pose, 6 * sizeof *out_pose, "out_pose");
+    if (!a.means && !a.scales && !a.rotations && !a.opacities && !a.sh && !out_pose)
+      fail(Status::usage, "arrays and out_pose are null: there is nothing to derive by");
+    outputs.refuse_shared();
+    const RenderOptions how = derived_as(o, *seen);
     if (o.progress && !o.progress(o.user, "splat", 0.0)) fail(Status::cancelled, "stopped before drawing");
     Context& ctx = device->context;
-    const GaussianChunks& placed = on_device(device, scene->scene, static_cast<double>(pixels));
+    const GaussianChunks& placed = on_device(device, seen, static_cast<double>(pixels));
     const long h = view.height, w = view.width;
     const PictureGradient by_picture{upload_gradient(ctx, p.colour, {h, w, 3}, "colour"),
                                      upload_gradient(ctx, p.alpha, {h, w}, "alpha"),

@@ -93,6 +93,17 @@ std::optional<std::array<float, 3>> vsplat::api::up_of(const double (&up)[3], co
   return std::array<float, 3>{part(up[0]), part(up[1]), part(up[2])};
 }
 
+void vsplat::api::add_to(Outputs& outputs, const vsplat_gaussians& arrays, std::size_t count, int sh_degree,
+                         const std::string& what) {
+  const std::size_t bytes = count * sizeof(float),
+                    functions = static_cast<std::size_t>(sh_degree + 1) * (sh_degree + 1);
+  outputs.add(arrays.means, 3 * bytes, what + ".means");
+  outputs.add(arrays.scales, 3 * bytes, what + ".scales");
+  outputs.add(arrays.rotations, 4 * bytes, what + ".rotations");
+  outputs.add(arrays.opacities, bytes, what + ".opacities");
+  outputs.add(arrays.sh, 3 * functions * bytes, what + ".sh");
+}
+
 void vsplat::api::copy_out(const Gaussians& from, const vsplat_gaussians& to) {
   const auto copy = [](const std::vector<float>& values, float* out) {
     if (out) std::copy(values.begin(), values.end(), out);
@@ -120,7 +131,7 @@ vsplat_status vsplat_scene_load_with(const char* path, const vsplat_scene_load_o
     need(out_scene, "out_scene");
     const vsplat_scene_load_options o = taken(options, VSPLAT_SCENE_LOAD_OPTIONS_INIT, "options");
     auto scene = std::make_unique<vsplat_scene_impl>();
-    scene->scene = std::make_shared<const Scene>(read_ply(path, o.skip_bad ? &scene->skipped : nullptr));
+    scene->become(std::make_shared<const Scene>(read_ply(path, o.skip_bad ? &scene->skipped : nullptr)));
     *out_scene = scene.release();
   });
 }
@@ -133,8 +144,8 @@ vsplat_status vsplat_scene_load_memory(const void* bytes, size_t size, const vsp
     const vsplat_scene_load_options o = taken(options, VSPLAT_SCENE_LOAD_OPTIONS_INIT, "options");
     auto scene = std::make_unique<vsplat_scene_impl>();
     const std::span content(static_cast<const std::byte*>(bytes), size);
-    scene->scene =
-        std::make_shared<const Scene>(read_ply("the scene in memory", content, o.skip_bad ? &scene->skipped : nullptr));
+    scene->become(std::make_shared<const Scene>(
+        read_ply("the scene in memory", content, o.skip_bad ? &scene->skipped : nullptr)));
     *out_scene = scene.release();
   });
 }
@@ -177,7 +188,7 @@ vsplat_status vsplat_scene_create(const vsplat_scene_info* info, const vsplat_ga
     }
     empty.detail = detail_of(i);
     auto scene = std::make_unique<vsplat_scene_impl>();
-    scene->scene = with_values(empty, a);
+    scene->become(with_values(empty, a));
     *out_scene = scene.release();
   });
 }
@@ -186,7 +197,7 @@ vsplat_status vsplat_scene_update(vsplat_scene scene, const vsplat_gaussians* ar
   return guarded([&] {
     need(scene, "scene");
     need(arrays, "arrays");
-    scene->scene = with_values(*scene->scene, taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays"));
+    scene->become(with_values(*scene->now(), taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays")));
   });
 }
 
@@ -194,7 +205,15 @@ vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path) {
   return guarded([&] {
     need(scene, "scene");
     need(path, "path");
-    write_ply(path, *scene->scene);
+    write_ply(path, *scene->now());
+  });
+}
+
+vsplat_status vsplat_scene_save_memory(vsplat_scene scene, char** out_bytes, size_t* out_size) {
+  return guarded([&] {
+    need(scene, "scene");
+    const std::shared_ptr<const Scene> now = scene->now();
+    give_bytes([&](const std::string& name) { write_ply(name, *now); }, "the scene", out_bytes, out_size);
   });
 }
 
@@ -204,7 +223,8 @@ void vsplat_scene_release(vsplat_scene scene) { release(scene); }
 vsplat_status vsplat_scene_get_info(vsplat_scene scene, vsplat_scene_info* out_info) {
   return guarded([&] {
     need(scene, "scene");
-    const Scene& s = *scene->scene;
+    const std::shared_ptr<const Scene> now = scene->now();
+    const Scene& s = *now;
     vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
     info.count = s.gaussians.count;
     info.sh_degree = s.gaussians.sh_degree;
@@ -228,9 +248,13 @@ vsplat_status vsplat_scene_get_gaussians(vsplat_scene scene, const vsplat_gaussi
     need(scene, "scene");
     need(arrays, "arrays");
     const vsplat_gaussians a = taken(arrays, VSPLAT_GAUSSIANS_INIT, "arrays");
-    const Gaussians& g = scene->scene->gaussians;
+    const std::shared_ptr<const Scene> now = scene->now();
+    const Gaussians& g = now->gaussians;
     if (a.capacity < g.count)
       fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, g.count);
+    Outputs outputs;
+    add_to(outputs, a, g.count, g.sh_degree, "arrays");
+    outputs.refuse_shared();
     copy_out(g, a);
   });
 }

@@ -17,6 +17,7 @@ std::vector<vsplat_device> vsplat::api::sharing_devices(const vsplat_device* dev
   std::vector<vsplat_device> out(devices, devices + count);
   for (std::size_t i = 0; i < count; ++i) {
     if (!out[i]) fail(Status::usage, "{}[{}] is null", what, i);
+    Holding::hold(out[i]);
     for (std::size_t j = 0; j < i; ++j)
       if (out[i] == out[j])
         fail(Status::usage, "{0}[{1}] and {0}[{2}] are the same handle: a stream (vsplat_stream_create) is another",

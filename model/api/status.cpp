@@ -7,6 +7,7 @@
 #include "runtime/file_rules.h"
 #include "runtime/host_memory.h"
 #include "runtime/log.h"
+#include "runtime/output_file.h"
 
 namespace vsplat::api {
 namespace {
@@ -16,8 +17,25 @@ struct LastError {
   char text[4096] = "";
 };
 thread_local LastError last_error;
+thread_local Holding* innermost_call = nullptr;
 
 }  // namespace
+
+Holding*& Holding::innermost() noexcept { return innermost_call; }
+
+void check_count(std::size_t count, std::size_t bytes, const char* what) {
+  constexpr std::size_t most = PTRDIFF_MAX;
+  if (count > most / bytes) fail(Status::usage, "the count of {} is {}: no memory holds so many", what, count);
+}
+
+void check_struct_size(std::size_t size, std::size_t known, std::span<const FieldBytes> longer, const char* what) {
+  constexpr std::size_t word = sizeof(std::size_t);
+  if (size < 2 * word) fail(Status::usage, "{}.size is {}: start from the struct's _INIT macro", what, size);
+  bool cut = size % word != 0;
+  for (const FieldBytes& field : longer) cut = cut || (size < known && field.begin < size && size < field.end);
+  if (cut)
+    fail(Status::usage, "{}.size is {}, which ends within a field: start from the struct's _INIT macro", what, size);
+}
 
 void set_last_error(const char* text) noexcept {
   std::strncpy(last_error.text, text, sizeof last_error.text - 1);
@@ -36,6 +54,16 @@ char* new_text(const std::string& text) {
   if (!out) throw std::bad_alloc();
   std::memcpy(out, text.c_str(), text.size() + 1);
   return out;
+}
+
+void give_bytes(const std::function<void(const std::string& name)>& write, const char* name, char** out_bytes,
+                std::size_t* out_size) {
+  need(out_bytes, "out_bytes");
+  need(out_size, "out_size");
+  const OutputToMemory memory;
+  write(name);
+  *out_bytes = new_text(memory.bytes());
+  *out_size = memory.bytes().size();
 }
 
 }  // namespace vsplat::api

@@ -17,6 +17,7 @@ OK = 0
 EDGE = 16  # pixels of the views
 ROOM = 1 << 14  # floats of every array
 GAUSSIANS = 3
+EDITS = ("scene_append", "scene_transform", "scene_remove", "scene_crop")
 
 
 class Api:
@@ -128,6 +129,21 @@ class Handles:
     def vsplat_scene(self):
         return self.api.made("vsplat_reconstruct", self.part("vsplat_device"), self.part("vsplat_model"), self.part("vsplat_input"),
                              c.byref(self.reconstruction()))
+
+    def made_of_values(self):
+        """A scene, anew."""
+        info = self.api.struct("vsplat_scene_info", count=GAUSSIANS)
+        return self.api.made("vsplat_scene_create", c.byref(info), c.byref(gaussians(self.api, GAUSSIANS)))
+
+    def buffer(self, name):
+        """A cl_mem of its own for each name."""
+        if name not in self.all:
+            theirs = self.api.struct("vsplat_opencl_handles")
+            self.api.call("vsplat_opencl_get_handles", self["vsplat_device"], c.byref(theirs))
+            create = c.CDLL("libOpenCL.so.1").clCreateBuffer
+            create.restype, create.argtypes = c.c_void_p, [c.c_void_p, c.c_uint64, c.c_size_t, c.c_void_p, c.c_void_p]
+            self.all[name] = create(theirs.context, 1, 4 * ROOM, None, None)  # CL_MEM_READ_WRITE
+        return self.all[name]
 
     def surfels(self):
         """A scene of them."""
@@ -253,6 +269,8 @@ class Values:
             if name == "vsplat_scene_surfels_to_gaussians":
                 self.handles.all["surfels"] = self.handles.all.get("surfels") or self.handles.surfels()
                 return self.handles["surfels"]
+            if short in EDITS and p.name == "scene":  # changed by it
+                return self.handles.made_of_values()
             if p.base == "vsplat_animation":  # done when it is saved
                 return self.handles.make(p.base)
             if name == "vsplat_device_profile_get":
@@ -274,8 +292,14 @@ class Values:
             return self.function(p)
         if p.base == "float" and (p.stars or p.lengths) and p.const:
             return floats()
-        if p.base == "double" and p.stars and p.const:
-            return (c.c_double * 3)(*{"eye": (0, 0, -2), "target": (0, 0, 0), "up": (0, 1, 0)}[p.name])
+        if p.base == "double" and (p.stars or p.lengths) and p.const:
+            known = {"eye": (0, 0, -2), "target": (0, 0, 0), "up": (0, 1, 0), "low": (-1, -1, -1), "high": (1, 1, 1),
+                     "transform": (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)}[p.name]
+            return (c.c_double * len(known))(*known)
+        if p.name == "removed":
+            return (c.c_uint8 * GAUSSIANS)(1)
+        if short == "scene_remove" and p.name == "count":
+            return GAUSSIANS
         if p.base == "cl_event" and p.const:
             return (c.c_void_p * 1)(self.event())
         if short in ("model_load_memory", "scene_load_memory"):
@@ -337,7 +361,8 @@ class Values:
         """One of a drawing that is done or will be."""
         if "event" not in self.handles.all:
             self.handles.all["event"] = self.api.made("vsplat_opencl_render", self.handles["vsplat_device"], self.handles["vsplat_scene"],
-                                                      c.byref(camera(self.api)), None, c.byref(self.api.struct("vsplat_opencl_picture")), 0, None)
+                                                      c.byref(camera(self.api)), None,
+                                                      c.byref(self.api.struct("vsplat_opencl_picture", alpha=self.handles.buffer("alpha"))), 0, None)
         return self.handles.all["event"]
 
     def struct(self, function, p):
@@ -379,7 +404,11 @@ class Values:
             return api.struct(p.base, seconds=0.01)
         if p.base == "vsplat_train_options":
             return api.struct(p.base, data=texts(self.files.set), num_data=1, output=str(self.files.output()).encode())
-        if p.name in ("options", "job_options", "rules") or p.base in ("vsplat_opencl_picture", "vsplat_opencl_gaussians"):
+        if p.base == "vsplat_opencl_picture":
+            return api.struct(p.base, alpha=handles.buffer("alpha"))
+        if p.base == "vsplat_opencl_gaussians" and p.name == "out":
+            return api.struct(p.base, means=handles.buffer("means"))
+        if p.name in ("options", "job_options", "rules") or p.base == "vsplat_opencl_gaussians":
             return api.struct(p.base)
         raise Unknown(f"{function}: tests/python/functions_fixtures.py does not know what to fill {p.base} {p.name} with")
 

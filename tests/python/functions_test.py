@@ -4,7 +4,7 @@ its handles were made from. The statuses are those that the headers document:
 
   - an argument that a function's comment says may be NULL may be, and so may `options`; any other is VSPLAT_ERROR_USAGE, with a sentence
     that names it;
-  - a struct's size of 0 or 1 is VSPLAT_ERROR_USAGE; a newer caller's larger struct works, and what is not the library's stays as it was;
+  - a struct's size of 0 or 1, or one that ends within a field, is VSPLAT_ERROR_USAGE; a newer caller's larger struct works, and what is not the library's stays as it was;
   - what ends with an error writes nothing through out_ pointers, no file, and launches no kernel;
   - what takes a device, or a handle made with one, ends with VSPLAT_ERROR_BUSY at once where another call has it.
 
@@ -77,6 +77,14 @@ def sized(p, headers):
     return p.stars == 1 and p.base in headers.structs and headers.structs[p.base]._fields_[0][0] == "size"
 
 
+def cuts(struct):
+    """Sizes that end within a field, one for each field: at a word's end where one lies in it, as an older library's size would."""
+    for name, *_ in struct._fields_[1:]:
+        field = getattr(struct, name)
+        word = (field.offset // 8 + 1) * 8
+        yield word if word < field.offset + field.size else field.offset + field.size // 2
+
+
 def trials(function, headers):
     """-> (trial, parameter or None, statuses), the same in both processes."""
     status = function.returns == "vsplat_status"
@@ -91,6 +99,7 @@ def trials(function, headers):
         out.append((f"{p.name} NULL", p, good if null[p.name] == (OK,) else null[p.name]))
         if sized(p, headers):
             out += [(f"{p.name} of size 0", p, (USAGE,)), (f"{p.name} of size 1", p, (USAGE,)), (f"{p.name} larger", p, good)]
+            out += [(f"{p.name} of size {cut}", p, (USAGE,)) for cut in cuts(headers.structs[p.base])]
     takes = any(p.base in TAKEN_BY and not p.name.startswith("out_") for p in function.parameters)
     if takes:
         for by in ("a job", "a thread", "this call"):
@@ -180,7 +189,7 @@ class Worker:
             elif trial.endswith("larger"):
                 arguments[i], structs[i] = larger(arguments[i])
             else:
-                c.c_size_t.from_address(c.addressof(arguments[i])).value = int(trial[-1])
+                c.c_size_t.from_address(c.addressof(arguments[i])).value = int(trial.split()[-1])
         if trial == "after a cancel":
             self.api.call("vsplat_device_cancel", values.handles["vsplat_device"])
         self.one(function, trial, arguments, folders, statuses, structs, values)
@@ -212,7 +221,7 @@ class Worker:
         if status not in statuses:
             problems.append(f"{self.api.status(status)}{': ' + sentence if status else ''}; expected {' or '.join(map(self.api.status, statuses))}")
         elif status:
-            about = re.sub(r" (NULL|of size \d)$", "", trial)
+            about = re.sub(r" (NULL|of size \d+)$", "", trial)
             if not sentence:
                 problems.append("vsplat_last_error() is empty")
             elif trial.endswith("NULL") and status != CANCELLED and about not in sentence:

@@ -243,7 +243,8 @@ static void refuses_bad_gradients(vsplat_device device) {
   EXPECT(VSPLAT_ERROR_INPUT, vsplat_render_backward(device, scene, &camera, NULL, &gradient, &arrays, pose));
   HOLD(strstr(vsplat_last_error(), "gradient.alpha") && strstr(vsplat_last_error(), "index 5"));
   weights[3 * pixels + 5] = 0;
-  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, NULL, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, &camera, NULL, &gradient, NULL, NULL));
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, &camera, NULL, &gradient, NULL, pose));
   vsplat_scene_release(scene);
 }
 

@@ -246,6 +246,79 @@ static void test_pictures_out(vsplat_device device, vsplat_scene scene) {
   HOLD(strstr(vsplat_last_error(), "picture.row_bytes is 191") != NULL);
   other.row_bytes = 0, other.type = (vsplat_pixel_type)9;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+  other.type = VSPLAT_PIXELS_F32;
+  /* Rows of which no memory holds so many. */
+  for (i = 0; i < 6; ++i) {
+    const size_t apart[] = {SIZE_MAX,
+                            SIZE_MAX / 2,
+                            SIZE_MAX / 2 - 4095,
+                            SIZE_MAX / EDGE,
+                            SIZE_MAX / 2 / (EDGE - 1) + 1,
+                            SIZE_MAX / 2 / (EDGE - 1)};
+    other.row_bytes = apart[i];
+    EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+    HOLD(strstr(vsplat_last_error(), "picture.row_bytes is ") != NULL);
+    EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, &camera, 1, &options, &other));
+  }
+  /* As many bytes as the caller says. */
+  other.row_bytes = EDGE * 12 + 4, other.data_bytes = (EDGE - 1) * (EDGE * 12 + 4) + EDGE * 12 - 1, other.capacity = 0;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other));
+  HOLD(strstr(vsplat_last_error(), "picture.data_bytes is 3131") != NULL);
+  ++other.data_bytes;
+  EXPECT(VSPLAT_OK, vsplat_render(device, scene, &camera, &options, &other));
+  other.data_bytes = 0;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &camera, &options, &other)); /* nobody has told a size */
+}
+
+/* Each output has memory of its own, and there is at least one. */
+static void test_outputs(vsplat_device device, vsplat_scene scene) {
+  static float all[8 * PIXELS];
+  vsplat_camera cameras[2] = {VSPLAT_CAMERA_INIT, VSPLAT_CAMERA_INIT};
+  vsplat_picture pictures[2] = {VSPLAT_PICTURE_INIT, VSPLAT_PICTURE_INIT};
+  vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT, none = VSPLAT_GAUSSIANS_INIT;
+  vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
+  double pose[6];
+  int i;
+  for (i = 0; i < 2; ++i) {
+    cameras[i].width = cameras[i].height = EDGE;
+    cameras[i].fx = cameras[i].fy = EDGE;
+    cameras[i].w2c[11] = 2;
+    pictures[i].capacity = PIXELS;
+  }
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, cameras, NULL, pictures));
+  HOLD(strstr(vsplat_last_error(), "there is nothing to draw into") != NULL);
+  pictures[0].colour = all, pictures[0].depth = all + 3 * PIXELS - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, cameras, NULL, pictures));
+  HOLD(strstr(vsplat_last_error(), "picture.colour and picture.depth share memory") != NULL);
+  pictures[0].depth = NULL;
+  EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras, 2, NULL, pictures)); /* the second is not wanted */
+  pictures[0].ids = (int32_t*)all;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_views(device, scene, cameras, 2, NULL, pictures));
+  pictures[0].ids = NULL, pictures[1].alpha = all + 3 * PIXELS;
+  EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras, 2, NULL, pictures));
+  pictures[0].colour = pictures[1].alpha = NULL;
+  /* Side by side in one frame, whose rows they take turns in; and a plane in the gaps between the rows. */
+  for (i = 0; i < 2; ++i) {
+    pictures[i].data = (unsigned char*)all + i * EDGE * 3;
+    pictures[i].type = VSPLAT_PIXELS_U8, pictures[i].row_bytes = 2 * EDGE * 3;
+    pictures[i].data_bytes = sizeof all - EDGE * 3;
+  }
+  EXPECT(VSPLAT_OK, vsplat_render_views(device, scene, cameras, 2, NULL, pictures));
+  pictures[0].alpha = all + 1; /* within the rows of `data` */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, cameras, NULL, pictures));
+  HOLD(strstr(vsplat_last_error(), "share memory") != NULL);
+  pictures[0].alpha = NULL;
+  memset(all, 0, sizeof all);
+  EXPECT(VSPLAT_OK, vsplat_scene_get_info(scene, &info));
+  HOLD(info.count * 4 <= 8 * PIXELS);
+  arrays.capacity = none.capacity = info.count, arrays.means = all, arrays.rotations = all + 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_scene_get_gaussians(scene, &arrays));
+  HOLD(strstr(vsplat_last_error(), "arrays.means and arrays.rotations share memory") != NULL);
+  pictures[0].colour = all;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, cameras, NULL, pictures, &arrays, pose));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, cameras, NULL, pictures, &none, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_render_backward(device, scene, cameras, NULL, pictures, NULL, NULL));
+  EXPECT(VSPLAT_OK, vsplat_render_backward(device, scene, cameras, NULL, pictures, &none, pose));
 }
 
 static void test_refusals(vsplat_device device, vsplat_scene scene) {
@@ -261,8 +334,15 @@ static void test_refusals(vsplat_device device, vsplat_scene scene) {
   view.pixels = NULL, view.row_bytes = EDGE * 12 - 1;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(&view, 1, &views));
   HOLD(strstr(vsplat_last_error(), "views[0].row_bytes is 191") != NULL);
-  view.row_bytes = 0, view.type = (vsplat_pixel_type)9;
+  view.row_bytes = SIZE_MAX / 2;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(&view, 1, &views));
+  HOLD(strstr(vsplat_last_error(), "views[0].row_bytes is ") != NULL);
+  view.row_bytes = 0, view.data_bytes = PIXELS * 12 - 1;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(&view, 1, &views));
+  HOLD(strstr(vsplat_last_error(), "views[0].data_bytes is 3071") != NULL);
+  view.data_bytes = 0, view.type = (vsplat_pixel_type)9;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(&view, 1, &views));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(&view, SIZE_MAX / 16, &views));
   view.type = VSPLAT_PIXELS_F32, view.premultiplied = 1;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_views_create(&view, 1, &views)); /* no alpha */
   view.premultiplied = 0, view.camera.lens = (vsplat_lens)5;
@@ -276,6 +356,51 @@ static void test_refusals(vsplat_device device, vsplat_scene scene) {
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_render(device, scene, &view.camera, NULL, &picture)); /* drawn as pinholes */
   HOLD(strstr(vsplat_last_error(), "pinhole") != NULL);
   HOLD(views == NULL);
+}
+
+/* What a file would hold. */
+static int is_file(const char* name, const char* bytes, size_t size) {
+  size_t there = 0;
+  unsigned char* file = bytes_of(in_folder(name), &there);
+  const int out = there > 0 && there == size && memcmp(file, bytes, size) == 0;
+  free(file);
+  return out;
+}
+
+static void test_files_to_memory(vsplat_model model, vsplat_scene scene) {
+  static float colour[3 * PIXELS], alpha[PIXELS], depth[PIXELS];
+  vsplat_picture picture = VSPLAT_PICTURE_INIT;
+  char *bytes = NULL, *other = NULL;
+  size_t size = 0;
+  int i;
+  EXPECT(VSPLAT_OK, vsplat_scene_save(scene, in_folder("one.ply")));
+  EXPECT(VSPLAT_OK, vsplat_scene_save_memory(scene, &bytes, &size));
+  HOLD(is_file("one.ply", bytes, size));
+  vsplat_text_free(bytes);
+  for (i = VSPLAT_DTYPE_F32; i <= VSPLAT_DTYPE_F16; ++i) {
+    EXPECT(VSPLAT_OK, vsplat_model_save_as(model, in_folder("one.safetensors"), (vsplat_dtype)i));
+    EXPECT(VSPLAT_OK, vsplat_model_save_memory(model, (vsplat_dtype)i, &bytes, &size));
+    HOLD(is_file("one.safetensors", bytes, size));
+    vsplat_text_free(bytes);
+  }
+  for (i = 0; i < PIXELS; ++i) {
+    alpha[i] = (float)(i % 7) / 6, depth[i] = 2 * alpha[i];
+    colour[3 * i] = alpha[i] * 0.5f, colour[3 * i + 1] = 0, colour[3 * i + 2] = alpha[i];
+  }
+  picture.capacity = PIXELS, picture.colour = colour, picture.alpha = alpha, picture.depth = depth;
+  for (i = VSPLAT_PICTURE_PNG; i <= VSPLAT_PICTURE_PNG_ALPHA; ++i) {
+    const vsplat_picture_format format = (vsplat_picture_format)i;
+    EXPECT(VSPLAT_OK, vsplat_picture_save(&picture, EDGE, EDGE, format, in_folder("one.picture")));
+    EXPECT(VSPLAT_OK, vsplat_picture_save_memory(&picture, EDGE, EDGE, format, &bytes, &size));
+    HOLD(is_file("one.picture", bytes, size));
+    vsplat_text_free(bytes);
+  }
+  bytes = NULL;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_picture_save_memory(&picture, EDGE, EDGE, (vsplat_picture_format)9, &other, &size));
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_model_save_memory(model, (vsplat_dtype)9, &other, &size));
+  HOLD(other == NULL);
+  EXPECT(VSPLAT_OK, vsplat_scene_save(scene, in_folder("two.ply"))); /* files are files again */
+  HOLD(access(in_folder("two.ply"), F_OK) == 0);
 }
 
 static vsplat_scene test_files_in_memory(vsplat_device device, vsplat_model model) {
@@ -328,7 +453,9 @@ int main(void) {
   test_pixels(model);
   test_lenses(model);
   scene = test_files_in_memory(device, model);
+  test_files_to_memory(model, scene);
   test_pictures_out(device, scene);
+  test_outputs(device, scene);
   test_refusals(device, scene);
   vsplat_scene_release(scene);
   vsplat_model_release(model);

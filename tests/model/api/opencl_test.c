@@ -318,7 +318,77 @@ static void refuses(program p, program other, vsplat_device device, vsplat_scene
   picture.colour = NULL;
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, NULL, NULL));
   EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, &no_event, NULL));
-  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL)); /* nothing wanted */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  HOLD(strstr(vsplat_last_error(), "nothing to draw into") != NULL);
+}
+
+/* One buffer, or two parts of one that overlap, for two outputs; or for what is read and what is written. */
+static void refuses_shared(program p, vsplat_device device, vsplat_scene scene) {
+  const vsplat_camera camera = make_camera();
+  vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
+  vsplat_opencl_gaussians out = VSPLAT_OPENCL_GAUSSIANS_INIT;
+  cl_mem whole = buffer_of(p, 4096 + values, NULL), alone = buffer_of(p, values, NULL);
+  cl_buffer_region region = {4096, values * sizeof(float)};
+  cl_int error = CL_SUCCESS;
+  cl_mem part = clCreateSubBuffer(whole, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &error);
+  HOLD(error == CL_SUCCESS);
+  picture.alpha = picture.depth = alone;
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  HOLD(strstr(vsplat_last_error(), "picture.alpha and picture.depth share memory") != NULL);
+  picture.alpha = whole, picture.depth = part; /* 8320 bytes, and from 4096 on */
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  picture.alpha = alone;
+  EXPECT(VSPLAT_OK, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 0, NULL, NULL));
+  EXPECT(VSPLAT_ERROR_USAGE,
+         vsplat_opencl_render_backward(device, scene, &camera, NULL, &picture, &out, 0, NULL, NULL));
+  out.means = out.scales = whole;
+  EXPECT(VSPLAT_ERROR_USAGE,
+         vsplat_opencl_render_backward(device, scene, &camera, NULL, &picture, &out, 0, NULL, NULL));
+  out.means = NULL, out.scales = alone;
+  EXPECT(VSPLAT_ERROR_USAGE,
+         vsplat_opencl_render_backward(device, scene, &camera, NULL, &picture, &out, 0, NULL, NULL));
+  HOLD(strstr(vsplat_last_error(), "gradient.alpha and out.scales share memory") != NULL);
+  out.scales = whole; /* 720 bytes before the part */
+  EXPECT(VSPLAT_OK, vsplat_opencl_render_backward(device, scene, &camera, NULL, &picture, &out, 0, NULL, NULL));
+  clReleaseMemObject(part);
+  clReleaseMemObject(whole);
+  clReleaseMemObject(alone);
+}
+
+static void* fails(void* user) {
+  usleep(100000);
+  clSetUserEventStatus(*(cl_event*)user, CL_OUT_OF_RESOURCES);
+  return NULL;
+}
+
+/* Events that have failed, or fail while they are waited for, and one of another context. The device is as before. */
+static void refuses_failed_events(program p, program other, vsplat_device device, vsplat_scene scene) {
+  static pictures before, after;
+  const vsplat_camera camera = make_camera();
+  vsplat_opencl_picture picture = VSPLAT_OPENCL_PICTURE_INIT;
+  cl_int error = CL_SUCCESS;
+  cl_event failed = clCreateUserEvent(p.context, &error), failing, foreign, done = NULL;
+  pthread_t id;
+  picture.alpha = buffer_of(p, pixels, NULL);
+  draw_to_host(device, scene, &before);
+  HOLD(clSetUserEventStatus(failed, CL_OUT_OF_RESOURCES) == CL_SUCCESS);
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, &failed, &done));
+  HOLD(strstr(vsplat_last_error(), "events[0] has failed with CL_OUT_OF_RESOURCES") != NULL);
+  failing = clCreateUserEvent(p.context, &error);
+  HOLD(pthread_create(&id, NULL, fails, &failing) == 0);
+  EXPECT(VSPLAT_ERROR_DEVICE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, &failing, &done));
+  HOLD(pthread_join(id, NULL) == 0);
+  foreign = clCreateUserEvent(other.context, &error);
+  EXPECT(VSPLAT_ERROR_USAGE, vsplat_opencl_render(device, scene, &camera, NULL, &picture, 1, &foreign, &done));
+  HOLD(strstr(vsplat_last_error(), "another cl_context") != NULL);
+  HOLD(done == NULL);
+  draw_to_host(device, scene, &after);
+  HOLD(memcmp(&before, &after, sizeof before) == 0);
+  clSetUserEventStatus(foreign, CL_COMPLETE);
+  clReleaseEvent(failed);
+  clReleaseEvent(failing);
+  clReleaseEvent(foreign);
+  clReleaseMemObject(picture.alpha);
 }
 
 int main(void) {
@@ -327,6 +397,8 @@ int main(void) {
   vsplat_scene scene = make_scene();
   draws_into_buffers(p, device, scene);
   draws_into_buffers(p, own_queue, scene);
+  refuses_shared(p, device, scene);
+  refuses_failed_events(p, other, device, scene);
   copies_no_picture(p, device, scene);
   waits_for_events(p, device, scene);
   differentiates_in_buffers(p, device, scene);

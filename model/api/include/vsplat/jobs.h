@@ -2,8 +2,8 @@
 
    A device runs its jobs one after the other, in the order in which they were begun, on a thread of its own;
    streams of a device run theirs at the same time. While a device has jobs, other calls that take it end with
-   VSPLAT_ERROR_BUSY. A job keeps alive what it uses. Whoever begins one releases it, at any time; a program waits
-   for its jobs before it exits. */
+   VSPLAT_ERROR_BUSY. A job keeps alive what it uses. Whoever begins one releases it, at any time. Jobs that have not ended when main()
+   returns or exit() is called are cancelled, and the process waits until they have ended. */
 #ifndef VSPLAT_JOBS_H
 #define VSPLAT_JOBS_H
 

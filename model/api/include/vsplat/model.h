@@ -86,6 +86,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save(vsplat_model model, 
    beyond its range (65504). */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save_as(vsplat_model model, const char* path,
                                                                vsplat_dtype dtype);
+/* The bytes of that file, `*out_size` of them; the caller's, to be freed by vsplat_text_free. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_save_memory(vsplat_model model, vsplat_dtype dtype,
+                                                                   char** out_bytes, size_t* out_size);
 /* The same model with another number of views that vsplat_input_prepare picks by default (vsplat_model_info.use_views),
    1 to max_views: for its makers, who have measured what is best. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_with_use_views(vsplat_model model, int32_t use_views,

@@ -4,9 +4,9 @@
    Buffers hold floats, laid out as the arrays of vsplat_picture and vsplat_gaussians are. They belong to the
    context of the device, else the call ends with VSPLAT_ERROR_USAGE and names the buffer; one that is written may
    not be CL_MEM_READ_ONLY. Their sizes are checked; what is in them is the caller's to answer for. Images and
-   what is shared with OpenGL go through clEnqueueCopyBufferToImage. Where a call takes events, everything that it
-   enqueues waits for them, and so does the host where it has to know how much it sees: an event that the same
-   thread completes later would not end. */
+   what is shared with OpenGL go through clEnqueueCopyBufferToImage. Where a call takes events, the host waits for
+   them before it enqueues anything: an event that the same thread completes later would not end. Where one has
+   failed, or fails meanwhile, the call ends with VSPLAT_ERROR_DEVICE and enqueues nothing. */
 #ifndef VSPLAT_OPENCL_H
 #define VSPLAT_OPENCL_H
 
@@ -43,15 +43,21 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_opencl_open(const vsplat_opencl
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_opencl_get_handles(vsplat_device device,
                                                                     vsplat_opencl_handles* out_handles);
 
-/* Buffers that a picture is drawn into; any of them NULL where not wanted. */
+/* Buffers that a picture is drawn into; any of them NULL where not wanted. vsplat_opencl_render needs at least one. No
+   two may be the same, or parts of one that overlap: else VSPLAT_ERROR_USAGE. */
 typedef struct vsplat_opencl_picture {
   size_t size;
   cl_mem colour; /* [height][width][3] */
   cl_mem alpha;  /* [height][width] */
   cl_mem depth;  /* [height][width] */
+  /* Bytes, without the background, as vsplat_picture.data has them with 8 bits and 4 channels: a buffer of
+     [height][width][4], or an image of that size, CL_RGBA with CL_UNORM_INT8 or CL_UNSIGNED_INT8. The host makes them of
+     the floats, and waits for these. Of vsplat_opencl_render alone */
+  cl_mem rgba;
+  int32_t premultiplied; /* of rgba: 1: colour is multiplied by alpha; 0: alpha is straight */
 } vsplat_opencl_picture;
 #define VSPLAT_OPENCL_PICTURE_INIT \
-  { sizeof(vsplat_opencl_picture), NULL, NULL, NULL }
+  { sizeof(vsplat_opencl_picture), NULL, NULL, NULL, NULL, 0 }
 
 /* vsplat_render into buffers: the same bits, with no copy of the picture. Returns when all is enqueued: the
    picture is there when `*out_event` is complete, which the caller releases, or where `out_event` is NULL, when
@@ -75,7 +81,8 @@ typedef struct vsplat_opencl_gaussians {
   { sizeof(vsplat_opencl_gaussians), NULL, NULL, NULL, NULL, NULL }
 
 /* vsplat_render_backward from buffers into buffers: those of `gradient` that are NULL count as zeros, those of
-   `out` that are NULL are not wanted; what is written replaces what was there. Returns, and has an event or,
+   `out` that are NULL are not wanted, one at least is; what is written replaces what was there, and may share no
+   memory with another, nor with `gradient`. Returns, and has an event or,
    `out_event` NULL, none, as vsplat_opencl_render. VSPLAT_ERROR_MEMORY where the scene does not lie on the device
    whole. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_opencl_render_backward(

@@ -55,7 +55,8 @@ typedef struct vsplat_render_options {
 #define VSPLAT_RENDER_OPTIONS_INIT \
   { sizeof(vsplat_render_options), {1, 1, 1}, 0.0, NULL, NULL, 0, 0 }
 
-/* Arrays of the caller, any of them NULL where not wanted. */
+/* Arrays of the caller, any of them NULL where not wanted. A call that draws needs at least one. No two of one picture
+   may share memory: else VSPLAT_ERROR_USAGE. */
 typedef struct vsplat_picture {
   size_t size;
   uint64_t capacity; /* pixels that fit into every array */
@@ -69,9 +70,19 @@ typedef struct vsplat_picture {
   int32_t channels;       /* 3: RGB over the background; 4: RGBA, without the background */
   size_t row_bytes;       /* from a row of `data` to the next; 0: they lie without gaps */
   int32_t premultiplied;  /* 1: colour is multiplied by alpha; 0: alpha is straight */
+  size_t data_bytes;      /* how many `data` has: VSPLAT_ERROR_USAGE where its rows need more. 0: not told; `capacity`
+                             is then asked for `data`, too */
+  /* Where surfaces are, with one sample a pixel whatever the supersampling. Of volumes the host finds `median` and
+     `ids`, and draws `normal` from a copy of the scene: dearer than the rest. */
+  float* expected; /* [height][width] depth / alpha, which is the depth on average; 0 where alpha is 0 */
+  float* median; /* [height][width] camera z of the last Gaussian that met a transmittance over 0.5; 0 where none did */
+  float* normal; /* [height][width][3] sum of weight x normal, in the camera's axes and towards it; a Gaussian's normal
+                      is its shortest axis */
+  int32_t* ids;  /* [height][width] the nearest Gaussian whose alpha is 1/255 or more, as an index into the scene's; -1
+                      where there is none. Volumes alone: VSPLAT_ERROR_USAGE for surfels */
 } vsplat_picture;
 #define VSPLAT_PICTURE_INIT \
-  { sizeof(vsplat_picture), 0, NULL, NULL, NULL, NULL, VSPLAT_PIXELS_F32, 3, 0, 0 }
+  { sizeof(vsplat_picture), 0, NULL, NULL, NULL, NULL, VSPLAT_PIXELS_F32, 3, 0, 0, 0, NULL, NULL, NULL, NULL }
 
 /* Draws the scene from a camera, as the original 3D Gaussian splatting rasteriser defines it. `options` NULL: defaults.
    The scene's Gaussians stay on the device until scene or device go. */
@@ -90,13 +101,24 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_views(vsplat_device devi
 /* Derivatives of a loss on that picture. `gradient` holds those by the picture's values, shaped as vsplat_render gives
    them; arrays that are NULL count as zeros. `arrays` takes those by the scene's Gaussians, shaped as
    vsplat_scene_get_gaussians gives them: by the scales themselves, by rotations as they are, of whatever length, and by
-   opacities, not by a logarithm or a logit; NULL, or arrays of it that are NULL, where not wanted. `out_pose`, where it
-   is not NULL, takes six: by (omega, tau) at 0, where the camera's pose is exp([omega, tau]) times w2c: a turn about
-   the camera's axes, in radians, and a shift along them, in world units. They are the true derivatives, with the order
-   of the Gaussians and what is left out of the picture held as they are: alpha does not change where it is limited to
-   0.99, nor colour where it is limited to 0. The same bits every time. The picture is drawn once more to begin with, one sample
-   a pixel.
-   What is written replaces what was there; sums over cameras are the caller's. */
+   opacities, not by a logarithm or a logit; NULL, or arrays of it that are NULL, where not wanted; one at least is, or
+   `out_pose`. `out_pose`, where it is not NULL, takes six: by (omega, tau) at 0, where the camera's pose is exp([omega, tau]) times w2c: a turn about
+   the camera's axes, in radians, and a shift along them, in world units. The same bits every time. The picture is drawn
+   once more to begin with, one sample a pixel. What is written replaces what was there; sums over cameras are the
+   caller's.
+
+   They are the derivatives of the picture as it is drawn, with its choices held as they are:
+   - which Gaussians a pixel shows, and in which order: one whose alpha there is under 1/255 shows nothing, and its
+     derivatives by that pixel are 0, however near to 1/255 it is;
+   - where a pixel's ray ends: before the Gaussian that would bring its transmittance under 1e-4;
+   - limits: alpha does not change where it is limited to 0.99, nor a colour where it is limited to 0;
+   - which Gaussians are left out altogether: those in front of the near plane.
+   At these places the picture itself jumps, by up to 1/255 of a Gaussian's colour in a pixel. A difference of two
+   pictures has those jumps in it, and the derivatives have not; so a difference over a large Gaussian, whose edge of
+   alpha 1/255 moves over many pixels when its mean, scale or rotation does, may be several percent off, whatever the
+   step. A test by finite differences holds where no jump is crossed: differences by opacities and colours, or a scene
+   whose Gaussians cover the whole picture with alpha well above 1/255 and well below 0.99, and whose pixels do not
+   end, with central differences of a step of about 1e-3. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_render_backward(vsplat_device device, vsplat_scene scene,
                                                                  const vsplat_camera* camera,
                                                                  const vsplat_render_options* options,
@@ -129,6 +151,10 @@ typedef enum vsplat_picture_format {
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save(const vsplat_picture* picture, int32_t width,
                                                               int32_t height, vsplat_picture_format format,
                                                               const char* path);
+/* The bytes of that file, `*out_size` of them; the caller's, to be freed by vsplat_text_free. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save_memory(const vsplat_picture* picture, int32_t width,
+                                                                     int32_t height, vsplat_picture_format format,
+                                                                     char** out_bytes, size_t* out_size);
 /* As JPEG of `quality` 1 to 100, with colours at full resolution. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_save_jpeg(const vsplat_picture* picture, int32_t width,
                                                                    int32_t height, int32_t quality, const char* path);

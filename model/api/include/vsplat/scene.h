@@ -79,12 +79,36 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_load_memory(const void* b
    finite; VSPLAT_ERROR_INPUT names the first that is not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_create(const vsplat_scene_info* info,
                                                               const vsplat_gaussians* arrays, vsplat_scene* out_scene);
-/* New values for the same Gaussians, checked and copied in the same way; arrays that are NULL stay as they were.
-   Nothing else may use the scene meanwhile. */
+/* New values for the same Gaussians, checked and copied in the same way; arrays that are NULL stay as they were. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_update(vsplat_scene scene, const vsplat_gaussians* arrays);
+
+/* Four changes of a scene in place, each made whole or not at all. A call that draws or saves the scene goes on with
+   what it was when that call began; one thread at a time changes it. `transform` [4][4], row by row, is a rotation times a
+   scale, and a shift, in the world. */
+
+/* Adds the Gaussians of `other`, which stays as it is. `transform` moves them; NULL: they are where they were. So
+   several scenes come into one picture: append each to an empty scene (vsplat_scene_create with a count of 0), and draw
+   that. The higher sh_degree and the nearer near plane are kept; up, offset and detail are those of `scene`, or of
+   `other` where `scene` is empty. VSPLAT_ERROR_INPUT where one has surfels and the other has not. Where only one of them
+   has a mirror, or they have different ones, none is left, and colours that depend on the direction are kept as seen
+   from far away. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_append(vsplat_scene scene, vsplat_scene other,
+                                                              const double transform[16]);
+/* Moves all of it, with its mirror, up and detail. The near plane is scaled, too. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_transform(vsplat_scene scene, const double transform[16]);
+/* Takes Gaussians away: those of which `removed` [count] is not 0. `count` is that of the scene. The others keep their
+   order. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_remove(vsplat_scene scene, const uint8_t* removed, size_t count);
+/* Keeps the Gaussians whose means lie in the box from `low` to `high`, in the world. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_crop(vsplat_scene scene, const double low[3],
+                                                            const double high[3]);
+
 /* Writes one, whole or not at all. An existing file is replaced. Where the scene has an offset, positions in the file
    are relative to it, and the file says so in a comment that vsplat_scene_load obeys and other programs do not. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
+/* The bytes of that file, `*out_size` of them; the caller's, to be freed by vsplat_text_free. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_memory(vsplat_scene scene, char** out_bytes,
+                                                                   size_t* out_size);
 /* A scene of surfels, which are flat, as one of Gaussians for programs that know no surfels: each gets a third
    deviation, across its plane, of `thickness` times the smaller of its two (above 0, at most 1). VSPLAT_ERROR_USAGE
    where the scene is not one of surfels. */

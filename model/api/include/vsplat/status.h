@@ -56,7 +56,7 @@ typedef enum vsplat_log_level {
 typedef void (*vsplat_log_function)(void* user, vsplat_log_level level, const char* text);
 
 /* Where messages go, for the whole process; NULL, as at the start, silences them. The function may be called from any
-   thread that uses the library, one at a time, and may not call the library. */
+   thread that uses the library, one at a time. It may call the library; messages of those calls are dropped. */
 VSPLAT_API void vsplat_log_set(vsplat_log_function function, void* user);
 
 /* What a program says about the files that the library writes and reads. Each is written under another name and put in
@@ -75,7 +75,8 @@ typedef struct vsplat_file_rules {
 #define VSPLAT_FILE_RULES_INIT \
   { sizeof(vsplat_file_rules), NULL, NULL, NULL, 0 }
 
-/* For the whole process; `rules` NULL: the defaults. The functions are called as vsplat_log_set's is. */
+/* For the whole process; `rules` NULL: the defaults. The functions may be called from any thread that uses the library,
+   one at a time, and may call it: where they write a file that is there, they are asked about that one, too. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_file_rules_set(const vsplat_file_rules* rules);
 
 /* How much of the host's memory may be used, for the whole process: bytes; 0, as at the start: three quarters of what

@@ -90,9 +90,10 @@ typedef struct vsplat_view {
   const void* data;       /* [height] rows of [width][channels] values; copied. NULL where `pixels` holds them */
   size_t row_bytes;       /* from a row of `data` to the next; 0: they lie without gaps */
   int32_t premultiplied;  /* 1: colour has been multiplied by alpha; 0: alpha is straight */
+  size_t data_bytes;      /* how many `data` has: VSPLAT_ERROR_USAGE where its rows need more. 0: not told */
 } vsplat_view;
 #define VSPLAT_VIEW_INIT \
-  { sizeof(vsplat_view), VSPLAT_CAMERA_INIT, NULL, 3, VSPLAT_PIXELS_F32, NULL, 0, 0 }
+  { sizeof(vsplat_view), VSPLAT_CAMERA_INIT, NULL, 3, VSPLAT_PIXELS_F32, NULL, 0, 0, 0 }
 
 /* Reads the list of views at `path`: a transforms.json, a cameras.json, a COLMAP model or a folder holding one.
    `pictures`: where a COLMAP model's pictures are, or NULL to look beside it. */

@@ -1,0 +1,101 @@
+#include "model/base/scene_edit.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "runtime/fail.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+namespace {
+
+// More functions, with zeros.
+void raise_degree(Gaussians& g, int degree) {
+  if (degree <= g.sh_degree) return;
+  const std::size_t before = 3 * g.sh_count();
+  g.sh_degree = degree;
+  const std::size_t each = 3 * g.sh_count();
+  std::vector<float> sh(each * g.count);
+  for (std::size_t k = 0; k < g.count; ++k) std::copy_n(&g.sh[before * k], before, &sh[each * k]);
+  g.sh = std::move(sh);
+}
+
+// From colours of the mirrored direction to colours of the direction: f(-d) has the odd bands' signs changed.
+void turn_about(Gaussians& g) {
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (const std::size_t degree : {1, 3})
+      for (std::size_t i = degree * degree; i < std::min((degree + 1) * (degree + 1), g.sh_count()); ++i)
+        for (std::size_t c = 0; c < 3; ++c) g.sh[3 * (k * g.sh_count() + i) + c] *= -1;
+}
+
+void drop_mirror(Scene& scene) {
+  if (!scene.mirror) return;
+  turn_about(scene.gaussians);
+  scene.mirror.reset();
+}
+
+// Bit for bit where it stays where it is.
+void move_to(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset) {
+  const bool stays = move.scale == 1 && move.rotation.isIdentity(0) && move.translation.isZero(0);
+  if (!stays || scene.offset != offset) transform(scene, move, offset);
+}
+
+void add(std::vector<float>& to, const std::vector<float>& from) { to.insert(to.end(), from.begin(), from.end()); }
+
+// What is left of `values`, `each` of a Gaussian.
+void keep_values(std::vector<float>& values, std::size_t each, const std::vector<std::size_t>& kept) {
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    std::copy_n(&values[each * kept[i]], each, &values[each * i]);  // kept[i] >= i
+  values.resize(each * kept.size());
+}
+
+}  // namespace
+
+void append(Scene& to, const Scene& other, const Similarity& move) {
+  Scene more = other;
+  if (to.gaussians.count == 0) {  // far from the world's origin it stays as exact as it is
+    move_to(more, move, other.offset.isZero(0) ? to.offset : move.apply(other.offset));
+    to = std::move(more);
+    return;
+  }
+  if (other.gaussians.count == 0) return;
+  if (to.gaussians.kind != other.gaussians.kind)
+    fail(Status::input,
+         "one scene has surfels and the other has volumes: vsplat_scene_surfels_to_gaussians makes volumes of surfels");
+  if (to.gaussians.count + other.gaussians.count > INT32_MAX)
+    fail(Status::usage, "{} and {} Gaussians are more than {}", to.gaussians.count, other.gaussians.count, INT32_MAX);
+  move_to(more, move, to.offset);
+  if (to.mirror != more.mirror) {
+    warn(
+        "scenes with different mirror points in one: colours that depend on the direction are those of the direction "
+        "from now on, and change where a Gaussian lies far from its scene's mirror point");
+    drop_mirror(to);
+    drop_mirror(more);
+  }
+  to.near = std::min(to.near, more.near);
+  const int degree = std::max(to.gaussians.sh_degree, more.gaussians.sh_degree);
+  raise_degree(to.gaussians, degree);
+  raise_degree(more.gaussians, degree);
+  Gaussians& g = to.gaussians;
+  g.count += more.gaussians.count;
+  add(g.means, more.gaussians.means);
+  add(g.scales, more.gaussians.scales);
+  add(g.quats, more.gaussians.quats);
+  add(g.opacities, more.gaussians.opacities);
+  add(g.sh, more.gaussians.sh);
+}
+
+void keep(Gaussians& g, const std::function<bool(std::size_t)>& keeps) {
+  std::vector<std::size_t> kept;
+  for (std::size_t k = 0; k < g.count; ++k)
+    if (keeps(k)) kept.push_back(k);
+  if (kept.size() == g.count) return;
+  keep_values(g.means, 3, kept);
+  keep_values(g.scales, static_cast<std::size_t>(scales_of(g.kind)), kept);
+  keep_values(g.quats, 4, kept);
+  keep_values(g.opacities, 1, kept);
+  keep_values(g.sh, 3 * g.sh_count(), kept);
+  g.count = kept.size();
+}
+
+}  // namespace vsplat
