@@ -382,11 +382,11 @@ void for_each_element(long k, long n, const Visit& visit) {
 PackedMatrix pack_matrix(Context& ctx, const float* w, long k, long n, long k_stride, long n_stride,
                          const std::string& what) {
   if (ctx.flavour() == Flavour::gpu) {
-    // As it lies here, for the device to turn: it is the quicker of the two.
+    // The device transposes faster than the host.
     const long count = k * n > 0 ? (k - 1) * k_stride + (n - 1) * n_stride + 1 : 0;
-    const Tensor lying = ctx.tensor({count}, Type::f32, what + ", unpacked");
-    if (count > 0) ctx.write(lying, w);
-    return pack_matrix(ctx, lying, k, n, k_stride, n_stride, what);
+    const Tensor as_stored = ctx.tensor({count}, Type::f32, what + ", unpacked");
+    if (count > 0) ctx.write(as_stored, w);
+    return pack_matrix(ctx, as_stored, k, n, k_stride, n_stride, what);
   }
   PackedMatrix out;
   out.k = k;

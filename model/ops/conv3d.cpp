@@ -45,20 +45,19 @@ ConvWeights pack(Context& ctx, const float* w, const float* bias, long cout, lon
   return out;
 }
 
-// Of cl/conv3d_winograd.cl, or of cl/conv3d_winograd_gpu.cl.
+// The shape of u in cl/conv3d_winograd.cl or cl/conv3d_winograd_gpu.cl.
 Shape winograd_shape(const Context& ctx, long cout, long cin) {
   if (ctx.flavour() == Flavour::gpu) return {kCoefficients, 3, cin, cout};
   return {div_up(cout, kTileCols), kCoefficients, cin, 3, kTileCols};
 }
 
-// G g G^T over x and y for all of w [Cout][Cin][3][3][3], as those read it.
+// G g G^T over x and y for all of w [Cout][Cin][3][3][3], as the cpu kernels read it.
 ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long cout, long cin,
                           const std::string& what) {
   constexpr double p = 0.75, q = 1.5, pp = p * p, qq = q * q;
   constexpr double at_p = 1 / (2 * pp * (pp - qq)), at_q = 1 / (2 * qq * (qq - pp));
   constexpr double g[6][3] = {{1 / (pp * qq), 0, 0},       {at_p, at_p * p, at_p * pp},  {at_p, -at_p * p, at_p * pp},
                               {at_q, at_q * q, at_q * qq}, {at_q, -at_q * q, at_q * qq}, {0, 0, 1}};
-  const bool gpu = ctx.flavour() == Flavour::gpu;
   ConvWeights out;
   out.cin = cin, out.cout = cout, out.winograd = true;
   out.w.k = kCoefficients * 3 * cin, out.w.n = cout;
@@ -79,10 +78,8 @@ ConvWeights pack_winograd(Context& ctx, const float* w, const float* bias, long 
           for (int j = 0; j < 6; ++j) {
             const double value = g[j][0] * half_way[i][0] + g[j][1] * half_way[i][1] + g[j][2] * half_way[i][2];
             const long k = i * 6 + j;
-            const long at =
-                gpu ? ((k * 3 + dz) * cin + c) * cout + n
-                    : ((n / kTileCols * kCoefficients + k) * cin * 3 + c0 * 3 + dz * width + c - c0) * kTileCols +
-                          n % kTileCols;
+            const long at = ((n / kTileCols * kCoefficients + k) * cin * 3 + c0 * 3 + dz * width + c - c0) * kTileCols +
+                            n % kTileCols;
             u[static_cast<std::size_t>(at)] = static_cast<float>(value);
           }
       }
@@ -357,12 +354,15 @@ void backward_weights_winograd(Context& ctx, const Conv3dBackwardWeights& g, con
 
 ConvWeights pack_conv3d(Context& ctx, const float* w, const float* bias, long cout, long cin, const std::string& what,
                         ConvMethod method) {
+  if (ctx.flavour() == Flavour::gpu) {
+    const Tensor as_stored = ctx.upload({cout, cin, 3, 3, 3}, w, Type::f32, what + ", unpacked");
+    ConvWeights out = pack_on_device(ctx, as_stored, false, what, method);
+    if (bias) out.bias = ctx.upload({cout}, bias, Type::f32, what + " bias");
+    return out;
+  }
   if (choose(ctx, method, cout, cin) == ConvMethod::winograd) return pack_winograd(ctx, w, bias, cout, cin, what);
-  // cpu: (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache; gpu: tap, channel.
-  const bool cpu = ctx.flavour() == Flavour::cpu;
-  const auto order = [&](long k) {
-    return cpu ? TapChannel{k / (3 * cin) * 3 + k % 3, k / 3 % cin} : TapChannel{k / cin, k % cin};
-  };
+  // (dx, dy), channel, dz, so that a tile's three taps along z share what is in cache.
+  const auto order = [&](long k) { return TapChannel{k / (3 * cin) * 3 + k % 3, k / 3 % cin}; };
   return pack(ctx, w, bias, cout, cin, 27, order, what);
 }
 
