@@ -5,13 +5,16 @@
 namespace command {
 
 void add_placement_options(CLI::App& app, PlacementOptions& o) {
-  app.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else 0,0,0)")
+  app.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else estimated)")
       ->type_name("x,y,z")
       ->group(placement_group);
-  app.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else 1)")
+  app.add_option("--scale", o.scale, "Its edge in world units (default: twice aabb_half of the file, else estimated)")
       ->type_name("S")
       ->group(placement_group);
-  app.add_flag("--auto-frame", o.auto_frame, "Estimate what is not given from the cameras and masks")
+  app.add_flag(
+         "--auto-frame", o.auto_frame,
+         "Estimate what is not given even where the file says it: from COLMAP's points, else from masks, else from "
+         "the cameras' axes")
       ->group(placement_group);
   app.add_option("--fit", o.fit,
                  "How pictures of another size or shape are taken: object crops about the cube, crop takes the centre "

@@ -10,6 +10,7 @@
 #include "model/api/selected.h"
 #include "model/base/resample.h"
 #include "model/fit/fit_start.h"
+#include "model/input/listed_points.h"
 #include "model/input/pose_check.h"
 #include "model/input/view_choice.h"
 #include "model/reconstruct/reconstruct.h"
@@ -46,7 +47,7 @@ Placement cube_of(const Scene& scene) {
 }
 
 Placement place(const Photographs& photographs, const InputRequest& input, const Scene* scene,
-                const std::vector<int>& used) {
+                const std::vector<int>& used, const std::vector<ColoredPoint>* points = nullptr) {
   const ViewSet& set = photographs.set;
   PlacementRequest request = input.placement;
   const bool centre_open = !request.centre && !set.aabb_center, edge_open = !request.edge && !set.aabb_half;
@@ -55,13 +56,19 @@ Placement place(const Photographs& photographs, const InputRequest& input, const
     if (centre_open) request.centre = cube.centre;
     if (edge_open) request.edge = cube.edge;
   }
-  const ChosenPlacement chosen = find_placement(photographs, spread_views(set, used, max_views), request);
+  const ChosenPlacement chosen = find_placement(photographs, spread_views(set, used, max_views), request, points);
   info("{}{}", chosen.found, scene && (centre_open || edge_open) ? " (from where the scene's Gaussians are)" : "");
   std::vector<Camera> cameras;
   cameras.reserve(used.size());
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
   check_centre_is_seen(cameras, set.convention, chosen.placement, input.force || scene);
   return chosen.placement;
+}
+
+// Those to begin with.
+std::vector<ColoredPoint> points_of(const Photographs& photographs) {
+  if (std::optional<ListedPoints> found = listed_points(photographs.set)) return std::move(found->points);
+  return read_colmap_points(photographs.set.source);  // says what it looked for
 }
 
 ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const Config& config) {
@@ -190,10 +197,12 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
       }
       out.independent = true;
       return made;
-    case VSPLAT_REFINE_POINTS:
-      out.placement = place(photographs, input, nullptr, used);
-      always(scene_from_points(read_colmap_points(photographs.set.source), out.placement, most));
+    case VSPLAT_REFINE_POINTS: {
+      const std::vector<ColoredPoint> points = points_of(photographs);
+      out.placement = place(photographs, input, nullptr, used, &points);
+      always(scene_from_points(points, out.placement, most));
       return made;
+    }
     case VSPLAT_REFINE_RANDOM:
       out.placement = place(photographs, input, nullptr, used);
       always(random_scene(out.placement, most > 0 ? most : kRandomStart, o.seed));

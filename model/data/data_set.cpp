@@ -154,6 +154,10 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
     Photographs out = object.layout == DataLayout::hdf5 ? open_hdf5_object({object.path.string(), object.group}, bad)
                                                         : open_folder(object, bad, missing);
     if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
+    if (object.layout != DataLayout::folder) {  // LaRa's objects lie in this cube
+      if (!out.set.aabb_center) out.set.aabb_center = Eigen::Vector3d::Zero();
+      if (!out.set.aabb_half) out.set.aabb_half = 0.5;
+    }
     return out;
   } catch (const Error& e) {
     fail(e.status(), "{}: {}", told(object), e.what());

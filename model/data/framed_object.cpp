@@ -6,6 +6,7 @@
 
 #include "model/base/resample.h"
 #include "model/input/pose_check.h"
+#include "model/input/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
@@ -24,7 +25,8 @@ FramedObject frame_object(const DataObject& object, const FrameRequest& request,
   try {
     std::vector<int> all(static_cast<std::size_t>(out.views()));
     std::iota(all.begin(), all.end(), 0);
-    const ChosenPlacement place = find_placement(out.photographs, all, request.placement);
+    const ChosenPlacement place =
+        find_placement(out.photographs, spread_views(out.photographs.set, all, max_views), request.placement);
     out.placement = place.placement;
     verbose("{}: {}", object.name, place.found);
     std::vector<Camera> cameras;

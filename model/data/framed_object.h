@@ -11,7 +11,7 @@ namespace vsplat {
 struct FrameRequest {
   int image = 0;  // S, the network's
   Fit fit = Fit::automatic;
-  PlacementRequest placement;                   // auto_frame estimates from all views
+  PlacementRequest placement;                   // what is estimated is from 16 views at most
   std::vector<std::string>* missing = nullptr;  // as open_object() has it
 };
 

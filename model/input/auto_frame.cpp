@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "model/base/statistics.h"
+#include "model/input/point_cube.h"
 #include "runtime/fail.h"
 
 namespace vsplat {
@@ -115,6 +117,66 @@ EstimatedEdge find_edge(std::span<const Camera> cameras, std::span<const std::op
                       2 * std::atan(0.5 * median(spans)) * 180 / M_PI)};
 }
 
+// By masks where there are any, else by the axes.
+EstimatedPlacement frame_without_points(std::span<const Camera> cameras,
+                                        std::span<const std::optional<MaskExtent>> extents,
+                                        const std::optional<Eigen::Vector3d>& centre) {
+  EstimatedPlacement out;
+  if (centre) {
+    out.placement.centre = *centre;
+  } else {
+    out = find_centre(cameras, extents);
+    out.from += ", ";
+  }
+  const EstimatedEdge edge = find_edge(cameras, extents, out.placement.centre);
+  out.placement.edge = edge.edge;
+  out.from += edge.from;
+  return out;
+}
+
+// Whether nine in ten of the masks hold it. Masks are a box each, and a little is added for what was cut too tight.
+bool is_masked_in(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
+                  const Eigen::Vector3d& point) {
+  constexpr double widened = 0.02;
+  int masks = 0, held = 0;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (!extents[i]) continue;
+    ++masks;
+    const Camera& c = cameras[i];
+    const MaskExtent& m = *extents[i];
+    const Eigen::Vector3d p = c.w2c.topLeftCorner<3, 3>() * (point - c.centre());
+    if (!(p.z() > 0)) continue;
+    const double u = c.fx * p.x() / p.z() + c.cx, v = c.fy * p.y() / p.z() + c.cy;
+    const double x = widened * (m.x1 - m.x0), y = widened * (m.y1 - m.y0);
+    held += u >= m.x0 - x && u <= m.x1 + x && v >= m.y0 - y && v <= m.y1 + y;
+  }
+  return 10 * held >= 9 * masks;
+}
+
+std::optional<EstimatedPlacement> frame_by_points(std::span<const Camera> cameras,
+                                                  std::span<const std::optional<MaskExtent>> extents,
+                                                  const std::optional<Eigen::Vector3d>& centre,
+                                                  std::span<const ColoredPoint> points) {
+  constexpr double much_larger = 1.5;
+  std::optional<PointCube> cube = cube_of_points(cameras, points, centre);
+  if (!cube) return std::nullopt;
+  const auto masks =
+      std::count_if(extents.begin(), extents.end(), [](const auto& extent) { return extent.has_value(); });
+  std::string which =
+      fmt::format("{} of the {} points, the dense ones that most views show", cube->points, points.size());
+  if (masks >= 2 &&
+      cube->placement.edge >
+          much_larger * find_edge(cameras, extents, find_centre(cameras, extents).placement.centre).edge) {
+    std::vector<ColoredPoint> masked;
+    for (const ColoredPoint& point : points)
+      if (is_masked_in(cameras, extents, point.position)) masked.push_back(point);
+    cube = cube_of_points(cameras, masked, centre);
+    if (!cube) return std::nullopt;
+    which = fmt::format("{} of the {} points, the dense ones that the masks hold", cube->points, points.size());
+  }
+  return EstimatedPlacement{cube->placement, "from " + which};
+}
+
 }  // namespace
 
 std::optional<MaskExtent> mask_extent(const Image& mask) {
@@ -148,29 +210,22 @@ std::optional<MaskExtent> mask_extent(PixelRows& mask) {
 }
 
 EstimatedPlacement auto_frame(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
-                              const std::optional<Eigen::Vector3d>& centre) {
+                              const std::optional<Eigen::Vector3d>& centre, std::span<const ColoredPoint> points) {
   if (cameras.empty()) fail(Status::usage, "no camera to find the object from");
   if (!extents.empty() && extents.size() != cameras.size())
     fail(Status::internal, "{} mask extents for {} cameras", extents.size(), cameras.size());
-  EstimatedPlacement out;
-  if (centre) {
-    out.placement.centre = *centre;
-  } else {
-    out = find_centre(cameras, extents);
-    out.from += ", ";
+  const std::optional<EstimatedPlacement> by_points = frame_by_points(cameras, extents, centre, points);
+  EstimatedPlacement out = by_points ? *by_points : frame_without_points(cameras, extents, centre);
+  double& edge = out.placement.edge;
+  if (const double most = 0.9 * largest_edge(cameras, out.placement.centre); edge > most) {
+    edge = most;
+    out.from += ", made smaller to stay in front of every camera";
   }
-  EstimatedEdge edge = find_edge(cameras, extents, out.placement.centre);
-  if (const double most = 0.9 * largest_edge(cameras, out.placement.centre); edge.edge > most) {
-    edge.edge = most;
-    edge.from += ", made smaller to stay in front of every camera";
-  }
-  if (!(edge.edge > 0) || !std::isfinite(edge.edge))
+  if (!(edge > 0) || !std::isfinite(edge))
     fail(Status::input,
          "the object's size cannot be found from these views: the cameras are at its centre {}; give "
          "vsplat_input_options.scale",
          to_text(out.placement.centre));
-  out.placement.edge = edge.edge;
-  out.from += edge.from;
   return out;
 }
 

@@ -1,7 +1,10 @@
 #include "model/input/input.h"
 
+#include <fmt/format.h>
+
 #include "model/base/resample.h"
 #include "model/input/auto_frame.h"
+#include "model/input/listed_points.h"
 #include "model/input/pose_check.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -17,9 +20,31 @@ struct Seen {
 
 Seen see(LoadedPhotograph& view) { return {view.listed().camera, view.extent()}; }
 
+// The points that come with the list, if they are known to be of its world; damaged ones are told of.
+std::vector<ColoredPoint> points_for(const Photographs& photographs) {
+  if (photographs.picture) return {};  // made here: no file has points of it
+  try {
+    std::optional<ListedPoints> found = listed_points(photographs.set);
+    if (found && found->placed) return std::move(found->points);
+  } catch (const Error& e) {
+    warn("{}; the object's cube is estimated without points", e.what());
+  }
+  return {};
+}
+
+// Of lists that say nothing of the object and give nothing to find it by, a single view for instance: many are of
+// objects that were put about the origin. Else what is in the way is the error.
+EstimatedPlacement cube_at_origin(std::span<const Camera> cameras, const Error& error) {
+  for (const Camera& c : cameras) {
+    const auto at = project_to_picture(c, Eigen::Vector3d::Zero());
+    if (!at || at->x() < 0 || at->y() < 0 || at->x() > c.width || at->y() > c.height) throw error;
+  }
+  return {{Eigen::Vector3d::Zero(), 1}, fmt::format("by default, since all views show the origin: {}", error.what())};
+}
+
 // `look` is called once for each of `views` views, and only where there is something to estimate.
-ChosenPlacement place(const ViewSet& set, const PlacementRequest& request, std::size_t views,
-                      const std::function<Seen(std::size_t)>& look) {
+ChosenPlacement place(const Photographs& photographs, const PlacementRequest& request, std::size_t views,
+                      const std::vector<ColoredPoint>* points, const std::function<Seen(std::size_t)>& look) {
   const auto estimate = [&](const std::optional<Eigen::Vector3d>& centre) {
     std::vector<Camera> cameras;
     std::vector<std::optional<MaskExtent>> extents;
@@ -28,16 +53,21 @@ ChosenPlacement place(const ViewSet& set, const PlacementRequest& request, std::
       cameras.push_back(std::move(seen.camera));
       extents.push_back(seen.extent);
     }
-    return auto_frame(cameras, extents, centre);
+    try {
+      return auto_frame(cameras, extents, centre, points ? *points : points_for(photographs));
+    } catch (const Error& e) {
+      if (e.status() != Status::input || centre || request.auto_frame) throw;
+      return cube_at_origin(cameras, e);
+    }
   };
-  return choose_placement(request, set.aabb_center, set.aabb_half, estimate);
+  return choose_placement(request, photographs.set.aabb_center, photographs.set.aabb_half, estimate);
 }
 
 }  // namespace
 
 ChosenPlacement find_placement(const Photographs& photographs, std::span<const int> views,
-                               const PlacementRequest& request) {
-  return place(photographs.set, request, views.size(), [&](std::size_t i) {
+                               const PlacementRequest& request, const std::vector<ColoredPoint>* points) {
+  return place(photographs, request, views.size(), points, [&](std::size_t i) {
     LoadedPhotograph view(photographs, views[i]);
     return see(view);
   });
@@ -70,7 +100,7 @@ Input prepare_input(const Photographs& photographs, const TakenViews& taken, con
 
   Input out;
   const ChosenPlacement chosen =
-      place(photographs.set, request.placement, loaded.size(), [&](std::size_t i) { return see(*loaded[i]); });
+      place(photographs, request.placement, loaded.size(), nullptr, [&](std::size_t i) { return see(*loaded[i]); });
   out.placement = chosen.placement;
   info("{}", chosen.found);
   check_centre_is_seen(cameras, photographs.set.convention, out.placement, request.force);

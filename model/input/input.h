@@ -13,9 +13,9 @@
 namespace vsplat {
 
 // Where the object is, from what is asked for, listed, or estimated from these views, which are loaded for it one after
-// the other.
+// the other. `points`: of their world; without, those of listed_points() are looked at where something is estimated.
 ChosenPlacement find_placement(const Photographs& photographs, std::span<const int> views,
-                               const PlacementRequest& request);
+                               const PlacementRequest& request, const std::vector<ColoredPoint>* points = nullptr);
 
 struct InputRequest {
   std::vector<std::string> names;  // as ViewRequest has them

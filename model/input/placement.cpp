@@ -41,31 +41,18 @@ ChosenPlacement choose_placement(
     fail(Status::usage, "the object's centre is {}, finite numbers are expected", to_text(*request.centre));
   if (request.edge && !(*request.edge > 0 && std::isfinite(*request.edge)))
     fail(Status::usage, "the edge of the object's cube is {}, a positive number is expected", *request.edge);
-  ChosenPlacement out;
+  std::optional<Eigen::Vector3d> centre = request.centre;
+  std::optional<double> edge = request.edge;
   std::string centre_from = "as asked for", edge_from = "as asked for", details;
-  std::optional<EstimatedPlacement> found;
-  if (request.auto_frame && !(request.centre && request.edge)) {
-    found = estimate(request.centre);
-    details = "; " + found->from;
+  if (!centre && listed_centre && !request.auto_frame) centre = listed_centre, centre_from = "from aabb_center";
+  if (!edge && listed_half && !request.auto_frame) edge = 2 * *listed_half, edge_from = "from aabb_half";
+  if (!centre || !edge) {
+    const EstimatedPlacement found = estimate(centre);
+    if (!centre) centre = found.placement.centre, centre_from = "estimated";
+    if (!edge) edge = found.placement.edge, edge_from = "estimated";
+    details = "; " + found.from;
   }
-  if (request.centre) {
-    out.placement.centre = *request.centre;
-  } else if (found) {
-    out.placement.centre = found->placement.centre;
-    centre_from = "estimated";
-  } else {
-    out.placement.centre = listed_centre.value_or(Eigen::Vector3d::Zero());
-    centre_from = listed_centre ? "from aabb_center" : "by default";
-  }
-  if (request.edge) {
-    out.placement.edge = *request.edge;
-  } else if (found) {
-    out.placement.edge = found->placement.edge;
-    edge_from = "estimated";
-  } else {
-    out.placement.edge = listed_half ? 2 * *listed_half : 1.0;
-    edge_from = listed_half ? "from aabb_half" : "by default";
-  }
+  ChosenPlacement out{{*centre, *edge}, ""};
   out.found = fmt::format("the object's cube: centre {} ({}), edge {:.6g} ({}){}", to_text(out.placement.centre),
                           centre_from, out.placement.edge, edge_from, details);
   return out;

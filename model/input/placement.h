@@ -31,12 +31,12 @@ struct PlacedViews {
 // distance from the centre. At least one camera; Error(usage) for another mode.
 PlacedViews place_views(std::span<const Camera> cameras, const Placement& placement, const std::string& rebase);
 
-// Where the cube comes from, centre and edge each by itself: what was asked for, else the estimate, else what the file
-// lists, else 0,0,0 and 1.
+// Where the cube comes from, centre and edge each by itself: what was asked for, else what the file lists, else the
+// estimate.
 struct PlacementRequest {
   std::optional<Eigen::Vector3d> centre;
   std::optional<double> edge;
-  bool auto_frame = false;  // what is not asked for is estimated
+  bool auto_frame = false;  // what the file lists is estimated, too
 };
 struct ChosenPlacement {
   Placement placement;
@@ -46,7 +46,7 @@ struct EstimatedPlacement {
   Placement placement;
   std::string from;  // what it was estimated from
 };
-// `estimate` is called, with the centre that is already settled if one is, where `auto_frame` leaves something to it.
+// `estimate` is called, with the centre that is already settled if one is, where something is left to it.
 ChosenPlacement choose_placement(
     const PlacementRequest& request, const std::optional<Eigen::Vector3d>& listed_centre,
     const std::optional<double>& listed_half,

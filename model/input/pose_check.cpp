@@ -131,7 +131,8 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   } else {
     text +=
         "; no swap of axes or of directions puts it into all of them: give vsplat_input_options.center and "
-        "vsplat_input_options.scale, or vsplat_input_options.auto_frame";
+        "vsplat_input_options.scale, or vsplat_input_options.auto_frame, which estimates them where the list has "
+        "others";
   }
   if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force.value_or(false))
     fail(Status::input, "{}{}", text, force ? " (vsplat_input_options.force goes on regardless)" : "");

@@ -88,6 +88,12 @@ fs::path model_of(const fs::path& path) {
 
 }  // namespace
 
+fs::path colmap_points_file(const fs::path& model) {
+  for (const char* name : {"points3D.bin", "points3D.txt"})
+    if (has_file(model / name)) return model / name;
+  return {};
+}
+
 std::vector<ColoredPoint> read_colmap_points(const fs::path& path) {
   const fs::path folder = model_of(path);
   if (folder.empty())
@@ -96,11 +102,11 @@ std::vector<ColoredPoint> read_colmap_points(const fs::path& path) {
          "in "
          "sparse/0, sparse, colmap or the folder itself",
          path.string());
-  const fs::path binary = folder / "points3D.bin", text = folder / "points3D.txt";
-  if (!has_file(binary) && !has_file(text))
+  const fs::path file = colmap_points_file(folder);
+  if (file.empty())
     fail(Status::file, "{}: the COLMAP model has no points: points3D.bin or points3D.txt is expected", folder.string());
-  std::vector<ColoredPoint> out = has_file(binary) ? read_binary(binary) : read_text(text);
-  if (out.empty()) fail(Status::input, "{}: lists no points", (has_file(binary) ? binary : text).string());
+  std::vector<ColoredPoint> out = file.extension() == ".bin" ? read_binary(file) : read_text(file);
+  if (out.empty()) fail(Status::input, "{}: lists no points", file.string());
   return out;
 }
 

@@ -15,6 +15,9 @@ struct ColoredPoint {
   std::uint64_t track;  // how many images see it
 };
 
+// points3D.bin or points3D.txt of a model's folder; "" where there is neither.
+std::filesystem::path colmap_points_file(const std::filesystem::path& model);
+
 // The points of a model, in the file's order. `path`: what read_views() takes: a folder with the model in sparse/0,
 // sparse, colmap or itself, a file of a model, or a file of other cameras beside which a model lies (its world must
 // then be that of those cameras: nothing in the files tells). Error(file) where no model or no points3D is there,

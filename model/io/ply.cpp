@@ -21,12 +21,6 @@ namespace {
 
 constexpr std::size_t kMostShCount = 16;
 
-PlyHeader read_header(PlyFile& in) {
-  std::string text(static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kMaxPlyHeader)), '\0');
-  text.resize(in.read(text.data(), text.size()));
-  return parse_ply_header(in.path(), text);
-}
-
 // Which properties make up a Gaussian, in this order: x y z, three of colour, f_rest_* with the channel innermost, and
 // from `opacity`, `scales` and `quats` on those groups that the file has.
 struct Layout {
@@ -310,7 +304,7 @@ namespace {
 
 Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
   const std::string& path = in.path();
-  const PlyHeader header = read_header(in);
+  const PlyHeader header = read_ply_header(in);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const PlyElement& e) { return e.name == "vertex"; });
   if (vertex == header.elements.end()) fail(Status::format, "{}: no element vertex: no 3DGS file", path);

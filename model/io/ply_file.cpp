@@ -42,4 +42,10 @@ void PlyFile::seek(std::uint64_t to) {
     fail(Status::file, "{}: cannot be read at byte {}: {}", path_, to, problem.message());
 }
 
+PlyHeader read_ply_header(PlyFile& in) {
+  std::string text(static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kMaxPlyHeader)), '\0');
+  text.resize(in.read(text.data(), text.size()));
+  return parse_ply_header(in.path(), text);
+}
+
 }  // namespace vsplat

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "model/io/ply_header.h"
 #include "runtime/file.h"
 
 namespace vsplat {
@@ -30,5 +31,8 @@ class PlyFile {
   std::span<const std::byte> content_;
   std::uint64_t size_ = 0, at_ = 0;  // at_: in the content
 };
+
+// From the file's beginning. Errors as parse_ply_header().
+PlyHeader read_ply_header(PlyFile& in);
 
 }  // namespace vsplat

@@ -190,6 +190,10 @@ ViewSet parse_transforms_json(const std::filesystem::path& path, const json& roo
     if (!(*out.aabb_half > 0))
       fail(Status::input, "{}: aabb_half is {}, a positive number is expected", where, *out.aabb_half);
   }
+  if (const auto at = root.find("ply_file_path"); at != root.end() && at->is_string()) {
+    const std::string points = at->get<std::string>();
+    if (!points.empty() && points.find('\0') == std::string::npos) out.points = path.parent_path() / points;
+  }
   const json& frames = root.at("frames");
   if (!frames.is_array()) fail(Status::format, "{}: frames is {}, a list is expected", where, excerpt(frames));
   if (frames.empty()) fail(Status::input, "{}: lists no frames", where);

@@ -146,6 +146,7 @@ void refuse_outside(ViewSet& set, bool use_pictures, Roots& roots) {
     if (!view.picture.empty()) roots.need(view.picture, who("picture"));
     if (view.mask) roots.need(*view.mask, who("mask"));
   }
+  if (!is_file(set.points) || !roots.hold(set.points)) set.points.clear();
 }
 
 ViewSet read_json_views(const fs::path& path, bool need_pictures) {

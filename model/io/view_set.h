@@ -38,6 +38,7 @@ struct ViewSet {
   std::optional<double> aabb_half;
   std::filesystem::path source;  // the file, or the COLMAP model's folder
   PoseConvention convention = PoseConvention::opencv_w2c;
+  std::filesystem::path points = {};  // a PLY file of sparse points (ply_file_path of transforms.json); "" for none
 };
 
 struct ReadOptions {

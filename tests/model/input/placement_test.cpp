@@ -81,25 +81,37 @@ TEST(Placement, CentreAndEdgeComeEachFromTheFirstThatKnows) {
     return EstimatedPlacement{{centre.value_or(Vector3d(7, 8, 9)), 3}, "looked"};
   };
   const Vector3d listed(1, 2, 3);
-  auto got = choose_placement({}, {}, {}, estimate).placement;
-  EXPECT_EQ(got.centre, Vector3d::Zero());
-  EXPECT_EQ(got.edge, 1);
-  got = choose_placement({}, listed, 0.75, estimate).placement;
+  auto got = choose_placement({}, listed, 0.75, estimate).placement;
   EXPECT_EQ(got.centre, listed);
   EXPECT_EQ(got.edge, 1.5);
   got = choose_placement({Vector3d(4, 5, 6), {}, false}, listed, 0.75, estimate).placement;
   EXPECT_EQ(got.centre, Vector3d(4, 5, 6));
   EXPECT_EQ(got.edge, 1.5);
-  EXPECT_EQ(asked, 0);
+  got = choose_placement({Vector3d(4, 5, 6), 2.0, false}, {}, {}, estimate).placement;
+  EXPECT_EQ(got.centre, Vector3d(4, 5, 6));
+  EXPECT_EQ(got.edge, 2);
+  EXPECT_EQ(asked, 0) << "nothing is left to estimate";
+  // What the list does not say is estimated without being asked for.
+  const ChosenPlacement unlisted = choose_placement({}, {}, {}, estimate);
+  EXPECT_EQ(unlisted.placement.centre, Vector3d(7, 8, 9));
+  EXPECT_EQ(unlisted.placement.edge, 3);
+  for (const char* words : {"(7, 8, 9) (estimated)", "3 (estimated)", "looked"})
+    EXPECT_NE(unlisted.found.find(words), std::string::npos) << unlisted.found;
+  got = choose_placement({}, listed, {}, estimate).placement;
+  EXPECT_EQ(got.centre, listed);
+  EXPECT_EQ(got.edge, 3);
+  got = choose_placement({}, {}, 0.75, estimate).placement;
+  EXPECT_EQ(got.centre, Vector3d(7, 8, 9));
+  EXPECT_EQ(got.edge, 1.5);
+  EXPECT_EQ(asked, 3);
+  // With auto_frame what the list says is, too.
   const ChosenPlacement estimated = choose_placement({{}, 2.0, true}, listed, 0.75, estimate);
   EXPECT_EQ(estimated.placement.centre, Vector3d(7, 8, 9));
   EXPECT_EQ(estimated.placement.edge, 2);
-  EXPECT_NE(estimated.found.find("(7, 8, 9) (estimated)"), std::string::npos) << estimated.found;
-  EXPECT_NE(estimated.found.find("looked"), std::string::npos) << estimated.found;
   got = choose_placement({Vector3d(4, 5, 6), {}, true}, listed, 0.75, estimate).placement;
   EXPECT_EQ(got.centre, Vector3d(4, 5, 6));
   EXPECT_EQ(got.edge, 3);
-  EXPECT_EQ(asked, 2);
+  EXPECT_EQ(asked, 5);
   for (const double edge : {0.0, -1.0, std::nan("")})
     expect_error(Status::usage, {"edge"}, [&] { choose_placement({{}, edge, false}, {}, {}, estimate); });
   expect_error(Status::usage, {"centre"}, [&] {

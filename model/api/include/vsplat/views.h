@@ -137,8 +137,8 @@ typedef struct vsplat_input_options {
   int32_t has_center; /* 1: `center` is set */
   double center[3];   /* of the object's cube, in the world */
   double scale;       /* the cube's edge in world units; 0: not set */
-  int32_t
-      auto_frame; /* 1: what is not set is estimated from cameras and masks; 0: it comes from the file, else 0,0,0, 1 */
+  int32_t auto_frame; /* 1: what is not set is estimated, from the points that come with the views, else from masks,
+                         else from the cameras' axes; 0: only what the file does not list either */
   vsplat_fit fit;
   int32_t force;      /* 1: goes on where the cube seems to be behind or outside most views */
   int32_t view_count; /* how many views are picked where there are more and `names` is NULL, 1 to the model's max_views;
