@@ -3,6 +3,7 @@
 #   libvsplat1-data what it reads meshes and HDF5 files with, and draws meshes and random objects: Embree, assimp, HDF5
 #   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
 #   libvsplat1-mpi  the module for MPI, where VSPLAT_MPI builds it
+#   vsplat-window   the example that shows a scene and turns it with the mouse, where SDL is there
 #   vsplat          the command with its manual and completions, the Python module, and four pictures to try it on
 # tests/install/packages.sh installs them in a bare system.
 set(VSPLAT_MAINTAINER "" CACHE STRING "Who answers for packages, NAME <ADDRESS>; empty: the author of the newest commit")
@@ -22,6 +23,9 @@ set(library_package libvsplat${VSPLAT_SOVERSION})
 set(parts library:${library_package} dev:libvsplat-dev tools:vsplat)
 if(VSPLAT_DATA)
   list(APPEND parts data:${library_package}-data)
+endif()
+if(TARGET window_example)
+  list(APPEND parts window:vsplat-window)
 endif()
 if(TARGET vsplat_mpi)
   list(APPEND parts mpi:${library_package}-mpi)
@@ -80,6 +84,10 @@ set(CPACK_DEBIAN_TOOLS_DESCRIPTION "3D Gaussian splats from posed photos on Open
 The command vsplat: makes scenes of posed photographs, refines and draws them,
 makes data sets, trains and measures models, and measures itself. With a Python
 module in /usr/share/vsplat/python.")
+set(CPACK_DEBIAN_WINDOW_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_WINDOW_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_WINDOW_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: viewer
+The program vsplat-window: a scene in a window, turned with the mouse.")
 set(CPACK_DEBIAN_DATA_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DATA_PACKAGE_DEPENDS "${library_package} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DATA_DESCRIPTION "3D Gaussian splats from posed photos on OpenCL: data sets

@@ -1,6 +1,6 @@
 // A scene in a window, drawn live: drag to turn it, roll the wheel to come nearer, Space lets it turn by itself.
 //
-//     window SCENE.ply [FRAMES [PICTURE.png]]
+//     vsplat-window SCENE.ply [FRAMES [PICTURE.png]]
 //
 // FRAMES: turns by itself for so many frames, at full size, and ends; PICTURE.png is what the window shows then.
 // The library draws 8-bit pixels straight into SDL's texture, whose rows may have gaps.

@@ -36,16 +36,54 @@ std::vector<std::string> split(const std::string& text, char at) {
   throw UsageError(option + " is \"" + text + "\": " + expected + " expected");
 }
 
-// Levenshtein's distance.
+// Levenshtein's distance, of which two neighbours that changed places are one step.
 std::size_t distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i);
-    for (std::size_t j = 1; j <= b.size(); ++j)
-      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])}));
-  }
-  return row[b.size()];
+  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
+  std::iota(d[0].begin(), d[0].end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i)
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+    }
+  return d[a.size()][b.size()];
+}
+
+std::string letters_of(const std::string& word) {
+  return word.substr(std::min(word.find_first_not_of('-'), word.size()));
+}
+
+// What other programs call the options that some commands have here; "" stands for the argument without a name.
+struct CommonName {
+  const char *name, *here;
+};
+constexpr CommonName common_names[] = {{"--out", "--output"},
+                                       {"--output-path", "--output"},
+                                       {"--output-file", "--output"},
+                                       {"--outfile", "--output"},
+                                       {"--in", ""},
+                                       {"--input", ""},
+                                       {"--input-path", ""},
+                                       {"--input-file", ""},
+                                       {"--iterations", "--steps"},
+                                       {"--iters", "--steps"},
+                                       {"--num-iters", "--steps"},
+                                       {"--max-steps", "--steps"},
+                                       {"--max-splats", "--max-gaussians"},
+                                       {"--centre", "--center"}};
+
+bool has_option(const CLI::App& app, const std::string& name) { return app.get_option_no_throw(name) != nullptr; }
+
+const CLI::App* subcommand(const CLI::App& app, const std::string& name) {
+  const std::vector<const CLI::App*> found =
+      app.get_subcommands([&](const CLI::App* sub) { return sub->get_name() == name; });
+  return found.empty() ? nullptr : found.front();
+}
+
+bool has_positional(const CLI::App& app) {
+  const std::vector<const CLI::Option*> options = app.get_options();
+  return std::any_of(options.begin(), options.end(), [](const CLI::Option* o) { return o->get_positional(); });
 }
 
 }  // namespace
@@ -218,6 +256,30 @@ std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arg
   return out;
 }
 
+std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vector<std::string>& arguments) {
+  const CLI::App* scope = &app;
+  std::vector<std::string> out;
+  bool options_end = false;
+  for (const std::string& argument : arguments) {
+    options_end = options_end || argument == "--";
+    if (const CLI::App* sub = options_end ? nullptr : subcommand(*scope, argument)) scope = sub;
+    const std::size_t equals = argument.find('=');
+    const std::string name = argument.substr(0, equals);
+    const auto known = std::find_if(std::begin(common_names), std::end(common_names),
+                                    [&](const CommonName& c) { return name == c.name; });
+    const bool foreign = !options_end && known != std::end(common_names) && !has_option(*scope, name);
+    const std::string here = foreign ? known->here : "";
+    if (foreign && here.empty() && has_positional(*scope)) {
+      if (equals != std::string::npos) out.push_back(argument.substr(equals + 1));
+    } else if (!here.empty() && has_option(*scope, here)) {
+      out.push_back(here + argument.substr(std::min(equals, argument.size())));
+    } else {
+      out.push_back(argument);
+    }
+  }
+  return out;
+}
+
 void refuse_empty_values(const std::vector<std::string>& arguments) {
   const std::string hint = " (a variable that is not set?)";
   std::string before;
@@ -231,10 +293,15 @@ void refuse_empty_values(const std::vector<std::string>& arguments) {
 }
 
 std::string nearest(const std::string& word, const std::vector<std::string>& names) {
+  const std::string given = letters_of(word);
   std::string best;
-  std::size_t least = std::max<std::size_t>(2, word.size() / 3) + 1;
+  // Of what is cut short, the whole word; else as many wrong letters as leave most of them.
+  std::size_t least = std::max<std::size_t>(1, (given.size() + 1) / 3) + 1;
   for (const std::string& name : names) {
-    const std::size_t d = distance(word, name);
+    if ((name[0] == '-') != (word[0] == '-')) continue;
+    const std::string letters = letters_of(name);
+    const bool cut = given.size() > 1 && letters.size() > given.size() && letters.rfind(given, 0) == 0;
+    const std::size_t d = cut ? 1 : distance(given, letters);
     if (d < least) least = d, best = name;
   }
   return best;

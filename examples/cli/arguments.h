@@ -48,6 +48,11 @@ CameraChoice camera_choice(const std::string& option, const std::string& text);
 // "--center -1,2,3" becomes "--center=-1,2,3": a value may begin with a minus.
 std::vector<std::string> with_joined_numbers(const std::vector<std::string>& arguments);
 
+// What other programs call an option ("--out", "--iterations") becomes what the sub-command calls it here, and
+// "--input" before an argument that has no name here is left out: where the sub-command has no option of that name,
+// and has the other one.
+std::vector<std::string> with_names_of_here(const CLI::App& app, const std::vector<std::string>& arguments);
+
 // Throws where a value is empty: most likely a script's variable that is not set, which must not pass for "not given".
 void refuse_empty_values(const std::vector<std::string>& arguments);
 

@@ -60,6 +60,7 @@ int main(int argc, char** argv) {
       "  vsplat reconstruct photos/ --output scene.ply --render orbit:72 --turntable turn.webp\n"
       "  vsplat refine photos/ --start scene.ply --output sharp.ply\n"
       "  vsplat render scene.ply --cameras orbit:24 --images turn/ --size 640x480\n"
+      "  vsplat-window scene.ply                          shows it, turned with the mouse (where SDL is installed)\n"
       "`vsplat help COMMAND` and `vsplat COMMAND --help` tell all of a command's options, with examples.");
   command::Run run;
   command::add_reconstruct(app, run);
@@ -86,7 +87,8 @@ int main(int argc, char** argv) {
     // CLI11 takes the arguments last first, without the program's name.
     std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
     command::refuse_empty_values(arguments);
-    arguments = command::with_joined_numbers(arguments);
+    arguments = command::with_names_of_here(app, command::with_joined_numbers(arguments));
+    if (arguments.empty()) arguments = {"--help"};
     std::reverse(arguments.begin(), arguments.end());
     app.parse(std::move(arguments));
   } catch (const CLI::Success& e) {  // --help, --version

@@ -130,7 +130,10 @@ void PictureJob::read_outputs(const PictureOptions& o) {
   drawn = !images.empty() || !sheet.empty() || !turntable.empty() || !compare.empty();
   written = drawn || !write_cameras.empty();
   need_ending("--sheet", sheet, ".png");
-  need_ending("--turntable", turntable, ".webp");
+  need_ending("--turntable", turntable, ".webp",
+              "it is written as an animated WebP, which browsers play; a GIF or an MP4 can be made of the pictures, "
+              "--images frames/: ffmpeg -framerate " +
+                  (o.fps.empty() ? std::string("24") : o.fps) + " -i frames/%04d.png -pix_fmt yuv420p turn.mp4");
   need_ending("--write-cameras", write_cameras, ".json");
   if (o.exr_raw && o.format != "exr") throw UsageError("--exr-raw needs --format exr");
   if (!o.format.empty() && written && images.empty())

@@ -1,4 +1,5 @@
 """Requests that are wrong in themselves: exit code 2, a sentence that names the option, nothing written."""
+import os
 import shutil
 
 import support
@@ -6,11 +7,37 @@ import support
 
 class Usage(support.Case):
     def test_commands(self):
-        self.refuses(2, "subcommand is required")
+        out, err = self.succeeds()  # nothing at all: what there is
+        self.assertEqual(out, self.succeeds("--help")[0])
+        self.assertEqual(err, "")
         self.refuses(2, ["unknown command devcies", "devices"], "devcies")
         self.refuses(2, ["--modle", "did you mean --model"], "reconstruct", self.views, "--modle", self.model)
         self.refuses(2, "--output", *self.reconstruct()[:4])
         self.refuses(2, "seed", "init", "micro", "--output", self.path("x"))
+
+    def test_names_that_other_programs_use(self):
+        support.write_scene(self.path("scene.ply"), [((0, 0, 0), (1, 0, 0), 0.1, 0.9)])
+        drawn = ("--cameras", "orbit:1", "--size", "16x16", "--quiet")
+        self.succeeds("render", "--input", self.path("scene.ply"), *drawn, "--images", self.path("a"))
+        self.succeeds("render", "--input=" + self.path("scene.ply"), *drawn, "--images", self.path("b"))
+        self.succeeds("init", "micro", "--seed", 1, "--out", self.path("m.safetensors"), "--quiet")
+        self.succeeds("init", "micro", "--seed", 1, "--output-path=" + self.path("n.safetensors"), "--quiet")
+        self.assertTrue(os.path.exists(self.path("a", "0000.png")) and os.path.exists(self.path("n.safetensors")))
+        self.refuses(2, ["--steps", "whole number"], "refine", self.views, "--start", "random", "--out", self.path("x.ply"), "--iterations", "many")
+        self.refuses(2, "unknown arguments --iterations, 3", "render", self.path("scene.ply"), "--iterations", 3)  # it has no steps
+        # What follows a double dash is a name, whatever it looks like.
+        self.refuses(1, "--input", "render", *drawn, "--images", self.path("c"), "--", "--input")
+
+    def test_the_nearest_name(self):
+        for given, meant in (("--ouput", "--output"), ("--outptu", "--output"), ("--refin", "--refine"), ("--centr", "--center"), ("--autoframe", "--auto-frame")):
+            self.refuses(2, [f"unknown argument {given}", f"did you mean {meant}?"], "reconstruct", self.views, given)
+        for given in ("--zzz", "--gpu"):
+            self.assertNotIn("did you mean", self.refuses(2, f"unknown argument {given}", "reconstruct", self.views, given))
+
+    def test_turntables_are_webp(self):
+        for name in ("turn.gif", "turn.mp4"):
+            self.refuses(2, [name, ".webp", "ffmpeg -framerate 12 -i frames/%04d.png"],
+                         *self.reconstruct("--render", "orbit:2", "--turntable", self.path(name), "--fps", "12"))
 
     def test_help(self):
         for command in ([], ["devices"], ["init"], ["weights"], ["weights", "info"], ["weights", "convert"], ["reconstruct"], ["render"], ["bench"]):

@@ -44,7 +44,7 @@ umount "$root/proc"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
 rm -rf "$work/packages/_CPack_Packages"
 libdir=$(sed -n 's/^CMAKE_INSTALL_LIBDIR:[A-Z]*=//p' "$build/CMakeCache.txt")
-for name in libvsplat1 libvsplat1-data libvsplat-dev vsplat; do
+for name in libvsplat1 libvsplat1-data libvsplat-dev vsplat vsplat-window; do
   set -- "$work/packages/$name"_*.deb
   [ $# -eq 1 ] && [ -f "$1" ] || fail "no package $name, or several: $*"
   dpkg-deb --info "$1" | sed -n 's/^ \(Package\|Version\|Maintainer\|Installed-Size\|Depends\|Recommends\):/  \1:/p'
