@@ -314,6 +314,10 @@ void add_train(CLI::App& app, Run& run) {
       ->group(memory);
   add_common(*sub, o->common, {.precision = true});
   sub->footer(
+      "Sizes, the configuration's \"model\": tiny (pictures of 48 x 48 pixels; to see within minutes that it all "
+      "works),\n"
+      "small (128 x 128; what two CPU cores train, for days: half a minute a step), paper (512 x 512; for a GPU:\n"
+      "--dry-run tells how much memory a step takes). --print-config shows every field.\n"
       "An interrupt (Ctrl-C) writes a checkpoint and stops; what is resumed ends with the same bits.\n"
       "Example:\n"
       "  vsplat dataset procedural --count 64 --size 128 --output objects\n"

@@ -127,6 +127,43 @@ class Telling {
   StepPace pace_;
 };
 
+std::string duration_text(double seconds) {
+  if (seconds < 100) return fmt::format("{:.2g} s", seconds);
+  if (seconds < 2 * 3600) return fmt::format("{:.0f} minutes", seconds / 60);
+  return seconds < 48 * 3600 ? fmt::format("{:.0f} hours", seconds / 3600)
+                             : fmt::format("{:.0f} days", seconds / 86400);
+}
+
+// What is told before there is progress to tell of: steps 1, 2, 4, ... of this run, and, as soon as one has shown how
+// long a step takes, that all of them take longer than a day.
+class FirstSteps {
+ public:
+  FirstSteps(long step, long steps) : begun_(step), steps_(steps) {}
+
+  // After each step; `told`: as progress.
+  void add(const StepReport& r, bool told, const std::function<void(const std::string&)>& say) {
+    const long done = r.step - begun_;
+    const double took = seconds_since(last_), left = took * static_cast<double>(steps_ - r.step);
+    last_ = Clock::now();
+    ended_ = ended_ || told;
+    if (!ended_ && (done & (done - 1)) == 0)
+      say(fmt::format("first steps: {} of {}, loss {:.4f}, {} for the last one{}", r.step, steps_, r.loss,
+                      duration_text(took),
+                      done == 1 ? ", which may have compiled" : ", about " + duration_text(left) + " left"));
+    if (done == 2 && left > kDay)
+      warn(
+          "the {} steps that are left take about {} on this device, of {} a step: fewer steps, a smaller model (the "
+          "configuration's model: small, tiny), fewer objects a step (batch) or another device take less",
+          steps_ - r.step, duration_text(left), duration_text(took));
+  }
+
+ private:
+  static constexpr double kDay = 86400;
+  long begun_, steps_;
+  bool ended_ = false;
+  Clock::time_point last_ = Clock::now();
+};
+
 // What writes left that a kill cut short.
 void remove_unfinished(const fs::path& folder) {
   std::error_code problem;
@@ -379,6 +416,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   Page page(ctx, data, options, start.step);
   TrainResult result;
   Telling telling(steps);
+  FirstSteps first_steps(start.step, steps);
   const auto go_through = [&] {
     while (trainer.step() < steps && !result.stopped) {
       if (views.empty()) views = views_of(trainer.step());
@@ -390,6 +428,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
       const bool logs = is_due(config.log_every, report.step, steps) || stop;
       const bool draws = config.sheet_every > 0 && is_due(config.sheet_every, report.step, steps);
       const bool saves = is_due(config.checkpoint_every, report.step, steps) || stop;
+      first_steps.add(report, logs, [&](const std::string& text) { folder.say(text); });
       if (logs) folder.tell(telling.take(views.size()));
       if (draws) folder.add_sheet(ctx, trainer, views.front(), report.temperature);
       if (saves) folder.save(trainer);

@@ -268,6 +268,22 @@ class Train(train_support.Case):
         self.assertIn(f"going on from step {step}", err)
         self.same_training("whole", "stopped", 60)
 
+    def test_first_steps_are_told_and_how_long_it_takes(self):
+        config = self.config(steps=1000000000, log_every=1000000, checkpoint_every=0)
+        process = self.start(*self.train(config, "long"))
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if line.startswith("warning") or "first steps: 8 " in line:
+                break
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=120)
+        text = "".join(lines)
+        self.assertIn("first steps: 1 of 1000000000, loss ", text)
+        self.assertRegex(text, r"warning: the 999999998 steps that are left take about \d+ days on this device")
+        _, err = self.succeeds(*self.train(self.config(steps=3), "short"))
+        self.assertNotIn("on this device", err)
+
     def test_used_folder_and_other_configuration(self):
         self.succeeds(*self.train(self.config(), "run"))
         self.refuses(2, [self.path("run"), "--resume"], *self.train(self.config(), "run"))
