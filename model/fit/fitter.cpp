@@ -4,10 +4,13 @@
 #include <cmath>
 
 #include "model/base/rng.h"
+#include "model/fit/screen_size.h"
 #include "model/ops/exposure.h"
 #include "model/ops/picture_target.h"
 #include "model/ops/splat_adam.h"
+#include "model/ops/visible.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat {
@@ -93,6 +96,25 @@ RenderOptions Fitter::drawing() const {
   return out;
 }
 
+void Fitter::bound_on_screen(const Camera& camera) {
+  const std::uint64_t most = affordable_tiles(camera, count_);
+  const Part whole{0, 0, static_cast<int>(tiles_along(camera.width)), static_cast<int>(tiles_along(camera.height))};
+  if (static_cast<std::uint64_t>(count_ * whole.tiles()) <= most) return;
+  const Culled culled = make_culled(ctx_, count_);
+  project_cull(ctx_, activate(ctx_, {}), 0, upload_views(ctx_, {camera}, near_, mirror_), 0, camera.width,
+               camera.height, culled);
+  const std::uint64_t found = count_visible(ctx_, culled, whole).intersections;
+  if (ctx_.planning() || found <= most) return;
+  const Uncancelled unbroken(ctx_);
+  const SplatParameters now = parameters();
+  std::vector<float> log_scales = ctx_.read<float>(now.log_scales);
+  shrink_on_screen({ctx_.read<float>(now.means), ctx_.read<float>(now.logits)}, camera, near_, most,
+                   std::log(options_.low_scale), log_scales);
+  ctx_.copy(ctx_.upload(now.log_scales.shape(), log_scales, Type::f32, "log scales"), now.log_scales);
+  verbose("step {}: {} Gaussians touch {} tiles of a picture, {} may be: the largest are made smaller", step_, count_,
+          found, most);
+}
+
 void Fitter::step(const DeviceFitPicture& picture, const FitAside& aside) {
   differentiate(picture, aside);
   move();
@@ -116,6 +138,7 @@ void Fitter::add_gradient(const DeviceFitPicture& picture, const FitAside& aside
     for (std::size_t c = 0; c < 3; ++c) how.background[c] = uniform01(random[c]);
   }
   const Dropping dropping{options_.drop, options_.seed, now};
+  bound_on_screen(picture.camera);
   const DeviceGaussians gaussians = activate(ctx_, dropping);
   const auto loss = [&](Context& c, const DevicePicture& drawn) {
     const long h = picture.camera.height, w = picture.camera.width;
@@ -188,6 +211,7 @@ void Fitter::grow() {
 }
 
 FitScore Fitter::judge(const DeviceFitPicture& picture) {
+  bound_on_screen(picture.camera);
   const DevicePicture drawn = render(ctx_, activate(ctx_, {}), picture.camera, drawing());
   const long h = picture.camera.height, w = picture.camera.width;
   const Tensor target = ctx_.tensor({h, w, 3}, Type::f32, "target"), out = ctx_.tensor({3}, Type::f32, "score");

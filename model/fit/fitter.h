@@ -86,6 +86,9 @@ class Fitter {
 
  private:
   void add_gradient(const DeviceFitPicture& picture, const FitAside& aside);
+  // Where Gaussians touch far more of the picture's tiles than usual, those largest on its screen become smaller: no
+  // step takes far longer than the others.
+  void bound_on_screen(const Camera& camera);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   RenderOptions drawing() const;
   void grow();

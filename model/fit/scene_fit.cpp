@@ -8,12 +8,14 @@
 
 #include "model/base/resample.h"
 #include "model/base/rng.h"
+#include "model/fit/beside_cube.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit_impl.h"
 #include "model/fit/suspects.h"
 #include "model/input/view_choice.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 #include "runtime/profiler.h"
 
 namespace vsplat {
@@ -21,8 +23,14 @@ namespace {
 
 constexpr std::size_t kPictureCap = std::size_t{2} << 30;  // bytes of decoded pictures
 constexpr std::size_t kEvery = 8;                          // of many views one in so many is held out
+constexpr std::size_t kLookedAt = 8;                       // pictures that stand for all
 constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // of Adam, falling to a tenth over a leg
 constexpr long kUnjudgedSteps = 100;                       // of few views of which none is held out
+constexpr int kFalls = 2;  // in a row, of the measure of a round that leaves a view out: it gets no better
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begun) { return std::chrono::duration<double>(Clock::now() - begun).count(); }
 
 Gaussians with_degree(Gaussians g, int degree) {
   if (degree == g.sh_degree) return g;
@@ -92,6 +100,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       request(std::move(r)),
       to_world{given.placement.edge, Eigen::Matrix3d::Identity(), given.placement.centre},
       pictures(p, to_world, request.longest, kPictureCap) {
+  const auto begun = Clock::now();
   used = listed_views(p.set, request.names, "vsplat_refine_options.names");
   const std::vector<int> held = held_out(p.set, used, request);
   const std::vector<int> fitted = without(used, held);
@@ -115,14 +124,27 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
          "{}: there is the state of a refinement already; vsplat_refine_options.resume goes on with it, another folder "
          "begins anew",
          fit_checkpoint_path(request.checkpoint));
+  warn_of_background();
   if (from)
     go_on(*from);
   else
     begin_leg();
+  seconds += seconds_since(begun);
+}
+
+void SceneFit::Impl::warn_of_background() {
+  std::vector<double> shares;
+  std::size_t unmasked = 0;
+  for (const int view : used)
+    if (!LoadedPhotograph(photographs, view).is_masked()) ++unmasked;
+  if (unmasked == 0) return;
+  for (const int view : spread(used, static_cast<int>(std::min(used.size(), kLookedAt))))
+    shares.push_back(shown_beside_cube(*pictures.at(view)));
+  if (const std::string text = doubts_about_cube(shares, unmasked, used.size()); !text.empty()) warn("{}", text);
 }
 
 double SceneFit::Impl::object_pixels(const std::vector<int>& views) {
-  const std::vector<int> some = spread(views, static_cast<int>(std::min<std::size_t>(views.size(), 8)));
+  const std::vector<int> some = spread(views, static_cast<int>(std::min(views.size(), kLookedAt)));
   double sum = 0;
   for (const int view : some) {
     const std::shared_ptr<const FitPicture> picture = pictures.at(view);
@@ -133,7 +155,7 @@ double SceneFit::Impl::object_pixels(const std::vector<int>& views) {
 
 void SceneFit::Impl::begin_leg() {
   const Leg& now = legs[leg];
-  Scene scene = given.make(now.views);
+  Scene scene = !in_folds() && first ? *first : given.make(now.views);
   if (scene.gaussians.count == 0) fail(Status::input, "the start has no Gaussian: there is nothing to refine");
   if (scene.gaussians.kind != GaussianKind::volume)
     fail(Status::usage, "the start's Gaussians are surfels: those of three scales can be refined");
@@ -148,10 +170,13 @@ void SceneFit::Impl::begin_leg() {
   if (unknown) leg_steps = 0;
   if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews)
     leg_steps = std::min(leg_steps, kUnjudgedSteps);
+  if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // what lies beyond decides nothing
   if (legs.size() > 1 && !in_folds()) {  // as many steps as the folds were best with
+    std::erase_if(curve, [most = measured_by_all(leg)](const auto& at) { return at.first > most; });
     leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
   last_psnr = std::nan("");
+  falls = 0;
   fitter.reset();  // its memory goes first
   poses.clear();
   exposures.clear();
@@ -221,7 +246,16 @@ int SceneFit::Impl::view_of_step(long step) const {
   return order[static_cast<std::size_t>(step % n)];
 }
 
+// The most steps after which all of the first `rounds` that leave a view out were judged.
+long SceneFit::Impl::measured_by_all(std::size_t rounds) const {
+  long out = 0;
+  for (const auto& [at, sum] : curve)
+    if (static_cast<std::size_t>(sum.pictures) >= rounds) out = at;
+  return out;
+}
+
 void SceneFit::Impl::judge() {
+  const auto begun = Clock::now();
   const Leg& now = legs[leg];
   const long at = fitter->steps_done();
   Judged here;
@@ -233,6 +267,8 @@ void SceneFit::Impl::judge() {
   }
   if (here.pictures == 0) return;
   const Uncancelled whole(ctx);
+  look_seconds = seconds_since(begun) / here.pictures;
+  falls = mean(here).psnr < last_psnr ? falls + 1 : 0;
   last_psnr = mean(here).psnr;
   Judged& sum = curve[at];
   sum.psnr += here.psnr;
@@ -247,7 +283,7 @@ void SceneFit::Impl::judge() {
 
 bool SceneFit::Impl::step() {
   if (done) return false;
-  const auto begun = std::chrono::steady_clock::now();
+  const auto begun = Clock::now();
   if (!left) {
     const int view = view_of_step(fitter->steps_done());
     if (fitter->steps_done() + 1 < leg_steps) {
@@ -255,6 +291,9 @@ bool SceneFit::Impl::step() {
       if (next != view && resident.count(next) == 0) pictures.read_ahead(next);
     }
     step_on(view);
+    const double took = seconds_since(begun);
+    step_seconds = last_step > 0 ? std::min(took, last_step) : 0;
+    last_step = took;
     ++steps_in_all;
     const long at = fitter->steps_done();
     left = AfterStep{at % recipe.judge_every == 0 || at == leg_steps, false, at >= leg_steps};
@@ -262,17 +301,28 @@ bool SceneFit::Impl::step() {
   const bool look = left->judges;
   follow(*left);
   left.reset();
-  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-  seconds += took;
-  pace.add(took, ctx.profiler().compilations());
-  if (!done && request.seconds > 0 && seconds >= request.seconds) finish();
+  const double until_now = seconds + seconds_since(begun);
+  pace.add(seconds_since(begun), ctx.profiler().compilations());
+  if (!done && request.seconds > 0 && until_now + seconds_of_next() >= request.seconds) finish();
+  seconds += seconds_since(begun);
   if (look && !request.checkpoint.empty()) save();
   return !done;
+}
+
+double SceneFit::Impl::seconds_of_next() const {
+  const Leg& now = legs[leg];
+  const double look = look_seconds > 0 ? look_seconds : step_seconds / 3;  // a step draws, and goes back, too
+  const long next = fitter->steps_done() + 1;
+  const bool judges = next % recipe.judge_every == 0 || next >= leg_steps;
+  double looks = judges ? static_cast<double>(now.judges.size()) : 0;
+  if (!in_folds()) looks += static_cast<double>(now.views.size());
+  return step_seconds + looks * look;
 }
 
 void SceneFit::Impl::follow(AfterStep& after) {
   if (after.judges && !after.judged) judge();
   after.judged = true;
+  if (in_folds() && falls >= kFalls) after.ends = true;
   if (after.ends) end_leg();
 }
 

@@ -31,10 +31,10 @@ struct FitFreeze {
 struct FitRequest {
   std::vector<std::string> names;  // the views that are used, as ViewRequest has them; empty: all that have a picture
   FitHoldout holdout;
-  std::vector<int> spared;    // views that are not held out unless they are named
-  long steps = 0;             // 0: by the number of views
-  double seconds = 0;         // no step begins after so long; 0: no limit
-  long max_gaussians = 0;     // 0: by the pictures
+  std::vector<int> spared;  // views that are not held out unless they are named
+  long steps = 0;           // 0: by the number of views
+  double seconds = 0;      // the last step, and what follows it, ends before so long as far as can be told; 0: no limit
+  long max_gaussians = 0;  // 0: by the pictures
   std::optional<int> degree;  // of the spherical harmonics
   int longest = 512;          // pixels of a picture's longer side; 0: as it is
   FitFreeze freeze;

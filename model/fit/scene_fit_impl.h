@@ -46,6 +46,10 @@ struct SceneFit::Impl {
   DeviceFitPicture corrected(int view);
   void step_on(int view);
   int view_of_step(long step) const;
+  void warn_of_background();
+  // Of the next step, what follows it, and the look at all pictures at the end.
+  double seconds_of_next() const;
+  long measured_by_all(std::size_t rounds) const;
   double object_pixels(const std::vector<int>& views);
   Scene to_scene(const Gaussians& gaussians) const;
   std::string text_of_request() const;
@@ -81,6 +85,9 @@ struct SceneFit::Impl {
 
   bool done = false, unknown = false, resuming = false;
   double seconds = 0, last_psnr = std::nan("");
+  int falls = 0;  // how often in a row the round's measure has fallen
+  // How long things took last: the shorter of the last two steps, since one may have compiled, and a look at a picture.
+  double last_step = 0, step_seconds = 0, look_seconds = 0;
   long steps_in_all = 0;
   StepPace pace;  // of this run
   std::optional<AfterStep> left;

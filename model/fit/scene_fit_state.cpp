@@ -88,6 +88,7 @@ void SceneFit::Impl::save() const {
   out.state["steps_in_all"] = std::to_string(steps_in_all);
   out.state["seconds"] = exact_text(seconds);
   out.state["last_psnr"] = exact_text(last_psnr);
+  out.state["falls"] = std::to_string(falls);
   for (const auto& [at, sum] : curve) {
     const std::string name = fmt::format("curve.{}", at);
     out.state[name + ".psnr"] = exact_text(sum.psnr);
@@ -123,6 +124,7 @@ void SceneFit::Impl::read_progress(const FitCheckpoint& from) {
   steps_in_all = whole_number(from, "steps_in_all");
   seconds = number(from, "seconds");
   last_psnr = number(from, "last_psnr");
+  falls = from.state.count("falls") > 0 ? static_cast<int>(whole_number(from, "falls")) : 0;
   if (from.state.count("best_degree") > 0) best = best_in(from);
   for (const int view : legs[leg].views) {
     const std::string pose = fmt::format("pose.{}", view), exposure = fmt::format("exposure.{}", view);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "model/fit/suspects.h"
 #include "tests/support/compare.h"
@@ -108,6 +109,28 @@ TEST_F(SceneFitTest, FewViewsAreEachLeftOutAndThenAllFitted) {
   EXPECT_FALSE(result.start_returned);
   EXPECT_EQ(result.steps % 25, 0);
   expect_finite(result.scene);
+}
+
+// Dark and light pictures of a grey object: whichever is left out, the others lead away from it.
+TEST_F(SceneFitTest, ARoundEndsOnceItsMeasureHasFallenTwice) {
+  make(4);
+  start_ = truth_;
+  std::fill(start_.gaussians.sh.begin(), start_.gaussians.sh.end(), 0.0f);
+  for (std::size_t v = 0; v < 4; ++v)
+    for (std::size_t i = 0; i < pictures_[v].data.size(); ++i)
+      if (i % 4 < 3) pictures_[v].data[i] = v % 2 == 0 ? 0.2f : 0.8f;
+  SceneFit fit(ctx(), photographs_, start(), {});
+  std::map<std::string, long> steps;
+  do {
+    const FitProgress p = fit.progress();
+    steps[p.phase] = std::max(steps[p.phase], p.step);
+  } while (fit.step());
+  for (const char* round : {"leaving out 1 of 4", "leaving out 2 of 4", "leaving out 3 of 4", "leaving out 4 of 4"}) {
+    EXPECT_GE(steps[round], 49) << round;  // the 50th step ends it
+    EXPECT_LE(steps[round], 50) << round;
+  }
+  EXPECT_TRUE(fit.result().start_returned);
+  EXPECT_LT(fit.result().result.psnr, fit.result().start.psnr);
 }
 
 TEST_F(SceneFitTest, OfManyViewsEveryEighthIsHeldOut) {
@@ -221,6 +244,33 @@ TEST_F(SceneFitTest, AWrongPoseIsNamed) {
   request.steps = 200;
   const FitResult result = run(request);
   EXPECT_EQ(result.suspects, std::vector<int>{5});
+}
+
+TEST_F(SceneFitTest, PicturesOfMoreThanTheCubeAreWarnedOf) {
+  make(4);
+  const auto warned = [&](double edge) {
+    const test::Warnings warnings;
+    FitStart from = start();
+    from.placement.edge = edge;
+    const SceneFit fit(ctx(), photographs_, std::move(from), {});
+    return warnings.text();
+  };
+  EXPECT_EQ(warned(0.3), "");
+  for (Image& picture : pictures_) picture = Image(kSize, kSize, 3);  // black, without alpha
+  EXPECT_NE(warned(0.3).find("4 of the 4 pictures have neither mask nor alpha"), std::string::npos) << warned(0.3);
+  for (Image& picture : pictures_) std::fill(picture.data.begin(), picture.data.end(), 1.0f);
+  EXPECT_EQ(warned(0.3), "");
+}
+
+// What a look takes counts, and so does the step that would come next.
+TEST_F(SceneFitTest, TimeEndsItBefore) {
+  make(12);
+  FitRequest request;
+  request.steps = 1000000;
+  request.seconds = 4;
+  const FitResult result = run(request);
+  EXPECT_GT(result.seconds, 1);
+  EXPECT_LT(result.seconds, 5);
 }
 
 TEST_F(SceneFitTest, OneViewIsNotJudgedAndNotRefined) {

@@ -3,7 +3,8 @@
 
    Pictures are held out as `holdout` says. The result is never worse than the start by the measure of those: where the
    start is best it is what comes out, and `returned` says so. With fewer than 12 views none can be spared: then each is
-   left out in turn to find the number of steps, and all are fitted that often. The same device, input and options give
+   left out in turn to find the number of steps (each of these rounds ends where its measure has fallen twice in a row,
+   and only what all of them have measured counts), and all are fitted that often. The same device, input and options give
    the same bits (but for `seconds`, with which the number of steps depends on the clock). */
 #ifndef VSPLAT_REFINE_H
 #define VSPLAT_REFINE_H
@@ -72,8 +73,9 @@ typedef struct vsplat_refine_options {
   int32_t holdout_count;
   const char* const* holdout_names; /* [num_holdout_names] */
   size_t num_holdout_names;
-  int64_t steps;          /* 0: by the number of views; with few, what is best for views left out */
-  double seconds;         /* no step begins after so long; 0: no limit */
+  int64_t steps;  /* 0: by the number of views; with few, what is best for views left out */
+  double seconds; /* no step begins that would end later than this, with the look at pictures that follows it and
+                             that at the end; making the start and judging count. 0: no limit */
   uint64_t max_gaussians; /* it may grow up to; 0: by the pictures; with few views it does not grow. Of
                              VSPLAT_REFINE_POINTS and _RANDOM also the number that it begins with at the most */
   int32_t sh_degree;      /* 0 to 3; -1: the start's with few views, at least 2 with many */
@@ -125,7 +127,7 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_refinement_get_start(vsplat_ref
 typedef struct vsplat_refine_result {
   size_t size;
   int64_t steps;      /* that the result has seen */
-  double seconds;     /* spent in steps */
+  double seconds;     /* spent, from making the start on */
   int32_t returned;   /* 0: the refined scene, 1: the start, which was better on what was held out, or of which nothing
                           was known to be worse */
   int32_t claimed;    /* 1: `start` and `result` were judged on pictures that neither has seen */
