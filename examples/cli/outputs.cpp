@@ -198,6 +198,7 @@ void Outputs::refuse_if_gone() {
 
 void Outputs::keep() {
   refuse_if_gone();
+  stay_.insert(stay_.end(), files_.begin(), files_.end());
   files_.clear();
   folders_.clear();
   std::error_code ignored;
@@ -263,7 +264,7 @@ void Outputs::make_folder(const fs::path& folder) {
 std::string Outputs::begin(const std::string& path) {
   const fs::path file = normal(path);
   make_folder(file.parent_path());
-  files_.push_back(file);  // one from before is replaced whole, never taken away
+  if (!contains(stay_, file)) files_.push_back(file);  // one from before is replaced whole, never taken away
   return path;
 }
 

@@ -74,6 +74,7 @@ class Outputs {
   std::map<std::filesystem::path, std::string> parents_;  // the folders that they will lie in: what lies there
   std::vector<std::filesystem::path> kept_;               // of those expected: what may not be replaced
   std::vector<std::filesystem::path> files_, folders_;    // in the order they were begun
+  std::vector<std::filesystem::path> stay_;               // of keep(): written anew they are replaced, never taken away
   std::vector<Made> made_;
   std::mutex made_mutex_;
 };

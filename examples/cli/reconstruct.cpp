@@ -26,7 +26,7 @@ struct ReconstructOptions {
   bool skip_existing = false;
 };
 
-constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-sheet"};
+constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-sheet", "--refine-time"};
 
 // What the options ask for, read and checked against each other before anything is opened.
 struct Request {
@@ -59,8 +59,9 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
   input.view_count = o.view_count;
   set_placement(o.placement, input);
   input.force = o.force;
-  if (!o.refine && !(o.refined.steps.empty() && o.refined.size.empty() && o.refined.sheet.empty()))
-    throw UsageError("--refine-steps, --refine-size and --refine-sheet need --refine");
+  if (!o.refine &&
+      !(o.refined.steps.empty() && o.refined.size.empty() && o.refined.sheet.empty() && o.refined.seconds.empty()))
+    throw UsageError("--refine-steps, --refine-time, --refine-size and --refine-sheet need --refine");
   if (o.refine && !o.selection.empty())
     throw UsageError("--selection is of one set of views, and --refine asks the network about others, too");
   if (o.refine) refinement.emplace(o.refined, refine_names);
@@ -133,9 +134,9 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
 }
 
 // Begins with what the network makes of the same views in the same cube, and moves it towards all that are used: those
-// of --views, else all that are listed.
+// of --views, else all that are listed. What the network makes is written first: whatever ends this early, that stays.
 vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& session, const vsplat::Model& model,
-                     const vsplat::Views& views, const vsplat::Input& input, Outputs& outputs) {
+                     const vsplat::Views& views, const vsplat::Input& input, SceneFile& file, Outputs& outputs) {
   const vsplat_input_info placed = input.info();
   vsplat_input_options same = request.input;
   same.has_center = 1;
@@ -148,7 +149,29 @@ vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& ses
   options.reconstruct = &request.run;
   options.names = request.input.names;
   options.num_names = request.input.num_names;
-  return request.refinement->run(session, o.common, views, outputs);
+  const auto keep = [&](const vsplat::Scene& start) {
+    file.save(o.common, start);
+    outputs.keep();
+    say(o.common,
+        o.output + ": " + std::to_string(start.info().count) + " Gaussians from the network; they are refined now");
+  };
+  vsplat::Scene refined = request.refinement->run(session, o.common, views, outputs, keep);
+  file.save(o.common, refined);
+  outputs.keep();
+  return refined;
+}
+
+// Of a scene that is written already: where the user stops it, or it fails, that is what there is.
+void draw_refined(const ReconstructOptions& o, Session& session, const PictureJob& job, const vsplat::Scene& scene,
+                  const std::vector<vsplat_camera>& cameras, std::optional<Comparison>& comparison, Outputs& outputs) {
+  const std::string written = o.output + " is written, its pictures are not: vsplat render draws them";
+  try {
+    if (interrupted()) throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
+    job.draw(session, scene, cameras, comparison, outputs);
+  } catch (const vsplat::Error& e) {
+    if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
+    throw std::runtime_error("stopped; " + written);
+  }
 }
 
 // Where the library puts what --dump asks for.
@@ -207,14 +230,17 @@ void reconstruct(ReconstructOptions& o) {
   session.start("reconstructing");
   vsplat::Scene scene;
   if (!request.refinement || request.run.dump) scene = vsplat::reconstruct(session.device(), model, input, request.run);
-  if (request.refinement) scene = refine(o, request, session, model, views, input, outputs);
-  if (job.wanted) job.draw(session, scene, shots.all, comparison, outputs);
+  if (request.refinement) scene = refine(o, request, session, model, views, input, file, outputs);
+  if (job.wanted && request.refinement)
+    draw_refined(o, session, job, scene, shots.all, comparison, outputs);
+  else if (job.wanted)
+    job.draw(session, scene, shots.all, comparison, outputs);
   for (const std::string& path : view_files) outputs.begin(path);
   if (!o.write_views.empty()) input.save(o.write_views);
   if (!o.write_selection.empty())
     vsplat::check(vsplat_scene_save_selection((request.refinement ? request.refinement->start() : scene).get(),
                                               outputs.begin(o.write_selection).c_str()));
-  file.save(o.common, scene);
+  if (!request.refinement) file.save(o.common, scene);
   session.write_profile(outputs);
   outputs.commit();
   summarise(o, session, job, input, scene, file, shots.all.size(), comparison, request.refinement);
@@ -228,6 +254,9 @@ void add_refinement(CLI::App& sub, ReconstructOptions& o) {
       ->group(group);
   sub.add_option("--refine-steps", o.refined.steps, "How many (default: auto, by the number of views)")
       ->type_name("N|auto")
+      ->group(group);
+  sub.add_option("--refine-time,--time", o.refined.seconds, "No step begins that would end after so long")
+      ->type_name("SECONDS")
       ->group(group);
   sub.add_option("--refine-size", o.refined.size, "Pixels of the pictures' longer side (default 512)")
       ->type_name("N|full")

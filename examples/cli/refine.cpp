@@ -149,7 +149,8 @@ void add_refine_options(CLI::App& sub, RefineOptions& o) {
   sub.add_option("--steps", o.steps,
                  "How many (default: auto, by the number of views; with few of them what suits views left out)")
       ->type_name("N|auto");
-  sub.add_option("--time", o.seconds, "No step begins after so long")->type_name("SECONDS");
+  sub.add_option("--time", o.seconds, "No step begins that would end after so long, judging included")
+      ->type_name("SECONDS");
   sub.add_option("--holdout", o.holdout,
                  "Which pictures judge and are not fitted to (default: auto, every eighth of 12 or more; of fewer each "
                  "is left out in turn)")

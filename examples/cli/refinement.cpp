@@ -119,7 +119,7 @@ RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names)
   options.resume = o.resume;
   if (o.resume && checkpoint_.empty()) throw UsageError("--resume needs --checkpoint, the folder of the state");
   if (!o.steps.empty() && o.steps != "auto") options.steps = count_of(names.steps, o.steps, "auto or ");
-  if (!o.seconds.empty()) options.seconds = positive_number("--time", o.seconds, "number of seconds");
+  if (!o.seconds.empty()) options.seconds = positive_number(names.time, o.seconds, "number of seconds");
   if (!o.max_gaussians.empty())
     options.max_gaussians = static_cast<std::uint64_t>(count_of("--max-gaussians", o.max_gaussians, ""));
   if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // CLI11 has looked at it
@@ -159,10 +159,12 @@ std::vector<std::string> RefineJob::names_of(const vsplat::Refinement& refinemen
   return out;
 }
 
-vsplat::Scene RefineJob::run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs) {
+vsplat::Scene RefineJob::run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
+                             const std::function<void(const vsplat::Scene&)>& on_start) {
   session.start("refining");
   show_progress(common, "refining: reading pictures");
   const vsplat::Refinement refinement(session.device(), views, options);
+  if (on_start) on_start(refinement.start());
   Teller teller(common);
   std::string log = "step,phase,loss,gaussians,psnr,seconds\n";
   const double begun = elapsed_seconds();

@@ -1,5 +1,6 @@
 // A scene moved towards the user's pictures: what `refine` and `reconstruct --refine` have in common.
 #pragma once
+#include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -19,7 +20,7 @@ struct RefineOptions {
 
 // What the options are called in messages.
 struct RefineNames {
-  const char *steps = "--steps", *size = "--size", *sheet = "--sheet";
+  const char *steps = "--steps", *size = "--size", *sheet = "--sheet", *time = "--time";
 };
 
 class RefineJob {
@@ -34,8 +35,10 @@ class RefineJob {
 
   // `output`: the scene's file, beside which poses are written.
   void expect(Outputs& outputs, const std::string& output);
-  // To the end, or until the user interrupts: then the best so far is the result, and that is said.
-  vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs);
+  // To the end, or until the user interrupts: then the best so far is the result, and that is said. `on_start` is given
+  // the scene that it begins with, before the first step.
+  vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
+                    const std::function<void(const vsplat::Scene&)>& on_start = {});
   // What it began with; after run().
   const vsplat::Scene& start() const { return start_; }
   // In words, and what there is to warn of.

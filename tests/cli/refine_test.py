@@ -18,6 +18,15 @@ RESULT = ["output", "gaussians", "steps", "judged_on", "start", "result", "retur
 NUMERICS = ["tuning", "precision", "switched_off"]
 
 
+def quaternion(r):
+    """w x y z of a rotation."""
+    w = math.sqrt(max(0.0, 1 + r[0][0] + r[1][1] + r[2][2])) / 2
+    x = math.copysign(math.sqrt(max(0.0, 1 + r[0][0] - r[1][1] - r[2][2])) / 2, r[2][1] - r[1][2])
+    y = math.copysign(math.sqrt(max(0.0, 1 - r[0][0] + r[1][1] - r[2][2])) / 2, r[0][2] - r[2][0])
+    z = math.copysign(math.sqrt(max(0.0, 1 - r[0][0] - r[1][1] + r[2][2])) / 2, r[1][0] - r[0][1])
+    return w, x, y, z
+
+
 class Refine(support.Case):
     """Pictures of a random solid, and a grey ball in its place."""
     SIDE = 24
@@ -184,6 +193,66 @@ class Refine(support.Case):
         for name in ("out.ply", "out.poses.json"):
             self.assertEqual(pathlib.Path(self.path(name)).read_bytes(), open(self.path(name.replace("out", "again")), "rb").read())
         self.assertFalse([name for name in os.listdir(self.path("state")) if name.endswith(".tmp")])
+
+    def test_what_the_network_makes_stays_whatever_ends_refining(self):
+        """reconstruct --refine writes it first: killed, interrupted or out of time, it is there."""
+        def begun(name):
+            process = subprocess.Popen([support.VSPLAT, "reconstruct", self.photos, "--model", self.model, "--output", self.path(name), "--refine",
+                                        "--refine-steps", "100000", "--render", "orbit:2", "--images", self.path("pictures")],
+                                       stderr=subprocess.PIPE, text=True)
+            while process.poll() is None and not os.path.exists(self.path(name)):
+                time.sleep(0.01)
+            return process
+        self.succeeds("reconstruct", self.photos, "--model", self.model, "--output", self.path("network.ply"), "--quiet")
+        process = begun("killed.ply")
+        process.kill()
+        process.communicate()
+        self.assertEqual(pathlib.Path(self.path("killed.ply")).read_bytes(), pathlib.Path(self.path("network.ply")).read_bytes())
+        process = begun("stopped.ply")
+        process.send_signal(signal.SIGINT)
+        err = process.communicate(timeout=120)[1]
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn("stopped.ply is written, its pictures are not", err)
+        self.succeeds("render", self.path("stopped.ply"), "--cameras", "orbit:1", "--images", self.path("x"), "--quiet")
+        self.assertFalse(os.path.exists(self.path("pictures")))
+        told = self.told("reconstruct", self.photos, "--model", self.model, "--output", self.path("timed.ply"), "--refine", "--refine-steps", 100000,
+                         "--refine-time", 2, "--quiet")
+        self.assertLess(told["seconds"], 60)
+        self.refuses(2, ["--refine-time", "--refine"], "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--time", 2)
+        self.refuses(2, "--refine-time is", "reconstruct", self.photos, "--model", self.model, "--output", self.path("x.ply"), "--refine", "--time", 0)
+
+    def test_the_cube_comes_from_the_points_that_are_read(self):
+        """A list without a cube, beside which a COLMAP model of another world lies (as nerfstudio leaves them)."""
+        path = os.path.join(self.photos, "transforms.json")
+        views = json.load(open(path))
+        del views["aabb_center"], views["aabb_half"]
+        model = os.path.join(self.photos, "colmap", "sparse", "0")
+        os.makedirs(model)
+        def write(name, lines):
+            with open(os.path.join(model, name), "w") as f:
+                f.write("".join(line + "\n" for line in lines))
+        # COLMAP's world: three times as large, and moved. A camera's matrix loses the flip of axes; its rotation becomes a quaternion.
+        lines = []
+        for i, frame in enumerate(views["frames"]):
+            m = frame["transform_matrix"]
+            r = [[m[k][0], -m[k][1], -m[k][2]] for k in range(3)]  # camera to world, y down, z forward
+            at = [3 * m[k][3] + (5, 0, -2)[k] for k in range(3)]
+            t = [-sum(r[k][axis] * at[k] for k in range(3)) for axis in range(3)]
+            lines.append(" ".join(map(repr, [i + 1, *quaternion([[r[k][axis] for k in range(3)] for axis in range(3)]), *t])) +
+                         f" 1 {os.path.basename(frame['file_path'])}")
+            lines.append("")
+        write("images.txt", lines)
+        side, angle = self.SIDE, views["frames"][0].get("camera_angle_x", views.get("camera_angle_x", 0.7))
+        focal = views.get("fl_x", views["frames"][0].get("fl_x", 0.5 * side / math.tan(angle / 2)))
+        write("cameras.txt", [f"1 PINHOLE {side} {side} {focal} {focal} {side / 2} {side / 2}"])
+        spots = [(0.3 * math.sin(i), 0.3 * math.cos(2.3 * i), 0.3 * math.sin(5.1 * i)) for i in range(200)]
+        write("points3D.txt", [f"{i + 1} {3 * x + 5} {3 * y} {3 * z - 2} 100 120 140 0.5 1 0 2 0 3 0" for i, (x, y, z) in enumerate(spots)])
+        json.dump(views, open(path, "w"))
+        _, err = self.succeeds("refine", self.photos, "--start", "points", "--output", self.path("points.ply"), "--holdout", 1, "--steps", 10)
+        self.assertRegex(err, r"(19[5-9]|200) of the 200 points lie in the object's cube")
+        centre = [float(v) for v in err.split("the object's cube: centre (")[1].split(")")[0].split(",")]
+        self.assertLess(max(map(abs, centre)), 0.1, err)
+        self.assertIn("of the 200 points, the dense ones", err)
 
     def test_time_is_kept(self):
         told = self.told(*self.refine("--holdout", 1, "--steps", 1000000, "--time", 1))
