@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <nanoflann.hpp>
 #include <vector>
 
+#include "model/base/point_tree.h"
 #include "model/base/rng.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -17,27 +17,12 @@ constexpr std::size_t kNeighbours = 3;
 constexpr double kLowScale = 1e-4, kHighScale = 0.1;  // of the cube's edge
 constexpr float kOpacity = 0.1f;
 
-using Positions = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
-
-// What nanoflann asks of a set of points. (Its own adaptor for Eigen names its tree otherwise from version to version.)
-struct PointsForTree {
-  const Positions& positions;
-  std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(positions.rows()); }
-  double kdtree_get_pt(Eigen::Index row, std::size_t axis) const {
-    return positions(row, static_cast<Eigen::Index>(axis));
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Adaptor<double, PointsForTree, double, Eigen::Index>,
-                                                 PointsForTree, 3, Eigen::Index>;
+using Positions = PointRows;
 
 // Of each, in the same units.
 std::vector<double> neighbour_distances(const Positions& positions) {
   const PointsForTree points{positions};
-  const Tree tree(3, points);
+  const PointTree tree(3, points);
   std::vector<double> out;
   out.reserve(static_cast<std::size_t>(positions.rows()));
   for (Eigen::Index i = 0; i < positions.rows(); ++i) {

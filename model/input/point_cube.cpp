@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 #include <functional>
-#include <nanoflann.hpp>
 #include <vector>
 
+#include "model/base/point_tree.h"
 #include "model/base/statistics.h"
 
 namespace vsplat {
@@ -48,14 +48,15 @@ bool sees(const Camera& c, const Vector3d& point) {
 // Without those whose neighbours are much farther away than is usual. Relative to `offset`, in which the tree's numbers
 // are small.
 Positions dense_ones(const std::vector<ColoredPoint>& points, const Vector3d& offset) {
-  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(static_cast<Eigen::Index>(points.size()), 3);
+  PointRows rows(static_cast<Eigen::Index>(points.size()), 3);
   for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = points[i].position - offset;
-  const nanoflann::KDTreeEigenMatrixAdaptor<decltype(rows), 3> tree(3, std::cref(rows));
+  const PointsForTree for_tree{rows};
+  const PointTree tree(3, for_tree);
   std::vector<double> distances;
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
     std::array<Eigen::Index, kNeighbours + 1> found{};  // itself among them
     std::array<double, kNeighbours + 1> squared{};
-    const std::size_t n = tree.index->knnSearch(rows.row(i).data(), found.size(), found.data(), squared.data());
+    const std::size_t n = tree.knnSearch(rows.row(i).data(), found.size(), found.data(), squared.data());
     distances.push_back(std::sqrt(squared[n - 1]));
   }
   const double most = kThinner * median(distances);
