@@ -52,31 +52,57 @@ std::string Comparison::difference_file(const std::string& folder, std::size_t i
 }
 
 Comparison::Comparison(std::string folder, std::string differences, const float (&background)[3], Shots shots,
-                       Outputs& outputs)
-    : folder_(std::move(folder)), differences_(std::move(differences)), shots_(std::move(shots)) {
+                       Outputs& outputs, bool skip_bad)
+    : folder_(std::move(folder)),
+      differences_(std::move(differences)),
+      shots_(std::move(shots)),
+      skip_bad_(skip_bad),
+      files_(shots_.all.size()) {
   std::copy(std::begin(background), std::end(background), background_);
   std::set<std::string> seen;
   for (std::size_t i = 0; i < shots_.all.size(); ++i) {
-    const std::string file = shots_.listed.find_picture(i, folder_);
-    if (file.empty())
-      throw std::runtime_error("--compare " + folder_ + ": no picture (PNG, JPEG, EXR) for camera " +
-                               std::to_string(i) + " of " + std::to_string(shots_.all.size()) +
-                               ": the stem of its file in the cameras' list is looked for, or " + index_text(i) +
-                               " where the list names none");
-    if (!seen.insert(file).second)
-      throw std::runtime_error("--compare " + folder_ + ": " + file +
+    try {
+      files_[i] = find(i);
+    } catch (const std::exception& e) {
+      leave_out(i, e);
+      continue;
+    }
+    if (!seen.insert(files_[i]).second)
+      throw std::runtime_error("--compare " + folder_ + ": " + files_[i] +
                                " fits several cameras: give their pictures in the folders of the cameras' list");
-    int32_t width = 0, height = 0;
-    vsplat::check(vsplat_picture_file_size(file.c_str(), &width, &height));
-    const vsplat_camera& camera = shots_.all[i];
-    const double scaled = static_cast<double>(height) * camera.width / width;
-    if (width < camera.width || height < camera.height || std::abs(scaled - camera.height) > 1)
-      throw std::runtime_error("--compare: " + file + " is " + size_text(width, height) + " pixels, camera " +
-                               std::to_string(i) + " draws " + size_text(camera.width, camera.height) +
-                               ": pictures of that size or larger ones of its proportions are expected; --size");
-    outputs.input(file);
-    files_.push_back(file);
+    outputs.input(files_[i]);
   }
+  if (seen.empty()) throw std::runtime_error("--compare " + folder_ + ": no picture of any camera can be used");
+}
+
+void Comparison::leave_out(std::size_t index, const std::exception& error) {
+  const auto* const of_library = dynamic_cast<const vsplat::Error*>(&error);
+  const bool is_about_picture = !of_library || of_library->status() == VSPLAT_ERROR_FILE ||
+                                of_library->status() == VSPLAT_ERROR_FORMAT ||
+                                of_library->status() == VSPLAT_ERROR_INPUT;
+  if (!skip_bad_ || !is_about_picture) throw;
+  warn("camera " + std::to_string(index) + " is left out of the comparison: " + error.what());
+  files_[index].clear();
+}
+
+// The file of camera `index`, of a size that can be compared.
+std::string Comparison::find(std::size_t index) const {
+  const std::string file = shots_.listed.find_picture(index, folder_);
+  if (file.empty())
+    throw std::runtime_error("--compare " + folder_ + ": no picture for camera " + std::to_string(index) + " of " +
+                             std::to_string(shots_.all.size()) +
+                             ": looked for below the folder is the path of its file in the cameras' list, the end of "
+                             "that path, and its stem with another ending, or " +
+                             index_text(index) + " where the list names no file; --skip-bad leaves such cameras out");
+  int32_t width = 0, height = 0;
+  shots_.listed.picture_size(index, file, width, height);
+  const vsplat_camera& camera = shots_.all[index];
+  const double scaled = static_cast<double>(height) * camera.width / width;
+  if (width < camera.width || height < camera.height || std::abs(scaled - camera.height) > 1)
+    throw std::runtime_error("--compare: " + file + " is " + size_text(width, height) + " pixels, camera " +
+                             std::to_string(index) + " draws " + size_text(camera.width, camera.height) +
+                             ": pictures of that size or larger ones of its proportions are expected; --size");
+  return file;
 }
 
 std::future<std::vector<float>> Comparison::load(std::size_t index) const {
@@ -89,26 +115,39 @@ std::future<std::vector<float>> Comparison::load(std::size_t index) const {
 }
 
 std::string Comparison::add(std::size_t index, const vsplat::Picture& drawn, Outputs& outputs) {
-  const std::vector<float> given = (next_.valid() ? std::move(next_) : load(index)).get();
-  if (index + 1 < shots_.all.size()) next_ = load(index + 1);
+  std::future<std::vector<float>> loading = std::move(next_);
+  if (!files_[index].empty() && !loading.valid()) loading = load(index);
+  const bool is_last = index + 1 == shots_.all.size();
+  if (!is_last && !files_[index + 1].empty()) next_ = load(index + 1);
+  std::vector<float> given;
+  try {
+    if (loading.valid()) given = loading.get();
+  } catch (const std::exception& e) {
+    leave_out(index, e);
+  }
+  if (!files_[index].empty()) compare(index, drawn, given, outputs);
+  if (is_last && rows_.empty()) throw std::runtime_error("--compare: no picture of any camera can be used");
+  return files_[index].empty() ? "left out" : number_text(rows_.back().psnr, 1);
+}
+
+void Comparison::compare(std::size_t index, const vsplat::Picture& drawn, const std::vector<float>& given,
+                         Outputs& outputs) {
   vsplat_comparison found = VSPLAT_COMPARISON_INIT;
   vsplat::Picture difference;
   if (!differences_.empty()) difference.colour.resize(given.size());
   vsplat::check(vsplat_compare(drawn.colour.data(), given.data(), drawn.width, drawn.height, &found,
                                differences_.empty() ? nullptr : difference.colour.data()));
-  rows_.push_back({files_[index], found.psnr, found.ssim});
-  if (!differences_.empty()) {
-    difference.width = drawn.width;
-    difference.height = drawn.height;
-    difference.alpha.resize(given.size() / 3);
-    for (float& v : difference.colour) v *= difference_gain;
-    difference.save(outputs.begin(difference_file(differences_, index)), VSPLAT_PICTURE_PNG);
-  }
-  return number_text(found.psnr, 1);
+  rows_.push_back({index, files_[index], found.psnr, found.ssim});
+  if (differences_.empty()) return;
+  difference.width = drawn.width;
+  difference.height = drawn.height;
+  difference.alpha.resize(given.size() / 3);
+  for (float& v : difference.colour) v *= difference_gain;
+  difference.save(outputs.begin(difference_file(differences_, index)), VSPLAT_PICTURE_PNG);
 }
 
 Comparison::Row Comparison::mean() const {
-  Row out{"", 0, 0};
+  Row out;
   for (const Row& row : rows_) {
     out.psnr += row.psnr / static_cast<double>(rows_.size());
     out.ssim += row.ssim / static_cast<double>(rows_.size());
@@ -120,8 +159,7 @@ std::string Comparison::table() const {
   char head[64];
   std::snprintf(head, sizeof head, "%-8s %9s %8s  ", "picture", "PSNR, dB", "SSIM");
   std::string out = head + std::string("against\n");
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    out += line_text(index_text(i), rows_[i].psnr, rows_[i].ssim, rows_[i].file);
+  for (const Row& row : rows_) out += line_text(index_text(row.index), row.psnr, row.ssim, row.file);
   const Row all = mean();
   out += line_text("mean", all.psnr, all.ssim, "");
   out.pop_back();
@@ -130,14 +168,17 @@ std::string Comparison::table() const {
 
 nlohmann::ordered_json Comparison::json() const {
   nlohmann::ordered_json pictures = nlohmann::ordered_json::array();
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
+  for (const Row& of : rows_) {
     nlohmann::ordered_json row = {
-        {"reference", rows_[i].file}, {"psnr", json_number(rows_[i].psnr)}, {"ssim", json_number(rows_[i].ssim)}};
-    if (!differences_.empty()) row["difference"] = difference_file(differences_, i);
+        {"reference", of.file}, {"psnr", json_number(of.psnr)}, {"ssim", json_number(of.ssim)}};
+    if (!differences_.empty()) row["difference"] = difference_file(differences_, of.index);
     pictures.push_back(std::move(row));
   }
   const Row all = mean();
-  return {{"psnr", json_number(all.psnr)}, {"ssim", json_number(all.ssim)}, {"pictures", pictures}};
+  nlohmann::ordered_json out = {
+      {"psnr", json_number(all.psnr)}, {"ssim", json_number(all.ssim)}, {"pictures", pictures}};
+  if (rows_.size() < files_.size()) out["left_out"] = files_.size() - rows_.size();
+  return out;
 }
 
 }  // namespace command

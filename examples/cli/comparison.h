@@ -21,9 +21,10 @@ std::string index_text(std::size_t index);  // "0007"
 class Comparison {
  public:
   // Finds a picture in `folder` for every camera and looks at its size; `outputs` will not write over it. An error
-  // where one is missing, smaller than what is drawn or of other proportions. Difference pictures go to `differences`
-  // unless that is "".
-  Comparison(std::string folder, std::string differences, const float (&background)[3], Shots shots, Outputs& outputs);
+  // where one is missing, smaller than what is drawn or of other proportions; with `skip_bad` a warning, and it is left
+  // out. Difference pictures go to `differences` unless that is "".
+  Comparison(std::string folder, std::string differences, const float (&background)[3], Shots shots, Outputs& outputs,
+             bool skip_bad);
 
   // Camera `index` as drawn over the background; to be called for one after the other, from 0 on. Returns its PSNR as
   // text.
@@ -38,9 +39,14 @@ class Comparison {
 
  private:
   struct Row {
-    std::string file;
-    double psnr, ssim;
+    std::size_t index = 0;
+    std::string file = {};
+    double psnr = 0, ssim = 0;
   };
+  std::string find(std::size_t index) const;
+  // Of the exception that is being handled: thrown again where it must be.
+  void leave_out(std::size_t index, const std::exception& error);
+  void compare(std::size_t index, const vsplat::Picture& drawn, const std::vector<float>& given, Outputs& outputs);
   Row mean() const;
   // Reads and prepares the picture of camera `index` beside what else is done.
   std::future<std::vector<float>> load(std::size_t index) const;
@@ -48,7 +54,8 @@ class Comparison {
   std::string folder_, differences_;
   float background_[3];
   Shots shots_;
-  std::vector<std::string> files_;
+  bool skip_bad_;
+  std::vector<std::string> files_;  // "": left out
   std::vector<Row> rows_;
   std::future<std::vector<float>> next_;  // the picture after the last one that was added
 };

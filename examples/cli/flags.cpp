@@ -70,6 +70,7 @@ constexpr Flag flags[] = {
     FIELD(vsplat_train_options, resume, "--resume"),
     FIELD(vsplat_train_options, textures, "--textures"),
     FIELD(vsplat_tune_options, path, "--output"),
+    FIELD(vsplat_views_options, skip_bad, "--skip-bad"),
     FUNCTION(vsplat_doctor, "`vsplat doctor`"),
     FUNCTION(vsplat_mesh_load, "--texture"),
     FUNCTION(vsplat_model_init, "`vsplat init`"),

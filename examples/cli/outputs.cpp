@@ -163,13 +163,15 @@ void Outputs::input_data(const std::vector<std::string>& paths) {
         std::none_of(paths.begin(), paths.end(), [&](const std::string& path) { return is_below(output, path); }))
       continue;
     const vsplat::DataSet set(paths);
+    vsplat_views_options checked_later = VSPLAT_VIEWS_OPTIONS_INIT;
+    checked_later.check_later = 1;
     for (std::size_t i = 0; i < set.count(); ++i) {
       const auto object = nlohmann::json::parse(set.describe(i));
       const std::string path = object["path"].get<std::string>();
       input_cameras(path);
       if (object["layout"] == "hdf5") continue;
       try {
-        for (const std::string& file : vsplat::Views::load(path).files()) input(file);
+        for (const std::string& file : vsplat::Views::load(path, checked_later).files()) input(file);
       } catch (const vsplat::Error&) {  // one that cannot be read is told of where it is read
       }
     }

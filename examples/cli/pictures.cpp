@@ -30,9 +30,10 @@ void add_output_options(CLI::App& app, PictureOptions& o, const std::string& gro
   app.add_option("--write-cameras", o.write_cameras, "The cameras drawn from, as a cameras.json")
       ->type_name("FILE.json")
       ->group(group);
-  app.add_option("--compare", o.compare,
-                 "PSNR and SSIM against the pictures of this folder: those with the stems of the cameras' files, or "
-                 "0000, 0001, ...; larger ones are scaled down")
+  app.add_option(
+         "--compare", o.compare,
+         "PSNR and SSIM against the pictures of this folder: those of the cameras' files, as --pictures finds them, or "
+         "0000, 0001, ...; larger ones are scaled down")
       ->type_name("DIR")
       ->group(group);
   app.add_option("--differences", o.differences, "With --compare: folder for 4 x |difference| as 0000.png, ...")
@@ -94,7 +95,7 @@ void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choic
 
 }  // namespace
 
-PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles) {
+PictureJob::PictureJob(const PictureOptions& o) : exact_tiles(o.exact_tiles), skip_bad(o.skip_bad) {
   wanted = !o.cameras.empty();
   if (wanted) choice = camera_choice("cameras", o.cameras);
   if (!o.size.empty()) size = picture_size("--size", o.size);
@@ -166,7 +167,10 @@ void PictureJob::read_outputs(const PictureOptions& o) {
 Shots PictureJob::load_cameras() const {
   const Size unknown = size.value_or(Size{default_size, default_size});
   Shots out;
-  out.listed = vsplat::Cameras::load(choice.file, unknown.width, unknown.height);
+  vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
+  read.width = unknown.width, read.height = unknown.height;
+  read.skip_bad = skip_bad;
+  out.listed = vsplat::Cameras::load(choice.file, read);
   if (choice.path) out.listed = out.listed.path(choice.path);
   out.all = out.listed.all();
   if (!size) return out;
@@ -227,7 +231,7 @@ std::optional<Comparison> PictureJob::prepare(const Shots& shots, Outputs& outpu
                      " pixels, the first one " + std::to_string(shots.all[0].width) + " x " +
                      std::to_string(shots.all[0].height) + "; --size makes them equal");
   if (compare.empty()) return std::nullopt;
-  return Comparison(compare, differences, background, shots, outputs);
+  return Comparison(compare, differences, background, shots, outputs, skip_bad);
 }
 
 // Of what was drawn over black.

@@ -22,7 +22,7 @@ struct PictureOptions {
   std::string images;   // the folder
   std::string size, background, format, quality, near, orbit_radius, orbit_elevation, up, supersample;
   std::string sheet, turntable, fps, compare, differences, write_cameras;
-  bool exr_raw = false, exact_tiles = false;
+  bool exr_raw = false, exact_tiles = false, skip_bad = false;
 };
 
 // `cameras_option`: "--render" or "--cameras".
@@ -40,7 +40,7 @@ struct PictureJob {
   float background[3] = {1, 1, 1};  // white where `transparent`, for what cannot be
   bool transparent = false;         // of --images
   double near = 0;                  // 0: the scene's
-  bool exact_tiles = false;
+  bool exact_tiles = false, skip_bad = false;
   std::uint64_t supersample = 0;  // 0: as the scene asks for
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;

@@ -4,6 +4,23 @@
 
 namespace command {
 
+void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad) {
+  app.add_option("--pictures", pictures,
+                 "The folder of the pictures, where they are not where the list has them: found below it, by the end "
+                 "of their paths, and with another ending")
+      ->type_name("DIR");
+  app.add_flag("--skip-bad", skip_bad,
+               "Leave out views that cannot be used (pose, camera, picture or mask), and count them");
+}
+
+vsplat_views_options views_options(const std::string& pictures, bool skip_bad, bool named) {
+  vsplat_views_options out = VSPLAT_VIEWS_OPTIONS_INIT;
+  out.pictures = pictures.empty() ? nullptr : pictures.c_str();
+  out.skip_bad = skip_bad;
+  out.check_later = named;
+  return out;
+}
+
 void add_placement_options(CLI::App& app, PlacementOptions& o) {
   app.add_option("--center", o.center, "Its centre in the world (default: aabb_center of the file, else estimated)")
       ->type_name("x,y,z")

@@ -16,6 +16,11 @@ struct PlacementOptions {
 
 inline constexpr const char* placement_group = "The object's cube";
 
+// --pictures and --skip-bad: how a list of views is read. `named`: some of the views are named, the others need not be
+// good.
+void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad);
+vsplat_views_options views_options(const std::string& pictures, bool skip_bad, bool named);
+
 void add_placement_options(CLI::App& app, PlacementOptions& options);
 vsplat_fit fit_of(const PlacementOptions& options);
 

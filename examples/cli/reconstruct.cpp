@@ -35,6 +35,7 @@ struct Request {
   PictureJob pictures;
   std::vector<std::string> names;
   std::vector<const char*> name_pointers;
+  vsplat_views_options views = VSPLAT_VIEWS_OPTIONS_INIT;
   vsplat_input_options input = VSPLAT_INPUT_OPTIONS_INIT;
   vsplat_reconstruct_options run = VSPLAT_RECONSTRUCT_OPTIONS_INIT;
   std::optional<RefineJob> refinement;
@@ -54,6 +55,7 @@ Request::Request(const ReconstructOptions& o) : pictures(o.pictures) {
         "file, orbit:N or path:CAMERAS:N");
   if (!o.names.empty()) names = list("--views", o.names);
   for (const std::string& name : names) name_pointers.push_back(name.c_str());
+  views = views_options(o.picture_folder, o.pictures.skip_bad, !names.empty());
   input.names = name_pointers.empty() ? nullptr : name_pointers.data();
   input.num_names = name_pointers.size();
   input.view_count = o.view_count;
@@ -81,7 +83,7 @@ void dry_run(const ReconstructOptions& o, const Request& request) {
   Session session(o.common);
   const vsplat::Model model = load_model(o.model);
   const vsplat_model_info info = model.info();
-  const vsplat::Views list = vsplat::Views::load(o.views, o.picture_folder);
+  const vsplat::Views list = vsplat::Views::load(o.views, request.views);
   size_t listed = 0;
   uint64_t pictures = 0;
   vsplat::check(vsplat_views_count(list.get(), &listed));
@@ -186,14 +188,14 @@ void reconstruct(ReconstructOptions& o) {
   set_up_library(o.common);
   if (!o.list.empty())
     return reconstruct_list(
-        {o.common, o.list, o.model, o.picture_folder, o.output, o.skip_existing, request.input, request.run});
+        {o.common, o.list, o.model, request.views, o.output, o.skip_existing, request.input, request.run});
   if (o.dry_run) {
     refuse_profile_of_dry_run(o.common);
     return dry_run(o, request);
   }
   const PictureJob& job = request.pictures;
   Outputs outputs(o.common.overwrite);
-  const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
+  const vsplat::Views views = vsplat::Views::load(o.views, request.views);
   for (const std::string& path : {o.model, o.selection}) outputs.input(path);
   outputs.input_cameras(job.choice.file);
   for (const std::string& path : views.files()) outputs.input(path);
@@ -293,8 +295,8 @@ void add_extras(CLI::App& sub, ReconstructOptions& o) {
 // After all that goes with one set of views alone.
 void add_list(CLI::App& sub, ReconstructOptions& o) {
   const std::vector<std::string> with = {
-      "--help",  "--model", "--output", "--pictures", "--view-count", "--auto-frame",     "--center",
-      "--scale", "--fit",   "--force",  "--near",     "--up",         "--selection-seed", "--assume-selected"};
+      "--help",  "--model", "--output", "--pictures", "--skip-bad", "--view-count",     "--auto-frame",     "--center",
+      "--scale", "--fit",   "--force",  "--near",     "--up",       "--selection-seed", "--assume-selected"};
   std::vector<CLI::Option*> others;
   for (CLI::Option* option : sub.get_options())
     if (std::none_of(with.begin(), with.end(), [&](const std::string& name) { return option->check_name(name); }))
@@ -333,7 +335,7 @@ void add_reconstruct(CLI::App& app, Run& run) {
       ->check(CLI::Range(1, 16).description(""))
       ->excludes("--views")
       ->type_name("N");
-  sub->add_option("--pictures", o->picture_folder, "Where a COLMAP model's pictures are")->type_name("DIR");
+  add_view_options(*sub, o->picture_folder, o->pictures.skip_bad);
   add_placement_options(*sub, o->placement);
   sub->add_flag("--force", o->force, "Go on where the cube seems to be behind or outside most views")
       ->group(placement_group);

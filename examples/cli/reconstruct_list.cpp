@@ -143,7 +143,7 @@ void reconstruct_list(const ListRequest& request) {
     const double begun = elapsed_seconds();
     std::optional<vsplat::Input> input;
     try {  // no device is asked yet: what fails, want of the host's memory, too, is of this object
-      input.emplace(model, vsplat::Views::load(object.views, request.pictures), request.input);
+      input.emplace(model, vsplat::Views::load(object.views, request.views), request.input);
     } catch (const vsplat::Error& e) {
       if (e.status() == VSPLAT_ERROR_CANCELLED) throw;
       object.error = with_flags(e.what());

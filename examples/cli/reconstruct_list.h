@@ -9,7 +9,9 @@ namespace command {
 
 struct ListRequest {
   Common& common;
-  std::string list, model, pictures, output;  // `list` may be "-"; `output` is a folder
+  std::string list, model;  // `list` may be "-"
+  vsplat_views_options views;
+  std::string output;  // a folder
   bool skip_existing;
   const vsplat_input_options& input;
   vsplat_reconstruct_options run;  // but for its progress

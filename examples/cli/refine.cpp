@@ -17,7 +17,7 @@ struct RefineSettings {
   RefineOptions refine;
   std::string views, start, model, output, names, picture_folder, near;
   int view_count = 0;  // 0: the model's
-  bool force = false, dry_run = false;
+  bool force = false, dry_run = false, skip_bad = false;
 };
 
 // What --start says; a file of one of the names is ./NAME.
@@ -56,7 +56,10 @@ std::string start_file(const RefineSettings& o) { return start_of(o.start) == VS
 void dry_run(const RefineSettings& o, const RefineJob& job) {
   Session session(o.common);
   const int unknown = job.options.longest > 0 ? job.options.longest : 1600;
-  const std::vector<vsplat_camera> cameras = vsplat::Cameras::load(o.views, unknown, unknown).all();
+  vsplat_cameras_options read = VSPLAT_CAMERAS_OPTIONS_INIT;
+  read.width = read.height = unknown;
+  read.skip_bad = o.skip_bad;
+  const std::vector<vsplat_camera> cameras = vsplat::Cameras::load(o.views, read).all();
   std::uint64_t begins = 0;
   int degree = 2;
   std::vector<Plan> plans;
@@ -112,7 +115,7 @@ void refine(const RefineSettings& o) {
   if (o.dry_run) return dry_run(o, job);
 
   Outputs outputs(o.common.overwrite);
-  const vsplat::Views views = vsplat::Views::load(o.views, o.picture_folder);
+  const vsplat::Views views = vsplat::Views::load(o.views, views_options(o.picture_folder, o.skip_bad, !names.empty()));
   for (const std::string& path : {start_file(o), o.model}) outputs.input(path);
   for (const std::string& path : views.files()) outputs.input(path);
   SceneFile file(outputs, o.output);
@@ -190,7 +193,7 @@ void add_refine(CLI::App& app, Run& run) {
   sub->add_option("--views", o->names,
                   "Which pictures are used: names (stem or path) or @ and place in the list from 0 (default: all)")
       ->type_name("NAME,...|@INDEX,...");
-  sub->add_option("--pictures", o->picture_folder, "Where a COLMAP model's pictures are")->type_name("DIR");
+  add_view_options(*sub, o->picture_folder, o->skip_bad);
   add_refine_options(*sub, o->refine);
   sub->add_option("-m,--model", o->model, "Of --start network (default: the built-in model)")->type_name("MODEL");
   sub->add_option("--near", o->near, "Near plane of --start network, world units (default: 0.2 times the cube's edge)")

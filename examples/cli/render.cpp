@@ -10,12 +10,12 @@ struct RenderOptions {
   Common common;
   PictureOptions pictures;
   std::string scene;
-  bool dry_run = false, skip_bad = false;
+  bool dry_run = false;
 };
 
 vsplat::Scene load_scene(const RenderOptions& o) {
   vsplat_scene_load_options options = VSPLAT_SCENE_LOAD_OPTIONS_INIT;
-  options.skip_bad = o.skip_bad;
+  options.skip_bad = o.pictures.skip_bad;
   return vsplat::Scene::load(o.scene, options);
 }
 
@@ -112,9 +112,10 @@ void add_render(CLI::App& app, Run& run) {
   sub->add_option("--near", o->pictures.near, "Near plane, world units (default: what the file says, else 0.2)")
       ->type_name("Z")
       ->group("Pictures");
-  sub->add_flag(
-      "--skip-bad", o->skip_bad,
-      "Leave out single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0) and count them");
+  sub->add_flag("--skip-bad", o->pictures.skip_bad,
+                "Leave out, and count, single Gaussians that cannot be drawn (NaN, infinite, a rotation of length 0), "
+                "cameras that "
+                "cannot be used, and pictures of --compare that are missing or cannot be read");
   sub->add_flag(
          "--exact-tiles", o->pictures.exact_tiles,
          "Sort a Gaussian only into tiles that its ellipse reaches: the same pictures, sooner where many are thin")

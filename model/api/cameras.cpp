@@ -92,11 +92,32 @@ OrbitOptions orbit_options(const vsplat_orbit_options& o) {
   return out;
 }
 
-vsplat_cameras new_cameras(std::vector<Camera> cameras, std::vector<std::string> masks = {}) {
+vsplat_cameras new_cameras(std::vector<Camera> cameras, ViewSet listed = {}) {
   auto out = std::make_unique<vsplat_cameras_impl>();
   out->cameras = std::move(cameras);
-  out->masks = std::move(masks);
+  out->listed = std::move(listed);
   return out.release();
+}
+
+// `width`, `height`: for a view whose list tells no size.
+Camera drawn_from(ListedView view, const ViewSet& set, int width, int height) {
+  if (is_resolved(view)) return view.camera;
+  const ImageInfo size = view.picture.empty() ? ImageInfo{width, height} : read_image_info(view.picture.string());
+  if (size.width < 1 || size.height < 1)
+    fail(Status::input, "{}: camera {} has neither a size nor a picture to take it from", set.source.string(),
+         printable(view.name));
+  resolve_intrinsics(view, size.width, size.height);
+  return view.camera;
+}
+
+vsplat_cameras load_cameras(const char* path, const vsplat_cameras_options& o) {
+  ViewSet set = read_views(
+      path,
+      {.need_pictures = false, .use_pictures = false, .bad = o.skip_bad ? BadViews::leave_out : BadViews::refuse});
+  std::erase_if(set.views, [](const ListedView& view) { return !view.problem.empty(); });
+  std::vector<Camera> cameras;
+  for (const ListedView& view : set.views) cameras.push_back(drawn_from(view, set, o.width, o.height));
+  return new_cameras(std::move(cameras), std::move(set));
 }
 
 }  // namespace
@@ -109,22 +130,18 @@ vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t heigh
   return guarded([&] {
     need(path, "path");
     need(out_cameras, "out_cameras");
-    ViewSet set = read_views(path, {.need_pictures = false, .use_pictures = false});
-    std::vector<Camera> cameras;
-    std::vector<std::string> masks;
-    for (ListedView& view : set.views) {
-      if (!is_resolved(view)) {
-        const bool has_picture = !view.picture.empty();
-        const ImageInfo size = has_picture ? read_image_info(view.picture.string()) : ImageInfo{width, height};
-        if (size.width < 1 || size.height < 1)
-          fail(Status::input, "{}: camera {} has neither a size nor a picture to take it from", set.source.string(),
-               printable(view.name));
-        resolve_intrinsics(view, size.width, size.height);
-      }
-      cameras.push_back(view.camera);
-      masks.push_back(view.mask ? view.mask->string() : "");
-    }
-    *out_cameras = new_cameras(std::move(cameras), std::move(masks));
+    vsplat_cameras_options options = VSPLAT_CAMERAS_OPTIONS_INIT;
+    options.width = width, options.height = height;
+    *out_cameras = load_cameras(path, options);
+  });
+}
+
+vsplat_status vsplat_cameras_load_with(const char* path, const vsplat_cameras_options* options,
+                                       vsplat_cameras* out_cameras) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_cameras, "out_cameras");
+    *out_cameras = load_cameras(path, taken(options, VSPLAT_CAMERAS_OPTIONS_INIT, "options"));
   });
 }
 

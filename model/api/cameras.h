@@ -4,10 +4,11 @@
 
 #include "model/api/handle.h"
 #include "model/base/camera.h"
+#include "model/io/view_set.h"
 
 struct vsplat_cameras_impl : vsplat::api::Counted {
   std::vector<vsplat::Camera> cameras;  // drawn as pinholes: `distortion` is that of the listed picture
-  std::vector<std::string> masks;       // per camera, of its listed picture; "" or none at all: no mask
+  vsplat::ViewSet listed;               // of a list: what it says of each camera; else without views
 
   const vsplat::Camera& at(std::size_t index) const {
     if (index >= cameras.size())

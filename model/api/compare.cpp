@@ -3,14 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "model/api/cameras.h"
+#include "model/input/photographs.h"
 #include "model/io/image_file.h"
-#include "model/io/picture_folder.h"
+#include "model/io/listed_file.h"
 #include "model/io/view_checks.h"
 #include "model/pictures/metrics.h"
 #include "model/pictures/reference_picture.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
+#include "runtime/roots.h"
 
 using namespace vsplat;
 using namespace vsplat::api;
@@ -30,8 +34,45 @@ vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index, 
     need(cameras, "cameras");
     need(folder, "folder");
     need(out_path, "out_path");
+    std::error_code error;
+    if (!std::filesystem::is_directory(folder, error)) fail(Status::file, "{}: no such folder of pictures", folder);
     const std::string& listed = cameras->at(index).file;
-    *out_path = new_text(find_picture(folder, listed.empty() ? fmt::format("{:04}", index) : listed).string());
+    const std::string name = listed.empty() ? fmt::format("{:04}", index) : listed;
+    ListedFiles files({folder});
+    const std::filesystem::path found = files.find(name).path;
+    if (found.empty()) {
+      info("camera {}: {}", index, files.where_looked(name));
+    } else {
+      Roots roots;
+      roots.add(folder);
+      roots.need(found, fmt::format("{}: the camera's picture", folder));
+    }
+    *out_path = new_text(found.string());
+  });
+}
+
+namespace {
+
+// How the file's picture is turned to be what the listed camera saw.
+int turning_in(vsplat_cameras cameras, size_t index, const char* path, const ImageInfo& info) {
+  if (index >= cameras->listed.views.size()) return 1;  // made, not listed
+  ListedView view = cameras->listed.views[index];
+  view.picture = path;
+  return turning_of(cameras->listed, view, info);
+}
+
+}  // namespace
+
+vsplat_status vsplat_cameras_get_picture_size(vsplat_cameras cameras, size_t index, const char* path,
+                                              int32_t* out_width, int32_t* out_height) {
+  return guarded([&] {
+    need(cameras, "cameras");
+    need(path, "path");
+    cameras->at(index);
+    ImageInfo info = read_image_info(path);
+    if (turning_in(cameras, index, path, info) >= 5) std::swap(info.width, info.height);
+    if (out_width) *out_width = info.width;
+    if (out_height) *out_height = info.height;
   });
 }
 
@@ -53,9 +94,11 @@ vsplat_status vsplat_cameras_load_picture(vsplat_cameras cameras, size_t index, 
     need(background, "background");
     need(out_pixels, "out_pixels");
     const Camera& camera = cameras->at(index);
-    const std::string mask = index < cameras->masks.size() ? cameras->masks[index] : "";
-    const Image picture =
-        reference_picture(camera, path, mask, width, height, {background[0], background[1], background[2]});
+    const bool is_listed = index < cameras->listed.views.size();
+    const std::filesystem::path mask = is_listed ? cameras->listed.views[index].mask.value_or("") : "";
+    const int turning = turning_in(cameras, index, path, read_image_info(path));
+    const Image picture = reference_picture(camera, {path, mask.string(), turning}, width, height,
+                                            {background[0], background[1], background[2]});
     if (capacity < picture.data.size())
       fail(Status::usage, "capacity is {} floats: the picture has {}", capacity, picture.data.size());
     std::copy(picture.data.begin(), picture.data.end(), out_pixels);

@@ -107,6 +107,21 @@ vsplat_status vsplat_views_load(const char* path, const char* pictures, vsplat_v
   });
 }
 
+vsplat_status vsplat_views_load_with(const char* path, const vsplat_views_options* options, vsplat_views* out_views) {
+  return guarded([&] {
+    need(path, "path");
+    need(out_views, "out_views");
+    const vsplat_views_options o = taken(options, VSPLAT_VIEWS_OPTIONS_INIT, "options");
+    ReadOptions how;
+    if (o.pictures) how.pictures_dir = o.pictures;
+    how.bad = o.skip_bad ? BadViews::leave_out : o.check_later ? BadViews::keep : BadViews::refuse;
+    auto views = std::make_unique<vsplat_views_impl>();
+    views->photographs.set = read_views(path, how);
+    if (o.skip_bad) leave_out_unreadable(views->photographs);
+    *out_views = views.release();
+  });
+}
+
 vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vsplat_views* out_views) {
   return guarded([&] {
     need(views, "views");
@@ -236,7 +251,8 @@ const PreparedView& view_at(vsplat_input input, size_t index) {
 
 Eigen::Vector3d vsplat::api::listed_up(const Photographs& photographs) {
   std::vector<Camera> cameras;
-  for (const ListedView& view : photographs.set.views) cameras.push_back(view.camera);
+  for (const ListedView& view : photographs.set.views)
+    if (view.problem.empty()) cameras.push_back(view.camera);
   return world_up(cameras);
 }
 

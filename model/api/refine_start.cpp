@@ -56,11 +56,14 @@ Placement place(const Photographs& photographs, const InputRequest& input, const
     if (centre_open) request.centre = cube.centre;
     if (edge_open) request.edge = cube.edge;
   }
-  const ChosenPlacement chosen = find_placement(photographs, spread_views(set, used, max_views), request, points);
+  const std::vector<int> spread = spread_views(set, used, max_views);
+  check_masks_of(photographs, spread);
+  const ChosenPlacement chosen = find_placement(photographs, spread, request, points);
   info("{}{}", chosen.found, scene && (centre_open || edge_open) ? " (from where the scene's Gaussians are)" : "");
   std::vector<Camera> cameras;
   cameras.reserve(used.size());
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
+  warn_of_one_place(set.source.string(), cameras);
   check_centre_is_seen(cameras, set.convention, chosen.placement, input.force || scene);
   return chosen.placement;
 }

@@ -170,6 +170,51 @@ void PremultipliedRows::next(float* row) {
   }
 }
 
+bool is_same_shape(int width, int height, int other_width, int other_height) {
+  if (width > other_width || (width == other_width && height > other_height)) {
+    std::swap(width, other_width);
+    std::swap(height, other_height);
+  }
+  const double x = static_cast<double>(other_width) / width, y = static_cast<double>(other_height) / height;
+  return std::abs(other_height / x - height) < 1 || std::abs(other_width / y - width) < 1;
+}
+
+struct ResizedRows::State {
+  KeptRows rows;
+  int source_height, channels, next_row = 0;
+  std::vector<Taps> columns;
+};
+
+ResizedRows::ResizedRows(PixelRows& from, int to_width, int to_height)
+    : PixelRows(to_width, to_height, from.channels),
+      state_(new State{KeptRows(from), from.height, from.channels, 0,
+                       std::vector<Taps>(static_cast<std::size_t>(to_width))}) {
+  const double step = static_cast<double>(from.width) / width;
+  for (int i = 0; i < width; ++i)
+    find_taps((i + 0.5) * step, step, from.width, state_->columns[static_cast<std::size_t>(i)]);
+}
+
+ResizedRows::~ResizedRows() = default;
+
+void ResizedRows::next(float* row) {
+  const double step = static_cast<double>(state_->source_height) / height;
+  Taps down;
+  find_taps((state_->next_row++ + 0.5) * step, step, state_->source_height, down);
+  state_->rows.drop_before(down.first);
+  std::fill(row, row + row_size(), 0.0f);
+  const auto n = static_cast<std::size_t>(channels);
+  for (std::size_t y = 0; y < down.weights.size(); ++y) {
+    const float* from = state_->rows.row(down.first + static_cast<int>(y));
+    for (std::size_t i = 0; i < state_->columns.size(); ++i) {
+      const Taps& across = state_->columns[i];
+      for (std::size_t x = 0; x < across.weights.size(); ++x)
+        for (std::size_t c = 0; c < n; ++c)
+          row[n * i + c] +=
+              down.weights[y] * across.weights[x] * from[n * (static_cast<std::size_t>(across.first) + x) + c];
+    }
+  }
+}
+
 Image premultiplied(const Image& picture) {
   ImageRows pixels(picture);
   PremultipliedRows rows(pixels);

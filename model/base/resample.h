@@ -1,6 +1,7 @@
 // A window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
 #pragma once
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "model/base/camera.h"
@@ -26,6 +27,23 @@ class PremultipliedRows : public PixelRows {
   float brightest_ = 0;
 };
 Image premultiplied(const Image& picture);
+
+// Whether one is a smaller copy of the other: its sides are in proportion, to a pixel of the smaller one.
+bool is_same_shape(int width, int height, int other_width, int other_height);
+
+// Rows of a picture made another size, each axis by itself: by area where it is made smaller, interpolated where it is
+// made larger.
+class ResizedRows : public PixelRows {
+ public:
+  // `from` must outlive this.
+  ResizedRows(PixelRows& from, int width, int height);
+  ~ResizedRows() override;
+  void next(float* row) override;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 // Over a colour, three channels, clamped to [0,1].
 Image over(const Image& premultiplied, const std::array<float, 3>& background);

@@ -60,8 +60,11 @@ std::vector<DataObject> objects_of(const std::string& path) {
     find_objects(path, 0, found);
   } else if (is_file(path) && is_hdf5_name(path)) {
     found.hdf5_files.push_back(path);
+  } else if (is_file(path)) {  // a list of one object's views, whatever it is called
+    const fs::path folder = fs::absolute(path, ignored).parent_path();
+    found.objects.push_back({folder_name(folder.string()), DataLayout::folder, path, {}, folder});
   } else {
-    fail(Status::file, "{}: no such folder or HDF5 file; a data set is expected", path);
+    fail(Status::file, "{}: no such folder, list of views or HDF5 file; a data set is expected", path);
   }
   for (const Hdf5Object& object : hdf5_objects(found.hdf5_files))
     found.objects.push_back({object.group, DataLayout::hdf5, object.file, object.group});
@@ -78,17 +81,26 @@ using Bad = std::function<void(int view, const std::string& name, const Error& e
 // What is wrong with a view beyond its pose; intrinsics are filled in.
 ListedView checked(const Photographs& photographs, int index) {
   const ListedView& view = photographs.set.views[index];
-  if (view.picture.empty()) fail(Status::file, "its picture is not there");
+  need_good(view);
+  if (view.picture.empty())
+    fail(Status::file, "its picture is not there{}",
+         photographs.set.looked_for.empty() ? "" : fmt::format(" ({})", photographs.set.looked_for));
   if (view.mask && !is_file(*view.mask)) fail(Status::file, "its mask is not there: {}", view.mask->string());
   return resolved_view(photographs, index);
 }
 
-Photographs open_folder(const DataObject& object, const Bad& bad, std::vector<std::string>* missing) {
-  Photographs out{read_views(object.path, {.need_pictures = false, .roots = {object.given}}), {}};
+Photographs open_folder(const DataObject& object, const Bad& bad, std::vector<std::string>* missing, bool to_train_on) {
+  ReadOptions how{.need_pictures = false, .bad = BadViews::keep, .all_splits = true, .tell = false};
+  if (std::error_code ignored; fs::is_directory(object.given, ignored)) how.roots = {object.given};
+  Photographs out{read_views(object.path, how), {}};
+  if (to_train_on)
+    std::erase_if(out.set.views,
+                  [](const ListedView& view) { return view.split == Split::val || view.split == Split::test; });
+  if (out.set.views.empty()) fail(Status::input, "has no views to train on: all are for validation or tests");
   std::vector<ListedView> good;
   std::vector<std::string> absent;
   for (std::size_t i = 0; i < out.set.views.size(); ++i) {
-    if (missing && out.set.views[i].picture.empty()) {
+    if (missing && out.set.views[i].picture.empty() && out.set.views[i].problem.empty()) {
       absent.push_back(printable(out.set.views[i].name));
       continue;
     }
@@ -99,8 +111,9 @@ Photographs open_folder(const DataObject& object, const Bad& bad, std::vector<st
     }
   }
   if (!absent.empty()) {
-    missing->push_back(fmt::format("{} of {} listed frames have no picture and are skipped ({} first)", absent.size(),
-                                   out.set.views.size(), absent.front()));
+    missing->push_back(fmt::format("{} of {} listed frames have no picture and are skipped ({} first){}", absent.size(),
+                                   out.set.views.size(), absent.front(),
+                                   out.set.looked_for.empty() ? "" : "; " + out.set.looked_for));
     if (good.empty()) fail(Status::input, "{}", missing->back());
   }
   out.set.views = std::move(good);
@@ -141,8 +154,8 @@ DataSet open_data_set(const std::vector<std::string>& paths) {
   return out;
 }
 
-Photographs open_object(const DataObject& object, std::vector<std::string>* skipped,
-                        std::vector<std::string>* missing) {
+Photographs open_object(const DataObject& object, std::vector<std::string>* skipped, std::vector<std::string>* missing,
+                        bool to_train_on) {
   std::string first;
   const Bad bad = [&](int view, const std::string& name, const Error& e) {
     const std::string text = fmt::format("view {} ({}): {}", view, printable(name), e.what());
@@ -152,7 +165,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
   };
   try {
     Photographs out = object.layout == DataLayout::hdf5 ? open_hdf5_object({object.path.string(), object.group}, bad)
-                                                        : open_folder(object, bad, missing);
+                                                        : open_folder(object, bad, missing, to_train_on);
     if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
     if (object.layout != DataLayout::folder) {  // LaRa's objects lie in this cube
       if (!out.set.aabb_center) out.set.aabb_center = Eigen::Vector3d::Zero();

@@ -30,7 +30,8 @@ struct DataSet {
   std::vector<DataObject> objects;  // in the order of the paths given, in each by name; no two names are equal
 };
 
-// Each path: an object's folder, an HDF5 file, or a folder with either at most four levels down. Objects are called
+// Each path: an object's folder or its list of views, an HDF5 file, or a folder with either at most four levels down.
+// Objects are called
 // like their folders or groups; of those that are equal, the second is NAME_2. Error(file) where a path is not there,
 // Error(input) where it holds no object; else as Hdf5File has them.
 DataSet open_data_set(const std::vector<std::string>& paths);
@@ -40,8 +41,9 @@ DataSet open_data_set(const std::vector<std::string>& paths);
 // where `skipped` is given, is added to it for each view that has to be left out, while any view is left.
 // Where `missing` is given, views of a folder's list whose picture is not there are passed over instead, as
 // reconstructing does, and told in it, all in one text; none left is an Error(input).
+// Of sets with parts all are there, and ListedView::split tells them apart; `to_train_on`: those to train on alone.
 Photographs open_object(const DataObject& object, std::vector<std::string>* skipped = nullptr,
-                        std::vector<std::string>* missing = nullptr);
+                        std::vector<std::string>* missing = nullptr, bool to_train_on = false);
 
 // Whether it says that data are bad, as against a defect or memory that is short.
 bool is_about_data(const Error& error);

@@ -21,7 +21,7 @@ std::uint8_t byte_of(float value) {
 }  // namespace
 
 FramedObject frame_object(const DataObject& object, const FrameRequest& request, std::vector<std::string>* skipped) {
-  FramedObject out{object.name, open_object(object, skipped, request.missing), {}, told(object)};
+  FramedObject out{object.name, open_object(object, skipped, request.missing, request.to_train_on), {}, told(object)};
   try {
     std::vector<int> all(static_cast<std::size_t>(out.views()));
     std::iota(all.begin(), all.end(), 0);

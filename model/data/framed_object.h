@@ -13,6 +13,7 @@ struct FrameRequest {
   Fit fit = Fit::automatic;
   PlacementRequest placement;                   // what is estimated is from 16 views at most
   std::vector<std::string>* missing = nullptr;  // as open_object() has it
+  bool to_train_on = false;                     // so, too
 };
 
 struct FramedObject {

@@ -93,6 +93,7 @@ struct TrainingReader::Impl {
     check(data, options);
     if (!options.textures.empty()) textures.emplace(options.textures);
     request.image = options.image, request.fit = options.fit, request.placement = options.placement;
+    request.to_train_on = true;
     for (int i = 0; i < options.threads; ++i) workers.emplace_back([this] { work(); });
   }
   ~Impl() {

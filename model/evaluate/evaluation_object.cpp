@@ -23,7 +23,18 @@ Chosen choose(const FramedObject& object, const std::vector<int>& good, int inpu
   positions.reserve(good.size());
   for (const int view : good)
     positions.push_back(object.photographs.set.views[static_cast<std::size_t>(view)].camera.centre());
-  const EvaluationViews views = evaluation_views(positions, inputs, request.protocol, request.seed, object.name);
+  // Of a set with parts: what the views for tests show is never an input. Where there are none, those for validation.
+  std::vector<bool> to_test;
+  const auto part = [&](Split split) {
+    to_test.clear();
+    for (const int view : good)
+      to_test.push_back(object.photographs.set.views[static_cast<std::size_t>(view)].split == split);
+    return std::find(to_test.begin(), to_test.end(), true) != to_test.end();
+  };
+  const bool has_parts = part(Split::test) || part(Split::val);
+  const EvaluationViews views =
+      has_parts ? evaluation_views_of_parts(positions, to_test, inputs, request.protocol, request.seed, object.name)
+                : evaluation_views(positions, inputs, request.protocol, request.seed, object.name);
   Chosen out;
   for (const int i : views.inputs) out.inputs.push_back(good[static_cast<std::size_t>(i)]);
   for (const int i : views.novel) {

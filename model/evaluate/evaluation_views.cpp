@@ -46,6 +46,29 @@ EvaluationViews evaluation_views(std::span<const Eigen::Vector3d> positions, int
   return out;
 }
 
+EvaluationViews evaluation_views_of_parts(std::span<const Eigen::Vector3d> positions, const std::vector<bool>& to_test,
+                                          int inputs, Protocol protocol, std::uint64_t seed,
+                                          const std::string& object) {
+  std::vector<int> train, test;
+  std::vector<Eigen::Vector3d> train_positions, test_positions;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    (to_test[i] ? test : train).push_back(static_cast<int>(i));
+    (to_test[i] ? test_positions : train_positions).push_back(positions[i]);
+  }
+  if (train.empty() || test.empty())
+    fail(Status::input, "object {}: {} views to train on and {} for tests: some of both are needed", object,
+         train.size(), test.size());
+  EvaluationViews out;
+  for (const Group& group : kmeans(train_positions, inputs))
+    out.inputs.push_back(train[static_cast<std::size_t>(group.members.front())]);
+  if (protocol == Protocol::random10)
+    out.novel = random_views(test.size(), {}, Random(seed, stream_of(object), kStream));
+  else
+    for (const Group& group : kmeans(test_positions, kNovelGroups)) out.novel.push_back(group.members.back());
+  for (int& view : out.novel) view = test[static_cast<std::size_t>(view)];
+  return out;
+}
+
 int nearest_view(std::span<const Eigen::Vector3d> positions, std::span<const int> views,
                  const Eigen::Vector3d& position, const Eigen::Vector3d& centre) {
   const Eigen::Vector3d direction = (position - centre).stableNormalized();

@@ -22,6 +22,11 @@ struct EvaluationViews {
 EvaluationViews evaluation_views(std::span<const Eigen::Vector3d> positions, int inputs, Protocol protocol,
                                  std::uint64_t seed, const std::string& object);
 
+// The same of a set with parts: the inputs from the positions to train on, the novel views from those for tests.
+// Indices into all of `positions`; `to_test`: one for each. Error(input) where a part is empty.
+EvaluationViews evaluation_views_of_parts(std::span<const Eigen::Vector3d> positions, const std::vector<bool>& to_test,
+                                          int inputs, Protocol protocol, std::uint64_t seed, const std::string& object);
+
 // Of these views the one whose direction from the centre is nearest to that of `position`, by angle; the first where
 // several are.
 int nearest_view(std::span<const Eigen::Vector3d> positions, std::span<const int> views,

@@ -97,6 +97,12 @@ Input prepare_input(const Photographs& photographs, const TakenViews& taken, con
     cameras.push_back(listed.camera);
   }
   info("views: {}", names);
+  const std::string set = photographs.set.source.string();
+  warn_of_one_place(set, cameras);
+  std::vector<MaskShares> masks;
+  for (std::optional<LoadedPhotograph>& view : loaded)
+    if (const std::optional<MaskShares> shares = view->shares()) masks.push_back(*shares);
+  if (masks.size() == loaded.size()) check_masks(set, masks);
 
   Input out;
   const ChosenPlacement chosen =

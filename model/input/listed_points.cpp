@@ -26,10 +26,11 @@ struct Pair {
 
 std::vector<Pair> pairs_by_name(const ViewSet& from, const ViewSet& to) {
   std::map<std::string, const Camera*> named;
-  for (const ListedView& view : from.views) named[fs::path(view.name).stem().string()] = &view.camera;
+  for (const ListedView& view : from.views)
+    if (view.problem.empty()) named[fs::path(view.name).stem().string()] = &view.camera;
   std::vector<Pair> out;
   for (const ListedView& view : to.views)
-    if (const auto at = named.find(fs::path(view.name).stem().string()); at != named.end())
+    if (const auto at = named.find(fs::path(view.name).stem().string()); at != named.end() && view.problem.empty())
       out.push_back({*at->second, view.camera});
   return out;
 }

@@ -4,7 +4,10 @@
 #include <filesystem>
 #include <utility>
 
+#include "model/base/resample.h"
+#include "model/io/view_checks.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 
 namespace vsplat {
 namespace {
@@ -19,13 +22,19 @@ bool is_kept(const ImageInfo& info) {
   return static_cast<long>(info.width) * info.height <= most_kept;
 }
 
-// A mask of a picture whose rows it owns.
-class OwnedMask : public MaskRows {
+// A mask of a picture whose rows it owns, in the size asked for.
+class OwnedMask : public PixelRows {
  public:
-  explicit OwnedMask(std::unique_ptr<PixelRows> picture) : MaskRows(*picture), picture_(std::move(picture)) {}
+  OwnedMask(std::unique_ptr<PixelRows> picture, int width, int height)
+      : PixelRows(width, height, 1), picture_(std::move(picture)), mask_(*picture_) {
+    if (mask_.width != width || mask_.height != height) resized_.emplace(mask_, width, height);
+  }
+  void next(float* row) override { resized_ ? resized_->next(row) : mask_.next(row); }
 
  private:
   std::unique_ptr<PixelRows> picture_;
+  MaskRows mask_;
+  std::optional<ResizedRows> resized_;
 };
 
 }  // namespace
@@ -107,7 +116,12 @@ std::unique_ptr<PixelRows> LoadedPhotograph::picture() {
 std::unique_ptr<PixelRows> LoadedPhotograph::mask() {
   if (!listed_.mask) return nullptr;
   if (!mask_file_) mask_file_.emplace(listed_.mask->string());
-  return std::make_unique<OwnedMask>(mask_file_->rows());
+  const int width = listed_.camera.width, height = listed_.camera.height;
+  const ImageInfo& info = mask_file_->info();
+  if (!is_same_shape(info.width, info.height, width, height))
+    fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's shape",
+         names().mask, info.width, info.height, names().picture, width, height);
+  return std::make_unique<OwnedMask>(mask_file_->rows(), width, height);
 }
 
 std::optional<MaskExtent> LoadedPhotograph::extent() {
@@ -122,6 +136,12 @@ PictureNames LoadedPhotograph::names() const {
   return {name, "the mask of " + name};
 }
 
+std::optional<MaskShares> LoadedPhotograph::shares() {
+  if (!is_masked()) return std::nullopt;
+  const std::unique_ptr<PixelRows> rows = listed_.mask ? mask() : picture();
+  return mask_shares(*rows);
+}
+
 FramedView LoadedPhotograph::framed(const Framing& framing) {
   const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
   return frame_view(listed_.camera, *pixels, masks.get(), framing, names());
@@ -130,6 +150,43 @@ FramedView LoadedPhotograph::framed(const Framing& framing) {
 WholeView LoadedPhotograph::whole(int longest) {
   const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
   return whole_view(listed_.camera, *pixels, masks.get(), longest, names());
+}
+
+void check_masks_of(const Photographs& photographs, std::span<const int> views) {
+  std::vector<MaskShares> masks;
+  for (const int view : views)
+    if (const std::optional<MaskShares> shares = LoadedPhotograph(photographs, view).shares())
+      masks.push_back(*shares);
+    else
+      return;
+  check_masks(photographs.set.source.string(), masks);
+}
+
+void leave_out_unreadable(Photographs& photographs) {
+  std::size_t tried = 0, bad = 0;
+  const ListedView* first = nullptr;
+  for (std::size_t i = 0; i < photographs.set.views.size(); ++i) {
+    ListedView& view = photographs.set.views[i];
+    if (view.picture.empty()) continue;
+    ++tried;
+    noting_problems(view, [&] { LoadedPhotograph(photographs, static_cast<int>(i)).read_through(); });
+    if (view.problem.empty()) continue;
+    ++bad;
+    if (!first) first = &view;
+  }
+  if (!first) return;
+  if (bad == tried) need_good(*first);
+  warn("{}: {} of {} pictures cannot be read or used and are left out; the first: {}", photographs.set.source.string(),
+       bad, tried, first->problem);
+}
+
+void LoadedPhotograph::read_through() {
+  const std::unique_ptr<PixelRows> pixels = picture(), masks = mask();
+  for (PixelRows* rows : {pixels.get(), masks.get()}) {
+    if (!rows) continue;
+    std::vector<float> row(rows->row_size());
+    for (int y = 0; y < rows->height; ++y) rows->next(row.data());
+  }
 }
 
 bool LoadedPhotograph::is_masked() {

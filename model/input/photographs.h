@@ -2,8 +2,10 @@
 #pragma once
 #include <functional>
 #include <optional>
+#include <span>
 
 #include "model/input/auto_frame.h"
+#include "model/input/mask_check.h"
 #include "model/input/views.h"
 #include "model/io/image_file.h"
 #include "model/io/view_set.h"
@@ -60,11 +62,16 @@ class LoadedPhotograph {
   // is seen in.
   std::optional<MaskExtent> extent();
 
+  // The same in shares of its pixels; nothing where it has neither a mask nor alpha.
+  std::optional<MaskShares> shares();
+
   // As the network gets it, its background still open.
   FramedView framed(const Framing& framing);
 
   // All of it, its longer side at most `longest` pixels (0: as it is).
   WholeView whole(int longest);
+  // Decodes all of the picture and its mask, for the errors.
+  void read_through();
   // Whether the picture says what of it is the object: by a mask or an alpha channel.
   bool is_masked();
 
@@ -72,7 +79,7 @@ class LoadedPhotograph {
   PictureNames names() const;
   // Valid while this is.
   std::unique_ptr<PixelRows> picture();
-  std::unique_ptr<PixelRows> mask();  // null where none is listed
+  std::unique_ptr<PixelRows> mask();  // of the picture's size; null where none is listed
   const Image& made_picture();
 
   const Photographs* photographs_;
@@ -83,5 +90,12 @@ class LoadedPhotograph {
   std::optional<PhotographFile> mask_file_;
   std::optional<Image> made_;
 };
+
+// check_masks() of those of these views that have a mask or alpha, where all have.
+void check_masks_of(const Photographs& photographs, std::span<const int> views);
+
+// Makes a problem (ListedView::problem) of what cannot be read of a view: its picture, its mask, or that they do not
+// fit the camera. Decodes all of both. One warning counts them; Error where none is left.
+void leave_out_unreadable(Photographs& photographs);
 
 }  // namespace vsplat

@@ -139,6 +139,28 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   warn("{}", text);
 }
 
+void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) {
+  if (cameras.size() < 2) return;
+  double apart = 0, turned = 0, far = 0;
+  for (const Camera& c : cameras) {
+    apart = std::max(apart, (c.centre() - cameras[0].centre()).norm());
+    turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
+    far = std::max(far, c.centre().norm());
+  }
+  if (apart > 1e-6 * std::max(far, 1e-6)) return;
+  if (turned < 1e-6)
+    warn(
+        "{}: all {} views have the same pose, so that nothing tells what is near and what is far. Of an object that "
+        "turned before a camera that stood still, the poses must be those of the camera about the object: COLMAP finds "
+        "them where masks or a plain background hide what did not turn",
+        set, cameras.size());
+  else
+    warn(
+        "{}: all {} cameras are at one place and only turned, so that nothing tells what is near and what is far: "
+        "pictures from several places are needed",
+        set, cameras.size());
+}
+
 void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement) {
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const Camera& c = cameras[i];

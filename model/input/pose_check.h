@@ -18,6 +18,10 @@ std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Ei
 void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const Placement& placement,
                           std::optional<bool> force = {});
 
+// A warning where all of several cameras are at one place: nothing tells how far away anything is then. `set`: what it
+// begins with.
+void warn_of_one_place(const std::string& set, std::span<const Camera> cameras);
+
 // Cameras in the object's frame. Error(input) where a corner of the cube [-0.5,0.5]^3 is not in front of every camera.
 void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement);
 

@@ -98,6 +98,7 @@ std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>&
   std::vector<int> out;
   for (const std::string& name : names) {
     const int index = find_view(set, name, field);
+    need_good(set.views[index]);
     if (set.views[index].picture.empty())
       fail(Status::usage, "{} {}: {} lists {} but its picture is not there", field, name, set.source.string(),
            set.views[index].name);
@@ -110,8 +111,10 @@ std::vector<int> named_views(const ViewSet& set, const std::vector<std::string>&
 
 std::vector<int> with_pictures(const ViewSet& set) {
   std::vector<int> out;
-  for (std::size_t i = 0; i < set.views.size(); ++i)
+  for (std::size_t i = 0; i < set.views.size(); ++i) {
+    if (!set.leaves_out_bad) need_good(set.views[i]);
     if (!set.views[i].picture.empty()) out.push_back(static_cast<int>(i));
+  }
   if (out.empty()) fail(Status::input, "{}: no view is left that has a picture", set.source.string());
   return out;
 }
@@ -121,7 +124,11 @@ void need_masks(const ViewSet& set, const std::vector<int>& views) {
   std::error_code error;
   for (const int i : views)
     if (const auto& mask = set.views[i].mask; mask && !fs::is_regular_file(*mask, error))
-      fail(Status::file, "{}: no such file; it is the mask of {}", mask->string(), set.views[i].name);
+      fail(Status::file,
+           "{}: no such file; it is the mask of {}{}{}: make the masks that are missing, or {} to use none, or leave "
+           "these pictures out (vsplat_views_options.skip_bad)",
+           mask->string(), set.views[i].name, set.masks_found.empty() ? "" : "; ", set.masks_found,
+           set.lists_masks ? "take mask_path out of the list" : "give the folder of masks another name");
 }
 
 void tell_left_over(std::size_t used, int found) {

@@ -56,6 +56,18 @@ ListedView read_inria(const std::string& where, const json& entry) {
   return view;
 }
 
+// The name first: it stays known where the rest is of no use.
+void read_entry(ListedView& view, std::string where, const json& entry, bool inria, bool need_pictures) {
+  if (!entry.is_object()) fail(Status::format, "{}: is {}, an object is expected", where, excerpt(entry));
+  if (!inria && !entry.contains("w2c")) fail(Status::format, "{}: has neither w2c nor position and rotation", where);
+  view.name = view.camera.file = file_name(where, entry, inria ? "img_name" : "file", need_pictures);
+  if (!view.name.empty()) where += " (" + printable(view.name) + ")";
+  const std::string name = view.name;
+  view = inria ? read_inria(where, entry) : read_ours(where, entry);
+  view.name = view.camera.file = name;
+  check_intrinsics(where, view.camera);
+}
+
 }  // namespace
 
 ViewSet parse_cameras_json(const std::filesystem::path& path, const json& root, bool need_pictures) {
@@ -64,16 +76,11 @@ ViewSet parse_cameras_json(const std::filesystem::path& path, const json& root, 
   ViewSet out;
   out.source = path;
   for (std::size_t i = 0; i < root.size(); ++i) {
-    std::string where = fmt::format("{}: camera {}", path.string(), i);
-    const json& entry = root[i];
-    if (!entry.is_object()) fail(Status::format, "{}: is {}, an object is expected", where, excerpt(entry));
-    const bool inria = !entry.contains("w2c") && entry.contains("position") && entry.contains("rotation");
-    if (!inria && !entry.contains("w2c")) fail(Status::format, "{}: has neither w2c nor position and rotation", where);
-    const std::string name = file_name(where, entry, inria ? "img_name" : "file", need_pictures);
-    if (!name.empty()) where += " (" + printable(name) + ")";
-    ListedView view = inria ? read_inria(where, entry) : read_ours(where, entry);
-    check_intrinsics(where, view.camera);
-    view.name = view.camera.file = name;
+    ListedView view;
+    const bool inria =
+        root[i].is_object() && !root[i].contains("w2c") && root[i].contains("position") && root[i].contains("rotation");
+    noting_problems(
+        view, [&] { read_entry(view, fmt::format("{}: camera {}", path.string(), i), root[i], inria, need_pictures); });
     if (inria) out.convention = PoseConvention::opencv_position;
     out.views.push_back(std::move(view));
   }

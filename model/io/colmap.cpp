@@ -4,7 +4,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string_view>
 
@@ -20,38 +23,42 @@ namespace fs = std::filesystem;
 
 struct Model {
   const char* name;
-  int params;  // 0: not supported
+  int params;              // -1: not known here
+  const char* names = "";  // of the parameters; "": not supported
 };
 
 // By COLMAP's model_id.
-constexpr Model models[] = {{"SIMPLE_PINHOLE", 3},
-                            {"PINHOLE", 4},
-                            {"SIMPLE_RADIAL", 4},
-                            {"RADIAL", 5},
-                            {"OPENCV", 8},
-                            {"OPENCV_FISHEYE", 8},
-                            {"FULL_OPENCV", 12},
-                            {"FOV", 0},
-                            {"SIMPLE_RADIAL_FISHEYE", 4},
-                            {"RADIAL_FISHEYE", 5},
-                            {"THIN_PRISM_FISHEYE", 0},
-                            {"RAD_TAN_THIN_PRISM_FISHEYE", 0},
-                            {"SIMPLE_DIVISION", 0},
-                            {"DIVISION", 0},
-                            {"SIMPLE_FISHEYE", 0},
-                            {"FISHEYE", 0},
-                            {"EUCM", 0},
-                            {"EQUIRECTANGULAR", 0}};
+constexpr Model models[] = {{"SIMPLE_PINHOLE", 3, "f cx cy"},
+                            {"PINHOLE", 4, "fx fy cx cy"},
+                            {"SIMPLE_RADIAL", 4, "f cx cy k"},
+                            {"RADIAL", 5, "f cx cy k1 k2"},
+                            {"OPENCV", 8, "fx fy cx cy k1 k2 p1 p2"},
+                            {"OPENCV_FISHEYE", 8, "fx fy cx cy k1 k2 k3 k4"},
+                            {"FULL_OPENCV", 12, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"},
+                            {"FOV", 5},
+                            {"SIMPLE_RADIAL_FISHEYE", 4, "f cx cy k"},
+                            {"RADIAL_FISHEYE", 5, "f cx cy k1 k2"},
+                            {"THIN_PRISM_FISHEYE", 12},
+                            {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                            {"SIMPLE_DIVISION", -1},
+                            {"DIVISION", -1},
+                            {"SIMPLE_FISHEYE", -1},
+                            {"FISHEYE", -1},
+                            {"EUCM", -1},
+                            {"EQUIRECTANGULAR", -1}};
 constexpr int model_count = static_cast<int>(std::size(models));
-constexpr int max_params = 12;
+constexpr int max_params = 16;
 
-const Model& supported_model(const std::string& where, int id) {
+const Model& known_model(const std::string& where, int id) {
   if (id < 0 || id >= model_count) fail(Status::format, "{}: camera model {} is not one of COLMAP's", where, id);
-  if (models[id].params == 0)
+  return models[id];
+}
+
+void need_supported(const std::string& where, const Model& model) {
+  if (*model.names == '\0')
     fail(Status::input,
          "{}: camera model {} is not supported; undistort the pictures with COLMAP's image_undistorter first", where,
-         models[id].name);
-  return models[id];
+         model.name);
 }
 
 Camera make_camera(const std::string& where, int model_id, double width, double height, const double* p) {
@@ -89,21 +96,31 @@ Eigen::Matrix4d make_pose(const std::string& where, const double* v) {
   return checked_rigid(where, "the pose", w2c);
 }
 
-using Cameras = std::map<std::uint32_t, Camera>;
+// A camera, or why it cannot be used: that matters where an image is taken with it.
+struct ListedCamera {
+  Camera camera;
+  std::string problem = {};
+  Status status = Status::input;
+};
+using Cameras = std::map<std::uint32_t, ListedCamera>;
 
-void add_camera(Cameras& cameras, const std::string& where, std::uint32_t id, const Camera& camera) {
-  if (!cameras.emplace(id, camera).second) fail(Status::format, "{}: camera {} is there twice", where, id);
+void add_camera(Cameras& cameras, const std::string& where, std::uint32_t id, const std::function<Camera()>& read) {
+  ListedView made;
+  noting_problems(made, [&] { made.camera = read(); });
+  if (!cameras.emplace(id, ListedCamera{made.camera, made.problem, made.problem_status}).second)
+    fail(Status::format, "{}: camera {} is there twice", where, id);
 }
 
-ListedView make_view(const std::string& where, const Cameras& cameras, std::uint32_t camera_id, const std::string& name,
-                     const double* pose) {
+// The camera and the pose of a view that has its name.
+void complete_view(ListedView& view, const std::string& where, const Cameras& cameras, std::uint32_t camera_id,
+                   const double* pose) {
   const auto at = cameras.find(camera_id);
   if (at == cameras.end()) fail(Status::format, "{}: camera {} is not in the file of cameras", where, camera_id);
-  ListedView view;
-  view.camera = at->second;
+  const ListedCamera& listed = at->second;
+  if (!listed.problem.empty()) fail(listed.status, "{}, which {} is taken with", listed.problem, printable(view.name));
+  view.camera = listed.camera;
+  view.camera.file = view.name;
   view.camera.w2c = make_pose(where, pose);
-  view.name = view.camera.file = name;
-  return view;
 }
 
 Cameras read_cameras_binary(const fs::path& path) {
@@ -114,12 +131,15 @@ Cameras read_cameras_binary(const fs::path& path) {
     const auto id = in.read<std::uint32_t>("a camera's id");
     const std::string where = fmt::format("{}: camera {}", in.path(), id);
     const auto model_id = in.read<std::int32_t>("a camera's model");
-    const int params = supported_model(where, model_id).params;
+    const Model& model = known_model(where, model_id);
+    if (model.params < 0) need_supported(where, model);  // where the next camera begins is not known
     const auto width = in.read<std::uint64_t>("a camera's width"), height = in.read<std::uint64_t>("a camera's height");
     double p[max_params];
-    for (int k = 0; k < params; ++k) p[k] = in.read<double>("a camera's parameter");
-    add_camera(out, where, id,
-               make_camera(where, model_id, static_cast<double>(width), static_cast<double>(height), p));
+    for (int k = 0; k < model.params; ++k) p[k] = in.read<double>("a camera's parameter");
+    add_camera(out, where, id, [&] {
+      need_supported(where, model);
+      return make_camera(where, model_id, static_cast<double>(width), static_cast<double>(height), p);
+    });
   }
   in.end();
   return out;
@@ -134,13 +154,36 @@ std::vector<ListedView> read_images_binary(const fs::path& path, const Cameras& 
     double pose[7];
     for (double& v : pose) v = in.read<double>("an image's pose");
     const auto camera_id = in.read<std::uint32_t>("an image's camera");
-    const std::string name = in.text("an image's name");
+    ListedView& view = out.emplace_back();
+    view.name = view.camera.file = in.text("an image's name");
     in.skip(24 * in.count("points", 24));
-    out.push_back(
-        make_view(fmt::format("{}: image {} ({})", in.path(), id, printable(name)), cameras, camera_id, name, pose));
+    const std::string where = fmt::format("{}: image {} ({})", in.path(), id, printable(view.name));
+    noting_problems(view, [&] { complete_view(view, where, cameras, camera_id, pose); });
   }
   in.end();
   return out;
+}
+
+Camera read_camera_line(ColmapLines& in, const std::string& where) {
+  const std::string_view name = in.word();
+  const auto* const model =
+      std::find_if(std::begin(models), std::end(models), [&](const Model& m) { return name == m.name; });
+  if (model == std::end(models))
+    fail(Status::format, "{}: camera model \"{}\" is not one of COLMAP's", where, printable(name));
+  need_supported(where, *model);
+  const auto width = in.value<double>("WIDTH"), height = in.value<double>("HEIGHT");
+  double p[max_params];
+  for (int k = 0; k < model->params; ++k) {
+    if (in.rest().empty())
+      fail(Status::format,
+           "{}: {} has the {} parameters {}, and the line ends after {} of them: a number is expected; write 0 for a "
+           "coefficient that is not known",
+           where, model->name, model->params, model->names, k);
+    p[k] = in.value<double>("a parameter");
+  }
+  if (!in.rest().empty())
+    fail(Status::format, "{}: more than the {} parameters of {}: {}", where, model->params, model->name, model->names);
+  return make_camera(where, static_cast<int>(model - models), width, height, p);
 }
 
 Cameras read_cameras_text(const fs::path& path) {
@@ -149,43 +192,49 @@ Cameras read_cameras_text(const fs::path& path) {
   while (in.record_line()) {
     const auto id = in.value<std::uint32_t>("CAMERA_ID");
     const std::string where = fmt::format("{} (camera {})", in.where(), id);
-    const std::string_view name = in.word();
-    const auto* const model =
-        std::find_if(std::begin(models), std::end(models), [&](const Model& m) { return name == m.name; });
-    if (model == std::end(models))
-      fail(Status::format, "{}: camera model \"{}\" is not one of COLMAP's", where, printable(name));
-    const int model_id = static_cast<int>(model - models);
-    supported_model(where, model_id);
-    const auto width = in.value<double>("WIDTH"), height = in.value<double>("HEIGHT");
-    double p[max_params];
-    for (int k = 0; k < model->params; ++k) p[k] = in.value<double>("a parameter");
-    if (!in.rest().empty())
-      fail(Status::format, "{}: more than the {} parameters of {}", where, model->params, model->name);
-    add_camera(out, where, id, make_camera(where, model_id, width, height, p));
+    add_camera(out, where, id, [&] { return read_camera_line(in, where); });
   }
   return out;
+}
+
+// Else the next image would be taken for points, and every other one lost.
+void check_points_line(ColmapLines& in) {
+  const auto refuse = [&](const std::string& found) {
+    fail(Status::format,
+         "{}: the line after an image holds its points, X Y POINT3D_ID each, or is empty; this one {}: after every "
+         "image's line there is one, and an empty one where it has no points",
+         in.where(), found);
+  };
+  long words = 0;
+  for (std::string_view word = in.word(); !word.empty(); word = in.word(), ++words) {
+    double value = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    const bool whole = words % 3 != 2 || value == std::floor(value);
+    if (end != word.data() + word.size() || !whole)
+      refuse(fmt::format("has \"{}\" where {} is expected", printable(word),
+                         words % 3 == 2 ? "a whole number" : "a number"));
+  }
+  if (words % 3 != 0) refuse(fmt::format("has {} words", words));
 }
 
 std::vector<ListedView> read_images_text(const fs::path& path, const Cameras& cameras) {
   ColmapLines in(path);
   std::vector<ListedView> out;
   while (in.record_line()) {
-    const auto id = in.value<std::uint32_t>("IMAGE_ID");
-    double pose[7];
-    for (double& v : pose) v = in.value<double>("the pose");
-    const auto camera_id = in.value<std::uint32_t>("CAMERA_ID");
-    const std::string name(in.rest());
-    if (name.empty() || name.find('\0') != std::string::npos)
-      fail(Status::format, "{}: NAME is missing or no name", in.where());
-    out.push_back(
-        make_view(fmt::format("{} (image {}, {})", in.where(), id, printable(name)), cameras, camera_id, name, pose));
+    ListedView& view = out.emplace_back();
+    noting_problems(view, [&] {
+      const auto id = in.value<std::uint32_t>("IMAGE_ID");
+      double pose[7];
+      for (double& v : pose) v = in.value<double>("the pose");
+      const auto camera_id = in.value<std::uint32_t>("CAMERA_ID");
+      const std::string name(in.rest());
+      if (name.empty() || name.find('\0') != std::string::npos)
+        fail(Status::format, "{}: NAME is missing or no name", in.where());
+      view.name = view.camera.file = name;
+      complete_view(view, fmt::format("{} (image {}, {})", in.where(), id, printable(name)), cameras, camera_id, pose);
+    });
     if (!in.any_line()) break;
-    long words = 0;
-    while (!in.word().empty()) ++words;
-    if (words % 3 != 0)  // else the next image would be taken for points, and every other one lost
-      fail(Status::format,
-           "{}: the line after an image holds its points, X Y POINT3D_ID each, or is empty; this one has {} words",
-           in.where(), words);
+    check_points_line(in);
   }
   return out;
 }
@@ -200,11 +249,76 @@ bool holds(const fs::path& folder, const char* extension) {
 
 bool is_colmap_model(const fs::path& folder) { return holds(folder, "bin") || holds(folder, "txt"); }
 
-fs::path find_colmap_model(const fs::path& folder) {
-  for (const char* name : {"sparse/0", "sparse", "colmap"})
-    if (is_colmap_model(folder / name)) return folder / name;
-  return is_colmap_model(folder) ? folder : fs::path();
+std::uint64_t images_in(const fs::path& folder) {
+  try {
+    if (holds(folder, "bin")) return ColmapBytes(folder / "images.bin").read<std::uint64_t>("images");
+    ColmapLines in(folder / "images.txt");
+    std::uint64_t count = 0;
+    for (; in.record_line(); ++count) in.any_line();
+    return count;
+  } catch (const Error&) {
+    return 0;  // whoever reads the model is told
+  }
 }
+
+// Of `folder`'s models the one with the most images, of those that lie in folders called by a number, where COLMAP puts
+// the parts that it could not join; else the one in the folder itself.
+ColmapChoice largest_of(const fs::path& folder) {
+  std::map<long, fs::path> parts;
+  std::error_code error;
+  // Elsewhere, objects of a data set may be called by numbers.
+  const std::string own = fs::absolute(folder, error).lexically_normal().filename().string();
+  const bool may_have_parts = own == "sparse" || own == "colmap";
+  for (fs::directory_iterator at(folder, error), end; may_have_parts && !error && at != end; at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    long number = 0;
+    const auto [last, problem] = std::from_chars(name.data(), name.data() + name.size(), number);
+    if (problem == std::errc() && last == name.data() + name.size() && is_colmap_model(at->path()))
+      parts.emplace(number, folder / name);
+  }
+  ColmapChoice out;
+  std::uint64_t most = 0;
+  std::string others;
+  for (const auto& [number, part] : parts) {
+    const std::uint64_t count = parts.size() > 1 ? images_in(part) : 1;
+    others += fmt::format("{}{} with {}", others.empty() ? "" : ", ", part.string(), count);
+    if (out.folder.empty() || count > most) out.folder = part, most = count;
+  }
+  if (parts.size() > 1)
+    out.told = fmt::format("{}: taken of {} COLMAP models, as it has the most pictures ({}); name another to use it",
+                           out.folder.string(), parts.size(), others);
+  if (parts.empty() && is_colmap_model(folder)) out.folder = folder;
+  return out;
+}
+
+ColmapChoice choose_colmap_model(const fs::path& folder) {
+  std::vector<fs::path> places = {folder / "sparse", folder / "colmap", folder / "colmap/sparse", folder};
+  std::error_code error;
+  const fs::path dense = folder / "dense";  // image_undistorter writes dense/sparse, some scripts dense/0/sparse
+  std::vector<fs::path> numbered;
+  for (fs::directory_iterator at(dense, error), end; !error && at != end; at.increment(error))
+    if (at->path().filename().string().find_first_not_of("0123456789") == std::string::npos)
+      numbered.push_back(dense / at->path().filename() / "sparse");
+  std::sort(numbered.begin(), numbered.end());
+  places.insert(places.end(), {dense / "sparse"});
+  places.insert(places.end(), numbered.begin(), numbered.end());
+  places.push_back(folder / "distorted/sparse");
+  ColmapChoice out;
+  for (const fs::path& place : places) {
+    ColmapChoice found = largest_of(place);
+    if (found.folder.empty()) continue;
+    if (out.folder.empty()) {
+      out = std::move(found);
+    } else {
+      out.told += fmt::format("{}{}: the COLMAP model that is read; {} is another", out.told.empty() ? "" : "; ",
+                              out.folder.string(), found.folder.string());
+      break;
+    }
+  }
+  return out;
+}
+
+fs::path find_colmap_model(const fs::path& folder) { return choose_colmap_model(folder).folder; }
 
 ViewSet read_colmap(const fs::path& folder) {
   const bool binary = holds(folder, "bin");

@@ -1,5 +1,6 @@
 #include "model/io/selection_file.h"
 
+#include <algorithm>
 #include <charconv>
 #include <string_view>
 
@@ -11,7 +12,7 @@ namespace vsplat {
 namespace {
 
 std::string_view trimmed(std::string_view text) {
-  text = text.substr(0, text.find('#'));
+  text = text.substr(0, static_cast<std::size_t>(std::find(text.begin(), text.end(), '#') - text.begin()));
   const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
   while (!text.empty() && blank(text.front())) text.remove_prefix(1);
   while (!text.empty() && blank(text.back())) text.remove_suffix(1);

@@ -7,6 +7,7 @@
 
 #include "model/io/view_checks.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -127,6 +128,7 @@ void read_distortion(const Fields& fields, Camera& camera) {
 Eigen::Matrix4d read_pose(const Fields& fields, const json& frame) {
   const auto at = frame.find("transform_matrix");
   if (at == frame.end()) fail(Status::format, "{}: has no transform_matrix", fields.where());
+  if (at->is_null()) fail(Status::format, "{}: transform_matrix is null: the frame has no pose", fields.where());
   Eigen::Matrix4d c2w = Eigen::Matrix4d::Identity();
   if (at->is_array() && at->size() == 3) {
     c2w.topRows<3>() = matrix<3, 4>(fields.where(), "transform_matrix", *at);
@@ -138,11 +140,10 @@ Eigen::Matrix4d read_pose(const Fields& fields, const json& frame) {
   return rigid_inverse(c2w);
 }
 
-ListedView read_frame(const std::filesystem::path& path, const json& root, const json& frame, std::size_t index,
-                      bool need_pictures) {
+void read_frame(ListedView& view, const std::filesystem::path& path, const json& root, const json& frame,
+                std::size_t index, bool need_pictures) {
   const std::string numbered = fmt::format("{}: frame {}", path.string(), index);
   if (!frame.is_object()) fail(Status::format, "{}: is {}, an object is expected", numbered, excerpt(frame));
-  ListedView view;
   if (const auto at = frame.find("file_path"); at != frame.end() && at->is_string()) view.name = at->get<std::string>();
   // LaRa's Google Scanned Objects name their pictures by the frame's place, whatever file_path says.
   const std::string numbered_name = fmt::format("r_{:03}.png", index);
@@ -170,10 +171,26 @@ ListedView read_frame(const std::filesystem::path& path, const json& root, const
   if (fields.in_frame("mask_path")) {
     const std::string mask = fields.text_or("mask_path", "");
     if (mask.find('\0') != std::string::npos) fail(Status::format, "{}: mask_path is no path", fields.where());
-    if (!mask.empty()) view.mask = path.parent_path() / mask;
+    if (!mask.empty()) view.mask = mask;
   }
   check_intrinsics(fields.where(), camera);
-  return view;
+}
+
+// nerfstudio's lists of the pictures of each part.
+void read_splits(const std::string& where, const json& root, std::vector<ListedView>& views) {
+  for (const auto& [name, split] : {std::pair{"train_filenames", Split::train}, std::pair{"val_filenames", Split::val},
+                                    std::pair{"test_filenames", Split::test}}) {
+    const auto at = root.find(name);
+    if (at == root.end() || at->is_null()) continue;
+    if (!at->is_array()) fail(Status::format, "{}: {} is {}, a list is expected", where, name, excerpt(*at));
+    std::set<std::string> files;
+    for (const json& file : *at) {
+      if (!file.is_string()) fail(Status::format, "{}: {} holds {}, texts are expected", where, name, excerpt(file));
+      files.insert(std::filesystem::path(file.get<std::string>()).lexically_normal().string());
+    }
+    for (ListedView& view : views)
+      if (files.count(std::filesystem::path(view.name).lexically_normal().string()) != 0) view.split = split;
+  }
 }
 
 }  // namespace
@@ -198,8 +215,62 @@ ViewSet parse_transforms_json(const std::filesystem::path& path, const json& roo
   if (!frames.is_array()) fail(Status::format, "{}: frames is {}, a list is expected", where, excerpt(frames));
   if (frames.empty()) fail(Status::input, "{}: lists no frames", where);
   out.views.reserve(frames.size());
-  for (std::size_t i = 0; i < frames.size(); ++i)
-    out.views.push_back(read_frame(path, root, frames[i], i, need_pictures));
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    ListedView& view = out.views.emplace_back();
+    noting_problems(view, [&] { read_frame(view, path, root, frames[i], i, need_pictures); });
+    out.lists_masks |= frames[i].is_object() && frames[i].contains("mask_path");
+  }
+  if (root.contains("mask_path")) {
+    out.lists_masks = true;
+    warn("{}: mask_path of the file as a whole is not used: each frame names its own", where);
+  }
+  read_splits(where, root, out.views);
+  return out;
+}
+
+namespace {
+
+// The field of view is in degrees, upright.
+void read_path_camera(ListedView& view, const std::string& where, const json& root, const json& pose) {
+  if (!pose.is_object() || !pose.contains("camera_to_world")) fail(Status::format, "{}: has no camera_to_world", where);
+  json rows = pose.at("camera_to_world");
+  if (rows.is_array() && rows.size() == 16) {
+    const json flat = rows;
+    rows = json::array();
+    for (std::size_t r = 0; r < 16; r += 4) rows.push_back({flat[r], flat[r + 1], flat[r + 2], flat[r + 3]});
+  }
+  Eigen::Matrix4d c2w = checked_rigid(where, "camera_to_world", matrix<4, 4>(where, "camera_to_world", rows));
+  c2w.middleCols<2>(1) *= -1;  // OpenGL's axes to OpenCV's
+  Camera& camera = view.camera;
+  camera.w2c = rigid_inverse(c2w);
+  const Fields fields(root, pose, where);
+  if (fields.find("render_width"))
+    camera.width = picture_side(where, "render_width", fields.number_or("render_width", 0));
+  if (fields.find("render_height"))
+    camera.height = picture_side(where, "render_height", fields.number_or("render_height", 0));
+  camera.fx = camera.fy = camera.cx = camera.cy = nan;
+  const double degrees = fields.number_or("fov", nan);
+  if (!(degrees > 0.01 && degrees < 179))
+    fail(Status::input, "{}: fov is {}, degrees between 0 and 179 are expected", where, degrees);
+  view.angle_y = degrees * M_PI / 180;
+}
+
+}  // namespace
+
+ViewSet parse_camera_path(const std::filesystem::path& path, const json& root) {
+  ViewSet out;
+  out.source = path;
+  out.convention = PoseConvention::opengl_c2w;
+  const std::string file = path.string();
+  const json& poses = root.at("camera_path");
+  if (!poses.is_array() || poses.empty())
+    fail(Status::format, "{}: camera_path is {}, a list of cameras is expected", file, excerpt(poses));
+  if (const auto type = root.find("camera_type"); type != root.end() && *type != "perspective")
+    fail(Status::input, "{}: camera_type is {}, perspective alone can be drawn", file, excerpt(*type));
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    ListedView& view = out.views.emplace_back();
+    noting_problems(view, [&] { read_path_camera(view, fmt::format("{}: camera {}", file, i), root, poses[i]); });
+  }
   return out;
 }
 

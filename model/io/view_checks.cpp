@@ -5,7 +5,9 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
+#include <fstream>
 #include <string_view>
+#include <vector>
 
 #include "model/base/lens.h"
 #include "runtime/fail.h"
@@ -58,15 +60,38 @@ std::string quote_words_of_python(const std::string& path, const std::string& te
   return out;
 }
 
+// A pipe, or what else has no size before it is read.
+std::string read_stream(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) fail(Status::file, "{}: cannot be opened", path.string());
+  std::string out;
+  std::vector<char> part(1 << 16);
+  while (in.read(part.data(), static_cast<std::streamsize>(part.size())), in.gcount() > 0) {
+    out.append(part.data(), static_cast<std::size_t>(in.gcount()));
+    if (out.size() > max_json_bytes)
+      fail(Status::format, "{}: is too large for a file of cameras (more than 64 MiB)", path.string());
+  }
+  return out;
+}
+
 }  // namespace
 
 json read_json(const std::filesystem::path& path) {
   std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) fail(Status::file, "{}: no such file", path.string());
-  if (std::filesystem::file_size(path, error) > max_json_bytes || error)
-    fail(Status::format, "{}: is too large for a file of cameras (more than 64 MiB)", path.string());
-  const std::vector<unsigned char> bytes = read_file(path.string());
-  return parse_json(path.string(), quote_words_of_python(path.string(), std::string(bytes.begin(), bytes.end())));
+  if (!std::filesystem::exists(path, error)) fail(Status::file, "{}: no such file", path.string());
+  if (std::filesystem::is_directory(path, error))
+    fail(Status::file, "{}: is a folder, a file is expected", path.string());
+  std::string text;
+  if (!std::filesystem::is_regular_file(path, error)) {
+    text = read_stream(path);
+  } else {
+    if (std::filesystem::file_size(path, error) > max_json_bytes || error)
+      fail(Status::format, "{}: is too large for a file of cameras (more than 64 MiB)", path.string());
+    const std::vector<unsigned char> bytes = read_file(path.string());
+    text.assign(bytes.begin(), bytes.end());
+  }
+  if (text.starts_with("\xef\xbb\xbf")) text.erase(0, 3);  // a byte order mark
+  return parse_json(path.string(), quote_words_of_python(path.string(), text));
 }
 
 std::string excerpt(const json& value) {
@@ -121,8 +146,24 @@ Eigen::Vector3d vector3(const std::string& where, const char* field, const json&
   return out;
 }
 
+void noting_problems(ListedView& view, const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& e) {
+    if (e.status() != Status::format && e.status() != Status::input && e.status() != Status::file) throw;
+    view.problem = e.what();
+    view.problem_status = e.status();
+    view.picture.clear();
+    view.mask.reset();
+    view.camera.w2c.setIdentity();
+  }
+}
+
 Eigen::Matrix4d checked_rigid(const std::string& where, const char* field, const Eigen::Matrix4d& m) {
   if (!m.allFinite()) fail(Status::input, "{}: {} holds a value that is not finite", where, field);
+  if (m.isZero(0))
+    fail(Status::input, "{}: {} is all zeros: the view has no pose, as programs write it where they found none", where,
+         field);
   if ((m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-6)
     fail(Status::input, "{}: the last row of {} is {} {} {} {}, 0 0 0 1 is expected{}", where, field, m(3, 0), m(3, 1),
          m(3, 2), m(3, 3), m.topRightCorner<3, 1>().isZero() ? " (the matrix is transposed, it seems)" : "");

@@ -2,6 +2,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -25,6 +26,10 @@ int picture_side(const std::string& where, const char* field, double value);
 template <int Rows, int Cols>
 Eigen::Matrix<double, Rows, Cols> matrix(const std::string& where, const char* field, const nlohmann::json& value);
 Eigen::Vector3d vector3(const std::string& where, const char* field, const nlohmann::json& value);
+
+// Does `work` on the view; where that fails on what the list says, the view gets the problem (ListedView::problem)
+// instead, and is no longer to be used.
+void noting_problems(ListedView& view, const std::function<void()>& work);
 
 // A rotation and a translation, made exactly orthonormal where rounding in the file left it a little off. Error(input)
 // says what is wrong with any other matrix.

@@ -2,13 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <nlohmann/json.hpp>
-
-#include "model/io/cameras_json.h"
-#include "model/io/colmap.h"
-#include "model/io/transforms_json.h"
 #include "model/io/view_checks.h"
+#include "model/io/view_files.h"
+#include "model/io/view_list.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
@@ -19,120 +15,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_file(const fs::path& path) {
-  std::error_code error;
-  return fs::is_regular_file(path, error);
-}
-bool is_folder(const fs::path& path) {
-  std::error_code error;
-  return fs::is_directory(path, error);
-}
-
-// The folder and the up to two above it.
-std::vector<fs::path> folder_and_above(const fs::path& folder) {
-  std::error_code error;
-  const fs::path real = fs::canonical(folder, error);
-  std::vector<fs::path> out = {folder};
-  fs::path up = folder;
-  for (fs::path at = error ? folder : real; out.size() < 3 && at.has_parent_path() && at != at.parent_path();
-       at = at.parent_path()) {
-    up /= "..";
-    out.push_back(up.lexically_normal());
-  }
-  return out;
-}
-
-// COLMAP: images/ beside the model or up to two folders above it, masks/ beside that folder.
-void find_colmap_pictures(ViewSet& set, const ReadOptions& options, Roots& roots) {
-  const std::vector<fs::path> around = folder_and_above(set.source);
-  fs::path pictures = options.pictures_dir, masks;
-  for (const fs::path& folder : around)
-    if (pictures.empty() && is_folder(folder / "images")) pictures = folder / "images";
-  if (pictures.empty()) {
-    if (!options.need_pictures) return;
-    fail(Status::file,
-         "{}: no folder images/ beside the model or up to two folders above it; give vsplat_views_load their folder",
-         set.source.string());
-  }
-  std::vector<fs::path> beside = around;
-  beside.insert(beside.begin(), (pictures / "..").lexically_normal());
-  for (const fs::path& folder : beside)
-    if (masks.empty() && is_folder(folder / "masks")) masks = folder / "masks";
-  roots.add(pictures);
-  roots.add(masks);
-  for (ListedView& view : set.views) {
-    if (is_file(pictures / view.name)) view.picture = pictures / view.name;
-    if (masks.empty()) continue;
-    const fs::path by_stem = masks / fs::path(view.name).replace_extension(".png");
-    const fs::path by_name = masks / (view.name + ".png");  // as COLMAP itself reads them
-    view.mask = !is_file(by_stem) && is_file(by_name) ? by_name : by_stem;
-  }
-}
-
-// Names relative to the file, or to --pictures with or without their first folder; an extension left out is found.
-void find_listed_pictures(ViewSet& set, const ReadOptions& options) {
-  const fs::path beside = set.source.parent_path();
-  for (ListedView& view : set.views) {
-    if (view.name.empty()) continue;
-    const fs::path name = view.name;
-    std::vector<fs::path> places;
-    if (options.pictures_dir.empty() || name.is_absolute()) {
-      places.push_back(beside / name);
-      if (set.convention == PoseConvention::opencv_position) places.push_back(beside / "images" / name);
-    } else {
-      places.push_back(options.pictures_dir / name);
-      const fs::path normal = name.lexically_normal();
-      if (std::distance(normal.begin(), normal.end()) > 1)
-        places.push_back(options.pictures_dir / normal.lexically_relative(*normal.begin()));
-    }
-    std::vector<const char*> endings = {"", ".png"};
-    if (set.convention == PoseConvention::opencv_position)
-      endings.insert(endings.end(), {".jpg", ".jpeg", ".JPG", ".tif", ".webp", ".bmp"});
-    for (const fs::path& place : places)
-      for (const char* ending : endings)
-        if (view.picture.empty() && is_file(place.string() + ending)) view.picture = place.string() + ending;
-  }
-}
-
-void count_pictures(const ViewSet& set) {
-  std::size_t missing = 0;
+void count_pictures(const ViewSet& set, const ReadOptions& options) {
+  std::size_t missing = 0, good = 0;
   const ListedView* first = nullptr;
   for (const ListedView& view : set.views) {
+    if (!view.problem.empty()) continue;
+    ++good;
     if (!view.picture.empty()) continue;
     ++missing;
     if (!first) first = &view;
   }
   if (missing == 0) return;
-  if (missing == set.views.size())
-    fail(Status::input, "{}: none of the {} pictures listed is there, {} first; give vsplat_views_load their folder",
-         set.source.string(), missing, printable(first->name));
-  warn("{}: {} of {} listed frames have no picture and are skipped ({} first)", set.source.string(), missing,
-       set.views.size(), printable(first->name));
-}
-
-void find_pictures(ViewSet& set, const ReadOptions& options, Roots& roots) {
-  if (is_folder(set.source))
-    find_colmap_pictures(set, options, roots);
-  else
-    find_listed_pictures(set, options);
-}
-
-// Files made on Windows list paths with backslashes: taken for slashes where there is a file of that name, and none
-// with backslashes in its name.
-void turn_backslashes(ViewSet& set, const ReadOptions& options, Roots& roots) {
-  const auto turned = [](std::string path) {
-    std::replace(path.begin(), path.end(), '\\', '/');
-    return path;
-  };
-  for (ListedView& view : set.views) {
-    if (view.mask && !is_file(*view.mask) && is_file(turned(view.mask->string())))
-      view.mask = turned(view.mask->string());
-    if (!view.picture.empty() || view.name.find('\\') == std::string::npos) continue;
-    ViewSet one{{view}, {}, {}, set.source, set.convention};
-    one.views[0].name = one.views[0].camera.file = turned(view.name);
-    find_pictures(one, options, roots);
-    if (!one.views[0].picture.empty()) view = one.views[0];
-  }
+  const std::string looked = set.looked_for.empty() ? "" : fmt::format(" ({})", set.looked_for);
+  if (missing == good)
+    fail(Status::input, "{}: none of the {} pictures listed is there, {} first{}{}", set.source.string(), missing,
+         printable(first->name), looked, options.pictures_dir.empty() ? "; give vsplat_views_load their folder" : "");
+  warn("{}: {} of {} listed frames have no picture and are skipped, {} first{}", set.source.string(), missing,
+       set.views.size(), printable(first->name), looked);
 }
 
 // Whoever made the list may have been no friend: what it names is not read wherever it leads.
@@ -146,65 +45,68 @@ void refuse_outside(ViewSet& set, bool use_pictures, Roots& roots) {
     if (!view.picture.empty()) roots.need(view.picture, who("picture"));
     if (view.mask) roots.need(*view.mask, who("mask"));
   }
-  if (!is_file(set.points) || !roots.hold(set.points)) set.points.clear();
+  if (std::error_code error; !fs::is_regular_file(set.points, error) || !roots.hold(set.points)) set.points.clear();
 }
 
-ViewSet read_json_views(const fs::path& path, bool need_pictures) {
-  const nlohmann::json root = read_json(path);
-  if (root.is_array()) return parse_cameras_json(path, root, need_pictures);
-  if (root.is_object() && root.contains("frames")) return parse_transforms_json(path, root, need_pictures);
-  fail(Status::format, "{}: neither a transforms.json (an object with frames) nor a cameras.json (a list of cameras)",
-       path.string());
-}
-
-// The file of cameras in a folder, or the folder of the COLMAP model; "" where there is neither.
-fs::path find_cameras(const fs::path& folder) {
-  for (const char* name : {"transforms.json", "cameras.json"})
-    if (is_file(folder / name)) return folder / name;
-  return find_colmap_model(folder);
-}
-
-ViewSet read_any(const fs::path& path, bool need_pictures) {
-  std::error_code error;
-  if (!fs::exists(path, error)) fail(Status::file, "{}: no such file or folder", path.string());
-  if (!is_folder(path)) {
-    const std::string name = path.filename().string();
-    for (const char* part : {"cameras.bin", "images.bin", "cameras.txt", "images.txt"})
-      if (name == part) return read_colmap(path.has_parent_path() ? path.parent_path() : fs::path("."));
-    return read_json_views(path, need_pictures);
+void note_missing_masks(ViewSet& set) {
+  for (ListedView& view : set.views) {
+    std::error_code error;
+    if (view.picture.empty() || !view.mask || fs::is_regular_file(*view.mask, error)) continue;
+    view.problem = fmt::format("{}: no such file; it is the mask of {}", view.mask->string(), printable(view.name));
+    view.problem_status = Status::file;
+    view.picture.clear();
   }
-  const fs::path found = find_cameras(path);
-  if (!found.empty()) return is_file(found) ? read_json_views(found, need_pictures) : read_colmap(found);
-  fail(Status::file,
-       "{}: no cameras: transforms.json, cameras.json or a COLMAP model in sparse/0, sparse, colmap or the folder "
-       "itself is "
-       "expected",
-       path.string());
+}
+
+void judge(ViewSet& set, BadViews bad) {
+  const ListedView* first = nullptr;
+  std::size_t count = 0;
+  for (const ListedView& view : set.views) {
+    if (view.problem.empty()) continue;
+    if (!first) first = &view;
+    ++count;
+  }
+  if (!first || bad == BadViews::keep) return;
+  if (count == set.views.size()) need_good(*first);
+  if (bad == BadViews::refuse)
+    fail(first->problem_status, "{}; {} of {} views cannot be used, and vsplat_views_options.skip_bad leaves them out",
+         first->problem, count, set.views.size());
+  warn("{}: {} of {} views cannot be used and are left out; the first: {}", set.source.string(), count,
+       set.views.size(), first->problem);
 }
 
 }  // namespace
 
-ViewSet read_views(const fs::path& path, const ReadOptions& options) {
-  if (!options.pictures_dir.empty() && !is_folder(options.pictures_dir))
+ViewSet read_views(const fs::path& given, const ReadOptions& options) {
+  if (std::error_code error; !options.pictures_dir.empty() && !fs::is_directory(options.pictures_dir, error))
     fail(Status::file, "{}: no such folder of pictures", options.pictures_dir.string());
-  ViewSet set = read_any(path, options.need_pictures);
+  const fs::path path = given == "-" ? fs::path("/dev/stdin") : given;
+  ViewSet set = read_view_list(path, options);
   Roots roots;
-  const fs::path beside = is_folder(set.source) ? set.source : set.source.parent_path();
+  std::error_code error;
+  const fs::path beside = fs::is_directory(set.source, error) ? set.source : set.source.parent_path();
   roots.add(beside.empty() ? "." : beside);
-  if (is_folder(path)) roots.add(path);
+  if (fs::is_directory(path, error)) roots.add(path);
   roots.add(options.pictures_dir);
   for (const fs::path& root : options.roots) roots.add(root);
-  find_pictures(set, options, roots);
-  turn_backslashes(set, options, roots);
+  find_view_files(set, path, options, roots);
+  for (const std::string& choice : set.choices) options.tell ? info("{}", choice) : verbose("{}", choice);
   refuse_outside(set, options.use_pictures, roots);
-  if (options.need_pictures) count_pictures(set);
+  set.leaves_out_bad = options.bad == BadViews::leave_out;
+  if (set.leaves_out_bad) note_missing_masks(set);
   for (ListedView& view : set.views)
-    if (view.camera.width > 0 && view.camera.height > 0)
-      resolve_intrinsics(view, view.camera.width, view.camera.height);
+    if (view.problem.empty() && view.camera.width > 0 && view.camera.height > 0)
+      noting_problems(view, [&] { resolve_intrinsics(view, view.camera.width, view.camera.height); });
+  judge(set, options.bad);
+  if (options.need_pictures) count_pictures(set, options);
   return set;
 }
 
-bool holds_views(const fs::path& folder) { return !find_cameras(folder).empty(); }
+bool holds_views(const fs::path& folder) { return has_view_list(folder); }
+
+void need_good(const ListedView& view) {
+  if (!view.problem.empty()) fail(view.problem_status, "{}", view.problem);
+}
 
 namespace {
 

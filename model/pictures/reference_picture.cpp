@@ -45,10 +45,11 @@ Image undistorted(const Image& source, Camera camera) {
 
 }  // namespace
 
-Image reference_picture(const Camera& camera, const std::string& path, const std::string& mask_path, int width,
-                        int height, const std::array<float, 3>& background) {
+Image reference_picture(const Camera& camera, const ReferenceFiles& files, int width, int height,
+                        const std::array<float, 3>& background) {
+  const std::string &path = files.picture, &mask_path = files.mask;
   const ImageFile file(path);
-  const std::unique_ptr<PixelRows> picture = file.rows();
+  const std::unique_ptr<PixelRows> picture = file.rows(files.turning);
   const double scaled = static_cast<double>(picture->height) * width / picture->width;
   if (picture->width < width || picture->height < height || std::abs(scaled - height) > 1)
     fail(Status::input,
@@ -58,15 +59,19 @@ Image reference_picture(const Camera& camera, const std::string& path, const std
   std::optional<ImageFile> mask_file;
   std::unique_ptr<PixelRows> mask_picture;
   std::optional<MaskRows> mask;
+  std::optional<ResizedRows> resized;
   if (!mask_path.empty()) {
     mask_file.emplace(mask_path);
     mask_picture = mask_file->rows();
     mask.emplace(*mask_picture);
-    if (mask->width != picture->width || mask->height != picture->height)
-      fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's size",
+    if (!is_same_shape(mask->width, mask->height, picture->width, picture->height))
+      fail(Status::input, "{} is {} x {} pixels, its picture {} is {} x {}: a mask must have its picture's shape",
            mask_path, mask->width, mask->height, path, picture->width, picture->height);
+    if (mask->width != picture->width || mask->height != picture->height)
+      resized.emplace(*mask, picture->width, picture->height);
   }
-  PremultipliedRows source(*picture, mask ? &*mask : nullptr);
+  PixelRows* const fitting = resized ? &*resized : mask ? static_cast<PixelRows*>(&*mask) : nullptr;
+  PremultipliedRows source(*picture, fitting);
   const Image small = shrunk(source, width, height);
   return over(is_pinhole(camera.distortion) ? small : undistorted(small, camera), background);
 }

@@ -8,12 +8,17 @@
 
 namespace vsplat {
 
-// The picture at `path`, [height][width][3]: its alpha, and the mask at `mask_path` unless that is empty, over
+struct ReferenceFiles {
+  std::string picture, mask;  // the latter may be ""
+  int turning = 1;            // of the picture, as EXIF's orientation
+};
+
+// The picture, turned, [height][width][3]: its alpha, and the mask, made its size where that has its shape, over
 // `background`; the lens distortion of `camera` undone, its intrinsics scaled where it has another size. A larger
 // picture of the same proportions, to a pixel, is scaled down, each pixel the mean over its area. Those of that size,
 // of cameras without distortion, keep every pixel. Error(input) where it is smaller or has other proportions, or
-// the mask is not of its size; else as read_image().
-Image reference_picture(const Camera& camera, const std::string& path, const std::string& mask_path, int width,
-                        int height, const std::array<float, 3>& background);
+// the mask is not of its shape; else as read_image().
+Image reference_picture(const Camera& camera, const ReferenceFiles& files, int width, int height,
+                        const std::array<float, 3>& background);
 
 }  // namespace vsplat

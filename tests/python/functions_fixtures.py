@@ -242,9 +242,9 @@ def gaussians(api, count):
 class Values:
     """The arguments of a function, as ctypes takes them; `device`: in place of the handles' own."""
 
-    PATHS = {"cameras_load": "photos", "views_load": "photos", "mesh_load": "mesh", "model_load": "model", "model_import": "checkpoint",
+    PATHS = {"cameras_load": "photos", "cameras_load_with": "photos", "views_load": "photos", "views_load_with": "photos", "mesh_load": "mesh", "model_load": "model", "model_import": "checkpoint",
              "model_inspect": "model", "model_verify": "model", "scene_load": "scene", "scene_load_with": "scene",
-             "picture_file_size": "texture", "cameras_load_picture": "texture"}
+             "picture_file_size": "texture", "cameras_load_picture": "texture", "cameras_get_picture_size": "texture"}
     WRITERS = ("_save", "_save_as", "_save_jpeg", "_save_cameras", "_save_selection", "_save_sheet", "_write", "_report")
     NUMBERS = {"num_events": 1, "seconds": 0.0, "seconds_ago": 0.0, "selected": 0.5, "thickness": 0.1, "count": 1, "height": EDGE, "width": EDGE, "on": 0,
                "pictures": 1, "quality": 90, "sh_degree": 0, "side": EDGE, "use_views": 1, "view": 0, "views": 1, "capacity": ROOM,

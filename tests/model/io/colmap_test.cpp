@@ -138,7 +138,8 @@ TEST_F(Colmap, PicturesAndMasks) {
   EXPECT_TRUE(same(*set.views[1].mask, folder / "masks/b.jpg.png"));
   EXPECT_TRUE(same(*set.views[2].mask, folder / "masks/left/a.png"));
   std::filesystem::rename(folder / "images", folder / "photos");
-  expect_error(Status::file, {"images/", "vsplat_views_load"}, [&] { read_views(folder.path()); });
+  expect_error(Status::input, {"none of the 3", "a 1.jpg", "looked for", "vsplat_views_load"},
+               [&] { read_views(folder.path()); });
   EXPECT_TRUE(
       same(read_views(folder.path(), {.pictures_dir = folder / "photos"}).views[1].picture, folder / "photos/b.jpg"));
   EXPECT_TRUE(same(read_views(folder / "sparse/0/images.bin", {.pictures_dir = folder / "photos"}).views[1].picture,
@@ -172,8 +173,8 @@ TEST_F(Colmap, EveryCameraModel) {
     EXPECT_EQ(camera.cy, 240) << c.text;
   }
   for (const char* name : {"FOV", "THIN_PRISM_FISHEYE", "EUCM", "EQUIRECTANGULAR"}) {
-    folder.write("sparse/0/cameras.txt", fmt::format("7 {} 640 480 1 2 3 4 5\n", name));
-    expect_error(Status::input, {"line 1", "camera 7", name, "not supported"}, [&] { read(); });
+    folder.write("sparse/0/cameras.txt", fmt::format("7 {0} 640 480 1 2 3 4 5\n2 {0} 640 480 1 2 3 4 5\n", name));
+    expect_error(Status::input, {"line 2", "camera 2", name, "not supported", "a 1.jpg"}, [&] { read(); });
   }
 }
 
@@ -203,6 +204,14 @@ TEST_F(Colmap, DamagedTextIsNamed) {
   expect_error(Status::format, {"images.txt: line 2", "left/a.jpg", "camera 8"},
                with("images.txt", images_txt, "7 left", "8 left"));
   expect_error(Status::format, {"images.txt: line 3", "points"}, with("images.txt", images_txt, "1.5 2.5 -1 \n", ""));
+  // Nor is the next image taken for points where its name has blanks: every other one would be lost.
+  expect_error(Status::format, {"images.txt: line 2", "\"b\" where a number"}, [&] {
+    write_text();
+    folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 7 a (1) 2.jpg\n2 1 0 0 0 0 0 0 7 b (1) 2.jpg\n");
+    read();
+  });
+  expect_error(Status::format, {"cameras.txt: line 4", "4 parameters f cx cy k", "ends after 3"},
+               with("cameras.txt", cameras_txt, " 0.125", ""));
   expect_error(Status::input, {"quaternion"}, with("images.txt", images_txt, "\n9 ", "\n9 9"));
   expect_error(Status::input, {"lists no images"}, with("images.txt", images_txt, images_txt, "# none\n"));
 }

@@ -26,11 +26,11 @@ TEST(ReferencePicture, IsOverTheBackground) {
   mask.data = {1.0f, 0.2f};
   write_png(folder / "mask.png", mask);
   const Camera c = camera_of(2, 1);
-  const Image plain = reference_picture(c, folder / "a.png", "", 2, 1, {0.0f, 0.5f, 1.0f});
+  const Image plain = reference_picture(c, {folder / "a.png", ""}, 2, 1, {0.0f, 0.5f, 1.0f});
   const float alpha = 102 / 255.0f;
   const float wanted[] = {alpha, 0.5f * (1 - alpha), 0.2f * alpha + 1 - alpha, 0, 1, 0};
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(plain.data[i], wanted[i], 1e-6) << i;
-  const Image masked = reference_picture(c, folder / "a.png", folder / "mask.png", 2, 1, {0.0f, 0.5f, 1.0f});
+  const Image masked = reference_picture(c, {folder / "a.png", folder / "mask.png"}, 2, 1, {0.0f, 0.5f, 1.0f});
   EXPECT_NEAR(masked.data[0], alpha, 1e-6);
   EXPECT_NEAR(masked.data[4], 0.2f + 0.8f * 0.5f, 1e-6);
   EXPECT_NEAR(masked.data[5], 0.8f, 1e-6);
@@ -41,7 +41,7 @@ TEST(ReferencePicture, KeepsEveryPixelWithoutDistortion) {
   Image in(7, 5, 3);
   for (std::size_t i = 0; i < in.data.size(); ++i) in.data[i] = static_cast<float>(i * 37 % 256) / 255.0f;
   write_png(folder / "a.png", in);
-  EXPECT_EQ(reference_picture(camera_of(70, 50), folder / "a.png", "", 7, 5, {1, 1, 1}).data, in.data);
+  EXPECT_EQ(reference_picture(camera_of(70, 50), {folder / "a.png", ""}, 7, 5, {1, 1, 1}).data, in.data);
 }
 
 // What a lens made of straight bars: undone, the bars are straight again, at half the camera's size as well.
@@ -67,7 +67,7 @@ TEST(ReferencePicture, UndoesDistortion) {
         for (int c = 0; c < 3; ++c) photo.at(u, v)[c] = scene(x, y);
       }
     write_png(folder / "photo.png", photo);
-    const Image out = reference_picture(camera, folder / "photo.png", "", w, h, {0, 0, 0});
+    const Image out = reference_picture(camera, {folder / "photo.png", ""}, w, h, {0, 0, 0});
     ASSERT_EQ(out.width, w);
     ASSERT_EQ(out.height, h);
     for (int v = 3; v < h - 3; ++v)
@@ -83,7 +83,7 @@ TEST(ReferencePicture, ScalesLargerOnesDownByArea) {
   for (int y = 0; y < 6; ++y) mask.at(0, y)[0] = 0.0f;
   write_png(folder / "a.png", in);
   write_png(folder / "mask.png", mask);
-  const Image out = reference_picture(camera_of(90, 60), folder / "a.png", folder / "mask.png", 3, 2, {0, 1, 0});
+  const Image out = reference_picture(camera_of(90, 60), {folder / "a.png", folder / "mask.png"}, 3, 2, {0, 1, 0});
   ASSERT_EQ(out.width, 3);
   ASSERT_EQ(out.height, 2);
   for (int c = 0; c < 3; ++c)
@@ -97,7 +97,7 @@ TEST(ReferencePicture, ScalesLargerOnesDownByArea) {
   Camera bent = camera_of(160, 120);
   bent.distortion = {Distortion::Model::opencv, {-1e-9}};
   write_png(folder / "flat.png", Image(320, 241, 3, 0.25f));  // 240.5 would be right: a pixel is let pass
-  const Image flat = reference_picture(bent, folder / "flat.png", "", 160, 120, {0, 0, 0});
+  const Image flat = reference_picture(bent, {folder / "flat.png", ""}, 160, 120, {0, 0, 0});
   ASSERT_EQ(flat.height, 120);
   EXPECT_NEAR(flat.at(80, 60)[1], 64 / 255.0, 1e-6);
 }
@@ -108,16 +108,16 @@ TEST(ReferencePicture, RefusesOtherSizes) {
   write_png(folder / "mask.png", Image(3, 4, 1));
   const Camera c = camera_of(4, 3);
   expect_error(Status::input, {"a.png", "4 x 3", "8 x 6"}, [&] {
-    reference_picture(c, folder / "a.png", "", 8, 6, {1, 1, 1});
+    reference_picture(c, {folder / "a.png", ""}, 8, 6, {1, 1, 1});
   });
   expect_error(Status::input, {"a.png", "4 x 3", "1 x 3"}, [&] {
-    reference_picture(c, folder / "a.png", "", 1, 3, {1, 1, 1});
+    reference_picture(c, {folder / "a.png", ""}, 1, 3, {1, 1, 1});
   });
   expect_error(Status::input, {"mask.png", "3 x 4"}, [&] {
-    reference_picture(c, folder / "a.png", folder / "mask.png", 4, 3, {1, 1, 1});
+    reference_picture(c, {folder / "a.png", folder / "mask.png"}, 4, 3, {1, 1, 1});
   });
   expect_error(Status::file, {"none.png"}, [&] {
-    reference_picture(c, folder / "a.png", folder / "none.png", 4, 3, {1, 1, 1});
+    reference_picture(c, {folder / "a.png", folder / "none.png"}, 4, 3, {1, 1, 1});
   });
 }
 

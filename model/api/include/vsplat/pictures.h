@@ -71,9 +71,9 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_animation_save(vsplat_animation
 
 /* ----------------------------------------------------------------------------------------------------- comparisons */
 
-/* The picture of `folder` (PNG, JPEG, EXR) that belongs to camera `index`: by the stem of the file that the camera was
-   listed with, in the folder of its name inside `folder` where there is one; by the index in four digits ("0007") where
-   the list named no file. *out_path is "" where there is none. VSPLAT_ERROR_INPUT where several fit. */
+/* The picture of `folder` that belongs to camera `index`, found as vsplat_views_load finds one in its `pictures`; by
+   the index in four digits ("0007") where the list named no file. *out_path is "" where there is none, and the log tells
+   where it was looked for. VSPLAT_ERROR_INPUT where several fit. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index,
                                                                       const char* folder, char** out_path);
 
@@ -81,9 +81,15 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_find_picture(vsplat_cam
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_picture_file_size(const char* path, int32_t* out_width,
                                                                    int32_t* out_height);
 
+/* The same as camera `index` saw it: turned as the file's EXIF data say, where its list is of turned pictures. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_get_picture_size(vsplat_cameras cameras, size_t index,
+                                                                          const char* path, int32_t* out_width,
+                                                                          int32_t* out_height);
+
 /* The picture at `path` as camera `index` would have seen it drawn, into float [height][width][3] of the caller's
    `capacity` floats: its alpha, and the mask that the camera was listed with, over `background`; the lens distortion
-   that the camera was listed with undone. VSPLAT_ERROR_INPUT where picture or mask have another size. */
+   that the camera was listed with undone, and turned as vsplat_cameras_get_picture_size has it. VSPLAT_ERROR_INPUT where
+   picture or mask have another shape. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_load_picture(vsplat_cameras cameras, size_t index,
                                                                       const char* path, int32_t width, int32_t height,
                                                                       const float background[3], float* out_pixels,

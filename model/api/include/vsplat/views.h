@@ -42,6 +42,19 @@ typedef struct vsplat_cameras_impl* vsplat_cameras;
    pictures not needed. `width` and `height`: the size for cameras whose file tells none; 0: such are an error. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_load(const char* path, int32_t width, int32_t height,
                                                               vsplat_cameras* out_cameras);
+
+typedef struct vsplat_cameras_options {
+  size_t size;
+  int32_t width, height; /* the size for cameras whose file tells none; 0: such are an error */
+  int32_t skip_bad;      /* 1: cameras that cannot be used are left out, and a warning counts them; 0: an error */
+} vsplat_cameras_options;
+#define VSPLAT_CAMERAS_OPTIONS_INIT \
+  { sizeof(vsplat_cameras_options), 0, 0, 0 }
+
+/* The same with options; NULL: defaults. Also reads a camera_path.json of nerfstudio's viewer. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_load_with(const char* path,
+                                                                   const vsplat_cameras_options* options,
+                                                                   vsplat_cameras* out_cameras);
 /* The same of `count` (at least 1) cameras in memory, pinholes, which are copied. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_cameras_create(const vsplat_camera* cameras, size_t count,
                                                                 vsplat_cameras* out_cameras);
@@ -96,9 +109,24 @@ typedef struct vsplat_view {
   { sizeof(vsplat_view), VSPLAT_CAMERA_INIT, NULL, 3, VSPLAT_PIXELS_F32, NULL, 0, 0, 0 }
 
 /* Reads the list of views at `path`: a transforms.json, a cameras.json, a COLMAP model or a folder holding one.
-   `pictures`: where a COLMAP model's pictures are, or NULL to look beside it. */
+   `pictures`: the folder of the pictures, or NULL to look where the list has them. A picture is found as listed, by
+   ever shorter ends of its path, and by its stem with another ending or case; two that fit are VSPLAT_ERROR_INPUT. Of
+   transforms_train.json, transforms_val.json and transforms_test.json in a folder the first that is there is read. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_load(const char* path, const char* pictures,
                                                             vsplat_views* out_views);
+typedef struct vsplat_views_options {
+  size_t size;
+  const char* pictures; /* the folder of the pictures; NULL: where the list has them */
+  int32_t skip_bad;     /* 1: views that cannot be used, by their pose, camera, picture or mask, are left out, and one
+                           warning counts them; all pictures are read once for it. 0: the first is an error */
+  int32_t check_later;  /* 1, without skip_bad: a view with a bad pose or camera is an error only where it is used */
+} vsplat_views_options;
+#define VSPLAT_VIEWS_OPTIONS_INIT \
+  { sizeof(vsplat_views_options), NULL, 0, 0 }
+
+/* The same with options; NULL: defaults. */
+VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_load_with(const char* path, const vsplat_views_options* options,
+                                                                 vsplat_views* out_views);
 /* From pictures in memory. Pixels up to 0.5 beyond 0 to 1, as resampling leaves them, are clamped; what lies further
    beyond and NaN are VSPLAT_ERROR_INPUT, naming view, pixel and value. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views,

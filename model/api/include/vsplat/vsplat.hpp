@@ -176,6 +176,11 @@ class Cameras : public CamerasHandle {
     check(vsplat_cameras_create(cameras.data(), cameras.size(), &out));
     return Cameras(out);
   }
+  static Cameras load(const std::string& path, const vsplat_cameras_options& options) {
+    vsplat_cameras out = nullptr;
+    check(vsplat_cameras_load_with(path.c_str(), &options, &out));
+    return Cameras(out);
+  }
   // As a cameras.json.
   void save(const std::string& path) const {
     const std::vector<vsplat_camera> cameras = all();
@@ -200,6 +205,10 @@ class Cameras : public CamerasHandle {
     check(vsplat_cameras_find_picture(get(), index, folder.c_str(), &out));
     return text(out);
   }
+  // As the camera saw it.
+  void picture_size(size_t index, const std::string& path, int32_t& width, int32_t& height) const {
+    check(vsplat_cameras_get_picture_size(get(), index, path.c_str(), &width, &height));
+  }
   // [height][width][3]
   std::vector<float> load_picture(size_t index, const std::string& path, int width, int height,
                                   const float (&background)[3]) const {
@@ -217,6 +226,11 @@ class Views : public ViewsHandle {
   static Views load(const std::string& path, const std::string& pictures = "") {
     vsplat_views out = nullptr;
     check(vsplat_views_load(path.c_str(), pictures.empty() ? nullptr : pictures.c_str(), &out));
+    return Views(out);
+  }
+  static Views load(const std::string& path, const vsplat_views_options& options) {
+    vsplat_views out = nullptr;
+    check(vsplat_views_load_with(path.c_str(), &options, &out));
     return Views(out);
   }
   static Views create(Span<const vsplat_view> views) {

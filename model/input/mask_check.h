@@ -1,0 +1,22 @@
+// Masks that cannot be meant, found before anything is computed from them.
+#pragma once
+#include <span>
+#include <string>
+
+#include "model/base/pixel_rows.h"
+
+namespace vsplat {
+
+// How much of a mask (the last channel over one half) is the object, of all pixels and of those along the border.
+struct MaskShares {
+  double all = 0, border = 0;
+  float brightest = 0;
+};
+MaskShares mask_shares(PixelRows& mask);
+
+// Of the masks (or alpha channels) of the views that are used. Error(input) where nothing is the object in any of them;
+// a warning where most have the object along the border and the background inside, as inverted masks do. `set`: what
+// messages begin with.
+void check_masks(const std::string& set, std::span<const MaskShares> masks);
+
+}  // namespace vsplat
