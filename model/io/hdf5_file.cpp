@@ -9,8 +9,10 @@
 #include <mutex>
 #include <tuple>
 
+#include "model/io/foreign_file.h"
 #include "model/read/reader.h"
 #include "runtime/fail.h"
+#include "runtime/file.h"
 #include "runtime/printable.h"
 #include "runtime/system.h"
 
@@ -39,6 +41,16 @@ std::size_t count_of(const std::vector<long>& shape) {
   std::size_t count = 1;
   for (const long side : shape) count *= static_cast<std::size_t>(side);
   return count;
+}
+
+// Says what it is, where that is known.
+void refuse_another_kind(const std::string& path) {
+  std::vector<unsigned char> begin;
+  InputFile(path).read(4096, begin);
+  const std::string_view text(reinterpret_cast<const char*>(begin.data()), begin.size());
+  const auto other = what_file_is(path, text);
+  if (!other || text.starts_with("\x89HDF")) return;
+  fail(Status::format, "{}: {}", path, other->where("an HDF5 file"));
 }
 
 }  // namespace
@@ -114,7 +126,13 @@ Hdf5File::Hdf5File(const std::string& path) {
   if (!std::filesystem::is_regular_file(path, ignored)) fail(Status::file, "{}: no such file", path);
   const Identity of(path);
   session_ = Idle::all().take(of);
-  if (!session_) session_ = std::make_unique<Session>(of);
+  if (session_) return;
+  try {
+    session_ = std::make_unique<Session>(of);
+  } catch (const Error& e) {
+    if (e.status() == Status::format) refuse_another_kind(path);
+    throw;
+  }
 }
 
 Hdf5File::~Hdf5File() {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <new>
 
+#include "model/io/foreign_file.h"
 #include "model/io/image_formats.h"
 #include "model/io/oriented_rows.h"
 #include "runtime/fail.h"
@@ -34,8 +35,11 @@ T by_format(const FileBytes& file, T (*Format::*read)(const FileBytes&)) {
   } catch (const std::bad_alloc&) {
     fail(Status::memory, "{}: not enough memory to decode the picture", file.path);
   }
-  fail(Status::format, "{}: {} where a PNG, JPEG, EXR, TIFF, WebP or BMP picture is expected", file.path,
-       file.size == 0 ? "an empty file" : "none of the known picture formats");
+  const std::size_t some = std::min<std::size_t>(file.size, 4096);
+  const auto other = what_file_is(file.path, {reinterpret_cast<const char*>(file.data), some});
+  const ForeignFile none{"none of the known picture formats"};
+  fail(Status::format, "{}: {}", file.path,
+       (other ? *other : none).where("a PNG, JPEG, EXR, TIFF, WebP or BMP picture"));
 }
 
 ImageInfo info_of(const FileBytes& file) { return by_format(file, &Format::info); }

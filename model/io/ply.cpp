@@ -11,6 +11,8 @@
 #include <sstream>
 #include <vector>
 
+#include "model/base/statistics.h"
+#include "model/io/foreign_file.h"
 #include "model/io/ply_rows.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
@@ -27,6 +29,7 @@ struct Layout {
   std::vector<const PlyProperty*> columns;
   std::optional<std::size_t> opacity, scales, quats;
   GaussianKind kind = GaussianKind::volume;
+  bool is_round = false;  // one scale for all axes
   bool is_rgb = false;
   int degree = 0;
 
@@ -67,22 +70,26 @@ void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout)
 
 Layout find_columns(const std::string& path, const PlyElement& vertex) {
   if (vertex.find("packed_position"))
-    fail(Status::format, "{}: a compressed PLY (packed_position): not read; export the standard 3DGS PLY", path);
+    fail(Status::format, "{}: a compressed PLY (packed_position), as SuperSplat writes them, which is not read; {}",
+         path, how_to_convert_scene(path));
   Layout out;
   if (!add_group(path, vertex, out, {"x", "y", "z"}))
     fail(Status::format, "{}: element vertex has no property x", path);
   if (!add_group(path, vertex, out, {"f_dc_0", "f_dc_1", "f_dc_2"})) {
     out.is_rgb = add_group(path, vertex, out, {"red", "green", "blue"}).has_value();
     if (!out.is_rgb)
-      fail(Status::format, "{}: element vertex has neither f_dc_0, f_dc_1, f_dc_2 nor red, green, blue: no 3DGS file",
+      fail(Status::format,
+           "{}: element vertex has neither f_dc_0, f_dc_1, f_dc_2 nor red, green, blue: a mesh or points without "
+           "colours, no 3DGS file",
            path);
   }
   add_rest(path, vertex, out);
   out.opacity = add_group(path, vertex, out, {"opacity"});
   // Surfels are known by that, in 2DGS files, too.
   if (vertex.find("scale_0") && vertex.find("scale_1") && !vertex.find("scale_2")) out.kind = GaussianKind::surfel;
+  out.is_round = vertex.find("scale_0") && !vertex.find("scale_1") && !vertex.find("scale_2");
   std::vector<std::string> scales;
-  for (int i = 0; i < scales_of(out.kind); ++i) scales.push_back(fmt::format("scale_{}", i));
+  for (int i = 0; i < (out.is_round ? 1 : scales_of(out.kind)); ++i) scales.push_back(fmt::format("scale_{}", i));
   out.scales = add_group(path, vertex, out, scales);
   out.quats = add_group(path, vertex, out, {"rot_0", "rot_1", "rot_2", "rot_3"});
   return out;
@@ -142,13 +149,18 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   std::fill_n(out.scale, 3, std::exp(-4.0f));
   if (layout.scales) {
     const std::size_t begin = *layout.scales;
-    const auto scales = static_cast<std::size_t>(scales_of(layout.kind));
-    if (const Defect d = not_finite(values, begin, scales); d.kind != Defect::Kind::none) return d;
+    const std::size_t scales = layout.is_round ? 1 : static_cast<std::size_t>(scales_of(layout.kind));
     for (std::size_t i = 0; i < scales; ++i) {
-      const double scale = std::exp(static_cast<double>(values[begin + i]));
+      const float logarithm = values[begin + i];
+      if (std::isnan(logarithm) || logarithm == std::numeric_limits<float>::infinity())
+        return {Defect::Kind::not_finite, begin + i};
+      const double scale = std::exp(static_cast<double>(logarithm));
       if (!fits(scale)) return {Defect::Kind::scale, begin + i};
       out.scale[i] = static_cast<float>(scale);
+      // Flat in that direction: as flat as a float has it, so that its logarithm is finite again.
+      if (std::isinf(logarithm)) out.scale[i] = std::numeric_limits<float>::min();
     }
+    if (layout.is_round) out.scale[1] = out.scale[2] = out.scale[0];
   }
 
   std::copy_n(std::array{1.0f, 0.0f, 0.0f, 0.0f}.data(), 4, out.quat);
@@ -242,6 +254,54 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
   return g;
 }
 
+// Colours of a type that is not made for 0 to 255, and are it nevertheless.
+void look_at_colours(const std::string& path, const Layout& layout, Gaussians& g) {
+  if (!layout.is_rgb || colour_range(layout.columns[3]->type) != 1) return;
+  const auto colour = [](float sh) { return 0.5 + kShC0 * static_cast<double>(sh); };
+  double most = 0;
+  const std::size_t each = 3 * g.sh_count();
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (std::size_t c = 0; c < 3; ++c) most = std::max(most, colour(g.sh[each * k + c]));
+  if (most <= 1.5) return;
+  const double range = most <= 256 ? 255 : 65535;
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (std::size_t c = 0; c < 3; ++c) {
+      float& sh = g.sh[each * k + c];
+      sh = static_cast<float>((colour(sh) / range - 0.5) / kShC0);
+    }
+  warn("{}: red, green and blue go to {:.4g}: they are taken as 0 to {}, not as 0 to 1", path, most, range);
+}
+
+// Values that programs hold, and that the file should have as logits and logarithms.
+void look_at_activated(const std::string& path, const Layout& layout, const Gaussians& g) {
+  constexpr std::size_t least = 10;  // of few it cannot be told
+  if (g.count < least) return;
+  if (layout.opacity) {
+    const auto [low, high] = std::minmax_element(g.opacities.begin(), g.opacities.end());
+    // sigmoid(0) to sigmoid(1)
+    if (*low >= 0.5f && *high <= 0.7311f && *high - *low > 0.01f)
+      warn(
+          "{}: every opacity is between 0 and 1, as if it were the opacity itself: in this format it is the logit "
+          "log(p / (1 - p)). They are drawn as logits, {:.2g} to {:.2g} opaque; if that is wrong, write logits",
+          path, *low, *high);
+  }
+  if (!layout.scales) return;
+  const auto least_scale = *std::min_element(g.scales.begin(), g.scales.end());
+  if (least_scale < 1) return;  // a logarithm below 0
+  double extent = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (std::size_t k = 0; k < g.count; ++k) values.push_back(g.means[3 * k + axis]);
+    extent = std::max(extent, quantile(values, 0.95) - quantile(values, 0.05));
+  }
+  if (static_cast<double>(least_scale) > 0.25 * extent)
+    warn(
+        "{}: every scale is above 0, as if it were the size itself: in this format it is the size's logarithm. Read "
+        "so, "
+        "each Gaussian is larger than a quarter of the scene; if that is wrong, write logarithms",
+        path);
+}
+
 template <class Number>
 std::vector<Number> comment_numbers(const std::string& path, const std::string& comment, std::istringstream& in,
                                     std::size_t count) {
@@ -314,6 +374,8 @@ Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
   read_comments(path, header, scene);
   if (skipped) *skipped = {};
   scene.gaussians = read_gaussians(path, layout, vertex->count, *rows, skipped);
+  look_at_colours(path, layout, scene.gaussians);
+  look_at_activated(path, layout, scene.gaussians);
   return scene;
 }
 

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "model/io/foreign_file.h"
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
 #include "runtime/system.h"
@@ -45,6 +46,9 @@ void PlyFile::seek(std::uint64_t to) {
 PlyHeader read_ply_header(PlyFile& in) {
   std::string text(static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kMaxPlyHeader)), '\0');
   text.resize(in.read(text.data(), text.size()));
+  if (!text.starts_with("ply"))
+    if (const auto other = what_file_is(in.path(), text))
+      fail(Status::format, "{}: {}", in.path(), other->where("a PLY file"));
   return parse_ply_header(in.path(), text);
 }
 

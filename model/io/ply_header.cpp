@@ -110,19 +110,25 @@ class Parser {
   void property(const std::vector<std::string>& words) {
     if (header_.elements.empty()) bad("a property before any element");
     PlyElement& e = header_.elements.back();
+    if (e.columns.size() == kMaxProperties)
+      bad(fmt::format("element {} has more than {} properties", e.name, kMaxProperties));
     if (words.size() == 5 && words[1] == "list") {
+      e.columns.push_back({type(words[3], words[4]), true, type(words[2], words[4])});
       if (!e.has_list()) e.list = printable(words[4]);
       return;
     }
     if (words.size() != 3) bad("a property has a type and a name");
-    const auto type = type_names().find(words[1]);
-    if (type == type_names().end())
-      bad("property " + printable(words[2]) + ": unknown type \"" + printable(words[1]) + "\"");
-    if (e.properties.size() == kMaxProperties)
-      bad(fmt::format("element {} has more than {} properties", e.name, kMaxProperties));
     if (e.find(words[2])) bad("property " + printable(words[2]) + " is there twice");
-    e.properties.push_back({words[2], type->second, e.stride});
-    e.stride += size_of(type->second);
+    e.properties.push_back({words[2], type(words[1], words[2]), e.stride});
+    e.columns.push_back({e.properties.back().type});
+    e.stride += size_of(e.properties.back().type);
+  }
+
+  PlyType type(const std::string& word, const std::string& property) const {
+    const auto type = type_names().find(word);
+    if (type == type_names().end())
+      bad("property " + printable(property) + ": unknown type \"" + printable(word) + "\"");
+    return type->second;
   }
 
   const std::string& path_;

@@ -18,12 +18,20 @@ struct PlyProperty {
   std::size_t offset = 0;  // bytes into its row
 };
 
+// A property in the order of the file; of a list, the type of its length and of its values.
+struct PlyColumn {
+  PlyType type;
+  bool is_list = false;
+  PlyType length = PlyType::u8;
+};
+
 struct PlyElement {
   std::string name;
   std::uint64_t count = 0;
   std::vector<PlyProperty> properties;  // without lists
   std::size_t stride = 0;               // bytes of a row; means nothing where there is a list
   std::string list;                     // the first property that is one
+  std::vector<PlyColumn> columns;       // with lists
 
   bool has_list() const { return !list.empty(); }
   const PlyProperty* find(const std::string& property) const;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstring>
 #include <limits>
@@ -22,6 +23,20 @@ float to_float(double v) {
   if (v > largest) return std::numeric_limits<float>::infinity();
   if (v < -largest) return -std::numeric_limits<float>::infinity();
   return static_cast<float>(v);
+}
+
+// "1.#QNAN", "-1.#IND", "1.#INF": what is no number, as older programs for Windows write it; zeros may follow.
+bool is_windows_number(std::string_view word, double& value) {
+  const bool negative = word.starts_with('-');
+  if (negative || word.starts_with('+')) word.remove_prefix(1);
+  if (!word.starts_with("1.#")) return false;
+  word.remove_prefix(3);
+  word = word.substr(0, word.find_last_not_of('0') + 1);
+  const bool infinite = word == "INF";
+  if (!infinite && word != "QNAN" && word != "SNAN" && word != "IND" && word != "NAN") return false;
+  value = infinite ? std::numeric_limits<double>::infinity() : std::numeric_limits<double>::quiet_NaN();
+  if (negative) value = -value;
+  return true;
 }
 
 [[noreturn]] void promises_too_much(const PlyFile& file, const PlyElement& e, const std::string& each, std::uint64_t at,
@@ -64,15 +79,15 @@ class BinaryRows : public PlyRows {
 
  private:
   // Where the element begins.
-  std::uint64_t find(const PlyHeader& header) const {
+  std::uint64_t find(const PlyHeader& header) {
     std::uint64_t at = header.size, begin = 0;
     for (const PlyElement& e : header.elements) {
       const bool wanted = &e == &element_;
       if (wanted) begin = at;
       if (e.has_list()) {
         if (begin) return begin;  // what follows is nobody's business
-        fail(Status::format, "{}: element {} with the list {} comes before element {}: not read; put it behind",
-             file_.path(), e.name, e.list, element_.name);
+        at = end_of_lists(e, at);
+        continue;
       }
       if (e.stride != 0 && e.count > (file_.size() - at) / e.stride)
         promises_too_much(file_, e, fmt::format("{} bytes", e.stride), at, (file_.size() - at) / e.stride);
@@ -80,6 +95,40 @@ class BinaryRows : public PlyRows {
     }
     if (at < file_.size()) warn_of_rest(file_, at);
     return begin;
+  }
+
+  // Where an element with lists ends, of which only the lists' lengths say it. Its rows begin at byte `at`.
+  std::uint64_t end_of_lists(const PlyElement& e, std::uint64_t at) {
+    std::vector<unsigned char> window;
+    std::uint64_t window_at = at;
+    const auto cut_off = [&](std::uint64_t row) {
+      fail(Status::format, "{}: element {}: ends within row {} of {} (byte {}): it is cut off or damaged", file_.path(),
+           e.name, row, e.count, at);
+    };
+    for (std::uint64_t row = 0; row < e.count; ++row)
+      for (const PlyColumn& column : e.columns) {
+        const std::size_t bytes = size_of(column.is_list ? column.length : column.type);
+        if (at > file_.size() || bytes > file_.size() - at) cut_off(row);
+        if (!column.is_list) {
+          at += bytes;
+          continue;
+        }
+        if (at < window_at || at - window_at + bytes > window.size()) {
+          window_at = at;
+          window.resize(static_cast<std::size_t>(std::min<std::uint64_t>(kBlock, file_.size() - at)));
+          file_.seek(at);
+          if (file_.read(window.data(), window.size()) != window.size()) cut_off(row);
+        }
+        std::array<unsigned char, 8> length{};
+        std::copy_n(&window[static_cast<std::size_t>(at - window_at)], bytes, length.begin());
+        if (swap_) std::reverse(length.begin(), length.begin() + static_cast<std::ptrdiff_t>(bytes));
+        const double count = ply_value(column.length, length.data());
+        at += bytes;
+        if (!(count >= 0) || count * static_cast<double>(size_of(column.type)) > static_cast<double>(file_.size() - at))
+          cut_off(row);
+        at += static_cast<std::uint64_t>(count) * size_of(column.type);
+      }
+    return at;
   }
 
   void read_block() {
@@ -158,6 +207,7 @@ class TextRows : public PlyRows {
     const char* const first = word.data() + (word.size() > 1 && word[0] == '+');
     const char* const last = word.data() + word.size();
     double v = 0;
+    if (is_windows_number(word, v)) return v;
     const auto [end, problem] = std::from_chars(first, last, v);
     if (end != last || problem == std::errc::invalid_argument)
       fail(Status::format, "{}: Gaussian {}, {} (byte {}): \"{}\", a number is expected", file_.path(), row_,

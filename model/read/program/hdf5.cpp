@@ -4,6 +4,7 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "model/read/program/hdf5_driver.h"
@@ -73,6 +74,31 @@ void refuse_stored_elsewhere(const Handle& dataset, const std::string& where) {
     fail_reading(Status::format, where, "its values are stored in other files (external storage), which are not read");
   if (H5Pget_layout(made.id()) == H5D_VIRTUAL)
     fail_reading(Status::format, where, "is a virtual data set, made of other files' arrays, which are not read");
+}
+
+// A compression of which this HDF5 has no decoder: by its number, or the name that the file gives.
+void refuse_unknown_filters(const Handle& dataset, const std::string& where) {
+  const Handle made(H5Dget_create_plist(dataset.id()), H5Pclose);
+  const int count = made.good() ? H5Pget_nfilters(made.id()) : 0;
+  for (int i = 0; i < count; ++i) {
+    unsigned flags = 0, config = 0;
+    std::size_t values = 0;
+    char name[64] = "";
+    const H5Z_filter_t id =
+        H5Pget_filter2(made.id(), static_cast<unsigned>(i), &flags, &values, nullptr, sizeof name, name, &config);
+    if (id < 0 || H5Zfilter_avail(id) > 0) continue;
+    static const std::pair<int, const char*> known[] = {{32000, "LZF"},        {32001, "Blosc"}, {32004, "LZ4"},
+                                                        {32008, "Bitshuffle"}, {32013, "ZFP"},   {32015, "Zstandard"}};
+    std::string called = printable(std::string_view(name, ::strnlen(name, sizeof name)));
+    for (const auto& [number, filter] : known)
+      if (number == id) called = filter;
+    fail_reading(
+        Status::format, where,
+        fmt::format("its values are compressed with {} (HDF5 filter {}), which is not read; write it again with "
+                    "gzip or without compression, for example with h5py: "
+                    "create_dataset(..., compression=\"gzip\")",
+                    called.empty() ? "a filter without a name" : called, static_cast<int>(id)));
+  }
 }
 
 Handle open_dataset(std::int64_t file, const std::string& dataset) {
@@ -178,8 +204,11 @@ void Hdf5::values(const std::string& dataset, const std::vector<long>& shape, bo
                  fmt::format("its shape is {}, {} is expected", text_of(found), text_of(shape)));
   check_type(data, dataset, bytes);
   std::vector<char> out(count_of(shape, dataset) * (bytes ? 1 : sizeof(double)));
-  if (H5Dread(data.id(), bytes ? H5T_NATIVE_UINT8 : H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.data()) < 0)
-    fail_reading(Status::format, dataset, "cannot be read: " + reason());
+  if (H5Dread(data.id(), bytes ? H5T_NATIVE_UINT8 : H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.data()) < 0) {
+    const std::string why = reason();
+    refuse_unknown_filters(data, dataset);
+    fail_reading(Status::format, dataset, "cannot be read: " + why);
+  }
   library_.say(Kind::values, Packer(std::move(out)));
 }
 

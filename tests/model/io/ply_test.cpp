@@ -216,6 +216,7 @@ TEST_F(Ply, NamesTheFieldThatIsNoNumber) {
     for (const float v : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
                           -std::numeric_limits<float>::infinity()}) {
       if (i == 6 && std::isinf(v)) continue;
+      if (i >= 7 && i < 10 && v < 0) continue;  // flat
       std::vector<float> row = kRow;
       row[i] = v;
       const std::string text = complaint(head + floats(kRow) + floats(row) + floats(kRow));

@@ -129,6 +129,41 @@ TEST(Reader, SaysItsPlaceInTheFile) {
   EXPECT_EQ(file.shape("x"), std::vector<long>{2}) << "and goes on";
 }
 
+// Filters that this HDF5 has no code of: here one that turns bits about, by the number of h5py's LZF.
+TEST(Reader, NamesCompressionThatIsNotRead) {
+  const H5Z_class2_t turn = {
+      H5Z_CLASS_T_VERS,
+      32000,
+      1,
+      1,
+      "lzf",
+      nullptr,
+      nullptr,
+      [](unsigned, std::size_t, const unsigned*, std::size_t bytes, std::size_t*, void** buffer) {
+        auto* at = static_cast<unsigned char*>(*buffer);
+        for (std::size_t i = 0; i < bytes; ++i) at[i] = static_cast<unsigned char>(~at[i]);
+        return bytes;
+      }};
+  ASSERT_GE(H5Zregister(&turn), 0);
+  const TemporaryFolder folder;
+  {
+    const hsize_t size = 4;
+    const double values[4] = {1, 2, 3, 4};
+    const hid_t file = H5Fcreate((folder / "a.h5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    const hid_t creation = H5Pcreate(H5P_DATASET_CREATE), space = H5Screate_simple(1, &size, nullptr);
+    H5Pset_chunk(creation, 1, &size);
+    ASSERT_GE(H5Pset_filter(creation, 32000, H5Z_FLAG_MANDATORY, 0, nullptr), 0);
+    const hid_t data = H5Dcreate2(file, "x", H5T_IEEE_F64LE, space, H5P_DEFAULT, creation, H5P_DEFAULT);
+    ASSERT_GE(H5Dwrite(data, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), 0);
+    H5Dclose(data), H5Sclose(space), H5Pclose(creation), H5Fclose(file);
+  }
+  H5Zunregister(32000);
+  const Hdf5File file(folder / "a.h5");
+  expect_error(Status::format, {folder / "a.h5: x", "LZF", "32000", "gzip"}, [&] { file.numbers("x", {4}); });
+  put_file(folder / "b.h5", "version https://git-lfs.github.com/spec/v1\n");
+  expect_error(Status::format, {folder / "b.h5", "Git LFS", "git lfs pull"}, [&] { Hdf5File(folder / "b.h5"); });
+}
+
 TEST(Reader, IsKilled) {
   const TemporaryFolder folder;
   test::Hdf5Writer(folder / "a.h5").numbers("x", {2}, {1, 2});

@@ -1,0 +1,79 @@
+// Files of other kinds than the one expected: the message says what they are and what makes something of them.
+#include "model/io/foreign_file.h"
+
+#include <gtest/gtest.h>
+
+#include "model/io/image_file.h"
+#include "model/io/ply.h"
+#include "tests/support/refusal.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+using namespace std::string_literals;
+
+struct OtherKind {
+  std::string name, bytes;
+  std::vector<std::string> words;
+};
+
+std::string media_of(const std::string& brand) { return "\0\0\0\x18"s + "ftyp" + brand + std::string(200, '\0'); }
+
+TEST(ForeignFile, GivenAsAScene) {
+  const test::TemporaryFolder folder;
+  const std::string convert = "splat-transform ";
+  const OtherKind all[] = {
+      {"a.spz", "\x1f\x8b\x08" + std::string(50, 'x'), {"SPZ", convert + "a.spz a.ply"}},
+      {"b.spz", "NGSP" + std::string(50, 'x'), {"SPZ", convert + "b.spz b.ply"}},
+      {"c.ply", "\x1f\x8b\x08" + std::string(50, 'x'), {"gzip", "gunzip", convert}},
+      {"my scene.splat", std::string(64, '\x7'), {".splat", convert + "\"my scene.splat\" \"my scene.ply\""}},
+      {"a.ksplat", std::string(64, '\0'), {".ksplat", convert}},
+      {"a.sog", "PK\x03\x04" + std::string(26, 'x') + "meta.json", {"SOG", convert}},
+      {"a.zip", "PK\x03\x04" + std::string(26, 'x') + "scene.ply", {"zip", "unpack"}},
+      {"meta.json", R"({"version":2,"means":{"files":["means_l.webp"]},"quats":{}})", {"SOG", convert}},
+      {"a.glb", "glTF" + std::string(60, '\2'), {"GLB", "vsplat dataset render a.glb"}},
+      {"a.gltf", R"({"asset":{"version":"2.0"}})", {"glTF", "vsplat dataset render"}},
+      {"a.obj", "v 0 0 0\n", {"OBJ", "vsplat dataset render"}},
+      {"a.ckpt", "PK\x03\x04" + std::string(26, 'x') + "archive/data.pkl", {"PyTorch", "vsplat weights import"}},
+      {"transforms.json", R"({"frames":[]})", {"cameras", "--cameras"}},
+      {"lfs.ply", "version https://git-lfs.github.com/spec/v1\noid sha256:0\n", {"Git LFS", "git lfs pull"}},
+      {"page.ply", "<!DOCTYPE html><html>", {"web page"}},
+      {"photo.ply", "\xff\xd8\xff\xe0" + std::string(30, 'x'), {"JPEG picture"}},
+      {"empty.ply", "", {"empty file"}}};
+  for (const OtherKind& one : all) {
+    test::put_file(folder / one.name, one.bytes);
+    std::vector<std::string> words = one.words;
+    words.push_back(folder / one.name);
+    words.emplace_back("a PLY file is expected");
+    test::expect_error(Status::format, words, [&] { read_ply(folder / one.name); });
+  }
+  test::put_file(
+      folder / "a.compressed.ply",
+      "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n0000");
+  test::expect_error(Status::format, {"compressed PLY", convert + "a.compressed.ply a.ply"},
+                     [&] { read_ply(folder / "a.compressed.ply"); });
+}
+
+TEST(ForeignFile, GivenAsAPicture) {
+  const test::TemporaryFolder folder;
+  const OtherKind all[] = {{"a.jpg", media_of("heic"), {"HEIC", "heif-convert a.jpg a.png"}},
+                           {"b.jpg", media_of("mif1"), {"HEIC"}},
+                           {"c.png", media_of("avif"), {"AVIF", "avifdec"}},
+                           {"d.jpg", media_of("qt  "), {"film", "ffmpeg"}},
+                           {"e.png", "GIF89a" + std::string(30, '\1'), {"GIF", "e.png e-converted.png"}},
+                           {"f.jpg", "\xff\x0a" + std::string(30, '\1'), {"JPEG XL", "djxl"}},
+                           {"g.jpg", "<html>", {"web page"}},
+                           {"h.jpg", "version https://git-lfs.github.com/spec/v1\n", {"Git LFS"}},
+                           {"i.jpg", "what nobody knows", {"none of the known picture formats"}}};
+  for (const OtherKind& one : all) {
+    test::put_file(folder / one.name, one.bytes);
+    std::vector<std::string> words = one.words;
+    words.push_back(folder / one.name);
+    words.emplace_back("PNG, JPEG, EXR");
+    test::expect_error(Status::format, words, [&] { read_image(folder / one.name); });
+  }
+}
+
+}  // namespace
+}  // namespace vsplat
