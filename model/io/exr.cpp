@@ -16,6 +16,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "model/io/exr_channels.h"
 #include "model/io/exr_header.h"
 #include "model/io/image_formats.h"
 #include "runtime/fail.h"
@@ -84,34 +85,6 @@ void check_plausible(const FileBytes& file, const Imf::Header& header, const Win
          data.width, data.height);
 }
 
-// R, G, B or Y alone, with or without A.
-struct Channels {
-  bool grey = false, alpha = false;
-};
-
-Channels find_channels(const FileBytes& file, const Imf::Header& header) {
-  const Imf::ChannelList& list = header.channels();
-  std::string found;
-  for (auto it = list.begin(); it != list.end(); ++it) found += (found.empty() ? "" : ", ") + std::string(it.name());
-  Channels out;
-  out.grey = !list.findChannel("R") && list.findChannel("Y") && !list.findChannel("RY") && !list.findChannel("BY");
-  out.alpha = list.findChannel("A") != nullptr;
-  for (const char* name : {"R", "G", "B"})
-    if (!out.grey && !list.findChannel(name))
-      fail(Status::format, "{}: an EXR with the channels {}; R, G, B (and A), or Y (and A), are expected", file.path,
-           printable(found));
-  for (const char* name : {"R", "G", "B", "Y", "A"}) {
-    const Imf::Channel* channel = list.findChannel(name);
-    if (!channel || (out.grey && std::strchr("RGB", *name)) || (!out.grey && *name == 'Y')) continue;
-    if (channel->type == Imf::UINT)
-      fail(Status::format, "{}: channel {} holds integers; half or float is expected", file.path, name);
-    if (channel->xSampling != 1 || channel->ySampling != 1)
-      fail(Status::format, "{}: channel {} is subsampled ({} x {}), which is not supported", file.path, name,
-           channel->xSampling, channel->ySampling);
-  }
-  return out;
-}
-
 void check_kind(const FileBytes& file, const Imf::Header& header) {
   if (header.hasType() && header.type() != Imf::SCANLINEIMAGE && header.type() != Imf::TILEDIMAGE)
     fail(Status::format, "{}: an EXR of type {}; scanline or tiled is expected", file.path, printable(header.type()));
@@ -141,16 +114,16 @@ const FileBytes& checked_header(const FileBytes& file) {
   return file;
 }
 
-// An opened file; its first part is read.
+// An opened file, and what of it is read.
 struct Opened {
-  explicit Opened(const FileBytes& file) : stream(checked_header(file)), parts(stream, 0) {
+  explicit Opened(const FileBytes& file)
+      : stream(checked_header(file)), parts(stream, 0), channels(find_exr_channels(file.path, parts)) {
     check_kind(file, header());
   }
-  const Imf::Header& header() const { return parts.header(0); }
+  const Imf::Header& header() const { return parts.header(channels.part); }
   ImageInfo info() const {
     const Window display = window_of(header().displayWindow()), data = window_of(header().dataWindow());
-    ImageInfo out{static_cast<int>(display.width), static_cast<int>(display.height),
-                  header().channels().findChannel("A") != nullptr};
+    ImageInfo out{static_cast<int>(display.width), static_cast<int>(display.height), !channels.alpha.empty()};
     // Our rows, and what OpenEXR unpacks them from: as many, or a row of tiles.
     const double ours = static_cast<double>(std::min(lines, data.height));
     const double tiles = header().hasTileDescription() ? header().tileDescription().ySize : ours;
@@ -161,6 +134,7 @@ struct Opened {
 
   MemoryInput stream;
   Imf::MultiPartInputFile parts;
+  ExrChannels channels;
 };
 
 float in_unit(float v) {
@@ -181,12 +155,13 @@ class ExrRows : public FileRows {
       : FileRows(opened->info(), 32),
         file_(file),
         opened_(std::move(opened)),
-        found_(find_channels(file, opened_->header())),
+        found_(opened_->channels),
         data_(window_of(opened_->header().dataWindow())),
         display_(window_of(opened_->header().displayWindow())),
-        part_(opened_->parts, 0) {
+        part_(opened_->parts, found_.part) {
     const Imf::Header& header = opened_->header();
-    check_plausible(file, header, data_, (found_.grey ? 1 : 3) + (found_.alpha ? 1 : 0));
+    check_exr_channels(file.path, header, found_);
+    check_plausible(file, header, data_, (found_.grey() ? 1 : 3) + (has_alpha() ? 1 : 0));
     held_ = room_to_decode(file, opened_->info());
     band_.resize(static_cast<std::size_t>(std::min(lines, data_.height) * data_.width * channels));
   }
@@ -203,6 +178,7 @@ class ExrRows : public FileRows {
     }
     if (at_ < height) return;
     read_below();
+    if (!found_.layer.empty()) verbose("{}: its layer \"{}\" is read", file_.path, printable(found_.layer));
     if (odd_ > 0)
       warn("{}: {} of its values are no finite numbers: NaN is taken as 0, what is infinite as the end of the range",
            file_.path, odd_);
@@ -215,31 +191,27 @@ class ExrRows : public FileRows {
     const long first = y - (y - data_.y0) % lines, last = std::min(first + lines, data_.y0 + data_.height) - 1;
     const long x0 = data_.x0, step = channels;
     Imf::FrameBuffer buffer;
-    const auto slice = [&](const char* name, int c) {
+    const auto slice = [&](const std::string& name, int c) {
       const Imath::Box2i box({static_cast<int>(x0), static_cast<int>(first)},
                              {static_cast<int>(x0 + data_.width - 1), static_cast<int>(last)});
-      buffer.insert(name, Imf::Slice::Make(Imf::FLOAT, band_.data() + c, box, sizeof(float) * step,
-                                           sizeof(float) * step * data_.width));
+      buffer.insert(name.c_str(), Imf::Slice::Make(Imf::FLOAT, band_.data() + c, box, sizeof(float) * step,
+                                                   sizeof(float) * step * data_.width));
     };
-    if (found_.grey) {
-      slice("Y", 0);
-    } else {
-      slice("R", 0);
-      slice("G", 1);
-      slice("B", 2);
-    }
-    if (found_.alpha) slice("A", 3);
+    for (std::size_t c = 0; c < found_.colours.size(); ++c) slice(found_.colours[c], static_cast<int>(c));
+    if (has_alpha()) slice(found_.alpha, 3);
     checked(file_, [&] {
       part_.setFrameBuffer(buffer);
       part_.readPixels(static_cast<int>(first), static_cast<int>(last));
     });
     const std::size_t count = static_cast<std::size_t>((last - first + 1) * data_.width * channels);
-    if (found_.grey)
+    if (found_.grey())
       for (std::size_t i = 0; i < count; i += channels) band_[i + 1] = band_[i + 2] = band_[i];
     odd_ += std::count_if(band_.begin(), band_.begin() + static_cast<std::ptrdiff_t>(count),
                           [](float v) { return !std::isfinite(v); });
-    for (std::size_t i = 0; i < count; i += channels) to_display(&band_[i], found_.alpha);
+    for (std::size_t i = 0; i < count; i += channels) to_display(&band_[i], has_alpha());
   }
+
+  bool has_alpha() const { return !found_.alpha.empty(); }
 
   // What lies below the display window, so that a file that is cut off there is found out.
   void read_below() {
@@ -250,7 +222,7 @@ class ExrRows : public FileRows {
 
   const FileBytes file_;
   std::unique_ptr<Opened> opened_;
-  Channels found_;
+  ExrChannels found_;
   Window data_, display_;
   Imf::InputPart part_;
   int at_ = 0;
