@@ -9,6 +9,7 @@
 #include "model/base/scene.h"
 #include "model/base/statistics.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 
 namespace vsplat {
 namespace {
@@ -109,6 +110,31 @@ std::vector<Ball> visible_balls(const Gaussians& g) {
     if (!out.empty()) break;
   }
   return out;
+}
+
+// Without those that lie far from the rest, where they are more than middle_of() and distance_for() stand by themselves.
+std::vector<Ball> without_floaters(std::vector<Ball> balls) {
+  constexpr double far_off = 10;  // times the median distance from the middle
+  constexpr double few = 0.02;
+  Vector3d middle;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const Ball& b : balls) values.push_back(b.mean[axis]);
+    middle[axis] = median(std::move(values));
+  }
+  std::vector<double> distances;
+  for (const Ball& b : balls) distances.push_back((b.mean - middle).norm());
+  const double most = far_off * median(distances);
+  const auto is_far = [&](const Ball& b) { return (b.mean - middle).norm() > most; };
+  const std::size_t all = balls.size();
+  const auto floaters = static_cast<std::size_t>(std::count_if(balls.begin(), balls.end(), is_far));
+  if (!(most > 0) || static_cast<double>(floaters) <= few * static_cast<double>(all)) return balls;
+  std::erase_if(balls, is_far);
+  warn(
+      "{} of {} visible Gaussians lie more than {:.3g} from the scene's middle, 10 times as far as most: the orbit is "
+      "laid round the others",
+      floaters, all, most);
+  return balls;
 }
 
 Vector3d up_of(const Scene& scene) {
@@ -259,8 +285,9 @@ std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, 
   circle.fov = 50 * M_PI / 180;
   circle.up = asked_up(options).value_or(up_of(scene));
   circle.start = front_of(circle.up);
-  const std::vector<Ball> balls = visible_balls(scene.gaussians);
+  std::vector<Ball> balls = visible_balls(scene.gaussians);
   if (!balls.empty()) {
+    balls = without_floaters(std::move(balls));
     circle.centre = middle_of(balls, circle);
     apply(options, circle);  // the elevation, which the distance depends on
     circle.radius = distance_for(balls, circle, width, height);

@@ -7,6 +7,7 @@
 #include "model/base/scene.h"
 #include "model/input/pose_check.h"
 #include "tests/support/posed_views.h"
+#include "tests/support/refusal.h"
 
 namespace vsplat {
 namespace {
@@ -189,6 +190,28 @@ TEST(OrbitAboutScene, KeepsAllOfItInThePictureAllTheWayRound) {
         EXPECT_GT(edge, 0.04) << up.transpose() << ", " << elevation << ", " << width;
         EXPECT_LT(edge, 0.12) << up.transpose() << ", " << elevation << ", " << width;
       }
+}
+
+TEST(OrbitAboutScene, StandsByFloatersAndTellsOfThem) {
+  test::Warnings warnings;
+  const auto radius = [](const Scene& scene) {
+    const std::vector<Camera> all = orbit_about_scene(scene, 2, 64, 64);
+    return 0.5 * (all[0].centre() - all[1].centre()).norm();
+  };
+  const double want = radius(tall_scene());
+  EXPECT_EQ(warnings.text(), "");
+  for (const std::size_t share : {30u, 10u, 4u}) {  // one of so many
+    Scene scene = tall_scene();
+    for (std::size_t i = 0; i < scene.gaussians.count; i += share) {
+      const float far_off = 1e3F * static_cast<float>(1 + i % 17);
+      scene.gaussians.means[3 * i + i % 3] += i % 2 ? far_off : -far_off;
+      std::fill_n(&scene.gaussians.scales[3 * i], 3, 1e3F);
+    }
+    EXPECT_NEAR(radius(scene), want, 0.1 * want) << share;
+    ASSERT_EQ(warnings.all.size(), 1U) << share;
+    EXPECT_NE(warnings.text().find("lie more than"), std::string::npos) << warnings.text();
+    warnings.all.clear();
+  }
 }
 
 TEST(OrbitAboutScene, UpIsTheOptionsElseTheScenesElseMinusY) {
