@@ -12,6 +12,7 @@
 #include "runtime/file.h"
 #include "runtime/half.h"
 #include "runtime/host_memory.h"
+#include "runtime/log.h"
 #include "runtime/printable.h"
 
 namespace vsplat {
@@ -29,6 +30,36 @@ const pickle::Value* item_of(const Pickle& all, const pickle::Value& dict, std::
     if (all.at(dict.items[i]).kind == Kind::text && all.at(dict.items[i]).text == key)
       return &all.at(dict.items[i + 1]);
   return nullptr;
+}
+
+bool holds_tensors(const Pickle& all, const pickle::Value& dict) {
+  for (std::size_t i = 1; i < dict.items.size(); i += 2)
+    if (all.at(dict.items[i]).kind == Kind::tensor) return true;
+  return false;
+}
+
+// The key of the state dict in a whole checkpoint; "" where `top` is one itself.
+std::string state_key(const std::string& path, const Pickle& all, const pickle::Value& top) {
+  // Lightning's; timm's; that of DINO's whole checkpoints.
+  for (const char* key : {"state_dict", "model", "teacher"})
+    if (const pickle::Value* inner = item_of(all, top, key); inner && inner->kind == Kind::dict) return key;
+  if (holds_tensors(all, top)) return "";
+  std::vector<std::string> found;
+  for (std::size_t i = 0; i + 1 < top.items.size(); i += 2) {
+    const pickle::Value &key = all.at(top.items[i]), &value = all.at(top.items[i + 1]);
+    if (key.kind == Kind::text && value.kind == Kind::dict && holds_tensors(all, value)) found.emplace_back(key.text);
+  }
+  if (found.size() > 1) {
+    std::string names;
+    for (const std::string& name : found) names += (names.empty() ? "" : ", ") + printable(name);
+    fail(Status::format,
+         "{}: {} of its entries hold tensors: {}; one is expected, or one called state_dict or model: save the state "
+         "dict alone",
+         path, found.size(), names);
+  }
+  if (found.empty()) return "";
+  info("{}: the state dict under \"{}\" is read", path, printable(found[0]));
+  return found[0];
 }
 
 template <class Stored, class Convert>
@@ -172,15 +203,11 @@ TorchFile::TorchFile(const std::string& path) : path_(path) {
   const Pickle all = pickle::read(path + ": data.pkl", bytes);
   const pickle::Value* state = &all.at(all.root);
   if (state->kind != Kind::dict) fail(Status::format, "{}: holds no dict, a state dict is expected", path);
-  // Lightning's; timm's; that of DINO's whole checkpoints.
-  for (const char* key : {"state_dict", "model", "teacher"}) {
-    const pickle::Value* inner = item_of(all, *state, key);
-    if (inner == nullptr || inner->kind != Kind::dict) continue;
+  if (const std::string key = state_key(path, all, *state); !key.empty()) {
     for (std::size_t i = 0; i < state->items.size(); i += 2)
       if (const pickle::Value& other = all.at(state->items[i]); other.kind != Kind::text || other.text != key)
         others_.push_back(other.kind == Kind::text ? printable(other.text) : "?");
-    state = inner;
-    break;
+    state = item_of(all, *state, key);
   }
   for (const pickle::Storage& storage : all.storages) archive_->storage(storage);
   std::set<std::string_view> seen;

@@ -58,6 +58,44 @@ TEST(TorchFile, DamageToAnArrayIsFound) {
   EXPECT_EQ(refusal(seed("torch.pth")), "accepted");
 }
 
+// A checkpoint whose data.pkl has one text in place of another of the same length, the archive's checksums with it.
+std::string renamed(const std::string& bytes, const std::string& from, const std::string& to) {
+  std::string out = bytes;
+  const auto number = [&](std::size_t at, std::size_t size) {
+    std::size_t value = 0;
+    for (std::size_t i = 0; i < size; ++i)
+      value |= static_cast<std::size_t>(static_cast<unsigned char>(out[at + i])) << (8 * i);
+    return value;
+  };
+  const std::size_t name = out.rfind("/data.pkl"), entry = out.rfind("PK\x01\x02", name);  // of the central directory
+  const std::size_t size = number(entry + 20, 4), local = number(entry + 42, 4);
+  const std::size_t begin = local + 30 + number(local + 26, 2) + number(local + 28, 2);
+  const auto checksum = [&] {
+    std::uint32_t crc = 0xffffffff;
+    for (std::size_t i = begin; i < begin + size; ++i) {
+      crc ^= static_cast<unsigned char>(out[i]);
+      for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc & 1 ? 0xedb88320 : 0);
+    }
+    crc = ~crc;
+    return std::string(reinterpret_cast<const char*>(&crc), 4);
+  };
+  const std::string before = checksum();
+  out.replace(out.find(from), from.size(), to);
+  for (std::size_t at = out.find(before); at != std::string::npos; at = out.find(before, at + 4))
+    out.replace(at, 4, checksum());
+  return out;
+}
+
+TEST(TorchFile, AStateDictUnderAnyKey) {
+  const test::TemporaryFolder folder;
+  const std::string bytes = test::contents_of(seed("lightning.ckpt"));
+  test::put_file(folder / "a.ckpt", renamed(bytes, "state_dict", "parameters"));
+  const TorchFile file(folder / "a.ckpt");
+  EXPECT_EQ(file.tensors().size(), 3u);
+  EXPECT_EQ(file.floats(file.at("net.a")), (std::vector<float>{0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(file.others().size(), 3u);
+}
+
 TEST(TorchFile, WhatItLooksLike) {
   EXPECT_TRUE(TorchFile::looks_like(seed("torch.pth")));
   EXPECT_FALSE(TorchFile::looks_like(seed("none")));
