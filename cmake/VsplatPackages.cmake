@@ -1,6 +1,6 @@
 # Debian packages, by CPack: `cmake --build build/release --target package` puts them into build/release/packages.
 #   libvsplat1      the library, with the model inside
-#   libvsplat1-data what it reads meshes and HDF5 files with, and draws meshes and random objects: Embree, assimp, HDF5
+#   libvsplat1-data what it reads meshes and HDF5 files with, and draws meshes and random objects: Embree, assimp, Draco, meshoptimizer, HDF5
 #   libvsplat-dev   headers, CMake package, pkg-config file; example programs as documentation
 #   libvsplat1-mpi  the module for MPI, where VSPLAT_MPI builds it
 #   vsplat-window   the example that shows a scene and turns it with the mouse, where SDL is there

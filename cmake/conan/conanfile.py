@@ -50,7 +50,7 @@ class Vsplat(ConanFile):
                     "opencl-icd-loader/[>=2022]"):
             self.requires(one)
         if self.options.data:
-            for one in ("assimp/[>=5.2 <6]", "embree3/[>=3.13 <4]", "hdf5/[>=1.10 <2]"):
+            for one in ("assimp/[>=5.2 <6]", "draco/[>=1.5 <2]", "embree3/[>=3.13 <4]", "hdf5/[>=1.10 <2]", "meshoptimizer/[>=0.18 <2]"):
                 self.requires(one)
         if self.options.mpi:
             self.requires("openmpi/[>=4 <5]")

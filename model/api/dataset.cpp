@@ -81,7 +81,8 @@ vsplat_status vsplat_mesh_get_info(vsplat_mesh mesh, vsplat_mesh_info* out_info)
     need(mesh, "mesh");
     std::set<const Texture*> textures;
     for (const Material& material : mesh->mesh.palette)
-      if (material.texture) textures.insert(material.texture.get());
+      for (const Texture* texture : {material.texture.get(), material.emission_texture.get()})
+        if (texture) textures.insert(texture);
     vsplat_mesh_info info = VSPLAT_MESH_INFO_INIT;
     info.triangles = mesh->mesh.triangles();
     info.textures = textures.size();

@@ -35,17 +35,21 @@ bool before(const Vector3f& a, const Vector3f& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
 
-// A coordinate in texels -> the two beside it, wrapped, and the share of the second.
+// A coordinate in texels -> the two beside it, and the share of the second.
 struct Neighbours {
   int first, second;
   float share;
 };
-Neighbours neighbours(float coordinate, int size) {
-  const float inside = coordinate - std::floor(coordinate);  // may round up to 1
+Neighbours neighbours(float coordinate, int size, Beyond beyond, bool nearest) {
+  float inside = coordinate - std::floor(coordinate);  // may round up to 1
+  if (beyond == Beyond::clamp) inside = std::clamp(coordinate, 0.0f, 1.0f);
+  if (beyond == Beyond::mirror && std::fmod(std::floor(coordinate), 2.0f) != 0) inside = 1 - inside;
   const float at = inside * static_cast<float>(size) - 0.5f;
-  const float low = std::floor(at);
-  const int first = (static_cast<int>(low) + size) % size;
-  return {first, (first + 1) % size, at - low};
+  const float low = std::floor(nearest ? at + 0.5f : at);
+  const auto texel = [&](int i) { return beyond == Beyond::repeat ? (i + size) % size : std::clamp(i, 0, size - 1); };
+  const int first = texel(static_cast<int>(low));
+  if (nearest) return {first, first, 0};
+  return {first, texel(static_cast<int>(low) + 1), at - low};
 }
 
 // Twice the area times the unit normal, in double: small triangles of large coordinates keep their direction.
@@ -86,8 +90,9 @@ std::shared_ptr<const Texture> texture_of(PixelRows& picture) {
   return out;
 }
 
-Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv) {
-  const Neighbours x = neighbours(uv.x(), texture.width), y = neighbours(1.0f - uv.y(), texture.height);
+Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv, const Sampling& sampling) {
+  const Neighbours x = neighbours(uv.x(), texture.width, sampling.u, sampling.nearest);
+  const Neighbours y = neighbours(1.0f - uv.y(), texture.height, sampling.v, sampling.nearest);
   const std::array<float, 256>& linear = linear_of_byte();
   const auto texel = [&](int column, int row) {
     const unsigned char* p = &texture.rgb[3 * (static_cast<std::size_t>(row) * texture.width + column)];
@@ -98,9 +103,10 @@ Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv) {
   return (1 - y.share) * upper + y.share * lower;
 }
 
-float sample_alpha(const Texture& texture, const Eigen::Vector2f& uv) {
+float sample_alpha(const Texture& texture, const Eigen::Vector2f& uv, const Sampling& sampling) {
   if (texture.alpha.empty()) return 1;
-  const Neighbours x = neighbours(uv.x(), texture.width), y = neighbours(1.0f - uv.y(), texture.height);
+  const Neighbours x = neighbours(uv.x(), texture.width, sampling.u, sampling.nearest);
+  const Neighbours y = neighbours(1.0f - uv.y(), texture.height, sampling.v, sampling.nearest);
   const auto texel = [&](int column, int row) {
     return static_cast<float>(texture.alpha[static_cast<std::size_t>(row) * texture.width + column]) / 255.0f;
   };

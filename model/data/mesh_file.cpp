@@ -13,6 +13,7 @@
 #include "model/read/mesh_messages.h"
 #include "model/read/reader.h"
 #include "runtime/fail.h"
+#include "runtime/log.h"
 #include "runtime/printable.h"
 #include "runtime/roots.h"
 
@@ -54,6 +55,13 @@ const std::string& regular(const std::string& path) {
   return path;
 }
 
+Sampling sampling_of(const read::MeshTexture& texture) {
+  const auto beyond = [](read::Wrap wrap) {
+    return wrap == read::Wrap::clamp ? Beyond::clamp : wrap == read::Wrap::mirror ? Beyond::mirror : Beyond::repeat;
+  };
+  return {beyond(texture.wrap_u), beyond(texture.wrap_v), texture.nearest};
+}
+
 class MeshReader {
  public:
   MeshReader(const std::string& path, const std::string& texture)
@@ -70,8 +78,10 @@ class MeshReader {
   void take_materials(Unpacker& in);
   void take_part(Unpacker& in);
   void take_corners(Unpacker& in);
+  void take_note(Unpacker& in);
 
   Vector3f linear(const float* colour) const;
+  Vector3f emission(const std::array<float, 3>& from) const;
   std::shared_ptr<const Texture> texture(const std::string& name);
   void read_holes(const MeshMaterial& from, Material& out) const;
   Material material(const MeshMaterial& from);
@@ -87,11 +97,17 @@ class MeshReader {
   Mesh mesh_;
   std::uint32_t part_material_ = 0;
   bool in_part_ = false, done_ = false;
+  int notes_ = 0;
 };
 
 Vector3f MeshReader::linear(const float* colour) const {
   const Vector3f out = Vector3f(colour[0], colour[1], colour[2]).cwiseMax(0.0f).cwiseMin(1.0f);
   return gltf_ ? out : Vector3f(out.unaryExpr(&srgb_decode));
+}
+
+Vector3f MeshReader::emission(const std::array<float, 3>& from) const {
+  if (!gltf_) return linear(from.data());
+  return Vector3f(from[0], from[1], from[2]).cwiseMax(0.0f);
 }
 
 // A picture inside the file: it comes before the material that it belongs to.
@@ -131,7 +147,11 @@ Material MeshReader::material(const MeshMaterial& from) {
     out.texture = everywhere_;
     return out;
   }
-  if (from.has_texture) out.texture = texture(from.texture);
+  if (!from.texture.name.empty()) out.texture = texture(from.texture.name);
+  out.sampling = sampling_of(from.texture);
+  out.emission = emission(from.emission);
+  if (!from.emission_texture.name.empty()) out.emission_texture = texture(from.emission_texture.name);
+  out.emission_sampling = sampling_of(from.emission_texture);
   // Kd beside map_Kd is whatever the exporter left there; glTF says what its factor means.
   if (gltf_) {
     read_holes(from, out);
@@ -170,8 +190,11 @@ Corner MeshReader::corner(const MeshCorner& from) const {
   c.position = Vector3f(from.position[0], from.position[1], from.position[2]);
   c.normal = Vector3f(from.normal[0], from.normal[1], from.normal[2]);
   if (!everywhere_) c.colour = linear(from.colour.data());
+  if (!everywhere_) c.alpha = from.colour[3];
   c.uv = {from.uv[0], from.uv[1]};
-  if (!c.position.allFinite() || !c.normal.allFinite() || !c.colour.allFinite() || !c.uv.allFinite())
+  c.emission_uv = {from.emission_uv[0], from.emission_uv[1]};
+  if (!c.position.allFinite() || !c.normal.allFinite() || !c.colour.allFinite() || !c.uv.allFinite() ||
+      !c.emission_uv.allFinite() || !std::isfinite(c.alpha))
     throw read::BadMessage("a corner that is not finite");
   return c;
 }
@@ -192,6 +215,12 @@ void MeshReader::take_corners(Unpacker& in) {
   mesh_.materials.insert(mesh_.materials.end(), triangles, part_material_);
 }
 
+void MeshReader::take_note(Unpacker& in) {
+  constexpr int most = 10;
+  const std::string text = in.text();
+  if (notes_++ < most) warn("{}: {}", path_, words_of_reader(text));
+}
+
 void MeshReader::take(const Message& message) {
   Unpacker in(message.body);
   switch (message.kind) {
@@ -206,6 +235,9 @@ void MeshReader::take(const Message& message) {
       break;
     case Kind::corners:
       take_corners(in);
+      break;
+    case Kind::note:
+      take_note(in);
       break;
     case Kind::done:
       done_ = true;

@@ -55,9 +55,9 @@ float light(const Vector3f& normal) {
   return 0.48f + 0.12f * normal.y() + 0.4f * std::max(0.0f, normal.dot(side));
 }
 
-Eigen::Vector2f texture_place(const Mesh& mesh, unsigned triangle, float u, float v) {
-  const Corner* c = &mesh.corners[3 * static_cast<std::size_t>(triangle)];
-  return (1 - u - v) * c[0].uv + u * c[1].uv + v * c[2].uv;
+Eigen::Vector2f texture_place(const Mesh& mesh, std::size_t triangle, Eigen::Vector2f Corner::*uv, float u, float v) {
+  const Corner* c = &mesh.corners[3 * triangle];
+  return (1 - u - v) * c[0].*uv + u * c[1].*uv + v * c[2].*uv;
 }
 
 bool passes(const void* user, unsigned triangle, float u, float v) {
@@ -65,7 +65,10 @@ bool passes(const void* user, unsigned triangle, float u, float v) {
   const Material& material = mesh.palette[mesh.materials[triangle]];
   if (!(material.cutoff > 0)) return false;
   float alpha = material.alpha;
-  if (material.texture) alpha *= sample_alpha(*material.texture, texture_place(mesh, triangle, u, v));
+  const Corner* c = &mesh.corners[3 * static_cast<std::size_t>(triangle)];
+  alpha *= (1 - u - v) * c[0].alpha + u * c[1].alpha + v * c[2].alpha;
+  if (material.texture)
+    alpha *= sample_alpha(*material.texture, texture_place(mesh, triangle, &Corner::uv, u, v), material.sampling);
   return alpha < material.cutoff;
 }
 
@@ -77,14 +80,20 @@ Vector3f shaded(const Mesh& mesh, const RayHit& hit, const Vector3f& direction) 
   const Material& material = mesh.palette[mesh.materials[triangle]];
   Vector3f colour = material.colour.cwiseProduct(w * c[0].colour + u * c[1].colour + v * c[2].colour);
   if (material.texture)
-    colour = colour.cwiseProduct(sample(*material.texture, texture_place(mesh, hit.triangle, u, v)));
+    colour = colour.cwiseProduct(
+        sample(*material.texture, texture_place(mesh, triangle, &Corner::uv, u, v), material.sampling));
+  Vector3f emission = material.emission;
+  if (material.emission_texture)
+    emission = emission.cwiseProduct(sample(*material.emission_texture,
+                                            texture_place(mesh, triangle, &Corner::emission_uv, u, v),
+                                            material.emission_sampling));
   Vector3f face(hit.normal[0], hit.normal[1], hit.normal[2]);
   if (face.dot(direction) > 0) face = -face;  // the side that is seen, whichever way the triangle is wound
   Vector3f normal = w * c[0].normal + u * c[1].normal + v * c[2].normal;
   if (!(normal.norm() > 1e-6f)) normal = face;
   if (normal.dot(face) < 0) normal = -normal;
   const float length = normal.norm();
-  return light(length > 0 ? Vector3f(normal / length) : Vector3f(Vector3f::UnitY())) * colour;
+  return light(length > 0 ? Vector3f(normal / length) : Vector3f(Vector3f::UnitY())) * colour + emission;
 }
 
 }  // namespace

@@ -9,11 +9,12 @@ namespace vsplat::read {
 // As in the file: colours in its own encoding, within [0,1].
 struct MeshCorner {
   std::array<float, 3> position{};
-  std::array<float, 3> normal{};  // unit length, or zero where there is none
-  std::array<float, 3> colour{1, 1, 1};
-  std::array<float, 2> uv{};
+  std::array<float, 3> normal{};            // unit length, or zero where there is none
+  std::array<float, 4> colour{1, 1, 1, 1};  // with alpha
+  std::array<float, 2> uv{};                // (0,0) is a texture's lower left
+  std::array<float, 2> emission_uv{};       // of the emission's texture
 };
-static_assert(sizeof(MeshCorner) == 11 * sizeof(float));
+static_assert(sizeof(MeshCorner) == 14 * sizeof(float));
 
 // What the triangles that follow have in common.
 struct MeshPart {
@@ -23,14 +24,22 @@ struct MeshPart {
 };
 
 enum class AlphaMode : std::uint32_t { none, mask, blend };
+enum class Wrap : std::uint32_t { repeat, clamp, mirror };
+
+struct MeshTexture {
+  std::string name;  // its name in the file; "": none
+  Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
+  bool nearest = false;  // not interpolated
+};
 
 struct MeshMaterial {
-  bool has_texture = false;
-  std::string texture;      // its name in the file
+  MeshTexture texture;
   bool has_factor = false;  // of glTF
   std::array<float, 4> factor{1, 1, 1, 1};
   bool has_diffuse = false;
   std::array<float, 4> diffuse{1, 1, 1, 1};
+  MeshTexture emission_texture;
+  std::array<float, 3> emission{};  // linear; more than 1 is possible
   AlphaMode alpha = AlphaMode::none;
   float cutoff = 0.5f;
 };

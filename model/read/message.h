@@ -36,7 +36,8 @@ enum class Kind : std::uint32_t {
   materials,    // u32, so many MeshMaterials
   listed,       // u32, so many times: name, file that it leads to
   values,       // of an array: shape, or its values
-  done          // the end of what was asked
+  done,         // the end of what was asked
+  note          // of a mesh: what the user should know and need not act on
 };
 
 struct Header {

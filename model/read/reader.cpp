@@ -41,8 +41,9 @@ std::chrono::nanoseconds seconds(double count) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(count));
 }
 
-// Of the reader's words: those of a library, and of the file.
-std::string readable(std::string_view text) {
+}  // namespace
+
+std::string words_of_reader(std::string_view text) {
   std::string out;
   while (out.size() < 1000 && !text.empty()) {
     std::size_t piece = std::min<std::size_t>(text.size(), 100);  // as much as printable() takes, of whole characters
@@ -52,8 +53,6 @@ std::string readable(std::string_view text) {
   }
   return out;
 }
-
-}  // namespace
 
 void set_reader_limits(const ReaderLimits& limits) { test_limits() = limits; }
 
@@ -81,7 +80,7 @@ void Reader::start(Kind what) {
     channel_->expect_by(Channel::Clock::now() + seconds(30));
     const Message hello = channel_->receive_whole(small_message);
     if (hello.kind == Kind::hello) says = Unpacker(hello.body).text();
-    why = fmt::format("is of another version (\"{}\"), \"{}\" is expected", readable(says), read::version());
+    why = fmt::format("is of another version (\"{}\"), \"{}\" is expected", words_of_reader(says), read::version());
   } catch (const Late&) {
     why = "does not start within 30 seconds";
   } catch (const BadMessage&) {
@@ -214,9 +213,9 @@ void Reader::complain(const Message& failed) {
   const std::string place = in.text(small_message), text = in.text(small_message);
   in.end();
   const bool is_input = status == static_cast<std::uint32_t>(Status::input);
-  const std::string where = place.empty() ? path_ : path_ + ": " + readable(place);
+  const std::string where = place.empty() ? path_ : path_ + ": " + words_of_reader(place);
   if (!refused_.empty()) fail(Status::file, "{}: {}", where, refused_);
-  throw Error(is_input ? Status::input : Status::format, where + ": " + readable(text));
+  throw Error(is_input ? Status::input : Status::format, where + ": " + words_of_reader(text));
 }
 
 // Where a control group's memory was not enough, the kernel kills the reader, too.
@@ -237,7 +236,7 @@ void Reader::crashed() {
 void Reader::senseless(const std::string& why) {
   give_up(Status::format, fmt::format("its reader's answer makes no sense ({}): the file is damaged, or reading it "
                                       "found a fault in the library that reads such files",
-                                      readable(why)));
+                                      words_of_reader(why)));
 }
 
 void Reader::give_up(Status status, const std::string& why) {

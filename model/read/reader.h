@@ -8,6 +8,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "model/read/channel.h"
@@ -29,6 +30,9 @@ struct ReaderLimits {
 };
 // For tests: of every reader that is started from then on.
 void set_reader_limits(const ReaderLimits& limits);
+
+// What the reader says in words, for a message: words of a library, and of the file.
+std::string words_of_reader(std::string_view text);
 
 // One file's. Its calls throw Error: what the reader says is wrong with the file; or format, where it crashed, took too
 // long, needed too much memory or said what makes no sense. All begin with the file's path.

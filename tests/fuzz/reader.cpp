@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
@@ -56,9 +57,11 @@ void check(const Mesh& mesh) {
   hold(mesh.triangles() > 0 && mesh.corners.size() == 3 * mesh.triangles(), "sizes");
   for (const std::uint32_t material : mesh.materials) hold(material < mesh.palette.size(), "materials");
   for (const Corner& c : mesh.corners)
-    hold(c.position.allFinite() && c.normal.allFinite() && c.colour.allFinite() && c.uv.allFinite(), "finite");
+    hold(c.position.allFinite() && c.normal.allFinite() && c.colour.allFinite() && c.uv.allFinite() &&
+             c.emission_uv.allFinite() && std::isfinite(c.alpha),
+         "finite");
   for (const Material& m : mesh.palette)
-    hold(m.colour.allFinite() && (!m.texture || m.texture->width > 0), "materials");
+    hold(m.colour.allFinite() && m.emission.allFinite() && (!m.texture || m.texture->width > 0), "materials");
 }
 
 void ask(const Hdf5File& file) {

@@ -61,6 +61,11 @@ def objs(maker):
     put("wide_face", obj(faces=[[1 + i % 4 for i in range(maker.random.randint(100_000, 300_000))]]))
     put("cut", obj(textured=True)[:maker.random.randint(1, 120)])
     put("zero_bytes", b"\0" * maker.random.randint(1, 50_000))
+    n = choose((2_000, 9_999, 10_001, 100_000))
+    put("concave", obj(vertices=[(i, i % 2, 0) for i in range(n)], faces=[list(range(1, n + 1))]))
+    name = maker.word() + ".mtl"
+    put("map_Kd_options", obj(f"mtllib {name}\n", textured=True), {name: f"newmtl m\nmap_Kd -s {choose(('', 'nan', '1e999', '1 2 3 4'))} -o {maker.escape().strip()} -mm {choose(('1', '0 1', 'x'))} -clamp\n"})
+    put("colours", "".join("v 0 %d 0 %s 0 0\n" % (i, choose(("nan", "1e30", "-1", "255"))) for i in range(4)) + "f 1 2 3\n")
     put("many_objects", "".join(f"o a{i}\nv 0 0 {i}\nf -1 -1 -1\n" for i in range(maker.random.randint(20_000, 40_000))))
 
 
@@ -172,6 +177,38 @@ def gltfs(maker):
     put("data_texture", texture="data:image/png;base64," + base64.b64encode(b"\x89PNG\r\n\x1a\n" + b"\0" * 40).decode())
     put("data_texture_huge", texture="data:image/png;base64," + base64.b64encode(png_claim(65535, 4096)).decode())
     put("cut", text=json.dumps(gltf_of())[:number(1, 400)])
+    put("percent_zero", buffer="data%00.bin")
+    put("percent_out", texture="%2e%2e%2f%2e%2e%2fbait%2fbait.png")
+    put("percent_junk", texture="%zz%" + maker.escape() + "%2")
+    primitive = lambda g: g["meshes"][0]["primitives"][0]
+    put("required", lambda g: g.update(extensionsRequired=[choose(("KHR_texture_basisu", "ACME_" + maker.escape(), 7, None))]))
+    def packed(g, **values):
+        g["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {"buffer": 0, "byteOffset": 0, "byteLength": 36, "byteStride": 12, "count": 3,
+                                                                         "mode": "ATTRIBUTES", **values}}
+    put("meshopt_junk", packed)
+    put("meshopt_count", lambda g: packed(g, count=choose((2**31, 2**40, 2**53, 2000)), byteStride=choose((4, 256))))
+    put("meshopt_stride", lambda g: packed(g, byteStride=choose((0, 3, 260, 2**32, -4))))
+    put("meshopt_mode", lambda g: packed(g, mode=choose(("TRIANGLES", "INDICES", maker.escape())), byteStride=choose((2, 4)), filter=choose(("NONE", "QUATERNION", "x"))))
+    def draco(g):
+        primitive(g)["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": choose((0, 1, 99)), "attributes": {"POSITION": choose((0, 2**32, -1))}}}
+    put("draco_junk", draco)
+    put("draco_head", draco, buffer="data:;base64," + base64.b64encode(b"DRACO\x02\x02\x01\x01\0\0" + bytes(maker.random.randrange(256) for _ in range(60))).decode())
+    def skin(g, **values):
+        g["nodes"][0]["skin"] = 0
+        primitive(g)["attributes"].update(JOINTS_0=choose((0, 1, 99)), WEIGHTS_0=choose((0, 1)))
+        g["skins"] = [{"joints": [choose((0, 99, -1))] * choose((1, 100_000)), **values}]
+    put("skin", skin)
+    put("skin_bind", lambda g: skin(g, inverseBindMatrices=choose((0, 1, 99))))
+    put("morph", lambda g: (primitive(g).update(targets=[{"POSITION": choose((0, 1, 99))}] * choose((1, 20_000))), g["meshes"][0].update(weights=[choose((1, 1e308))] * 5)))
+    def instances(g, count):
+        g["accessors"].append({"componentType": 5126, "count": count, "type": "VEC3"})
+        g["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2, "SCALE": choose((0, 1, 2))}}}
+    put("instances", lambda g: instances(g, choose((2**31, 10**7, 3, 0))))
+    def textured(g, **info):
+        g["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"].update(info)
+    put("uv_set", lambda g: textured(g, texCoord=choose((2**31, 2**53, -1, 1))), texture="x.png")
+    put("uv_transform", lambda g: textured(g, extensions={"KHR_texture_transform": {"scale": [1e308, choose((-1e308, float("nan")))], "rotation": choose((1e300, "x"))}}), texture="x.png")
+    put("texture_source", lambda g: g.update(textures=[{"extensions": {choose(("EXT_texture_webp", "KHR_texture_basisu")): {"source": choose((0, 9))}}}]), texture="x.png")
     maker.file("gltf/no_utf8", "mesh", maker.word() + ".gltf", json.dumps(gltf_of()).encode().replace(b'"version"', b'"ver\xff\xfe"'))
 
     def glb(kind, text, *, total=None, length=None, chunk=b"", version=2):

@@ -1,4 +1,4 @@
-// A mesh, read by assimp.
+// A mesh in a file: glTF 2.0 by gltf.h, the rest by assimp.h.
 #pragma once
 #include "model/read/program/library.h"
 

@@ -2,14 +2,21 @@
 #pragma once
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
+#include <optional>
+#include <vector>
 
 #include "model/read/program/library.h"
+#include "model/read/program/obj_text.h"
 
 namespace vsplat::read {
 
+// All bytes of a file, which the library opens; none where it does not.
+std::optional<std::vector<unsigned char>> whole_file(const std::string& path, Library& library);
+
 class MeshFiles : public Assimp::IOSystem {
  public:
-  explicit MeshFiles(Library& library) : library_(library) {}
+  // Of MTL files `materials` notes what assimp does not read.
+  MeshFiles(Library& library, MtlMaterials& materials) : library_(library), materials_(materials) {}
   bool Exists(const char* path) const override { return library_.exists(path); }
   char getOsSeparator() const override { return '/'; }
   Assimp::IOStream* Open(const char* path, const char* mode) override;
@@ -17,6 +24,7 @@ class MeshFiles : public Assimp::IOSystem {
 
  private:
   Library& library_;
+  MtlMaterials& materials_;
 };
 
 }  // namespace vsplat::read
