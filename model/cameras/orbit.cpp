@@ -112,7 +112,7 @@ std::vector<Ball> visible_balls(const Gaussians& g) {
   return out;
 }
 
-// Without those that lie far from the rest, where they are more than middle_of() and distance_for() stand by themselves.
+// Without those far from the rest, where they are more than middle_of() and distance_for() leave out by themselves.
 std::vector<Ball> without_floaters(std::vector<Ball> balls) {
   constexpr double far_off = 10;  // times the median distance from the middle
   constexpr double few = 0.02;
