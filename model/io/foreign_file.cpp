@@ -37,7 +37,7 @@ ForeignFile other_picture(const std::string& path, const std::string& name, cons
 }
 
 ForeignFile other_mesh(const std::string& path, const std::string& name) {
-  return {name + ", a mesh", fmt::format("vsplat dataset render {} --output views draws it", name_in_command(path))};
+  return {name + ", a mesh", fmt::format("vsplat dataset render {} draws it", name_in_command(path))};
 }
 
 bool has_text(std::string_view begin, std::string_view text) { return begin.find(text) != begin.npos; }

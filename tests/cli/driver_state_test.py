@@ -138,7 +138,7 @@ class Pocl(support.Case):
             process.send_signal(signal.SIGTERM)
             time.sleep(0.05)
         process.communicate()
-        self.assertEqual(process.returncode, -signal.SIGTERM)
+        self.assertIn(process.returncode, (-signal.SIGTERM, 128 + signal.SIGTERM))  # the first may have been enough
 
 
 class Environment(support.Case):
