@@ -30,7 +30,8 @@ class Outputs(support.Case):
         open(self.path("file"), "w").write("")
         self.refuses(1, "not a folder", *self.reconstruct("--profile", self.path("file", "p.json")))
         self.refuses(1, "cannot be written", *self.reconstruct("--profile", "/proc/no/p.json"))
-        self.refuses(1, "not a file", *self.reconstruct("--profile", self.folder))
+        os.makedirs(self.path("profiles"))
+        self.refuses(1, "not a file", *self.reconstruct("--profile", self.path("profiles")))
         self.refuses(1, "/proc", "init", "micro", "--seed", 1, "--output", "/proc/model.safetensors")
 
     def test_unknown_device_and_no_platform(self):
@@ -114,7 +115,7 @@ class Views(support.Case):
         self.refuses(1, "behind", *self.reconstruct("--center", "0,0,50"))
         self.refuses(1, "cube", *self.reconstruct("--scale", "5"))                         # a corner is behind a camera
         self.refuses(1, "cube", *self.reconstruct("--scale", "5", "--force"))              # which --force does not pass
-        self.refuses(1, ["w2c"], *self.swapped())
+        self.refuses(1, ["w2c"], *self.swapped(), "--center", "0,0,0", "--scale", 1)
 
     def swapped(self):
         """OpenGL camera-to-world matrices where our cameras.json has OpenCV world-to-camera ones."""
