@@ -26,6 +26,7 @@ class Outside(support.Case):
         os.remove(self.path("out.ply"))
 
     def test_pictures(self):
+        os.remove(self.path("views", "images", "0.png"))  # which would be taken for it: it has the name, and lies inside
         for name in ("../elsewhere/0.png", self.path("elsewhere", "0.png"), "images/../../elsewhere/0.png"):
             self.first(file_path=name)
             self.refused("its picture", "elsewhere/0.png")
@@ -55,6 +56,7 @@ class Outside(support.Case):
         shutil.copy(self.path("elsewhere", "0.png"), self.path("set", "shared", "0.png"))
         self.views = self.path("set", "object", "transforms.json")
         self.first(file_path="../shared/0.png")
+        os.remove(self.path("set", "object", "images", "0.png"))
         self.succeeds("dataset", "info", self.path("set"))
         code, out, _ = support.run("dataset", "info", self.path("set", "object"), "--json")
         self.assertEqual(code, 1)
