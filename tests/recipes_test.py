@@ -12,7 +12,8 @@ NAMES = {
     "JPEG": ("libjpeg-turbo", "libjpeg-turbo"), "OpenEXR": ("openexr", "openexr"), "TIFF": ("libtiff", "tiff"), "STB_INCLUDE_DIR": ("stb", "stb"),
     "WebP": ("libwebp", "libwebp"), "EXIF": ("libexif", "libexif"), "ZIP": ("libzip", "libzip"), "OpenCL": ("opencl-icd-loader", "opencl"),
     "CLBlast": ("clblast", "clblast"), "NANOFLANN": ("nanoflann", "nanoflann"), "OpenSSL": ("openssl", "openssl"), "CLI11": ("cli11", "cli11"),
-    "HDF5": ("hdf5", "hdf5"), "assimp": ("assimp", "assimp"), "embree": ("embree3", "embree3"), "MPI": ("openmpi", "openmpi"),
+    "HDF5": ("hdf5", "hdf5"), "assimp": ("assimp", "assimp"), "draco": ("draco", "draco"),
+    "meshoptimizer": ("meshoptimizer", "meshoptimizer"), "embree": ("embree3", "embree3"), "MPI": ("openmpi", "openmpi"),
     "PkgConfig": ("pkgconf", None), "GTest": None,
 }
 
