@@ -91,7 +91,7 @@ std::optional<ForeignFile> text_kind(const std::string& path, std::string_view b
     if (has_text(begin, "\"asset\"") && has_text(begin, "\"version\"")) return other_mesh(path, "a glTF file");
     if (has_text(begin, "\"frames\"") || has_text(begin, "\"w2c\"") || has_text(begin, "\"camera_angle_x\"") ||
         has_text(begin, "\"rotation\""))
-      return ForeignFile{"a list of cameras (JSON)", "give the scene, and the list to --cameras"};
+      return ForeignFile{"a list of cameras (JSON)", "give the scene, and this list as the cameras"};
     return ForeignFile{"a JSON file"};
   }
   return std::nullopt;

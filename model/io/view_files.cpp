@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "model/io/listed_file.h"
+#include "runtime/error.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
@@ -200,9 +201,7 @@ void find_listed_masks(ViewSet& set, const ReadOptions& options, Roots& roots) {
     if (set.views[i].mask) set.views[i].mask = files[i].path.empty() ? beside / *set.views[i].mask : files[i].path;
 }
 
-}  // namespace
-
-void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
+void find_all(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
   const bool is_colmap = is_a_folder(set.source);
   std::vector<fs::path> mask_places;
   if (is_colmap) {
@@ -216,6 +215,7 @@ void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& opt
     mask_places.push_back(set.source.parent_path());
     if (!options.pictures_dir.empty()) mask_places.push_back((options.pictures_dir / "..").lexically_normal());
   }
+  if (!options.use_pictures) return;
   if (set.lists_masks) {
     find_listed_masks(set, options, roots);
     return;
@@ -225,6 +225,21 @@ void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& opt
       take_masks_of(set, place / "masks", is_colmap, roots);
       return;
     }
+}
+
+}  // namespace
+
+void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
+  if (options.use_pictures) return find_all(set, given, options, roots);
+  // Target cameras take no more from a picture than its size: names that fit several files are names of none.
+  ViewSet with_files = set;
+  try {
+    find_all(with_files, given, options, roots);
+    set = std::move(with_files);
+  } catch (const Error& error) {
+    if (error.status() != Status::input) throw;
+    verbose("{}", error.what());
+  }
 }
 
 }  // namespace vsplat
