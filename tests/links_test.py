@@ -139,6 +139,17 @@ class Documents(unittest.TestCase):
         self.assertLessEqual(len(lines), 90)
         self.assertEqual([f"{i}: {len(line)} columns" for i, line in enumerate(lines, 1) if len(line) > 100], [])
 
+    def test_changes_are_few_and_dated(self):
+        sections = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.M)[1:]
+        titles = [section.split("\n", 1)[0] for section in sections]
+        self.assertEqual(titles[0], "Unreleased")
+        self.assertLess(len(sections[0].splitlines()), 30)
+        for title, section in list(zip(titles, sections))[1:]:
+            self.assertRegex(title, r"^\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)$")
+            self.assertLessEqual(len(section.strip().splitlines()), 25, title)
+        version = re.search(r"project\(vsplat VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt").read_text()).group(1)
+        self.assertEqual(titles[1].split()[0], version, "the newest release is what CMakeLists.txt says")
+
     def test_pictures_are_small(self):
         files = [p for p in (ROOT / "examples/pictures").rglob("*") if p.is_file()]
         shown = {target for _, target in links(ROOT / "README.md") if target.startswith("examples/pictures/")}
