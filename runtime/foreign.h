@@ -23,7 +23,7 @@ BufferPlace place_of(void* buffer);
 bool is_image(void* memory, const std::string& what);
 // An image of the context's that takes a picture: two-dimensional, of that size, CL_RGBA in 8 bits.
 void check_image(Context& ctx, void* image, long width, long height, const std::string& what);
-// Into such an image, from u8 [height, width, 4]; comes after what is enqueued.
-void copy_to_image(Context& ctx, const Tensor& from, void* image);
+// Bytes [height][width][4] into such an image, after what is enqueued. Waits until they are there.
+void write_image(Context& ctx, void* image, long width, long height, const void* pixels);
 
 }  // namespace vsplat

@@ -87,7 +87,7 @@ class BytesOut {
     CallersPixels(to, static_cast<int>(width_), static_cast<int>(height_), "picture.rgba")
         .write(colour.data(), alpha.data(), behind);
     if (image_)
-      copy_to_image(ctx, ctx.upload({height_, width_, 4}, rgba, Type::u8, "picture.rgba"), image_);
+      write_image(ctx, image_, width_, height_, rgba.data());
     else
       ctx.write(buffer_, rgba.data());
   }

@@ -1,6 +1,6 @@
 # The public header, as C programs use it.
-foreach(name c99_test cancel_test edit_test gradient_test jobs_test lifetimes_test memory_test opencl_test pictures_test refine_api_test share_test threads_test
-    train_api_test)
+foreach(name c99_test cancel_test edit_test gradient_test jobs_test lifetimes_test memory_test opencl_bytes_test opencl_test
+    pictures_test refine_api_test share_test threads_test train_api_test)
   add_executable(${name} model/api/${name}.c)
   target_link_libraries(${name} PRIVATE vsplat m)
   vsplat_target(${name})
@@ -22,6 +22,7 @@ foreach(name cancel_test jobs_test lifetimes_test memory_test opencl_test refine
   target_link_libraries(${name} PRIVATE Threads::Threads)
 endforeach()
 
+target_link_libraries(opencl_bytes_test PRIVATE OpenCL::OpenCL)
 target_link_libraries(opencl_test PRIVATE OpenCL::OpenCL)
 
 # Slow: 500 times, of which each opens a device.
