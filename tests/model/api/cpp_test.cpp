@@ -1,4 +1,5 @@
 // The C++ wrapper: lambdas, what they throw, spans, and that nothing is copied on the way.
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -270,6 +271,80 @@ void jobs_end_with_what_they_made(const Setting& with) {
   HOLD(held.use_count() == 1);
 }
 
+// A scene of `count` Gaussians side by side, of which the middle one is at `middle` x.
+Scene in_a_row(size_t count, float middle) {
+  Gaussians g(count, 0);
+  for (size_t k = 0; k < count; ++k) {
+    g.means[3 * k] = middle + 0.25f * (static_cast<float>(k) - static_cast<float>(count / 2));
+    g.rotations[4 * k] = 1;
+    g.opacities[k] = 0.9f;
+    for (size_t c = 0; c < 3; ++c) g.scales[3 * k + c] = c == 1 ? 0.02f : 0.05f, g.sh[3 * k + c] = 1;
+  }
+  return Scene::create(g, 0);
+}
+
+void scenes_are_edited() {
+  Scene scene = in_a_row(3, 0);
+  const Scene other = in_a_row(1, 0);
+  const double twice[16] = {2, 0, 0, 1, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1};
+  scene.append(other);
+  scene.append(other, twice);
+  HOLD((scene.gaussians().means == std::vector<float>{-0.25f, 0, 0, 0, 0, 0, 0.25f, 0, 0, 0, 0, 0, 1, 0, 0}));
+  HOLD(scene.gaussians().scales[12] == 0.1f && other.info().count == 1);
+  const std::array<uint8_t, 5> removed{1, 0, 0, 1, 0};
+  scene.remove(removed);
+  HOLD((scene.gaussians().means == std::vector<float>{0, 0, 0, 0.25f, 0, 0, 1, 0, 0}));
+  HOLD(status_of([&] { scene.remove(removed); }) == VSPLAT_ERROR_USAGE);  // it has three now
+  scene.crop({-0.1, -1, -1}, {0.5, 1, 1});
+  HOLD(scene.info().count == 2);
+  scene.transform(twice);
+  HOLD((scene.gaussians().means == std::vector<float>{1, 0, 0, 1.5f, 0, 0}));
+  const double sheared[16] = {1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  HOLD(status_of([&] { scene.transform(sheared); }) != VSPLAT_OK && scene.info().count == 2);
+}
+
+void files_are_made_in_memory(const Setting& with) {
+  const Scene scene = in_a_row(3, 0);
+  const std::vector<unsigned char> ply = scene.save_memory();
+  HOLD(ply.size() > 100 && same_bits(ply.data(), "ply", 3));
+  HOLD(Scene::load(ply).gaussians().means == scene.gaussians().means);
+  HOLD(Model::load(with.model.save_memory()).info().parameters == with.model.info().parameters);
+  HOLD(with.model.save_memory(VSPLAT_DTYPE_F16).size() < with.model.save_memory().size());
+  const Picture picture = vsplat::render(with.device, scene, with.camera);
+  const std::vector<unsigned char> png = picture.save_memory(VSPLAT_PICTURE_PNG);
+  HOLD(png.size() > 60 && same_bits(png.data(), "\x89PNG", 4));
+  HOLD(status_of([] { Picture().save_memory(VSPLAT_PICTURE_PNG); }) == VSPLAT_ERROR_USAGE);
+}
+
+// The Gaussians are flat along y and two deep: what is hit, how far it is and which way it looks is known.
+void surfaces_and_bytes_are_drawn(const Setting& with) {
+  const Scene scene = in_a_row(3, 0);
+  Picture picture(16, 16);
+  vsplat::render(with.device, scene, with.camera, picture.add_surfaces());
+  const size_t middle = 8 * 16 + 8;
+  HOLD(picture.ids[middle] == 1 && picture.ids[middle - 3] == 0 && picture.ids[middle + 2] == 2 &&
+       picture.ids[0] == -1);
+  HOLD(std::abs(picture.median[middle] - 2) < 1e-5f && picture.median[0] == 0);
+  HOLD(std::abs(picture.expected[middle] - 2) < 1e-4f);
+  HOLD(std::abs(std::abs(picture.normal[3 * middle + 1]) - picture.alpha[middle]) < 1e-3f);
+  HOLD(picture.colour == vsplat::render(with.device, scene, with.camera).colour);
+
+  std::vector<unsigned char> frame(16 * 100, 77);
+  vsplat::render_bytes(with.device, scene, with.camera, frame, 3, 100);
+  bool rounded = true, kept = true;
+  for (size_t i = 0; i < frame.size(); ++i) {
+    if (i % 100 >= 48)
+      kept = kept && frame[i] == 77;
+    else
+      rounded = rounded && std::abs(255 * std::min(picture.colour[48 * (i / 100) + i % 100], 1.0f) -
+                                    static_cast<float>(frame[i])) < 0.51f;
+  }
+  HOLD(rounded && kept);
+  HOLD(status_of([&] {
+         vsplat::render_bytes(with.device, scene, with.camera, Span<unsigned char>(frame.data(), 1000), 3, 100);
+       }) == VSPLAT_ERROR_USAGE);
+}
+
 static_assert(std::is_nothrow_move_constructible_v<Scene> && std::is_nothrow_move_assignable_v<Scene>);
 static_assert(std::is_nothrow_move_constructible_v<Picture> && std::is_nothrow_move_constructible_v<Gaussians>);
 static_assert(std::is_nothrow_move_constructible_v<Job>);
@@ -292,6 +367,9 @@ int main() try {
   a_profile_is_told_in_rows(with);
   cameras_are_made(with);
   jobs_end_with_what_they_made(with);
+  scenes_are_edited();
+  files_are_made_in_memory(with);
+  surfaces_and_bytes_are_drawn(with);
   if (failures == 0) std::puts("all holds");
   return failures == 0 ? 0 : 1;
 } catch (const std::exception& e) {

@@ -4,6 +4,7 @@
 
 #include <vsplat/vsplat.h>
 
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -28,6 +29,12 @@ inline void check(vsplat_status status) {
 // Takes over what a call handed out.
 inline std::string text(char* from) {
   std::string out(from);
+  vsplat_text_free(from);
+  return out;
+}
+// The same of bytes.
+inline std::vector<unsigned char> bytes(char* from, std::size_t size) {
+  std::vector<unsigned char> out(from, from + size);
   vsplat_text_free(from);
   return out;
 }

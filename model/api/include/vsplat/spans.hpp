@@ -6,6 +6,7 @@
 #include <vsplat/vsplat.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -81,10 +82,13 @@ struct BasicGaussianSpans {
 using GaussianSpans = BasicGaussianSpans<float>;
 using ConstGaussianSpans = BasicGaussianSpans<const float>;
 
-// A picture's values where they lie: [height][width][3], [height][width], [height][width]; what is empty is not wanted.
+// A picture's values where they lie: [height][width][3], [height][width], [height][width]; then, as vsplat_picture has
+// them, where surfaces are. What is empty is not wanted.
 template <class T>
 struct BasicPictureSpans {
-  Span<T> colour, alpha, depth;
+  Span<T> colour = {}, alpha = {}, depth = {};
+  Span<T> expected = {}, median = {}, normal = {};
+  Span<std::conditional_t<std::is_const_v<T>, const int32_t, int32_t>> ids = {};
 
   vsplat_picture arrays(int width, int height) const {
     const std::size_t pixels =
@@ -94,6 +98,10 @@ struct BasicPictureSpans {
     out.colour = detail::pointer(colour, 3 * pixels, "colour");
     out.alpha = detail::pointer(alpha, pixels, "alpha");
     out.depth = detail::pointer(depth, pixels, "depth");
+    out.expected = detail::pointer(expected, pixels, "expected");
+    out.median = detail::pointer(median, pixels, "median");
+    out.normal = detail::pointer(normal, 3 * pixels, "normal");
+    out.ids = detail::pointer(ids, pixels, "ids");
     return out;
   }
 };

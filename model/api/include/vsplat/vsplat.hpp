@@ -11,143 +11,17 @@
 #include <utility>
 #include <vector>
 #include <vsplat/callbacks.hpp>
+#include <vsplat/device.hpp>
 #include <vsplat/handle.hpp>
 #include <vsplat/spans.hpp>
 
 namespace vsplat {
 inline namespace cxx {
 
-using DeviceHandle = Handle<vsplat_device, vsplat_device_retain, vsplat_device_release>;
-using ModelHandle = Handle<vsplat_model, vsplat_model_retain, vsplat_model_release>;
 using ViewsHandle = Handle<vsplat_views, vsplat_views_retain, vsplat_views_release>;
 using InputHandle = Handle<vsplat_input, vsplat_input_retain, vsplat_input_release>;
 using CamerasHandle = Handle<vsplat_cameras, vsplat_cameras_retain, vsplat_cameras_release>;
 using SceneHandle = Handle<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
-
-class Device : public DeviceHandle {
- public:
-  Device() = default;
-  using DeviceHandle::DeviceHandle;
-  explicit Device(const vsplat_device_options& options) : DeviceHandle(opened(options)) {}
-  // (Device() is none.)
-  static Device open(const vsplat_device_options& options = VSPLAT_DEVICE_OPTIONS_INIT) { return Device(options); }
-
-  static std::vector<vsplat_device_info> list() {
-    size_t count = 0;
-    check(vsplat_device_count(&count));
-    std::vector<vsplat_device_info> out(count, VSPLAT_DEVICE_INFO_INIT);
-    for (size_t i = 0; i < count; ++i) check(vsplat_device_describe(i, &out[i]));
-    return out;
-  }
-  vsplat_device_info info() const {
-    vsplat_device_info out = VSPLAT_DEVICE_INFO_INIT;
-    check(vsplat_device_get_info(get(), &out));
-    return out;
-  }
-  // Of the same device, for another thread.
-  Device stream() const {
-    vsplat_device out = nullptr;
-    check(vsplat_stream_create(get(), &out));
-    return Device(out);
-  }
-  // Stops the call that has it; from any thread.
-  void cancel() const { check(vsplat_device_cancel(get())); }
-  void trim() { check(vsplat_device_trim(get())); }
-  void profile(bool on) { check(vsplat_device_profile(get(), on)); }
-  void profile_name(const std::string& what, const std::string& name) {
-    check(vsplat_device_profile_name(get(), what.c_str(), name.c_str()));
-  }
-  // Most time first.
-  std::vector<vsplat_profile_row> profile_rows() const {
-    size_t count = 0;
-    check(vsplat_device_profile_count(get(), &count));
-    std::vector<vsplat_profile_row> out(count, VSPLAT_PROFILE_ROW_INIT);
-    for (size_t i = 0; i < count; ++i) check(vsplat_device_profile_get(get(), i, &out[i]));
-    return out;
-  }
-  std::string profile_text(vsplat_profile_format format) const {
-    char* out = nullptr;
-    check(vsplat_device_profile_text(get(), format, &out));
-    return text(out);
-  }
-  // JSON. The model may be of nothing where the jobs take none.
-  std::string programs(vsplat_model model, const vsplat_programs_options& options) const {
-    char* out = nullptr;
-    check(vsplat_device_programs(get(), model, &options, &out));
-    return text(out);
-  }
-  // JSON of what a search for parameters found.
-  std::string tune(vsplat_model model, const vsplat_tune_options& options) const {
-    char* out = nullptr;
-    check(vsplat_tune(get(), model, &options, &out));
-    return text(out);
-  }
-
- private:
-  static vsplat_device opened(const vsplat_device_options& options) {
-    vsplat_device out = nullptr;
-    check(vsplat_device_open(&options, &out));
-    return out;
-  }
-};
-
-// JSON, and what it says in short.
-inline std::string selftest(const vsplat_selftest_options& options, vsplat_fitness& fitness) {
-  char* out = nullptr;
-  check(vsplat_selftest(&options, &fitness, &out));
-  return text(out);
-}
-
-class Model : public ModelHandle {
- public:
-  Model() = default;
-  using ModelHandle::ModelHandle;
-
-  static Model init(const vsplat_model_options& options) {
-    vsplat_model out = nullptr;
-    check(vsplat_model_init(&options, &out));
-    return Model(out);
-  }
-  static Model load(const std::string& path) {
-    vsplat_model out = nullptr;
-    check(vsplat_model_load(path.c_str(), &out));
-    return Model(out);
-  }
-  // Of a model file's bytes.
-  static Model load(Span<const unsigned char> bytes) {
-    vsplat_model out = nullptr;
-    check(vsplat_model_load_memory(bytes.data(), bytes.size(), &out));
-    return Model(out);
-  }
-  // The one that the library carries.
-  static Model load() {
-    vsplat_model out = nullptr;
-    check(vsplat_model_load(nullptr, &out));
-    return Model(out);
-  }
-  // Of a PyTorch checkpoint; `told`, where it is given, becomes what vsplat_model_import tells as JSON.
-  static Model imported(const std::string& path, const vsplat_import_options& options, std::string* told = nullptr) {
-    vsplat_model out = nullptr;
-    char* out_text = nullptr;
-    check(vsplat_model_import(path.c_str(), &options, &out, told ? &out_text : nullptr));
-    if (told) *told = text(out_text);
-    return Model(out);
-  }
-  void save(const std::string& path, vsplat_dtype dtype = VSPLAT_DTYPE_F32) const {
-    check(vsplat_model_save_as(get(), path.c_str(), dtype));
-  }
-  // The same with another number of views that an Input picks by default.
-  Model with_use_views(int32_t use_views) const {
-    vsplat_model out = nullptr;
-    check(vsplat_model_with_use_views(get(), use_views, &out));
-    return Model(out);
-  }
-  vsplat_model_info info() const {
-    vsplat_model_info out = VSPLAT_MODEL_INFO_INIT;
-    check(vsplat_model_get_info(get(), &out));
-    return out;
-  }
-};
 
 // One at `eye`, see vsplat_camera_look_at; `degrees` of field of view across the width.
 inline vsplat_camera looking_at(const double (&eye)[3], const double (&target)[3], const double (&up)[3], int32_t width,
@@ -379,7 +253,23 @@ class Scene : public SceneHandle {
     check(vsplat_scene_get_gaussians(get(), &arrays));
     return out;
   }
+  // Changes of this scene, and of every other handle to it; see vsplat_scene_append. A transform is [4][4], row by row.
+  void append(const Scene& other) { check(vsplat_scene_append(get(), other.get(), nullptr)); }
+  void append(const Scene& other, const double (&transform)[16]) {
+    check(vsplat_scene_append(get(), other.get(), transform));
+  }
+  void transform(const double (&transform)[16]) { check(vsplat_scene_transform(get(), transform)); }
+  // One for each Gaussian: those that are not 0 go.
+  void remove(Span<const uint8_t> removed) { check(vsplat_scene_remove(get(), removed.data(), removed.size())); }
+  void crop(const double (&low)[3], const double (&high)[3]) { check(vsplat_scene_crop(get(), low, high)); }
   void save(const std::string& path) const { check(vsplat_scene_save(get(), path.c_str())); }
+  // The bytes of that file.
+  std::vector<unsigned char> save_memory() const {
+    char* out = nullptr;
+    size_t size = 0;
+    check(vsplat_scene_save_memory(get(), &out, &size));
+    return bytes(out, size);
+  }
   Scene surfels_to_gaussians(double thickness) const {
     vsplat_scene out = nullptr;
     check(vsplat_scene_surfels_to_gaussians(get(), thickness, &out));
@@ -436,25 +326,28 @@ inline void prepare(const Device& device, const Model& model,
 struct Picture {
   int width = 0, height = 0;
   std::vector<float> colour, alpha, depth;  // [height][width][3], [height][width], [height][width]
+  // Of add_surfaces(), as vsplat_picture has them; `normal` is [height][width][3], the others are [height][width].
+  std::vector<float> expected, median, normal;
+  std::vector<int32_t> ids;
 
   Picture() = default;
   Picture(int with_width, int with_height) : width(with_width), height(with_height) {
-    const size_t pixels = width > 0 && height > 0 ? static_cast<size_t>(width) * static_cast<size_t>(height) : 0;
-    colour.resize(3 * pixels);
-    alpha.resize(pixels);
-    depth.resize(pixels);
+    colour.resize(3 * pixels());
+    alpha.resize(pixels());
+    depth.resize(pixels());
+  }
+  // Room for where surfaces are, to be drawn, too. Surfels have no ids.
+  Picture& add_surfaces(bool with_ids = true) {
+    expected.resize(pixels());
+    median.resize(pixels());
+    normal.resize(3 * pixels());
+    if (with_ids) ids.resize(pixels());
+    return *this;
   }
 
-  operator PictureSpans() { return {colour, alpha, depth}; }
-  operator ConstPictureSpans() const { return {colour, alpha, depth}; }
-  vsplat_picture arrays() {
-    vsplat_picture out = VSPLAT_PICTURE_INIT;
-    out.capacity = alpha.size();
-    out.colour = colour.data();
-    out.alpha = alpha.data();
-    out.depth = depth.data();
-    return out;
-  }
+  operator PictureSpans() { return {colour, alpha, depth, expected, median, normal, ids}; }
+  operator ConstPictureSpans() const { return {colour, alpha, depth, expected, median, normal, ids}; }
+  vsplat_picture arrays() { return PictureSpans(*this).arrays(width, height); }
   void save(const std::string& path, vsplat_picture_format format) const {
     const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
     check(vsplat_picture_save(&p, width, height, format, path.c_str()));
@@ -462,6 +355,19 @@ struct Picture {
   void save_jpeg(const std::string& path, int quality) const {
     const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
     check(vsplat_picture_save_jpeg(&p, width, height, quality, path.c_str()));
+  }
+  // The bytes of such a file.
+  std::vector<unsigned char> save_memory(vsplat_picture_format format) const {
+    const vsplat_picture p = ConstPictureSpans(*this).arrays(width, height);
+    char* out = nullptr;
+    size_t size = 0;
+    check(vsplat_picture_save_memory(&p, width, height, format, &out, &size));
+    return bytes(out, size);
+  }
+
+ private:
+  size_t pixels() const {
+    return width > 0 && height > 0 ? static_cast<size_t>(width) * static_cast<size_t>(height) : 0;
   }
 };
 
@@ -476,6 +382,19 @@ inline Picture render(const Device& device, const Scene& scene, const vsplat_cam
   Picture out(camera.width, camera.height);
   render(device, scene, camera, out, options);
   return out;
+}
+// Into rows of 8-bit pixels of 3 or 4 channels, `row_bytes` apart (0: without gaps), as vsplat_picture.data has them.
+inline void render_bytes(const Device& device, const Scene& scene, const vsplat_camera& camera,
+                         Span<unsigned char> into, int channels, size_t row_bytes = 0, bool premultiplied = false,
+                         const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
+  vsplat_picture p = VSPLAT_PICTURE_INIT;
+  p.data = into.data();
+  p.data_bytes = into.size();
+  p.type = VSPLAT_PIXELS_U8;
+  p.channels = channels;
+  p.row_bytes = row_bytes;
+  p.premultiplied = premultiplied ? 1 : 0;
+  check(vsplat_render(device.get(), scene.get(), &camera, &options, &p));
 }
 
 namespace detail {
