@@ -13,7 +13,9 @@ else where the system looks. NumPy is needed, and nothing else; the file's folde
 
 Conventions are the library's: cameras have OpenCV axes (x right, y down, z forward) and pixel centres at +0.5, `w2c` is
 [4, 4], world to camera; pictures are float32 [H, W, C], sRGB-encoded in 0 to 1; K Gaussians, S = (degree + 1)^2.
-Arrays may be anything that NumPy takes, or that has __dlpack__ on the host's memory; they are copied.
+Arrays may be anything that NumPy takes, or that has __dlpack__ on the host's memory, as PyTorch's tensors: read where they
+lie, where they are float32 without gaps; `out` is drawn into where it lies. What comes out are NumPy arrays, for
+torch.from_dlpack(picture.colour) and the like. Buffer has values on the device, for programs with OpenCL of their own.
 Failures are vsplat.Error, with the library's sentence and `status`. A Device, a stream of one (Device.stream) and what
 is made with it are used by one thread at a time; while a call runs, other Python threads do.
 
@@ -25,6 +27,7 @@ import atexit
 import ctypes as c
 import ctypes.util
 import json
+import math
 import operator
 import os
 import pathlib
@@ -36,8 +39,8 @@ from typing import Any, Callable, Iterable, Sequence
 
 import numpy as np
 
-__all__ = ["Camera", "Device", "Error", "Gaussians", "Input", "Job", "Model", "Picture", "Scene", "UsageError", "Views", "compare", "devices",
-           "version"]
+__all__ = ["Buffer", "Camera", "Device", "Error", "Gaussians", "Input", "Job", "Model", "Picture", "Scene", "UsageError", "Views", "compare",
+           "devices", "version"]
 
 Progress = Callable[[str, float], Any]
 """Told (stage, share done); returns False to stop."""
@@ -159,6 +162,20 @@ class _Struct(c.Structure):
         super().__setattr__(name, value)
 
 
+class _OpenclHandles(_Struct):
+    _fields_ = [("size", c.c_size_t), ("context", c.c_void_p), ("device", c.c_void_p), ("queue", c.c_void_p)]
+
+
+class _OpenclPicture(_Struct):
+    _fields_ = [("size", c.c_size_t), ("colour", c.c_void_p), ("alpha", c.c_void_p), ("depth", c.c_void_p), ("rgba", c.c_void_p),
+                ("premultiplied", c.c_int32)]
+
+
+class _OpenclGaussians(_Struct):
+    _fields_ = [("size", c.c_size_t), ("means", c.c_void_p), ("scales", c.c_void_p), ("rotations", c.c_void_p), ("opacities", c.c_void_p),
+                ("sh", c.c_void_p)]
+
+
 class _DeviceInfo(_Struct):
     _fields_ = [("size", c.c_size_t), ("index", c.c_int32), ("platform", c.c_int32), ("device", c.c_int32), ("type", c.c_int),
                 ("name", c.c_char * 256), ("vendor", c.c_char * 256), ("driver", c.c_char * 256), ("version", c.c_char * 256),
@@ -263,11 +280,120 @@ class _OrbitOptions(_Struct):
                 ("has_elevation", c.c_int32), ("elevation", c.c_double), ("has_up", c.c_int32), ("up", c.c_double * 3)]
 
 
+# ------------------------------------------------------------------------------------------------------------- DLPack
+
+
+class _DLTensor(c.Structure):
+    _fields_ = [("data", c.c_void_p), ("device_type", c.c_int32), ("device_id", c.c_int32), ("ndim", c.c_int32), ("code", c.c_uint8),
+                ("bits", c.c_uint8), ("lanes", c.c_uint16), ("shape", c.POINTER(c.c_int64)), ("strides", c.POINTER(c.c_int64)),
+                ("byte_offset", c.c_uint64)]
+
+
+class _DLManagedTensor(c.Structure):
+    _fields_ = [("tensor", _DLTensor), ("context", c.c_void_p), ("deleter", c.c_void_p)]
+
+
+def _python(name: str, result: Any, *arguments: Any) -> Any:
+    function = c.PYFUNCTYPE(result, *arguments)
+    return function((name, c.pythonapi))
+
+
+_capsule_is = _python("PyCapsule_IsValid", c.c_int, c.py_object, c.c_char_p)
+_capsule_get = _python("PyCapsule_GetPointer", c.c_void_p, c.py_object, c.c_char_p)
+_capsule_rename = _python("PyCapsule_SetName", c.c_int, c.py_object, c.c_char_p)
+_deleter = c.PYFUNCTYPE(None, c.c_void_p)
+_DL_NEW, _DL_USED = b"dltensor", b"used_dltensor"  # (a capsule keeps the pointer to its name)
+_DL_HOST, _DL_OPENCL = (1, 3, 11), (4,)  # the types of devices whose memory the host reads; and OpenCL
+_DL_DEVICES = {1: "the host", 2: "CUDA", 3: "CUDA's memory on the host", 4: "OpenCL", 7: "Vulkan", 8: "Metal", 9: "VPI", 10: "ROCm",
+               11: "ROCm's memory on the host", 13: "CUDA's managed memory", 14: "oneAPI", 15: "WebGPU", 16: "Hexagon"}
+_DL_KINDS = {0: "int", 1: "uint", 2: "float", 4: "bfloat", 5: "complex", 6: "bool"}
+
+
+class _Taken:
+    """A tensor that was taken out of a capsule; its memory is given back when this goes."""
+
+    def __init__(self, value: Any, devices: tuple[int, ...], what: str):
+        capsule = value if _is_capsule(value) else self._capsule_of(value, devices, what)
+        if not _capsule_is(capsule, _DL_NEW):
+            if _capsule_is(capsule, _DL_USED):
+                raise UsageError(f"{what} is a DLPack capsule that was used before: each is taken once")
+            raise TypeError(f"{what} gives no capsule with a DLPack tensor of version 0 (\"dltensor\")")
+        self._address = None
+        address = _capsule_get(capsule, _DL_NEW)
+        managed = _DLManagedTensor.from_address(address)
+        self.tensor = managed.tensor
+        self._check(devices, what)  # while the capsule has it
+        _capsule_rename(capsule, _DL_USED)
+        self._address, self._delete = address, managed.deleter
+
+    @staticmethod
+    def _capsule_of(value: Any, devices: tuple[int, ...], what: str) -> Any:
+        try:
+            place = int(value.__dlpack_device__()[0]) if hasattr(value, "__dlpack_device__") else devices[0]
+            capsule = value.__dlpack__() if place in devices else None
+        except Exception as e:  # noqa: B902: whatever they raise for what they cannot give
+            raise UsageError(f"{what} cannot be had by DLPack: {e}") from e
+        if capsule is None:
+            raise _wrong_device(place, devices, what)
+        return capsule
+
+    def _check(self, devices: tuple[int, ...], what: str) -> None:
+        t = self.tensor
+        if t.device_type not in devices:
+            raise _wrong_device(t.device_type, devices, what)
+        kind = f"{_DL_KINDS.get(t.code, 'kind ' + str(t.code))}{t.bits}{f'x{t.lanes}' if t.lanes != 1 else ''}"
+        self.dtype = {"bool8": "bool"}.get(kind, kind)
+        if self.dtype not in ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float16", "float32", "float64"):
+            raise TypeError(f"{what} holds {kind}: whole numbers, float16, float32 or float64 expected")
+        if not 0 <= t.ndim <= 32 or t.ndim and not t.shape or any(t.shape[i] < 0 for i in range(t.ndim)):
+            raise UsageError(f"{what} is a DLPack tensor of {t.ndim} dimensions whose shape is missing or negative")
+        self.shape = tuple(t.shape[:t.ndim]) if t.ndim else ()
+        itemsize, packed = np.dtype(self.dtype).itemsize, []
+        for n in reversed(self.shape):
+            packed.insert(0, packed[0] * max(self.shape[len(self.shape) - len(packed)], 1) if packed else itemsize)
+        self.strides = tuple(t.strides[i] * itemsize for i in range(t.ndim)) if t.strides and t.ndim else tuple(packed)
+        self.is_packed = 0 in self.shape or all(n == 1 or have == want for n, have, want in zip(self.shape, self.strides, packed))
+        if not t.data and 0 not in self.shape:
+            raise UsageError(f"{what} is a DLPack tensor without memory")
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        data = (self.tensor.data or 0) + self.tensor.byte_offset
+        return {"shape": self.shape, "typestr": np.dtype(self.dtype).str, "data": (data, False), "strides": self.strides, "version": 3}
+
+    def __del__(self):
+        if getattr(self, "_address", None) and self._delete and _lib is not None:
+            _deleter(self._delete)(self._address)
+
+
+def _is_capsule(value: Any) -> bool:
+    return type(value).__name__ == "PyCapsule"
+
+
+def _wrong_device(found: int, wanted: tuple[int, ...], what: str) -> UsageError:
+    names = [_DL_DEVICES.get(each, f"a device of DLPack type {each}") for each in (found, wanted[0])]
+    return UsageError(f"{what} is in memory of {names[0]}: memory of {names[1]} expected")
+
+
+def _ndarray(values: Any, what: str) -> np.ndarray:
+    """As an array: the same memory where it has __dlpack__ or is a DLPack capsule."""
+    if isinstance(values, np.ndarray):
+        return values
+    if isinstance(values, Buffer):
+        raise TypeError(f"{what} is a vsplat.Buffer: an array on the host expected, as its numpy() gives one")
+    if _is_capsule(values) or hasattr(values, "__dlpack__"):
+        taken = _Taken(values, _DL_HOST, what)
+        return np.asarray(taken) if 0 not in taken.shape else np.empty(taken.shape, taken.dtype)
+    return np.asarray(values)
+
+
 def _array(values: Any, shape: Sequence[int | None], what: str) -> np.ndarray:
     """float32, contiguous, of that shape (None: any size)."""
-    if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
-        values = np.from_dlpack(values)
-    out = np.ascontiguousarray(values, dtype=np.float32)
+    given = _ndarray(values, what)
+    try:
+        out = np.ascontiguousarray(given, dtype=np.float32).reshape(given.shape)  # (it makes [1] of a number)
+    except (TypeError, ValueError):
+        raise TypeError(f"{what} holds {given.dtype}: numbers expected") from None
     if out.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, out.shape)):
         wanted = ", ".join("any" if n is None else str(n) for n in shape)
         raise UsageError(f"{what} has the shape {list(out.shape)}: [{wanted}] expected")
@@ -435,13 +561,23 @@ class Picture:
     normal: np.ndarray | None = None  # float32 [H, W, 3]: sum of weight x normal, in the camera's axes and towards it
     ids: np.ndarray | None = None  # int32 [H, W]: the nearest Gaussian, -1 where there is none
 
+    def __dlpack__(self, **how: Any) -> Any:
+        """That of `colour`; the other arrays have theirs."""
+        return self._colour().__dlpack__(**how)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return self._colour().__dlpack_device__()
+
+    def _colour(self) -> np.ndarray:
+        if self.colour is None:
+            raise UsageError("the picture has no colour")
+        return self.colour
+
     def to_bytes(self, format: str = "png") -> bytes:
         """A picture file: "png", "jpeg" (colour alone), "png-alpha" (and alpha; drawn over black), "exr", "exr-raw" (all three)."""
         if format not in _FORMATS:
             raise UsageError(f"format is {format!r}: {', '.join(_FORMATS)} expected")
-        if self.colour is None:
-            raise UsageError("the picture has no colour")
-        height, width = self.colour.shape[:2]
+        height, width = self._colour().shape[:2]
         arrays = {name: None if (a := getattr(self, name)) is None else _array(a, (height, width, 3) if name == "colour" else (height, width), name)
                   for name in ("colour", "alpha", "depth")}
         struct = _Picture(capacity=height * width, **{name: _pointer(a) for name, a in arrays.items()})
@@ -571,13 +707,13 @@ class Views(_Handle):
             raise UsageError(f"{len(pictures)} pictures and {len(cameras)} cameras: as many of both expected")
         kept, views = [], (_View * len(cameras))()
         for i, (picture, camera) in enumerate(zip(pictures, cameras)):
-            values = np.from_dlpack(picture) if hasattr(picture, "__dlpack__") and not isinstance(picture, np.ndarray) else np.asarray(picture)
-            if values.dtype == np.uint8:
-                values = values.astype(np.float32) / 255
-            seen_from = _given(camera, Camera, f"cameras[{i}]")._struct()
-            values = _array(values, (camera.height, camera.width, None), f"pictures[{i}]")
+            values = _ndarray(picture, f"pictures[{i}]")
+            views[i] = _View(camera=_given(camera, Camera, f"cameras[{i}]")._struct())
+            if values.dtype.name not in _PIXELS or values.shape[:2] != (camera.height, camera.width) or not _are_rows(values):
+                values = values / np.float32(255) if values.dtype == np.uint8 else values
+                values = _array(values, (camera.height, camera.width, None), f"pictures[{i}]")
+            _tell_rows(views[i], values)
             kept.append(values)
-            views[i] = _View(camera=seen_from, pixels=_pointer(values), channels=values.shape[2])
         handle = c.c_void_p()
         _call("views_create", views, c.c_size_t(len(views)), c.byref(handle))
         return cls(handle)
@@ -819,6 +955,149 @@ def _degree_of(sh: np.ndarray) -> int:
     return degree
 
 
+class _Pretended:
+    """NumPy makes the capsule, and what frees it, of an array in place of a Buffer's memory, which it never reads."""
+
+    def __init__(self, buffer: Buffer):
+        self.buffer = buffer
+        self.__array_interface__ = {"shape": buffer.shape, "typestr": buffer.dtype.str, "data": (buffer.cl_mem, False), "version": 3}
+
+
+class Buffer:
+    """Values in an OpenCL buffer of a device's context, for programs that have OpenCL of their own. It exchanges with them by `cl_mem`, and
+    through DLPack (kDLOpenCL, whose data is a cl_mem) in both directions; the memory stays until the last who has it has gone.
+
+    Nobody waits for another's queue: what others write here is to be finished before the library reads it. The library's own calls return
+    when they are finished."""
+
+    def __init__(self, device: Device, shape: Sequence[int], dtype: Any = "float32"):
+        """A new one, of "float32" or "uint8"; what is in it is undefined."""
+        self._begin(_given(device, Device, "device"), tuple(_whole(n, "shape").value for n in shape), dtype)
+        if self._size == 0:
+            raise UsageError(f"shape is {list(self.shape)}: OpenCL has no empty buffers")
+        error = c.c_int32()
+        self.cl_mem = _cl("clCreateBuffer", c.c_void_p)(c.c_void_p(device.opencl[0]), c.c_uint64(1), c.c_size_t(self._size), None, c.byref(error))
+        _cl_check(error.value, f"making a buffer of {self._size} bytes")
+        self._owned = True
+
+    def _begin(self, device: Device, shape: tuple[int, ...], dtype: Any, name: str = "dtype") -> None:
+        self.device, self.shape, self._owned, self._kept = device, shape, False, None
+        self.dtype = np.dtype(dtype)
+        if self.dtype not in (np.float32, np.uint8):
+            raise TypeError(f"{name} is {self.dtype}: float32 or uint8 expected")
+        self._size = _whole(math.prod(shape) * self.dtype.itemsize, "the buffer's size in bytes").value
+
+    @classmethod
+    def from_cl_mem(cls, device: Device, cl_mem: int, shape: Sequence[int], dtype: Any = "float32") -> Buffer:
+        """Another's buffer, which is retained: `cl_mem` as a number (pyopencl's int_ptr)."""
+        self = cls.__new__(cls)
+        self._begin(_given(device, Device, "device"), tuple(_whole(n, "shape").value for n in shape), dtype)
+        self.cl_mem = _whole(cl_mem, "cl_mem").value
+        if not self.cl_mem:
+            raise UsageError("cl_mem is 0: a buffer expected")
+        there = c.c_size_t()
+        _cl_call("clGetMemObjectInfo", "asking for a buffer's size", c.c_void_p(self.cl_mem), c.c_uint32(0x1102), c.c_size_t(c.sizeof(there)),
+                 c.byref(there), None)
+        if there.value < self._size:
+            raise UsageError(f"cl_mem is a buffer of {there.value} bytes: {self._size} expected for {self.dtype} {list(self.shape)}")
+        _cl_call("clRetainMemObject", "retaining a buffer", c.c_void_p(self.cl_mem))
+        self._owned = True
+        return self
+
+    @classmethod
+    def from_dlpack(cls, device: Device, value: Any) -> Buffer:
+        """What has __dlpack__ on OpenCL, or a DLPack capsule of that: the same memory. It is to lie in the device's context, and without
+        gaps."""
+        return cls._of(_given(device, Device, "device"), _Taken(value, _DL_OPENCL, "value"), "value")
+
+    @classmethod
+    def _of(cls, device: Device, taken: _Taken, name: str) -> Buffer:
+        if not taken.is_packed:
+            raise UsageError(f"{name} has strides of {list(taken.strides)} bytes for {taken.dtype} {list(taken.shape)}: memory without gaps expected")
+        self = cls.__new__(cls)
+        self._begin(device, taken.shape, taken.dtype, name)
+        self._kept, self.cl_mem = taken, taken.tensor.data
+        if taken.tensor.byte_offset:
+            region, error = (c.c_size_t * 2)(taken.tensor.byte_offset, self._size), c.c_int32()
+            self.cl_mem = _cl("clCreateSubBuffer", c.c_void_p)(c.c_void_p(self.cl_mem), c.c_uint64(0), c.c_uint32(0x1220), region, c.byref(error))
+            _cl_check(error.value, f"taking the part of {name} that begins {taken.tensor.byte_offset} bytes into its buffer")
+            self._owned = True
+        return self
+
+    def __del__(self):
+        if getattr(self, "_owned", False) and _lib is not None:
+            _cl("clReleaseMemObject", c.c_int32)(c.c_void_p(self.cl_mem))
+
+    def __reduce__(self):
+        raise TypeError("a vsplat.Buffer can be neither copied nor pickled")
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return _DL_OPENCL[0], self.device.info["index"]
+
+    def __dlpack__(self, *, stream: Any = None, max_version: Any = None, dl_device: Any = None, copy: Any = None) -> Any:
+        if stream is not None:
+            raise UsageError(f"stream is {stream!r}: DLPack has none for OpenCL")
+        if copy or dl_device is not None and tuple(dl_device) != self.__dlpack_device__():
+            raise BufferError("a vsplat.Buffer gives the memory that it has: no copy, and none on another device")
+
+        capsule = np.asarray(_Pretended(self)).__dlpack__()
+        tensor = _DLManagedTensor.from_address(_capsule_get(capsule, _DL_NEW)).tensor
+        tensor.device_type, tensor.device_id = self.__dlpack_device__()
+        return capsule
+
+    def numpy(self) -> np.ndarray:
+        """A copy on the host."""
+        out = np.empty(self.shape, self.dtype)
+        self._transfer("clEnqueueReadBuffer", "reading a buffer", out)
+        return out
+
+    def write(self, values: Any) -> None:
+        """Copies values of this shape and type into it."""
+        given = np.ascontiguousarray(_ndarray(values, "values"), dtype=self.dtype)
+        if given.shape != self.shape:
+            raise UsageError(f"values has the shape {list(given.shape)}: {list(self.shape)} expected")
+        self._transfer("clEnqueueWriteBuffer", "writing a buffer", given)
+
+    def _transfer(self, name: str, doing: str, array: np.ndarray) -> None:
+        _cl_call(name, doing, c.c_void_p(self.device.opencl[2]), c.c_void_p(self.cl_mem), c.c_uint32(1), c.c_size_t(0), c.c_size_t(self._size),
+                 c.c_void_p(array.ctypes.data), c.c_uint32(0), None, None)
+
+
+def _cl(name: str, result: Any) -> Any:
+    """A function of the OpenCL that the library is linked with."""
+    function = getattr(_lib, name)
+    function.restype = result
+    return function
+
+
+def _cl_check(error: int, doing: str) -> None:
+    if error:
+        raise Error("device", f"{doing}: OpenCL's error {error}")
+
+
+def _cl_call(name: str, doing: str, *args: Any) -> None:
+    _cl_check(_cl(name, c.c_int32)(*args), doing)
+
+
+def _on_device(device: Device, value: Any, name: str) -> Buffer:
+    """A Buffer, or what has __dlpack__ on OpenCL as one."""
+    if isinstance(value, Buffer):
+        return value
+    if not (_is_capsule(value) or hasattr(value, "__dlpack__")):
+        raise TypeError(f"{name} is a {type(value).__name__}: a vsplat.Buffer, or what has __dlpack__ on OpenCL, expected")
+    return Buffer._of(device, _Taken(value, _DL_OPENCL, name), name)
+
+
+def _cl_mem(value: Any, shape: Sequence[int], dtype: str, device: Device, name: str, kept: list[Any]) -> int | None:
+    """That of what is given, which has that shape and goes to `kept`."""
+    if value is None:
+        return None
+    kept.append(_on_device(device, value, name))
+    if kept[-1].shape != tuple(shape) or kept[-1].dtype != dtype:
+        raise UsageError(f"{name} holds {kept[-1].dtype} {list(kept[-1].shape)}: {dtype} {list(shape)} expected")
+    return kept[-1].cl_mem
+
+
 class Device(_Handle):
     """An open OpenCL device, or a stream of one. One thread at a time; another takes a stream() of it."""
 
@@ -827,16 +1106,34 @@ class Device(_Handle):
     def __init__(self, device: str | int = "", kernels: str = "auto", max_memory_gib: float = 0.0, precision: str = "fp32"):
         """`device`: an index (0, "0"), platform:device ("0:1"), a type ("cpu", "gpu", "acc") or a part of a name; "": $VSPLAT_DEVICE, else
         the first GPU, else the first device. `precision`: fp32 or mixed (vsplat/device.h)."""
-        flavours, precisions = {"auto": 0, "cpu": 1, "gpu": 2}, {"fp32": 0, "mixed": 1}
+        flavours = {"auto": 0, "cpu": 1, "gpu": 2}
         if kernels not in flavours:
             raise UsageError(f"kernels is {kernels!r}: auto, cpu or gpu expected")
-        if precision not in precisions:
-            raise UsageError(f"precision is {precision!r}: fp32 or mixed expected")
         options = _DeviceOptions(device=_bytes(str(device), "device"), kernels=flavours[kernels], max_memory_gib=max_memory_gib,
-                                 precision=precisions[precision])
+                                 precision=_precision(precision))
         handle = c.c_void_p()
         _call("device_open", c.byref(options), c.byref(handle))
         super().__init__(handle)
+
+    @classmethod
+    def beside(cls, context: int, device: int, queue: int = 0, max_memory_gib: float = 0.0, precision: str = "fp32") -> Device:
+        """On a program's own OpenCL: its cl_context, cl_device_id and, where the library is to enqueue there, its cl_command_queue, in order;
+        as numbers (pyopencl's int_ptr)."""
+        handles = _OpenclHandles(context=_whole(context, "context").value, device=_whole(device, "device").value,
+                                 queue=_whole(queue, "queue").value)
+        options = _DeviceOptions(max_memory_gib=max_memory_gib, precision=_precision(precision))
+        handle = c.c_void_p()
+        _call("opencl_open", c.byref(handles), c.byref(options), c.byref(handle))
+        out = cls.__new__(cls)
+        _Handle.__init__(out, handle)
+        return out
+
+    @property
+    def opencl(self) -> tuple[int, int, int]:
+        """Its cl_context, cl_device_id and cl_command_queue, as numbers; they live as long as it does."""
+        handles = _OpenclHandles()
+        _call("opencl_get_handles", self, c.byref(handles))
+        return handles.context, handles.device, handles.queue
 
     def stream(self) -> Device:
         """Of the same device, for another thread; programs and weights are shared."""
@@ -961,6 +1258,65 @@ class Device(_Handle):
               c.byref(_picture_of(by, camera)), c.byref(out._struct(info.count)), pose.ctypes.data_as(c.POINTER(c.c_double)))
         return out, pose
 
+    def render_to_buffers(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0, supersample: int = 0,
+                          colour: Any = None, alpha: Any = None, depth: Any = None, rgba: Any = None, premultiplied: bool = False) -> None:
+        """render() into memory on the device: Buffers of float32 [H, W, 3], [H, W], [H, W] and uint8 [H, W, 4] (without the background), or
+        what has __dlpack__ on OpenCL. Returns when the picture is there."""
+        seen_from, size, kept = _given(camera, Camera, "camera")._struct(), (camera.height, camera.width), []
+        picture = _OpenclPicture(premultiplied=bool(premultiplied))
+        for name, value, shape, dtype in (("colour", colour, (*size, 3), "float32"), ("alpha", alpha, size, "float32"),
+                                          ("depth", depth, size, "float32"), ("rgba", rgba, (*size, 4), "uint8")):
+            setattr(picture, name, _cl_mem(value, shape, dtype, self, name, kept))
+        self._finishing("opencl_render", _given(scene, Scene, "scene"), c.byref(seen_from),
+                        c.byref(_render_options(background, near, supersample)), c.byref(picture))
+
+    def render_backward_to_buffers(self, scene: Scene, camera: Camera, out: Gaussians, colour: Any = None, alpha: Any = None, depth: Any = None,
+                                   background: Sequence[float] = (1, 1, 1), near: float = 0.0) -> None:
+        """render_backward() from gradients in memory on the device into such memory: what `out` has, shaped as Gaussians says (of surfels
+        `scales` is [K, 2])."""
+        seen_from, size, kept = _given(camera, Camera, "camera")._struct(), (camera.height, camera.width), []
+        info, by = _given(scene, Scene, "scene")._info(), _OpenclPicture()
+        for name, value, shape in (("colour", colour, (*size, 3)), ("alpha", alpha, size), ("depth", depth, size)):
+            setattr(by, name, _cl_mem(value, shape, "float32", self, name, kept))
+        to = _OpenclGaussians(**{name: _cl_mem(getattr(_given(out, Gaussians, "out"), name), shape, "float32", self, f"out.{name}", kept)
+                                 for name, shape in _shapes_there(info, 2 if info.surfels else 3).items()})
+        self._finishing("opencl_render_backward", scene, c.byref(seen_from), c.byref(_render_options(background, near)), c.byref(by), c.byref(to))
+
+    def scene_from_buffers(self, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, like: Scene | None = None) -> Scene:
+        """Scene.from_arrays() of values in memory on the device: read, checked and copied."""
+        info, kept, handle = _given(like, Scene, "like")._info() if like is not None else _SceneInfo(), [], c.c_void_p()
+        first = _on_device(self, sh, "sh")
+        if len(first.shape) != 3:
+            raise UsageError(f"sh has the shape {list(first.shape)}: [any, any, 3] expected")
+        info.count, info.sh_degree = first.shape[0], _degree_of(first)
+        given = {"means": means, "scales": scales, "rotations": rotations, "opacities": opacities, "sh": first}
+        struct = _OpenclGaussians(**{name: _cl_mem(given[name], shape, "float32", self, name, kept)
+                                     for name, shape in _shapes_there(info, 3).items()})
+        _call("opencl_scene_create", self, c.byref(info), c.byref(struct), c.c_uint32(0), None, c.byref(handle))
+        return Scene(handle)
+
+    def scene_buffers(self, scene: Scene) -> Gaussians:
+        """Where the scene lies on the device, as Buffers; `scales` of surfels is [K, 2]. Others may read and change it on the device's queue
+        until another scene is drawn, or the device is trimmed; what is drawn next shows the change, and store_buffers() takes it over."""
+        info, struct = _given(scene, Scene, "scene")._info(), _OpenclGaussians()
+        if info.count == 0:
+            raise UsageError("the scene has no Gaussians, and no buffers")
+        _call("opencl_scene_buffers", self, scene, c.byref(struct))
+        return Gaussians(**{name: Buffer.from_cl_mem(self, getattr(struct, name), shape)
+                            for name, shape in _shapes_there(info, 2 if info.surfels else 3).items()})
+
+    def store_buffers(self, scene: Scene) -> None:
+        """Reads what scene_buffers() gave back into the scene."""
+        _call("opencl_scene_store", self, _given(scene, Scene, "scene"))
+
+    def _finishing(self, name: str, *args: Any) -> None:
+        event = c.c_void_p()
+        _call(name, self, *args, c.c_uint32(0), None, c.byref(event))
+        try:
+            _cl_call("clWaitForEvents", "waiting for the device", c.c_uint32(1), c.byref(event))
+        finally:
+            _cl("clReleaseEvent", c.c_int32)(event)
+
     def profile(self, on: bool) -> None:
         """Starts or stops recording every kernel's time."""
         _call("device_profile", self, c.c_int32(bool(on)))
@@ -976,6 +1332,18 @@ class Device(_Handle):
         text = c.c_char_p()
         _call("device_profile_text", self, 1, c.byref(text))
         return json.loads(_take_text(text))
+
+
+def _precision(name: str) -> int:
+    precisions = {"fp32": 0, "mixed": 1}
+    if name not in precisions:
+        raise UsageError(f"precision is {name!r}: fp32 or mixed expected")
+    return precisions[name]
+
+
+def _shapes_there(info: _SceneInfo, scales: int) -> dict[str, tuple[int, ...]]:
+    k = info.count
+    return {"means": (k, 3), "scales": (k, scales), "rotations": (k, 4), "opacities": (k,), "sh": (k, (info.sh_degree + 1) ** 2, 3)}
 
 
 class Job(_Handle):
@@ -1089,19 +1457,35 @@ def _new_picture(camera: Camera, wanted: tuple[bool, bool, bool], also: Iterable
         struct.ids = picture.ids.ctypes.data_as(c.POINTER(c.c_int32))
     if out is None:
         return picture, struct
+    if not isinstance(out, np.ndarray) and (_is_capsule(out) or hasattr(out, "__dlpack__")):
+        out = picture._kept = _ndarray(out, name)
     if not isinstance(out, np.ndarray) or out.dtype.name not in _PIXELS:
         raise TypeError(f"{name} is a {type(out).__name__}{f' of {out.dtype}' if isinstance(out, np.ndarray) else ''}: a numpy.ndarray of uint8, "
                         "float16 or float32 expected")
     if out.ndim != 3 or out.shape[:2] != size or out.shape[2] not in (3, 4):
         raise UsageError(f"{name} has the shape {list(out.shape)}: [{size[0]}, {size[1]}, 3 or 4] expected")
-    row, pixel, value = out.strides
-    if not out.flags.writeable or value != out.itemsize or pixel != out.shape[2] * value or row < out.shape[1] * pixel and size[0] > 1:
+    if not out.flags.writeable or not _are_rows(out):
         raise UsageError(f"{name} has strides of {list(out.strides)} bytes{'' if out.flags.writeable else ' and is read-only'}: an array that may "
                          "be written, with the pixels of a row side by side and the rows one below the other, expected")
-    struct.data, struct.type, struct.channels = out.ctypes.data, _PIXELS[out.dtype.name], out.shape[2]
-    struct.row_bytes, struct.premultiplied = row if size[0] > 1 else 0, bool(premultiplied)
-    struct.data_bytes = (size[0] - 1) * row + size[1] * pixel
+    _tell_rows(struct, out)
+    struct.premultiplied = bool(premultiplied)
     return picture, struct
+
+
+def _are_rows(array: np.ndarray) -> bool:
+    """Whether [H, W, C] lies as the library takes it: without gaps, but for those between rows."""
+    if array.ndim != 3:
+        return False
+    row, pixel, value = array.strides
+    return value == array.itemsize and pixel == array.shape[2] * value and (row >= array.shape[1] * pixel or array.shape[0] == 1)
+
+
+def _tell_rows(struct: _Picture | _View, array: np.ndarray) -> None:
+    height, width, channels = array.shape
+    row, pixel, _ = array.strides
+    struct.data, struct.type, struct.channels = array.ctypes.data, _PIXELS[array.dtype.name], channels
+    struct.row_bytes = row if height > 1 else 0
+    struct.data_bytes = (height - 1) * row + width * pixel
 
 
 def _picture_of(picture: Picture, camera: Camera) -> _Picture:

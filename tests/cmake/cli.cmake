@@ -65,6 +65,9 @@ if(NOT VSPLAT_SANITIZE)
   add_test(NAME python_module COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/vsplat_test.py)
   set_tests_properties(python_module PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
     ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
+  add_test(NAME python_dlpack COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/reference/pytorch/run.sh ../../python/dlpack_test.py)
+  set_tests_properties(python_dlpack PROPERTIES LABELS cli TIMEOUT 300 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "${python_skipped}"
+    ENVIRONMENT "VSPLAT_LIBRARY=$<TARGET_FILE:vsplat>")
   # Every function of the public headers, with what a caller may get wrong.
   add_test(NAME functions COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/python/functions_test.py)
   set_tests_properties(functions PROPERTIES LABELS unit TIMEOUT 300 COST 100
