@@ -8,8 +8,10 @@
 #include <map>
 
 #include "model/base/image.h"
+#include "model/io/any_case.h"
 #include "model/io/image_file.h"
 #include "model/io/image_formats.h"
+#include "model/io/listed_file.h"
 #include "model/read/mesh_messages.h"
 #include "model/read/reader.h"
 #include "runtime/fail.h"
@@ -62,12 +64,26 @@ Sampling sampling_of(const read::MeshTexture& texture) {
   return {beyond(texture.wrap_u), beyond(texture.wrap_v), texture.nearest};
 }
 
+// Where a mesh's textures lie: beside it, or in a folder that has them.
+std::vector<fs::path> places_of(const fs::path& folder) {
+  std::vector<fs::path> out = {folder};
+  for (const char* name : {"textures", "texture", "images", "maps"}) {
+    std::error_code problem;
+    if (const fs::path place = in_any_case(folder, name); fs::is_directory(place, problem)) out.push_back(place);
+  }
+  return out;
+}
+
 class MeshReader {
  public:
   MeshReader(const std::string& path, const std::string& texture)
-      : path_(regular(path)), gltf_(is_gltf(path)), reader_(path, Kind::mesh, "its file") {
-    const fs::path folder = fs::path(path).parent_path();
-    roots_.add(folder.empty() ? "." : folder);
+      : path_(regular(path)),
+        folder_(fs::path(path).parent_path()),
+        gltf_(is_gltf(path)),
+        files_(places_of(folder_), folder_, &roots_),
+        reader_(path, Kind::mesh, "its file") {
+    roots_.add(folder_.empty() ? "." : folder_);
+    reader_.search_by([this](const std::string& name) { return other_place(name); });
     if (!texture.empty()) everywhere_ = texture_of(*ImageFile(texture).rows());
   }
   Mesh read();
@@ -82,6 +98,7 @@ class MeshReader {
 
   Vector3f linear(const float* colour) const;
   Vector3f emission(const std::array<float, 3>& from) const;
+  std::string other_place(const std::string& name);
   std::shared_ptr<const Texture> texture(const std::string& name);
   void read_holes(const MeshMaterial& from, Material& out) const;
   Material material(const MeshMaterial& from);
@@ -89,8 +106,10 @@ class MeshReader {
   std::uint64_t most_bytes() const { return reader_.given() + (std::uint64_t{4} << 20); }  // of a message
 
   const std::string& path_;
+  const fs::path folder_;
   const bool gltf_;
   Roots roots_;  // of the textures
+  ListedFiles files_;
   std::shared_ptr<const Texture> everywhere_;
   Reader reader_;
   std::map<std::string, std::shared_ptr<const Texture>> textures_;
@@ -120,18 +139,30 @@ void MeshReader::take_texture(Unpacker& in) {
       texture_of(*open_picture({where, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()}));
 }
 
+// Of a file that the mesh names and that is not there (materials, buffers): one of the same name in another case, or by
+// the end of its path. "" for none.
+std::string MeshReader::other_place(const std::string& name) {
+  std::string listed = name;
+  if (const std::string beside = (folder_ / "").string(); listed.starts_with(beside)) listed.erase(0, beside.size());
+  const std::string found = files_.find(listed).path.string();
+  return extension_of(found) == extension_of(listed) ? found : "";
+}
+
+// By the search that finds the pictures of a list.
 std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
   std::shared_ptr<const Texture>& known = textures_[name];
   if (known) return known;
-  std::string file = name;
-  std::replace(file.begin(), file.end(), '\\', '/');
-  const fs::path full = fs::path(path_).parent_path() / file;
-  std::error_code ignored;
-  if (!fs::exists(full, ignored))
-    fail(Status::input, "{}: its texture {} is missing; put it there, or give another to vsplat_mesh_load", path_,
-         printable(full.string()));
-  roots_.need(full, path_ + ": its texture");
-  return known = texture_of(*ImageFile(full.string()).rows());
+  fs::path file;
+  try {
+    file = files_.find(name).path;
+  } catch (const Error& e) {
+    fail(e.status(), "{}: its texture: {}", path_, e.what());
+  }
+  if (file.empty())
+    fail(Status::input, "{}: its texture {} is missing ({}); put it there, or give another to vsplat_mesh_load", path_,
+         printable(name), files_.where_looked(name));
+  roots_.need(file, path_ + ": its texture");
+  return known = texture_of(*ImageFile(file.string()).rows());
 }
 
 // glTF: alpha counts where the material says so. What is blended there is a surface here where it is at least half.

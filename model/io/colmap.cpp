@@ -11,6 +11,7 @@
 #include <map>
 #include <string_view>
 
+#include "model/io/any_case.h"
 #include "model/io/colmap_file.h"
 #include "model/io/view_checks.h"
 #include "runtime/fail.h"
@@ -239,10 +240,15 @@ std::vector<ListedView> read_images_text(const fs::path& path, const Cameras& ca
   return out;
 }
 
+// In any case: some programs write Cameras.txt.
+fs::path file_of(const fs::path& folder, const char* what, const char* extension) {
+  return in_any_case(folder, fmt::format("{}.{}", what, extension));
+}
+
 bool holds(const fs::path& folder, const char* extension) {
   std::error_code error;
-  return fs::is_regular_file(folder / fmt::format("cameras.{}", extension), error) &&
-         fs::is_regular_file(folder / fmt::format("images.{}", extension), error);
+  return fs::is_regular_file(file_of(folder, "cameras", extension), error) &&
+         fs::is_regular_file(file_of(folder, "images", extension), error);
 }
 
 }  // namespace
@@ -251,8 +257,8 @@ bool is_colmap_model(const fs::path& folder) { return holds(folder, "bin") || ho
 
 std::uint64_t images_in(const fs::path& folder) {
   try {
-    if (holds(folder, "bin")) return ColmapBytes(folder / "images.bin").read<std::uint64_t>("images");
-    ColmapLines in(folder / "images.txt");
+    if (holds(folder, "bin")) return ColmapBytes(file_of(folder, "images", "bin")).read<std::uint64_t>("images");
+    ColmapLines in(file_of(folder, "images", "txt"));
     std::uint64_t count = 0;
     for (; in.record_line(); ++count) in.any_line();
     return count;
@@ -267,7 +273,7 @@ ColmapChoice largest_of(const fs::path& folder) {
   std::map<long, fs::path> parts;
   std::error_code error;
   // Elsewhere, objects of a data set may be called by numbers.
-  const std::string own = fs::absolute(folder, error).lexically_normal().filename().string();
+  const std::string own = lower_case(fs::absolute(folder, error).lexically_normal().filename().string());
   const bool may_have_parts = own == "sparse" || own == "colmap";
   for (fs::directory_iterator at(folder, error), end; may_have_parts && !error && at != end; at.increment(error)) {
     const std::string name = at->path().filename().string();
@@ -292,9 +298,11 @@ ColmapChoice largest_of(const fs::path& folder) {
 }
 
 ColmapChoice choose_colmap_model(const fs::path& folder) {
-  std::vector<fs::path> places = {folder / "sparse", folder / "colmap", folder / "colmap/sparse", folder};
+  const fs::path colmap = in_any_case(folder, "colmap");
+  std::vector<fs::path> places = {in_any_case(folder, "sparse"), colmap, in_any_case(colmap, "sparse"), folder};
   std::error_code error;
-  const fs::path dense = folder / "dense";  // image_undistorter writes dense/sparse, some scripts dense/0/sparse
+  const fs::path dense =
+      in_any_case(folder, "dense");  // image_undistorter writes dense/sparse, some scripts dense/0/sparse
   std::vector<fs::path> numbered;
   for (fs::directory_iterator at(dense, error), end; !error && at != end; at.increment(error))
     if (at->path().filename().string().find_first_not_of("0123456789") == std::string::npos)
@@ -329,9 +337,11 @@ ViewSet read_colmap(const fs::path& folder) {
   out.source = folder;
   out.convention = PoseConvention::opencv_w2c;
   if (binary) {
-    out.views = read_images_binary(folder / "images.bin", read_cameras_binary(folder / "cameras.bin"));
+    out.views =
+        read_images_binary(file_of(folder, "images", "bin"), read_cameras_binary(file_of(folder, "cameras", "bin")));
   } else {
-    out.views = read_images_text(folder / "images.txt", read_cameras_text(folder / "cameras.txt"));
+    out.views =
+        read_images_text(file_of(folder, "images", "txt"), read_cameras_text(file_of(folder, "cameras", "txt")));
   }
   if (out.views.empty()) fail(Status::input, "{}: the COLMAP model lists no images", folder.string());
   std::stable_sort(out.views.begin(), out.views.end(),

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "model/io/any_case.h"
 #include "model/io/colmap.h"
 #include "model/io/colmap_file.h"
 #include "runtime/fail.h"
@@ -90,7 +91,7 @@ fs::path model_of(const fs::path& path) {
 
 fs::path colmap_points_file(const fs::path& model) {
   for (const char* name : {"points3D.bin", "points3D.txt"})
-    if (has_file(model / name)) return model / name;
+    if (const fs::path file = in_any_case(model, name); has_file(file)) return file;
   return {};
 }
 
@@ -105,7 +106,7 @@ std::vector<ColoredPoint> read_colmap_points(const fs::path& path) {
   const fs::path file = colmap_points_file(folder);
   if (file.empty())
     fail(Status::file, "{}: the COLMAP model has no points: points3D.bin or points3D.txt is expected", folder.string());
-  std::vector<ColoredPoint> out = file.extension() == ".bin" ? read_binary(file) : read_text(file);
+  std::vector<ColoredPoint> out = lower_case(file.extension().string()) == ".bin" ? read_binary(file) : read_text(file);
   if (out.empty()) fail(Status::input, "{}: lists no points", file.string());
   return out;
 }

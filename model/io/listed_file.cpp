@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "model/io/any_case.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"
 
@@ -18,21 +19,26 @@ namespace fs = std::filesystem;
 
 constexpr int most_looked_through = 20000;  // files, for a message
 constexpr int deepest_looked = 4;
-
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return c < 0x80 ? static_cast<char>(std::tolower(c)) : static_cast<char>(c); });
-  return text;
-}
+constexpr std::size_t longest_name = 4096;  // no file has a longer path
+constexpr std::size_t most_tails = 40;      // of folders within folders
 
 bool is_regular(const fs::path& path) {
   std::error_code error;
   return fs::is_regular_file(path, error);
 }
 
+// Endings of pictures that are not read: whoever converted them may have left the list as it was.
+bool has_foreign_ending(const fs::path& file) {
+  static constexpr std::array known = {".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif",  ".tga", ".dds", ".psd",
+                                       ".hdr",  ".pgm",  ".ppm",  ".dng", ".cr2", ".cr3",  ".nef", ".arw", ".orf",
+                                       ".raf",  ".rw2",  ".raw",  ".ktx", ".jpe", ".jfif", ".ktx2"};
+  const std::string ending = lower_case(file.extension().string());
+  return std::find(known.begin(), known.end(), ending) != known.end();
+}
+
 // Without an ending that pictures have: in a name without one a dot is nothing special.
 std::string picture_stem(const fs::path& file) {
-  return (has_picture_ending(file) ? file.stem() : file.filename()).string();
+  return (has_picture_ending(file) || has_foreign_ending(file) ? file.stem() : file.filename()).string();
 }
 
 // The path, and it without its first parts, the longest first: what of it may be below a folder.
@@ -45,6 +51,7 @@ std::vector<fs::path> tails_of(const fs::path& name) {
       parts.push_back(part);
   if (!parts.empty() && parts.front().string().size() == 2 && parts.front().string()[1] == ':')
     parts.erase(parts.begin());  // a drive
+  if (parts.size() > most_tails) parts.erase(parts.begin(), parts.end() - static_cast<std::ptrdiff_t>(most_tails));
   std::vector<fs::path> out;
   for (std::size_t first = 0; first < parts.size(); ++first) {
     fs::path tail;
@@ -91,7 +98,7 @@ bool is_near(const std::string& a, const std::string& b, std::size_t apart) {
 // Pictures in or below the folder whose names are next to `file`, at most three, the nearest first.
 std::vector<std::string> near_names(const fs::path& folder, const std::string& file) {
   std::vector<std::pair<std::size_t, std::string>> near;
-  const std::string wanted = lower(picture_stem(file));
+  const std::string wanted = lower_case(picture_stem(file));
   if (wanted.size() > 255) return {};
   std::error_code error;
   int seen = 0;
@@ -100,7 +107,7 @@ std::vector<std::string> near_names(const fs::path& folder, const std::string& f
     const std::string name = at->path().filename().string();
     if (name.front() == '.' || at.depth() >= deepest_looked) at.disable_recursion_pending();
     if (name.front() == '.' || !has_picture_ending(at->path())) continue;
-    const std::string own = lower(picture_stem(name));
+    const std::string own = lower_case(picture_stem(name));
     if (own.size() > 255) continue;
     const std::size_t apart = letters_apart(wanted, own);
     if (is_near(wanted, own, apart)) near.emplace_back(apart, at->path().string());
@@ -115,7 +122,7 @@ std::vector<std::string> near_names(const fs::path& folder, const std::string& f
 }  // namespace
 
 bool has_picture_ending(const fs::path& file) {
-  const std::string ending = lower(file.extension().string());
+  const std::string ending = lower_case(file.extension().string());
   static constexpr std::array known = {".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp"};
   return std::find(known.begin(), known.end(), ending) != known.end();
 }
@@ -130,8 +137,8 @@ const ListedFiles::Folder& ListedFiles::list(const fs::path& folder) {
   std::error_code error;
   for (fs::directory_iterator at(folder.empty() ? "." : folder, error), end; !error && at != end; at.increment(error)) {
     const std::string name = at->path().filename().string();
-    out.by_lower_name.emplace(lower(name), name);
-    if (has_picture_ending(name)) out.by_lower_stem.emplace(lower(at->path().stem().string()), name);
+    out.by_lower_name.emplace(lower_case(name), name);
+    if (has_picture_ending(name)) out.by_lower_stem.emplace(lower_case(at->path().stem().string()), name);
   }
   return out;
 }
@@ -144,7 +151,7 @@ fs::path ListedFiles::folder_below(const fs::path& folder, const fs::path& path)
       out /= part;
       continue;
     }
-    const auto [first, last] = list(out).by_lower_name.equal_range(lower(part.string()));
+    const auto [first, last] = list(out).by_lower_name.equal_range(lower_case(part.string()));
     if (first == last || std::next(first) != last) return {};
     out /= first->second;
     if (!fs::is_directory(out, error)) return {};
@@ -169,9 +176,9 @@ fs::path ListedFiles::nearly(const fs::path& folder, const fs::path& tail) {
   const Folder& files = list(place);
   const std::string file = tail.filename().string(), stem = picture_stem(tail);
   std::vector<std::string> same, with_stem, in_case;
-  for (auto [at, end] = files.by_lower_name.equal_range(lower(file)); at != end; ++at) same.push_back(at->second);
+  for (auto [at, end] = files.by_lower_name.equal_range(lower_case(file)); at != end; ++at) same.push_back(at->second);
   if (const fs::path found = only_one(place, same, tail); !found.empty()) return found;
-  for (auto [at, end] = files.by_lower_stem.equal_range(lower(stem)); at != end; ++at)
+  for (auto [at, end] = files.by_lower_stem.equal_range(lower_case(stem)); at != end; ++at)
     (fs::path(at->second).stem() == stem ? with_stem : in_case).push_back(at->second);
   if (const fs::path found = only_one(place, with_stem, tail); !found.empty()) return found;
   return only_one(place, in_case, tail);
@@ -194,7 +201,7 @@ FoundFile ListedFiles::find_slashed(const std::string& name) {
 }
 
 FoundFile ListedFiles::find(const std::string& name) {
-  if (name.empty() || name.find('\0') != std::string::npos) return {};
+  if (name.empty() || name.size() > longest_name || name.find('\0') != std::string::npos) return {};
   if (name.find('\\') == std::string::npos) return find_slashed(name);
   for (const fs::path& folder : folders_)
     if (is_regular(folder / name)) return {folder / name, true};

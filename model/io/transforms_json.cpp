@@ -99,11 +99,13 @@ void read_distortion(const Fields& fields, Camera& camera) {
       fail(Status::input, "{}: the lens model of {} is not supported; undistort the pictures first", fields.where(),
            name);
   static const std::set<std::string> perspective = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"};
-  const std::string model = fields.text_or("camera_model", "OPENCV");
+  std::string model = fields.text_or("camera_model", "OPENCV");
+  for (char& c : model) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
   const bool fisheye = model == "OPENCV_FISHEYE" || fields.flag("is_fisheye");
   if (!fisheye && perspective.count(model) == 0)
     fail(Status::input,
-         "{}: camera_model {} is not supported (OPENCV, OPENCV_FISHEYE and PINHOLE are); undistort the pictures first",
+         "{}: camera_model \"{}\" is not supported (OPENCV, OPENCV_FISHEYE and PINHOLE are); undistort the pictures "
+         "first",
          fields.where(), printable(model));
   std::array<double, 6> k{};
   const char* const names[] = {"k1", "k2", "k3", "k4", "p1", "p2"};

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <optional>
 #include <utility>
 
+#include "model/io/any_case.h"
 #include "model/io/listed_file.h"
 #include "runtime/error.h"
 #include "runtime/fail.h"
@@ -51,7 +53,7 @@ std::vector<fs::path> picture_places(const ViewSet& set, const std::vector<fs::p
   std::vector<fs::path> out;
   for (const char* name : names)
     for (const fs::path& folder : around)
-      if (is_a_folder(folder / name)) out.push_back(folder / name);
+      if (const fs::path place = in_any_case(folder, name); is_a_folder(place)) out.push_back(place);
   out.insert(out.end(), around.begin(), around.begin() + std::min<std::ptrdiff_t>(std::ssize(around), 3));
   return out;
 }
@@ -142,7 +144,7 @@ void find_listed_pictures(ViewSet& set, const ReadOptions& options, Roots& roots
   const fs::path beside = set.source.parent_path();
   std::vector<fs::path> places = {options.pictures_dir};
   std::optional<fs::path> written;
-  if (options.pictures_dir.empty()) places = {beside, beside / "images"}, written = beside;
+  if (options.pictures_dir.empty()) places = {beside, in_any_case(beside, "images")}, written = beside;
   ListedFiles where(places, written, &roots);
   take_pictures(set, search(set, where), where);
 }
@@ -158,7 +160,7 @@ FoundFile mask_in(const fs::path& masks, ListedFiles& where, const std::string& 
 }
 
 // Of a list that names no masks. Where the folder has those of some pictures, the others' are missing.
-void take_masks_of(ViewSet& set, const fs::path& masks, bool is_colmap, Roots& roots) {
+void take_masks_of(ViewSet& set, const fs::path& masks, bool tell, Roots& roots) {
   ListedFiles where({masks});
   std::vector<FoundFile> files;
   std::size_t with_picture = 0, found = 0;
@@ -169,6 +171,8 @@ void take_masks_of(ViewSet& set, const fs::path& masks, bool is_colmap, Roots& r
   }
   if (with_picture == 0) return;
   const std::string folder = or_here(masks.lexically_normal()).string();
+  const bool is_colmap = is_a_folder(set.source);
+  if (found == 0 && !tell) return;
   if (found == 0 && !is_colmap) {
     warn("{}: the folder {} is not used: none of its files is called like a picture of the list", set.source.string(),
          folder);
@@ -181,7 +185,8 @@ void take_masks_of(ViewSet& set, const fs::path& masks, bool is_colmap, Roots& r
       set.views[i].mask =
           files[i].path.empty() ? masks / fs::path(set.views[i].name).replace_extension(".png") : files[i].path;
   set.masks_found = fmt::format("{} of {} pictures have a mask in {}", found, with_picture, folder);
-  if (found == with_picture && !is_colmap) info("{}: {}, and these are used", set.source.string(), set.masks_found);
+  if (found == with_picture && !is_colmap && tell)
+    info("{}: {}, and these are used", set.source.string(), set.masks_found);
 }
 
 // As they are listed, relative to the list; or, where the pictures are elsewhere, to them.
@@ -201,28 +206,27 @@ void find_listed_masks(ViewSet& set, const ReadOptions& options, Roots& roots) {
     if (set.views[i].mask) set.views[i].mask = files[i].path.empty() ? beside / *set.views[i].mask : files[i].path;
 }
 
-void find_all(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
-  const bool is_colmap = is_a_folder(set.source);
-  std::vector<fs::path> mask_places;
-  if (is_colmap) {
-    std::vector<fs::path> around = folder_and_above(set.source);
+// -> the folders that may have a folder of masks
+std::vector<fs::path> find_pictures(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
+  if (is_a_folder(set.source)) {
+    std::vector<fs::path> around = folder_and_above(set.source), out;
     if (is_a_folder(given) && std::find(around.begin(), around.end(), given) == around.end()) around.push_back(given);
     const fs::path pictures = find_colmap_pictures(set, options, around, roots);
-    if (!pictures.empty()) mask_places.push_back((pictures / "..").lexically_normal());
-    mask_places.insert(mask_places.end(), around.begin(), around.end());
-  } else {
-    find_listed_pictures(set, options, roots);
-    mask_places.push_back(set.source.parent_path());
-    if (!options.pictures_dir.empty()) mask_places.push_back((options.pictures_dir / "..").lexically_normal());
+    if (!pictures.empty()) out.push_back((pictures / "..").lexically_normal());
+    out.insert(out.end(), around.begin(), around.end());
+    return out;
   }
-  if (!options.use_pictures) return;
-  if (set.lists_masks) {
-    find_listed_masks(set, options, roots);
-    return;
-  }
+  find_listed_pictures(set, options, roots);
+  std::vector<fs::path> out = {set.source.parent_path()};
+  if (!options.pictures_dir.empty()) out.push_back((options.pictures_dir / "..").lexically_normal());
+  return out;
+}
+
+void find_masks(ViewSet& set, const std::vector<fs::path>& mask_places, const ReadOptions& options, Roots& roots) {
+  if (set.lists_masks) return find_listed_masks(set, options, roots);
   for (const fs::path& place : mask_places)
-    if (is_a_folder(place / "masks")) {
-      take_masks_of(set, place / "masks", is_colmap, roots);
+    if (const fs::path masks = in_any_case(place, "masks"); is_a_folder(masks)) {
+      take_masks_of(set, masks, options.use_pictures, roots);
       return;
     }
 }
@@ -230,16 +234,22 @@ void find_all(ViewSet& set, const fs::path& given, const ReadOptions& options, R
 }  // namespace
 
 void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
-  if (options.use_pictures) return find_all(set, given, options, roots);
-  // Target cameras take no more from a picture than its size: names that fit several files are names of none.
-  ViewSet with_files = set;
-  try {
-    find_all(with_files, given, options, roots);
+  // Target cameras take no more from a picture than its size, and from a mask what a comparison leaves out: names that
+  // fit several files are names of none.
+  const auto attempt = [&](const std::function<void(ViewSet&)>& find) {
+    ViewSet with_files = set;
+    try {
+      find(with_files);
+    } catch (const Error& error) {
+      if (options.use_pictures || error.status() != Status::input) throw;
+      verbose("{}", error.what());
+      return;
+    }
     set = std::move(with_files);
-  } catch (const Error& error) {
-    if (error.status() != Status::input) throw;
-    verbose("{}", error.what());
-  }
+  };
+  std::vector<fs::path> mask_places;
+  attempt([&](ViewSet& with) { mask_places = find_pictures(with, given, options, roots); });
+  attempt([&](ViewSet& with) { find_masks(with, mask_places, options, roots); });
 }
 
 }  // namespace vsplat

@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
+#include "model/io/any_case.h"
 #include "model/io/cameras_json.h"
 #include "model/io/colmap.h"
 #include "model/io/listed_file.h"
@@ -115,16 +117,19 @@ std::vector<std::string> lists_below(const fs::path& folder) {
   return out;
 }
 
-// A model whose files have other names than COLMAP gives them, for a message.
-std::string capital_names(const fs::path& folder) {
+// A file of COLMAP's that is there twice, in other cases than COLMAP's, for a message.
+std::string doubled_names(const fs::path& folder) {
   for (const char* inside : {"sparse/0", "sparse", "colmap", "."}) {
+    std::map<std::string, std::string> seen;
     std::error_code error;
     for (fs::directory_iterator at(folder / inside, error), end; !error && at != end; at.increment(error)) {
-      const std::string name = at->path().filename().string();
-      for (const std::string wanted : {"ameras.txt", "ameras.bin", "AMERAS.TXT", "AMERAS.BIN"})
-        if (name == "C" + wanted)
-          return fmt::format("{} is there, and COLMAP's files are called in lower case: rename them; ",
-                             printable((folder / inside / name).lexically_normal().string()));
+      const std::string name = at->path().filename().string(), plain = lower_case(name);
+      if (!plain.starts_with("cameras.") && !plain.starts_with("images.")) continue;
+      const auto [other, is_new] = seen.emplace(plain, name);
+      if (!is_new)
+        return fmt::format("{} and {} are both in {}, and COLMAP's file is called {}: keep one of them; ",
+                           printable(std::min(name, other->second)), printable(std::max(name, other->second)),
+                           printable((folder / inside).lexically_normal().string()), plain);
     }
   }
   return "";
@@ -141,7 +146,7 @@ std::string capital_names(const fs::path& folder) {
   for (const char* inside : {"images", "input", "."}) {
     const fs::path pictures = inside == std::string(".") ? folder : folder / inside;
     if (const std::size_t count = pictures_in_folder(pictures); count > 0)
-      fail(Status::file, "{}: {}; {}{} has {} picture{}: {}", folder.string(), no_list, capital_names(folder),
+      fail(Status::file, "{}: {}; {}{} has {} picture{}: {}", folder.string(), no_list, doubled_names(folder),
            pictures.string(), count, count == 1 ? "" : "s", how_to_get_poses(folder, pictures));
   }
   std::vector<std::string> names;
@@ -200,12 +205,13 @@ ViewSet read_nerf(const fs::path& folder, const ReadOptions& options) {
   ViewSet out;
   std::string told;
   for (const auto& [name, split] : parts_of_nerf) {
-    if (!is_there(folder / name)) continue;
+    const fs::path file = in_any_case(folder, name);
+    if (!is_there(file)) continue;
     if (!out.views.empty() && !options.all_splits) {
       told += fmt::format("{}{}", told.empty() ? "" : ", ", name);
       continue;
     }
-    ViewSet part = read_json_list(folder / name, options.need_pictures);
+    ViewSet part = read_json_list(file, options.need_pictures);
     for (ListedView& view : part.views) view.split = split;
     if (out.views.empty()) {
       out = std::move(part);
@@ -222,20 +228,20 @@ ViewSet read_nerf(const fs::path& folder, const ReadOptions& options) {
 
 bool is_nerf(const fs::path& folder) {
   return std::any_of(std::begin(parts_of_nerf), std::end(parts_of_nerf),
-                     [&](const auto& part) { return is_there(folder / part.first); });
+                     [&](const auto& part) { return is_there(in_any_case(folder, part.first)); });
 }
 
 ViewSet read_folder(const fs::path& folder, const ReadOptions& options) {
   std::vector<std::string> kinds;
   for (const char* name : {"transforms.json", "cameras.json"})
-    if (is_there(folder / name)) kinds.emplace_back(name);
+    if (is_there(in_any_case(folder, name))) kinds.emplace_back(name);
   if (is_nerf(folder)) kinds.emplace_back("transforms_train.json");
   const ColmapChoice model = choose_colmap_model(folder);
   if (!model.folder.empty()) kinds.push_back(model.folder.string());
   if (kinds.empty()) refuse_folder(folder);
   ViewSet out;
   if (kinds[0] == "transforms.json" || kinds[0] == "cameras.json") {
-    out = read_json_list(folder / kinds[0], options.need_pictures);
+    out = read_json_list(in_any_case(folder, kinds[0]), options.need_pictures);
   } else if (kinds[0] == "transforms_train.json") {
     out = read_nerf(folder, options);
   } else {
@@ -256,15 +262,16 @@ ViewSet read_view_list(const fs::path& path, const ReadOptions& options) {
   if (fs::is_directory(path, error)) return read_folder(path, options);
   const std::string name = path.filename().string();
   for (const char* part : {"cameras.bin", "images.bin", "points3D.bin", "cameras.txt", "images.txt", "points3D.txt"})
-    if (name == part) return read_colmap(path.has_parent_path() ? path.parent_path() : fs::path("."));
+    if (lower_case(name) == lower_case(part))
+      return read_colmap(path.has_parent_path() ? path.parent_path() : fs::path("."));
   if (is_there(path))
     if (const std::string kind = kind_of(path); !kind.empty()) refuse_file(path, kind);
   return read_json_list(path, options.need_pictures);
 }
 
 bool has_view_list(const fs::path& folder) {
-  return is_there(folder / "transforms.json") || is_there(folder / "cameras.json") || is_nerf(folder) ||
-         !find_colmap_model(folder).empty();
+  return is_there(in_any_case(folder, "transforms.json")) || is_there(in_any_case(folder, "cameras.json")) ||
+         is_nerf(folder) || !find_colmap_model(folder).empty();
 }
 
 }  // namespace vsplat

@@ -82,6 +82,8 @@ ViewSet read_views(const fs::path& given, const ReadOptions& options) {
     fail(Status::file, "{}: no such folder of pictures", options.pictures_dir.string());
   const fs::path path = given == "-" ? fs::path("/dev/stdin") : given;
   ViewSet set = read_view_list(path, options);
+  // Who writes a list into a pipe has its files here: /dev has none.
+  if (given == "-" || path.parent_path() == "/dev" || path.parent_path() == "/dev/fd") set.source = "-";
   Roots roots;
   std::error_code error;
   const fs::path beside = fs::is_directory(set.source, error) ? set.source : set.source.parent_path();
@@ -93,7 +95,7 @@ ViewSet read_views(const fs::path& given, const ReadOptions& options) {
   for (const std::string& choice : set.choices) options.tell ? info("{}", choice) : verbose("{}", choice);
   refuse_outside(set, options.use_pictures, roots);
   set.leaves_out_bad = options.bad == BadViews::leave_out;
-  if (set.leaves_out_bad) note_missing_masks(set);
+  if (set.leaves_out_bad && options.use_pictures) note_missing_masks(set);
   for (ListedView& view : set.views)
     if (view.problem.empty() && view.camera.width > 0 && view.camera.height > 0)
       noting_problems(view, [&] { resolve_intrinsics(view, view.camera.width, view.camera.height); });

@@ -180,10 +180,14 @@ bool Reader::may_read(const std::string& name) {
   }
 }
 
-void Reader::answer(Kind question, const std::string& name) {
+void Reader::answer(Kind question, const std::string& asked) {
   std::unique_ptr<std::FILE, FileCloser> file;
   std::error_code ignored;
-  bool yes = name.find('\0') == std::string::npos && fs::exists(name, ignored);
+  std::string name = asked;
+  const bool is_name = name.find('\0') == std::string::npos;
+  if (const bool there = is_name && fs::exists(name, ignored); !there && is_name && search_)
+    if (const std::string found = search_(name); !found.empty()) name = found;
+  bool yes = is_name && fs::exists(name, ignored);
   if (!yes && question == Kind::open && missing_.empty()) missing_ = name;
   yes = yes && may_read(name);
   std::optional<sys::FileFacts> found;

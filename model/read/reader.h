@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <set>
 #include <string>
@@ -45,6 +46,11 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
+  // Finds a file that is not where the read one says: its path, or "" where there is none. What it throws ends the
+  // reading.
+  using Search = std::function<std::string(const std::string& name)>;
+  void search_by(Search search) { search_ = std::move(search); }
+
   // Asks for something. `bytes` is about how many it is, beside those of the file itself.
   void ask(read::Kind kind, const read::Packer& body, std::uint64_t bytes = 0);
 
@@ -69,7 +75,7 @@ class Reader {
   auto guarded(F&& call);
   void start(read::Kind what);
   std::uint64_t memory() const;  // that it may have
-  void answer(read::Kind question, const std::string& name);
+  void answer(read::Kind question, const std::string& asked);
   bool may_read(const std::string& name);
   void look_at_memory();
   [[noreturn]] void complain(const read::Message& failed);
@@ -85,6 +91,7 @@ class Reader {
   std::set<std::pair<std::uint64_t, std::uint64_t>> seen_;  // of those files
   int questions_ = 0;
   double seconds_ = 0;
+  Search search_;
   std::string missing_, refused_;
   std::string gave_up_;  // why
 };

@@ -229,6 +229,7 @@ void read_with_assimp(const std::string& path, Library& library) {
   };
   const aiScene* scene = importer.ReadFile(path, 0);
   if (mtl.refused()) throw *mtl.refused();
+  mtl.note_unknown();
   refuse_unread(scene);
   check_faces(*importer.GetScene());
   refuse_unread(importer.ApplyPostProcessing(aiProcess_RemoveComponent | aiProcess_PreTransformVertices));

@@ -49,7 +49,7 @@ const std::set<std::string>& known_extensions() {
   return names;
 }
 
-void check_extensions(const GltfFile& file) {
+void check_extensions(const GltfFile& file, Library& library) {
   const Field required = file.list("extensionsRequired");
   for (std::size_t i = 0; i < required.size(); ++i) {
     const std::string name = required[i].text();
@@ -57,6 +57,16 @@ void check_extensions(const GltfFile& file) {
       fail_reading(Status::input, "extensionsRequired",
                    fmt::format("the file cannot be shown without the extension {}, which is not read; save it without",
                                printable(name)));
+  }
+  // Without these, another picture stands in: one that is read.
+  static const std::set<std::string> have_fallbacks{"EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds"};
+  const Field used = file.list("extensionsUsed");
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    const std::string name = used[i].text();
+    if (known_extensions().count(name) == 0 && have_fallbacks.count(name) == 0)
+      library.say(Kind::note, Packer().text(fmt::format(
+                                  "uses the extension {}, which is not read: what it changes of the picture is missing",
+                                  printable(name))));
   }
 }
 
@@ -254,7 +264,7 @@ void Teller::primitive(GltfPrimitive& primitive, const std::string& name, const 
 bool read_gltf(const std::string& path, Library& library) {
   const std::unique_ptr<GltfFile> file = GltfFile::open(path, library);
   if (!file) return false;
-  check_extensions(*file);
+  check_extensions(*file, library);
   Teller(*file, library).tell();
   return true;
 }

@@ -5,6 +5,7 @@
 
 #include "model/read/program/assimp.h"
 #include "model/read/program/gltf.h"
+#include "model/read/program/ply_notes.h"
 
 namespace vsplat::read {
 namespace {
@@ -17,6 +18,7 @@ bool ends_with(std::string path, const std::string& ending) {
 }  // namespace
 
 void read_mesh(const std::string& path, Library& library) {
+  if (ends_with(path, ".ply")) note_ply_header(path, library);
   const bool gltf = ends_with(path, ".gltf") || ends_with(path, ".glb");
   if (!gltf || !read_gltf(path, library)) read_with_assimp(path, library);
 }

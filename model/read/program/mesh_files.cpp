@@ -73,6 +73,13 @@ std::optional<std::vector<unsigned char>> whole_file(const std::string& path, Li
   return out;
 }
 
+std::string beginning_of(const std::string& path, Library& library, std::size_t most) {
+  const Descriptor file = library.open(path);
+  std::string out(most, '\0');
+  out.resize(file.good() ? read_at(file, 0, out.data(), most) : 0);
+  return out;
+}
+
 Assimp::IOStream* MeshFiles::Open(const char* path, const char* mode) {
   if (std::string_view(mode).find_first_of("wa+") != std::string_view::npos) return nullptr;
   if (const bool obj = ends_as(path, ".obj"); obj || ends_as(path, ".mtl")) {
@@ -81,6 +88,7 @@ Assimp::IOStream* MeshFiles::Open(const char* path, const char* mode) {
     std::string text(bytes->begin(), bytes->end());
     if (!obj) return new Stream(materials_.take(path, std::move(text)));
     clean_lines(text);
+    materials_.look_for_uses(text);
     return new Stream(std::move(text));
   }
   Descriptor file = library_.open(path);

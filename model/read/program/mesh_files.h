@@ -13,6 +13,9 @@ namespace vsplat::read {
 // All bytes of a file, which the library opens; none where it does not.
 std::optional<std::vector<unsigned char>> whole_file(const std::string& path, Library& library);
 
+// Its first bytes, at most `most`; none where the library does not open it.
+std::string beginning_of(const std::string& path, Library& library, std::size_t most);
+
 class MeshFiles : public Assimp::IOSystem {
  public:
   // Of MTL files `materials` notes what assimp does not read.

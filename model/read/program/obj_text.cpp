@@ -146,6 +146,29 @@ std::string MtlMaterials::texture_line(const Line& line) {
   return fmt::format("{} {}", kind == "map_kd" ? "map_Kd" : line.word, rest);
 }
 
+// A colour: three numbers, one for all three, or in a form that is not read.
+std::string MtlMaterials::colour_line(const Line& line) {
+  const std::string kind = lower(line.word);
+  std::string_view rest = without_comment(line.rest), after = rest;
+  const std::string form = lower(take_word(after));
+  if ((form == "spectral" || form == "xyz") && (kind == "kd" || kind == "ke") && !refused_)
+    refused_ = Wrong(Status::input, fmt::format("{}, line {}", printable(line.path), line.number),
+                     fmt::format("{} {}: this colour is not read; write it as {} r g b", line.word, form, line.word));
+  float value = 0;
+  const bool single = after.empty() && is_number(rest, value);
+  const std::string numbers = single ? fmt::format("{0} {0} {0}", rest) : std::string(rest);
+  return fmt::format("K{} {}", kind[1], numbers);
+}
+
+// What is said of a material once all of its lines are known.
+void MtlMaterials::end_material() {
+  if (has_ambient_ && diffuse_file_.empty())
+    notes_.push_back(fmt::format("material \"{}\": its texture is of map_Ka alone, which is not drawn; map_Kd is",
+                                 printable(name_)));
+  has_ambient_ = false;
+  diffuse_file_.clear();
+}
+
 std::string MtlMaterials::take(const std::string& path, std::string text) {
   clean_lines(text);
   std::string out;
@@ -155,18 +178,41 @@ std::string MtlMaterials::take(const std::string& path, std::string text) {
     left.remove_prefix(std::min(line.size() + 1, left.size()));
     std::string_view rest = line;
     const std::string word(take_word(rest));
-    if (lower(word) == "newmtl") {
+    const std::string kind = lower(word);
+    if (kind == "newmtl") {
+      end_material();
       name_ = without_comment(rest);
-      diffuse_file_.clear();
       all_[name_];
       out += fmt::format("newmtl {}\n", name_);
-    } else if (is_texture_line(lower(word))) {
+    } else if (is_texture_line(kind)) {
+      has_ambient_ |= kind == "map_ka";
       out += texture_line({path, number, word, rest}) + "\n";
+    } else if (kind == "kd" || kind == "ke" || kind == "ka" || kind == "ks") {
+      out += colour_line({path, number, word, rest}) + "\n";
     } else {
       out += std::string(trimmed(line)) + "\n";
     }
   }
+  end_material();
   return out;
+}
+
+void MtlMaterials::look_for_uses(std::string_view obj) {
+  constexpr std::size_t most = 10000;
+  while (!obj.empty() && used_.size() < most) {
+    std::string_view line = obj.substr(0, obj.find('\n'));
+    obj.remove_prefix(std::min(line.size() + 1, obj.size()));
+    if (!line.starts_with("usemtl")) continue;
+    take_word(line);
+    if (!line.empty()) used_.emplace(line);
+  }
+}
+
+void MtlMaterials::note_unknown() {
+  for (const std::string& name : used_)
+    if (!all_.empty() && all_.count(name) == 0 && all_.count(std::string(without_comment(name))) == 0)
+      notes_.push_back(fmt::format(
+          "material \"{}\" is used and is in none of its material files: its faces have another", printable(name)));
 }
 
 const MtlMaterial* MtlMaterials::find(const std::string& name) const {

@@ -3,6 +3,7 @@
 #include <array>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +32,11 @@ class MtlMaterials {
   // what the options say; options that change a texture's colours become refused().
   std::string take(const std::string& path, std::string text);
 
+  // Looks through the clean text of the OBJ file for the materials that it uses.
+  void look_for_uses(std::string_view obj);
+  // Once all files are read: notes what is used and is in none of them.
+  void note_unknown();
+
   const MtlMaterial* find(const std::string& name) const;
   // What the user should know.
   const std::vector<std::string>& notes() const { return notes_; }
@@ -40,9 +46,13 @@ class MtlMaterials {
  private:
   struct Line;
   std::string texture_line(const Line& line);
+  std::string colour_line(const Line& line);
+  void end_material();
 
   std::map<std::string, MtlMaterial> all_;
   std::string name_, diffuse_file_;  // of the material that is being read
+  bool has_ambient_ = false;         // its, a texture
+  std::set<std::string> used_;
   std::vector<std::string> notes_;
   std::optional<Wrong> refused_;
 };

@@ -265,5 +265,33 @@ TEST_F(Colmap, DamagedBytesNeverCrash) {
   expect_error(Status::format, {"images.bin", "1 bytes follow"}, [&] { read(); });
 }
 
+TEST_F(Colmap, NamesInAnyCase) {
+  const auto of = [&](const std::string& name, const std::string& sparse, const std::string& cameras,
+                      const std::string& list) {
+    folder.write(name + "/" + sparse + "/0/" + cameras, cameras_txt);
+    folder.write(name + "/" + sparse + "/0/" + list, images_txt);
+    for (const PosedImage& image : images) folder.touch(name + "/Images/" + image.name);
+    return read_views(folder / name, {.tell = false});
+  };
+  const ViewSet plain = of("plain", "sparse", "cameras.txt", "images.txt");
+  for (const auto& [sparse, cameras, list] :
+       {std::array{"Sparse", "Cameras.txt", "Images.TXT"}, {"SPARSE", "CAMERAS.TXT", "images.txt"}}) {
+    const ViewSet found = of(sparse, sparse, cameras, list);
+    ASSERT_EQ(found.views.size(), plain.views.size());
+    for (std::size_t i = 0; i < plain.views.size(); ++i) {
+      EXPECT_EQ(found.views[i].name, plain.views[i].name);
+      EXPECT_EQ(found.views[i].camera.w2c, plain.views[i].camera.w2c);
+      EXPECT_FALSE(found.views[i].picture.empty());
+    }
+    EXPECT_EQ(read_views(folder / sparse / sparse / "0" / cameras, {.tell = false}).views.size(), plain.views.size());
+  }
+  folder.write("two/sparse/0/Cameras.txt", cameras_txt);
+  folder.write("two/sparse/0/CAMERAS.txt", cameras_txt);
+  folder.write("two/sparse/0/images.txt", images_txt);
+  folder.touch("two/images/a.png");
+  expect_error(Status::file, {"CAMERAS.txt and Cameras.txt", "cameras.txt", "keep one"},
+               [&] { read_views(folder / "two"); });
+}
+
 }  // namespace
 }  // namespace vsplat

@@ -48,6 +48,8 @@ TEST_F(ListedFile, ByStemWithAnotherEndingOrCase) {
   expect_file("e.f.jpg", "e.f.png", false);
   expect_file("0007", "0007.jpeg", false);
   expect_file("folder/k.png", "Folder/K.TIFF", false);
+  expect_file("IMG/0007.HEIC", "0007.jpeg", false);  // whoever converted it
+  expect_file("b.dng", "b.JPG", false);
   EXPECT_TRUE(below("d").path.empty()) << "no picture";
   EXPECT_TRUE(below("e.png").path.empty());
   EXPECT_TRUE(below("").path.empty());
@@ -58,6 +60,15 @@ TEST_F(ListedFile, AnExactTailComesBeforeAnotherEnding) {
   folder.touch("1.png");
   expect_file("cam/1.png", "1.png", false);
   expect_file("cam/1.jpg", "cam/1.jpg", true);
+}
+
+TEST_F(ListedFile, LongNamesTakeNoTime) {
+  folder.touch("x/1.png");
+  std::string deep;
+  for (int i = 0; i < 1000; ++i) deep += "a/";
+  EXPECT_EQ(below(deep + "x/1.png").path, folder / "x/1.png") << "by the end of its path";
+  for (int i = 0; i < 10; ++i) deep += deep;
+  EXPECT_TRUE(below(deep + "1.png").path.empty()) << "longer than any path";
 }
 
 TEST_F(ListedFile, OfTwoThatFitNoneIsTaken) {

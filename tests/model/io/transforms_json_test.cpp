@@ -157,6 +157,9 @@ TEST_F(TransformsJson, DistortionOfBothLenses) {
   for (int i = 0; i < 8; ++i) EXPECT_EQ(lens.k[i], opencv[i]);
   root["p1"] = 0, root["p2"] = 0, root["k4"] = 0.0004;
   expect_error(Status::input, {"k4", "not supported"}, [&] { read(root); });
+  root["k4"] = 0, root["camera_model"] = "opencv";
+  EXPECT_EQ(read(root).views[0].camera.distortion.model, lens.model) << "in any case";
+  root["k4"] = 0.0004;
   root["camera_model"] = "OPENCV_FISHEYE";
   lens = read(root).views[0].camera.distortion;
   EXPECT_EQ(lens.model, Distortion::Model::fisheye);

@@ -309,8 +309,26 @@ TEST_F(Gltf, NamesOfFiles) {
   writer.write_gltf(path("a.gltf"), "my data.bin", path("my data.bin"));
   expect_error(Status::format, {path("a.gltf"), "images[0].uri", "network"}, [&] { load_mesh(path("a.gltf")); });
   writer.json["images"][0] = {{"uri", "100%25.png"}};
+  // By the search that finds the pictures of a list.
+  for (const auto& [picture, buffer] : {std::pair{"Paint.PNG", "MY%20DATA.BIN"},
+                                        {"C:%5Cme%5Cpaint.png", "C:\\me\\my data.bin"},
+                                        {"textures/paint.jpg", "../x/my%20data.bin"}}) {
+    writer.json["images"][0] = {{"uri", picture}};
+    writer.write_gltf(path("a.gltf"), buffer, path("my data.bin"));
+    EXPECT_GE(test::psnr(test::drawn(path("a.gltf")), plain), 50) << picture << ", " << buffer;
+  }
   writer.write_gltf(path("a.gltf"), "gone.bin", path("my data.bin"));
   expect_error(Status::input, {path("a.gltf"), "buffers[0].uri", "gone.bin"}, [&] { load_mesh(path("a.gltf")); });
+}
+
+TEST_F(Gltf, ExtensionsThatAreUsedAndNotReadAreTold) {
+  GltfWriter writer = box();
+  writer.json["extensionsUsed"] = {"KHR_texture_transform", "KHR_materials_unlit", "KHR_texture_basisu"};
+  expect_plain(writer, "known, or with a picture that stands in");
+  EXPECT_EQ(warnings_.text(), "");
+  writer.json["extensionsUsed"].push_back("KHR_materials_transmission");
+  expect_plain(writer, "drawn all the same");
+  EXPECT_NE(warnings_.text().find("KHR_materials_transmission"), std::string::npos) << warnings_.text();
 }
 
 }  // namespace

@@ -98,6 +98,79 @@ TEST_F(Obj, OptionsOfTextures) {
   EXPECT_NE(warnings_.text().find("map_d"), std::string::npos) << warnings_.text();
 }
 
+// As pictures of a list are.
+TEST_F(Obj, FilesAreFoundWhereverTheirPathsLead) {
+  for (const char* name : {"Tex.PNG", "TEX.jpg", "tex.tga", "C:\\Users\\me\\Desktop\\tex.png", "/home/me/model/tex.png",
+                           "../maps/tex.png", "textures\\tex.png", ".\\tex.png", "//server/share/tex.png"})
+    expect_plain(fmt::format("newmtl m\nKd 1 1 1\nmap_Kd {}\n", name));
+  for (const char* name : {"A.MTL", "C:\\models\\a.mtl", "/home/me/a.mtl", "./a.mtl", "x/a.mtl", "..\\a.mtl"})
+    expect_plain("newmtl m\nKd 1 1 1\nmap_Kd tex.png\n", box(fmt::format("mtllib {}\n", name)));
+  std::filesystem::create_directory(path("Textures"));
+  std::filesystem::rename(path("tex.png"), path("Textures/tex.png"));
+  const std::vector<Image> below = drawn("newmtl m\nKd 1 1 1\nmap_Kd D:\\x\\tex.png\n");
+  std::filesystem::rename(path("Textures/tex.png"), path("tex.png"));
+  EXPECT_GE(test::psnr(below, drawn("newmtl m\nmap_Kd tex.png\n")), 50);
+  EXPECT_EQ(warnings_.text(), "");
+  put_file(path("a.mtl"), "newmtl m\nmap_Kd TEX.jpg\n");
+  std::filesystem::copy(path("tex.png"), path("tex.jpeg"));
+  test::expect_error(Status::input, {path(), "its texture", "tex.png", "tex.jpeg", "TEX.jpg"},
+                     [&] { load_mesh(path()); });
+  put_file(path("a.mtl"), "newmtl m\nmap_Kd wood/tex1.png\n");
+  test::expect_error(Status::input, {path(), "wood/tex1.png is missing", "looked for"}, [&] { load_mesh(path()); });
+  put_file(path(), box("mtllib C:\\b.mtl\n"));
+  test::expect_error(Status::input, {path(), "b.mtl is missing"}, [&] { load_mesh(path()); });
+}
+
+TEST_F(Obj, ColoursOfMaterials) {
+  const std::vector<Image> grey = drawn("newmtl m\nKd 0.25 0.25 0.25\n");
+  for (const char* text :
+       {"newmtl m\nKd 0.25\nKa 0\nillum 1\n", "newmtl m\nKD 0.25 0.25 0.25\n", "newmtl m\nkd 0.25 # grey\n"})
+    EXPECT_GE(test::psnr(drawn(text), grey), 50) << text;
+  EXPECT_EQ(warnings_.text(), "");
+  for (const char* form : {"xyz 0.2 0.3 0.4", "spectral file.rfl 1"}) {
+    put_file(path("a.mtl"), fmt::format("newmtl m\nKd {}\n", form));
+    test::expect_error(Status::input, {path(), "a.mtl, line 2", "Kd", std::string(form).substr(0, 3)},
+                       [&] { load_mesh(path()); });
+  }
+  drawn("newmtl m\nKd 1 1 1\nmap_Ka tex.png\n");
+  EXPECT_NE(warnings_.text().find("map_Ka"), std::string::npos) << warnings_.text();
+}
+
+TEST_F(Obj, MaterialsThatAreNowhereAreTold) {
+  const std::string mtl = "newmtl other\nKd 1 0 0\nnewmtl my m\nmap_Kd tex.png\n";
+  std::string obj = box("mtllib a.mtl\n");
+  const auto used = [&](const std::string& name) {
+    const std::size_t at = obj.find("usemtl ");
+    return std::string(obj).replace(at, obj.find('\n', at) - at, "usemtl " + name);
+  };
+  expect_plain(mtl, used("my m"));
+  expect_plain(mtl, used("my m  "));
+  EXPECT_EQ(warnings_.text(), "");
+  drawn(mtl, used("My M"));
+  EXPECT_NE(warnings_.text().find("\"My M\""), std::string::npos) << warnings_.text();
+}
+
+TEST_F(Obj, WhatIsPassedOverInPlyIsTold) {
+  const auto head = [](const std::string& comments, const std::string& vertex, const std::string& face) {
+    return "ply\r\nformat ascii 1.0\r\n" + comments +
+           "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n" + vertex +
+           "element face 1\nproperty list uchar int vertex_indices\n" + face + "end_header\n";
+  };
+  put_file(path("a.ply"), head("", "", "property uchar red\nproperty uchar green\nproperty uchar blue\n") +
+                              "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n");
+  load_mesh(path("a.ply"));
+  EXPECT_NE(warnings_.text().find("colours of its faces"), std::string::npos) << warnings_.text();
+  put_file(path("a.ply"),
+           head("", "property uchar diffuse_red\nproperty uchar diffuse_green\nproperty uchar diffuse_blue\n", "") +
+               "0 0 0 1 2 3\n1 0 0 1 2 3\n0 1 0 1 2 3\n3 0 1 2\n");
+  load_mesh(path("a.ply"));
+  EXPECT_NE(warnings_.text().find("diffuse_red"), std::string::npos) << warnings_.text();
+  put_file(path("a.ply"),
+           head("comment TextureFile tex.png\ncomment TextureFile b.png\n", "", "") + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  test::expect_error(Status::input, {path("a.ply"), "several textures", "tex.png", "b.png"},
+                     [&] { load_mesh(path("a.ply")); });
+}
+
 TEST_F(Obj, LightOfItsOwn) {
   const auto dark = drawn("newmtl m\nKd 0 0 0\n"), glowing = drawn("newmtl m\nKd 0 0 0\nKe 0.5 0 0\n");
   for (std::size_t i = 0; i < glowing[0].data.size(); i += 4) {
