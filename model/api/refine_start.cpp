@@ -64,7 +64,7 @@ Placement place(const Photographs& photographs, const InputRequest& input, const
   cameras.reserve(used.size());
   for (const int view : used) cameras.push_back(resolved_view(photographs, view).camera);
   warn_of_one_place(set.source.string(), cameras);
-  check_centre_is_seen(cameras, set.convention, chosen.placement, input.force || scene);
+  check_centre_is_seen(cameras, set.convention, chosen, input.force || scene);
   return chosen.placement;
 }
 

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "model/base/resample.h"
+#include "model/input/mask_check.h"
 #include "model/input/pose_check.h"
 #include "model/input/view_choice.h"
 #include "runtime/fail.h"
@@ -32,11 +33,25 @@ FramedObject frame_object(const DataObject& object, const FrameRequest& request,
     std::vector<Camera> cameras;
     cameras.reserve(all.size());
     for (const ListedView& view : out.photographs.set.views) cameras.push_back(view.camera);
-    check_centre_is_seen(cameras, out.photographs.set.convention, out.placement);
+    check_centre_is_seen(cameras, out.photographs.set.convention, place);
   } catch (const Error& e) {
     fail(e.status(), "{}: {}", out.told, e.what());
   }
   return out;
+}
+
+void warn_of_inverted_masks(const FramedObject& object, int count) {
+  std::vector<int> all(static_cast<std::size_t>(object.views()));
+  std::iota(all.begin(), all.end(), 0);
+  std::vector<MaskShares> masks;
+  for (const int view : spread_views(object.photographs.set, all, count)) {
+    try {
+      if (const auto shares = LoadedPhotograph(object.photographs, view).shares()) masks.push_back(*shares);
+    } catch (const Error& e) {
+      if (!is_about_data(e)) throw;
+    }
+  }
+  warn_of_inverted_masks(object.told, masks);
 }
 
 StoredView store_view(const FramedObject& object, int view, const FrameRequest& request) {

@@ -36,6 +36,7 @@ ObjectSurvey survey(const DataObject& object, int pictures) {
   const FrameRequest request{looked_at_size, Fit::automatic, {}};
   const FramedObject framed = frame_object(object, request, &out.bad);
   out.views = framed.views();
+  warn_of_inverted_masks(framed, pictures < 0 ? max_views : std::min(pictures, max_views));
   out.placement = framed.placement;
   for (int i = 0; i < out.views; ++i) {
     const Camera& c = framed.photographs.set.views[i].camera;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <limits>
 #include <set>
@@ -129,6 +130,8 @@ struct TrainingReader::Impl {
   ByteCache<std::size_t, Listing> listings;
   ByteCache<std::pair<std::size_t, int>, StoredView> pictures;
 
+  std::atomic<int> masks_looked_at = 0;  // of how many objects
+
   mutable std::mutex bad_mutex;
   std::set<BadThing> bad;
 
@@ -149,6 +152,8 @@ std::shared_ptr<const Listing> TrainingReader::Impl::listing(std::size_t index) 
     if (!passed_over({index, whole}, e)) throw;
     return nullptr;
   }
+  constexpr int objects_looked_at = 8;
+  if (masks_looked_at++ < objects_looked_at) warn_of_inverted_masks(made->object, 4);
   for (std::size_t i = 0; i < skipped.size(); ++i) note({index, whole - 1 - static_cast<int>(i)}, skipped[i]);
   made->positions = positions_of(made->object);
   listings.put(index, made, bytes_of(*made));

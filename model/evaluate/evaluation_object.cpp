@@ -93,6 +93,7 @@ EvaluationObject evaluation_object(const DataObject& object, const TakenViews& t
   std::vector<std::string> untold;
   const FrameRequest frame{taken.image, request.fit, request.placement, missing ? missing : &untold};
   const FramedObject framed = frame_object(object, frame, skipped);
+  warn_of_inverted_masks(framed, 4);
   std::vector<int> good(static_cast<std::size_t>(framed.views()));
   std::iota(good.begin(), good.end(), 0);
   EvaluationObject out;

@@ -174,7 +174,7 @@ std::optional<EstimatedPlacement> frame_by_points(std::span<const Camera> camera
     if (!cube) return std::nullopt;
     which = fmt::format("{} of the {} points, the dense ones that the masks hold", cube->points, points.size());
   }
-  return EstimatedPlacement{cube->placement, "from " + which};
+  return EstimatedPlacement{cube->placement, "from " + which, false};
 }
 
 }  // namespace
@@ -207,6 +207,15 @@ std::optional<MaskExtent> mask_extent(PixelRows& mask) {
   return MaskExtent{static_cast<double>(first(columns, false)), static_cast<double>(first(rows, false)),
                     static_cast<double>(mask.width - first(columns, true)),
                     static_cast<double>(mask.height - first(rows, true))};
+}
+
+std::optional<Eigen::Vector3d> where_axes_meet(std::span<const Camera> cameras) {
+  try {
+    return find_centre(cameras, {}).placement.centre;
+  } catch (const Error& e) {
+    if (e.status() != Status::input) throw;
+    return std::nullopt;
+  }
 }
 
 EstimatedPlacement auto_frame(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,

@@ -20,6 +20,9 @@ struct MaskExtent {
 std::optional<MaskExtent> mask_extent(const Image& mask);
 std::optional<MaskExtent> mask_extent(PixelRows& mask);
 
+// The point nearest to the optical axes, by the sum of distances; nothing where they are parallel.
+std::optional<Eigen::Vector3d> where_axes_meet(std::span<const Camera> cameras);
+
 // Intrinsics must be known. `extents`: one per camera or none at all; lens distortion is not undone for them.
 // `points`: in the cameras' world; none where there are none. The cube is, of these the first that there is enough of:
 // 1. that of cube_of_points(). Where it is more than 1.5 times as large as by the masks, the points show what lies

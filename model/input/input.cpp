@@ -39,7 +39,9 @@ EstimatedPlacement cube_at_origin(std::span<const Camera> cameras, const Error& 
     const auto at = project_to_picture(c, Eigen::Vector3d::Zero());
     if (!at || at->x() < 0 || at->y() < 0 || at->x() > c.width || at->y() > c.height) throw error;
   }
-  return {{Eigen::Vector3d::Zero(), 1}, fmt::format("by default, since all views show the origin: {}", error.what())};
+  return {{Eigen::Vector3d::Zero(), 1},
+          fmt::format("by default, since all views show the origin: {}", error.what()),
+          false};
 }
 
 // `look` is called once for each of `views` views, and only where there is something to estimate.
@@ -56,7 +58,10 @@ ChosenPlacement place(const Photographs& photographs, const PlacementRequest& re
     try {
       return auto_frame(cameras, extents, centre, points ? *points : points_for(photographs));
     } catch (const Error& e) {
-      if (e.status() != Status::input || centre || request.auto_frame) throw;
+      if (e.status() != Status::input) throw;
+      if (const std::string meant = poses_that_meet(cameras, photographs.set.convention); !meant.empty())
+        fail(Status::input, "{}; {}", e.what(), meant);
+      if (centre || request.auto_frame) throw;
       return cube_at_origin(cameras, e);
     }
   };
@@ -102,14 +107,14 @@ Input prepare_input(const Photographs& photographs, const TakenViews& taken, con
   std::vector<MaskShares> masks;
   for (std::optional<LoadedPhotograph>& view : loaded)
     if (const std::optional<MaskShares> shares = view->shares()) masks.push_back(*shares);
-  if (masks.size() == loaded.size()) check_masks(set, masks);
+  check_masks(set, masks, loaded.size());
 
   Input out;
   const ChosenPlacement chosen =
       place(photographs, request.placement, loaded.size(), nullptr, [&](std::size_t i) { return see(*loaded[i]); });
   out.placement = chosen.placement;
   info("{}", chosen.found);
-  check_centre_is_seen(cameras, photographs.set.convention, out.placement, request.force);
+  check_centre_is_seen(cameras, photographs.set.convention, chosen, request.force);
   check_cube_is_in_front(place_views(cameras, out.placement, taken.rebase).cameras, out.placement);
   const Framing framing{taken.image, request.fit, out.placement.centre, out.placement.edge};
   out.masked = true;

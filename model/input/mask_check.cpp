@@ -30,8 +30,15 @@ MaskShares mask_shares(PixelRows& mask) {
   return out;
 }
 
-void check_masks(const std::string& set, std::span<const MaskShares> masks) {
+void check_masks(const std::string& set, std::span<const MaskShares> masks, std::size_t views) {
   if (masks.empty()) return;
+  if (masks.size() < views) {
+    warn(
+        "{}: {} of the {} views that are used have a mask or an alpha channel; of the others the whole picture is "
+        "taken",
+        set, masks.size(), views);
+    return;
+  }
   constexpr float black = 0.02f;  // 5 of 255
   const auto brightest = std::max_element(masks.begin(), masks.end(), [](const MaskShares& a, const MaskShares& b) {
                            return a.brightest < b.brightest;
@@ -43,6 +50,10 @@ void check_masks(const std::string& set, std::span<const MaskShares> masks) {
         "255: white is the object, so nothing of it is left. Masks of 0 and 1 are to be stored as 0 and 255, those of "
         "16 bits with values up to 65535",
         set, masks.size(), 255 * brightest);
+  warn_of_inverted_masks(set, masks);
+}
+
+void warn_of_inverted_masks(const std::string& set, std::span<const MaskShares> masks) {
   // The background is what a picture's border shows mostly: of an inverted mask more of the border is white than of the
   // whole. An object that fills the picture has its border white, too, but the whole even more so.
   const auto inverted = std::count_if(masks.begin(), masks.end(), [](const MaskShares& m) {

@@ -14,9 +14,12 @@ struct MaskShares {
 };
 MaskShares mask_shares(PixelRows& mask);
 
-// Of the masks (or alpha channels) of the views that are used. Error(input) where nothing is the object in any of them;
-// a warning where most have the object along the border and the background inside, as inverted masks do. `set`: what
-// messages begin with.
-void check_masks(const std::string& set, std::span<const MaskShares> masks);
+// Of the masks (or alpha channels) of the views that are used: a warning where most have the object along the border
+// and the background inside, as inverted masks do. `set`: what messages begin with.
+void warn_of_inverted_masks(const std::string& set, std::span<const MaskShares> masks);
+
+// The same, and Error(input) where nothing is the object in any of them. Where fewer have a mask than `views` that are
+// used, a warning says so, and no more.
+void check_masks(const std::string& set, std::span<const MaskShares> masks, std::size_t views);
 
 }  // namespace vsplat

@@ -155,11 +155,8 @@ WholeView LoadedPhotograph::whole(int longest) {
 void check_masks_of(const Photographs& photographs, std::span<const int> views) {
   std::vector<MaskShares> masks;
   for (const int view : views)
-    if (const std::optional<MaskShares> shares = LoadedPhotograph(photographs, view).shares())
-      masks.push_back(*shares);
-    else
-      return;
-  check_masks(photographs.set.source.string(), masks);
+    if (const std::optional<MaskShares> shares = LoadedPhotograph(photographs, view).shares()) masks.push_back(*shares);
+  check_masks(photographs.set.source.string(), masks, views.size());
 }
 
 void leave_out_unreadable(Photographs& photographs) {

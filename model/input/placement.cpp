@@ -44,15 +44,19 @@ ChosenPlacement choose_placement(
   std::optional<Eigen::Vector3d> centre = request.centre;
   std::optional<double> edge = request.edge;
   std::string centre_from = "as asked for", edge_from = "as asked for", details;
+  bool moves = false;
   if (!centre && listed_centre && !request.auto_frame) centre = listed_centre, centre_from = "from aabb_center";
   if (!edge && listed_half && !request.auto_frame) edge = 2 * *listed_half, edge_from = "from aabb_half";
   if (!centre || !edge) {
     const EstimatedPlacement found = estimate(centre);
-    if (!centre) centre = found.placement.centre, centre_from = "estimated";
+    if (!centre) {
+      centre = found.placement.centre, centre_from = "estimated";
+      moves = found.moves_with_poses;
+    }
     if (!edge) edge = found.placement.edge, edge_from = "estimated";
     details = "; " + found.from;
   }
-  ChosenPlacement out{{*centre, *edge}, ""};
+  ChosenPlacement out{{*centre, *edge}, "", moves};
   out.found = fmt::format("the object's cube: centre {} ({}), edge {:.6g} ({}){}", to_text(out.placement.centre),
                           centre_from, out.placement.edge, edge_from, details);
   return out;

@@ -41,10 +41,13 @@ struct PlacementRequest {
 struct ChosenPlacement {
   Placement placement;
   std::string found;  // a sentence: the figures and where they come from
+  // The centre was estimated from the cameras and their masks: with other poses it would be elsewhere.
+  bool moves_with_poses = false;
 };
 struct EstimatedPlacement {
   Placement placement;
   std::string from;  // what it was estimated from
+  bool moves_with_poses = true;
 };
 // `estimate` is called, with the centre that is already settled if one is, where something is left to it.
 ChosenPlacement choose_placement(

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
 #include "model/base/lens.h"
+#include "model/input/auto_frame.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 
@@ -100,6 +102,29 @@ std::vector<Swap> possible_swaps(PoseConvention convention) {
   }
 }
 
+std::vector<Camera> after(const Swap& swap, std::span<const Camera> cameras) {
+  std::vector<Camera> out;
+  out.reserve(cameras.size());
+  for (const Camera& c : cameras) out.push_back(swap.apply(c));
+  return out;
+}
+
+// How far the axes pass, on average, by the point where they meet best, seen from the cameras; 180 where they do not
+// meet at all. Cameras at one place look at no common point.
+double degrees_off(std::span<const Camera> cameras) {
+  const std::optional<Eigen::Vector3d> point = where_axes_meet(cameras);
+  if (!point) return 180;
+  double sum = 0, nearest = std::numeric_limits<double>::infinity(), apart = 0;
+  for (const Camera& c : cameras) {
+    const Eigen::Vector3d to = *point - c.centre(), axis = c.w2c.row(2).head<3>();
+    nearest = std::min(nearest, to.norm());
+    apart = std::max(apart, (c.centre() - cameras[0].centre()).norm());
+    sum += std::atan2(axis.cross(to).norm(), axis.dot(to));
+  }
+  const bool is_among_them = nearest < 1e-3 * apart || apart < 1e-9 * std::max(1e-9, cameras[0].centre().norm());
+  return is_among_them ? 180 : sum / static_cast<double>(cameras.size()) * 180 / M_PI;
+}
+
 }  // namespace
 
 std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Eigen::Vector3d& point) {
@@ -111,22 +136,31 @@ std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Ei
   return Eigen::Vector2d(camera.fx * x + camera.cx, camera.fy * y + camera.cy);
 }
 
-void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const Placement& placement,
+void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const ChosenPlacement& chosen,
                           std::optional<bool> force) {
-  const Seen seen = look(cameras, placement.centre);
-  if (seen.missed() == 0) return;
+  const Eigen::Vector3d& centre = chosen.placement.centre;
+  const Seen seen = look(cameras, centre);
+  if (seen.missed() == 0) {
+    if (const std::string better = chosen.moves_with_poses ? poses_that_meet(cameras, convention) : ""; !better.empty())
+      warn("{}", better);
+    return;
+  }
   std::string text =
       fmt::format("the centre of the object's cube {} is behind {} and outside the picture of {} of {} views",
-                  to_text(placement.centre), seen.behind, seen.outside, cameras.size());
+                  to_text(centre), seen.behind, seen.outside, cameras.size());
   std::string swaps;
   for (const Swap& swap : possible_swaps(convention)) {
-    std::vector<Camera> swapped;
-    swapped.reserve(cameras.size());
-    for (const Camera& c : cameras) swapped.push_back(swap.apply(c));
-    if (look(swapped, placement.centre).missed() == 0)
+    const std::vector<Camera> swapped = after(swap, cameras);
+    const std::optional<Eigen::Vector3d> point = chosen.moves_with_poses ? where_axes_meet(swapped) : centre;
+    if (point && look(swapped, *point).missed() == 0)
       swaps += fmt::format("{}{}", swaps.empty() ? "" : ", or ", swap.text);
   }
-  if (!swaps.empty()) {
+  if (!swaps.empty() && chosen.moves_with_poses) {
+    text += fmt::format(
+        ": the axes of the cameras do not meet before them. They would if the poses were meant as {}: correct the "
+        "poses",
+        swaps);
+  } else if (!swaps.empty()) {
     text += fmt::format("; it would be in the picture of all if the poses were meant as {}: correct the poses", swaps);
   } else {
     text +=
@@ -139,6 +173,26 @@ void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention conven
   warn("{}", text);
 }
 
+std::string poses_that_meet(std::span<const Camera> cameras, PoseConvention convention) {
+  constexpr double well = 5, badly = 10, better = 0.25;  // degrees, and times as much
+  if (cameras.size() < 3) return "";
+  const double as_listed = degrees_off(cameras);
+  if (as_listed < badly) return "";
+  std::string swaps;
+  double least = 180;
+  for (const Swap& swap : possible_swaps(convention)) {
+    const double off = degrees_off(after(swap, cameras));
+    if (off > well || off > better * as_listed) continue;
+    swaps += fmt::format("{}{}", swaps.empty() ? "" : ", or ", swap.text);
+    least = std::min(least, off);
+  }
+  if (swaps.empty()) return "";
+  return fmt::format(
+      "the axes of the {} cameras do not meet before them: they pass the nearest point by {:.0f} degrees on average, "
+      "and by {:.1f} if the poses were meant as {}: correct the poses if they were",
+      cameras.size(), as_listed, least, swaps);
+}
+
 void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) {
   if (cameras.size() < 2) return;
   double apart = 0, turned = 0, far = 0;
@@ -147,7 +201,8 @@ void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) 
     turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
     far = std::max(far, c.centre().norm());
   }
-  if (apart > 1e-6 * std::max(far, 1e-6)) return;
+  // What rounding leaves. Where the origin is far away, as in maps, a millionth of that is a whole ring of cameras.
+  if (apart > 1e-9 * std::max(far, 1e-9)) return;
   if (turned < 1e-6)
     warn(
         "{}: all {} views have the same pose, so that nothing tells what is near and what is far. Of an object that "

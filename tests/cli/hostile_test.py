@@ -128,7 +128,7 @@ def traces_work():
 class Traced(Case):
     """What is opened, as the kernel sees it."""
     KINDS = ("outside/*", "obj/mtllib*", "obj/map*", "gltf/buffer*", "gltf/texture*", "ply/texture", "hdf5/stored*", "hdf5/link*", "hdf5/group*", "hdf5/virtual*", "hdf5/soft*",
-             "colmap/outside*", "compare/*", "textures/*", "names/*", "model/escape_name", "config/nested",
+             "colmap/outside*", "colmap/case*", "paths/*", "compare/*", "textures/*", "names/*", "model/escape_name", "config/nested",
              "checkpoint/name*", "checkpoint/key*", "checkpoint/only_outside", "checkpoint/*_dict")
 
     @classmethod

@@ -207,6 +207,29 @@ class Views(support.Case):
             self.refuses(1, ["black", "white is the object"], *self.reconstruct("--center", "0,0,0", "--scale", 1))
             self.refuses(1, "black", "refine", self.views, "--start", "random", "--steps", 1, "--output", self.path("fitted.ply"))
 
+    def test_masks_of_data_sets(self):
+        for inverted in (False, True):
+            self.masked(*((0, 255) if inverted else (255, 0)))
+            for command in (("dataset", "info", self.path("views")), ("evaluate", self.path("views"), "--model", self.model)):
+                code, _, err = support.run(*command)
+                self.assertEqual("seem to be inverted" in err, inverted, err)
+
+    def test_masks_of_target_cameras(self):
+        """Drawing needs none; a comparison takes those that reconstruct takes, wherever it is run."""
+        support.write_scene(self.path("scene.ply"), SPLATS)
+        render = ("render", self.path("scene.ply"), "--cameras", self.views, "--images", self.path("drawn"), "--overwrite")
+        compare = (*render, "--compare", self.path("views", "images"), "--json")
+        without = json.loads(self.succeeds(*compare)[0])["comparison"]["psnr"]
+        self.masked(255, 0)
+        beside = json.loads(self.succeeds(*compare)[0])["comparison"]["psnr"]
+        self.assertNotEqual(beside, without)
+        self.edit(lambda d: [f.update(mask_path=f"masks/{i}.png") for i, f in enumerate(d["frames"])])
+        self.succeeds(*render)
+        self.assertEqual(json.loads(self.succeeds(*compare)[0])["comparison"]["psnr"], beside)
+        os.remove(self.path("views", "masks", "1.png"))
+        self.succeeds(*render)
+        self.refuses(1, "masks/1.png", *compare)
+
     def test_views_with_one_pose(self):
         def change(data):
             for frame in data["frames"]:
@@ -232,6 +255,16 @@ class Views(support.Case):
         self.assertEqual(done.returncode, 0, done.stderr)
         for i in range(3):
             self.assertEqual(support.read_png(self.path("pipe", f"{i:04}.png")), support.read_png(self.path("file", f"{i:04}.png")))
+        # Its pictures lie in the folder that one is in.
+        text = pathlib.Path(self.views).read_bytes()
+        self.given()
+        reconstruct = [support.VSPLAT, "reconstruct", "-", "--model", self.model, "--center", "0,0,0", "--scale", "1", "--output"]
+        done = subprocess.run([*reconstruct, self.path("piped.ply")], input=text, capture_output=True, timeout=support.PATIENCE, cwd=self.path("views"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(*(pathlib.Path(self.path(name)).read_bytes() for name in ("piped.ply", "given.ply")))
+        done = subprocess.run([*reconstruct, self.path("no.ply")], input=text, capture_output=True, timeout=support.PATIENCE, cwd=self.folder)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(b"looked for images/0.png in .", done.stderr)
         self.refuses(1, ["a file", "standard input"], "render", "-", "--cameras", self.views, "--images", self.path("no"))
 
     def test_points_that_a_list_names(self):

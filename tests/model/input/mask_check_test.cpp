@@ -30,7 +30,7 @@ TEST(MaskCheck, Shares) {
 TEST(MaskCheck, InvertedMasksAreWarnedOf) {
   const auto warned = [](const std::vector<MaskShares>& masks) {
     const test::Warnings warnings;
-    check_masks("set", masks);
+    check_masks("set", masks, masks.size());
     return !warnings.all.empty() && warnings.all[0].find("inverted") != std::string::npos;
   };
   const MaskShares good = shares_of(box(20, 5, 15)), inverted = shares_of(box(20, 5, 15, true));
@@ -43,14 +43,24 @@ TEST(MaskCheck, InvertedMasksAreWarnedOf) {
 
 TEST(MaskCheck, BlackMasksAreRefused) {
   const MaskShares black = shares_of(box(20, 0, 0)), good = shares_of(box(20, 5, 15));
-  check_masks("set", std::vector{black, good});  // one view may not show the object
+  check_masks("set", std::vector{black, good}, 2);  // one view may not show the object
   test::expect_error(Status::input, {"set", "all 2 views", "black", "white is the object"}, [&] {
-    check_masks("set", std::vector{black, black});
+    check_masks("set", std::vector{black, black}, 2);
   });
   Image ones = box(20, 5, 15);
   for (float& v : ones.data) v /= 255;
   test::expect_error(Status::input, {"brightest value is 1 of 255"},
-                     [&] { check_masks("set", std::vector{shares_of(ones)}); });
+                     [&] { check_masks("set", std::vector{shares_of(ones)}, 1); });
+}
+
+TEST(MaskCheck, ViewsWithoutAMaskAreCounted) {
+  test::Warnings warnings;
+  const MaskShares good = shares_of(box(10, 3, 7));
+  check_masks("set", std::vector{good, good}, 2);
+  check_masks("set", {}, 4);
+  EXPECT_EQ(warnings.text(), "");
+  check_masks("set", std::vector{good, good, good}, 4);
+  EXPECT_NE(warnings.text().find("3 of the 4 views"), std::string::npos) << warnings.text();
 }
 
 TEST(MaskCheck, ResizedRowsKeepWhatIsThere) {

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "model/input/auto_frame.h"
 #include "tests/support/posed_views.h"
 
 namespace vsplat {
@@ -28,9 +29,9 @@ std::vector<Camera> rig() {
   for (Camera& c : out) c.w2c = c.w2c * turn;
   return out;
 }
-Placement cube() {
+ChosenPlacement cube() {
   const auto cameras = rig(), plain = test::ring(6, {0.5, 0.2, -0.4}, 3, 0.4, 4);
-  return {(cameras[0].w2c.inverse() * plain[0].w2c * Vector3d(0.5, 0.2, -0.4).homogeneous()).head<3>(), 1.0};
+  return {{(cameras[0].w2c.inverse() * plain[0].w2c * Vector3d(0.5, 0.2, -0.4).homogeneous()).head<3>(), 1.0}, ""};
 }
 
 TEST(PoseCheck, RightPosesPass) {
@@ -43,7 +44,7 @@ TEST(PoseCheck, RightPosesPass) {
 
 TEST(PoseCheck, MissingTheCentreByManyDegreesIsNoError) {
   test::Warnings warnings;
-  check_centre_is_seen(test::ring(8, {0, 0, 0}, 3, 0.2, 15), PoseConvention::opencv_w2c, {{0, 0, 0}, 1});
+  check_centre_is_seen(test::ring(8, {0, 0, 0}, 3, 0.2, 15), PoseConvention::opencv_w2c, {{{0, 0, 0}, 1}, ""});
   EXPECT_TRUE(warnings.all.empty());
 }
 
@@ -75,11 +76,81 @@ TEST(PoseCheck, NamesTheSwapInOpenCvFormats) {  // read as w2c = L
   });
 }
 
+// The cube as it is estimated from these cameras: elsewhere after a swap.
+ChosenPlacement estimated(std::span<const Camera> cameras) {
+  return {{where_axes_meet(cameras).value(), 1.0}, "", true};
+}
+
+TEST(PoseCheck, NamesTheSwapOfAnEstimatedCube) {
+  test::Warnings warnings;
+  for (const Vector3d& centre : {Vector3d(0, 0, 0), Vector3d(0.5, 0.2, -0.4), Vector3d(3, -1, 2)})
+    for (const int count : {3, 4, 12}) {
+      // Each looks a little past it: axes of photographs never meet in a point.
+      const std::vector<Camera> right = test::ring(count, centre, 3, 0.4, 2);
+      check_centre_is_seen(right, PoseConvention::opencv_w2c, estimated(right));
+      EXPECT_EQ(poses_that_meet(right, PoseConvention::opencv_w2c), "");
+      const auto inverted = changed(right, [](const auto& w2c) { return w2c.inverse(); });
+      const auto other_axes = changed(right, [](const auto& w2c) { return flip * w2c; });
+      const std::string text = fmt::format("{} about {}", count, to_text(centre));
+      EXPECT_NE(poses_that_meet(inverted, PoseConvention::opencv_w2c).find("camera-to-world matrices (c2w) where"),
+                std::string::npos)
+          << text;
+      expect_error(Status::input,
+                   {"behind", "do not meet before them", "camera-to-world matrices (c2w) where", "correct the poses"},
+                   [&] { check_centre_is_seen(inverted, PoseConvention::opencv_w2c, estimated(inverted)); });
+      expect_error(Status::input, {"do not meet before them", "OpenGL axes (y up, -z forward) where"},
+                   [&] { check_centre_is_seen(other_axes, PoseConvention::opencv_w2c, estimated(other_axes)); });
+      // Of a transforms.json: world-to-camera where camera-to-world is expected.
+      const auto in_json =
+          changed(right, [](const auto& w2c) -> Eigen::Matrix4d { return (flip * w2c * flip).inverse(); });
+      EXPECT_NE(poses_that_meet(in_json, PoseConvention::opengl_c2w).find("world-to-camera matrices (w2c) where"),
+                std::string::npos)
+          << text;
+    }
+  EXPECT_EQ(warnings.text(), "");
+  // A centre that was asked for stays where it is.
+  const auto inverted = changed(test::ring(6, {3, -1, 2}), [](const auto& w2c) { return w2c.inverse(); });
+  expect_error(Status::input, {"no swap"}, [&] {
+    check_centre_is_seen(inverted, PoseConvention::opencv_w2c, {{{50, 0, 0}, 1}, ""});
+  });
+}
+
+TEST(PoseCheck, WarnsWhereAxesMeetBadlyAndOtherPosesWell) {
+  test::Warnings warnings;
+  // An arc of wide lenses: a point far before them is in all pictures.
+  std::vector<Camera> cameras = test::ring(24, {3, -1, 2}, 3, 0.4);
+  cameras.resize(6);
+  cameras = changed(cameras, [](const auto& w2c) { return w2c.inverse(); });
+  Vector3d before = Vector3d::Zero();
+  for (Camera& c : cameras) c.fx = c.fy = 1, before += 100 * c.w2c.row(2).head<3>().transpose();
+  check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {{before, 1}, "", true});
+  EXPECT_NE(warnings.text().find("camera-to-world matrices (c2w) where"), std::string::npos) << warnings.text();
+}
+
+TEST(PoseCheck, OnePlaceIsToldOfFarFromTheOriginToo) {
+  test::Warnings warnings;
+  const Vector3d far(482345.125, 5456789.5, 212.75);
+  warn_of_one_place("set", test::ring(4, far));
+  warn_of_one_place("set", test::ring(4));
+  EXPECT_EQ(warnings.text(), "") << "a ring of two units";
+  for (const Vector3d& at : {far, Vector3d(0, 0, 0), Vector3d(0, 2e-6, 0)}) {
+    std::vector<Camera> cameras = test::ring(4, at);
+    for (Camera& c : cameras) c.w2c.topRightCorner<3, 1>() = -c.w2c.topLeftCorner<3, 3>() * at;
+    warnings.all.clear();
+    warn_of_one_place("set", cameras);
+    EXPECT_NE(warnings.text().find("at one place"), std::string::npos) << at;
+    for (Camera& c : cameras) c.w2c = cameras[0].w2c;
+    warnings.all.clear();
+    warn_of_one_place("set", cameras);
+    EXPECT_NE(warnings.text().find("the same pose"), std::string::npos) << at;
+  }
+}
+
 TEST(PoseCheck, NamesNoSwapWhereNoneHelps) {
   expect_error(Status::input, {"behind 3 and outside the picture of 2 of 6", "no swap", "vsplat_input_options.center"},
                [] {
                  auto cameras = test::ring(6);
-                 check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {{0, 0, 40}, 1});
+                 check_centre_is_seen(cameras, PoseConvention::opencv_w2c, {{{0, 0, 40}, 1}, ""});
                });
 }
 
