@@ -5,6 +5,8 @@ import os
 import struct
 import zipfile
 
+import views
+
 
 def tetrahedron():
     return [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
@@ -43,6 +45,9 @@ def objs(maker):
         texture = target.replace(".mtl", ".png")
         put(f"{choose(('map_Kd', 'map_Ka', 'map_d'))}_{kind}" if kind not in ("bait", "zero") else f"map_Kd_{kind}", obj(f"mtllib {name}\n", textured=True),
             {name: f"newmtl m\nKd 1 1 1\nmap_Kd {texture}\n"})
+    for kind in views.PATHS:  # of the materials, and of a texture, in another folder than the list of cameras has them
+        put(f"mtllib_path_{kind}", obj(f"mtllib {views.path_that(maker, kind, 'a', '.mtl')}\n".replace("\n\n", "\n"), textured=True), {"a.mtl": "newmtl m\nKd 1 0 0\n"})
+        put(f"map_Kd_path_{kind}", obj("mtllib a.mtl\n", textured=True), {"a.mtl": f"newmtl m\nmap_Kd {views.path_that(maker, kind, 'a')}\n"})
     put("mtllib_pipe", obj("mtllib pipe\n", textured=True), pipe="pipe")
     put("mtllib_folder", obj("mtllib .\n", textured=True))
     put("mtllib_link", obj("mtllib a.mtl\n", textured=True), links={"a.mtl": "/dev/zero"})
@@ -167,6 +172,9 @@ def gltfs(maker):
     for kind, target in {**maker.outside(), "bait": "../../bait/bait.bin", "http": "https://example.invalid/x.bin", "file": "file:///etc/passwd"}.items():
         put(f"buffer_{kind}", buffer=target)
         put(f"texture_{kind}", texture=target.replace(".bin", ".png"))
+    for kind in views.PATHS:
+        put(f"buffer_path_{kind}", buffer=views.path_that(maker, kind, "a", ".bin"))
+        put(f"texture_path_{kind}", texture=views.path_that(maker, kind, "a"))
     put("buffer_escape", buffer=maker.escape() + ".bin")
     put("texture_escape", texture=maker.escape() + ".png")
     put("buffer_percent", buffer="%2e%2e/%2e%2e/bait/bait.bin")

@@ -82,6 +82,50 @@ def names(maker):
     copy.first(mask_path=maker.escape() + "mask.png")
 
 
+def path_that(maker, kind, name, ending=".png"):
+    """Of a file called name + ending in images/: how a list may write it, and what is only meant to look like it."""
+    choose, words = maker.random.choice, lambda n: [maker.word() for _ in range(n)]
+    file = name + ending
+    return {"tails": lambda: "/".join(words(maker.random.randint(1, 60)) + ["images", file]),
+            "deep": lambda: "a/" * maker.random.randint(1_000, 500_000) + file,
+            "up": lambda: "../" * maker.random.randint(1, 50) + "images/" + file,
+            "down_and_up": lambda: "images/../" * maker.random.randint(1, 300) + "images/" + file,
+            "dots": lambda: choose(("./", ".//", "...//", "/./")) * maker.random.randint(1, 300) + file,
+            "drive": lambda: choose(("C:", "z:", "C:C:")) + "\\" + "\\".join(words(maker.random.randint(1, 9)) + ["images", file]),
+            "share": lambda: "\\\\" + "\\".join(words(3) + [file]),
+            "mixed": lambda: "".join(word + choose(("/", "\\", "\\/", "//")) for word in words(maker.random.randint(1, 30))) + file,
+            "case": lambda: "".join(choose((c.lower(), c.upper())) for c in "images/" + file),
+            "ending": lambda: "images/" + name + choose((".JPEG", ".heic", ".", "", ending + ending, ".tar.gz", ".\u202e", ending + "/", ending + "\\", "\x00" + ending)),
+            "only": lambda: choose((".", "..", "/", "\\", "C:", "images", "images/", ending, "~", "~/" + file, "%00", "%2e%2e/" + file, "\x00", " ", "\n")),
+            "bait": lambda: choose(("C:\\..\\..\\bait\\bait.png", "images/../../../bait/BAIT.png", "/x/../../../bait/bait.png", "..\\..\\bait\\bait.png",
+                                    "x/" * 50 + "../" * 53 + "bait/bait.png", "..\\/..\\/bait/bait.jpg"))}[kind]()
+
+
+PATHS = ("tails", "deep", "up", "down_and_up", "dots", "drive", "share", "mixed", "case", "ending", "only", "bait")
+
+
+def paths(maker):
+    """Names that the search for listed files takes apart."""
+    for kind in PATHS:
+        Copy(maker, f"paths/picture_{kind}").first(file_path=path_that(maker, kind, "0000"))
+        Copy(maker, f"paths/mask_{kind}").first(mask_path=path_that(maker, kind, "0000"))
+    copy = Copy(maker, "paths/many")  # each is looked for by every tail
+    name = "/".join(maker.word() for _ in range(maker.random.randint(50, 400))) + "/"
+    copy.data["frames"] = [{**copy.data["frames"][0], "file_path": f"{name}{i}.png"} for i in range(maker.random.randint(1000, 3000))] + copy.data["frames"][1:]
+    copy.save()
+    copy = Copy(maker, "paths/two_fit")
+    for ending in (".jpg", ".exr", ".PNG"):
+        shutil.copy(copy.path("images", "0001.png"), copy.path("images", "0000" + ending))
+    copy.first(file_path="x/0000" + maker.random.choice((".tif", ".Png", "")))
+    copy = Copy(maker, "paths/like_bait")  # found by its stem alone, and a link
+    os.symlink("../../../bait/bait.png", copy.path("images", "bait.png"))
+    copy.first(file_path="bait/BAIT.jpg")
+    for kind, target in (("pipe", None), ("zero", "/dev/zero"), ("bait", "../../bait/bait.json")):
+        copy = Copy(maker, f"paths/list_{kind}", names="json")  # beside it lies one whose name differs in its case
+        os.rename(copy.path("transforms.json"), copy.path("TRANSFORMS.json"))
+        os.symlink(target, copy.path("Transforms.JSON")) if target else os.mkfifo(copy.path("Transforms.JSON"))
+
+
 def outside(maker):
     up = "../../bait/bait.png"
     for kind, name in {**maker.outside(), "bait": up}.items():
@@ -142,11 +186,19 @@ def colmap(maker):
     put("cut", camera[:maker.random.randint(1, 40)], image(b"0.png"))
     put("nan", camera, image(b"0.png").replace(struct.pack("<d", 2), struct.pack("<d", float("nan"))))
     put("text_escape", f"1 PINHOLE{maker.escape()} 16 16 20 20 8 8\n".encode(), b"1 1 0 0 0 0 0 2 1 0.png\n\n", True)
+    for i, (a, b) in enumerate((("Cameras.TXT", "IMAGES.txt"), ("CAMERAS.txt", "Images.txt"))):
+        put(f"case{i}", b"1 PINHOLE 16 16 20 20 8 8\n", b"1 1 0 0 0 0 0 2 1 " + maker.random.choice((b"0.PNG", b"IMAGES/0.png", b"C:\\x\\0.jpg")) + b"\n\n", True)
+        folder = maker.folder(f"colmap/case{i}")
+        os.rename(os.path.join(folder, "cameras.txt"), os.path.join(folder, a))
+        os.rename(os.path.join(folder, "images.txt"), os.path.join(folder, b))
+        if i:
+            os.symlink("../../bait/bait.txt", os.path.join(folder, "cAMERAS.txt"))
     put("text_long", b"1 PINHOLE 16 16 " + b"9" * maker.random.randint(1_000_000, 4_000_000), b"1 1 0 0 0 0 0 2 1 0.png\n\n", True)
 
 
 def make(maker):
     lists(maker)
     names(maker)
+    paths(maker)
     outside(maker)
     colmap(maker)
