@@ -36,7 +36,7 @@ TEST(ForeignFile, GivenAsAScene) {
       {"a.gltf", R"({"asset":{"version":"2.0"}})", {"glTF", "vsplat dataset render"}},
       {"a.obj", "v 0 0 0\n", {"OBJ", "vsplat dataset render"}},
       {"a.ckpt", "PK\x03\x04" + std::string(26, 'x') + "archive/data.pkl", {"PyTorch", "vsplat weights import"}},
-      {"transforms.json", R"({"frames":[]})", {"cameras", "--cameras"}},
+      {"transforms.json", R"({"frames":[]})", {"cameras", "this list as the cameras"}},
       {"lfs.ply", "version https://git-lfs.github.com/spec/v1\noid sha256:0\n", {"Git LFS", "git lfs pull"}},
       {"page.ply", "<!DOCTYPE html><html>", {"web page"}},
       {"photo.ply", "\xff\xd8\xff\xe0" + std::string(30, 'x'), {"JPEG picture"}},
