@@ -428,11 +428,31 @@ class Module(unittest.TestCase):
         got = (g.means, g.scales, g.rotations, g.opacities, g.sh)
         r = np.random.default_rng(4)
         along = [r.normal(size=a.shape) for a in values]
-        for kind in (3, 4):  # opacities and colours, by which a picture has no edges
+        for kind in (3, 4):  # opacities, by which edges move little, and colours, by which they do not
             h = 1e-3
             moved = [[a + (s * h * d if i == kind else 0) for i, (a, d) in enumerate(zip(values, along))] for s in (1, -1)]
             slope = (loss(moved[0]) - loss(moved[1])) / (2 * h)
             self.assertAlmostEqual((got[kind] * along[kind]).sum() / slope, 1, delta=0.02)
+
+    def test_gradients_are_those_of_differences_where_no_edge_is(self):
+        """As vsplat/render.h says that they can be tested: Gaussians that cover the whole picture."""
+        at, r = vsplat.Camera(96, 96, 200, 200, 48, 48), np.random.default_rng(6)
+        at.w2c = np.eye(4)
+        at.w2c[2, 3] = 4
+        values = [r.uniform(-0.3, 0.3, (4, 3)), 1.5 * r.uniform(0.8, 1.2, (4, 3)), r.normal(size=(4, 4)), np.full(4, 0.5), r.uniform(0.2, 1, (4, 1, 3))]
+        weights = r.uniform(0, 1, (96, 96, 3)) + np.linspace(0, 1, 96)[:, None]
+
+        def loss(arrays):
+            picture = self.device.render(vsplat.Scene.from_arrays(*arrays, near=0.1), at, supersample=1)
+            self.assertGreater(picture.alpha.min(), 0.5)
+            return float((picture.colour.astype(float) * weights).sum())
+
+        g, _ = self.device.render_backward(vsplat.Scene.from_arrays(*values, near=0.1), at, colour=weights)
+        for kind, got in enumerate((g.means, g.scales, g.rotations, g.opacities, g.sh)):
+            along = r.normal(size=values[kind].shape)
+            along /= np.linalg.norm(along)
+            moved = [loss([a + (step * along if i == kind else 0) for i, a in enumerate(values)]) for step in (1e-2, -1e-2)]
+            self.assertAlmostEqual((moved[0] - moved[1]) / 2e-2 / (got * along).sum(), 1, delta=0.01)
 
 
 @unittest.skipIf(torch is None, "needs torch (Debian: python3-torch)")
