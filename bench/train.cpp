@@ -11,6 +11,7 @@
 #include "model/input/placement.h"
 #include "model/input/views.h"
 #include "model/io/selection_file.h"
+#include "model/network/vsplat_model.h"
 #include "model/params/init.h"
 #include "model/params/model_file.h"
 #include "model/splat/render.h"

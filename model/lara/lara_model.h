@@ -9,8 +9,8 @@
 
 #include "model/base/camera.h"
 #include "model/base/gaussians.h"
+#include "model/network/forward_options.h"
 #include "model/network/upload_weights.h"
-#include "model/network/vsplat_model.h"
 #include "model/ops/view_maps.h"
 #include "model/params/lara_config.h"
 #include "model/splat/render.h"

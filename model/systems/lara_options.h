@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "model/lara/lara_model.h"
-#include "model/network/vsplat_model.h"
+#include "model/network/forward_options.h"
 
 namespace vsplat {
 

@@ -6,8 +6,8 @@
 
 #include "model/base/camera.h"
 #include "model/base/gaussians.h"
+#include "model/network/forward_options.h"
 #include "model/network/upload_weights.h"
-#include "model/network/vsplat_model.h"
 #include "model/params/any_config.h"
 #include "model/splat/render.h"
 #include "runtime/context.h"

@@ -1,5 +1,6 @@
 #include <utility>
 
+#include "model/network/vsplat_model.h"
 #include "model/systems/network.h"
 #include "model/systems/vsplat_options.h"
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "model/network/vsplat_model.h"
 #include "model/ops/lift.h"
 #include "model/params/init.h"
 #include "model/splat/render.h"
