@@ -8,7 +8,7 @@
 #include "bench/render.h"
 #include "bench/scenes.h"
 #include "model/fit/fitter.h"
-#include "model/pictures/metrics.h"
+#include "model/metrics/metrics.h"
 
 namespace vsplat::bench {
 

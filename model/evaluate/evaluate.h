@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "model/evaluate/evaluation_object.h"
-#include "model/pictures/lpips.h"
+#include "model/metrics/lpips.h"
 #include "model/systems/network.h"
 #include "runtime/ranks.h"
 

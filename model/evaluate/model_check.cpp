@@ -5,7 +5,7 @@
 #include "model/base/scene.h"
 #include "model/data/endless_objects.h"
 #include "model/evaluate/evaluation_views.h"
-#include "model/pictures/metrics.h"
+#include "model/metrics/metrics.h"
 #include "model/splat/render.h"
 
 namespace vsplat {

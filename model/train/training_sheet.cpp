@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "model/base/scene.h"
-#include "model/pictures/contact_sheet.h"
+#include "model/io/contact_sheet.h"
 #include "model/splat/render.h"
 
 namespace vsplat {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <filesystem>
 
+#include "model/io/contact_sheet.h"
+#include "model/metrics/metrics.h"
 #include "model/params/init.h"
-#include "model/pictures/contact_sheet.h"
-#include "model/pictures/metrics.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/splat/render.h"
 #include "runtime/fail.h"

@@ -6,7 +6,7 @@
 
 #include <Eigen/Geometry>
 
-#include "model/pictures/metrics.h"
+#include "model/metrics/metrics.h"
 #include "model/splat/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

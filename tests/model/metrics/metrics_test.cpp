@@ -1,4 +1,4 @@
-#include "model/pictures/metrics.h"
+#include "model/metrics/metrics.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
-#include "model/pictures/contact_sheet.h"
+#include "model/io/contact_sheet.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "model/io/image_file.h"
-#include "model/pictures/text.h"
+#include "model/io/text.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

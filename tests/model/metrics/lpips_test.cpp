@@ -1,4 +1,4 @@
-#include "model/pictures/lpips.h"
+#include "model/metrics/lpips.h"
 
 #include <fmt/format.h>
 

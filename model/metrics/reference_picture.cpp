@@ -1,4 +1,4 @@
-#include "model/pictures/reference_picture.h"
+#include "model/metrics/reference_picture.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 
 #include "model/base/lens.h"
 #include "model/base/resample.h"
+#include "model/io/contact_sheet.h"
 #include "model/io/image_file.h"
-#include "model/pictures/contact_sheet.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

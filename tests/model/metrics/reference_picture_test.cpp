@@ -1,4 +1,4 @@
-#include "model/pictures/reference_picture.h"
+#include "model/metrics/reference_picture.h"
 
 #include <cmath>
 

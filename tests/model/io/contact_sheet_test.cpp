@@ -1,6 +1,6 @@
-#include "model/pictures/contact_sheet.h"
+#include "model/io/contact_sheet.h"
 
-#include "model/pictures/text.h"
+#include "model/io/text.h"
 #include "tests/support/posed_views.h"
 
 namespace vsplat {

@@ -1,4 +1,4 @@
-#include "model/pictures/text.h"
+#include "model/io/text.h"
 
 #include <algorithm>
 #include <array>
