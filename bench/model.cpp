@@ -13,7 +13,7 @@
 #include "model/cameras/orbit.h"
 #include "model/input/placement.h"
 #include "model/params/init.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "runtime/fail.h"
 
 namespace vsplat::bench {

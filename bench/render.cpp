@@ -1,5 +1,5 @@
 // Drawing of whole scenes and its derivative: two cases a scene, frames by its cameras in turn.
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 #include <cmath>
 #include <map>
@@ -11,10 +11,10 @@
 #include "bench/sample.h"
 #include "bench/scenes.h"
 #include "model/base/scene.h"
+#include "model/render/render_backward.h"
 #include "model/selftest/reference/rasterize_backward.h"
 #include "model/selftest/reference/splat.h"
 #include "model/selftest/reference/surfels.h"
-#include "model/splat/render_backward.h"
 
 namespace vsplat::bench {
 

@@ -14,7 +14,7 @@
 #include "model/network/vsplat_model.h"
 #include "model/params/init.h"
 #include "model/params/model_file.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "model/train/trainer.h"
 #include "runtime/fail.h"
 

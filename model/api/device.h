@@ -10,7 +10,7 @@
 #include "model/api/job_queue.h"
 #include "model/api/residents.h"
 #include "model/base/scene.h"
-#include "model/splat/gaussian_chunks.h"
+#include "model/render/gaussian_chunks.h"
 #include "runtime/context.h"
 
 struct vsplat_device_impl : vsplat::api::Counted {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/splat/supersample.h"
+#include "model/render/supersample.h"
 #include "runtime/fail.h"
 
 namespace vsplat::api {

@@ -5,7 +5,7 @@
 #include "model/api/device.h"
 #include "model/api/handle.h"
 #include "model/api/scene.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat::api {
 

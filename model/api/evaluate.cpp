@@ -15,7 +15,7 @@
 #include "model/api/share.h"
 #include "model/evaluate/model_check.h"
 #include "model/io/image_file.h"
-#include "model/splat/supersample.h"
+#include "model/render/supersample.h"
 #include "runtime/fail.h"
 
 struct vsplat_evaluation_impl : vsplat::api::Counted {

@@ -7,7 +7,7 @@
 #include "model/api/selected.h"
 #include "model/fit/fitter.h"
 #include "model/fit/view_corrections.h"
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 #include "model/train/train.h"
 #include "runtime/fail.h"
 

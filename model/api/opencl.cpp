@@ -13,7 +13,7 @@
 #include "model/api/outputs.h"
 #include "model/api/pixels.h"
 #include "model/api/scene.h"
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 #include "runtime/fail.h"
 #include "runtime/foreign.h"
 

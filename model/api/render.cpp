@@ -1,5 +1,5 @@
 // Drawing a scene, and what it needs.
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include "model/api/drawing.h"
 #include "model/api/pixels.h"
 #include "model/api/plan.h"
-#include "model/splat/geometry.h"
+#include "model/render/geometry.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;

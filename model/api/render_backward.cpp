@@ -1,5 +1,5 @@
 // Gradients of a loss on a picture of a scene.
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 
 #include <algorithm>
 #include <cmath>

@@ -46,7 +46,7 @@ struct EvaluateOptions {
   // and the object's name, whatever the model: what is compared is drawn from the poses as listed. Not with `refine`.
   double pose_noise = 0;
   int pose_draws = 1;
-  int supersample = 0;  // samples along a pixel's edge; 0: by the inputs' own pixels (splat/supersample.h)
+  int supersample = 0;  // samples along a pixel's edge; 0: by the inputs' own pixels (render/supersample.h)
   // Called before each object with its name and the share of the work that is begun; one at a time, on any of the
   // workers' threads. May throw to cancel.
   std::function<void(const std::string& object, double done)> progress;

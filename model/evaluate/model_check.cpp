@@ -6,7 +6,7 @@
 #include "model/data/endless_objects.h"
 #include "model/evaluate/evaluation_views.h"
 #include "model/metrics/metrics.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat {
 namespace {

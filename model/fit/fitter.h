@@ -9,8 +9,8 @@
 #include "model/fit/fit_picture.h"
 #include "model/ops/loss.h"
 #include "model/ops/splat_relocate.h"
-#include "model/splat/render.h"
-#include "model/splat/render_backward.h"
+#include "model/render/render.h"
+#include "model/render/render_backward.h"
 
 namespace vsplat {
 

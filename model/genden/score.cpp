@@ -5,7 +5,7 @@
 #include "model/network/running.h"
 #include "model/ops/gather.h"
 #include "model/ops/loss.h"
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 
 namespace vsplat {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "model/genden/densifier.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat {
 

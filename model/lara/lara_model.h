@@ -13,7 +13,7 @@
 #include "model/network/upload_weights.h"
 #include "model/ops/view_maps.h"
 #include "model/params/lara_config.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "runtime/context.h"
 
 namespace vsplat {
@@ -46,7 +46,7 @@ struct LaraFeatureGradients {
   Tensor voxels;    // [P, out_ch], by the volume's rows of the kept ones
 };
 
-// By model/splat's renderer, as the configuration says.
+// By model/render's renderer, as the configuration says.
 RenderOptions drawing_of(const LaraConfig& config);
 DrawView draw_view(const LaraConfig& config);
 

@@ -4,7 +4,7 @@
 #include "model/lara/lara_modules.h"
 #include "model/ops/add_columns.h"
 #include "model/ops/gather.h"
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 
 namespace vsplat {
 

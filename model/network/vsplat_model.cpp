@@ -8,7 +8,7 @@
 #include "model/network/running.h"
 #include "model/network/vsplat_modules.h"
 #include "model/ops/gather.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 

@@ -4,7 +4,7 @@
 
 #include "model/reconstruct/dump.h"
 #include "model/reconstruct/selection_check.h"
-#include "model/splat/supersample.h"
+#include "model/render/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 

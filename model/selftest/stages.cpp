@@ -6,7 +6,7 @@
 
 #include "model/network/vsplat_model.h"
 #include "model/params/model_file.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "runtime/safetensors.h"
 
 extern "C" {

@@ -9,7 +9,7 @@
 #include "model/network/forward_options.h"
 #include "model/network/upload_weights.h"
 #include "model/params/any_config.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "runtime/context.h"
 
 namespace vsplat {

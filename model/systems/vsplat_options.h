@@ -3,7 +3,7 @@
 #include <array>
 
 #include "model/params/config.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat {
 

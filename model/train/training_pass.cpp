@@ -9,7 +9,7 @@
 #include "model/ops/picture_target.h"
 #include "model/ops/ray_loss.h"
 #include "model/ops/surface_loss.h"
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

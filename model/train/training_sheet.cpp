@@ -5,7 +5,7 @@
 
 #include "model/base/scene.h"
 #include "model/io/contact_sheet.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat {
 namespace {

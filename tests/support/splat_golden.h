@@ -9,7 +9,7 @@
 
 #include "model/base/camera.h"
 #include "model/base/gaussians.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat::test {
 

@@ -8,7 +8,7 @@
 #include "model/metrics/metrics.h"
 #include "model/params/init.h"
 #include "model/reconstruct/reconstruct.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "runtime/fail.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/device.h"

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

@@ -7,7 +7,7 @@
 #include <Eigen/Geometry>
 
 #include "model/metrics/metrics.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

@@ -8,7 +8,7 @@
 #include "model/network/vsplat_model.h"
 #include "model/ops/lift.h"
 #include "model/params/init.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

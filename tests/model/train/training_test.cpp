@@ -7,9 +7,9 @@
 
 #include "model/base/scene.h"
 #include "model/params/params.h"
+#include "model/render/render_backward.h"
 #include "model/selftest/reference/adamw.h"
 #include "model/selftest/reference/muon.h"
-#include "model/splat/render_backward.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

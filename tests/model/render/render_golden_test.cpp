@@ -5,7 +5,7 @@
 #include <cmath>
 #include <tuple>
 
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "tests/support/device.h"
 #include "tests/support/splat_golden.h"
 

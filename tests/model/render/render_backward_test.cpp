@@ -1,4 +1,4 @@
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 
 #include <gtest/gtest.h>
 

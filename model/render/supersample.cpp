@@ -1,4 +1,4 @@
-#include "model/splat/supersample.h"
+#include "model/render/supersample.h"
 
 #include <algorithm>
 #include <cmath>

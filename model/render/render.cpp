@@ -1,11 +1,11 @@
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 #include <algorithm>
 
 #include "model/ops/area_mean.h"
 #include "model/ops/tile_bin.h"
-#include "model/splat/room.h"
-#include "model/splat/supersample.h"
+#include "model/render/room.h"
+#include "model/render/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 

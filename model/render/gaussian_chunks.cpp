@@ -1,9 +1,9 @@
-#include "model/splat/gaussian_chunks.h"
+#include "model/render/gaussian_chunks.h"
 
 #include <algorithm>
 
 #include "model/ops/project_surfels.h"
-#include "model/splat/room.h"
+#include "model/render/room.h"
 
 namespace vsplat {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "model/ops/rasterize.h"
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat {
 

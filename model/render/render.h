@@ -10,7 +10,7 @@
 #include "model/base/camera.h"
 #include "model/base/image.h"
 #include "model/ops/rasterize_surfels.h"
-#include "model/splat/gaussian_chunks.h"
+#include "model/render/gaussian_chunks.h"
 #include "runtime/context.h"
 
 namespace vsplat {

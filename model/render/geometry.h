@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 namespace vsplat {
 

@@ -1,4 +1,4 @@
-#include "model/splat/room.h"
+#include "model/render/room.h"
 
 #include <memory>
 

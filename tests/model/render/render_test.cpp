@@ -1,4 +1,4 @@
-#include "model/splat/render.h"
+#include "model/render/render.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "model/splat/geometry.h"
+#include "model/render/geometry.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,8 +1,8 @@
-#include "model/splat/render_backward.h"
+#include "model/render/render_backward.h"
 
 #include <algorithm>
 
-#include "model/splat/room.h"
+#include "model/render/room.h"
 
 namespace vsplat {
 

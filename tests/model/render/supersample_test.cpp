@@ -1,8 +1,8 @@
-#include "model/splat/supersample.h"
+#include "model/render/supersample.h"
 
 #include <gtest/gtest.h>
 
-#include "model/splat/render.h"
+#include "model/render/render.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"
 
