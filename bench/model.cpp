@@ -10,10 +10,10 @@
 #include "bench/model_check.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
-#include "model/cameras/orbit.h"
-#include "model/input/placement.h"
 #include "model/params/init.h"
 #include "model/render/render.h"
+#include "model/views/orbit.h"
+#include "model/views/placement.h"
 #include "runtime/fail.h"
 
 namespace vsplat::bench {

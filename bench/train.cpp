@@ -7,15 +7,15 @@
 #include "bench/bench.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
-#include "model/cameras/orbit.h"
-#include "model/input/placement.h"
-#include "model/input/views.h"
 #include "model/io/selection_file.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/init.h"
 #include "model/params/model_file.h"
 #include "model/render/render.h"
 #include "model/train/trainer.h"
+#include "model/views/orbit.h"
+#include "model/views/placement.h"
+#include "model/views/views.h"
 #include "runtime/fail.h"
 
 namespace vsplat::bench {

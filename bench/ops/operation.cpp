@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "bench/scenes.h"
-#include "model/cameras/orbit.h"
+#include "model/views/orbit.h"
 #include "runtime/fail.h"
 
 namespace vsplat::bench {

@@ -6,12 +6,12 @@
 
 #include "model/api/input.h"
 #include "model/api/scene.h"
-#include "model/cameras/camera_path.h"
-#include "model/cameras/orbit.h"
 #include "model/io/cameras_json.h"
 #include "model/io/image_file.h"
 #include "model/io/view_checks.h"
 #include "model/io/view_set.h"
+#include "model/views/camera_path.h"
+#include "model/views/orbit.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"
 

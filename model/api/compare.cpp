@@ -6,12 +6,12 @@
 #include <filesystem>
 
 #include "model/api/cameras.h"
-#include "model/input/photographs.h"
 #include "model/io/image_file.h"
 #include "model/io/listed_file.h"
 #include "model/io/view_checks.h"
 #include "model/metrics/metrics.h"
 #include "model/metrics/reference_picture.h"
+#include "model/views/photographs.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/roots.h"

@@ -10,9 +10,9 @@
 #include "model/api/cameras.h"
 #include "model/api/model.h"
 #include "model/api/pixels.h"
-#include "model/cameras/orbit.h"
-#include "model/input/view_choice.h"
-#include "model/input/written_views.h"
+#include "model/views/orbit.h"
+#include "model/views/view_choice.h"
+#include "model/views/written_views.h"
 #include "runtime/fail.h"
 #include "runtime/half.h"
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "model/api/handle.h"
-#include "model/input/input.h"
+#include "model/views/input.h"
 
 namespace vsplat::api {
 

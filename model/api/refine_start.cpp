@@ -10,10 +10,10 @@
 #include "model/api/selected.h"
 #include "model/base/resample.h"
 #include "model/fit/fit_start.h"
-#include "model/input/listed_points.h"
-#include "model/input/pose_check.h"
-#include "model/input/view_choice.h"
 #include "model/reconstruct/reconstruct.h"
+#include "model/views/listed_points.h"
+#include "model/views/pose_check.h"
+#include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/input/input.h"
+#include "model/views/input.h"
 
 namespace vsplat {
 

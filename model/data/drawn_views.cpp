@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/input/view_choice.h"
+#include "model/views/view_choice.h"
 
 namespace vsplat {
 namespace {

@@ -5,9 +5,9 @@
 #include <numeric>
 
 #include "model/base/resample.h"
-#include "model/input/mask_check.h"
-#include "model/input/pose_check.h"
-#include "model/input/view_choice.h"
+#include "model/views/mask_check.h"
+#include "model/views/pose_check.h"
+#include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/cameras/orbit.h"
 #include "model/data/random.h"
+#include "model/views/orbit.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

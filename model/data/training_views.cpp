@@ -13,7 +13,7 @@
 #include "model/data/drawn_views.h"
 #include "model/data/endless_objects.h"
 #include "model/data/room.h"
-#include "model/input/pose_check.h"
+#include "model/views/pose_check.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <optional>
 
-#include "model/input/pose_check.h"
+#include "model/views/pose_check.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -5,7 +5,7 @@
 
 #include "model/base/rng.h"
 #include "model/data/random.h"
-#include "model/input/view_choice.h"
+#include "model/views/view_choice.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/input/placement.h"
+#include "model/views/placement.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -9,7 +9,7 @@
 
 #include "model/base/scene.h"
 #include "model/fit/fit_picture.h"
-#include "model/input/photographs.h"
+#include "model/views/photographs.h"
 
 namespace vsplat {
 

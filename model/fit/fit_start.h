@@ -4,8 +4,8 @@
 #include <span>
 
 #include "model/base/scene.h"
-#include "model/input/placement.h"
 #include "model/io/colmap_points.h"
+#include "model/views/placement.h"
 
 namespace vsplat {
 

@@ -13,7 +13,7 @@
 #include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit_impl.h"
 #include "model/fit/suspects.h"
-#include "model/input/view_choice.h"
+#include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/profiler.h"

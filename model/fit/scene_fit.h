@@ -9,8 +9,8 @@
 
 #include "model/base/scene.h"
 #include "model/fit/fitter.h"
-#include "model/input/photographs.h"
-#include "model/input/placement.h"
+#include "model/views/photographs.h"
+#include "model/views/placement.h"
 
 namespace vsplat {
 

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "model/base/scene.h"
-#include "model/input/placement.h"
-#include "model/input/views.h"
 #include "model/systems/network.h"
+#include "model/views/placement.h"
+#include "model/views/views.h"
 
 namespace vsplat {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/input/views.h"
+#include "model/views/views.h"
 
 namespace vsplat {
 

@@ -7,9 +7,9 @@
 
 #include "model/base/camera.h"
 #include "model/base/image.h"
-#include "model/cameras/orbit.h"
 #include "model/data/mesh_file.h"
 #include "model/data/ray_tracer.h"
+#include "model/views/orbit.h"
 
 namespace vsplat::test {
 

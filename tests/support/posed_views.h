@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "model/base/camera.h"
-#include "model/cameras/orbit.h"
+#include "model/views/orbit.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 

@@ -10,7 +10,6 @@
 #include <limits>
 
 #include "model/base/image.h"
-#include "model/cameras/orbit.h"
 #include "model/data/mesh_file.h"
 #include "model/data/object_folder.h"
 #include "model/data/object_names.h"
@@ -19,6 +18,7 @@
 #include "model/data/sphere_cameras.h"
 #include "model/io/image_file.h"
 #include "model/io/view_set.h"
+#include "model/views/orbit.h"
 #include "runtime/error.h"
 #include "tests/support/temporary.h"
 

@@ -6,8 +6,8 @@
 #include <random>
 
 #include "model/base/resample.h"
-#include "model/input/photographs.h"
 #include "model/io/image_file.h"
+#include "model/views/photographs.h"
 #include "runtime/host_memory.h"
 #include "tests/support/image_writers.h"
 #include "tests/support/picture_writers.h"

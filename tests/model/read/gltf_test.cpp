@@ -11,10 +11,10 @@
 #include <cmath>
 
 #include "model/base/image.h"
-#include "model/cameras/orbit.h"
 #include "model/data/mesh_file.h"
 #include "model/data/ray_tracer.h"
 #include "model/io/image_file.h"
+#include "model/views/orbit.h"
 #include "tests/support/drawn_mesh.h"
 #include "tests/support/gltf_writer.h"
 #include "tests/support/picture_writers.h"

@@ -15,7 +15,7 @@ import support  # noqa: E402: found by the line above
 
 
 def kmeans(positions, k):
-    """-> groups of indices, as model/input/view_choice.h has them: farthest first from 0, Lloyd's steps, ties to the lower index, by lowest member."""
+    """-> groups of indices, as model/views/view_choice.h has them: farthest first from 0, Lloyd's steps, ties to the lower index, by lowest member."""
     far = lambda i, chosen: min(math.dist(positions[i], positions[c]) for c in chosen)
     seeds = [0]
     while len(seeds) < k:

@@ -1,0 +1,235 @@
+#include "model/views/pose_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "model/base/lens.h"
+#include "model/views/auto_frame.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+
+namespace vsplat {
+namespace {
+
+double depth(const Camera& camera, const Eigen::Vector3d& point) {
+  return camera.w2c.row(2).head<3>().dot(point - camera.centre());
+}
+
+struct Seen {
+  int behind = 0, outside = 0;
+  int missed() const { return behind + outside; }
+};
+
+Seen look(std::span<const Camera> cameras, const Eigen::Vector3d& point) {
+  Seen out;
+  for (const Camera& c : cameras) {
+    const auto at = project_to_picture(c, point);
+    if (!(depth(c, point) > 0)) {
+      ++out.behind;
+    } else if (!(at && at->x() >= 0 && at->x() <= c.width && at->y() >= 0 && at->y() <= c.height)) {
+      ++out.outside;
+    }
+  }
+  return out;
+}
+
+struct Swap {
+  const char* text;
+  Camera (*apply)(const Camera&);
+};
+
+Camera with_c2w(const Camera& camera, const Eigen::Matrix4d& c2w) {
+  Camera out = camera, inverse;
+  inverse.w2c = c2w;
+  out.w2c = inverse.c2w();  // the rigid inverse of whatever is in w2c
+  return out;
+}
+
+Eigen::Matrix4d flipped(Eigen::Matrix4d c2w) {  // y and z of the camera the other way
+  c2w.middleCols<2>(1) *= -1;
+  return c2w;
+}
+
+// With L the listed matrix and D = diag(1,-1,-1,1): transforms.json is read as c2w = L D, the OpenCV formats as c2w =
+// L^-1.
+Camera other_axes(const Camera& c) { return with_c2w(c, flipped(c.c2w())); }
+Camera inverted_opengl(const Camera& c) { return with_c2w(c, flipped(with_c2w(c, flipped(c.c2w())).w2c)); }  // L^-1 D
+Camera inverted_opengl_axes(const Camera& c) { return with_c2w(c, with_c2w(c, flipped(c.c2w())).w2c); }      // L^-1
+Camera inverted_opencv(const Camera& c) { return with_c2w(c, c.w2c); }                // L; with L = c2w, L^-1
+Camera inverted_opencv_axes(const Camera& c) { return with_c2w(c, flipped(c.w2c)); }  // L D; with L = c2w, L^-1 D
+Camera turned_back(const Camera& c) {  // the rotation transposed, the centre kept
+  Eigen::Matrix4d c2w = c.c2w();
+  c2w.topLeftCorner<3, 3>().transposeInPlace();
+  return with_c2w(c, c2w);
+}
+Camera turned_back_axes(const Camera& c) { return other_axes(turned_back(c)); }
+
+std::vector<Swap> possible_swaps(PoseConvention convention) {
+  switch (convention) {
+    case PoseConvention::opengl_c2w:
+      return {
+          {"OpenCV axes (y down, z forward) where the file's format has OpenGL axes (y up, -z forward)", other_axes},
+          {"world-to-camera matrices (w2c) where the file's format has camera-to-world (c2w)", inverted_opengl},
+          {"world-to-camera matrices (w2c) with OpenCV axes where the file's format has camera-to-world (c2w) with "
+           "OpenGL axes",
+           inverted_opengl_axes}};
+    case PoseConvention::opencv_w2c:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"camera-to-world matrices (c2w) where the file's format has world-to-camera (w2c)", inverted_opencv},
+          {"camera-to-world matrices (c2w) with OpenGL axes where the file's format has world-to-camera (w2c) with "
+           "OpenCV axes",
+           inverted_opencv_axes}};
+    case PoseConvention::opencv_c2w:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"world-to-camera matrices (w2c) where the file's format has camera-to-world (c2w)", inverted_opencv},
+          {"world-to-camera matrices (w2c) with OpenGL axes where the file's format has camera-to-world (c2w) with "
+           "OpenCV axes",
+           inverted_opencv_axes}};
+    default:
+      return {
+          {"OpenGL axes (y up, -z forward) where the file's format has OpenCV axes (y down, z forward)", other_axes},
+          {"world-to-camera rotations (w2c) where the file's format has camera-to-world (c2w)", turned_back},
+          {"world-to-camera rotations (w2c) with OpenGL axes where the file's format has camera-to-world (c2w) with "
+           "OpenCV axes",
+           turned_back_axes}};
+  }
+}
+
+std::vector<Camera> after(const Swap& swap, std::span<const Camera> cameras) {
+  std::vector<Camera> out;
+  out.reserve(cameras.size());
+  for (const Camera& c : cameras) out.push_back(swap.apply(c));
+  return out;
+}
+
+// How far the axes pass, on average, by the point where they meet best, seen from the cameras; 180 where they do not
+// meet at all. Cameras at one place look at no common point.
+double degrees_off(std::span<const Camera> cameras) {
+  const std::optional<Eigen::Vector3d> point = where_axes_meet(cameras);
+  if (!point) return 180;
+  double sum = 0, nearest = std::numeric_limits<double>::infinity(), apart = 0;
+  for (const Camera& c : cameras) {
+    const Eigen::Vector3d to = *point - c.centre(), axis = c.w2c.row(2).head<3>();
+    nearest = std::min(nearest, to.norm());
+    apart = std::max(apart, (c.centre() - cameras[0].centre()).norm());
+    sum += std::atan2(axis.cross(to).norm(), axis.dot(to));
+  }
+  const bool is_among_them = nearest < 1e-3 * apart || apart < 1e-9 * std::max(1e-9, cameras[0].centre().norm());
+  return is_among_them ? 180 : sum / static_cast<double>(cameras.size()) * 180 / M_PI;
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d p = camera.w2c.topLeftCorner<3, 3>() * (point - camera.centre());
+  if (!(p.z() > 0)) return std::nullopt;
+  double x = p.x() / p.z(), y = p.y() / p.z();
+  if (!is_pinhole(camera.distortion) && !Lens(camera.distortion, std::hypot(x, y)).distort(x, y, x, y))
+    return std::nullopt;
+  return Eigen::Vector2d(camera.fx * x + camera.cx, camera.fy * y + camera.cy);
+}
+
+void check_centre_is_seen(std::span<const Camera> cameras, PoseConvention convention, const ChosenPlacement& chosen,
+                          std::optional<bool> force) {
+  const Eigen::Vector3d& centre = chosen.placement.centre;
+  const Seen seen = look(cameras, centre);
+  if (seen.missed() == 0) {
+    if (const std::string better = chosen.moves_with_poses ? poses_that_meet(cameras, convention) : ""; !better.empty())
+      warn("{}", better);
+    return;
+  }
+  std::string text =
+      fmt::format("the centre of the object's cube {} is behind {} and outside the picture of {} of {} views",
+                  to_text(centre), seen.behind, seen.outside, cameras.size());
+  std::string swaps;
+  for (const Swap& swap : possible_swaps(convention)) {
+    const std::vector<Camera> swapped = after(swap, cameras);
+    const std::optional<Eigen::Vector3d> point = chosen.moves_with_poses ? where_axes_meet(swapped) : centre;
+    if (point && look(swapped, *point).missed() == 0)
+      swaps += fmt::format("{}{}", swaps.empty() ? "" : ", or ", swap.text);
+  }
+  if (!swaps.empty() && chosen.moves_with_poses) {
+    text += fmt::format(
+        ": the axes of the cameras do not meet before them. They would if the poses were meant as {}: correct the "
+        "poses",
+        swaps);
+  } else if (!swaps.empty()) {
+    text += fmt::format("; it would be in the picture of all if the poses were meant as {}: correct the poses", swaps);
+  } else {
+    text +=
+        "; no swap of axes or of directions puts it into all of them: give vsplat_input_options.center and "
+        "vsplat_input_options.scale, or vsplat_input_options.auto_frame, which estimates them where the list has "
+        "others";
+  }
+  if (2 * seen.missed() > static_cast<int>(cameras.size()) && !force.value_or(false))
+    fail(Status::input, "{}{}", text, force ? " (vsplat_input_options.force goes on regardless)" : "");
+  warn("{}", text);
+}
+
+std::string poses_that_meet(std::span<const Camera> cameras, PoseConvention convention) {
+  constexpr double well = 5, badly = 10, better = 0.25;  // degrees, and times as much
+  if (cameras.size() < 3) return "";
+  const double as_listed = degrees_off(cameras);
+  if (as_listed < badly) return "";
+  std::string swaps;
+  double least = 180;
+  for (const Swap& swap : possible_swaps(convention)) {
+    const double off = degrees_off(after(swap, cameras));
+    if (off > well || off > better * as_listed) continue;
+    swaps += fmt::format("{}{}", swaps.empty() ? "" : ", or ", swap.text);
+    least = std::min(least, off);
+  }
+  if (swaps.empty()) return "";
+  return fmt::format(
+      "the axes of the {} cameras do not meet before them: they pass the nearest point by {:.0f} degrees on average, "
+      "and by {:.1f} if the poses were meant as {}: correct the poses if they were",
+      cameras.size(), as_listed, least, swaps);
+}
+
+void warn_of_one_place(const std::string& set, std::span<const Camera> cameras) {
+  if (cameras.size() < 2) return;
+  double apart = 0, turned = 0, far = 0;
+  for (const Camera& c : cameras) {
+    apart = std::max(apart, (c.centre() - cameras[0].centre()).norm());
+    turned = std::max(turned, (c.w2c - cameras[0].w2c).topLeftCorner<3, 3>().cwiseAbs().maxCoeff());
+    far = std::max(far, c.centre().norm());
+  }
+  // What rounding leaves. Where the origin is far away, as in maps, a millionth of that is a whole ring of cameras.
+  if (apart > 1e-9 * std::max(far, 1e-9)) return;
+  if (turned < 1e-6)
+    warn(
+        "{}: all {} views have the same pose, so that nothing tells what is near and what is far. Of an object that "
+        "turned before a camera that stood still, the poses must be those of the camera about the object: COLMAP finds "
+        "them where masks or a plain background hide what did not turn",
+        set, cameras.size());
+  else
+    warn(
+        "{}: all {} cameras are at one place and only turned, so that nothing tells what is near and what is far: "
+        "pictures from several places are needed",
+        set, cameras.size());
+}
+
+void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement) {
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    const double nearest = c.w2c(2, 3) - 0.5 * c.w2c.row(2).head<3>().cwiseAbs().sum();
+    if (nearest > 0) continue;
+    const std::string advice =
+        c.w2c(2, 3) > 0
+            ? fmt::format("; an edge (vsplat_input_options.scale) under {:.4g} would leave it in front",
+                          placement.edge * c.w2c(2, 3) / (c.w2c(2, 3) - nearest))
+            : std::string("; its centre too: place it with vsplat_input_options.center, or leave this view out");
+    fail(Status::input,
+         "view {} ({}): a corner of the object's cube, centre {} and edge {:.6g}, is behind the camera{}", i, c.file,
+         to_text(placement.centre), placement.edge, advice);
+  }
+}
+
+}  // namespace vsplat
