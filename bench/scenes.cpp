@@ -11,8 +11,8 @@
 #include "model/base/normal_quantile.h"
 #include "model/base/rng.h"
 #include "model/base/scene.h"
-#include "model/io/ply.h"
-#include "model/io/view_set.h"
+#include "model/io/scene/ply.h"
+#include "model/io/views/view_set.h"
 #include "runtime/fail.h"
 
 namespace vsplat::bench {

@@ -7,7 +7,7 @@
 #include "bench/bench.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
-#include "model/io/selection_file.h"
+#include "model/io/archive/selection_file.h"
 #include "model/network/vsplat_model.h"
 #include "model/params/init.h"
 #include "model/params/model_file.h"

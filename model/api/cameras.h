@@ -4,7 +4,7 @@
 
 #include "model/api/handle.h"
 #include "model/base/camera.h"
-#include "model/io/view_set.h"
+#include "model/io/views/view_set.h"
 
 struct vsplat_cameras_impl : vsplat::api::Counted {
   std::vector<vsplat::Camera> cameras;  // drawn as pinholes: `distortion` is that of the listed picture

@@ -6,9 +6,9 @@
 #include <filesystem>
 
 #include "model/api/cameras.h"
-#include "model/io/image_file.h"
-#include "model/io/listed_file.h"
-#include "model/io/view_checks.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/views/listed_file.h"
+#include "model/io/views/view_checks.h"
 #include "model/metrics/metrics.h"
 #include "model/metrics/reference_picture.h"
 #include "model/views/photographs.h"

@@ -14,7 +14,7 @@
 #include "model/api/selected.h"
 #include "model/api/share.h"
 #include "model/evaluate/model_check.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
 

@@ -2,9 +2,9 @@
 #include <algorithm>
 
 #include "model/api/handle.h"
-#include "model/io/contact_sheet.h"
-#include "model/io/image_file.h"
-#include "model/io/webp_animation.h"
+#include "model/io/picture/contact_sheet.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/picture/webp_animation.h"
 #include "runtime/fail.h"
 
 struct vsplat_sheet_impl : vsplat::api::Counted {

@@ -8,7 +8,7 @@
 #include "model/api/scene.h"
 #include "model/api/selected.h"
 #include "model/genden/densifier.h"
-#include "model/io/selection_file.h"
+#include "model/io/archive/selection_file.h"
 #include "model/params/systems.h"
 #include "runtime/fail.h"
 

@@ -14,7 +14,7 @@
 #include "model/api/scene.h"
 #include "model/fit/fit_plan.h"
 #include "model/fit/scene_fit.h"
-#include "model/io/cameras_json.h"
+#include "model/io/views/cameras_json.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;

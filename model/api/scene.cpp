@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/io/selection_file.h"
+#include "model/io/archive/selection_file.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;

@@ -8,7 +8,7 @@
 #include "model/api/handle.h"
 #include "model/api/outputs.h"
 #include "model/base/scene.h"
-#include "model/io/ply.h"
+#include "model/io/scene/ply.h"
 
 namespace vsplat::api {
 

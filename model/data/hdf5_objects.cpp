@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <set>
 
-#include "model/io/hdf5_file.h"
-#include "model/io/image_formats.h"
-#include "model/io/view_checks.h"
+#include "model/io/archive/hdf5_file.h"
+#include "model/io/picture/image_formats.h"
+#include "model/io/views/view_checks.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

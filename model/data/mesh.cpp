@@ -8,8 +8,8 @@
 #include <span>
 
 #include "model/base/image.h"
-#include "model/io/image_file.h"
-#include "model/io/image_formats.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/picture/image_formats.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -7,7 +7,7 @@
 
 #include "model/data/ray_tracer.h"
 #include "model/data/sphere_cameras.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "runtime/fail.h"
 #include "runtime/file.h"
 #include "runtime/staged_folder.h"

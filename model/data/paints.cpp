@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "model/base/resample.h"
-#include "model/io/image_file.h"
-#include "model/io/picture_folder.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/picture/picture_folder.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "model/data/rays_module.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
 #include "runtime/system.h"

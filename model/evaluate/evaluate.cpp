@@ -14,7 +14,7 @@
 #include "model/base/pose_noise.h"
 #include "model/base/scene.h"
 #include "model/fit/scene_fit.h"
-#include "model/io/contact_sheet.h"
+#include "model/io/picture/contact_sheet.h"
 #include "model/metrics/metrics.h"
 #include "model/network/ray_predictor.h"
 #include "model/reconstruct/reconstruct.h"

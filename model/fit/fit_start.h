@@ -4,7 +4,7 @@
 #include <span>
 
 #include "model/base/scene.h"
-#include "model/io/colmap_points.h"
+#include "model/io/views/colmap_points.h"
 #include "model/views/placement.h"
 
 namespace vsplat {

@@ -7,8 +7,8 @@
 
 #include "model/base/lens.h"
 #include "model/base/resample.h"
-#include "model/io/contact_sheet.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/contact_sheet.h"
+#include "model/io/picture/image_file.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

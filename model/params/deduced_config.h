@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "model/io/torch_file.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/config.h"
 #include "model/params/genden_config.h"
 #include "model/params/lara_config.h"

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "model/base/json_fields.h"
-#include "model/io/torch_file.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/deduced_config.h"
 #include "model/params/init.h"
 #include "model/params/load_encoder.h"

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "model/io/torch_file.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/any_config.h"
 #include "model/params/deduced_config.h"
 #include "model/params/weights.h"

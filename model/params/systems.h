@@ -5,7 +5,7 @@
 #include <variant>
 #include <vector>
 
-#include "model/io/torch_file.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/config.h"
 #include "model/params/deduced_config.h"
 #include "model/params/genden_config.h"

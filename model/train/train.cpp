@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "model/base/step_pace.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "model/train/beginning.h"
 #include "model/train/report.h"
 #include "model/train/run_record.h"

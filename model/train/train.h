@@ -42,7 +42,8 @@ struct TrainOptions {
   std::vector<long> extend;
   bool skip_bad = false;      // data that cannot be read are passed over and counted
   std::string textures = "";  // a folder of pictures for procedural objects; "": none
-  std::string selection;  // a file of voxels that are refined in every step, see model/io/selection_file.h; "": none
+  std::string
+      selection;  // a file of voxels that are refined in every step, see model/io/archive/selection_file.h; "": none
   long planned_selected = 0;                           // voxels, as the trainer takes it, where none are given
   long planned_in_sheet = 0;                           // the same of a sheet, which is drawn as at inference
   std::optional<std::uint64_t> assumed_intersections;  // for the check before the start, as Trainer::plan has them

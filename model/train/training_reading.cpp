@@ -1,6 +1,6 @@
 #include "model/train/training_reading.h"
 
-#include "model/io/selection_file.h"
+#include "model/io/archive/selection_file.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "model/base/scene.h"
-#include "model/io/contact_sheet.h"
+#include "model/io/picture/contact_sheet.h"
 #include "model/render/render.h"
 
 namespace vsplat {

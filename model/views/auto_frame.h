@@ -5,7 +5,7 @@
 
 #include "model/base/image.h"
 #include "model/base/pixel_rows.h"
-#include "model/io/colmap_points.h"
+#include "model/io/views/colmap_points.h"
 #include "model/views/placement.h"
 
 namespace vsplat {

@@ -7,8 +7,8 @@
 
 #include "model/base/scene.h"
 #include "model/base/statistics.h"
-#include "model/io/colmap.h"
-#include "model/io/ply_points.h"
+#include "model/io/scene/ply_points.h"
+#include "model/io/views/colmap.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -3,8 +3,8 @@
 #include <optional>
 #include <vector>
 
-#include "model/io/colmap_points.h"
-#include "model/io/view_set.h"
+#include "model/io/views/colmap_points.h"
+#include "model/io/views/view_set.h"
 
 namespace vsplat {
 

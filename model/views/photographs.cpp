@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "model/base/resample.h"
-#include "model/io/view_checks.h"
+#include "model/io/views/view_checks.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 

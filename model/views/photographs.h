@@ -4,8 +4,8 @@
 #include <optional>
 #include <span>
 
-#include "model/io/image_file.h"
-#include "model/io/view_set.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/views/view_set.h"
 #include "model/views/auto_frame.h"
 #include "model/views/mask_check.h"
 #include "model/views/views.h"

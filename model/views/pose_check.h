@@ -3,7 +3,7 @@
 #include <optional>
 #include <span>
 
-#include "model/io/view_set.h"
+#include "model/io/views/view_set.h"
 #include "model/views/placement.h"
 
 namespace vsplat {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "model/io/view_set.h"
+#include "model/io/views/view_set.h"
 
 namespace vsplat {
 

@@ -5,7 +5,7 @@
 
 #include "model/base/lens.h"
 #include "model/base/resample.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 

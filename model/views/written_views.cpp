@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <set>
 
-#include "model/io/cameras_json.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/views/cameras_json.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "model/io/image_file.h"
-#include "model/io/image_formats.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/picture/image_formats.h"
 #include "tests/fuzz/targets.h"
 
 namespace vsplat::fuzz {

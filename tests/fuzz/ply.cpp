@@ -1,4 +1,4 @@
-#include "model/io/ply.h"
+#include "model/io/scene/ply.h"
 
 #include <algorithm>
 #include <cmath>

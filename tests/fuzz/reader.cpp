@@ -1,4 +1,4 @@
-#include "model/read/reader.h"
+#include "model/io/reader/reader.h"
 
 #include <sys/socket.h>
 #include <unistd.h>
@@ -9,8 +9,8 @@
 #include <filesystem>
 
 #include "model/data/mesh_file.h"
-#include "model/io/hdf5_file.h"
-#include "model/read/start_program.h"
+#include "model/io/archive/hdf5_file.h"
+#include "model/io/reader/start_program.h"
 #include "runtime/file.h"
 #include "tests/fuzz/targets.h"
 

@@ -1,7 +1,7 @@
 // What is text: configurations and lists of voxels.
 #include <algorithm>
 
-#include "model/io/selection_file.h"
+#include "model/io/archive/selection_file.h"
 #include "model/train/train_config.h"
 #include "tests/fuzz/targets.h"
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <variant>
 
-#include "model/io/pickle.h"
-#include "model/io/torch_file.h"
+#include "model/io/archive/pickle.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/import.h"
 #include "model/params/params.h"
 #include "tests/fuzz/targets.h"

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "model/base/lens.h"
-#include "model/io/colmap_points.h"
-#include "model/io/view_set.h"
+#include "model/io/views/colmap_points.h"
+#include "model/io/views/view_set.h"
 #include "tests/fuzz/targets.h"
 #include "tests/support/temporary.h"
 

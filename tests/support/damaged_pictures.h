@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "runtime/error.h"
 #include "runtime/file.h"
 

@@ -5,7 +5,7 @@
 
 #include "model/data/object_folder.h"
 #include "model/data/solids.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat::test {

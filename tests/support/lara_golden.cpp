@@ -3,7 +3,7 @@
 #include <Eigen/Dense>
 #include <filesystem>
 
-#include "model/io/torch_file.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/match_tensors.h"
 #include "model/params/params.h"
 #include "tests/support/golden.h"

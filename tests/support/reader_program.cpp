@@ -1,7 +1,7 @@
 // Test programs have the library's insides in them, and lie elsewhere than the library: they are told where the reader
 // is, and the module that traces rays.
 #include "model/data/ray_tracer.h"
-#include "model/read/reader.h"
+#include "model/io/reader/reader.h"
 
 namespace {
 

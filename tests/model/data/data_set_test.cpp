@@ -9,8 +9,8 @@
 
 #include "model/data/framed_object.h"
 #include "model/data/survey.h"
-#include "model/io/hdf5_file.h"
-#include "model/io/image_file.h"
+#include "model/io/archive/hdf5_file.h"
+#include "model/io/picture/image_file.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/hdf5_writer.h"
 #include "tests/support/posed_views.h"

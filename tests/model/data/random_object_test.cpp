@@ -12,7 +12,7 @@
 
 #include "model/data/endless_objects.h"
 #include "model/data/parts.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 

@@ -13,7 +13,7 @@
 #include "model/base/resample.h"
 #include "model/data/drawn_views.h"
 #include "model/data/random_object.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "model/views/view_choice.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/posed_views.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "model/io/contact_sheet.h"
+#include "model/io/picture/contact_sheet.h"
 #include "model/metrics/metrics.h"
 #include "model/params/init.h"
 #include "model/reconstruct/reconstruct.h"

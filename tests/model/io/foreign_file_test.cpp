@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "model/io/image_file.h"
-#include "model/io/ply.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/scene/ply.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <random>
 
-#include "model/io/image_file.h"
-#include "model/io/image_formats.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/picture/image_formats.h"
 #include "runtime/file.h"
 #include "tests/support/damaged_pictures.h"
 #include "tests/support/image_writers.h"

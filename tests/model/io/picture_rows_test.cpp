@@ -6,7 +6,7 @@
 #include <random>
 
 #include "model/base/resample.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "model/views/photographs.h"
 #include "runtime/host_memory.h"
 #include "tests/support/image_writers.h"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "tests/support/image_writers.h"
 #include "tests/support/posed_views.h"
 

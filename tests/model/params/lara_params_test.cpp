@@ -7,7 +7,7 @@
 #include <set>
 #include <sstream>
 
-#include "model/io/torch_file.h"
+#include "model/io/archive/torch_file.h"
 #include "model/params/lara_config.h"
 #include "model/params/params.h"
 #include "tests/support/golden.h"

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "model/base/scene.h"
-#include "model/io/ply.h"
+#include "model/io/scene/ply.h"
 #include "model/selftest/reference/splat.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

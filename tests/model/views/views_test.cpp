@@ -9,7 +9,7 @@
 #include <random>
 
 #include "model/base/resample.h"
-#include "model/io/image_file.h"
+#include "model/io/picture/image_file.h"
 #include "runtime/error.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <random>
 
-#include "model/io/image_file.h"
-#include "model/io/view_set.h"
+#include "model/io/picture/image_file.h"
+#include "model/io/views/view_set.h"
 #include "runtime/error.h"
 #include "tests/support/temporary.h"
 

@@ -1,0 +1,394 @@
+#include "model/io/scene/ply.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <sstream>
+#include <vector>
+
+#include "model/base/statistics.h"
+#include "model/io/foreign_file.h"
+#include "model/io/scene/ply_rows.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+constexpr std::size_t kMostShCount = 16;
+
+// Which properties make up a Gaussian, in this order: x y z, three of colour, f_rest_* with the channel innermost, and
+// from `opacity`, `scales` and `quats` on those groups that the file has.
+struct Layout {
+  std::vector<const PlyProperty*> columns;
+  std::optional<std::size_t> opacity, scales, quats;
+  GaussianKind kind = GaussianKind::volume;
+  bool is_round = false;  // one scale for all axes
+  bool is_rgb = false;
+  int degree = 0;
+
+  std::size_t sh_count() const { return static_cast<std::size_t>(degree + 1) * (degree + 1); }
+};
+
+// Appends the properties of these names: all, or none. Where they begin among the columns.
+std::optional<std::size_t> add_group(const std::string& path, const PlyElement& vertex, Layout& layout,
+                                     const std::vector<std::string>& names) {
+  const std::size_t begin = layout.columns.size();
+  const std::string* missing = nullptr;
+  for (const std::string& name : names) {
+    if (const PlyProperty* p = vertex.find(name)) {
+      layout.columns.push_back(p);
+    } else if (!missing) {
+      missing = &name;
+    }
+  }
+  if (layout.columns.size() == begin) return std::nullopt;
+  if (missing) fail(Status::format, "{}: element vertex has no property {}", path, *missing);
+  return begin;
+}
+
+// f_rest_* in the file: the channels' coefficients one after the other. More than degree 3 has are skipped.
+void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout) {
+  std::size_t n = 0;
+  for (const PlyProperty& p : vertex.properties) n += p.name.rfind("f_rest_", 0) == 0;
+  if (n != 0 && n != 9 && n != 24 && n != 45 && n != 72)
+    fail(Status::format, "{}: {} properties f_rest_*: 0, 9, 24 or 45 are expected (SH degree 0 to 3)", path, n);
+  if (n == 72) warn("{}: spherical harmonics of degree 4 are read to degree 3", path);
+  layout.degree = n == 0 ? 0 : n == 9 ? 1 : n == 24 ? 2 : 3;
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i + 1 < layout.sh_count(); ++i)
+    for (std::size_t c = 0; c < 3; ++c) names.push_back(fmt::format("f_rest_{}", c * (n / 3) + i));
+  if (n != 0 && !add_group(path, vertex, layout, names))
+    fail(Status::format, "{}: element vertex has no property f_rest_0", path);
+}
+
+Layout find_columns(const std::string& path, const PlyElement& vertex) {
+  if (vertex.find("packed_position"))
+    fail(Status::format, "{}: a compressed PLY (packed_position), as SuperSplat writes them, which is not read; {}",
+         path, how_to_convert_scene(path));
+  Layout out;
+  if (!add_group(path, vertex, out, {"x", "y", "z"}))
+    fail(Status::format, "{}: element vertex has no property x", path);
+  if (!add_group(path, vertex, out, {"f_dc_0", "f_dc_1", "f_dc_2"})) {
+    out.is_rgb = add_group(path, vertex, out, {"red", "green", "blue"}).has_value();
+    if (!out.is_rgb)
+      fail(Status::format,
+           "{}: element vertex has neither f_dc_0, f_dc_1, f_dc_2 nor red, green, blue: a mesh or points without "
+           "colours, no 3DGS file",
+           path);
+  }
+  add_rest(path, vertex, out);
+  out.opacity = add_group(path, vertex, out, {"opacity"});
+  // Surfels are known by that, in 2DGS files, too.
+  if (vertex.find("scale_0") && vertex.find("scale_1") && !vertex.find("scale_2")) out.kind = GaussianKind::surfel;
+  out.is_round = vertex.find("scale_0") && !vertex.find("scale_1") && !vertex.find("scale_2");
+  std::vector<std::string> scales;
+  for (int i = 0; i < (out.is_round ? 1 : scales_of(out.kind)); ++i) scales.push_back(fmt::format("scale_{}", i));
+  out.scales = add_group(path, vertex, out, scales);
+  out.quats = add_group(path, vertex, out, {"rot_0", "rot_1", "rot_2", "rot_3"});
+  return out;
+}
+
+double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
+
+// What a colour's type can hold is 1.
+double colour_range(PlyType type) {
+  switch (type) {
+    case PlyType::u8:
+      return 255;
+    case PlyType::u16:
+      return 65535;
+    default:
+      return 1;
+  }
+}
+
+struct Gaussian {
+  float mean[3], scale[3], quat[4], opacity, sh[3 * kMostShCount];
+};
+
+// What keeps a Gaussian from being drawn, and in which column.
+struct Defect {
+  enum class Kind { none, not_finite, scale, rotation } kind = Kind::none;
+  std::size_t column = 0;
+};
+
+bool fits(double v) { return std::abs(v) <= std::numeric_limits<float>::max(); }  // NaN does not
+
+Defect not_finite(const float* values, std::size_t begin, std::size_t count) {
+  bool good = true;
+  for (std::size_t i = begin; i < begin + count; ++i) good &= fits(values[i]);
+  if (good) return {};
+  std::size_t i = begin;
+  while (fits(values[i])) ++i;
+  return {Defect::Kind::not_finite, i};
+}
+
+// Makes a Gaussian of the columns' values.
+Defect decode(const Layout& layout, const float* values, Gaussian& out) {
+  const std::size_t plain = 3 + 3 * layout.sh_count();
+  if (const Defect d = not_finite(values, 0, plain); d.kind != Defect::Kind::none) return d;
+  std::copy_n(values, 3, out.mean);
+  std::copy_n(values + 3, plain - 3, out.sh);
+  for (std::size_t i = 3; layout.is_rgb && i < 6; ++i) {
+    const double sh = (values[i] / colour_range(layout.columns[i]->type) - 0.5) / kShC0;
+    if (!fits(sh)) return {Defect::Kind::not_finite, i};
+    out.sh[i - 3] = static_cast<float>(sh);
+  }
+
+  const float logit = layout.opacity ? values[*layout.opacity] : 0;
+  if (std::isnan(logit)) return {Defect::Kind::not_finite, *layout.opacity};
+  out.opacity = static_cast<float>(sigmoid(static_cast<double>(logit)));
+
+  std::fill_n(out.scale, 3, std::exp(-4.0f));
+  if (layout.scales) {
+    const std::size_t begin = *layout.scales;
+    const std::size_t scales = layout.is_round ? 1 : static_cast<std::size_t>(scales_of(layout.kind));
+    for (std::size_t i = 0; i < scales; ++i) {
+      const float logarithm = values[begin + i];
+      if (std::isnan(logarithm) || logarithm == std::numeric_limits<float>::infinity())
+        return {Defect::Kind::not_finite, begin + i};
+      const double scale = std::exp(static_cast<double>(logarithm));
+      if (!fits(scale)) return {Defect::Kind::scale, begin + i};
+      out.scale[i] = static_cast<float>(scale);
+      // Flat in that direction: as flat as a float has it, so that its logarithm is finite again.
+      if (std::isinf(logarithm)) out.scale[i] = std::numeric_limits<float>::min();
+    }
+    if (layout.is_round) out.scale[1] = out.scale[2] = out.scale[0];
+  }
+
+  std::copy_n(std::array{1.0f, 0.0f, 0.0f, 0.0f}.data(), 4, out.quat);
+  if (layout.quats) {
+    const std::size_t begin = *layout.quats;
+    if (const Defect d = not_finite(values, begin, 4); d.kind != Defect::Kind::none) return d;
+    double norm = 0;
+    for (std::size_t i = 0; i < 4; ++i) norm += static_cast<double>(values[begin + i]) * values[begin + i];
+    if (!(norm > 0)) return {Defect::Kind::rotation, begin};
+    norm = std::sqrt(norm);
+    for (std::size_t i = 0; i < 4; ++i) out.quat[i] = static_cast<float>(values[begin + i] / norm);
+  }
+  return {};
+}
+
+// "Gaussian 3, rot_0 (byte 1234): ..."
+std::string describe(const Defect& defect, const Layout& layout, const PlyRows& rows, std::uint64_t k) {
+  const double found = rows.value(defect.column);
+  std::string what;
+  switch (defect.kind) {
+    case Defect::Kind::scale:
+      what = fmt::format("{}, a scale's logarithm, is beyond what a float holds: at most 88.7 is expected", found);
+      break;
+    case Defect::Kind::rotation:
+      what = "the quaternion rot_0 to rot_3 is zero, any other length is expected";
+      break;
+    default:
+      what = fmt::format("{}, a finite number{} is expected", found, std::isfinite(found) ? " in a float's range" : "");
+  }
+  return fmt::format("Gaussian {}, {} (byte {}): {}", k, layout.columns[defect.column]->name,
+                     rows.byte_of(defect.column), what);
+}
+
+void count_defect(const Defect& defect, SkippedGaussians& skipped) {
+  switch (defect.kind) {
+    case Defect::Kind::scale:
+      ++skipped.huge_scale;
+      break;
+    case Defect::Kind::rotation:
+      ++skipped.zero_rotation;
+      break;
+    default:
+      ++skipped.not_finite;
+  }
+}
+
+void append(Gaussians& g, const Gaussian& one) {
+  const auto add = [](std::vector<float>& to, const float* from, std::size_t n) {
+    to.insert(to.end(), from, from + n);
+  };
+  add(g.means, one.mean, 3);
+  add(g.scales, one.scale, static_cast<std::size_t>(scales_of(g.kind)));
+  add(g.quats, one.quat, 4);
+  g.opacities.push_back(one.opacity);
+  add(g.sh, one.sh, 3 * g.sh_count());
+  ++g.count;
+}
+
+Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uint64_t count, PlyRows& rows,
+                         SkippedGaussians* skipped) {
+  Gaussians g;
+  g.sh_degree = layout.degree;
+  g.kind = layout.kind;
+  const auto room = static_cast<std::size_t>(count);
+  g.means.reserve(3 * room);
+  g.scales.reserve(static_cast<std::size_t>(scales_of(g.kind)) * room);
+  g.quats.reserve(4 * room);
+  g.opacities.reserve(room);
+  g.sh.reserve(3 * room * g.sh_count());
+  std::vector<float> values(layout.columns.size());
+  Gaussian one{};
+  std::string first;
+  for (std::uint64_t k = 0; k < count; ++k) {
+    rows.next(values.data());
+    const Defect defect = decode(layout, values.data(), one);
+    if (defect.kind == Defect::Kind::none) {
+      append(g, one);
+      continue;
+    }
+    if (!skipped)
+      fail(Status::format, "{}: {} (vsplat_scene_load_options.skip_bad leaves such Gaussians out)", path,
+           describe(defect, layout, rows, k));
+    if (first.empty()) first = describe(defect, layout, rows, k);
+    count_defect(defect, *skipped);
+  }
+  if (!first.empty())
+    warn(
+        "{}: {} of {} Gaussians are left out: {} with values that are not finite, {} with scales too large, {} with "
+        "rotations of length 0; the first is {}",
+        path, skipped->total(), count, skipped->not_finite, skipped->huge_scale, skipped->zero_rotation, first);
+  return g;
+}
+
+// Colours of a type that is not made for 0 to 255, and are it nevertheless.
+void look_at_colours(const std::string& path, const Layout& layout, Gaussians& g) {
+  if (!layout.is_rgb || colour_range(layout.columns[3]->type) != 1) return;
+  const auto colour = [](float sh) { return 0.5 + kShC0 * static_cast<double>(sh); };
+  double most = 0;
+  const std::size_t each = 3 * g.sh_count();
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (std::size_t c = 0; c < 3; ++c) most = std::max(most, colour(g.sh[each * k + c]));
+  if (most <= 1.5) return;
+  const double range = most <= 256 ? 255 : 65535;
+  for (std::size_t k = 0; k < g.count; ++k)
+    for (std::size_t c = 0; c < 3; ++c) {
+      float& sh = g.sh[each * k + c];
+      sh = static_cast<float>((colour(sh) / range - 0.5) / kShC0);
+    }
+  warn("{}: red, green and blue go to {:.4g}: they are taken as 0 to {}, not as 0 to 1", path, most, range);
+}
+
+// Values that programs hold, and that the file should have as logits and logarithms.
+void look_at_activated(const std::string& path, const Layout& layout, const Gaussians& g) {
+  constexpr std::size_t least = 10;  // of few it cannot be told
+  if (g.count < least) return;
+  if (layout.opacity) {
+    const auto [low, high] = std::minmax_element(g.opacities.begin(), g.opacities.end());
+    // sigmoid(0) to sigmoid(1)
+    if (*low >= 0.5f && *high <= 0.7311f && *high - *low > 0.01f)
+      warn(
+          "{}: every opacity is between 0 and 1, as if it were the opacity itself: in this format it is the logit "
+          "log(p / (1 - p)). They are drawn as logits, {:.2g} to {:.2g} opaque; if that is wrong, write logits",
+          path, *low, *high);
+  }
+  if (!layout.scales) return;
+  const auto least_scale = *std::min_element(g.scales.begin(), g.scales.end());
+  if (least_scale < 1) return;  // a logarithm below 0
+  double extent = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (std::size_t k = 0; k < g.count; ++k) values.push_back(g.means[3 * k + axis]);
+    extent = std::max(extent, quantile(values, 0.95) - quantile(values, 0.05));
+  }
+  if (static_cast<double>(least_scale) > 0.25 * extent)
+    warn(
+        "{}: every scale is above 0, as if it were the size itself: in this format it is the size's logarithm. Read "
+        "so, "
+        "each Gaussian is larger than a quarter of the scene; if that is wrong, write logarithms",
+        path);
+}
+
+template <class Number>
+std::vector<Number> comment_numbers(const std::string& path, const std::string& comment, std::istringstream& in,
+                                    std::size_t count) {
+  std::vector<Number> out;
+  for (std::string word; in >> word;) {
+    Number v = 0;
+    const auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), v);
+    if (problem != std::errc() || end != word.data() + word.size() || !std::isfinite(v)) break;
+    out.push_back(v);
+  }
+  if (out.size() != count || !in.eof())
+    fail(Status::format, "{}: comment \"{}\": {} finite number{} expected", path, printable(comment), count,
+         count == 1 ? " is" : "s are");
+  return out;
+}
+
+// Of length 1; one that is so to rounding stays as it is.
+std::array<float, 3> direction(const std::string& path, const std::string& comment, const std::vector<float>& v) {
+  const double length = std::hypot(static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2]));
+  if (length == 0) fail(Status::format, "{}: comment \"{}\": a direction is expected", path, printable(comment));
+  if (std::abs(length - 1) < 1e-6) return {v[0], v[1], v[2]};
+  const auto part = [&](int i) { return static_cast<float>(v[i] / length); };
+  return {part(0), part(1), part(2)};
+}
+
+// The comments that are ours.
+void read_comments(const std::string& path, const PlyHeader& header, Scene& scene) {
+  for (const std::string& comment : header.comments) {
+    std::istringstream in(comment);
+    std::string who, what;
+    in >> who >> what;
+    if (who != "vsplat") continue;
+    if (what == "near") {
+      scene.near = comment_numbers<float>(path, comment, in, 1)[0];
+      if (scene.near < 0)
+        fail(Status::format, "{}: comment \"{}\": a distance of at least 0 is expected", path, printable(comment));
+    } else if (what == "mirror_camera_about") {
+      const std::vector<float> p = comment_numbers<float>(path, comment, in, 3);
+      scene.mirror = {p[0], p[1], p[2]};
+    } else if (what == "offset") {
+      const std::vector<double> p = comment_numbers<double>(path, comment, in, 3);
+      scene.offset = {p[0], p[1], p[2]};
+      if (scene.offset.cwiseAbs().maxCoeff() > kFarthestOffset)
+        fail(Status::format, "{}: comment \"{}\": a place at most {} from the origin is expected", path,
+             printable(comment), kFarthestOffset);
+    } else if (what == "detail") {
+      const std::vector<float> p = comment_numbers<float>(path, comment, in, 4);
+      if (!(p[0] > 0))
+        fail(Status::format, "{}: comment \"{}\": a pixel's width above 0 is expected", path, printable(comment));
+      scene.detail = Detail{{p[1], p[2], p[3]}, p[0]};
+    } else if (what == "up") {
+      scene.up = direction(path, comment, comment_numbers<float>(path, comment, in, 3));
+    }
+  }
+}
+
+}  // namespace
+
+namespace {
+
+Scene read_ply(PlyFile& in, SkippedGaussians* skipped) {
+  const std::string& path = in.path();
+  const PlyHeader header = read_ply_header(in);
+  const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
+                                   [](const PlyElement& e) { return e.name == "vertex"; });
+  if (vertex == header.elements.end()) fail(Status::format, "{}: no element vertex: no 3DGS file", path);
+  const Layout layout = find_columns(path, *vertex);
+  const std::unique_ptr<PlyRows> rows = PlyRows::open(in, header, *vertex, layout.columns);
+  Scene scene;
+  read_comments(path, header, scene);
+  if (skipped) *skipped = {};
+  scene.gaussians = read_gaussians(path, layout, vertex->count, *rows, skipped);
+  look_at_colours(path, layout, scene.gaussians);
+  look_at_activated(path, layout, scene.gaussians);
+  return scene;
+}
+
+}  // namespace
+
+Scene read_ply(const std::string& path, SkippedGaussians* skipped) {
+  PlyFile in(path);
+  return read_ply(in, skipped);
+}
+
+Scene read_ply(const std::string& name, std::span<const std::byte> content, SkippedGaussians* skipped) {
+  PlyFile in(name, content);
+  return read_ply(in, skipped);
+}
+
+}  // namespace vsplat

@@ -1,0 +1,114 @@
+#include "model/io/views/colmap_points.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "model/io/any_case.h"
+#include "model/io/views/colmap.h"
+#include "model/io/views/colmap_file.h"
+#include "runtime/fail.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t point_bytes = 8 + 3 * 8 + 3 + 8 + 8;  // id, position, colour, error, length of the track
+constexpr std::uint64_t track_bytes = 4 + 4;                  // an image, and a point in it
+
+bool has_file(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+// Positions also go through float: what is beyond it is no place in a scene.
+void check(const std::string& where, const ColoredPoint& point) {
+  constexpr const char* names[] = {"X", "Y", "Z"};
+  for (int i = 0; i < 3; ++i)
+    if (!(std::abs(point.position[i]) <= 1e30))
+      fail(Status::input, "{}: {} is {}, a finite number within 1e30 is expected", where, names[i], point.position[i]);
+  if (!std::isfinite(point.error))
+    fail(Status::input, "{}: ERROR is {}, a finite number is expected", where, point.error);
+}
+
+std::vector<ColoredPoint> read_binary(const fs::path& path) {
+  ColmapBytes in(path);
+  const std::uint64_t n = in.count("points", point_bytes);
+  std::vector<ColoredPoint> out;
+  out.reserve(n);
+  for (std::uint64_t i = 0; i < n; ++i) {
+    const auto id = in.read<std::uint64_t>("a point's id");
+    ColoredPoint point{};
+    for (int k = 0; k < 3; ++k) point.position[k] = in.read<double>("a point's position");
+    for (std::uint8_t& c : point.rgb) c = in.read<std::uint8_t>("a point's colour");
+    point.error = in.read<double>("a point's error");
+    point.track = in.count("observations", track_bytes);
+    in.skip(track_bytes * point.track);
+    check(fmt::format("{}: point {}", in.path(), id), point);
+    out.push_back(point);
+  }
+  in.end();
+  return out;
+}
+
+std::vector<ColoredPoint> read_text(const fs::path& path) {
+  constexpr const char* positions[] = {"X", "Y", "Z"};
+  constexpr const char* colours[] = {"R", "G", "B"};
+  ColmapLines in(path);
+  std::vector<ColoredPoint> out;
+  while (in.record_line()) {
+    const auto id = in.value<std::uint64_t>("POINT3D_ID");
+    ColoredPoint point{};
+    for (int k = 0; k < 3; ++k) point.position[k] = in.value<double>(positions[k]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int c = in.value<int>(colours[k]);
+      if (c < 0 || c > 255) fail(Status::input, "{}: {} is {}, 0 to 255 is expected", in.where(), colours[k], c);
+      point.rgb[k] = static_cast<std::uint8_t>(c);
+    }
+    point.error = in.value<double>("ERROR");
+    check(fmt::format("{} (point {})", in.where(), id), point);
+    std::uint64_t words = 0;
+    while (!in.word().empty()) ++words;
+    if (words % 2 != 0)
+      fail(Status::format, "{}: after ERROR come pairs IMAGE_ID POINT2D_IDX; found {} words", in.where(), words);
+    point.track = words / 2;
+    out.push_back(point);
+  }
+  return out;
+}
+
+// The folder of the model: of the file that is given, or below or beside it.
+fs::path model_of(const fs::path& path) {
+  const fs::path folder = !has_file(path) ? path : path.has_parent_path() ? path.parent_path() : fs::path(".");
+  // A model's own file means that model, not another one in a folder below.
+  const bool own = has_file(path) && (path.extension() == ".bin" || path.extension() == ".txt");
+  return own && is_colmap_model(folder) ? folder : find_colmap_model(folder);
+}
+
+}  // namespace
+
+fs::path colmap_points_file(const fs::path& model) {
+  for (const char* name : {"points3D.bin", "points3D.txt"})
+    if (const fs::path file = in_any_case(model, name); has_file(file)) return file;
+  return {};
+}
+
+std::vector<ColoredPoint> read_colmap_points(const fs::path& path) {
+  const fs::path folder = model_of(path);
+  if (folder.empty())
+    fail(Status::file,
+         "{}: no COLMAP model whose points could be read: cameras, images and points3D, as .bin or .txt, are expected "
+         "in "
+         "sparse/0, sparse, colmap or the folder itself",
+         path.string());
+  const fs::path file = colmap_points_file(folder);
+  if (file.empty())
+    fail(Status::file, "{}: the COLMAP model has no points: points3D.bin or points3D.txt is expected", folder.string());
+  std::vector<ColoredPoint> out = lower_case(file.extension().string()) == ".bin" ? read_binary(file) : read_text(file);
+  if (out.empty()) fail(Status::input, "{}: lists no points", file.string());
+  return out;
+}
+
+}  // namespace vsplat

@@ -1,0 +1,228 @@
+#include "model/io/views/listed_file.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <utility>
+
+#include "model/io/any_case.h"
+#include "runtime/fail.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int most_looked_through = 20000;  // files, for a message
+constexpr int deepest_looked = 4;
+constexpr std::size_t longest_name = 4096;  // no file has a longer path
+constexpr std::size_t most_tails = 40;      // of folders within folders
+
+bool is_regular(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+// Endings of pictures that are not read: whoever converted them may have left the list as it was.
+bool has_foreign_ending(const fs::path& file) {
+  static constexpr std::array known = {".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif",  ".tga", ".dds", ".psd",
+                                       ".hdr",  ".pgm",  ".ppm",  ".dng", ".cr2", ".cr3",  ".nef", ".arw", ".orf",
+                                       ".raf",  ".rw2",  ".raw",  ".ktx", ".jpe", ".jfif", ".ktx2"};
+  const std::string ending = lower_case(file.extension().string());
+  return std::find(known.begin(), known.end(), ending) != known.end();
+}
+
+// Without an ending that pictures have: in a name without one a dot is nothing special.
+std::string picture_stem(const fs::path& file) {
+  return (has_picture_ending(file) || has_foreign_ending(file) ? file.stem() : file.filename()).string();
+}
+
+// The path, and it without its first parts, the longest first: what of it may be below a folder.
+std::vector<fs::path> tails_of(const fs::path& name) {
+  std::vector<fs::path> parts;
+  for (const fs::path& part : name.lexically_normal().relative_path())
+    if (part == "..")
+      parts.clear();
+    else if (!part.empty() && part != ".")
+      parts.push_back(part);
+  if (!parts.empty() && parts.front().string().size() == 2 && parts.front().string()[1] == ':')
+    parts.erase(parts.begin());  // a drive
+  if (parts.size() > most_tails) parts.erase(parts.begin(), parts.end() - static_cast<std::ptrdiff_t>(most_tails));
+  std::vector<fs::path> out;
+  for (std::size_t first = 0; first < parts.size(); ++first) {
+    fs::path tail;
+    for (std::size_t i = first; i < parts.size(); ++i) tail /= parts[i];
+    out.push_back(std::move(tail));
+  }
+  return out;
+}
+
+std::string slashed(std::string name) {
+  std::replace(name.begin(), name.end(), '\\', '/');
+  return name;
+}
+
+std::size_t letters_apart(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t j = 1; j <= b.size(); ++j)
+      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])}));
+  }
+  return row[b.size()];
+}
+
+// The numbers in a name, without leading zeros.
+std::vector<std::string> numbers_in(const std::string& text) {
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] < '0' || text[i] > '9') continue;
+    if (i == 0 || text[i - 1] < '0' || text[i - 1] > '9') out.emplace_back();
+    if (text[i] != '0' || !out.back().empty()) out.back() += text[i];
+  }
+  return out;
+}
+
+// Whether one may have been meant by the other: the same numbers, or nearly the same letters.
+bool is_near(const std::string& a, const std::string& b, std::size_t apart) {
+  const std::vector<std::string> numbers = numbers_in(a);
+  if (numbers != numbers_in(b)) return false;
+  return !numbers.empty() || apart <= std::max<std::size_t>(1, a.size() / 4);
+}
+
+// Pictures in or below the folder whose names are next to `file`, at most three, the nearest first.
+std::vector<std::string> near_names(const fs::path& folder, const std::string& file) {
+  std::vector<std::pair<std::size_t, std::string>> near;
+  const std::string wanted = lower_case(picture_stem(file));
+  if (wanted.size() > 255) return {};
+  std::error_code error;
+  int seen = 0;
+  for (fs::recursive_directory_iterator at(folder, fs::directory_options::skip_permission_denied, error), end;
+       !error && at != end && seen < most_looked_through; at.increment(error), ++seen) {
+    const std::string name = at->path().filename().string();
+    if (name.front() == '.' || at.depth() >= deepest_looked) at.disable_recursion_pending();
+    if (name.front() == '.' || !has_picture_ending(at->path())) continue;
+    const std::string own = lower_case(picture_stem(name));
+    if (own.size() > 255) continue;
+    const std::size_t apart = letters_apart(wanted, own);
+    if (is_near(wanted, own, apart)) near.emplace_back(apart, at->path().string());
+  }
+  std::sort(near.begin(), near.end());
+  if (near.size() > 3) near.resize(3);
+  std::vector<std::string> out;
+  for (auto& [apart, path] : near) out.push_back(printable(path));
+  return out;
+}
+
+}  // namespace
+
+bool has_picture_ending(const fs::path& file) {
+  const std::string ending = lower_case(file.extension().string());
+  static constexpr std::array known = {".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp"};
+  return std::find(known.begin(), known.end(), ending) != known.end();
+}
+
+ListedFiles::ListedFiles(std::vector<fs::path> folders, std::optional<fs::path> written_from, Roots* roots)
+    : folders_(std::move(folders)), written_from_(std::move(written_from)), roots_(roots) {}
+
+const ListedFiles::Folder& ListedFiles::list(const fs::path& folder) {
+  const auto known = listed_.find(folder);
+  if (known != listed_.end()) return known->second;
+  Folder& out = listed_[folder];
+  std::error_code error;
+  for (fs::directory_iterator at(folder.empty() ? "." : folder, error), end; !error && at != end; at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    out.by_lower_name.emplace(lower_case(name), name);
+    if (has_picture_ending(name)) out.by_lower_stem.emplace(lower_case(at->path().stem().string()), name);
+  }
+  return out;
+}
+
+fs::path ListedFiles::folder_below(const fs::path& folder, const fs::path& path) {
+  fs::path out = folder;
+  std::error_code error;
+  for (const fs::path& part : path) {
+    if (fs::is_directory(out / part, error)) {
+      out /= part;
+      continue;
+    }
+    const auto [first, last] = list(out).by_lower_name.equal_range(lower_case(part.string()));
+    if (first == last || std::next(first) != last) return {};
+    out /= first->second;
+    if (!fs::is_directory(out, error)) return {};
+  }
+  return out;
+}
+
+fs::path ListedFiles::only_one(const fs::path& folder, std::vector<std::string> names, const fs::path& listed) {
+  std::erase_if(names, [&](const std::string& name) { return !is_regular(folder / name); });
+  if (names.empty()) return {};
+  std::sort(names.begin(), names.end());
+  if (names.size() > 1)
+    fail(Status::input, "{}: {} and {} both fit {}, which is not there as listed: keep one of them, or list it by name",
+         folder.empty() ? "." : folder.string(), printable(names[0]), printable(names[1]), printable(listed.string()));
+  return folder / names.front();
+}
+
+// With the folders of the tail, too, in any case.
+fs::path ListedFiles::nearly(const fs::path& folder, const fs::path& tail) {
+  const fs::path place = folder_below(folder, tail.parent_path());
+  if (place.empty() && !(folder.empty() && tail.parent_path().empty())) return {};
+  const Folder& files = list(place);
+  const std::string file = tail.filename().string(), stem = picture_stem(tail);
+  std::vector<std::string> same, with_stem, in_case;
+  for (auto [at, end] = files.by_lower_name.equal_range(lower_case(file)); at != end; ++at) same.push_back(at->second);
+  if (const fs::path found = only_one(place, same, tail); !found.empty()) return found;
+  for (auto [at, end] = files.by_lower_stem.equal_range(lower_case(stem)); at != end; ++at)
+    (fs::path(at->second).stem() == stem ? with_stem : in_case).push_back(at->second);
+  if (const fs::path found = only_one(place, with_stem, tail); !found.empty()) return found;
+  return only_one(place, in_case, tail);
+}
+
+FoundFile ListedFiles::find_slashed(const std::string& name) {
+  const fs::path path = name;
+  FoundFile written;
+  if (written_from_ && is_regular(*written_from_ / path)) written.path = *written_from_ / path;
+  if (!written.path.empty() && (!roots_ || roots_->hold(written.path))) return written;
+  const std::vector<fs::path> tails = tails_of(path);
+  for (const fs::path& tail : tails)
+    for (const fs::path& folder : folders_)
+      if (is_regular(folder / tail)) return {folder / tail, path.is_relative() && tail == tails.front()};
+  for (const fs::path& tail : tails)
+    for (const fs::path& folder : folders_)
+      if (const fs::path found = nearly(folder, tail); !found.empty()) return {found, false};
+  if (path.is_absolute() && is_regular(path)) written.path = path;
+  return written;
+}
+
+FoundFile ListedFiles::find(const std::string& name) {
+  if (name.empty() || name.size() > longest_name || name.find('\0') != std::string::npos) return {};
+  if (name.find('\\') == std::string::npos) return find_slashed(name);
+  for (const fs::path& folder : folders_)
+    if (is_regular(folder / name)) return {folder / name, true};
+  return find_slashed(slashed(name));
+}
+
+std::string ListedFiles::where_looked(const std::string& name) {
+  std::vector<std::string> places, near;
+  std::error_code error;
+  const std::string file = fs::path(slashed(name)).filename().string();
+  for (const fs::path& folder : folders_) {
+    if (!fs::is_directory(folder.empty() ? "." : folder, error)) continue;
+    places.push_back(printable(folder.empty() ? "." : folder.string()));
+    for (std::string& path : near_names(folder.empty() ? "." : folder, file))
+      if (near.size() < 3 && std::find(near.begin(), near.end(), path) == near.end()) near.push_back(std::move(path));
+  }
+  std::string out =
+      fmt::format("looked for {} in {}, there also by the end of its path, with other endings and in other case",
+                  printable(name), places.empty() ? "no folder" : fmt::format("{}", fmt::join(places, " and ")));
+  if (!near.empty()) out += fmt::format("; near it: {}", fmt::join(near, ", "));
+  return out;
+}
+
+}  // namespace vsplat

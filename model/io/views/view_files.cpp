@@ -1,0 +1,255 @@
+#include "model/io/views/view_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "model/io/any_case.h"
+#include "model/io/views/listed_file.h"
+#include "runtime/error.h"
+#include "runtime/fail.h"
+#include "runtime/log.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_a_folder(const fs::path& path) {
+  std::error_code error;
+  return fs::is_directory(path, error);
+}
+bool is_a_file(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+fs::path or_here(const fs::path& folder) { return folder.empty() ? fs::path(".") : folder; }
+
+// The folder and the up to three above it.
+std::vector<fs::path> folder_and_above(const fs::path& folder) {
+  std::error_code error;
+  const fs::path real = fs::canonical(folder, error);
+  std::vector<fs::path> out = {folder};
+  fs::path up = folder;
+  for (fs::path at = error ? folder : real; out.size() < 4 && at.has_parent_path() && at != at.parent_path();
+       at = at.parent_path()) {
+    up /= "..";
+    out.push_back(up.lexically_normal());
+  }
+  return out;
+}
+
+// Where a COLMAP model's pictures may be, the likeliest first. Those of a model in distorted/ are in input/: images/
+// beside it holds the undistorted ones.
+std::vector<fs::path> picture_places(const ViewSet& set, const std::vector<fs::path>& around) {
+  std::vector<const char*> names = {"images", "input", "images_2", "images_4", "images_8"};
+  for (const fs::path& part : set.source)
+    if (part == "distorted") std::swap(names[0], names[1]);
+  std::vector<fs::path> out;
+  for (const char* name : names)
+    for (const fs::path& folder : around)
+      if (const fs::path place = in_any_case(folder, name); is_a_folder(place)) out.push_back(place);
+  out.insert(out.end(), around.begin(), around.begin() + std::min<std::ptrdiff_t>(std::ssize(around), 3));
+  return out;
+}
+
+// What was found for each view, and how many have something.
+struct Search {
+  std::vector<FoundFile> files;
+  std::size_t count = 0;
+};
+
+Search search(const ViewSet& set, ListedFiles& where) {
+  Search out;
+  for (const ListedView& view : set.views) {
+    out.files.push_back(view.problem.empty() ? where.find(view.name) : FoundFile{});
+    out.count += !out.files.back().path.empty();
+  }
+  return out;
+}
+
+// A file that a name fits only nearly must be that of one view: else pictures would be taken for others.
+void refuse_shared(const ViewSet& set, const std::vector<FoundFile>& files, const char* what) {
+  std::map<fs::path, std::size_t> first;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (files[i].path.empty()) continue;
+    const auto [other, is_new] = first.emplace(files[i].path.lexically_normal(), i);
+    if (is_new || set.views[other->second].name == set.views[i].name) continue;
+    if (files[i].exactly && files[other->second].exactly) continue;
+    fail(Status::input,
+         "{}: frames {} ({}) and {} ({}) would share the {} {}: it fits both by the end of their path, and is listed "
+         "for neither; keep the folders of the list",
+         set.source.string(), other->second, printable(set.views[other->second].name), i, printable(set.views[i].name),
+         what, printable(files[i].path.string()));
+  }
+}
+
+void take_pictures(ViewSet& set, const Search& found, ListedFiles& where) {
+  refuse_shared(set, found.files, "picture");
+  for (std::size_t i = 0; i < set.views.size(); ++i) {
+    ListedView& view = set.views[i];
+    view.picture = found.files[i].path;
+    if (view.picture.empty()) {
+      if (set.looked_for.empty() && view.problem.empty() && !view.name.empty())
+        set.looked_for = where.where_looked(view.name);
+      continue;
+    }
+    // As Windows writes it.
+    if (view.picture.string().find('\\') != std::string::npos) continue;
+    std::replace(view.name.begin(), view.name.end(), '\\', '/');
+    view.camera.file = view.name;
+  }
+}
+
+// COLMAP lists names below one folder: the first in which most of them are. -> it, "" where none is found
+fs::path find_colmap_pictures(ViewSet& set, const ReadOptions& options, const std::vector<fs::path>& around,
+                              Roots& roots) {
+  std::vector<fs::path> places;
+  if (options.pictures_dir.empty())
+    places = picture_places(set, around);
+  else
+    places = {options.pictures_dir};
+  std::optional<ListedFiles> best;
+  Search most;
+  fs::path folder;
+  for (const fs::path& place : places) {
+    std::optional<fs::path> written;
+    if (options.pictures_dir.empty()) written = place;
+    ListedFiles here({place}, written);
+    Search found = search(set, here);
+    if (best && found.count <= most.count) continue;
+    best.emplace(std::move(here)), most = std::move(found), folder = place;
+    if (most.count == set.views.size()) break;
+  }
+  if (most.count == 0) {
+    ListedFiles everywhere(places);
+    for (const ListedView& view : set.views)
+      if (view.problem.empty() && set.looked_for.empty()) set.looked_for = everywhere.where_looked(view.name);
+    return options.pictures_dir;
+  }
+  roots.add(folder);
+  take_pictures(set, most, *best);
+  if (options.pictures_dir.empty() && options.need_pictures && folder.filename() != "images")
+    info("{}: its pictures are taken from {}, where {} of {} are", set.source.string(),
+         or_here(folder.lexically_normal()).string(), most.count, set.views.size());
+  return folder;
+}
+
+void find_listed_pictures(ViewSet& set, const ReadOptions& options, Roots& roots) {
+  const fs::path beside = set.source.parent_path();
+  std::vector<fs::path> places = {options.pictures_dir};
+  std::optional<fs::path> written;
+  if (options.pictures_dir.empty()) places = {beside, in_any_case(beside, "images")}, written = beside;
+  ListedFiles where(places, written, &roots);
+  take_pictures(set, search(set, where), where);
+}
+
+// Of masks/: called like the picture with .png for its ending or behind its name, as COLMAP has it, or found as any
+// listed file.
+FoundFile mask_in(const fs::path& masks, ListedFiles& where, const std::string& name) {
+  fs::path by_stem = masks / fs::path(name).replace_extension(".png"), by_name = masks / (name + ".png");
+  if (fs::path(name).is_relative() && is_a_file(by_stem)) return {by_stem, true};
+  if (fs::path(name).is_relative() && is_a_file(by_name)) return {by_name, true};
+  const FoundFile found = where.find(name);
+  return found.path.empty() ? where.find(name + ".png") : found;
+}
+
+// Of a list that names no masks. Where the folder has those of some pictures, the others' are missing.
+void take_masks_of(ViewSet& set, const fs::path& masks, bool tell, Roots& roots) {
+  ListedFiles where({masks});
+  std::vector<FoundFile> files;
+  std::size_t with_picture = 0, found = 0;
+  for (const ListedView& view : set.views) {
+    files.push_back(view.picture.empty() ? FoundFile{} : mask_in(masks, where, view.name));
+    with_picture += !view.picture.empty();
+    found += !files.back().path.empty();
+  }
+  if (with_picture == 0) return;
+  const std::string folder = or_here(masks.lexically_normal()).string();
+  const bool is_colmap = is_a_folder(set.source);
+  if (found == 0 && !tell) return;
+  if (found == 0 && !is_colmap) {
+    warn("{}: the folder {} is not used: none of its files is called like a picture of the list", set.source.string(),
+         folder);
+    return;
+  }
+  refuse_shared(set, files, "mask");
+  roots.add(masks);
+  for (std::size_t i = 0; i < files.size(); ++i)
+    if (!set.views[i].picture.empty())
+      set.views[i].mask =
+          files[i].path.empty() ? masks / fs::path(set.views[i].name).replace_extension(".png") : files[i].path;
+  set.masks_found = fmt::format("{} of {} pictures have a mask in {}", found, with_picture, folder);
+  if (found == with_picture && !is_colmap && tell)
+    info("{}: {}, and these are used", set.source.string(), set.masks_found);
+}
+
+// As they are listed, relative to the list; or, where the pictures are elsewhere, to them.
+void find_listed_masks(ViewSet& set, const ReadOptions& options, Roots& roots) {
+  const fs::path beside = set.source.parent_path();
+  std::vector<fs::path> places = {beside};
+  if (!options.pictures_dir.empty()) {
+    places.push_back(options.pictures_dir);
+    places.push_back((options.pictures_dir / "../masks").lexically_normal());
+    roots.add(places.back());
+  }
+  ListedFiles where(places, beside, &roots);
+  std::vector<FoundFile> files;
+  for (const ListedView& view : set.views) files.push_back(view.mask ? where.find(view.mask->string()) : FoundFile{});
+  refuse_shared(set, files, "mask");
+  for (std::size_t i = 0; i < files.size(); ++i)
+    if (set.views[i].mask) set.views[i].mask = files[i].path.empty() ? beside / *set.views[i].mask : files[i].path;
+}
+
+// -> the folders that may have a folder of masks
+std::vector<fs::path> find_pictures(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
+  if (is_a_folder(set.source)) {
+    std::vector<fs::path> around = folder_and_above(set.source), out;
+    if (is_a_folder(given) && std::find(around.begin(), around.end(), given) == around.end()) around.push_back(given);
+    const fs::path pictures = find_colmap_pictures(set, options, around, roots);
+    if (!pictures.empty()) out.push_back((pictures / "..").lexically_normal());
+    out.insert(out.end(), around.begin(), around.end());
+    return out;
+  }
+  find_listed_pictures(set, options, roots);
+  std::vector<fs::path> out = {set.source.parent_path()};
+  if (!options.pictures_dir.empty()) out.push_back((options.pictures_dir / "..").lexically_normal());
+  return out;
+}
+
+void find_masks(ViewSet& set, const std::vector<fs::path>& mask_places, const ReadOptions& options, Roots& roots) {
+  if (set.lists_masks) return find_listed_masks(set, options, roots);
+  for (const fs::path& place : mask_places)
+    if (const fs::path masks = in_any_case(place, "masks"); is_a_folder(masks)) {
+      take_masks_of(set, masks, options.use_pictures, roots);
+      return;
+    }
+}
+
+}  // namespace
+
+void find_view_files(ViewSet& set, const fs::path& given, const ReadOptions& options, Roots& roots) {
+  // Target cameras take no more from a picture than its size, and from a mask what a comparison leaves out: names that
+  // fit several files are names of none.
+  const auto attempt = [&](const std::function<void(ViewSet&)>& find) {
+    ViewSet with_files = set;
+    try {
+      find(with_files);
+    } catch (const Error& error) {
+      if (options.use_pictures || error.status() != Status::input) throw;
+      verbose("{}", error.what());
+      return;
+    }
+    set = std::move(with_files);
+  };
+  std::vector<fs::path> mask_places;
+  attempt([&](ViewSet& with) { mask_places = find_pictures(with, given, options, roots); });
+  attempt([&](ViewSet& with) { find_masks(with, mask_places, options, roots); });
+}
+
+}  // namespace vsplat

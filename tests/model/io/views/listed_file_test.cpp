@@ -1,0 +1,114 @@
+#include "model/io/views/listed_file.h"
+
+#include "tests/support/posed_views.h"
+
+namespace vsplat {
+namespace {
+
+using test::expect_error;
+
+class ListedFile : public ::testing::Test {
+ protected:
+  // As the user names the folder.
+  FoundFile below(const std::string& name) { return ListedFiles({folder.path()}).find(name); }
+  // As the list lies in the folder.
+  FoundFile beside(const std::string& name) { return ListedFiles({folder.path()}, folder.path()).find(name); }
+  void expect_file(const std::string& name, const std::string& file, bool exactly) {
+    for (const FoundFile& found : {below(name), beside(name)}) {
+      EXPECT_EQ(found.path.lexically_normal(), (folder / file).lexically_normal()) << name;
+      EXPECT_EQ(found.exactly, exactly) << name;
+    }
+  }
+  test::ViewFolder folder;
+};
+
+TEST_F(ListedFile, AsListedThenByShorterTails) {
+  folder.touch("images/front/1.png");
+  folder.touch("2.png");
+  expect_file("images/front/1.png", "images/front/1.png", true);
+  expect_file("./images/front/1.png", "images/front/1.png", true);
+  expect_file("set/images/front/1.png", "images/front/1.png", false);
+  expect_file("/home/somebody/set/images/front/1.png", "images/front/1.png", false);
+  expect_file("C:\\Users\\somebody\\set\\images\\front\\1.png", "images/front/1.png", false);
+  expect_file("images\\front\\1.png", "images/front/1.png", true);
+  expect_file("../elsewhere/2.png", "2.png", false);
+  EXPECT_TRUE(below("1.png").path.empty()) << "not in folders that the list does not name";
+}
+
+TEST_F(ListedFile, ByStemWithAnotherEndingOrCase) {
+  for (const char* name : {"a.png", "b.JPG", "c.exr", "d.txt", "e.f.png", "0007.jpeg", "Folder/K.TIFF"})
+    folder.touch(name);
+  expect_file("a.jpg", "a.png", false);
+  expect_file("a", "a.png", false);
+  expect_file("images/a.jpg", "a.png", false);
+  expect_file("b.jpg", "b.JPG", false);
+  expect_file("b.png", "b.JPG", false);
+  expect_file("A.PNG", "a.png", false);
+  expect_file("e.f", "e.f.png", false);
+  expect_file("e.f.jpg", "e.f.png", false);
+  expect_file("0007", "0007.jpeg", false);
+  expect_file("folder/k.png", "Folder/K.TIFF", false);
+  expect_file("IMG/0007.HEIC", "0007.jpeg", false);  // whoever converted it
+  expect_file("b.dng", "b.JPG", false);
+  EXPECT_TRUE(below("d").path.empty()) << "no picture";
+  EXPECT_TRUE(below("e.png").path.empty());
+  EXPECT_TRUE(below("").path.empty());
+}
+
+TEST_F(ListedFile, AnExactTailComesBeforeAnotherEnding) {
+  folder.touch("cam/1.jpg");
+  folder.touch("1.png");
+  expect_file("cam/1.png", "1.png", false);
+  expect_file("cam/1.jpg", "cam/1.jpg", true);
+}
+
+TEST_F(ListedFile, LongNamesTakeNoTime) {
+  folder.touch("x/1.png");
+  std::string deep;
+  for (int i = 0; i < 1000; ++i) deep += "a/";
+  EXPECT_EQ(below(deep + "x/1.png").path, folder / "x/1.png") << "by the end of its path";
+  for (int i = 0; i < 10; ++i) deep += deep;
+  EXPECT_TRUE(below(deep + "1.png").path.empty()) << "longer than any path";
+}
+
+TEST_F(ListedFile, OfTwoThatFitNoneIsTaken) {
+  folder.touch("a.png");
+  folder.touch("a.jpg");
+  expect_file("a.jpg", "a.jpg", true);
+  expect_error(Status::input, {"a.jpg", "a.png", "a.exr", folder.string()}, [&] { below("a.exr"); });
+  expect_error(Status::input, {"a.jpg", "a.png"}, [&] { below("images/a"); });
+  folder.touch("B.png");
+  folder.touch("b.PNG");
+  expect_error(Status::input, {"B.png", "b.PNG"}, [&] { below("b.png"); });
+}
+
+TEST_F(ListedFile, WhatIsWrittenComesFirstUnlessAFolderIsGiven) {
+  const test::ViewFolder other;
+  other.touch("1.png");
+  folder.touch("1.png");
+  const std::string absolute = (other / "1.png").string();
+  EXPECT_EQ(beside(absolute).path, other / "1.png");
+  EXPECT_EQ(below(absolute).path, folder / "1.png");
+  EXPECT_EQ(below((other / "2.png").string()).path, "");
+  other.touch("2.png");
+  EXPECT_EQ(below((other / "2.png").string()).path, other / "2.png");
+  // What lies outside is left for the error where nothing else fits.
+  Roots roots;
+  roots.add(folder.path());
+  EXPECT_EQ(ListedFiles({folder.path()}, folder.path(), &roots).find(absolute).path, folder / "1.png");
+  EXPECT_EQ(ListedFiles({folder.path()}, folder.path(), &roots).find((other / "2.png").string()).path, other / "2.png");
+}
+
+TEST_F(ListedFile, SaysWhereItLookedAndWhatIsNear) {
+  folder.touch("deep/er/0001.png");
+  folder.touch("0002.png");
+  folder.touch("frame_0001.jpg");
+  const std::string text = ListedFiles({folder.path()}).where_looked("images/0001.png");
+  EXPECT_NE(text.find("looked for images/0001.png in " + folder.string()), std::string::npos) << text;
+  EXPECT_NE(text.find("deep/er/0001.png"), std::string::npos) << text;
+  EXPECT_NE(text.find("frame_0001.jpg"), std::string::npos) << text;
+  EXPECT_EQ(text.find("0002.png"), std::string::npos) << "another number is another picture: " << text;
+}
+
+}  // namespace
+}  // namespace vsplat
