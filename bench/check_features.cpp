@@ -1,8 +1,8 @@
 // Encoder and modulation.
 #include "bench/layer_check.h"
 #include "bench/sums.h"
-#include "model/network/modulation.h"
-#include "model/network/vit.h"
+#include "model/networks/layers/vit.h"
+#include "model/networks/vsplat/modulation.h"
 #include "model/selftest/reference/patch_embed.h"
 #include "model/selftest/reference/plucker.h"
 #include "model/selftest/reference/position_resample.h"

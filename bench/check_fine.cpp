@@ -2,7 +2,7 @@
 #include <unordered_map>
 
 #include "bench/layer_check.h"
-#include "model/network/refine.h"
+#include "model/networks/vsplat/refine.h"
 #include "model/selftest/reference/position_encoding.h"
 #include "model/selftest/reference/project_features.h"
 #include "model/selftest/reference/select.h"

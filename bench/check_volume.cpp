@@ -1,6 +1,6 @@
 // Lifting and the dense network.
 #include "bench/layer_check.h"
-#include "model/network/lift.h"
+#include "model/networks/vsplat/lift.h"
 #include "model/selftest/reference/project_features.h"
 
 namespace vsplat::bench {

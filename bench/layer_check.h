@@ -8,8 +8,8 @@
 
 #include "bench/model_check.h"
 #include "bench/sample.h"
-#include "model/network/transformer.h"
-#include "model/network/unet3d.h"
+#include "model/networks/layers/transformer.h"
+#include "model/networks/vsplat/unet3d.h"
 #include "model/selftest/reference/decode.h"
 #include "model/selftest/reference/gemm.h"
 

@@ -10,7 +10,7 @@
 #include "bench/model_check.h"
 #include "bench/sample.h"
 #include "bench/scenes.h"
-#include "model/params/init.h"
+#include "model/networks/params/init.h"
 #include "model/render/render.h"
 #include "model/views/orbit.h"
 #include "model/views/placement.h"

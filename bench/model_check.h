@@ -7,7 +7,7 @@
 
 #include "model/base/camera.h"
 #include "model/base/device_cameras.h"
-#include "model/network/vsplat_model.h"
+#include "model/networks/vsplat/vsplat_model.h"
 
 namespace vsplat::bench {
 

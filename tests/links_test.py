@@ -257,7 +257,7 @@ class Commands(unittest.TestCase):
     def test_fields_of_the_configurations_are_told(self):
         done = subprocess.run([os.environ["VSPLAT"], "train", "--print-config"], capture_output=True, text=True, timeout=60, check=True)
         config = json.loads(done.stdout)
-        for page, fields in (("model/train/README.md", config), ("model/params/README.md", config["model"])):
+        for page, fields in (("model/train/README.md", config), ("model/networks/params/README.md", config["model"])):
             named = set(re.findall(r"`(\w+)`", (ROOT / page).read_text(encoding="utf-8")))
             self.assertEqual(sorted(set(fields) - named), [], page)
 

@@ -1,4 +1,4 @@
-"""Operations: every *_forward and *_backward of model/ops and model/network/layers.h is one of a pair in one header, the forward first,
+"""Operations: every *_forward and *_backward of model/ops and model/networks/layers/layers.h is one of a pair in one header, the forward first,
 and so are the kernels; an operation's files go by one stem, and its benchmark runs all that its header declares. Exceptions stand here,
 each with its reason."""
 import pathlib
@@ -7,7 +7,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 OPS = ROOT / "model" / "ops"
-LAYERS = ROOT / "model" / "network" / "layers.h"
+LAYERS = ROOT / "model" / "networks" / "layers" / "layers.h"
 
 FORWARD_ALONE = {
     "plucker": "cameras have no gradient",

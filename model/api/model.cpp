@@ -2,13 +2,13 @@
 
 #include <nlohmann/json.hpp>
 
-#include "model/genden/densifier.h"
-#include "model/network/vsplat_model.h"
-#include "model/params/built_in_model.h"
-#include "model/params/import.h"
-#include "model/params/init.h"
-#include "model/params/load_encoder.h"
-#include "model/params/params.h"
+#include "model/networks/genden/densifier.h"
+#include "model/networks/params/built_in_model.h"
+#include "model/networks/params/import.h"
+#include "model/networks/params/init.h"
+#include "model/networks/params/load_encoder.h"
+#include "model/networks/params/params.h"
+#include "model/networks/vsplat/vsplat_model.h"
 #include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/printable.h"

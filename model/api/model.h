@@ -3,9 +3,9 @@
 #include <string>
 
 #include "model/api/handle.h"
-#include "model/params/any_config.h"
-#include "model/params/model_file.h"
-#include "model/systems/network.h"
+#include "model/networks/network.h"
+#include "model/networks/params/any_config.h"
+#include "model/networks/params/model_file.h"
 
 struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::AnyModel> file;

@@ -7,9 +7,9 @@
 #include "model/api/plan.h"
 #include "model/api/scene.h"
 #include "model/api/selected.h"
-#include "model/genden/densifier.h"
 #include "model/io/archive/selection_file.h"
-#include "model/params/systems.h"
+#include "model/networks/genden/densifier.h"
+#include "model/networks/params/systems.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;

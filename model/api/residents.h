@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "model/api/model.h"
-#include "model/systems/network.h"
+#include "model/networks/network.h"
 #include "runtime/context.h"
 
 namespace vsplat::api {

@@ -1,5 +1,5 @@
 #pragma once
-#include "model/params/any_config.h"
+#include "model/networks/params/any_config.h"
 
 namespace vsplat::api {
 

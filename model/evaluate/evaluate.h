@@ -6,7 +6,7 @@
 
 #include "model/evaluate/evaluation_object.h"
 #include "model/metrics/lpips.h"
-#include "model/systems/network.h"
+#include "model/networks/network.h"
 #include "runtime/ranks.h"
 
 namespace vsplat {

@@ -7,7 +7,7 @@
 
 #include "model/data/framed_object.h"
 #include "model/evaluate/evaluation_views.h"
-#include "model/params/config_fields.h"
+#include "model/networks/params/config_fields.h"
 
 namespace vsplat {
 

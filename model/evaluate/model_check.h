@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/systems/network.h"
+#include "model/networks/network.h"
 
 namespace vsplat {
 

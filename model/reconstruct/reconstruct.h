@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "model/base/scene.h"
-#include "model/systems/network.h"
+#include "model/networks/network.h"
 #include "model/views/placement.h"
 #include "model/views/views.h"
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <array>
 
-#include "model/network/vsplat_model.h"
-#include "model/params/model_file.h"
+#include "model/networks/params/model_file.h"
+#include "model/networks/vsplat/vsplat_model.h"
 #include "model/render/render.h"
 #include "runtime/safetensors.h"
 

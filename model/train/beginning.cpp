@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <type_traits>
 
-#include "model/params/init.h"
-#include "model/params/model_file.h"
+#include "model/networks/params/init.h"
+#include "model/networks/params/model_file.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "model/params/model_file.h"
-#include "model/params/params.h"
+#include "model/networks/params/model_file.h"
+#include "model/networks/params/params.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "model/params/weights.h"
+#include "model/networks/params/weights.h"
 #include "model/train/train_config.h"
 
 namespace vsplat {

@@ -8,7 +8,7 @@
 
 #include "model/base/field_checks.h"
 #include "model/base/json_fields.h"
-#include "model/params/params.h"
+#include "model/networks/params/params.h"
 #include "runtime/fail.h"
 #include "runtime/json_text.h"
 #include "runtime/sha256.h"

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "model/params/any_config.h"
-#include "model/params/config.h"
+#include "model/networks/params/any_config.h"
+#include "model/networks/params/config.h"
 #include "model/train/schedule.h"
 
 namespace vsplat {

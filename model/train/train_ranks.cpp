@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "model/params/params.h"
+#include "model/networks/params/params.h"
 #include "model/train/training_reading.h"
 #include "runtime/fail.h"
 

@@ -5,10 +5,10 @@
 #include <set>
 
 #include "model/base/pose_noise.h"
+#include "model/networks/params/params.h"
 #include "model/ops/adamw.h"
 #include "model/ops/muon.h"
 #include "model/ops/select.h"
-#include "model/params/params.h"
 #include "model/train/half_size.h"
 #include "runtime/fail.h"
 #include "runtime/held_tuning.h"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "model/data/training_views.h"
-#include "model/network/learnt_weights.h"
+#include "model/networks/layers/learnt_weights.h"
 #include "model/train/checkpoint.h"
 #include "model/train/training_pass.h"
 #include "runtime/ranks.h"

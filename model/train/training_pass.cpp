@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "model/base/scene.h"
-#include "model/network/ray_predictor.h"
+#include "model/networks/vsplat/ray_predictor.h"
 #include "model/ops/lara_maps.h"
 #include "model/ops/loss.h"
 #include "model/ops/picture_target.h"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "model/base/camera.h"
+#include "model/networks/network.h"
 #include "model/ops/surface_loss.h"
-#include "model/systems/network.h"
 
 namespace vsplat {
 

@@ -2,7 +2,7 @@
 #pragma once
 #include "model/base/image.h"
 #include "model/data/training_views.h"
-#include "model/systems/network.h"
+#include "model/networks/network.h"
 
 namespace vsplat {
 

@@ -11,8 +11,8 @@
 #include "bench/scenes.h"
 #include "model/io/scene/ply.h"
 #include "model/io/views/cameras_json.h"
-#include "model/params/init.h"
-#include "model/params/model_file.h"
+#include "model/networks/params/init.h"
+#include "model/networks/params/model_file.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
 

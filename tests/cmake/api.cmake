@@ -54,9 +54,9 @@ set(variants ${CMAKE_CURRENT_BINARY_DIR}/variants)
 set(micro ${variants}/micro.safetensors)
 add_custom_command(OUTPUT ${micro} COMMAND vsplat_cli init micro --seed 3 --output ${micro} --overwrite --quiet DEPENDS vsplat_cli
   COMMENT "Making a model to carry" VERBATIM)
-set_source_files_properties(${PROJECT_SOURCE_DIR}/model/params/built_in_model.S PROPERTIES OBJECT_DEPENDS ${micro})
+set_source_files_properties(${PROJECT_SOURCE_DIR}/model/networks/params/built_in_model.S PROPERTIES OBJECT_DEPENDS ${micro})
 foreach(carried micro none)
-  add_library(vsplat_carrying_${carried} SHARED ${PROJECT_SOURCE_DIR}/model/params/built_in_model.S $<TARGET_OBJECTS:vsplat>
+  add_library(vsplat_carrying_${carried} SHARED ${PROJECT_SOURCE_DIR}/model/networks/params/built_in_model.S $<TARGET_OBJECTS:vsplat>
     $<TARGET_OBJECTS:vsplat_kernels>)
   target_link_libraries(vsplat_carrying_${carried} PRIVATE vsplat_model nlohmann_json::nlohmann_json)
   target_link_options(vsplat_carrying_${carried} PRIVATE LINKER:--version-script=${PROJECT_SOURCE_DIR}/cmake/vsplat.map)

@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include "model/fit/fit_checkpoint.h"
-#include "model/params/model_file.h"
-#include "model/params/params.h"
+#include "model/networks/params/model_file.h"
+#include "model/networks/params/params.h"
 #include "model/train/checkpoint.h"
 #include "runtime/sha256.h"
 #include "tests/fuzz/targets.h"

@@ -5,8 +5,8 @@
 
 #include "model/io/archive/pickle.h"
 #include "model/io/archive/torch_file.h"
-#include "model/params/import.h"
-#include "model/params/params.h"
+#include "model/networks/params/import.h"
+#include "model/networks/params/params.h"
 #include "tests/fuzz/targets.h"
 
 namespace vsplat::fuzz {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "model/params/config.h"
+#include "model/networks/params/config.h"
 #include "model/selftest/reference/attention.h"
 #include "model/selftest/reference/gemm.h"
 #include "model/selftest/reference/layernorm.h"

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "model/params/config.h"
-#include "model/params/weights.h"
+#include "model/networks/params/config.h"
+#include "model/networks/params/weights.h"
 #include "model/selftest/reference/decode.h"
 #include "model/selftest/reference/gemm.h"
 

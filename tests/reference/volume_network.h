@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "model/params/config.h"
+#include "model/networks/params/config.h"
 #include "model/selftest/reference/gemm.h"
 #include "model/selftest/reference/groupnorm.h"
 #include "model/selftest/reference/upsample3d.h"

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "model/params/params.h"
-#include "model/params/weights.h"
+#include "model/networks/params/params.h"
+#include "model/networks/params/weights.h"
 #include "runtime/context.h"
 #include "runtime/fail.h"
 #include "tests/support/golden.h"

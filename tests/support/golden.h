@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "model/params/config.h"
-#include "model/params/model_file.h"
-#include "model/params/weights.h"
+#include "model/networks/params/config.h"
+#include "model/networks/params/model_file.h"
+#include "model/networks/params/weights.h"
 #include "runtime/safetensors.h"
 
 namespace vsplat::test {

@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include "model/io/archive/torch_file.h"
-#include "model/params/match_tensors.h"
-#include "model/params/params.h"
+#include "model/networks/params/match_tensors.h"
+#include "model/networks/params/params.h"
 #include "tests/support/golden.h"
 
 namespace vsplat::test {

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "model/base/camera.h"
-#include "model/params/genden_config.h"
-#include "model/params/lara_config.h"
-#include "model/params/vsplat_genden_config.h"
-#include "model/params/weights.h"
+#include "model/networks/params/genden_config.h"
+#include "model/networks/params/lara_config.h"
+#include "model/networks/params/vsplat_genden_config.h"
+#include "model/networks/params/weights.h"
 #include "runtime/safetensors.h"
 #include "tests/support/compare.h"
 

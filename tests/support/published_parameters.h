@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "model/params/parameter.h"
+#include "model/networks/params/parameter.h"
 #include "tests/support/golden.h"
 #include "tests/support/temporary.h"
 

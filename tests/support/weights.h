@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "model/params/weights.h"
+#include "model/networks/params/weights.h"
 
 namespace vsplat::test {
 

@@ -6,7 +6,7 @@
 
 #include "model/io/picture/contact_sheet.h"
 #include "model/metrics/metrics.h"
-#include "model/params/init.h"
+#include "model/networks/params/init.h"
 #include "model/reconstruct/reconstruct.h"
 #include "model/render/render.h"
 #include "runtime/fail.h"

@@ -12,9 +12,9 @@
 #include <csignal>
 #include <cstring>
 
-#include "model/params/init.h"
-#include "model/params/model_file.h"
-#include "model/params/params.h"
+#include "model/networks/params/init.h"
+#include "model/networks/params/model_file.h"
+#include "model/networks/params/params.h"
 #include "runtime/safetensors.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"

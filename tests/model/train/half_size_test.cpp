@@ -5,9 +5,9 @@
 
 #include <cmath>
 
-#include "model/network/vsplat_model.h"
+#include "model/networks/params/init.h"
+#include "model/networks/vsplat/vsplat_model.h"
 #include "model/ops/lift.h"
-#include "model/params/init.h"
 #include "model/render/render.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "model/params/params.h"
+#include "model/networks/params/params.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "model/params/params.h"
+#include "model/networks/params/params.h"
 #include "model/train/trainer.h"
 #include "runtime/log.h"
 #include "tests/support/compare.h"

@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "model/base/scene.h"
-#include "model/params/params.h"
+#include "model/networks/params/params.h"
 #include "model/render/render_backward.h"
 #include "model/selftest/reference/adamw.h"
 #include "model/selftest/reference/muon.h"

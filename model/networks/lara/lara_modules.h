@@ -1,0 +1,59 @@
+// The network's stages, and what passes between its two halves: for the sources of LaraModel alone.
+#pragma once
+#include "model/networks/lara/decoder.h"
+#include "model/networks/lara/lara_model.h"
+#include "model/networks/lara/lift.h"
+#include "model/networks/lara/modulation.h"
+#include "model/networks/lara/volume.h"
+#include "model/networks/layers/kept.h"
+#include "model/networks/layers/vit.h"
+
+namespace vsplat {
+
+struct LaraModel::Modules {
+  Vit encoder;
+  LaraModulation modulation;
+  LaraLifting lifting;
+  LaraVolume volume;
+  LaraCoarseDecoder coarse_decoder;
+  LaraFineDecoder fine_decoder;
+
+  Modules(Context& ctx, const LaraConfig& config, const WeightSource& weights)
+      : encoder(ctx, config.encoder_sizes(), weights, "img_encoder"),
+        modulation(ctx, config, weights),
+        lifting(ctx, config, weights),
+        volume(ctx, config, weights),
+        coarse_decoder(ctx, config, weights),
+        fine_decoder(ctx, config, weights) {}
+};
+
+// What the coarse half leaves to the fine one.
+struct LaraModel::Coarse {
+  DeviceCameras cameras;
+  Tensor tokens;              // [V,1+t t,C]; in training alone
+  Tensor volume;              // [(2R)^3,C]
+  DeviceGaussians gaussians;  // K (2R)^3
+  Tensor index;               // i32 [P]: the kept ones
+  Tensor maps;                // [V,S,S,8]: what the views show, see model/ops/view_maps.h
+};
+
+// What the backward wants of each stage.
+struct LaraModel::Saved {
+  explicit Saved(bool recompute)
+      : encoder(recompute), modulation(recompute), volume(recompute), coarse_decoder(recompute) {}
+
+  Kept<Vit::Saved> encoder;
+  Kept<LaraModulation::Saved> modulation;
+  LaraLifting::Saved lifting;
+  LaraVolume::Saved volume;
+  Kept<LaraCoarseDecoder::Saved> coarse_decoder;
+  Shape volume_shape;
+  LaraFineDecoder::Input fine;
+  Tensor index;
+  DeviceCameras cameras;  // for the stages that run once more
+  // What is drawn once more, and from where; none where the drawings were given.
+  DeviceGaussians drawn;
+  std::vector<Camera> drawn_from;
+};
+
+}  // namespace vsplat

@@ -1,0 +1,60 @@
+#include <utility>
+
+#include "model/networks/lara/lara_options.h"
+#include "model/networks/network.h"
+
+namespace vsplat {
+namespace {
+
+class LaraNetwork : public Network {
+ public:
+  LaraNetwork(Context& ctx, const LaraConfig& config, const WeightSource& weights)
+      : config_(config), model_(ctx, config, weights) {}
+
+  const AnyConfig& config() const override { return config_; }
+  RenderOptions drawing() const override { return drawing_of(model_.config()); }
+
+  Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                 const ForwardOptions& options) const override {
+    const LaraResult made = model_.forward(ctx, images, cameras, lara_options(options));
+    return {made.coarse, made.final, voxels_of(made.kept, model_.config()), model_.config().grid(), {}};
+  }
+
+  MemoryPlan plan(const Context& ctx, long views, long selected) const override {
+    return model_.plan(ctx, views, selected);
+  }
+
+  Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
+             bool recompute) const override {
+    auto half = std::make_shared<LaraModel::CoarseHalf>(
+        model_.coarse_in_training(ctx, images, cameras, lara_options(options), recompute));
+    const long kept = half->kept;
+    return {kept, std::move(half)};
+  }
+
+  Trained finish(Context& ctx, Half half, const ForwardOptions& options) const override {
+    auto trained = std::make_shared<LaraModel::Trained>(model_.fine_in_training(
+        ctx, std::move(*std::static_pointer_cast<LaraModel::CoarseHalf>(half.state)), lara_options(options)));
+    const LaraResult& made = trained->result;
+    Trained out{made.coarse, made.final, half.selected, {}, {}};
+    out.state = std::move(trained);
+    return out;
+  }
+
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
+                const Tensor&) const override {
+    model_.backward(ctx, *std::static_pointer_cast<LaraModel::Trained>(trained.state), dcoarse, dfinal);
+  }
+
+ private:
+  AnyConfig config_;
+  LaraModel model_;
+};
+
+}  // namespace
+
+std::unique_ptr<Network> network_of(Context& ctx, const LaraConfig& config, const WeightSource& weights) {
+  return std::make_unique<LaraNetwork>(ctx, config, weights);
+}
+
+}  // namespace vsplat

@@ -1,0 +1,27 @@
+// What LaRa's network and those behind it take and give, as Network has it.
+#pragma once
+#include <vector>
+
+#include "model/networks/lara/lara_model.h"
+#include "model/networks/layers/forward_options.h"
+
+namespace vsplat {
+
+inline LaraOptions lara_options(const ForwardOptions& options) {
+  LaraOptions out;
+  out.tap = options.tap;
+  out.progress = options.progress;
+  out.planned_kept = options.planned_selected;
+  out.fine = options.fine;
+  return out;
+}
+
+// Those of the kept primitives, which ascend.
+inline std::vector<int> voxels_of(const std::vector<int>& kept, const LaraConfig& config) {
+  std::vector<int> out;
+  for (const int primitive : kept)
+    if (const int voxel = primitive / config.primitives; out.empty() || out.back() != voxel) out.push_back(voxel);
+  return out;
+}
+
+}  // namespace vsplat

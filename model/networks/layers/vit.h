@@ -1,0 +1,44 @@
+// The image encoder: a vision transformer, DINO's (a class token, learned positions resampled to the token grid) or
+// DINOv3's (registers beside the class token, queries and keys turned by their place, branches scaled).
+#pragma once
+#include <string>
+#include <vector>
+
+#include "model/networks/layers/transformer.h"
+#include "model/networks/params/config_fields.h"
+
+namespace vsplat {
+
+class Vit {
+ public:
+  // Takes "<module>.model.*". Positions, or angles, are made for the grid of the configuration once, here.
+  Vit(Context& ctx, const EncoderSizes& sizes, const WeightSource& weights, const std::string& module = "encoder");
+
+  // What the backward wants of a forward.
+  struct Saved {
+    Tensor images;
+    std::vector<BlockSaved> blocks;
+    Tensor last;  // [V, T, C], before the final norm
+  };
+
+  // images [V, S, S, 3] in [0,1] -> tokens [V, P + t t, C] after the final norm, the first P = sizes.prefix() no
+  // patches. DINOv3 takes any [V, H, W, 3] of whole patches.
+  Tensor forward(Context& ctx, const Tensor& images, Saved* saved = nullptr) const;
+  // dtokens [V, P + t t, C], by forward's result: adds to the gradients by the weights. Of the images there is none.
+  void backward(Context& ctx, const Saved& saved, const Tensor& dtokens) const;
+
+ private:
+  // Those of these pictures' patches.
+  BlockOptions options_for(Context& ctx, const Tensor& images) const;
+  Tensor make_turns(Context& ctx, long h, long w) const;
+  // Adds to the gradients by what stands before the patches, and by positions.
+  void backward_positions(Context& ctx, const Tensor& dposition) const;
+  float eps() const { return static_cast<float>(config_.norm_eps); }
+
+  EncoderSizes config_;
+  EncoderLayers<WeightLoader> layers_;
+  Tensor position_;  // see model/ops/patch_embed.h
+  Tensor turns_;     // see model/ops/rope.h
+};
+
+}  // namespace vsplat

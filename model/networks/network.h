@@ -1,0 +1,72 @@
+// A network on the device, whichever it is: what reconstructing, measuring and training take of one. Behind it stands
+// the network's own room; how each of them is taken is in a source of its own here.
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "model/base/camera.h"
+#include "model/base/gaussians.h"
+#include "model/networks/layers/forward_options.h"
+#include "model/networks/layers/upload_weights.h"
+#include "model/networks/params/any_config.h"
+#include "model/render/render.h"
+#include "runtime/context.h"
+
+namespace vsplat {
+
+class Network {
+ public:
+  virtual ~Network() = default;
+
+  // Cameras are in the object's frame. Of ForwardOptions each takes what it knows of: LaRa's and GenDen's select
+  // primitives that are not transparent, without noise or temperature; GenDen's seed is that of its curves' order.
+  virtual const AnyConfig& config() const = 0;
+  // How what it makes is drawn in that frame, over white.
+  virtual RenderOptions drawing() const = 0;
+
+  struct Result {
+    DeviceGaussians coarse, final;
+    std::vector<int> voxels;  // selected, or with a primitive that is: ascending
+    int volume = 0;           // voxels along an edge of their grid
+    Tensor rays;              // [V, t, t, 6], where poses are predicted
+  };
+  // Plans and makes its memory, see VsplatModel::forward().
+  virtual Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                         const ForwardOptions& options) const = 0;
+  // What that takes.
+  virtual MemoryPlan plan(const Context& ctx, long views, long selected) const = 0;
+
+  // A training's forward, in two calls: what memory the second takes is known after the first. Both keep what backward
+  // needs, and plan no memory; `ctx` may be a planner.
+  struct Half {
+    long selected = 0;  // 0 where there is one level
+    std::shared_ptr<void> state;
+  };
+  struct Trained {
+    DeviceGaussians coarse, final;  // none where there is one level, or ForwardOptions::fine is not set
+    long selected = 0;
+    Tensor rays;                  // as Result has them
+    std::shared_ptr<void> state;  // backward takes it apart as it goes
+  };
+  virtual Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                     const ForwardOptions& options, bool recompute) const = 0;
+  virtual Trained finish(Context& ctx, Half half, const ForwardOptions& options) const = 0;
+  // From gradients by both levels, `dfinal` without tensors where there is one, and by predicted rays alone, to those
+  // by the weights, which are added to LearntWeights'. `dcoarse` and `drays` are used up; no `drays`: zeros, or there
+  // are no rays.
+  virtual void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
+                        const GaussianGradients& dfinal, const Tensor& drays) const = 0;
+};
+
+// Uploads and repacks the weights.
+std::unique_ptr<Network> make_network(Context& ctx, const AnyConfig& config, const WeightSource& weights);
+// What a model not loaded yet would take, weights included; nothing is allocated.
+MemoryPlan plan_network(const Context& ctx, const AnyConfig& config, const Weights& weights, long views, long selected);
+
+// For make_network().
+std::unique_ptr<Network> network_of(Context& ctx, const Config& config, const WeightSource& weights);
+std::unique_ptr<Network> network_of(Context& ctx, const LaraConfig& config, const WeightSource& weights);
+std::unique_ptr<Network> network_of(Context& ctx, const GendenConfig& config, const WeightSource& weights);
+std::unique_ptr<Network> network_of(Context& ctx, const VsplatGendenConfig& config, const WeightSource& weights);
+
+}  // namespace vsplat

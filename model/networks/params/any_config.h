@@ -1,0 +1,76 @@
+// A configuration of any of the networks in systems.h, and what jobs ask of it.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "model/networks/params/parameter.h"
+#include "model/networks/params/systems.h"
+#include "runtime/safetensors.h"
+
+namespace vsplat {
+
+class AnyConfig {
+ public:
+  template <class C, class = std::enable_if_t<std::is_constructible_v<Systems::Configuration, C>>>
+  AnyConfig(C config) : of_(std::move(config)) {}  // NOLINT(google-explicit-constructor): each is one
+
+  // visit(config) of the network's own.
+  template <class Visit>
+  auto visit(const Visit& visit) const {
+    return std::visit(visit, of_);
+  }
+  // None where it is of another network.
+  template <class C>
+  const C* get_if() const {
+    return std::get_if<C>(&of_);
+  }
+
+  // The same of what stands on another's, as VS-Splat's network with the densifier does.
+  template <class C>
+  const C* as() const {
+    return visit([](const auto& own) -> const C* {
+      if constexpr (std::is_base_of_v<C, std::decay_t<decltype(own)>>)
+        return &own;
+      else
+        return nullptr;
+    });
+  }
+
+  std::string system() const;   // "lara"
+  std::string network() const;  // "LaRa's network"
+  TakenViews taken() const;
+  int image() const { return taken().image; }
+  // How many of what the network selects there are: voxels, or primitives. In a training each may have noise.
+  long selectable() const;
+  long noise() const;
+  const char* selects() const;  // "voxels", "primitives"
+  bool has_fine() const;        // whether there is a second level
+  bool has_surfels() const;
+
+  bool operator==(const AnyConfig&) const = default;
+
+ private:
+  Systems::Configuration of_;
+};
+
+std::vector<Parameter> parameters(const AnyConfig& config);
+long parameter_count(const AnyConfig& config);  // see params.h
+void check(const AnyConfig& config, Status status = Status::usage);
+
+// One of a network's named ones: Error(usage) lists the systems, or the network's names.
+AnyConfig named_any_config(const std::string& system, const std::string& name);
+// The fields with "system" before them, but for VS-Splat's.
+std::string any_to_json(const AnyConfig& config);
+// Absent fields are those of the network's configuration `base`; "system" absent: VS-Splat's.
+AnyConfig any_config_from_json(const std::string& text, const std::string& base);
+AnyConfig with_fields(AnyConfig config, const std::vector<std::string>& assignments);
+
+Weights read_weights(const SafetensorsFile& file, const AnyConfig& config, const std::string& prefix);
+void save_model(const std::string& path, const AnyConfig& config, const Weights& weights,
+                const std::map<std::string, std::string>& provenance);
+
+}  // namespace vsplat

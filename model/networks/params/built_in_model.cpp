@@ -1,0 +1,25 @@
+#include "model/networks/params/built_in_model.h"
+
+#include "runtime/fail.h"
+
+extern "C" {
+// In built_in_model.S. The size is data: a compiler may take it that two objects never have the same address.
+extern const std::byte vsplat_built_in_model_begin[];
+extern const std::uint64_t vsplat_built_in_model_bytes;
+}
+
+namespace vsplat {
+
+std::span<const std::byte> built_in_model() {
+  return {vsplat_built_in_model_begin, static_cast<std::size_t>(vsplat_built_in_model_bytes)};
+}
+
+SafetensorsFile open_built_in_model() {
+  if (built_in_model().empty())
+    fail(Status::file,
+         "no model file is named, and this vsplat was built without a model of its own (model/weights had none): give "
+         "one to vsplat_model_load; vsplat_train makes one, vsplat_model_init one with random weights");
+  return {"the built-in model", built_in_model()};
+}
+
+}  // namespace vsplat

@@ -1,0 +1,81 @@
+// The network's stages, and what passes between its two halves: for the sources of VsplatModel alone.
+#pragma once
+#include <optional>
+
+#include "model/networks/layers/kept.h"
+#include "model/networks/layers/vit.h"
+#include "model/networks/vsplat/head.h"
+#include "model/networks/vsplat/lift.h"
+#include "model/networks/vsplat/modulation.h"
+#include "model/networks/vsplat/ray_predictor.h"
+#include "model/networks/vsplat/refine.h"
+#include "model/networks/vsplat/select.h"
+#include "model/networks/vsplat/unet3d.h"
+#include "model/networks/vsplat/vsplat_model.h"
+
+namespace vsplat {
+
+struct VsplatModel::Modules {
+  Vit encoder;
+  std::optional<RayPredictor> rays;  // where poses are predicted
+  PoseModulation modulation;
+  Lifting lifting;
+  VolumeNetwork volume;
+  CoarseHeads coarse_heads;
+  Refinement refinement;
+  FineHeads fine_heads;
+
+  Modules(Context& ctx, const Config& config, const WeightSource& weights)
+      : encoder(ctx, config.encoder_sizes(), weights),
+        modulation(ctx, config, weights),
+        lifting(ctx, config, weights),
+        volume(ctx, config, weights),
+        coarse_heads(ctx, config, weights),
+        refinement(ctx, config, weights),
+        fine_heads(ctx, config, weights) {
+    if (config.predicts_poses()) rays.emplace(ctx, config, weights);
+  }
+};
+
+// What the coarse half leaves to the fine one.
+struct VsplatModel::Coarse {
+  Tensor tokens;              // [V,P+t t,C]; in training alone
+  Tensor rays;                // [V,t,t,6], where they are predicted
+  Tensor features;            // [V,t,t,C]
+  Tensor volume;              // [R^3,C~]
+  DeviceGaussians gaussians;  // R^3, opacities refined by the confidence
+  SelectedVoxels selected;    // none where `levels` is "coarse"
+};
+
+// What the backward wants of each stage: of lifting and volume network together, since what is between them is larger
+// than the inputs of both, and of refinement and fine heads together.
+struct VsplatModel::Saved {
+  struct Volume {
+    Lifting::Saved lifting;
+    VolumeNetwork::Saved network;
+  };
+  struct Fine {
+    Refinement::Saved refinement;
+    FineHeads::Saved heads;
+  };
+
+  explicit Saved(bool recompute)
+      : encoder(recompute),
+        rays(recompute),
+        modulation(recompute),
+        volume(recompute),
+        coarse_heads(recompute),
+        fine(recompute) {}
+
+  Kept<Vit::Saved> encoder;
+  Kept<RayPredictor::Saved> rays;
+  Kept<PoseModulation::Saved> modulation;
+  Kept<Volume> volume;
+  Kept<CoarseHeads::Saved> coarse_heads;
+  SelectionSaved selection;
+  Kept<Fine> fine;
+  DeviceCameras cameras;               // for the stages that run once more
+  Shape features_shape, volume_shape;  // whose gradients are sums
+};
+
+}  // namespace vsplat

@@ -1,0 +1,62 @@
+#include <utility>
+
+#include "model/networks/network.h"
+#include "model/networks/vsplat/vsplat_model.h"
+#include "model/networks/vsplat/vsplat_options.h"
+
+namespace vsplat {
+namespace {
+
+class VsplatNetwork : public Network {
+ public:
+  VsplatNetwork(Context& ctx, const Config& config, const WeightSource& weights)
+      : config_(config), model_(ctx, config, weights) {}
+
+  const AnyConfig& config() const override { return config_; }
+
+  RenderOptions drawing() const override { return drawing_of(model_.config()); }
+
+  Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
+                 const ForwardOptions& options) const override {
+    ForwardResult made = model_.forward(ctx, images, upload_cameras(ctx, cameras), options);
+    return {made.coarse, made.final, std::move(made.selected), model_.config().volume, made.rays};
+  }
+
+  MemoryPlan plan(const Context& ctx, long views, long selected) const override {
+    return model_.plan(ctx, views, selected);
+  }
+
+  Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
+             bool recompute) const override {
+    auto half = std::make_shared<VsplatModel::CoarseHalf>(
+        model_.coarse_in_training(ctx, images, upload_cameras(ctx, cameras), options, recompute));
+    const long selected = half->selected;
+    return {selected, std::move(half)};
+  }
+
+  Trained finish(Context& ctx, Half half, const ForwardOptions& options) const override {
+    auto trained = std::make_shared<VsplatModel::Trained>(model_.fine_in_training(
+        ctx, std::move(*std::static_pointer_cast<VsplatModel::CoarseHalf>(half.state)), options));
+    Trained out{trained->coarse, trained->final, trained->selected ? trained->selected.dim(0) : 0, trained->rays, {}};
+    if (!config_.has_fine()) out.final = {};  // its one level
+    out.state = std::move(trained);
+    return out;
+  }
+
+  void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
+                const Tensor& drays) const override {
+    model_.backward(ctx, *std::static_pointer_cast<VsplatModel::Trained>(trained.state), dcoarse, dfinal, {}, drays);
+  }
+
+ private:
+  AnyConfig config_;
+  VsplatModel model_;
+};
+
+}  // namespace
+
+std::unique_ptr<Network> network_of(Context& ctx, const Config& config, const WeightSource& weights) {
+  return std::make_unique<VsplatNetwork>(ctx, config, weights);
+}
+
+}  // namespace vsplat

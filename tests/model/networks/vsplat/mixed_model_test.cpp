@@ -1,0 +1,100 @@
+// The network in mixed precision, on emulated matrix units: every stage against PyTorch's vectors within what bf16
+// operands may take there, with every product rounded, however small; and the same bits each time.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "model/networks/vsplat/vsplat_model.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/golden_inputs.h"
+#include "tests/support/variable.h"
+
+namespace vsplat {
+namespace {
+
+using test::Golden;
+
+// Of a stage: the root of the mean square of what is off, by that of what it should be.
+struct StageBound {
+  const char* name;
+  double most;
+};
+
+using MixedStages = std::map<std::string, std::vector<float>>;
+
+// With the golden selection: which voxels a threshold lets pass is no continuous thing.
+MixedStages run_mixed(Context& ctx, const Golden& golden) {
+  const Config& config = golden.config();
+  const VsplatModel model(ctx, config, golden.weights());
+  const long edge = config.image, views = golden.views(), r = config.volume;
+  std::vector<float> images = golden.floats("input.images");
+  images.resize(static_cast<std::size_t>(views * edge * edge * 3));
+  const std::vector<std::int64_t> coords = golden.integers("stage.coords");
+  std::vector<int> selection;
+  for (std::size_t i = 0; i < coords.size(); i += 3)
+    selection.push_back(static_cast<int>((coords[i] * r + coords[i + 1]) * r + coords[i + 2]));
+  MixedStages out;
+  ForwardOptions options;
+  options.temperature = golden.temperature();
+  options.selection = &selection;
+  options.tap = [&](const std::string& name, const Tensor& t) { out[name] = ctx.read<float>(t); };
+  model.forward(ctx, ctx.upload({views, edge, edge, 3}, images), upload_cameras(ctx, test::golden_cameras(golden)),
+                options);
+  return out;
+}
+
+double off_by(const std::vector<float>& got, const std::vector<float>& want) {
+  double error = 0, all = 0;
+  for (std::size_t i = 0; i < want.size(); ++i)
+    error += std::pow(static_cast<double>(got[i]) - want[i], 2), all += std::pow(static_cast<double>(want[i]), 2);
+  return got.size() == want.size() ? std::sqrt(error / all) : INFINITY;
+}
+
+class MixedModel : public ::testing::TestWithParam<const char*> {
+ protected:
+  static std::unique_ptr<Context> open() {
+    ContextOptions options;
+    options.precision = Precision::mixed, options.matrix_unit = MatrixUnit::emulated;
+    return std::make_unique<Context>(options);
+  }
+  test::Variable every_product_{"VSPLAT_MATRIX_LEAST", "1"};
+};
+
+// Some twice what these vectors give.
+constexpr StageBound kBounds[] = {
+    {"features", 8e-3},         {"volume", 7e-3},          {"logits", 1.1e-2},     {"confidence", 9e-3},
+    {"coarse.means", 5e-5},     {"coarse.scales", 1.2e-3}, {"coarse.quats", 1e-2}, {"coarse.sh", 8e-3},
+    {"coarse.opacities", 9e-3}, {"projected", 8e-3},       {"refined", 1.2e-2},    {"final.means", 7e-5},
+    {"final.scales", 1.8e-3},   {"final.quats", 1e-2},     {"final.sh", 1.3e-2},   {"final.opacities", 2.2e-3}};
+
+TEST_P(MixedModel, EveryStageIsWithinItsBound) {
+  VSPLAT_NEED_GOLDEN(GetParam());
+  const Golden golden = Golden::load(GetParam());
+  const auto ctx = open();
+  const MixedStages stages = run_mixed(*ctx, golden);
+  double largest = 0;
+  EXPECT_EQ(stages.size(), std::size(kBounds));
+  for (const StageBound& bound : kBounds) {
+    ASSERT_TRUE(stages.count(bound.name)) << bound.name;
+    const double off = off_by(stages.at(bound.name), golden.floats(std::string("stage.") + bound.name));
+    EXPECT_LE(off, bound.most) << bound.name;
+    largest = std::max(largest, off);
+  }
+  EXPECT_GT(largest, 1e-4) << "nothing was rounded";
+}
+
+TEST_P(MixedModel, ThreeRunsGiveTheSameBits) {
+  VSPLAT_NEED_GOLDEN(GetParam());
+  const Golden golden = Golden::load(GetParam());
+  const auto ctx = open(), other = open();
+  const MixedStages first = run_mixed(*ctx, golden);
+  EXPECT_EQ(run_mixed(*ctx, golden), first);
+  EXPECT_EQ(run_mixed(*other, golden), first);
+}
+
+INSTANTIATE_TEST_SUITE_P(Emulated, MixedModel, ::testing::Values("micro", "tiny", "tiny_paper"),
+                         [](const auto& info) { return std::string(info.param); });
+
+}  // namespace
+}  // namespace vsplat
