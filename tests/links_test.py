@@ -241,14 +241,14 @@ class Commands(unittest.TestCase):
         self.assertGreater(checked, 30)
 
     def test_options_that_are_named(self):
-        """`--option` in the text is an option of some command, and every option of every command is named in examples/README.md."""
+        """`--option` in the text is an option of some command, and every option of every command is named in model/cli/README.md."""
         known, wrong, named = self.all_options(), [], set()
         for path in documents():
             for number, line in lines_outside_code(path.read_text(encoding="utf-8")):
                 for code in re.findall(r"`([^`]+)`", line):
                     options = re.findall(r"(?<!\S)--?[a-zA-Z][a-z-]*", code) if re.match(r"--?[a-z]|vsplat ", code) else []
                     wrong += [f"{path.relative_to(ROOT)}:{number}: {o}" for o in options if o not in known | OTHERS_OPTIONS]
-                    if path == ROOT / "examples/README.md":
+                    if path == ROOT / "model/cli/README.md":
                         named |= set(options)
         self.assertEqual(wrong, [])
         full = {o for o in known if o.startswith("--")} - {"--help", "--version"}

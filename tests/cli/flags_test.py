@@ -31,7 +31,7 @@ class Flags(support.Case):
 
     def test_every_name_has_its_option(self):
         known = set()
-        for line in open(os.path.join(ROOT, "examples", "cli", "flags.cpp")):
+        for line in open(os.path.join(ROOT, "model", "cli", "flags.cpp")):
             if found := re.match(r" *FIELD\((\w+), (\w+),", line):
                 known.add(".".join(found.groups()))
             if found := re.match(r" *FUNCTION\((\w+),", line):
