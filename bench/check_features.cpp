@@ -1,11 +1,11 @@
 // Encoder and modulation.
 #include "bench/layer_check.h"
 #include "bench/sums.h"
+#include "model/diagnose/selftest/reference/patch_embed.h"
+#include "model/diagnose/selftest/reference/plucker.h"
+#include "model/diagnose/selftest/reference/position_resample.h"
 #include "model/networks/layers/vit.h"
 #include "model/networks/vsplat/modulation.h"
-#include "model/selftest/reference/patch_embed.h"
-#include "model/selftest/reference/plucker.h"
-#include "model/selftest/reference/position_resample.h"
 
 namespace vsplat::bench {
 

@@ -2,10 +2,10 @@
 #include <unordered_map>
 
 #include "bench/layer_check.h"
+#include "model/diagnose/selftest/reference/position_encoding.h"
+#include "model/diagnose/selftest/reference/project_features.h"
+#include "model/diagnose/selftest/reference/select.h"
 #include "model/networks/vsplat/refine.h"
-#include "model/selftest/reference/position_encoding.h"
-#include "model/selftest/reference/project_features.h"
-#include "model/selftest/reference/select.h"
 
 namespace vsplat::bench {
 

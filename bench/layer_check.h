@@ -8,10 +8,10 @@
 
 #include "bench/model_check.h"
 #include "bench/sample.h"
+#include "model/diagnose/selftest/reference/decode.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "model/networks/layers/transformer.h"
 #include "model/networks/vsplat/unet3d.h"
-#include "model/selftest/reference/decode.h"
-#include "model/selftest/reference/gemm.h"
 
 namespace vsplat::bench {
 

@@ -11,10 +11,10 @@
 #include "bench/sample.h"
 #include "bench/scenes.h"
 #include "model/base/scene.h"
+#include "model/diagnose/selftest/reference/rasterize_backward.h"
+#include "model/diagnose/selftest/reference/splat.h"
+#include "model/diagnose/selftest/reference/surfels.h"
 #include "model/render/render_backward.h"
-#include "model/selftest/reference/rasterize_backward.h"
-#include "model/selftest/reference/splat.h"
-#include "model/selftest/reference/surfels.h"
 
 namespace vsplat::bench {
 

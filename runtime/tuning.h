@@ -3,7 +3,7 @@
 //   const TunedValues set = ctx.tuned({TunedOp::gemm, {m, n, k, taps}});
 //   ... set.at("tile") ...
 // The first allowed value is the default, what is chosen by hand. Results are right with each of them, and with one set
-// the same bits each time; which of them is fastest on a device `tune` finds out (model/tune/), and keeps in a table.
+// the same bits each time; which of them is fastest on a device `tune` finds out (model/diagnose/tune/), and keeps in a table.
 #pragma once
 #include <array>
 #include <compare>

@@ -131,7 +131,7 @@ class Pairs(unittest.TestCase):
             stem = header.stem
             files = {"source": [OPS / f"{stem}.cpp"], "kernel": list((ROOT / "cl").glob(f"{stem}*.cl")),
                      "test": [ROOT / "tests" / "model" / "ops" / f"{stem}_test.cpp"],
-                     "reference": [ROOT / "model" / "selftest" / "reference" / f"{stem}.h"]}
+                     "reference": [ROOT / "model" / "diagnose" / "selftest" / "reference" / f"{stem}.h"]}
             for what, paths in files.items():
                 with self.subTest(stem=stem, file=what):
                     there = bool(paths) and all(path.is_file() for path in paths)

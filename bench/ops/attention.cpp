@@ -5,7 +5,7 @@
 #include "bench/ops/operation.h"
 #include "bench/references.h"
 #include "bench/sums.h"
-#include "model/selftest/reference/attention.h"
+#include "model/diagnose/selftest/reference/attention.h"
 
 namespace vsplat::bench {
 namespace {

@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "bench/ops/operation.h"
-#include "model/selftest/reference/project_features.h"
+#include "model/diagnose/selftest/reference/project_features.h"
 
 namespace vsplat::bench {
 namespace {

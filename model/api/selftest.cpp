@@ -1,5 +1,5 @@
 // The self-test, and what is remembered of it.
-#include "model/selftest/selftest.h"
+#include "model/diagnose/selftest/selftest.h"
 
 #include <vsplat/selftest.h>
 

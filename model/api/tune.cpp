@@ -4,7 +4,7 @@
 
 #include "model/api/device.h"
 #include "model/api/job_plans.h"
-#include "model/tune/search.h"
+#include "model/diagnose/tune/search.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
 

@@ -4,12 +4,12 @@
 #include <string>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/attention.h"
+#include "model/diagnose/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/layernorm.h"
+#include "model/diagnose/selftest/reference/patch_embed.h"
+#include "model/diagnose/selftest/reference/position_resample.h"
 #include "model/networks/params/config.h"
-#include "model/selftest/reference/attention.h"
-#include "model/selftest/reference/gemm.h"
-#include "model/selftest/reference/layernorm.h"
-#include "model/selftest/reference/patch_embed.h"
-#include "model/selftest/reference/position_resample.h"
 
 namespace vsplat::ref {
 

@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/decode.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "model/networks/params/config.h"
 #include "model/networks/params/weights.h"
-#include "model/selftest/reference/decode.h"
-#include "model/selftest/reference/gemm.h"
 
 namespace vsplat::ref {
 

@@ -4,12 +4,12 @@
 #include <string>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/groupnorm.h"
+#include "model/diagnose/selftest/reference/position_encoding.h"
+#include "model/diagnose/selftest/reference/project_features.h"
+#include "model/diagnose/selftest/reference/sparse_map.h"
 #include "model/networks/params/config.h"
-#include "model/selftest/reference/gemm.h"
-#include "model/selftest/reference/groupnorm.h"
-#include "model/selftest/reference/position_encoding.h"
-#include "model/selftest/reference/project_features.h"
-#include "model/selftest/reference/sparse_map.h"
 
 namespace vsplat::ref {
 

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "model/diagnose/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/groupnorm.h"
+#include "model/diagnose/selftest/reference/upsample3d.h"
 #include "model/networks/params/config.h"
-#include "model/selftest/reference/gemm.h"
-#include "model/selftest/reference/groupnorm.h"
-#include "model/selftest/reference/upsample3d.h"
 
 namespace vsplat::ref {
 

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "model/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

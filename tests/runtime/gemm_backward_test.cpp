@@ -2,7 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "model/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "runtime/column_sum.h"
 #include "runtime/gemm.h"
 #include "tests/support/compare.h"

@@ -1,7 +1,7 @@
 // The same products through CLBlast, which a CPU compiles for ten seconds.
 #include <gtest/gtest.h>
 
-#include "model/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "runtime/gemm.h"
 #include "runtime/profile_text.h"
 #include "runtime/profiler.h"

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <cstring>
 
+#include "model/diagnose/selftest/inputs/convolutions.h"
+#include "model/diagnose/selftest/reference/activation.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "model/ops/conv3d.h"
-#include "model/selftest/inputs/convolutions.h"
-#include "model/selftest/reference/activation.h"
-#include "model/selftest/reference/gemm.h"
 #include "runtime/held_tuning.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

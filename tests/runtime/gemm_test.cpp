@@ -5,7 +5,7 @@
 
 #include <numeric>
 
-#include "model/selftest/reference/gemm.h"
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "model/selftest/inputs/random.h"
+#include "model/diagnose/selftest/inputs/random.h"
 
 namespace vsplat::test {
 

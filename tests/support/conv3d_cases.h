@@ -2,8 +2,8 @@
 #pragma once
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/inputs/convolutions.h"
 #include "model/ops/conv3d.h"
-#include "model/selftest/inputs/convolutions.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

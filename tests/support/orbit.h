@@ -1,6 +1,6 @@
 // Cameras around the origin, as the self-test has them.
 #pragma once
-#include "model/selftest/inputs/orbit.h"
+#include "model/diagnose/selftest/inputs/orbit.h"
 
 namespace vsplat::test {
 

@@ -1,6 +1,6 @@
 // Losses on projected Gaussians, as the self-test has them.
 #pragma once
-#include "model/selftest/inputs/projection_rows.h"
+#include "model/diagnose/selftest/inputs/projection_rows.h"
 
 namespace vsplat::test {
 

@@ -1,6 +1,6 @@
 // Random projected Gaussians in tiles, as the self-test has them.
 #pragma once
-#include "model/selftest/inputs/records.h"
+#include "model/diagnose/selftest/inputs/records.h"
 
 namespace vsplat::test {
 

@@ -1,6 +1,6 @@
 // Random scenes and cameras, as the self-test has them.
 #pragma once
-#include "model/selftest/inputs/scenes.h"
+#include "model/diagnose/selftest/inputs/scenes.h"
 
 namespace vsplat::test {
 

@@ -1,6 +1,6 @@
 // Random projected surfels in tiles, as the self-test has them.
 #pragma once
-#include "model/selftest/inputs/surfel_records.h"
+#include "model/diagnose/selftest/inputs/surfel_records.h"
 #include "tests/support/records.h"
 
 namespace vsplat::test {

@@ -1,6 +1,6 @@
 // Motions, as the self-test has them.
 #pragma once
-#include "model/selftest/inputs/twist.h"
+#include "model/diagnose/selftest/inputs/twist.h"
 
 namespace vsplat::test {
 

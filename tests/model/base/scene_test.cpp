@@ -8,7 +8,7 @@
 #include <random>
 
 #include "model/base/camera.h"
-#include "model/selftest/reference/splat.h"
+#include "model/diagnose/selftest/reference/splat.h"
 #include "runtime/error.h"
 #include "tests/support/scenes.h"
 

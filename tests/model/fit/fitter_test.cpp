@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "model/base/rng.h"
-#include "model/selftest/reference/loss.h"
-#include "model/selftest/reference/splat.h"
-#include "model/selftest/reference/splat_parameters.h"
+#include "model/diagnose/selftest/reference/loss.h"
+#include "model/diagnose/selftest/reference/splat.h"
+#include "model/diagnose/selftest/reference/splat_parameters.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

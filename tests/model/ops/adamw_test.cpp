@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "model/selftest/reference/adamw.h"
+#include "model/diagnose/selftest/reference/adamw.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "model/selftest/reference/attention.h"
+#include "model/diagnose/selftest/reference/attention.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

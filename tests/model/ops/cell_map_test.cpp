@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <numeric>
 
+#include "model/diagnose/selftest/reference/cell_map.h"
 #include "model/ops/radix_sort.h"
 #include "model/ops/sparse_conv.h"
-#include "model/selftest/reference/cell_map.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

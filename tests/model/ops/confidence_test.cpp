@@ -1,6 +1,6 @@
 #include "model/ops/confidence.h"
 
-#include "model/selftest/reference/confidence.h"
+#include "model/diagnose/selftest/reference/confidence.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -1,8 +1,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/reference/conv3d.h"
 #include "model/ops/conv3d.h"
-#include "model/selftest/reference/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/conv3d_cases.h"
 #include "tests/support/counted.h"

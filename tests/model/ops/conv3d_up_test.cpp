@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "model/selftest/reference/conv3d_up.h"
+#include "model/diagnose/selftest/reference/conv3d_up.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <numeric>
 
-#include "model/selftest/reference/cross_attention.h"
+#include "model/diagnose/selftest/reference/cross_attention.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -2,7 +2,7 @@
 
 #include <numeric>
 
-#include "model/selftest/reference/decode.h"
+#include "model/diagnose/selftest/reference/decode.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

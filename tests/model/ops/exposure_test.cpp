@@ -1,6 +1,6 @@
 #include "model/ops/exposure.h"
 
-#include "model/selftest/reference/exposure.h"
+#include "model/diagnose/selftest/reference/exposure.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

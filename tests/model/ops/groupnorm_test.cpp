@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "model/selftest/reference/groupnorm.h"
+#include "model/diagnose/selftest/reference/groupnorm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

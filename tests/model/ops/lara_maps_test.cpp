@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "model/selftest/inputs/lara_picture.h"
+#include "model/diagnose/selftest/inputs/lara_picture.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

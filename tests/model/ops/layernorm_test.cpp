@@ -1,6 +1,6 @@
 #include "model/ops/layernorm.h"
 
-#include "model/selftest/reference/layernorm.h"
+#include "model/diagnose/selftest/reference/layernorm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -1,6 +1,6 @@
 #include "model/ops/lift.h"
 
-#include "model/selftest/reference/lift.h"
+#include "model/diagnose/selftest/reference/lift.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

@@ -1,6 +1,6 @@
 #include "model/ops/loss.h"
 
-#include "model/selftest/reference/loss.h"
+#include "model/diagnose/selftest/reference/loss.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

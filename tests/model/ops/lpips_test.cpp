@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "model/selftest/reference/lpips.h"
+#include "model/diagnose/selftest/reference/lpips.h"
 #include "runtime/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

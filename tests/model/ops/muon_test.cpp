@@ -2,7 +2,7 @@
 
 #include <Eigen/Dense>
 
-#include "model/selftest/reference/muon.h"
+#include "model/diagnose/selftest/reference/muon.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "model/selftest/reference/patch_embed.h"
+#include "model/diagnose/selftest/reference/patch_embed.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/selftest/reference/picture_target.h"
+#include "model/diagnose/selftest/reference/picture_target.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -1,6 +1,6 @@
 #include "model/ops/plucker.h"
 
-#include "model/selftest/reference/plucker.h"
+#include "model/diagnose/selftest/reference/plucker.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

@@ -1,6 +1,6 @@
 #include "model/ops/position_encoding.h"
 
-#include "model/selftest/reference/position_encoding.h"
+#include "model/diagnose/selftest/reference/position_encoding.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

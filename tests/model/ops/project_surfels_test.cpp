@@ -8,7 +8,7 @@
 #include <limits>
 #include <numeric>
 
-#include "model/selftest/reference/surfels.h"
+#include "model/diagnose/selftest/reference/surfels.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"
 

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "model/selftest/reference/splat.h"
+#include "model/diagnose/selftest/reference/splat.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"
 

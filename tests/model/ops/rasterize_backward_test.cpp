@@ -1,4 +1,4 @@
-#include "model/selftest/reference/rasterize_backward.h"
+#include "model/diagnose/selftest/reference/rasterize_backward.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <numeric>
 #include <random>
 
+#include "model/diagnose/selftest/reference/rasterize.h"
 #include "model/ops/rasterize.h"
-#include "model/selftest/reference/rasterize.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "model/diagnose/selftest/inputs/surfel_blending.h"
 #include "model/ops/rasterize_surfels.h"
-#include "model/selftest/inputs/surfel_blending.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"

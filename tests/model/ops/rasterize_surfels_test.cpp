@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "model/selftest/reference/rasterize_surfels.h"
+#include "model/diagnose/selftest/reference/rasterize_surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/surfel_records.h"

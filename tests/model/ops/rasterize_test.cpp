@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "model/selftest/reference/rasterize.h"
+#include "model/diagnose/selftest/reference/rasterize.h"
 #include "tests/support/compare.h"
 #include "tests/support/counted.h"
 #include "tests/support/device.h"

@@ -1,6 +1,6 @@
 #include "model/ops/ray_loss.h"
 
-#include "model/selftest/reference/ray_loss.h"
+#include "model/diagnose/selftest/reference/ray_loss.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

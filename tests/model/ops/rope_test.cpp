@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "model/selftest/reference/rope.h"
+#include "model/diagnose/selftest/reference/rope.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

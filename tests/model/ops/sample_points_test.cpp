@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "model/selftest/reference/sample_points.h"
+#include "model/diagnose/selftest/reference/sample_points.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "model/base/rng.h"
-#include "model/selftest/reference/scan.h"
+#include "model/diagnose/selftest/reference/scan.h"
 #include "tests/support/device.h"
 
 namespace vsplat {

@@ -1,6 +1,6 @@
 #include "model/ops/scatter_rows.h"
 
-#include "model/selftest/reference/scatter_rows.h"
+#include "model/diagnose/selftest/reference/scatter_rows.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

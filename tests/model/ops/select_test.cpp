@@ -1,8 +1,8 @@
 #include "model/ops/select.h"
 
 #include "model/base/rng.h"
+#include "model/diagnose/selftest/reference/select.h"
 #include "model/ops/compact.h"
-#include "model/selftest/reference/select.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

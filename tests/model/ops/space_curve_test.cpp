@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "model/selftest/reference/space_curve.h"
+#include "model/diagnose/selftest/reference/space_curve.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

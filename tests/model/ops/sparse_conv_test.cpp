@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
+#include "model/diagnose/selftest/reference/sparse_conv.h"
 #include "model/ops/conv3d.h"
 #include "model/ops/sparse_map.h"
-#include "model/selftest/reference/sparse_conv.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -1,7 +1,7 @@
 #include "model/ops/sparse_map.h"
 
 #include "model/base/rng.h"
-#include "model/selftest/reference/sparse_map.h"
+#include "model/diagnose/selftest/reference/sparse_map.h"
 #include "tests/support/device.h"
 
 namespace vsplat {

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "model/selftest/reference/splat_adam.h"
+#include "model/diagnose/selftest/reference/splat_adam.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/selftest/reference/splat_parameters.h"
+#include "model/diagnose/selftest/reference/splat_parameters.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -4,8 +4,8 @@
 #include <map>
 #include <numeric>
 
+#include "model/diagnose/selftest/reference/splat_relocate.h"
 #include "model/render/render.h"
-#include "model/selftest/reference/splat_relocate.h"
 #include "runtime/fail.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "model/selftest/reference/surface_loss.h"
+#include "model/diagnose/selftest/reference/surface_loss.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

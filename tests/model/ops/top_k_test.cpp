@@ -1,6 +1,6 @@
 #include "model/ops/top_k.h"
 
-#include "model/selftest/reference/top_k.h"
+#include "model/diagnose/selftest/reference/top_k.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -1,6 +1,6 @@
 #include "model/ops/upsample3d.h"
 
-#include "model/selftest/reference/upsample3d.h"
+#include "model/diagnose/selftest/reference/upsample3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -1,6 +1,6 @@
 #include "model/ops/upscale.h"
 
-#include "model/selftest/reference/upscale.h"
+#include "model/diagnose/selftest/reference/upscale.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

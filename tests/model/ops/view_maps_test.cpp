@@ -1,6 +1,6 @@
 #include "model/ops/view_maps.h"
 
-#include "model/selftest/reference/view_maps.h"
+#include "model/diagnose/selftest/reference/view_maps.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

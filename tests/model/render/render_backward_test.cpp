@@ -6,7 +6,7 @@
 #include <cmath>
 #include <tuple>
 
-#include "model/selftest/reference/splat.h"
+#include "model/diagnose/selftest/reference/splat.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/diagnose/selftest/reference/surfels.h"
 #include "model/render/render.h"
 #include "model/render/render_backward.h"
-#include "model/selftest/reference/surfels.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/scenes.h"

@@ -8,8 +8,8 @@
 #include <random>
 
 #include "model/base/scene.h"
+#include "model/diagnose/selftest/reference/splat.h"
 #include "model/io/scene/ply.h"
-#include "model/selftest/reference/splat.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"
 #include "tests/support/scenes.h"

@@ -6,10 +6,10 @@
 #include <tuple>
 
 #include "model/base/scene.h"
+#include "model/diagnose/selftest/reference/adamw.h"
+#include "model/diagnose/selftest/reference/muon.h"
 #include "model/networks/params/params.h"
 #include "model/render/render_backward.h"
-#include "model/selftest/reference/adamw.h"
-#include "model/selftest/reference/muon.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -5,9 +5,9 @@
 
 #include <functional>
 
+#include "model/diagnose/selftest/reference/gemm.h"
 #include "model/networks/layers/upload_weights.h"
 #include "model/networks/params/init.h"
-#include "model/selftest/reference/gemm.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

@@ -1,10 +1,10 @@
 // The backward of the encoder and of the modulation, against differences of both in double.
 #include <functional>
 
+#include "model/diagnose/selftest/reference/plucker.h"
 #include "model/networks/layers/vit.h"
 #include "model/networks/params/init.h"
 #include "model/networks/vsplat/modulation.h"
-#include "model/selftest/reference/plucker.h"
 #include "tests/reference/encoder.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

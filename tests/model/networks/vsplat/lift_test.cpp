@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/reference/lift.h"
 #include "model/networks/params/init.h"
-#include "model/selftest/reference/lift.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/orbit.h"

@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include "model/diagnose/selftest/reference/plucker.h"
 #include "model/networks/params/init.h"
 #include "model/networks/params/params.h"
 #include "model/networks/vsplat/ray_tables.h"
-#include "model/selftest/reference/plucker.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/extension_golden.h"

@@ -1,0 +1,203 @@
+// A scene's parameters: what they mean, their steps, and where Gaussians go that are not seen.
+#include <algorithm>
+#include <map>
+
+#include "model/diagnose/selftest/cases/cases.h"
+#include "model/diagnose/selftest/reference/splat_adam.h"
+#include "model/diagnose/selftest/reference/splat_parameters.h"
+#include "model/diagnose/selftest/reference/splat_relocate.h"
+#include "model/ops/splat_adam.h"
+#include "model/ops/splat_parameters.h"
+#include "model/ops/splat_relocate.h"
+
+namespace vsplat::selftest {
+namespace {
+
+std::size_t fit_size(long a, long b = 1) { return static_cast<std::size_t>(a * b); }
+
+void splat_parameters_all(Checks& c) {
+  for (const long n : c.some({3L, 7L, 63L, 64L, 65L, 1009L})) {
+    const std::size_t k = fit_size(n);
+    const Dropping dropping{n > 7 ? 0.2f : 0.0f, 11, 3};
+    const auto means = random_floats(3 * k, 1), log_scales = random_floats(3 * k, 2, -7.8f, 0.5f),
+               home = random_floats(3 * k, 8), home_scales = random_floats(3 * k, 9), dmeans = random_floats(3 * k, 4),
+               dscales = random_floats(3 * k, 5), dopacities = random_floats(k, 6);
+    auto logits = random_floats(k, 3, -8, 8);
+    for (float& v : logits)  // none is near 1 after it is raised, where it is held
+      if (std::abs(1 / (1 + std::exp(-v)) / (1 - dropping.share) - 1) < 1e-3f) v += 0.5f;
+    const SplatParameters x{c.up({n, 3}, means), c.up({n, 3}, log_scales), c.gap({n, 4}), c.up({n}, logits),
+                            c.gap({n, 4, 3})};
+    const SplatParametersForward f{x, dropping, c.gap({n, 3}), c.gap({n})};
+    splat_parameters_forward(c.ctx, f);
+    const ref::Left left{static_cast<double>(dropping.share), dropping.seed, dropping.draw};
+    std::vector<double> scales, opacities;
+    for (const float v : log_scales) scales.push_back(ref::splat_scale(v));
+    for (std::size_t i = 0; i < k; ++i) opacities.push_back(ref::splat_opacity(logits[i], left, i));
+    c.close("scales", f.scales, scales, 1e-6);
+    c.close("opacities", f.opacities, opacities, 1e-6);
+    SplatParametersBackward b{
+        x, dropping, {c.up({n, 3}, dmeans), c.up({n, 3}, dscales), {}, c.up({n}, dopacities), {}}};
+    b.opacity_weight = 0.3f, b.scale_weight = 0.2f, b.pull = 0.5f;
+    b.home_means = c.up({n, 3}, home), b.home_scales = c.up({n, 3}, home_scales);
+    splat_parameters_backward(c.ctx, b);
+    const ref::SplatLoss loss{as_doubles(dmeans),
+                              as_doubles(dscales),
+                              as_doubles(dopacities),
+                              left,
+                              static_cast<double>(0.3f),
+                              static_cast<double>(0.2f),
+                              0.5,
+                              as_doubles(home),
+                              as_doubles(home_scales)};
+    const ref::SplatParameters at{as_doubles(means), as_doubles(log_scales), as_doubles(logits)};
+    const auto by = [&](std::vector<double> ref::SplatParameters::*kind, std::size_t each) {
+      std::vector<double> out;
+      for (std::size_t i = 0; i < each * k; ++i) out.push_back(loss.slope(at, kind, each, i));
+      return out;
+    };
+    c.close(
+        "backward, means", b.dgaussians.means, [&] { return by(&ref::SplatParameters::means, 3); }, 2e-6);
+    c.close(
+        "backward, scales", b.dgaussians.scales, [&] { return by(&ref::SplatParameters::log_scales, 3); }, 2e-6);
+    c.close(
+        "backward, logits", b.dgaussians.opacities, [&] { return by(&ref::SplatParameters::logits, 1); }, 2e-6);
+  }
+}
+
+void splat_adam_all(Checks& c) {
+  for (const long n : c.some({1L, 3L, 7L, 63L, 64L, 65L, 1009L}))
+    for (const long s : {1L, 4L}) {
+      const std::size_t count = fit_size(n, 3 * s);
+      const Shape shape{n, s, 3};
+      const auto start = random_floats(count, 1);
+      SplatAdam a;
+      a.param = c.up(shape, start), a.m = c.zeros(shape), a.v = c.zeros(shape);
+      a.rate = 0.1, a.head = 3, a.rate_rest = 0.02, a.low = -0.9f, a.high = 0.8f;
+      const ref::SplatAdam want{a.rate,
+                                s > 1 ? a.rate_rest : a.rate,
+                                a.beta1,
+                                a.beta2,
+                                a.eps,
+                                static_cast<double>(a.low),
+                                static_cast<double>(a.high),
+                                fit_size(3 * s),
+                                3};
+      auto param = as_doubles(start);
+      std::vector<double> m(count), v(count);
+      for (a.step = 1; a.step <= 3; ++a.step) {
+        auto grad = random_floats(count, static_cast<std::uint32_t>(1 + a.step), -1e-6f, 1e-6f);
+        for (std::size_t i = 0; i < count; i += 2) grad[i] *= 1e6f;  // over many magnitudes
+        a.grad = c.up(shape, grad);
+        splat_adam(c.ctx, a);
+        ref::splat_adam(want, a.step, as_doubles(grad), param, m, v);
+      }
+      c.close("parameters", a.param, param, 2e-6);
+      c.close("first moments", a.m, m, 1e-6);
+      c.close("second moments", a.v, v, 1e-6);
+      c.equal("gradients", a.grad, std::vector<float>(count, 0.0f));
+    }
+}
+
+struct FitRows {
+  std::vector<float> means, log_scales, quats, logits, sh;
+};
+
+FitRows fit_rows(const std::vector<float>& logits, std::size_t capacity, std::uint32_t seed) {
+  const auto random = [&](std::size_t each) {
+    auto out = random_floats(each * logits.size(), seed++, -3, -1);
+    out.resize(each * capacity, 7.0f);
+    return out;
+  };
+  return {random(3), random(3), random(4), random(1), random(12)};
+}
+
+SplatParameters up_rows(Checks& c, const FitRows& r) {
+  const long n = static_cast<long>(r.logits.size());
+  return {c.up({n, 3}, r.means), c.up({n, 3}, r.log_scales), c.up({n, 4}, r.quats), c.up({n}, r.logits),
+          c.up({n, 4, 3}, r.sh)};
+}
+
+double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
+
+// Opacities of 1/2 and 1, whose weights float32 cannot round: each point's source is that of a walk over all points.
+void splat_relocate_of(Checks& c, std::size_t count, double growth) {
+  constexpr float gone = -20;
+  const auto random = random_floats(count, static_cast<std::uint32_t>(count), 0, 1);
+  std::vector<float> logits;
+  for (const float r : random) logits.push_back(r < 0.3f ? gone : r < 0.7f ? 0.0f : 20.0f);
+  logits[count / 2] = 0;
+  const auto grow_to = static_cast<std::size_t>(growth * static_cast<double>(count)), capacity = grow_to + 2;
+  FitRows x = fit_rows(logits, capacity, 1);
+  const FitRows m = fit_rows(logits, capacity, 11), v = fit_rows(logits, capacity, 21);
+  std::copy(logits.begin(), logits.end(), x.logits.begin());
+  std::vector<std::uint32_t> weights;
+  std::uint64_t total = 0, moving = 0;
+  const double finest = std::floor(std::min(4294967040.0 / static_cast<double>(count) - 1, 65535.0));
+  for (const float l : logits) {
+    weights.push_back(l < 0 ? 0 : static_cast<std::uint32_t>((l > 0 ? 1 : 0.5) * finest) + 1);
+    total += weights.back(), moving += l < 0;
+  }
+  const std::uint64_t points = moving + grow_to - count;
+  const SplatRelocate a{
+      {up_rows(c, x), up_rows(c, m), up_rows(c, v)}, static_cast<long>(count), static_cast<long>(grow_to), 3, 5};
+  c.that("how many", splat_relocate(c.ctx, a) == static_cast<long>(grow_to));
+  std::vector<std::size_t> sources;
+  if (points > 0) sources = ref::systematic_sources(weights, points, ref::systematic_offset(3, 5, total));
+  std::map<std::size_t, int> taken;
+  for (const std::size_t k : sources) ++taken[k];
+  std::vector<double> new_logits = as_doubles(x.logits), new_scales = as_doubles(x.log_scales);
+  std::vector<float> means = x.means, quats = x.quats, sh = x.sh, moments = m.means;
+  for (std::size_t k = 0, point = 0; k < grow_to; ++k) {
+    const bool moves = k >= count || logits[k] < 0;
+    const std::size_t source = moves ? sources[point++] : k;
+    if (taken.count(source) == 0) continue;
+    const double opacity = std::min(sigmoid(logits[source]), static_cast<double>(1.0f - 1e-6f));
+    const int equal = taken[source] + 1;
+    const double each = std::max(ref::shared_opacity(opacity, equal), 0.005);
+    new_logits[k] = std::log(each / (1 - each));
+    for (std::size_t i = 0; i < 3; ++i)
+      new_scales[3 * k + i] = x.log_scales[3 * source + i] + std::log(ref::shared_scale(opacity, equal));
+    for (std::size_t i = 0; moves && i < 12; ++i) {
+      if (i < 3) means[3 * k + i] = x.means[3 * source + i], moments[3 * k + i] = 0;
+      if (i < 4) quats[4 * k + i] = x.quats[4 * source + i];
+      sh[12 * k + i] = x.sh[12 * source + i];
+    }
+  }
+  c.close("opacities", a.all.x.logits, new_logits, 1e-5);
+  c.close("scales", a.all.x.log_scales, new_scales, 1e-6);
+  c.equal("means", a.all.x.means, means);
+  c.equal("rotations", a.all.x.quats, quats);
+  c.equal("harmonics", a.all.x.sh, sh);
+  c.equal("moments", a.all.m.means, moments);
+}
+
+void splat_relocate_all(Checks& c) {
+  for (const std::size_t count : c.some({3UL, 7UL, 63UL, 64UL, 65UL, 1009UL, 20011UL}))
+    for (const double growth : {1.0, 1.3}) splat_relocate_of(c, count, growth);
+  for (const std::size_t n : c.some({1UL, 7UL, 63UL, 65UL, 1009UL})) {
+    FitRows x = fit_rows(random_floats(n, 8, -8, -2.5f), n, 1);
+    x.logits = random_floats(n, 8, -8, -2.5f);
+    x.means.assign(3 * n, 0.0f), x.quats = random_floats(4 * n, 9, -2, 2);
+    const SplatNoise a{up_rows(c, x), 3, 3, 5};
+    splat_noise(c.ctx, a);
+    std::vector<double> want;
+    for (std::size_t k = 0; k < n; ++k) {
+      const float *s = &x.log_scales[3 * k], *q = &x.quats[4 * k];
+      const auto cov = ref::covariance({s[0], s[1], s[2]}, {q[0], q[1], q[2], q[3]});
+      const auto xi = ref::normal_numbers(k, 3, 5);
+      for (const auto& row : cov)
+        want.push_back(3 * ref::wandering(sigmoid(x.logits[k])) * (row[0] * xi[0] + row[1] * xi[1] + row[2] * xi[2]));
+    }
+    c.close("noise", a.x.means, want, 1e-5);
+  }
+}
+
+}  // namespace
+
+std::vector<Case> fitting_cases() {
+  return {{"splat_parameters", splat_parameters_all},
+          {"splat_adam", splat_adam_all},
+          {"splat_relocate", splat_relocate_all}};
+}
+
+}  // namespace vsplat::selftest
