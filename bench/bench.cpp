@@ -8,9 +8,9 @@
 #include "bench/references.h"
 #include "bench/timing.h"
 #include "runtime/fail.h"
-#include "runtime/peaks.h"
-#include "runtime/profile_page.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/peaks.h"
+#include "runtime/profile/profile_page.h"
+#include "runtime/profile/profiler.h"
 
 namespace vsplat::bench {
 

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 
 namespace vsplat::bench {
 namespace {

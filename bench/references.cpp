@@ -9,7 +9,7 @@
 #include "bench/references_module.h"
 #include "bench/sample.h"
 #include "runtime/fail.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat::bench {
 namespace {

@@ -10,9 +10,9 @@
 
 #include "runtime/device_memory.h"
 #include "runtime/fail.h"
-#include "runtime/host_memory.h"
 #include "runtime/opencl.h"
 #include "runtime/rounding.h"
+#include "runtime/system/host_memory.h"
 #include "runtime/units.h"
 
 namespace vsplat {

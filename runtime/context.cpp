@@ -11,24 +11,24 @@
 #include <optional>
 
 #include "runtime/clock.h"
-#include "runtime/counters.h"
 #include "runtime/device_handles.h"
 #include "runtime/device_limits.h"
 #include "runtime/device_memory.h"
-#include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/foreign.h"
-#include "runtime/host_memory.h"
 #include "runtime/host_span.h"
 #include "runtime/launch_arguments.h"
 #include "runtime/launch_checks.h"
 #include "runtime/launch_parts.h"
 #include "runtime/log.h"
-#include "runtime/matrix_probe.h"
 #include "runtime/pace.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/counters.h"
+#include "runtime/profile/profiler.h"
 #include "runtime/program.h"
 #include "runtime/rounding.h"
+#include "runtime/system/environment.h"
+#include "runtime/system/host_memory.h"
+#include "runtime/tuning/matrix_probe.h"
 
 namespace vsplat {
 

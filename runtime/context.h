@@ -22,8 +22,8 @@
 #include "runtime/launch.h"
 #include "runtime/precision.h"
 #include "runtime/tensor.h"
-#include "runtime/tuning.h"
-#include "runtime/verdict.h"
+#include "runtime/tuning/tuning.h"
+#include "runtime/tuning/verdict.h"
 
 namespace vsplat {
 
@@ -122,7 +122,7 @@ class Context {
   Precision precision() const;
   // Who multiplies fragments, whatever the precision: see runtime/gemm_matrix.h.
   MatrixUnit matrix_unit() const;
-  // What an operation of that shape is built and launched with, where it is a matter of speed (runtime/tuning.h).
+  // What an operation of that shape is built and launched with, where it is a matter of speed (runtime/tuning/tuning.h).
   TunedValues tuned(const TunedShape& shape) const;
   const Tuning& tuning() const;
   // In place of the device's table: for trials, and tests. Streams and planners that are made after it have the same.

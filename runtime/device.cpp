@@ -10,13 +10,13 @@
 
 #include "runtime/device_handles.h"
 #include "runtime/device_limits.h"
-#include "runtime/environment.h"
-#include "runtime/environment_check.h"
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
 #include "runtime/missing_devices.h"
 #include "runtime/opencl.h"
-#include "runtime/system.h"
+#include "runtime/system/environment.h"
+#include "runtime/system/environment_check.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 

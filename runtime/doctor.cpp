@@ -1,7 +1,7 @@
 #include "runtime/doctor.h"
 
-#include "runtime/disk_cache.h"
-#include "runtime/environment.h"
+#include "runtime/files/disk_cache.h"
+#include "runtime/system/environment.h"
 
 namespace vsplat {
 namespace {

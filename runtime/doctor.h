@@ -3,13 +3,13 @@
 #include <string>
 #include <vector>
 
-#include "runtime/cache_folders.h"
-#include "runtime/driver_entries.h"
-#include "runtime/driver_look.h"
-#include "runtime/environment_check.h"
-#include "runtime/gpu_files.h"
-#include "runtime/kept_verdicts.h"
-#include "runtime/pocl_files.h"
+#include "runtime/files/cache_folders.h"
+#include "runtime/files/gpu_files.h"
+#include "runtime/files/pocl_files.h"
+#include "runtime/system/driver_entries.h"
+#include "runtime/system/driver_look.h"
+#include "runtime/system/environment_check.h"
+#include "runtime/tuning/kept_verdicts.h"
 
 namespace vsplat {
 

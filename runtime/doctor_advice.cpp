@@ -6,10 +6,10 @@
 #include <filesystem>
 
 #include "runtime/device.h"
-#include "runtime/disk_cache.h"
 #include "runtime/doctor.h"
-#include "runtime/environment.h"
+#include "runtime/files/disk_cache.h"
 #include "runtime/printable.h"
+#include "runtime/system/environment.h"
 
 namespace vsplat {
 namespace {

@@ -27,7 +27,7 @@ PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_s
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
 // The side of the gpu flavour's square tiles for an [m, n] output, the work-items of a group, and the defines that
-// cl/tile_gpu.clh takes for them: of parameters "tile" and "unroll" (runtime/tuning.h), and no larger than the device
+// cl/tile_gpu.clh takes for them: of parameters "tile" and "unroll" (runtime/tuning/tuning.h), and no larger than the device
 // takes the kernel in, whose own defines are none.
 struct GpuTile {
   long side, group;

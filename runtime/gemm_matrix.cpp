@@ -3,9 +3,9 @@
 #include <array>
 #include <cstdlib>
 
-#include "runtime/environment.h"
 #include "runtime/fail.h"
 #include "runtime/rounding.h"
+#include "runtime/system/environment.h"
 
 namespace vsplat {
 namespace {

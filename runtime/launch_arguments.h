@@ -7,7 +7,7 @@
 #include "runtime/device.h"
 #include "runtime/launch.h"
 #include "runtime/opencl.h"
-#include "runtime/profile_sums.h"
+#include "runtime/profile/profile_sums.h"
 
 namespace vsplat {
 

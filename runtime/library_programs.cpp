@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 

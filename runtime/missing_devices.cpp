@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "runtime/cache_folders.h"
+#include "runtime/files/cache_folders.h"
 #include "runtime/opencl.h"
 #include "runtime/printable.h"
 

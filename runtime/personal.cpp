@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
-#include "runtime/environment.h"
-#include "runtime/system.h"
+#include "runtime/system/environment.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 namespace {

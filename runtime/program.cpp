@@ -10,10 +10,10 @@
 #include <sstream>
 
 #include "runtime/embedded.h"
-#include "runtime/environment.h"
 #include "runtime/fail.h"
+#include "runtime/files/pocl_files.h"
 #include "runtime/log.h"
-#include "runtime/pocl_files.h"
+#include "runtime/system/environment.h"
 
 namespace vsplat {
 

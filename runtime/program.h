@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "runtime/device.h"
-#include "runtime/disk_cache.h"
+#include "runtime/files/disk_cache.h"
 #include "runtime/opencl.h"
 
 namespace vsplat {

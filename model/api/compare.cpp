@@ -13,8 +13,8 @@
 #include "model/metrics/reference_picture.h"
 #include "model/views/photographs.h"
 #include "runtime/fail.h"
+#include "runtime/files/roots.h"
 #include "runtime/log.h"
-#include "runtime/roots.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "runtime/host_memory.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat::api {
 

@@ -3,9 +3,9 @@
 #include "runtime/clock.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
-#include "runtime/peaks.h"
-#include "runtime/profile_page.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/peaks.h"
+#include "runtime/profile/profile_page.h"
+#include "runtime/profile/profiler.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

@@ -1,5 +1,5 @@
 // Processes that work together.
-#include "runtime/ranks.h"
+#include "runtime/system/ranks.h"
 
 #include "model/api/handle.h"
 

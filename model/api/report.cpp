@@ -11,7 +11,7 @@
 #include "model/api/handle.h"
 #include "runtime/doctor.h"
 #include "runtime/personal.h"
-#include "runtime/system_facts.h"
+#include "runtime/system/system_facts.h"
 
 using namespace vsplat;
 using namespace vsplat::api;

@@ -3,11 +3,11 @@
 #include <cstdlib>
 
 #include "model/api/handle.h"
-#include "runtime/file.h"
-#include "runtime/file_rules.h"
-#include "runtime/host_memory.h"
+#include "runtime/files/file.h"
+#include "runtime/files/file_rules.h"
+#include "runtime/files/output_file.h"
 #include "runtime/log.h"
-#include "runtime/output_file.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat::api {
 namespace {

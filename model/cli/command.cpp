@@ -10,7 +10,7 @@
 #include "flags.h"
 #include "outputs.h"
 #include "runtime/printable.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace command {
 namespace {

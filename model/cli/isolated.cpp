@@ -8,7 +8,7 @@
 #include <system_error>
 #include <thread>
 
-#include "runtime/system_process.h"
+#include "runtime/system/system_process.h"
 
 namespace command {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace command {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace command {
 namespace {

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "runtime/cache_folders.h"
-#include "runtime/system.h"
+#include "runtime/files/cache_folders.h"
+#include "runtime/system/system.h"
 
 namespace command {
 namespace {

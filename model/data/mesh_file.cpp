@@ -15,9 +15,9 @@
 #include "model/io/reader/reader.h"
 #include "model/io/views/listed_file.h"
 #include "runtime/fail.h"
+#include "runtime/files/roots.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
-#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {

@@ -9,8 +9,8 @@
 #include "model/data/sphere_cameras.h"
 #include "model/io/picture/image_file.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
-#include "runtime/staged_folder.h"
+#include "runtime/files/file.h"
+#include "runtime/files/staged_folder.h"
 
 namespace vsplat {
 namespace {

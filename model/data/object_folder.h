@@ -20,7 +20,7 @@ struct ObjectOptions {
 std::vector<std::string> object_files(const std::string& folder, int views);
 
 // Fits the mesh into the cube, draws it from sphere_cameras(), writes RGBA pictures of 8 bits and transforms.json with
-// the cube. The folder appears whole or not at all (runtime/staged_folder.h): of an earlier object all pictures go with
+// the cube. The folder appears whole or not at all (runtime/files/staged_folder.h): of an earlier object all pictures go with
 // it, what else lies there stays. Error(file) where another process is writing that object.
 void write_object(const std::string& folder, Mesh mesh, const ObjectOptions& options);
 

@@ -12,7 +12,7 @@
 #include "model/io/picture/image_file.h"
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 

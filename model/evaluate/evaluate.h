@@ -7,7 +7,7 @@
 #include "model/evaluate/evaluation_object.h"
 #include "model/metrics/lpips.h"
 #include "model/networks/network.h"
-#include "runtime/ranks.h"
+#include "runtime/system/ranks.h"
 
 namespace vsplat {
 

@@ -7,8 +7,8 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "runtime/files/safetensors.h"
 #include "runtime/printable.h"
-#include "runtime/safetensors.h"
 
 namespace vsplat {
 namespace {

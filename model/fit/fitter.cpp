@@ -10,8 +10,8 @@
 #include "model/ops/splat_adam.h"
 #include "model/ops/visible.h"
 #include "runtime/fail.h"
+#include "runtime/files/safetensors.h"
 #include "runtime/log.h"
-#include "runtime/safetensors.h"
 
 namespace vsplat {
 namespace {

@@ -16,7 +16,7 @@
 #include "model/views/view_choice.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/profiler.h"
 
 namespace vsplat {
 namespace {

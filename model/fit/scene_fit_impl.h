@@ -10,7 +10,7 @@
 #include "model/fit/fit_recipe.h"
 #include "model/fit/scene_fit.h"
 #include "model/fit/view_corrections.h"
-#include "runtime/folder_lock.h"
+#include "runtime/files/folder_lock.h"
 
 namespace vsplat {
 

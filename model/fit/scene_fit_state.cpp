@@ -7,8 +7,8 @@
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/scene_fit_impl.h"
 #include "runtime/fail.h"
-#include "runtime/held_tuning.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
+#include "runtime/tuning/held_tuning.h"
 
 namespace vsplat {
 namespace {

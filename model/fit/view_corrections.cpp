@@ -7,7 +7,7 @@
 
 #include "model/ops/splat_adam.h"
 #include "runtime/fail.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "model/ops/lpips.h"
 #include "runtime/fail.h"
+#include "runtime/files/safetensors.h"
 #include "runtime/gemm.h"
 #include "runtime/printable.h"
-#include "runtime/safetensors.h"
 
 namespace vsplat {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "runtime/context.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat {
 

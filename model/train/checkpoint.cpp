@@ -10,9 +10,9 @@
 #include "model/networks/params/model_file.h"
 #include "model/networks/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/files/safetensors.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
-#include "runtime/safetensors.h"
 
 namespace vsplat {
 namespace {

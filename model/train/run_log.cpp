@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 
 namespace vsplat {
 namespace {

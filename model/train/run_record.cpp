@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "model/base/json_fields.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/json_text.h"
 
 namespace vsplat {

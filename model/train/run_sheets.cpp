@@ -6,9 +6,9 @@
 #include <string_view>
 #include <tuple>
 
-#include "runtime/base64.h"
 #include "runtime/error.h"
-#include "runtime/file.h"
+#include "runtime/files/base64.h"
+#include "runtime/files/file.h"
 
 namespace vsplat {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "model/train/beginning.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
-#include "runtime/folder_lock.h"
+#include "runtime/files/file.h"
+#include "runtime/files/folder_lock.h"
 
 namespace vsplat {
 namespace {

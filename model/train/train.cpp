@@ -17,10 +17,10 @@
 #include "model/train/training_reading.h"
 #include "model/train/training_sheet.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
-#include "runtime/held_tuning.h"
+#include "runtime/files/file.h"
 #include "runtime/log.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/profiler.h"
+#include "runtime/tuning/held_tuning.h"
 #include "runtime/units.h"
 
 namespace vsplat {

@@ -10,8 +10,8 @@
 #include "model/base/json_fields.h"
 #include "model/networks/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/files/sha256.h"
 #include "runtime/json_text.h"
-#include "runtime/sha256.h"
 
 namespace vsplat {
 namespace {

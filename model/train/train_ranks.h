@@ -1,9 +1,9 @@
-// A training of several processes (runtime/ranks.h): rank 0 trains, writes and tells; the others compute parts of its
+// A training of several processes (runtime/system/ranks.h): rank 0 trains, writes and tells; the others compute parts of its
 // steps. Nobody but rank 0 has the optimiser or writes a file.
 #pragma once
 #include "model/data/data_set.h"
 #include "model/train/train.h"
-#include "runtime/ranks.h"
+#include "runtime/system/ranks.h"
 
 namespace vsplat {
 

@@ -11,7 +11,7 @@
 #include "model/ops/select.h"
 #include "model/train/half_size.h"
 #include "runtime/fail.h"
-#include "runtime/held_tuning.h"
+#include "runtime/tuning/held_tuning.h"
 #include "runtime/units.h"
 
 namespace vsplat {

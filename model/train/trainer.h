@@ -12,8 +12,8 @@
 #include "model/networks/layers/learnt_weights.h"
 #include "model/train/checkpoint.h"
 #include "model/train/training_pass.h"
-#include "runtime/ranks.h"
 #include "runtime/side_by_side.h"
+#include "runtime/system/ranks.h"
 
 namespace vsplat {
 

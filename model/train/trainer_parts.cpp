@@ -8,9 +8,9 @@
 
 #include "model/train/trainer.h"
 #include "runtime/fail.h"
-#include "runtime/held_tuning.h"
 #include "runtime/log.h"
 #include "runtime/share_out.h"
+#include "runtime/tuning/held_tuning.h"
 
 namespace vsplat {
 namespace {

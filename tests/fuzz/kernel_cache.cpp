@@ -1,7 +1,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "runtime/disk_cache.h"
+#include "runtime/files/disk_cache.h"
 #include "tests/fuzz/targets.h"
 #include "tests/support/temporary.h"
 

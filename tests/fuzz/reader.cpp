@@ -11,7 +11,7 @@
 #include "model/data/mesh_file.h"
 #include "model/io/archive/hdf5_file.h"
 #include "model/io/reader/start_program.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "tests/fuzz/targets.h"
 
 namespace vsplat::fuzz {

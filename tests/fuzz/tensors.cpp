@@ -7,7 +7,7 @@
 #include "model/networks/params/model_file.h"
 #include "model/networks/params/params.h"
 #include "model/train/checkpoint.h"
-#include "runtime/sha256.h"
+#include "runtime/files/sha256.h"
 #include "tests/fuzz/targets.h"
 #include "tests/support/temporary.h"
 

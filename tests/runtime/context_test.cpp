@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "runtime/profiler.h"
+#include "runtime/profile/profiler.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

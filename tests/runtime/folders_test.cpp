@@ -6,11 +6,11 @@
 #include <functional>
 
 #include "runtime/error.h"
-#include "runtime/file.h"
-#include "runtime/file_rules.h"
-#include "runtime/folder_lock.h"
-#include "runtime/roots.h"
-#include "runtime/staged_folder.h"
+#include "runtime/files/file.h"
+#include "runtime/files/file_rules.h"
+#include "runtime/files/folder_lock.h"
+#include "runtime/files/roots.h"
+#include "runtime/files/staged_folder.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {

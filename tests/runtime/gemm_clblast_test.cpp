@@ -3,8 +3,8 @@
 
 #include "model/diagnose/selftest/reference/gemm.h"
 #include "runtime/gemm.h"
-#include "runtime/profile_text.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/profile_text.h"
+#include "runtime/profile/profiler.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

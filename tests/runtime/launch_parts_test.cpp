@@ -6,7 +6,7 @@
 #include <map>
 
 #include "runtime/gemm.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/profiler.h"
 #include "runtime/program.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "runtime/context.h"
-#include "runtime/profiler.h"
+#include "runtime/profile/profiler.h"
 
 namespace vsplat::test {
 

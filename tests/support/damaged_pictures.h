@@ -9,7 +9,7 @@
 
 #include "model/io/picture/image_file.h"
 #include "runtime/error.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 
 namespace vsplat::test {
 

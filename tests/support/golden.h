@@ -6,7 +6,7 @@
 #include "model/networks/params/config.h"
 #include "model/networks/params/model_file.h"
 #include "model/networks/params/weights.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat::test {
 

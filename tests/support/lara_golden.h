@@ -13,7 +13,7 @@
 #include "model/networks/params/lara_config.h"
 #include "model/networks/params/vsplat_genden_config.h"
 #include "model/networks/params/weights.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 #include "tests/support/compare.h"
 
 namespace vsplat::test {

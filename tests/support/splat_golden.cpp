@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat::test {
 namespace {

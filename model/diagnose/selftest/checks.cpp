@@ -5,7 +5,7 @@
 
 #include "model/diagnose/tune/check_chosen.h"
 #include "runtime/fail.h"
-#include "runtime/sha256.h"
+#include "runtime/files/sha256.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "runtime/error.h"
-#include "runtime/kept_finding.h"
+#include "runtime/files/private_folder.h"
 #include "runtime/log.h"
-#include "runtime/private_folder.h"
+#include "runtime/tuning/kept_finding.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "runtime/device.h"
-#include "runtime/folder_lock.h"
+#include "runtime/files/folder_lock.h"
 
 namespace vsplat::selftest {
 

@@ -11,11 +11,11 @@
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/journal.h"
 #include "model/diagnose/selftest/stages.h"
-#include "runtime/environment.h"
 #include "runtime/fail.h"
-#include "runtime/kept_finding.h"
 #include "runtime/kernel_files.h"
 #include "runtime/log.h"
+#include "runtime/system/environment.h"
+#include "runtime/tuning/kept_finding.h"
 
 namespace vsplat::selftest {
 namespace {

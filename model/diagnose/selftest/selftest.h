@@ -9,7 +9,7 @@
 #include "model/diagnose/selftest/checks.h"
 #include "model/diagnose/tune/check_chosen.h"
 #include "runtime/context.h"
-#include "runtime/verdict.h"
+#include "runtime/tuning/verdict.h"
 
 namespace vsplat::selftest {
 

@@ -7,7 +7,7 @@
 #include "model/networks/params/model_file.h"
 #include "model/networks/vsplat/vsplat_model.h"
 #include "model/render/render.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 extern "C" {
 // In stages.S. The size is data: a compiler may take it that two objects never have the same address.

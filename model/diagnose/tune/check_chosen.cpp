@@ -7,7 +7,7 @@
 
 #include "model/diagnose/tune/search.h"
 #include "model/diagnose/tune/tune_case.h"
-#include "runtime/folder_lock.h"
+#include "runtime/files/folder_lock.h"
 #include "runtime/log.h"
 
 namespace vsplat {

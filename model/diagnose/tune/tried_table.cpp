@@ -8,8 +8,8 @@
 #include <filesystem>
 
 #include "runtime/fail.h"
+#include "runtime/files/private_folder.h"
 #include "runtime/log.h"
-#include "runtime/private_folder.h"
 
 namespace vsplat::tuning {
 namespace {

@@ -3,8 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "runtime/folder_lock.h"
-#include "runtime/tuning.h"
+#include "runtime/files/folder_lock.h"
+#include "runtime/tuning/tuning.h"
 
 namespace vsplat::tuning {
 

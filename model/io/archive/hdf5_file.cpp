@@ -12,9 +12,9 @@
 #include "model/io/foreign_file.h"
 #include "model/io/reader/reader.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/printable.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 namespace {

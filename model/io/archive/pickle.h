@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat::pickle {
 

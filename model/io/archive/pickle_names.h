@@ -4,7 +4,7 @@
 #include <optional>
 #include <string_view>
 
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat::pickle {
 

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

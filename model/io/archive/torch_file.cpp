@@ -9,11 +9,11 @@
 #include "model/io/archive/pickle.h"
 #include "model/io/archive/zip_archive.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/half.h"
-#include "runtime/host_memory.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 namespace {

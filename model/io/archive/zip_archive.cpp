@@ -6,9 +6,9 @@
 #include <string_view>
 
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/printable.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 namespace {

@@ -11,7 +11,7 @@
 #include "model/io/picture/image_formats.h"
 #include "model/io/picture/oriented_rows.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/host_span.h"
 
 namespace vsplat {

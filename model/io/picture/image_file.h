@@ -35,7 +35,7 @@ class ImageFile {
   // As read_image(), and as `orientation` (1 to 8) says that what is stored is to be shown; decodes with every call.
   Image decode(int orientation = 1) const;
   // The same row by row. This must outlive it. Error(memory) where what the format, or turning it, needs to hold at
-  // once is more than the host's budget leaves (runtime/host_memory.h).
+  // once is more than the host's budget leaves (runtime/system/host_memory.h).
   std::unique_ptr<PixelRows> rows(int orientation = 1) const;
 
  private:

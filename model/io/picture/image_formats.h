@@ -9,7 +9,7 @@
 
 #include "model/base/pixel_rows.h"
 #include "model/io/picture/image_file.h"
-#include "runtime/host_memory.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 

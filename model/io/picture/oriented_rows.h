@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "model/io/picture/image_formats.h"
-#include "runtime/host_memory.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 

@@ -7,7 +7,7 @@
 
 #include "model/io/picture/image_formats.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 
 namespace vsplat {
 

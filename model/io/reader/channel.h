@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "model/io/reader/message.h"
-#include "runtime/system_channel.h"
+#include "runtime/system/system_channel.h"
 
 namespace vsplat::read {
 

@@ -10,9 +10,9 @@
 #include "model/io/reader/sanitized.h"
 #include "model/io/reader/start_program.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/printable.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 namespace {

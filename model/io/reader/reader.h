@@ -14,8 +14,8 @@
 
 #include "model/io/reader/channel.h"
 #include "runtime/error.h"
-#include "runtime/roots.h"
-#include "runtime/system_process.h"
+#include "runtime/files/roots.h"
+#include "runtime/system/system_process.h"
 
 namespace vsplat {
 

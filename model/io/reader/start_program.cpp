@@ -6,8 +6,8 @@
 #include "model/io/reader/reader.h"
 #include "runtime/fail.h"
 #include "runtime/library_programs.h"
-#include "runtime/system_channel.h"
-#include "runtime/system_process.h"
+#include "runtime/system/system_channel.h"
+#include "runtime/system/system_process.h"
 
 namespace vsplat {
 namespace {

@@ -8,7 +8,7 @@
 #include "model/io/foreign_file.h"
 #include "runtime/fail.h"
 #include "runtime/host_span.h"
-#include "runtime/system.h"
+#include "runtime/system/system.h"
 
 namespace vsplat {
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "model/io/scene/ply_header.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 
 namespace vsplat {
 

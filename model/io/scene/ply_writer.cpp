@@ -5,7 +5,7 @@
 
 #include "model/io/scene/ply.h"
 #include "runtime/fail.h"
-#include "runtime/output_file.h"
+#include "runtime/files/output_file.h"
 
 namespace vsplat {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "model/io/views/view_checks.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/printable.h"
 
 namespace vsplat {

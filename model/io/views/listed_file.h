@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/roots.h"
+#include "runtime/files/roots.h"
 
 namespace vsplat {
 

@@ -11,7 +11,7 @@
 
 #include "model/base/lens.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "runtime/json_text.h"
 
 namespace vsplat {

@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "model/io/views/view_set.h"
-#include "runtime/roots.h"
+#include "runtime/files/roots.h"
 
 namespace vsplat {
 

@@ -6,9 +6,9 @@
 #include "model/io/views/view_files.h"
 #include "model/io/views/view_list.h"
 #include "runtime/fail.h"
+#include "runtime/files/roots.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
-#include "runtime/roots.h"
 
 namespace vsplat {
 namespace {

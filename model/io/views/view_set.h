@@ -74,7 +74,7 @@ struct ReadOptions {
 
 // `path`: one of the files, or a folder, as read_view_list() takes them; "-" is the standard input. Error(file) where
 // there is none, or where a picture or mask lies outside the cameras' folder, COLMAP's pictures and those of the
-// options (runtime/roots.h), Error(format) where its content is damaged, Error(input) where a pose or an intrinsic is
+// options (runtime/files/roots.h), Error(format) where its content is damaged, Error(input) where a pose or an intrinsic is
 // of no use (not finite, singular, mirrored, scaled, a focal length not positive), or as find_view_files() has it.
 ViewSet read_views(const std::filesystem::path& path, const ReadOptions& options = {});
 

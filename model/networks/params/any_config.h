@@ -9,7 +9,7 @@
 
 #include "model/networks/params/parameter.h"
 #include "model/networks/params/systems.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat {
 

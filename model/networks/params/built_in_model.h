@@ -3,7 +3,7 @@
 #pragma once
 #include <span>
 
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat {
 

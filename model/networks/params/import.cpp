@@ -14,10 +14,10 @@
 #include "model/networks/params/match_tensors.h"
 #include "model/networks/params/params.h"
 #include "runtime/fail.h"
-#include "runtime/file.h"
-#include "runtime/host_memory.h"
+#include "runtime/files/file.h"
 #include "runtime/json_text.h"
 #include "runtime/printable.h"
+#include "runtime/system/host_memory.h"
 
 namespace vsplat {
 namespace {

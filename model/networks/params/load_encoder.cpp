@@ -13,9 +13,9 @@
 #include "model/networks/params/match_tensors.h"
 #include "model/networks/params/params.h"
 #include "runtime/fail.h"
+#include "runtime/files/safetensors.h"
 #include "runtime/log.h"
 #include "runtime/printable.h"
-#include "runtime/safetensors.h"
 
 namespace vsplat {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "model/networks/params/weights.h"
 #include "runtime/fail.h"
+#include "runtime/files/safetensors.h"
 #include "runtime/printable.h"
-#include "runtime/safetensors.h"
 
 namespace vsplat {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "model/networks/params/systems.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 
 namespace vsplat {
 

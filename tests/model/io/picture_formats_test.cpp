@@ -8,7 +8,7 @@
 
 #include "model/io/picture/image_file.h"
 #include "model/io/picture/image_formats.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "tests/support/damaged_pictures.h"
 #include "tests/support/image_writers.h"
 #include "tests/support/picture_writers.h"

@@ -8,7 +8,7 @@
 #include "model/base/resample.h"
 #include "model/io/picture/image_file.h"
 #include "model/views/photographs.h"
-#include "runtime/host_memory.h"
+#include "runtime/system/host_memory.h"
 #include "tests/support/image_writers.h"
 #include "tests/support/picture_writers.h"
 #include "tests/support/refusal.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <map>
 
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 #include "tests/support/device.h"
 #include "tests/support/golden.h"
 #include "tests/support/temporary.h"

@@ -15,7 +15,7 @@
 #include "model/networks/params/init.h"
 #include "model/networks/params/model_file.h"
 #include "model/networks/params/params.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"
 #include "tests/support/weights.h"

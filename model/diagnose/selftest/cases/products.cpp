@@ -15,7 +15,7 @@
 #include "runtime/compose_rows.h"
 #include "runtime/gemm.h"
 #include "runtime/gemm_matrix.h"
-#include "runtime/tuning.h"
+#include "runtime/tuning/tuning.h"
 
 namespace vsplat::selftest {
 namespace {
@@ -134,7 +134,7 @@ void gemm_all(Checks& c) {
 }
 
 // Of rounded operands, on emulated fragments: of small integers it is exact. Whose units else a device has are tried
-// where mixed precision is asked for (runtime/matrix_probe.h).
+// where mixed precision is asked for (runtime/tuning/matrix_probe.h).
 void gemm_matrix_all(Checks& c) {
   if (c.ctx.flavour() != Flavour::gpu || c.ctx.switched_off().mixed) return;
   for (const Operands operands : {Operands::bf16, Operands::tf32})

@@ -10,7 +10,7 @@
 #include "model/diagnose/tune/check_chosen.h"
 #include "model/diagnose/tune/sample.h"
 #include "model/diagnose/tune/tune_case.h"
-#include "runtime/folder_lock.h"
+#include "runtime/files/folder_lock.h"
 #include "tests/support/device.h"
 #include "tests/support/temporary.h"
 

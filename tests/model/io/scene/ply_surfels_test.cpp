@@ -9,7 +9,7 @@
 
 #include "model/io/scene/ply.h"
 #include "runtime/error.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scenes.h"
 #include "tests/support/temporary.h"

@@ -12,7 +12,7 @@
 #include <random>
 
 #include "runtime/error.h"
-#include "runtime/file.h"
+#include "runtime/files/file.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scenes.h"
 #include "tests/support/temporary.h"

@@ -7,7 +7,7 @@
 #include "model/networks/params/import.h"
 #include "model/networks/params/init.h"
 #include "model/networks/params/load_encoder.h"
-#include "runtime/safetensors.h"
+#include "runtime/files/safetensors.h"
 #include "tests/support/extension_golden.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary.h"

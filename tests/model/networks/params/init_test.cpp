@@ -9,7 +9,7 @@
 #include "model/networks/params/load_encoder.h"
 #include "model/networks/params/model_file.h"
 #include "model/networks/params/params.h"
-#include "runtime/sha256.h"
+#include "runtime/files/sha256.h"
 #include "tests/support/temporary.h"
 
 namespace vsplat {

@@ -1,0 +1,51 @@
+#include "runtime/files/roots.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "runtime/fail.h"
+#include "runtime/files/file_rules.h"
+#include "runtime/printable.h"
+
+namespace vsplat {
+
+namespace fs = std::filesystem;
+
+void Roots::add(const fs::path& folder) {
+  std::error_code problem;
+  if (folder.empty()) return;
+  const std::string real = fs::canonical(folder, problem).string();
+  if (problem) return;
+  named_.push_back(folder.string());
+  real_.push_back(real.ends_with('/') ? real : real + "/");
+}
+
+const fs::path& Roots::real_folder(const fs::path& folder) {
+  const auto known = folders_.find(folder);
+  if (known != folders_.end()) return known->second;
+  std::error_code problem;
+  fs::path real = fs::weakly_canonical(folder.empty() ? "." : folder, problem);
+  return folders_.emplace(folder, problem ? fs::path() : real).first->second;
+}
+
+bool Roots::hold(const fs::path& file) {
+  if (outside_allowed()) return true;
+  std::error_code problem;
+  // Of a long list most files are no links, and lie in one folder.
+  const fs::path real = fs::is_symlink(file, problem) ? fs::weakly_canonical(file, problem)
+                                                      : real_folder(file.parent_path()) / file.filename();
+  return std::any_of(real_.begin(), real_.end(),
+                     [&](const std::string& root) { return real.string().starts_with(root); });
+}
+
+void Roots::need(const fs::path& file, const std::string& who) {
+  if (hold(file)) return;
+  fail(Status::file,
+       "{} {} lies outside {}, links followed; put it there, or permit files outside (vsplat_file_rules.allow_outside) "
+       "if its origin is trusted",
+       who, printable(file.string()), fmt::join(named_, ", "));
+}
+
+}  // namespace vsplat

@@ -1,0 +1,52 @@
+#include "runtime/files/output_file.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "runtime/error.h"
+#include "tests/support/temporary.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+// In a container each run may have the same number of process.
+TEST(OutputFile, WhatAKilledProcessOfThatNumberHasLeftIsNotInTheWay) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("t.json");
+  std::string left;
+  {
+    const OutputFile file(path);
+    left = fs::directory_iterator(folder.path(""))->path().string();
+  }
+  const std::size_t at = left.rfind('-') + 1;
+  const unsigned long serial = std::stoul(left.substr(at));
+  for (unsigned long next = serial + 1; next < serial + 4; ++next)
+    std::ofstream(left.substr(0, at) + std::to_string(next) + ".tmp") << "left";
+  OutputFile file(path);
+  file.write("whole");
+  file.commit();
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  EXPECT_EQ(text.str(), "whole");
+}
+
+TEST(OutputFile, TellsWhatCannotBeCreated) {
+  const test::TemporaryFolder folder;
+  try {
+    const OutputFile file(folder.path("none/t.json"));
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.status(), Status::file);
+    EXPECT_NE(std::string(e.what()).find("t.json: cannot be created as "), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find(".tmp: No such file"), std::string::npos) << e.what();
+  }
+}
+
+}  // namespace
+}  // namespace vsplat

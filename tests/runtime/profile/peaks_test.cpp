@@ -1,0 +1,89 @@
+#include "runtime/profile/peaks.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "runtime/clock.h"
+#include "runtime/profile/profiler.h"
+#include "runtime/system/environment.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A cache folder of the test's own.
+class PeaksTest : public ::testing::Test {
+ protected:
+  PeaksTest() : before_(environment("VSPLAT_CACHE_DIR")) {
+    std::string name = (fs::temp_directory_path() / "vsplat-peaks-XXXXXX").string();
+    folder = ::mkdtemp(name.data());
+    ::setenv("VSPLAT_CACHE_DIR", folder.c_str(), 1);
+  }
+  ~PeaksTest() override {
+    if (before_.empty())
+      ::unsetenv("VSPLAT_CACHE_DIR");
+    else
+      ::setenv("VSPLAT_CACHE_DIR", before_.c_str(), 1);
+    fs::remove_all(folder);
+  }
+  std::string folder;
+
+ private:
+  std::string before_;
+};
+
+TEST_F(PeaksTest, AreMeasuredOnceAndDated) {
+  auto ctx = test::open_context(Flavour::cpu);
+  EXPECT_FALSE(known_peaks(*ctx));
+  const Peaks first = peaks_of(*ctx);
+  EXPECT_GT(first.gflops, 0);
+  EXPECT_GT(first.gbs, 0);
+  EXPECT_GE(first.launch_us, 0);
+  EXPECT_EQ(first.measured.size(), 10u) << first.measured;
+  const auto kept = known_peaks(*ctx);
+  ASSERT_TRUE(kept);
+  EXPECT_EQ(kept->gflops, first.gflops);
+  EXPECT_EQ(kept->measured, first.measured);
+  EXPECT_EQ(peaks_of(*ctx).gbs, first.gbs);
+  EXPECT_GE(peaks_of(*ctx, 2 * first.gflops).gflops, 2 * first.gflops) << "what a kernel has reached can be done";
+  EXPECT_GE(known_peaks(*ctx)->gflops, 2 * first.gflops) << "and is kept";
+  EXPECT_FALSE(known_peaks(*test::open_context(Flavour::gpu))) << "kernels of another flavour reach others";
+}
+
+// Measuring is no part of the run that is profiled.
+TEST_F(PeaksTest, AreTakenOutsideTheRunsClock) {
+  auto ctx = test::open_context(Flavour::cpu);
+  ctx->profiler().enable(true);
+  const Tensor t = ctx->tensor({1000});
+  ctx->fill_zero(t);
+  ctx->finish();
+  const std::uint64_t start = now_ns();
+  const double before = ctx->profiler().wall_seconds();
+  const std::size_t peak = ctx->memory().peak();
+  const std::uint64_t begun = ctx->profiler().profile().windows.front().start;
+  const double measuring = peaks_of(*ctx).measuring_s;
+  EXPECT_GT(measuring, 0);
+  EXPECT_TRUE(ctx->profiler().enabled());
+  const Profile profile = ctx->profiler().profile();
+  EXPECT_EQ(profile.rows.size(), 1u);
+  EXPECT_EQ(ctx->memory().peak(), peak);
+  const double wall = ctx->profiler().wall_seconds(), passed = static_cast<double>(now_ns() - start) * 1e-9;
+  EXPECT_LE(wall - before, passed - measuring + 1e-6);
+  EXPECT_EQ(profile.windows.size(), 2u);
+  EXPECT_EQ(profile.windows.front().start, begun);
+}
+
+// A little memory is enough for them, or there are none.
+TEST_F(PeaksTest, LittleMemoryIsNoFault) {
+  ContextOptions options;
+  options.max_memory_gib = 0.02;
+  auto ctx = test::open_context(Flavour::cpu, options);
+  EXPECT_GT(peaks_of(*ctx).gbs, 0);
+}
+
+}  // namespace
+}  // namespace vsplat
