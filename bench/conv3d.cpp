@@ -1,4 +1,4 @@
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 
 #include <memory>
 

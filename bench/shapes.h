@@ -3,7 +3,7 @@
 #pragma once
 #include <vector>
 
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 
 namespace vsplat::bench {
 

@@ -4,8 +4,8 @@
 #include "bench/bench.h"
 #include "bench/ops/operation.h"
 #include "bench/sample.h"
-#include "model/ops/sparse_conv.h"
-#include "model/ops/sparse_map.h"
+#include "model/ops/volume/sparse_conv.h"
+#include "model/ops/volume/sparse_map.h"
 
 namespace vsplat::bench {
 namespace {

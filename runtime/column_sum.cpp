@@ -6,7 +6,7 @@
 namespace vsplat {
 namespace {
 
-constexpr long kRows = 64;  // ROWS of cl/column_sum.cl
+constexpr long kRows = 64;  // ROWS of cl/dense/column_sum.cl
 
 }  // namespace
 

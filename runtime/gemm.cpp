@@ -19,8 +19,8 @@ const char* tile_defines(const DeviceInfo& device) { return device.native_float_
 
 namespace {
 
-constexpr long kTileRows = 12, kTileCols = 32;  // of cl/tile_cpu.clh
-constexpr long kMostPanels = 8;                 // of cl/gemm_cpu.cl and cl/gemm_rows_cpu.cl
+constexpr long kTileRows = 12, kTileCols = 32;  // of cl/dense/tile_cpu.clh
+constexpr long kMostPanels = 8;                 // of cl/dense/gemm_cpu.cl and cl/dense/gemm_rows_cpu.cl
 // What the gpu flavour packs at a time, a quarter of it: scratch memory stays bounded.
 constexpr long kScratchFloats = 2 << 20;
 
@@ -254,7 +254,7 @@ bool in_parts_by_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
 // width].
 void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
                  long width, const Tensor& out) {
-  constexpr long rows = 64;  // ROWS of cl/gemm_cpu.cl
+  constexpr long rows = 64;  // ROWS of cl/dense/gemm_cpu.cl
   ctx.launch({"gemm_cpu", "gemm_pack_panels", tile_defines(ctx.device())}, groups(div_up(n, width), 1, div_up(k, rows)),
              {0, 8.0 * static_cast<double>(k * n)}, w, offset, first, k, n, k_stride, n_stride, width,
              written(out, div_up(n, width) * width * k));

@@ -27,7 +27,7 @@ PackedMatrix pack_matrix(Context& ctx, const Tensor& w, long k, long n, long k_s
 std::size_t packed_bytes(Flavour flavour, long k, long n);
 
 // The side of the gpu flavour's square tiles for an [m, n] output, the work-items of a group, and the defines that
-// cl/tile_gpu.clh takes for them: of parameters "tile" and "unroll" (runtime/tuning/tuning.h), and no larger than the device
+// cl/dense/tile_gpu.clh takes for them: of parameters "tile" and "unroll" (runtime/tuning/tuning.h), and no larger than the device
 // takes the kernel in, whose own defines are none.
 struct GpuTile {
   long side, group;
@@ -49,7 +49,7 @@ struct RowSource {
                // >= rows is absent
 };
 
-// What the cpu flavour's dense kernels are built with on a device (see cl/tile_cpu.clh).
+// What the cpu flavour's dense kernels are built with on a device (see cl/dense/tile_cpu.clh).
 const char* tile_defines(const DeviceInfo& device);
 // Where the tile is made of loops (no vectors), llvmpipe would end them all, silently, after 65535 turns of a
 // work-item: Error(device) for a sum of more than `terms` that would get there.

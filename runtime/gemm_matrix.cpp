@@ -10,7 +10,7 @@
 namespace vsplat {
 namespace {
 
-// A tile of cl/gemm_matrix.clh.
+// A tile of cl/dense/gemm_matrix.clh.
 struct MatrixTile {
   long rows, columns, group, local;  // local memory in bytes
   const char* defines;

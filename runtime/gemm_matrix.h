@@ -1,4 +1,4 @@
-// Matrix products of rounded operands, on fragments (cl/matrix.clh): what gemm() and convolutions by Winograd's method
+// Matrix products of rounded operands, on fragments (cl/dense/matrix.clh): what gemm() and convolutions by Winograd's method
 // multiply with in a context of mixed precision, where it pays.
 #pragma once
 #include "runtime/gemm.h"
@@ -12,7 +12,7 @@ enum class Operands : int { bf16 = 0, tf32 = 1 };
 struct MatrixProducts {
   RowSource a;    // x0 [products][src_rows, C0]; x1, scale, shift and map are the same of each
   long line = 0;  // > 0, without a map: A's rows are of lines of so many source rows and two more, and have three
-                  // neighbours each, side by side (cl/gemm_matrix.clh)
+                  // neighbours each, side by side (cl/dense/gemm_matrix.clh)
   long src_rows = 0, row0 = 0;
   Tensor b;  // [products][K, N], as PackedMatrix::data of the gpu flavour
   long products = 1, m = 0, n = 0;

@@ -6,7 +6,7 @@
 namespace vsplat {
 
 struct KernelFile {
-  std::string name;                  // "gemm_gpu" of cl/gemm_gpu.cl
+  std::string name;                  // "gemm_gpu" of cl/dense/gemm_gpu.cl
   std::vector<std::string> kernels;  // in the order of the text
   // Of a line "// targets: nvptx" (names with commas between): whose compilers alone can read it. Empty: every one's.
   std::vector<std::string> targets;

@@ -29,7 +29,7 @@ Range groups(long n, long local, long n2 = 1, long n3 = 1);
 
 // A kernel by file and function, with the defines its program is built with ("-DTILE=4 -DSILU").
 struct KernelId {
-  const char* file;  // "layernorm" for cl/layernorm.cl
+  const char* file;  // "layernorm" for cl/dense/layernorm.cl
   const char* name;
   std::string defines;
   const char* label = nullptr;  // what the profile calls it, if not by its name

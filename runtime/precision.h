@@ -9,7 +9,7 @@ namespace vsplat {
 enum class Precision : int { fp32 = 0, mixed = 1 };
 const char* name_of(Precision precision);
 
-// Who multiplies fragments (cl/matrix.clh): a vendor's units, or code that every device runs, which says what they are
+// Who multiplies fragments (cl/dense/matrix.clh): a vendor's units, or code that every device runs, which says what they are
 // to compute.
 enum class MatrixUnit : int { emulated = 0, ptx = 1, dpas = 2, wmma = 3, mfma = 4 };
 constexpr std::array<MatrixUnit, 5> kMatrixUnits = {MatrixUnit::emulated, MatrixUnit::ptx, MatrixUnit::dpas,

@@ -16,13 +16,25 @@
 #include "runtime/system/environment.h"
 
 namespace vsplat {
+namespace {
+
+// The file of that name in `folder` or in a folder of it, as cl/ has them by family.
+std::filesystem::path path_below(const std::filesystem::path& folder, const std::string& name) {
+  std::error_code error;
+  if (std::filesystem::exists(folder / name, error)) return folder / name;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+    if (std::filesystem::exists(entry.path() / name, error)) return entry.path() / name;
+  return folder / name;
+}
+
+}  // namespace
 
 std::vector<std::string> kernel_file_names() {
   std::vector<std::string> out;
   if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {
     std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-      out.push_back(entry.path().filename().string());
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder, error))
+      if (entry.is_regular_file(error)) out.push_back(entry.path().filename().string());
     if (error) fail(Status::file, "{}: cannot be read (VSPLAT_KERNEL_DIR is set)", folder);
   } else {
     std::size_t count = 0;
@@ -35,9 +47,9 @@ std::vector<std::string> kernel_file_names() {
 
 std::string kernel_text(const std::string& name) {
   if (const char* folder = std::getenv("VSPLAT_KERNEL_DIR"); folder && *folder) {
-    const std::string path = std::string(folder) + "/" + name;
+    const std::filesystem::path path = path_below(folder, name);
     std::ifstream in(path, std::ios::binary);
-    if (!in) fail(Status::file, "{}: cannot be read (VSPLAT_KERNEL_DIR is set)", path);
+    if (!in) fail(Status::file, "{}: cannot be read (VSPLAT_KERNEL_DIR is set)", path.string());
     std::stringstream text;
     text << in.rdbuf();
     return text.str();

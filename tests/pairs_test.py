@@ -111,26 +111,26 @@ def read(paths):
 
 class Pairs(unittest.TestCase):
     def test_every_forward_has_its_backward(self):
-        headers = read([*sorted(OPS.glob("*.h")), LAYERS])
+        headers = read([*sorted(OPS.rglob("*.h")), LAYERS])
         self.assertGreater(sum(len(DECLARATION.findall(without_comments(text))) for text in headers.values()), 40)
         self.assertEqual(pair_problems(headers), [])
 
     def test_kernels_are_named_alike(self):
-        sources = read(sorted((ROOT / "cl").glob("*.cl")))
+        sources = read(sorted((ROOT / "cl").rglob("*.cl")))
         self.assertGreater(sum(len(KERNEL.findall(text)) for text in sources.values()), 80)
         self.assertEqual(kernel_problems(sources), [])
 
     def test_operations_are_named_after_their_header(self):
-        for header in sorted(OPS.glob("*.h")):
+        for header in sorted(OPS.rglob("*.h")):
             for name, _ in DECLARATION.findall(without_comments(header.read_text())):
                 with self.subTest(operation=name, header=header.name):
                     self.assertTrue(name == header.stem or name.startswith(header.stem + "_") or IN_HEADER.get(name) == header.stem)
 
     def test_one_stem_everywhere(self):
-        for header in sorted(OPS.glob("*.h")):
-            stem = header.stem
-            files = {"source": [OPS / f"{stem}.cpp"], "kernel": list((ROOT / "cl").glob(f"{stem}*.cl")),
-                     "test": [ROOT / "tests" / "model" / "ops" / f"{stem}_test.cpp"],
+        for header in sorted(OPS.rglob("*.h")):
+            stem, family = header.stem, header.parent.name
+            files = {"source": [OPS / family / f"{stem}.cpp"], "kernel": list((ROOT / "cl" / family).glob(f"{stem}*.cl")),
+                     "test": [ROOT / "tests" / "model" / "ops" / family / f"{stem}_test.cpp"],
                      "reference": [ROOT / "model" / "diagnose" / "selftest" / "reference" / f"{stem}.h"]}
             for what, paths in files.items():
                 with self.subTest(stem=stem, file=what):
@@ -139,7 +139,7 @@ class Pairs(unittest.TestCase):
 
 
     def test_every_operation_has_a_benchmark(self):
-        headers = {path.stem: path.read_text() for path in sorted(OPS.glob("*.h"))}
+        headers = {path.stem: path.read_text() for path in sorted(OPS.rglob("*.h"))}
         headers["gemm"] = (ROOT / "runtime" / "gemm.h").read_text()
         benchmarks = {path.stem: path.read_text() for folder in ("bench", "bench/ops") for path in (ROOT / folder).glob("*.cpp")}
         self.assertGreater(sum(len(FUNCTION.findall(without_comments(text))) for text in headers.values()), 60)
@@ -148,7 +148,7 @@ class Pairs(unittest.TestCase):
 
     def test_kernels_know_their_place_in_a_launch_of_parts(self):
         """What OpenCL counts groups and sizes by are those of a part alone: see runtime/launch_parts.h."""
-        for path in sorted((ROOT / "cl").glob("*.cl*")):
+        for path in sorted((ROOT / "cl").rglob("*.cl*")):
             if path.name == "common.clh":  # GROUP_ID
                 continue
             for name in ("get_group_id", "get_num_groups", "get_global_size", "get_global_offset"):

@@ -1,4 +1,4 @@
-#include "model/ops/activation.h"
+#include "model/ops/dense/activation.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,5 +1,5 @@
 // One weight of the encoder's, and the norm of four of its gradients.
-#include "model/ops/adamw.h"
+#include "model/ops/fit/adamw.h"
 
 #include "bench/ops/operation.h"
 

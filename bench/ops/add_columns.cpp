@@ -1,4 +1,4 @@
-#include "model/ops/add_columns.h"
+#include "model/ops/dense/add_columns.h"
 
 #include "bench/ops/operation.h"
 

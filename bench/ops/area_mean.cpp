@@ -1,4 +1,4 @@
-#include "model/ops/area_mean.h"
+#include "model/ops/render/area_mean.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/attention.h"
+#include "model/ops/dense/attention.h"
 
 #include <memory>
 

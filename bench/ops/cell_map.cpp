@@ -1,10 +1,10 @@
 // 12,000 points in the cells of a grid, as GenDen chooses.
-#include "model/ops/cell_map.h"
+#include "model/ops/volume/cell_map.h"
 
 #include <memory>
 
 #include "bench/ops/operation.h"
-#include "model/ops/radix_sort.h"
+#include "model/ops/render/radix_sort.h"
 
 namespace vsplat::bench {
 namespace {

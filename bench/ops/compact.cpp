@@ -1,4 +1,4 @@
-#include "model/ops/compact.h"
+#include "model/ops/volume/compact.h"
 
 #include <memory>
 

@@ -1,5 +1,5 @@
 // GenDen's first level: 24,000 points.
-#include "model/ops/confidence.h"
+#include "model/ops/networks/confidence.h"
 
 #include "bench/ops/operation.h"
 

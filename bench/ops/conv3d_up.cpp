@@ -1,4 +1,4 @@
-#include "model/ops/conv3d_up.h"
+#include "model/ops/dense/conv3d_up.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/cross_attention.h"
+#include "model/ops/dense/cross_attention.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/decode.h"
+#include "model/ops/networks/decode.h"
 
 #include "bench/ops/operation.h"
 

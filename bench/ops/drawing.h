@@ -2,10 +2,10 @@
 #pragma once
 #include <vector>
 
-#include "model/ops/rasterize.h"
-#include "model/ops/rasterize_surfels.h"
-#include "model/ops/tile_bin.h"
-#include "model/ops/visible.h"
+#include "model/ops/render/rasterize.h"
+#include "model/ops/render/rasterize_surfels.h"
+#include "model/ops/render/tile_bin.h"
+#include "model/ops/render/visible.h"
 
 namespace vsplat::bench {
 

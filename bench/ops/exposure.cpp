@@ -1,4 +1,4 @@
-#include "model/ops/exposure.h"
+#include "model/ops/fit/exposure.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/gather.h"
+#include "model/ops/dense/gather.h"
 
 #include <memory>
 

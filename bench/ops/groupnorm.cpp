@@ -1,4 +1,4 @@
-#include "model/ops/groupnorm.h"
+#include "model/ops/dense/groupnorm.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/lara_maps.h"
+#include "model/ops/networks/lara_maps.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/layer_scale.h"
+#include "model/ops/dense/layer_scale.h"
 
 #include "bench/ops/operation.h"
 

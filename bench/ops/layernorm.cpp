@@ -1,4 +1,4 @@
-#include "model/ops/layernorm.h"
+#include "model/ops/dense/layernorm.h"
 
 #include "bench/ops/operation.h"
 

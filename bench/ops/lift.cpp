@@ -1,4 +1,4 @@
-#include "model/ops/lift.h"
+#include "model/ops/networks/lift.h"
 
 #include <memory>
 

@@ -1,5 +1,5 @@
 // Four pictures of 256 x 256, as a training compares them.
-#include "model/ops/loss.h"
+#include "model/ops/fit/loss.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,5 +1,5 @@
 // VGG's first layer, of a picture of 224 x 224.
-#include "model/ops/lpips.h"
+#include "model/ops/fit/lpips.h"
 
 #include <memory>
 

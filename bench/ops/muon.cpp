@@ -1,5 +1,5 @@
 // One weight of the encoder's.
-#include "model/ops/muon.h"
+#include "model/ops/fit/muon.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/patch_embed.h"
+#include "model/ops/dense/patch_embed.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/picture_target.h"
+#include "model/ops/fit/picture_target.h"
 
 #include "bench/ops/operation.h"
 

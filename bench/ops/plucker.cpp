@@ -1,4 +1,4 @@
-#include "model/ops/plucker.h"
+#include "model/ops/networks/plucker.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/position_encoding.h"
+#include "model/ops/networks/position_encoding.h"
 
 #include "bench/ops/operation.h"
 

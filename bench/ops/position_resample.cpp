@@ -1,4 +1,4 @@
-#include "model/ops/position_resample.h"
+#include "model/ops/dense/position_resample.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/project.h"
+#include "model/ops/render/project.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/project_features.h"
+#include "model/ops/networks/project_features.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/project_surfels.h"
+#include "model/ops/render/project_surfels.h"
 
 #include "bench/ops/drawing.h"
 #include "bench/ops/operation.h"

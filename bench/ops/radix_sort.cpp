@@ -1,5 +1,5 @@
 // A million keys, as of the pairs of Gaussians and tiles of a picture.
-#include "model/ops/radix_sort.h"
+#include "model/ops/render/radix_sort.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/rasterize.h"
+#include "model/ops/render/rasterize.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/rasterize_surfels.h"
+#include "model/ops/render/rasterize_surfels.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/ray_harmonics.h"
+#include "model/ops/networks/ray_harmonics.h"
 
 #include "bench/ops/operation.h"
 

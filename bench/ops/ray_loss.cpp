@@ -1,4 +1,4 @@
-#include "model/ops/ray_loss.h"
+#include "model/ops/networks/ray_loss.h"
 
 #include "bench/ops/operation.h"
 

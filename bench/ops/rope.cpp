@@ -1,4 +1,4 @@
-#include "model/ops/rope.h"
+#include "model/ops/dense/rope.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/sample_points.h"
+#include "model/ops/volume/sample_points.h"
 
 #include <memory>
 

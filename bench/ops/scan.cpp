@@ -1,4 +1,4 @@
-#include "model/ops/scan.h"
+#include "model/ops/render/scan.h"
 
 #include "bench/ops/operation.h"
 

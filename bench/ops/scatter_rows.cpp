@@ -1,5 +1,5 @@
 // Four texels of each of four views' maps for every selected voxel.
-#include "model/ops/scatter_rows.h"
+#include "model/ops/dense/scatter_rows.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/select.h"
+#include "model/ops/volume/select.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,5 +1,5 @@
 // 12,000 points, as GenDen chooses.
-#include "model/ops/space_curve.h"
+#include "model/ops/volume/space_curve.h"
 
 #include <memory>
 

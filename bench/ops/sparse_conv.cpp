@@ -1,9 +1,9 @@
-#include "model/ops/sparse_conv.h"
+#include "model/ops/volume/sparse_conv.h"
 
 #include <memory>
 
 #include "bench/ops/operation.h"
-#include "model/ops/sparse_map.h"
+#include "model/ops/volume/sparse_map.h"
 
 namespace vsplat::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "model/ops/sparse_map.h"
+#include "model/ops/volume/sparse_map.h"
 
 #include "bench/ops/operation.h"
 

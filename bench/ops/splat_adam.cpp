@@ -1,4 +1,4 @@
-#include "model/ops/splat_adam.h"
+#include "model/ops/fit/splat_adam.h"
 
 #include "bench/ops/operation.h"
 

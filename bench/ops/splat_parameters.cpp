@@ -1,4 +1,4 @@
-#include "model/ops/splat_parameters.h"
+#include "model/ops/fit/splat_parameters.h"
 
 #include "bench/ops/operation.h"
 

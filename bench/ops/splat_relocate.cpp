@@ -1,5 +1,5 @@
 // One in seven is nearly transparent and moves, and one in twenty is new.
-#include "model/ops/splat_relocate.h"
+#include "model/ops/fit/splat_relocate.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/surface_loss.h"
+#include "model/ops/fit/surface_loss.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/tile_bin.h"
+#include "model/ops/render/tile_bin.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "model/ops/top_k.h"
+#include "model/ops/volume/top_k.h"
 
 #include "bench/ops/operation.h"
 

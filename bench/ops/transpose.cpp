@@ -1,4 +1,4 @@
-#include "model/ops/transpose.h"
+#include "model/ops/dense/transpose.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/upsample3d.h"
+#include "model/ops/volume/upsample3d.h"
 
 #include "bench/ops/operation.h"
 

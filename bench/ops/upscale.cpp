@@ -1,5 +1,5 @@
 // GenDen's second level: 9,600 x 2 points to four each.
-#include "model/ops/upscale.h"
+#include "model/ops/networks/upscale.h"
 
 #include "bench/ops/operation.h"
 

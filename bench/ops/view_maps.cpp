@@ -1,4 +1,4 @@
-#include "model/ops/view_maps.h"
+#include "model/ops/networks/view_maps.h"
 
 #include "bench/ops/operation.h"
 

@@ -1,4 +1,4 @@
-#include "model/ops/visible.h"
+#include "model/ops/render/visible.h"
 
 #include <memory>
 

@@ -7,8 +7,8 @@
 #include "model/base/gaussians.h"
 #include "model/fit/fit_checkpoint.h"
 #include "model/fit/fit_picture.h"
-#include "model/ops/loss.h"
-#include "model/ops/splat_relocate.h"
+#include "model/ops/fit/loss.h"
+#include "model/ops/fit/splat_relocate.h"
 #include "model/render/render.h"
 #include "model/render/render_backward.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/ops/project.h"
+#include "model/ops/render/project.h"
 
 namespace vsplat {
 namespace {

@@ -5,7 +5,7 @@
 #include <sstream>
 #include <vector>
 
-#include "model/ops/splat_adam.h"
+#include "model/ops/fit/splat_adam.h"
 #include "runtime/fail.h"
 #include "runtime/files/safetensors.h"
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "model/ops/lpips.h"
+#include "model/ops/fit/lpips.h"
 #include "runtime/fail.h"
 #include "runtime/files/safetensors.h"
 #include "runtime/gemm.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/ops/project_surfels.h"
+#include "model/ops/render/project_surfels.h"
 #include "model/render/room.h"
 
 namespace vsplat {

@@ -13,7 +13,7 @@ constexpr float kMostAlpha = 0.99f, kLeastAlpha = 1.0f / 255, kLeastLight = 1e-4
 
 // What the device has found out about a part of the picture.
 struct SeenPart {
-  std::vector<float> records;                        // [V,12], see cl/project.cl
+  std::vector<float> records;                        // [V,12], see cl/render/project.cl
   std::vector<std::uint32_t> ids, starts, gaussian;  // of records by tiles; where each tile's begin; of records
 };
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "model/ops/area_mean.h"
-#include "model/ops/tile_bin.h"
+#include "model/ops/render/area_mean.h"
+#include "model/ops/render/tile_bin.h"
 #include "model/render/room.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"

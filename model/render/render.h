@@ -9,7 +9,7 @@
 
 #include "model/base/camera.h"
 #include "model/base/image.h"
-#include "model/ops/rasterize_surfels.h"
+#include "model/ops/render/rasterize_surfels.h"
 #include "model/render/gaussian_chunks.h"
 #include "runtime/context.h"
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "model/ops/rasterize.h"
+#include "model/ops/render/rasterize.h"
 #include "model/render/render.h"
 
 namespace vsplat {

@@ -6,9 +6,9 @@
 
 #include "model/base/pose_noise.h"
 #include "model/networks/params/params.h"
-#include "model/ops/adamw.h"
-#include "model/ops/muon.h"
-#include "model/ops/select.h"
+#include "model/ops/fit/adamw.h"
+#include "model/ops/fit/muon.h"
+#include "model/ops/volume/select.h"
 #include "model/train/half_size.h"
 #include "runtime/fail.h"
 #include "runtime/tuning/held_tuning.h"

@@ -4,11 +4,11 @@
 
 #include "model/base/scene.h"
 #include "model/networks/vsplat/ray_predictor.h"
-#include "model/ops/lara_maps.h"
-#include "model/ops/loss.h"
-#include "model/ops/picture_target.h"
-#include "model/ops/ray_loss.h"
-#include "model/ops/surface_loss.h"
+#include "model/ops/fit/loss.h"
+#include "model/ops/fit/picture_target.h"
+#include "model/ops/fit/surface_loss.h"
+#include "model/ops/networks/lara_maps.h"
+#include "model/ops/networks/ray_loss.h"
 #include "model/render/render_backward.h"
 #include "runtime/fail.h"
 

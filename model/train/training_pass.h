@@ -7,7 +7,7 @@
 
 #include "model/base/camera.h"
 #include "model/networks/network.h"
-#include "model/ops/surface_loss.h"
+#include "model/ops/fit/surface_loss.h"
 
 namespace vsplat {
 

@@ -1,4 +1,4 @@
-// What kernels count that are compiled with -DCOUNT (cl/rasterize.clh): 64 bits for each row of a profile, on the
+// What kernels count that are compiled with -DCOUNT (cl/render/rasterize.clh): 64 bits for each row of a profile, on the
 // device.
 #pragma once
 #include <cstdint>

@@ -15,7 +15,7 @@ def kernels_of(flavour):
     """-> {(file, kernel)} by the sources' text alone."""
     other = {"gpu": "_cpu", "cpu": "_gpu"}[flavour]
     out = set()
-    for path in sorted(glob.glob(os.path.join(CL, "*.cl"))):
+    for path in sorted(glob.glob(os.path.join(CL, "**", "*.cl"), recursive=True)):
         name, text = os.path.basename(path)[:-3], open(path).read()
         cpu_alone = re.search(r"^// flavour: cpu$", text, re.M)
         text = re.sub(r"//.*", "", text)

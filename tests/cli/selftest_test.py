@@ -1,4 +1,5 @@
 """vsplat selftest: a sound device is found sound, kernels that are made wrong on purpose are found, and what is switched off is not used."""
+import glob
 import json
 import os
 import shutil
@@ -24,7 +25,7 @@ class SelftestCase(support.Case):
         folder = self.path("kernels")
         shutil.copytree(CL, folder)
         for file, before, after in faults:
-            path = os.path.join(folder, file)
+            [path] = glob.glob(os.path.join(folder, "**", file), recursive=True)
             with open(path) as f:
                 text = f.read()
             self.assertEqual(text.count(before), 1, f"{file}: {before}")

@@ -155,7 +155,7 @@ class Tune(Searching):
         """Half of the products, in every loop of an odd unrolling: the fastest of all, and wrong. In the quick tests: TuneCase.FindsWhatIsWrong."""
         folder = self.path("cl")
         shutil.copytree(CL, folder)
-        path = os.path.join(folder, "tile_gpu.clh")
+        path = os.path.join(folder, "dense", "tile_gpu.clh")
         text = pathlib.Path(path).read_text()
         loop = "for (int s = 0; s < BK; ++s) {"
         self.assertEqual(text.count(loop), 1)
@@ -187,7 +187,7 @@ class Tune(Searching):
     def test_where_nothing_is_right_it_says_so(self):
         folder = self.path("cl")
         shutil.copytree(CL, folder)
-        path = os.path.join(folder, "radix_sort.cl")
+        path = os.path.join(folder, "render", "radix_sort.cl")
         text = pathlib.Path(path).read_text()
         right = "out_values[to] = values ? values[i] : i;"
         self.assertIn(right, text)

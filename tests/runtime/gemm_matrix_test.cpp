@@ -11,7 +11,7 @@
 #include "model/diagnose/selftest/inputs/convolutions.h"
 #include "model/diagnose/selftest/reference/activation.h"
 #include "model/diagnose/selftest/reference/gemm.h"
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 #include "runtime/tuning/held_tuning.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

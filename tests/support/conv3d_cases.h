@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "model/diagnose/selftest/inputs/convolutions.h"
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 

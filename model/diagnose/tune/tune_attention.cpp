@@ -1,7 +1,7 @@
 // Attention, forward and backward.
 #include "model/diagnose/tune/sample.h"
 #include "model/diagnose/tune/tune_cases.h"
-#include "model/ops/attention.h"
+#include "model/ops/dense/attention.h"
 
 namespace vsplat::tuning {
 namespace {

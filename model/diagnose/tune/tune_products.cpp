@@ -1,7 +1,7 @@
 // Matrix products and convolutions.
 #include "model/diagnose/tune/sample.h"
 #include "model/diagnose/tune/tune_cases.h"
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 
 namespace vsplat::tuning {
 namespace {

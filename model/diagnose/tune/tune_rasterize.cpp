@@ -4,7 +4,7 @@
 
 #include "model/diagnose/tune/sample.h"
 #include "model/diagnose/tune/tune_cases.h"
-#include "model/ops/rasterize.h"
+#include "model/ops/render/rasterize.h"
 
 namespace vsplat::tuning {
 namespace {
@@ -58,7 +58,7 @@ class RasterizeCase : public TuneCase {
   }
 
  private:
-  // u, v, how far it reaches in rows, depth; log2 of opacity, k, qx, qy; colour: as cl/project.cl has them.
+  // u, v, how far it reaches in rows, depth; log2 of opacity, k, qx, qy; colour: as cl/render/project.cl has them.
   void write_record(const float* random, long tile, float* out) const {
     const auto between = [&](int i, float low, float high) { return low + (high - low) * (random[i] + 1) / 2; };
     const float wide = between(3, 1, 9), high = between(4, 1, 9);

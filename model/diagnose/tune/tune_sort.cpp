@@ -3,7 +3,7 @@
 
 #include "model/diagnose/tune/sample.h"
 #include "model/diagnose/tune/tune_cases.h"
-#include "model/ops/radix_sort.h"
+#include "model/ops/render/radix_sort.h"
 
 namespace vsplat::tuning {
 namespace {

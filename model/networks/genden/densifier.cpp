@@ -5,11 +5,11 @@
 #include <random>
 #include <utility>
 
-#include "model/ops/compact.h"
-#include "model/ops/confidence.h"
-#include "model/ops/decode.h"
-#include "model/ops/gather.h"
-#include "model/ops/top_k.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/networks/confidence.h"
+#include "model/ops/networks/decode.h"
+#include "model/ops/volume/compact.h"
+#include "model/ops/volume/top_k.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

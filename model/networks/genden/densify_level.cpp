@@ -3,15 +3,15 @@
 #include <cmath>
 #include <utility>
 
-#include "model/ops/activation.h"
-#include "model/ops/add_columns.h"
-#include "model/ops/attention.h"
-#include "model/ops/cell_map.h"
-#include "model/ops/gather.h"
-#include "model/ops/layernorm.h"
-#include "model/ops/radix_sort.h"
-#include "model/ops/sparse_conv.h"
-#include "model/ops/upscale.h"
+#include "model/ops/dense/activation.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/attention.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/dense/layernorm.h"
+#include "model/ops/networks/upscale.h"
+#include "model/ops/render/radix_sort.h"
+#include "model/ops/volume/cell_map.h"
+#include "model/ops/volume/sparse_conv.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

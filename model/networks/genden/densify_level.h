@@ -7,7 +7,7 @@
 
 #include "model/networks/layers/upload_weights.h"
 #include "model/networks/params/densify_layers.h"
-#include "model/ops/space_curve.h"
+#include "model/ops/volume/space_curve.h"
 
 namespace vsplat {
 

@@ -7,7 +7,7 @@
 
 #include "model/networks/genden/score.h"
 #include "model/networks/layers/running.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/gather.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 

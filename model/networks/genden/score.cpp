@@ -3,8 +3,8 @@
 #include <array>
 
 #include "model/networks/layers/running.h"
-#include "model/ops/gather.h"
-#include "model/ops/loss.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/fit/loss.h"
 #include "model/render/render_backward.h"
 
 namespace vsplat {

@@ -8,10 +8,10 @@
 
 #include "model/networks/genden/score.h"
 #include "model/networks/layers/running.h"
-#include "model/ops/compact.h"
-#include "model/ops/gather.h"
-#include "model/ops/scatter_rows.h"
-#include "model/ops/select.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/dense/scatter_rows.h"
+#include "model/ops/volume/compact.h"
+#include "model/ops/volume/select.h"
 
 namespace vsplat {
 

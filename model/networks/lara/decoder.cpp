@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "model/ops/activation.h"
-#include "model/ops/cross_attention.h"
-#include "model/ops/decode.h"
-#include "model/ops/gather.h"
-#include "model/ops/sample_points.h"
-#include "model/ops/view_maps.h"
+#include "model/ops/dense/activation.h"
+#include "model/ops/dense/cross_attention.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/networks/decode.h"
+#include "model/ops/networks/view_maps.h"
+#include "model/ops/volume/sample_points.h"
 #include "runtime/compose_rows.h"
 #include "runtime/shape_check.h"
 

@@ -38,7 +38,7 @@ class LaraFineDecoder {
     Tensor volume;          // [N, C]
     Tensor means;           // [P, 3], of the kept primitives
     std::vector<int> kept;  // P of them: primitive / K is the voxel; ascending
-    Tensor maps;            // [V, S, S, 8], see model/ops/view_maps.h
+    Tensor maps;            // [V, S, S, 8], see model/ops/networks/view_maps.h
     DeviceCameras cameras;
     long block = 16384;  // how many primitives come at a time: keys and values of all would be gigabytes
   };

@@ -7,10 +7,10 @@
 
 #include "model/networks/lara/lara_modules.h"
 #include "model/networks/layers/running.h"
-#include "model/ops/add_columns.h"
-#include "model/ops/compact.h"
-#include "model/ops/gather.h"
-#include "model/ops/select.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/volume/compact.h"
+#include "model/ops/volume/select.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"
 

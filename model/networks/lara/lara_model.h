@@ -12,7 +12,7 @@
 #include "model/networks/layers/forward_options.h"
 #include "model/networks/layers/upload_weights.h"
 #include "model/networks/params/lara_config.h"
-#include "model/ops/view_maps.h"
+#include "model/ops/networks/view_maps.h"
 #include "model/render/render.h"
 #include "runtime/context.h"
 

@@ -34,7 +34,7 @@ struct LaraModel::Coarse {
   Tensor volume;              // [(2R)^3,C]
   DeviceGaussians gaussians;  // K (2R)^3
   Tensor index;               // i32 [P]: the kept ones
-  Tensor maps;                // [V,S,S,8]: what the views show, see model/ops/view_maps.h
+  Tensor maps;                // [V,S,S,8]: what the views show, see model/ops/networks/view_maps.h
 };
 
 // What the backward wants of each stage.

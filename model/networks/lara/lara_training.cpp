@@ -2,8 +2,8 @@
 #include <utility>
 
 #include "model/networks/lara/lara_modules.h"
-#include "model/ops/add_columns.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/gather.h"
 #include "model/render/render_backward.h"
 
 namespace vsplat {

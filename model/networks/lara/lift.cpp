@@ -1,7 +1,7 @@
 #include "model/networks/lara/lift.h"
 
-#include "model/ops/gather.h"
-#include "model/ops/lift.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/networks/lift.h"
 #include "runtime/column_sum.h"
 #include "runtime/fail.h"
 

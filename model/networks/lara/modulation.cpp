@@ -1,7 +1,7 @@
 #include "model/networks/lara/modulation.h"
 
-#include "model/ops/layernorm.h"
-#include "model/ops/plucker.h"
+#include "model/ops/dense/layernorm.h"
+#include "model/ops/networks/plucker.h"
 
 namespace vsplat {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "model/ops/conv3d_up.h"
-#include "model/ops/transpose.h"
+#include "model/ops/dense/conv3d_up.h"
+#include "model/ops/dense/transpose.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

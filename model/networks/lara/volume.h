@@ -7,7 +7,7 @@
 #include "model/networks/layers/kept.h"
 #include "model/networks/layers/upload_weights.h"
 #include "model/networks/params/lara_layers.h"
-#include "model/ops/cross_attention.h"
+#include "model/ops/dense/cross_attention.h"
 
 namespace vsplat {
 
@@ -24,7 +24,7 @@ class LaraVolume {
   struct LayerSaved {
     Tensor x;                      // [R^3, C], the layer's input
     Tensor q, k, v;                // [R^3, C], [r^3 V, C]
-    Tensor attended, stats;        // [R^3, C], see model/ops/cross_attention.h
+    Tensor attended, stats;        // [R^3, C], see model/ops/dense/cross_attention.h
     Tensor middle, hidden, after;  // behind the attention; in the MLP before GELU; behind the MLP
   };
   struct Saved {

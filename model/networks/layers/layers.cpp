@@ -1,9 +1,9 @@
 #include "model/networks/layers/layers.h"
 
-#include "model/ops/activation.h"
-#include "model/ops/groupnorm.h"
-#include "model/ops/layer_scale.h"
-#include "model/ops/layernorm.h"
+#include "model/ops/dense/activation.h"
+#include "model/ops/dense/groupnorm.h"
+#include "model/ops/dense/layer_scale.h"
+#include "model/ops/dense/layernorm.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"
 

@@ -3,7 +3,7 @@
 #pragma once
 #include <vector>
 
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 #include "runtime/gemm.h"
 
 namespace vsplat {
@@ -44,7 +44,7 @@ Tensor flat(const Tensor& x);
 void add_linear(Context& ctx, const Linear& linear, const Tensor& in, const Tensor& x, const Tensor& out,
                 const char* name);
 
-// See model/ops/layernorm.h.
+// See model/ops/dense/layernorm.h.
 struct LayerNorm {
   Tensor gamma, beta;
   Tensor dgamma, dbeta;  // in training
@@ -126,7 +126,7 @@ Tensor volume_conv_forward(Context& ctx, const Conv& conv, const RowSource& in, 
 Tensor volume_conv_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
                             const char* name);
 
-// A transposed convolution 2x2x2, see model/ops/conv3d_up.h.
+// A transposed convolution 2x2x2, see model/ops/dense/conv3d_up.h.
 struct ConvUp {
   PackedMatrix w;
   Tensor bias;

@@ -1,8 +1,8 @@
 #include "model/networks/layers/transformer.h"
 
-#include "model/ops/add_columns.h"
-#include "model/ops/attention.h"
-#include "model/ops/rope.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/attention.h"
+#include "model/ops/dense/rope.h"
 
 namespace vsplat {
 

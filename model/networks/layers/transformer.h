@@ -8,13 +8,13 @@ struct BlockOptions {
   int heads = 1;
   float eps = 1e-6f;
   Activation activation = Activation::gelu;  // of the MLP
-  Tensor turns;                              // of queries and keys, see model/ops/rope.h; none: they are not turned
+  Tensor turns;  // of queries and keys, see model/ops/dense/rope.h; none: they are not turned
 };
 
 // What the backward wants of a forward; norms and the MLP's activation it makes again. 10 values a token and channel.
 struct BlockSaved {
   Tensor x;                     // [V, T, C], the block's input
-  Tensor qkv, attended, stats;  // see model/ops/attention.h; turned, where they are
+  Tensor qkv, attended, stats;  // see model/ops/dense/attention.h; turned, where they are
   Tensor middle;                // [V, T, C], between attention and MLP
   Tensor hidden;                // [V T, 4 C], before the activation
 };

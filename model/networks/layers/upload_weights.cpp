@@ -1,9 +1,9 @@
 #include "model/networks/layers/upload_weights.h"
 
-#include "model/ops/conv3d_up.h"
-#include "model/ops/layer_scale.h"
-#include "model/ops/position_resample.h"
-#include "model/ops/sparse_conv.h"
+#include "model/ops/dense/conv3d_up.h"
+#include "model/ops/dense/layer_scale.h"
+#include "model/ops/dense/position_resample.h"
+#include "model/ops/volume/sparse_conv.h"
 
 namespace vsplat {
 namespace {

@@ -1,10 +1,10 @@
 #include "model/networks/layers/vit.h"
 
-#include "model/ops/add_columns.h"
-#include "model/ops/layernorm.h"
-#include "model/ops/patch_embed.h"
-#include "model/ops/position_resample.h"
-#include "model/ops/rope.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/layernorm.h"
+#include "model/ops/dense/patch_embed.h"
+#include "model/ops/dense/position_resample.h"
+#include "model/ops/dense/rope.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

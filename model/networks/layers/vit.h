@@ -37,8 +37,8 @@ class Vit {
 
   EncoderSizes config_;
   EncoderLayers<WeightLoader> layers_;
-  Tensor position_;  // see model/ops/patch_embed.h
-  Tensor turns_;     // see model/ops/rope.h
+  Tensor position_;  // see model/ops/dense/patch_embed.h
+  Tensor turns_;     // see model/ops/dense/rope.h
 };
 
 }  // namespace vsplat

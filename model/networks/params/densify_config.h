@@ -25,7 +25,7 @@ struct DensifyConfig {
   double cell = 1.0 / 64;             // edge of the first level's cells: the backbone's voxel
   double opacity_threshold = 0.005;   // of VS-Splat's Gaussians, which candidates exceed; LaRa's field counts for its
   bool residual = false;              // a level's attributes are added to its parents'
-  std::string duplicates = "spconv";  // of points in one cell: spconv, all; see model/ops/cell_map.h
+  std::string duplicates = "spconv";  // of points in one cell: spconv, all; see model/ops/volume/cell_map.h
   bool score_through_clamp = true;    // whether alpha counts as if it were not held at 0.99 when Gaussians are scored
 
   std::size_t levels() const { return channels.size(); }

@@ -1,6 +1,6 @@
 #include "model/networks/vsplat/head.h"
 
-#include "model/ops/decode.h"
+#include "model/ops/networks/decode.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "model/ops/add_columns.h"
-#include "model/ops/lift.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/networks/lift.h"
 #include "runtime/blocks.h"
 #include "runtime/column_sum.h"
 #include "runtime/compose_rows.h"

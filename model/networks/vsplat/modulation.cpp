@@ -1,10 +1,10 @@
 #include "model/networks/vsplat/modulation.h"
 
-#include "model/ops/activation.h"
-#include "model/ops/add_columns.h"
-#include "model/ops/layernorm.h"
-#include "model/ops/plucker.h"
-#include "model/ops/ray_harmonics.h"
+#include "model/ops/dense/activation.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/layernorm.h"
+#include "model/ops/networks/plucker.h"
+#include "model/ops/networks/ray_harmonics.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

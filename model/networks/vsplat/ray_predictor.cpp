@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "model/networks/vsplat/ray_tables.h"
-#include "model/ops/activation.h"
-#include "model/ops/add_columns.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/activation.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/gather.h"
 #include "runtime/fail.h"
 
 namespace vsplat {

@@ -10,7 +10,7 @@
 #include "model/base/camera.h"
 #include "model/networks/layers/transformer.h"
 #include "model/networks/params/config.h"
-#include "model/ops/cross_attention.h"
+#include "model/ops/dense/cross_attention.h"
 
 namespace vsplat {
 
@@ -30,7 +30,7 @@ class RayPredictor {
   struct MatchSaved {
     Tensor x, target;        // [V T, C]: who looks, and at what
     Tensor q, k, v;          // [V T, C]
-    Tensor attended, stats;  // see model/ops/cross_attention.h
+    Tensor attended, stats;  // see model/ops/dense/cross_attention.h
     Tensor merged, message;  // before and behind the first norm; across views:
     Tensor hidden, out;      // in the MLP before GELU, and behind it
   };

@@ -1,10 +1,10 @@
 #include "model/networks/vsplat/refine.h"
 
-#include "model/ops/gather.h"
-#include "model/ops/position_encoding.h"
-#include "model/ops/project_features.h"
-#include "model/ops/sparse_conv.h"
-#include "model/ops/sparse_map.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/networks/position_encoding.h"
+#include "model/ops/networks/project_features.h"
+#include "model/ops/volume/sparse_conv.h"
+#include "model/ops/volume/sparse_map.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -1,6 +1,6 @@
 #include "model/networks/vsplat/select.h"
 
-#include "model/ops/compact.h"
+#include "model/ops/volume/compact.h"
 #include "runtime/fail.h"
 #include "runtime/shape_check.h"
 

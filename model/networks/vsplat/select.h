@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "model/networks/params/config.h"
-#include "model/ops/select.h"
+#include "model/ops/volume/select.h"
 #include "runtime/context.h"
 
 namespace vsplat {

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "model/ops/add_columns.h"
-#include "model/ops/upsample3d.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/volume/upsample3d.h"
 #include "runtime/shape_check.h"
 
 namespace vsplat {

@@ -7,7 +7,7 @@
 
 #include "model/networks/layers/running.h"
 #include "model/networks/vsplat/vsplat_modules.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/gather.h"
 #include "model/render/render.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"

@@ -2,8 +2,8 @@
 #include <utility>
 
 #include "model/networks/vsplat/vsplat_modules.h"
-#include "model/ops/add_columns.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/add_columns.h"
+#include "model/ops/dense/gather.h"
 
 namespace vsplat {
 

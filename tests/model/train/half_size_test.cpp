@@ -7,7 +7,7 @@
 
 #include "model/networks/params/init.h"
 #include "model/networks/vsplat/vsplat_model.h"
-#include "model/ops/lift.h"
+#include "model/ops/networks/lift.h"
 #include "model/render/render.h"
 #include "model/train/trainer.h"
 #include "tests/support/compare.h"

@@ -7,9 +7,9 @@
 #include "model/diagnose/selftest/reference/attention.h"
 #include "model/diagnose/selftest/reference/cross_attention.h"
 #include "model/diagnose/selftest/reference/rope.h"
-#include "model/ops/attention.h"
-#include "model/ops/cross_attention.h"
-#include "model/ops/rope.h"
+#include "model/ops/dense/attention.h"
+#include "model/ops/dense/cross_attention.h"
+#include "model/ops/dense/rope.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -8,10 +8,10 @@
 #include "model/diagnose/selftest/reference/sparse_conv.h"
 #include "model/diagnose/selftest/reference/sparse_map.h"
 #include "model/diagnose/selftest/reference/upsample3d.h"
-#include "model/ops/conv3d_up.h"
-#include "model/ops/sparse_conv.h"
-#include "model/ops/sparse_map.h"
-#include "model/ops/upsample3d.h"
+#include "model/ops/dense/conv3d_up.h"
+#include "model/ops/volume/sparse_conv.h"
+#include "model/ops/volume/sparse_map.h"
+#include "model/ops/volume/upsample3d.h"
 
 namespace vsplat::selftest {
 namespace {

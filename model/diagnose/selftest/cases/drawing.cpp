@@ -11,10 +11,10 @@
 #include "model/diagnose/selftest/reference/rasterize.h"
 #include "model/diagnose/selftest/reference/rasterize_backward.h"
 #include "model/diagnose/selftest/reference/splat.h"
-#include "model/ops/project.h"
-#include "model/ops/rasterize.h"
-#include "model/ops/tile_bin.h"
-#include "model/ops/visible.h"
+#include "model/ops/render/project.h"
+#include "model/ops/render/rasterize.h"
+#include "model/ops/render/tile_bin.h"
+#include "model/ops/render/visible.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -6,11 +6,11 @@
 #include "model/diagnose/selftest/reference/lift.h"
 #include "model/diagnose/selftest/reference/sample_points.h"
 #include "model/diagnose/selftest/reference/view_maps.h"
-#include "model/ops/lift.h"
-#include "model/ops/project_features.h"
-#include "model/ops/sample_points.h"
-#include "model/ops/scatter_rows.h"
-#include "model/ops/view_maps.h"
+#include "model/ops/dense/scatter_rows.h"
+#include "model/ops/networks/lift.h"
+#include "model/ops/networks/project_features.h"
+#include "model/ops/networks/view_maps.h"
+#include "model/ops/volume/sample_points.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -6,9 +6,9 @@
 #include "model/diagnose/selftest/reference/splat_adam.h"
 #include "model/diagnose/selftest/reference/splat_parameters.h"
 #include "model/diagnose/selftest/reference/splat_relocate.h"
-#include "model/ops/splat_adam.h"
-#include "model/ops/splat_parameters.h"
-#include "model/ops/splat_relocate.h"
+#include "model/ops/fit/splat_adam.h"
+#include "model/ops/fit/splat_parameters.h"
+#include "model/ops/fit/splat_relocate.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -5,8 +5,8 @@
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/reference/decode.h"
 #include "model/diagnose/selftest/reference/select.h"
-#include "model/ops/decode.h"
-#include "model/ops/select.h"
+#include "model/ops/networks/decode.h"
+#include "model/ops/volume/select.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -7,12 +7,12 @@
 #include "model/diagnose/selftest/reference/scan.h"
 #include "model/diagnose/selftest/reference/scatter_rows.h"
 #include "model/diagnose/selftest/reference/top_k.h"
-#include "model/ops/compact.h"
-#include "model/ops/gather.h"
-#include "model/ops/radix_sort.h"
-#include "model/ops/scan.h"
-#include "model/ops/scatter_rows.h"
-#include "model/ops/top_k.h"
+#include "model/ops/dense/gather.h"
+#include "model/ops/dense/scatter_rows.h"
+#include "model/ops/render/radix_sort.h"
+#include "model/ops/render/scan.h"
+#include "model/ops/volume/compact.h"
+#include "model/ops/volume/top_k.h"
 
 namespace vsplat::selftest {
 namespace {

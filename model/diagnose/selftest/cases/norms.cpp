@@ -5,9 +5,9 @@
 #include "model/diagnose/selftest/reference/groupnorm.h"
 #include "model/diagnose/selftest/reference/layer_scale.h"
 #include "model/diagnose/selftest/reference/layernorm.h"
-#include "model/ops/groupnorm.h"
-#include "model/ops/layer_scale.h"
-#include "model/ops/layernorm.h"
+#include "model/ops/dense/groupnorm.h"
+#include "model/ops/dense/layer_scale.h"
+#include "model/ops/dense/layernorm.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -7,12 +7,12 @@
 #include "model/diagnose/selftest/reference/confidence.h"
 #include "model/diagnose/selftest/reference/space_curve.h"
 #include "model/diagnose/selftest/reference/upscale.h"
-#include "model/ops/cell_map.h"
-#include "model/ops/confidence.h"
-#include "model/ops/radix_sort.h"
-#include "model/ops/space_curve.h"
-#include "model/ops/sparse_conv.h"
-#include "model/ops/upscale.h"
+#include "model/ops/networks/confidence.h"
+#include "model/ops/networks/upscale.h"
+#include "model/ops/render/radix_sort.h"
+#include "model/ops/volume/cell_map.h"
+#include "model/ops/volume/space_curve.h"
+#include "model/ops/volume/sparse_conv.h"
 
 namespace vsplat::selftest {
 namespace {

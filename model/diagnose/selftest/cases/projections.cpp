@@ -3,8 +3,8 @@
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/projection_rows.h"
 #include "model/diagnose/selftest/inputs/scenes.h"
-#include "model/ops/project.h"
-#include "model/ops/project_surfels.h"
+#include "model/ops/render/project.h"
+#include "model/ops/render/project_surfels.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -5,10 +5,10 @@
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/inputs/scenes.h"
 #include "model/diagnose/selftest/inputs/surfel_blending.h"
-#include "model/ops/project_surfels.h"
-#include "model/ops/rasterize_surfels.h"
-#include "model/ops/tile_bin.h"
-#include "model/ops/visible.h"
+#include "model/ops/render/project_surfels.h"
+#include "model/ops/render/rasterize_surfels.h"
+#include "model/ops/render/tile_bin.h"
+#include "model/ops/render/visible.h"
 
 namespace vsplat::selftest {
 namespace {

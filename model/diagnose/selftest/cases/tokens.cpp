@@ -9,12 +9,12 @@
 #include "model/diagnose/selftest/reference/position_resample.h"
 #include "model/diagnose/selftest/reference/ray_harmonics.h"
 #include "model/diagnose/selftest/reference/ray_loss.h"
-#include "model/ops/patch_embed.h"
-#include "model/ops/plucker.h"
-#include "model/ops/position_encoding.h"
-#include "model/ops/position_resample.h"
-#include "model/ops/ray_harmonics.h"
-#include "model/ops/ray_loss.h"
+#include "model/ops/dense/patch_embed.h"
+#include "model/ops/dense/position_resample.h"
+#include "model/ops/networks/plucker.h"
+#include "model/ops/networks/position_encoding.h"
+#include "model/ops/networks/ray_harmonics.h"
+#include "model/ops/networks/ray_loss.h"
 
 namespace vsplat::selftest {
 namespace {

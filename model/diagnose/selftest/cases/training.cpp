@@ -4,8 +4,8 @@
 #include "model/diagnose/selftest/cases/cases.h"
 #include "model/diagnose/selftest/reference/adamw.h"
 #include "model/diagnose/selftest/reference/muon.h"
-#include "model/ops/adamw.h"
-#include "model/ops/muon.h"
+#include "model/ops/fit/adamw.h"
+#include "model/ops/fit/muon.h"
 
 namespace vsplat::selftest {
 namespace {

@@ -2,7 +2,7 @@
 #pragma once
 #include "model/diagnose/selftest/inputs/random.h"
 #include "model/diagnose/selftest/reference/conv3d.h"
-#include "model/ops/conv3d.h"
+#include "model/ops/dense/conv3d.h"
 
 namespace vsplat::selftest {
 

@@ -61,7 +61,7 @@ inline ProjectionRows volume_rows(const Gaussians& g, const Camera& cam, const r
     const double by_u = n[0] / std::sqrt(s.a), by_v = n[1] / std::sqrt(s.c), by_z = n[2], by_a = n[0] * n[0] / s.a,
                  by_b = n[0] * n[1] / std::sqrt(s.a * s.c), by_c = n[1] * n[1] / s.c, by_opacity = normal(engine);
     const Eigen::Vector3d by_colour(normal(engine), normal(engine), normal(engine));
-    // The sums of cl/rasterize_backward.cl from which these come: of h (1, dx, t, dx^2, dx t, t^2).
+    // The sums of cl/render/rasterize_backward.cl from which these come: of h (1, dx, t, dx^2, dx t, t^2).
     const double py = -by_v, px = -by_u, pyy = 2 * by_c, pxx = 2 * by_a;
     const double mxt = (by_b + slope * pyy) / (X * Y), mtt = pyy / (Y * Y);
     const double mxx = (pxx + 2 * slope * X * Y * mxt - slope * slope * Y * Y * mtt) / (X * X);

@@ -64,7 +64,7 @@ struct SurfelCotangent {
   }
 };
 
-// What rows, in the order of ids, say of the records' numbers (see cl/rasterize_surfels_backward.cl): all but the
+// What rows, in the order of ids, say of the records' numbers (see cl/render/rasterize_surfels_backward.cl): all but the
 // reaches.
 inline std::vector<double> by_surfel_records(const Records& c, const std::vector<float>& rows) {
   std::vector<double> out(c.records.size());

@@ -1,4 +1,4 @@
-// What LaRa makes of a picture's maps, in double: what cl/lara_maps.cl is held against.
+// What LaRa makes of a picture's maps, in double: what cl/networks/lara_maps.cl is held against.
 #pragma once
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,5 +1,5 @@
-// 3D Gaussian splatting, one picture, in double and without cleverness: what cl/project.cl, cl/tile_bin.cl and
-// cl/rasterize.cl are held against.
+// 3D Gaussian splatting, one picture, in double and without cleverness: what cl/render/project.cl, cl/render/tile_bin.cl and
+// cl/render/rasterize.cl are held against.
 #pragma once
 #include <Eigen/Geometry>
 #include <Eigen/LU>

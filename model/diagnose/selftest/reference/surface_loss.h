@@ -1,4 +1,4 @@
-// What a training wants of surfels' surface, in double: what cl/surface_loss.cl is held against.
+// What a training wants of surfels' surface, in double: what cl/fit/surface_loss.cl is held against.
 #pragma once
 #include <cstddef>
 #include <vector>

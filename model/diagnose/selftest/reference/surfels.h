@@ -1,5 +1,5 @@
-// 2D Gaussian splatting, one picture, in double and without cleverness: what cl/project_surfels.cl and
-// cl/rasterize_surfels.cl are held against.
+// 2D Gaussian splatting, one picture, in double and without cleverness: what cl/render/project_surfels.cl and
+// cl/render/rasterize_surfels.cl are held against.
 #pragma once
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -154,7 +154,7 @@ inline SurfelFrame render_surfels(const Gaussians& g, const Camera& cam, const S
   return out;
 }
 
-// A record as cl/project_surfels.cl has it, without its reaches.
+// A record as cl/render/project_surfels.cl has it, without its reaches.
 inline std::array<double, 20> record_of(const Surfel& s) {
   const double z = s.T(2, 2), u = s.T(0, 2) / z, v = s.T(1, 2) / z, w1 = s.T(2, 0), w2 = s.T(2, 1);
   const Eigen::Vector3d a1 = s.T.row(0) - u * s.T.row(2), a2 = s.T.row(1) - v * s.T.row(2);

@@ -8,9 +8,9 @@
 #include <set>
 
 #include "model/networks/params/params.h"
-#include "model/ops/cell_map.h"
-#include "model/ops/decode.h"
-#include "model/ops/radix_sort.h"
+#include "model/ops/networks/decode.h"
+#include "model/ops/render/radix_sort.h"
+#include "model/ops/volume/cell_map.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"

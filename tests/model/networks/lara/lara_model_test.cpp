@@ -8,7 +8,7 @@
 
 #include "model/networks/lara/decoder.h"
 #include "model/networks/params/params.h"
-#include "model/ops/decode.h"
+#include "model/ops/networks/decode.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/lara_golden.h"

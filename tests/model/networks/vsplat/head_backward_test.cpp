@@ -5,7 +5,7 @@
 #include "model/networks/params/init.h"
 #include "model/networks/vsplat/head.h"
 #include "model/networks/vsplat/select.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/gather.h"
 #include "tests/reference/heads.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -2,7 +2,7 @@
 #include "model/networks/vsplat/head.h"
 
 #include "model/networks/vsplat/select.h"
-#include "model/ops/gather.h"
+#include "model/ops/dense/gather.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

@@ -1,7 +1,7 @@
 // The fine stage's features against the PyTorch specification.
 #include "model/networks/vsplat/refine.h"
 
-#include "model/ops/gather.h"
+#include "model/ops/dense/gather.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"
 #include "tests/support/golden_inputs.h"

@@ -1,0 +1,46 @@
+// Surfels to the picture: as project.h has it for volumes.
+#pragma once
+#include "model/ops/render/project.h"
+
+namespace vsplat {
+
+// Which state of the original rasteriser's code counts where they differ: what LaRa was trained with, or the later one.
+enum class SurfelRevision { lara, current };
+
+// Numbers of a surfel's record, see cl/render/project_surfels.cl.
+constexpr long kSurfelRecord = 20;
+
+// As project_cull().
+void project_surfels_cull(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view,
+                          int width, int height, SurfelRevision revision, const Culled& out);
+
+// As ProjectForward; records [N,20].
+struct ProjectSurfelsForward {
+  DeviceGaussians chunk;
+  long base = 0;
+  Tensor views;
+  long view = 0;
+  Tensor ids;
+  long from = 0, n = 0;
+  Tensor records;
+  SurfelRevision revision = SurfelRevision::lara;
+};
+void project_surfels_forward(Context& ctx, const ProjectSurfelsForward& a);
+
+// As ProjectBackward; records [N,20], rows [M,20].
+struct ProjectSurfelsBackward {
+  DeviceGaussians chunk;
+  long base = 0;
+  Tensor views;
+  long view = 0;
+  bool mirrored = false;
+  Projected visible;
+  Tensor offsets;
+  IntersectionGradients intersections;
+  GaussianGradients dchunk;  // added to
+  Tensor twists;             // for sum_twists()
+  SurfelRevision revision = SurfelRevision::lara;
+};
+void project_surfels_backward(Context& ctx, const ProjectSurfelsBackward& a);
+
+}  // namespace vsplat

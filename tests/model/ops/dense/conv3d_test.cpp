@@ -1,0 +1,262 @@
+#include "model/ops/dense/conv3d.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "model/ops/volume/sparse_conv.h"
+#include "tests/support/compare.h"
+#include "tests/support/conv3d_cases.h"
+#include "tests/support/counted.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+using test::ConvTry;
+using test::make_conv_case;
+using test::random_floats;
+using test::upload_rows;
+using Way = test::ConvWay;
+
+const float* or_null(const std::vector<float>& v) { return v.empty() ? nullptr : v.data(); }
+
+struct OnDevice {
+  ConvWeights weights;
+  Conv3dForward c;
+};
+
+std::unique_ptr<OnDevice> upload_case(Context& ctx, const ref::ConvCase& c, ConvMethod method) {
+  auto d = std::make_unique<OnDevice>();
+  d->weights = pack_conv3d(ctx, c.w.data(), or_null(c.bias), c.cout, c.in.c0 + c.in.c1, "weight", method);
+  d->c.weights = &d->weights;
+  d->c.in = upload_rows(ctx, c.in);
+  d->c.x = c.size[0], d->c.y = c.size[1], d->c.z = c.size[2];
+  if (!c.residual.empty()) d->c.residual = ctx.upload({c.in.rows, c.cout}, c.residual);
+  d->c.out = ctx.upload({c.in.rows, c.cout},
+                        test::nans(static_cast<std::size_t>(c.in.rows) * static_cast<std::size_t>(c.cout)));
+  return d;
+}
+
+class Conv3dTest : public ::testing::TestWithParam<Way> {
+ protected:
+  Context& ctx() { return test::context(GetParam().flavour); }
+  std::unique_ptr<OnDevice> upload(Context& on, const ref::ConvCase& c) {
+    return upload_case(on, c, GetParam().method);
+  }
+  // float32 sums of 27 Cin products, up to some 2000, err by about 1e-7 of the largest times the square root of that;
+  // Winograd's transforms triple it.
+  double tolerance() const { return GetParam().method == ConvMethod::winograd ? 2e-5 : 1e-5; }
+
+  void expect_matches(const ConvTry& t) {
+    SCOPED_TRACE(fmt::format("{}x{}x{} {}+{} -> {} affine {} silu {} bias {} residual {}", t.size[0], t.size[1],
+                             t.size[2], t.cin, t.c1, t.cout, t.affine, t.silu, t.bias, t.residual));
+    const ref::ConvCase c = make_conv_case(t);
+    const auto d = upload(ctx(), c);
+    conv3d_forward(ctx(), d->c);
+    EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
+  }
+};
+
+TEST_P(Conv3dTest, EverySizeMatchesReference) {
+  for (const long z : {1, 2, 4, 5, 10, 11, 12, 13, 24, 25}) expect_matches({{3, 2, z}, 3, 5});
+  for (const long x : {1, 2, 3, 7})
+    for (const long y : {1, 2, 5}) expect_matches({{x, y, 4}, 3, 5});
+  for (const long cin : {1, 7, 16, 17, 33})
+    for (const long cout : {1, 15, 16, 31, 32, 33, 34, 65}) expect_matches({{3, 3, 5}, cin, cout});
+}
+
+// Enough tiles of 128 x 128 for the gpu flavour to take those, two for each unit.
+TEST_P(Conv3dTest, LargeTilesMatchReference) {
+  expect_matches({{2L * ctx().device().compute_units + 1, 8, 16}, 3, 66});
+}
+
+TEST_P(Conv3dTest, EveryCompositionMatchesReference) {
+  for (const long c1 : {0L, 5L, 16L})
+    for (const bool affine : {false, true})
+      for (const bool silu : {false, true}) {
+        ConvTry t{{4, 3, 13}, 16, 20, c1};
+        t.affine = affine, t.silu = silu;
+        expect_matches(t);
+        t.bias = false, t.residual = true;
+        expect_matches(t);
+      }
+}
+
+// More planes than are packed at a time, so that the ring of planes goes round.
+TEST_P(Conv3dTest, LongVolumesGoRoundTheRing) {
+  // The cpu flavour packs seven planes of 1040 channels at a time, or eight tiles; the gpu flavour 27 tiles of 30 with
+  // 1200 channels, and for the direct sum nothing.
+  const bool gpu = GetParam().flavour == Flavour::gpu;
+  ConvTry t{{11, 40, 12}, !gpu ? 1040 : GetParam().method == ConvMethod::winograd ? 1200 : 26, 3};
+  t.affine = t.silu = true;
+  const ref::ConvCase c = make_conv_case(t);
+  const auto d = upload(ctx(), c);
+  conv3d_forward(ctx(), d->c);
+  const auto got = ctx().read<float>(d->c.out);
+  std::vector<float> some;
+  std::vector<double> want;
+  for (long x = 0; x < 11; ++x)
+    for (long y = x % 3; y < 40; y += 13)
+      for (long z = 0; z < 12; z += 5)
+        for (long n = 0; n < 3; ++n) {
+          some.push_back(got[static_cast<std::size_t>(((x * 40 + y) * 12 + z) * 3 + n)]);
+          want.push_back(c.at(x, y, z, n));
+        }
+  EXPECT_TRUE(test::close(some, want, tolerance()));
+}
+
+// Weights packed on the device are those packed on the host; only Winograd's are computed, in float rather than double.
+TEST_P(Conv3dTest, PacksTheSameOnTheDevice) {
+  for (const auto& [cin, cout] : {std::pair{1L, 1L}, {7L, 5L}, {17L, 32L}, {5L, 33L}}) {
+    const ref::ConvCase c = make_conv_case({{1, 1, 1}, cin, cout});
+    const ConvMethod method = GetParam().method;
+    const ConvWeights host = pack_conv3d(ctx(), c.w.data(), c.bias.data(), cout, cin, "weight", method);
+    const ConvWeights device = pack_conv3d(ctx(), ctx().upload({cout, cin, 3, 3, 3}, c.w), host.bias, "weight", method);
+    const auto got = ctx().read<float>(device.w.data), want = ctx().read<float>(host.w.data);
+    if (method == ConvMethod::winograd)
+      EXPECT_TRUE(test::close(got, want, 1e-6)) << cin << " " << cout;
+    else
+      EXPECT_EQ(got, want) << cin << " " << cout;
+    EXPECT_EQ(device.w.k, host.w.k);
+    EXPECT_EQ(device.w.n, host.w.n);
+    EXPECT_EQ(device.cin, cin);
+    EXPECT_EQ(device.cout, cout);
+    EXPECT_EQ(ctx().read<float>(device.bias), c.bias);
+  }
+}
+
+TEST_P(Conv3dTest, RejectsWeightsOfAnotherShape) {
+  for (const Shape& shape : {Shape{4, 5, 27}, Shape{4, 5, 3, 3, 2}, Shape{4, 5, 2, 2, 2}})
+    EXPECT_THROW(pack_conv3d(ctx(), ctx().tensor(shape), Tensor(), "weight", GetParam().method), Error);
+}
+
+TEST_P(Conv3dTest, ResidualMayBeTheOutput) {
+  ConvTry t{{3, 4, 13}, 5, 33};
+  t.residual = true;
+  const ref::ConvCase c = make_conv_case(t);
+  const auto d = upload(ctx(), c);
+  d->c.out = d->c.residual;
+  conv3d_forward(ctx(), d->c);
+  EXPECT_TRUE(test::close(ctx().read<float>(d->c.out), c.all(), tolerance()));
+}
+
+TEST_P(Conv3dTest, EmptyIsNothing) {
+  const ref::ConvCase c = make_conv_case({{0, 3, 4}, 5, 6});
+  const auto d = upload(ctx(), c);
+  conv3d_forward(ctx(), d->c);
+  EXPECT_EQ(ctx().read<float>(d->c.out).size(), 0u);
+}
+
+TEST_P(Conv3dTest, DownMatchesReference) {
+  for (const std::array<long, 3>& size : {std::array<long, 3>{2, 2, 2}, {4, 6, 8}, {5, 3, 7}, {1, 4, 4}})
+    for (const long cin : {1L, 17L}) {
+      ConvTry t{size, cin, 33};
+      t.affine = t.silu = cin > 1;
+      const ref::ConvCase c = make_conv_case(t, 2);
+      const auto out = c.out_size();
+      const long rows = out[0] * out[1] * out[2];
+      Conv3dDownForward d;
+      const ConvWeights weights = pack_conv3d_down(ctx(), c.w.data(), c.bias.data(), c.cout, cin, "weight");
+      d.weights = &weights;
+      d.in = upload_rows(ctx(), c.in);
+      d.in.map = conv3d_down_map(ctx(), size[0], size[1], size[2]);
+      d.out = ctx().upload({rows, c.cout}, test::nans(static_cast<std::size_t>(rows * c.cout)));
+      conv3d_down_forward(ctx(), d);
+      EXPECT_TRUE(test::close(ctx().read<float>(d.out), c.all(), tolerance()));
+      const ConvWeights on_device =
+          pack_conv3d_down(ctx(), ctx().upload({c.cout, cin, 2, 2, 2}, c.w), weights.bias, "weight");
+      EXPECT_EQ(ctx().read<float>(on_device.w.data), ctx().read<float>(weights.w.data));
+      EXPECT_EQ(on_device.cin, cin);
+      EXPECT_EQ(on_device.cout, c.cout);
+    }
+}
+
+// A submanifold convolution over all voxels of a volume is the dense one.
+TEST_P(Conv3dTest, SubmanifoldOverAFullVolumeIsTheDenseOne) {
+  const ref::ConvCase c = make_conv_case({{3, 4, 5}, 9, 10});
+  const long voxels = c.in.rows, cin = c.in.c0;
+  std::vector<float> w(c.w.size());
+  for (long n = 0; n < c.cout; ++n)
+    for (long tap = 0; tap < 27; ++tap)
+      for (long ch = 0; ch < cin; ++ch)
+        w[static_cast<std::size_t>((n * 27 + tap) * cin + ch)] =
+            c.w[static_cast<std::size_t>((n * cin + ch) * 27 + tap)];
+  std::vector<int> map;
+  for (long v = 0; v < voxels; ++v)
+    for (long tap = 0; tap < 27; ++tap) {
+      const long x = v / 20 + tap / 9 - 1, y = v / 5 % 4 + tap / 3 % 3 - 1, z = v % 5 + tap % 3 - 1;
+      const bool inside = x >= 0 && x < 3 && y >= 0 && y < 4 && z >= 0 && z < 5;
+      map.push_back(inside ? static_cast<int>((x * 4 + y) * 5 + z) : static_cast<int>(voxels));
+    }
+  const ConvWeights weights = pack_submanifold(ctx(), w.data(), c.bias.data(), c.cout, 27, cin, "weight");
+  SubmanifoldForward g;
+  g.in = upload_rows(ctx(), c.in);
+  g.in.map = ctx().upload({voxels, 27}, map, Type::i32);
+  g.weights = &weights;
+  g.out = ctx().tensor({voxels, c.cout});
+  submanifold_forward(ctx(), g);
+  EXPECT_TRUE(test::close(ctx().read<float>(g.out), c.all(), tolerance()));
+}
+
+// Of Winograd's method a quarter, where its tiles of 4 x 4 lines fill the volume.
+TEST_P(Conv3dTest, ProfilesTellTheDirectOperationsAndThosePerformed) {
+  const ref::ConvCase c = make_conv_case({{8, 4, 12}, 16, 32});
+  const auto d = upload(ctx(), c);
+  const ProfileRow row = test::profiled_row(ctx(), d->c.name, [&] { conv3d_forward(ctx(), d->c); });
+  EXPECT_DOUBLE_EQ(row.flops, 54.0 * 8 * 4 * 12 * 16 * 32);
+  EXPECT_DOUBLE_EQ(row.performed_flops, row.flops / (GetParam().method == ConvMethod::winograd ? 4 : 1));
+}
+
+TEST_P(Conv3dTest, SameBitsTwice) {
+  ConvTry t{{5, 6, 13}, 20, 40, 12};
+  t.affine = t.silu = t.residual = true;
+  const ref::ConvCase c = make_conv_case(t);
+  const auto d = upload(ctx(), c);
+  conv3d_forward(ctx(), d->c);
+  const auto first = ctx().read<float>(d->c.out);
+  ctx().write(d->c.out, test::nans(first.size()).data());
+  conv3d_forward(ctx(), d->c);
+  EXPECT_EQ(ctx().read<float>(d->c.out), first);
+}
+
+TEST_P(Conv3dTest, PlanTakesTheSameMemory) {
+  const ref::ConvCase c = make_conv_case({{11, 40, 12}, 40, 6});
+  const auto own = test::open_context(GetParam().flavour);
+  const auto plan = own->planner();
+  for (Context* at : {plan.get(), own.get()}) conv3d_forward(*at, upload(*at, c)->c);
+  EXPECT_EQ(own->memory().peak_live(), plan->memory().peak_live());
+}
+
+TEST_P(Conv3dTest, RejectsBadShapes) {
+  const ref::ConvCase c = make_conv_case({{3, 4, 5}, 6, 7});
+  const auto d = upload(ctx(), c);
+  const auto rejects = [&](auto change) {
+    Conv3dForward bad = d->c;
+    change(bad);
+    EXPECT_THROW(conv3d_forward(ctx(), bad), Error);
+  };
+  rejects([](Conv3dForward& b) { b.weights = nullptr; });
+  rejects([](Conv3dForward& b) { b.in.x0 = Tensor(); });
+  rejects([](Conv3dForward& b) { b.z = 6; });
+  rejects([&](Conv3dForward& b) { b.in.x1 = ctx().tensor({60, 1}); });
+  rejects([&](Conv3dForward& b) { b.in.scale = ctx().tensor({6}); });
+  rejects([&](Conv3dForward& b) { b.residual = ctx().tensor({60, 6}); });
+  rejects([&](Conv3dForward& b) { b.out = ctx().tensor({59, 7}); });
+  rejects([](Conv3dForward& b) { b.out = Tensor(); });
+}
+
+INSTANTIATE_TEST_SUITE_P(Kernels, Conv3dTest, test::conv_ways(), test::name_of_way);
+
+// Left to itself, a flavour takes Winograd's method where there is enough to do.
+TEST(Conv3dMethod, IsChosenBySize) {
+  const std::vector<float> w(27 * 64 * 64, 1.0f);
+  Context &cpu = test::context(Flavour::cpu), &gpu = test::context(Flavour::gpu);
+  EXPECT_TRUE(pack_conv3d(cpu, w.data(), nullptr, 32, 32, "w").winograd);
+  EXPECT_FALSE(pack_conv3d(cpu, w.data(), nullptr, 16, 32, "w").winograd);
+  EXPECT_FALSE(pack_conv3d(gpu, w.data(), nullptr, 32, 32, "w").winograd);
+  EXPECT_TRUE(pack_conv3d(gpu, w.data(), nullptr, 64, 64, "w").winograd);
+  EXPECT_FALSE(pack_conv3d(gpu, w.data(), nullptr, 64, 63, "w").winograd);
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,141 @@
+#include "model/ops/fit/picture_target.h"
+
+#include <algorithm>
+
+#include "model/diagnose/selftest/reference/picture_target.h"
+#include "runtime/fail.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+constexpr std::array<float, 3> kBackground = {0.2f, 0.9f, 0.5f};
+
+class PictureTargetOp : public test::FlavourTest {
+ protected:
+  struct Pixels {
+    std::vector<std::uint8_t> given, known;
+    std::vector<float> colour, alpha;
+  };
+
+  // Colours beyond [0, 1], too; alphas that differ from what is given by all kinds of amounts, none within 1e-3 of half
+  // a step.
+  static Pixels some(long h, long w) {
+    Pixels out;
+    const auto count = static_cast<std::size_t>(h * w);
+    const auto random = test::random_floats(8 * count, static_cast<std::uint32_t>(97 * h + w), 0, 1);
+    for (std::size_t i = 0; i < count; ++i) {
+      const float* r = &random[8 * i];
+      const int a = i % 3 == 0 ? 255 : i % 3 == 1 ? static_cast<int>(255 * r[0]) : 0;
+      for (int c = 1; c < 4; ++c) out.given.push_back(static_cast<std::uint8_t>(static_cast<float>(a) * r[c]));
+      out.given.push_back(static_cast<std::uint8_t>(a));
+      out.known.push_back(r[4] < 0.3f ? 0 : r[4] < 0.6f ? 1 : 255);
+      for (int c = 1; c < 4; ++c) out.colour.push_back(2 * r[c + 3] - 0.5f);
+      float off = (r[0] - 0.5f) * (i % 2 == 0 ? 3.0f : 200.0f);
+      if (std::abs(std::abs(off) - 0.5f) < 1e-3f) off += 0.01f;
+      out.alpha.push_back((static_cast<float>(a) + off) / 255);
+    }
+    return out;
+  }
+
+  PictureTarget upload(const Pixels& p, long h, long w, float alpha_weight) {
+    const auto count = static_cast<std::size_t>(h * w);
+    PictureTarget a;
+    a.given = ctx().upload({h, w, 4}, p.given, Type::u8);
+    if (!p.known.empty()) a.known = ctx().upload({h, w}, p.known, Type::u8);
+    a.background = kBackground;
+    a.drawn.colour = ctx().upload({h, w, 3}, p.colour), a.drawn.alpha = ctx().upload({h, w}, p.alpha);
+    a.alpha_weight = alpha_weight;
+    a.target = ctx().upload({h, w, 3}, test::nans(3 * count));
+    a.dalpha = ctx().upload({h, w}, test::nans(count));
+    return a;
+  }
+
+  void check(const Pixels& p, long h, long w) {
+    PictureTarget a = upload(p, h, w, 0.3f);
+    picture_target(ctx(), a);
+    std::vector<double> target, dalpha;
+    for (std::size_t i = 0; i < p.alpha.size(); ++i) {
+      std::array<double, 3> background{}, drawn{};
+      for (std::size_t c = 0; c < 3; ++c) background[c] = kBackground[c], drawn[c] = p.colour[3 * i + c];
+      const auto want = ref::pixel_target(&p.given[4 * i], p.known.empty() || p.known[i] != 0, background, drawn,
+                                          p.alpha[i], 0.3f / static_cast<double>(h * w));
+      target.insert(target.end(), want.colour.begin(), want.colour.end());
+      dalpha.push_back(want.dalpha);
+    }
+    const auto got = ctx().read<float>(a.target);
+    EXPECT_TRUE(test::close(got, target, 1e-6, true)) << h << " x " << w;
+    EXPECT_TRUE(test::close(ctx().read<float>(a.dalpha), dalpha, 1e-6, true)) << h << " x " << w;
+    a.dalpha = {};
+    a.target = ctx().upload({h, w, 3}, test::nans(target.size()));
+    picture_target(ctx(), a);
+    EXPECT_EQ(ctx().read<float>(a.target), got) << "without dalpha";
+  }
+};
+VSPLAT_FLAVOURS(PictureTargetOp);
+
+TEST_P(PictureTargetOp, MatchesReferenceAtEverySizeThatBreaksThings) {
+  for (const auto& [h, w] : {std::array<long, 2>{0, 0}, {0, 5}, {1, 1}, {3, 1}, {7, 9}, {8, 8}, {5, 13}, {31, 37}}) {
+    Pixels p = some(h, w);
+    check(p, h, w);
+    p.known.clear();
+    check(p, h, w);
+  }
+}
+
+// The gradient of what it says it is the gradient of: the mean over pixels, where they are known and off by more than
+// half a step.
+TEST_P(PictureTargetOp, AlphasSlopeIsThatOfTheMeanAbsoluteError) {
+  const Pixels p = some(9, 11);
+  const PictureTarget a = upload(p, 9, 11, 0.5f);
+  picture_target(ctx(), a);
+  const auto got = ctx().read<float>(a.dalpha);
+  const auto loss = [&](std::size_t i, double alpha) {
+    return 0.5 * std::abs(alpha - p.given[4 * i + 3] / 255.0) / 99;
+  };
+  int counted = 0;
+  for (std::size_t i = 0; i < 99; ++i) {
+    const double alpha = p.alpha[i], off = std::abs(255 * alpha - p.given[4 * i + 3]);
+    const bool counts = p.known[i] != 0 && off > 0.5;
+    counted += counts;
+    const double want = counts ? (loss(i, alpha + 1e-4) - loss(i, alpha - 1e-4)) / 2e-4 : 0;
+    EXPECT_NEAR(got[i], want, 1e-8) << i;
+  }
+  EXPECT_GT(counted, 40);
+  EXPECT_LT(counted, 90);
+}
+
+// Where nothing is known, no colour that can be drawn has a loss: the target is what was drawn to the bit, and no
+// beyond of it pulls.
+TEST_P(PictureTargetOp, UnknownPixelsAreAsDrawn) {
+  Pixels p = some(6, 7);
+  std::fill(p.known.begin(), p.known.end(), std::uint8_t{0});
+  const PictureTarget a = upload(p, 6, 7, 1);
+  picture_target(ctx(), a);
+  auto want = p.colour;
+  for (float& v : want) v = std::clamp(v, 0.0f, 1.0f);
+  EXPECT_EQ(ctx().read<float>(a.target), want);
+  EXPECT_EQ(ctx().read<float>(a.dalpha), std::vector<float>(42, 0.0f));
+}
+
+TEST_P(PictureTargetOp, RejectsWhatDoesNotFit) {
+  const Pixels p = some(3, 4);
+  const PictureTarget good = upload(p, 3, 4, 1);
+  EXPECT_NO_THROW(picture_target(ctx(), good));
+  const auto refused = [&](const auto& change) {
+    PictureTarget a = good;
+    change(a);
+    EXPECT_THROW(picture_target(ctx(), a), Error);
+  };
+  refused([&](PictureTarget& a) { a.given = ctx().tensor({3, 4, 3}, Type::u8); });
+  refused([&](PictureTarget& a) { a.given = ctx().tensor({3, 4, 4}); });
+  refused([&](PictureTarget& a) { a.known = ctx().tensor({4, 3}, Type::u8); });
+  refused([&](PictureTarget& a) { a.drawn.colour = ctx().tensor({3, 5, 3}); });
+  refused([&](PictureTarget& a) { a.drawn.alpha = {}; });
+  refused([&](PictureTarget& a) { a.target = ctx().tensor({3, 4}); });
+  refused([&](PictureTarget& a) { a.dalpha = ctx().tensor({3, 4, 1}); });
+}
+
+}  // namespace
+}  // namespace vsplat

@@ -1,0 +1,140 @@
+#include "model/ops/networks/project_features.h"
+
+#include <fmt/format.h>
+
+#include "model/diagnose/selftest/reference/project_features.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+#include "tests/support/orbit.h"
+
+namespace vsplat {
+namespace {
+
+// Points reach `reach` from the middle, along each axis.
+ref::ProjectFeaturesCase make_case(long views, long t, long c, long p, bool half_pixel, bool by_distance, float reach) {
+  ref::ProjectFeaturesCase in;
+  in.t = t, in.channels = c, in.half_pixel = half_pixel, in.by_distance = by_distance;
+  in.image = static_cast<int>(8 * t);
+  in.cameras = test::orbit(static_cast<int>(views), in.image);
+  for (const float x : test::random_floats(static_cast<std::size_t>(views * t * t * c), 31)) in.features.push_back(x);
+  for (const float x : test::random_floats(static_cast<std::size_t>(3 * p), 32, -reach, reach)) in.points.push_back(x);
+  return in;
+}
+
+// As the device takes it, which is given the cameras; out is all NaN.
+ProjectFeaturesForward upload_project_features(Context& ctx, const ref::ProjectFeaturesCase& in,
+                                               const DeviceCameras& cameras) {
+  const long v = static_cast<long>(in.cameras.size()), p = static_cast<long>(in.points.size() / 3);
+  ProjectFeaturesForward a;
+  a.features = ctx.upload({v, in.t, in.t, in.channels}, test::as_floats(in.features));
+  a.points = ctx.upload({p, 3}, test::as_floats(in.points));
+  a.cameras = &cameras;
+  a.image = in.image;
+  a.half_pixel = in.half_pixel;
+  a.by_distance = in.by_distance;
+  a.out = ctx.upload({p, in.channels}, test::nans(static_cast<std::size_t>(p * in.channels)));
+  return a;
+}
+
+class ProjectFeatures : public test::FlavourTest {
+ protected:
+  void check(long views, long t, long c, long p, bool half_pixel, bool by_distance, float reach = 0.5f) {
+    SCOPED_TRACE(fmt::format("{} views, {} texels, {} x {}", views, t, c, p));
+    const auto in = make_case(views, t, c, p, half_pixel, by_distance, reach);
+    const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
+    const ProjectFeaturesForward a = upload_project_features(ctx(), in, cameras);
+    project_features_forward(ctx(), a);
+    // A texel's position is exact to about 1e-6 t, and neighbouring texels differ by up to 2.
+    EXPECT_TRUE(test::close(ctx().read<float>(a.out), ref::project_features(in), 2e-5));
+
+    const std::vector<float> dout = test::random_floats(static_cast<std::size_t>(p * c), 33);
+    const std::vector<float> before = test::random_floats(static_cast<std::size_t>(3 * p), 34);
+    auto want = ref::project_features_backward(in, dout);
+    for (std::size_t i = 0; i < before.size(); ++i) want.points[i] += before[i];
+    ProjectFeaturesBackward b;
+    b.forward = a;
+    b.dout = ctx().upload({p, c}, dout);
+    b.dpoints = ctx().upload({p, 3}, before);
+    const std::vector<float> already = test::random_floats(in.features.size(), 36);
+    for (std::size_t i = 0; i < already.size(); ++i) want.features[i] += already[i];
+    b.dfeatures = ctx().upload(a.features.shape(), already);
+    project_features_backward(ctx(), b);
+    EXPECT_TRUE(test::close(ctx().read<float>(b.dpoints), want.points, 2e-5));
+    EXPECT_TRUE(test::close(ctx().read<float>(b.dfeatures), want.features, 2e-5));
+  }
+};
+VSPLAT_FLAVOURS(ProjectFeatures);
+
+TEST_P(ProjectFeatures, MatchesReference) {
+  check(1, 7, 1, 1, true, false);
+  check(2, 3, 3, 17, true, false);
+  check(3, 6, 24, 31, false, false);
+  check(4, 8, 130, 33, true, true);
+  check(4, 8, 6, 33, false, true);
+}
+
+// Many points fall outside the maps, on their borders, and behind cameras.
+TEST_P(ProjectFeatures, OutsideTheMapsIsZero) { check(3, 5, 4, 500, true, false, 1.2f); }
+
+TEST_P(ProjectFeatures, EmptyInput) {
+  const auto in = make_case(2, 2, 3, 0, true, false, 1);
+  const DeviceCameras cameras = upload_cameras(ctx(), in.cameras);
+  ProjectFeaturesBackward b;
+  b.forward = upload_project_features(ctx(), in, cameras);
+  project_features_forward(ctx(), b.forward);
+  EXPECT_TRUE(ctx().read<float>(b.forward.out).empty());
+  b.dout = ctx().tensor({0, 3});
+  b.dpoints = ctx().tensor({0, 3});
+  const std::vector<float> before = test::random_floats(24, 36);
+  b.dfeatures = ctx().upload({2, 2, 2, 3}, before);
+  project_features_backward(ctx(), b);
+  EXPECT_EQ(ctx().read<float>(b.dfeatures), before);
+}
+
+// The reference's, which is linear in the features, and smooth in the points between texels.
+TEST(ProjectFeaturesReference, GradientsAreDifferences) {
+  for (const bool by_distance : {false, true}) {
+    auto in = make_case(3, 4, 2, 40, true, by_distance, 1.1f);
+    const std::vector<float> dout = test::random_floats(80, 35);
+    const auto differences = [&](std::vector<double>& x) {
+      const auto loss = [&] {
+        const std::vector<double> y = ref::project_features(in);
+        double sum = 0;
+        for (std::size_t i = 0; i < y.size(); ++i) sum += dout[i] * y[i];
+        return sum;
+      };
+      std::vector<double> out;
+      for (double& at : x) {
+        const double before = at, step = 1e-6;
+        at = before + step;
+        const double more = loss();
+        at = before - step;
+        out.push_back((more - loss()) / (2 * step));
+        at = before;
+      }
+      return out;
+    };
+    const auto gradient = ref::project_features_backward(in, dout);
+    EXPECT_TRUE(test::close(gradient.points, differences(in.points), 1e-6)) << by_distance;
+    EXPECT_TRUE(test::close(gradient.features, differences(in.features), 1e-6)) << by_distance;
+  }
+}
+
+TEST_P(ProjectFeatures, RejectsBadShape) {
+  const DeviceCameras three = upload_cameras(ctx(), test::orbit(3, 16)),
+                      two = upload_cameras(ctx(), test::orbit(2, 16));
+  const auto in = make_case(2, 2, 3, 5, true, false, 1);
+  EXPECT_THROW(project_features_forward(ctx(), upload_project_features(ctx(), in, three)), Error);
+  ProjectFeaturesBackward b;
+  b.forward = upload_project_features(ctx(), in, two);
+  b.dout = ctx().tensor({5, 4});
+  b.dpoints = ctx().tensor({5, 3});
+  b.dfeatures = ctx().tensor({2, 2, 2, 3});
+  EXPECT_THROW(project_features_backward(ctx(), b), Error);
+  b.dout = ctx().tensor({5, 3});
+  b.dfeatures = ctx().tensor({3, 2, 2, 3});
+  EXPECT_THROW(project_features_backward(ctx(), b), Error);
+}
+
+}  // namespace
+}  // namespace vsplat

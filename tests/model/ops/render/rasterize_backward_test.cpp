@@ -1,0 +1,179 @@
+#include "model/diagnose/selftest/reference/rasterize_backward.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "model/diagnose/selftest/reference/rasterize.h"
+#include "model/ops/render/rasterize.h"
+#include "tests/support/compare.h"
+#include "tests/support/counted.h"
+#include "tests/support/device.h"
+#include "tests/support/records.h"
+
+namespace vsplat {
+namespace {
+
+class RasterizeBackward : public test::FlavourTest {
+ protected:
+  struct Upstream {
+    std::vector<float> colour, alpha, depth;
+  };
+
+  static Upstream random_upstream(int width, int height) {
+    const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    return {test::random_floats(3 * pixels, 5), test::random_floats(pixels, 6), test::random_floats(pixels, 7)};
+  }
+
+  // Rows in the order of ids, zeros where none was written.
+  std::vector<float> run(const test::Records& c, int width, int height, const Upstream& up, Pulls pulls = Pulls::none) {
+    const auto upload = [&](const std::vector<float>& v, const Shape& shape) {
+      return v.empty() ? Tensor() : ctx().upload(shape, v);
+    };
+    const auto upload_u32 = [&](const std::vector<std::uint32_t>& v) {
+      return ctx().upload({static_cast<long>(v.size())}, v, Type::u32);
+    };
+    Projected p;
+    p.records = ctx().upload({static_cast<long>(c.records.size() / 12), 12}, c.records);
+    Binned b;
+    b.ids = upload_u32(c.ids);
+    b.starts = upload_u32(c.starts);
+    const std::vector<std::uint32_t> slots = test::slots_of(c);
+    b.slots = upload_u32(slots);
+    const Part whole{0, 0, (width + 15) / 16, (height + 15) / 16};
+    const DevicePicture picture = make_picture(ctx(), width, height);
+    rasterize_forward(ctx(), {p, b, whole, background, picture});
+    const IntersectionGradients got = rasterize_backward(
+        ctx(),
+        {p,
+         b,
+         whole,
+         background,
+         picture,
+         {upload(up.colour, {height, width, 3}), upload(up.alpha, {height, width}), upload(up.depth, {height, width})},
+         pulls});
+    return test::rows_in_order(ctx().read<float>(got.rows), ctx().read<std::uint8_t>(got.touched), slots,
+                               pulls == Pulls::none ? 10 : 2);
+  }
+
+  void check(int width, int height, int per_tile, float opacity, double tolerance = 2e-5) {
+    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
+    const test::Records c = test::make_records(width, height, per_tile, opacity, 3);
+    const Upstream up = random_upstream(width, height);
+    const std::vector<float> got = run(c, width, height, up);
+    const std::vector<double> want =
+        ref::blend_backward(c.records, c.ids, c.starts, width, height, background, up.colour, up.alpha, up.depth);
+    ASSERT_EQ(got.size(), want.size());
+    for (std::size_t col = 0; col < 10; ++col) {
+      SCOPED_TRACE("column " + std::to_string(col));
+      std::vector<float> g;
+      std::vector<double> w;
+      for (std::size_t i = col; i < want.size(); i += 10) g.push_back(got[i]), w.push_back(want[i]);
+      EXPECT_TRUE(test::close(g, w, tolerance, per_tile == 0));
+    }
+  }
+
+  const std::array<float, 3> background{0.25f, 0.5f, 1};
+};
+
+TEST_P(RasterizeBackward, MatchesReference) {
+  for (const int size : {1, 3, 7, 15, 16, 17, 31, 53}) check(size, 40, 30, 0.8f);
+  for (const int size : {1, 15, 17, 33}) check(40, size, 30, 0.8f);
+}
+
+TEST_P(RasterizeBackward, HandlesAnyNumberPerTile) {
+  for (const int count : {0, 1, 2, 63, 64, 65, 257, 600}) check(33, 20, count, 0.3f);
+}
+
+TEST_P(RasterizeBackward, ReachesFullOpacityAndStops) { check(48, 32, 400, 1.0f); }
+
+// How much each pixel pulls at a Gaussian's place, with alpha at its limit among them.
+TEST_P(RasterizeBackward, PullsMatchReference) {
+  for (const auto& [width, height, per_tile, opacity] :
+       {std::tuple{40, 17, 30, 0.8f}, {33, 20, 65, 1.0f}, {48, 32, 400, 1.0f}, {7, 3, 1, 0.5f}, {33, 20, 0, 0.5f}}) {
+    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height) + ", " + std::to_string(per_tile) + " each");
+    const test::Records c = test::make_records(width, height, per_tile, opacity, 3);
+    const Upstream up = random_upstream(width, height);
+    for (const auto& [pulls, rows] :
+         {std::pair{Pulls::held, ref::RowKind::pulls}, {Pulls::through, ref::RowKind::pulls_through_clamp}}) {
+      const auto want = ref::blend_backward(c.records, c.ids, c.starts, width, height, background, up.colour, up.alpha,
+                                            up.depth, rows);
+      EXPECT_TRUE(test::close(run(c, width, height, up, pulls), want, 2e-5, per_tile == 0));
+    }
+  }
+}
+
+TEST_P(RasterizeBackward, TakesWhatIsNoneAsZeros) {
+  const int width = 20, height = 33;
+  const test::Records c = test::make_records(width, height, 20, 0.8f, 4);
+  const Upstream all = random_upstream(width, height);
+  const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  for (int left_out = 0; left_out < 3; ++left_out) {
+    Upstream none = all, zeros = all;
+    (left_out == 0 ? none.colour : left_out == 1 ? none.alpha : none.depth).clear();
+    (left_out == 0   ? zeros.colour
+     : left_out == 1 ? zeros.alpha
+                     : zeros.depth)
+        .assign(left_out ? pixels : 3 * pixels, 0);
+    EXPECT_EQ(run(c, width, height, none), run(c, width, height, zeros));
+  }
+}
+
+// In a profiled run; its results are the same to the bit.
+TEST_P(RasterizeBackward, CountsWhatItBlendsInAProfiledRun) {
+  const test::Records c = test::make_records(70, 50, 100, 0.6f, 9);
+  const Upstream up = random_upstream(70, 50);
+  for (const Pulls pulls : {Pulls::none, Pulls::held, Pulls::through}) {
+    const std::vector<float> plain = run(c, 70, 50, up, pulls);
+    std::vector<float> counted;
+    const ProfileRow row =
+        test::profiled_row(ctx(), "rasterize_backward", [&] { counted = run(c, 70, 50, up, pulls); });
+    EXPECT_EQ(plain, counted);
+    EXPECT_EQ(row.counted, ref::blend(c.records, c.ids, c.starts, 70, 50, background).pairs);
+    EXPECT_GT(row.flops, 40.0 * static_cast<double>(row.counted));
+  }
+}
+
+TEST_P(RasterizeBackward, GivesTheSameBitsAgain) {
+  const test::Records c = test::make_records(70, 50, 100, 0.6f, 9);
+  const Upstream up = random_upstream(70, 50);
+  const std::vector<float> first = run(c, 70, 50, up);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(run(c, 70, 50, up), first);
+}
+
+// Alpha held at 0.99 does not move with the Gaussian; its colour and depth do.
+TEST_P(RasterizeBackward, HoldsAlphaAtItsLimit) {
+  test::Records c;
+  c.records = {8, 8, 100, 2, 0, 0, -1e-9f, -1e-9f, 1, 1, 1, 0};
+  c.ids = {0};
+  c.starts = {0, 1};
+  const std::vector<float> got = run(c, 16, 16, {std::vector<float>(768, 1.0f), {}, std::vector<float>(256, 2.0f)});
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(got[i], 0.0f);
+  for (std::size_t i = 6; i < 10; ++i) EXPECT_NEAR(got[i], (i == 9 ? 2 : 1) * 256 * 0.99, 1e-3);
+}
+
+TEST_P(RasterizeBackward, RejectsBadShape) {
+  Projected p;
+  p.records = ctx().tensor({5, 12});
+  Binned b;
+  b.ids = ctx().tensor({5}, Type::u32);
+  b.starts = ctx().tensor({2}, Type::u32);
+  const DevicePicture picture{ctx().tensor({16, 16, 3}), ctx().tensor({16, 16}), ctx().tensor({16, 16})};
+  const Part whole{0, 0, 1, 1};
+  const auto run_with = [&](const PictureGradient& gradient, const Part& part) {
+    rasterize_backward(ctx(), {p, b, part, background, picture, gradient});
+  };
+  b.slots = ctx().tensor({4}, Type::u32);
+  EXPECT_THROW(run_with({}, whole), Error);
+  b.slots = ctx().tensor({5}, Type::u32);
+  EXPECT_THROW(run_with({ctx().tensor({16, 15, 3}), {}, {}}, whole), Error);
+  EXPECT_THROW(run_with({{}, {}, ctx().tensor({15, 16})}, whole), Error);
+  EXPECT_THROW(run_with({}, Part{1, 0, 2, 1}), Error);
+}
+
+VSPLAT_FLAVOURS(RasterizeBackward);
+
+}  // namespace
+}  // namespace vsplat

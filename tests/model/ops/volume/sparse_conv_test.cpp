@@ -1,0 +1,220 @@
+#include "model/ops/volume/sparse_conv.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "model/diagnose/selftest/reference/sparse_conv.h"
+#include "model/ops/dense/conv3d.h"
+#include "model/ops/volume/sparse_map.h"
+#include "tests/support/compare.h"
+#include "tests/support/device.h"
+
+namespace vsplat {
+namespace {
+
+using test::random_floats;
+
+std::size_t count(long a, long b) { return static_cast<std::size_t>(a * b); }
+
+struct SparseConvTry {
+  int r;
+  float share;  // of the voxels that are active
+  long cin, cout;
+  long c1 = 0;
+  bool norm = false;  // a scale, a shift and SiLU
+  int side = 3;
+};
+
+ref::SparseConvCase make_case(const SparseConvTry& t) {
+  ref::SparseConvCase c;
+  c.side = t.side, c.r = t.r, c.cout = t.cout;
+  const auto lot = random_floats(count(t.r, t.r) * static_cast<std::size_t>(t.r), 1, 0, 1);
+  for (std::size_t v = 0; v < lot.size(); ++v)
+    if (lot[v] < t.share) c.voxel.push_back(static_cast<int>(v));
+  std::shuffle(c.voxel.begin(), c.voxel.end(), std::mt19937(2));
+  const long p = static_cast<long>(c.voxel.size()), channels = t.cin + t.c1;
+  c.in.rows = p, c.in.c0 = t.cin, c.in.c1 = t.c1, c.in.silu = t.norm;
+  c.in.x0 = random_floats(count(p, t.cin), 3), c.in.x1 = random_floats(count(p, t.c1), 4);
+  if (t.norm) {
+    c.in.scale = random_floats(count(channels, 1), 5, 0.5f, 2.0f);
+    c.in.shift = random_floats(count(channels, 1), 6);
+  }
+  c.w = random_floats(count(t.cout, c.taps() * channels), 7), c.bias = random_floats(count(t.cout, 1), 8);
+  return c;
+}
+
+class SparseConv : public test::FlavourTest {
+ protected:
+  // With gradients to be written all NaN, and those to be added to as given.
+  SubmanifoldBackward upload(const ref::SparseConvCase& c, const std::vector<float>& dy, const std::vector<float>& dw) {
+    const long p = c.in.rows, cin = c.in.c0 + c.in.c1, k = c.side;
+    SubmanifoldBackward a;
+    a.in.x0 = ctx().upload({p, c.in.c0}, c.in.x0);
+    if (c.in.c1) a.in.x1 = ctx().upload({p, c.in.c1}, c.in.x1);
+    if (!c.in.scale.empty()) {
+      a.in.scale = ctx().upload({cin}, c.in.scale);
+      a.in.shift = ctx().upload({cin}, c.in.shift);
+    }
+    a.in.silu = c.in.silu;
+    if (k == 3) {
+      a.in.map = ctx().tensor({p, 27}, Type::i32);
+      sparse_map_forward(ctx(), {ctx().upload({p}, c.voxel, Type::i32), c.r, a.in.map});
+    }
+    a.w = ctx().upload({c.cout, k, k, k, cin}, c.w);
+    a.dy = ctx().upload({p, c.cout}, dy);
+    a.dx = ctx().upload({p, cin}, test::nans(count(p, cin)));
+    a.dw = ctx().upload({c.cout, k, k, k, cin}, dw);
+    a.dbias = ctx().upload({c.cout}, std::vector<float>(static_cast<std::size_t>(c.cout), 1.0f));
+    return a;
+  }
+
+  void check(const SparseConvTry& t) {
+    SCOPED_TRACE(fmt::format("{} of {}^3, {}+{} -> {}, side {}", t.share, t.r, t.cin, t.c1, t.cout, t.side));
+    const ref::SparseConvCase c = make_case(t);
+    ASSERT_FALSE(c.voxel.empty());
+    const std::vector<float> dy = random_floats(count(c.in.rows, t.cout), 9), dw = random_floats(c.w.size(), 10);
+    SubmanifoldBackward a = upload(c, dy, dw);
+    ref::SparseConvGradient want = ref::sparse_conv_backward(c, dy);
+    for (std::size_t i = 0; i < dw.size(); ++i) want.dw[i] += dw[i];
+    for (double& b : want.dbias) b += 1;
+
+    submanifold_backward(ctx(), a);
+    EXPECT_TRUE(test::close(ctx().read<float>(a.dx), want.dx, 1e-5)) << "dx";
+    EXPECT_TRUE(test::close(ctx().read<float>(a.dw), want.dw, 1e-5)) << "dw";
+    EXPECT_TRUE(test::close(ctx().read<float>(a.dbias), want.dbias, 1e-5)) << "dbias";
+
+    const std::vector<float> dx = random_floats(want.dx.size(), 11);
+    ctx().write(a.dx, dx.data());
+    a.add = true;
+    submanifold_backward(ctx(), a);
+    for (std::size_t i = 0; i < dx.size(); ++i) want.dx[i] += dx[i];
+    EXPECT_TRUE(test::close(ctx().read<float>(a.dx), want.dx, 1e-5)) << "dx, added";
+  }
+};
+VSPLAT_FLAVOURS(SparseConv);
+
+TEST_P(SparseConv, ForwardMatchesReference) {
+  for (const SparseConvTry& t : {SparseConvTry{4, 0.6f, 5, 7, 3, true}, SparseConvTry{3, 0.5f, 12, 33, 0, false, 1}}) {
+    const ref::SparseConvCase c = make_case(t);
+    const SubmanifoldBackward a = upload(c, random_floats(count(c.in.rows, t.cout), 9), c.w);
+    const ConvWeights packed =
+        pack_submanifold(ctx(), c.w.data(), c.bias.data(), t.cout, c.taps(), t.cin + t.c1, "weight");
+    SubmanifoldForward g;
+    g.in = a.in;
+    g.weights = &packed;
+    g.out = ctx().upload(a.dy.shape(), test::nans(count(c.in.rows, t.cout)));
+    submanifold_forward(ctx(), g);
+    EXPECT_TRUE(test::close(ctx().read<float>(g.out), ref::sparse_conv(c), 1e-5));
+  }
+}
+
+TEST_P(SparseConv, EverySizeMatchesReference) {
+  for (const long cin : {1L, 7L, 31L, 32L, 33L})
+    for (const long cout : {1L, 11L, 12L, 13L, 33L}) check({3, 0.6f, cin, cout});
+  for (const int r : {1, 2, 5, 7}) check({r, r < 3 ? 1.0f : 0.3f, 5, 6});
+}
+
+TEST_P(SparseConv, EveryCompositionMatchesReference) {
+  check({4, 0.4f, 6, 8, 0, true});
+  check({4, 0.4f, 6, 8, 5});
+  check({4, 0.4f, 6, 8, 17, true});
+}
+
+TEST_P(SparseConv, OneTapMatchesReference) {
+  check({4, 0.4f, 6, 8, 5, true, 1});
+  check({4, 0.4f, 33, 13, 0, false, 1});
+}
+
+// More rows than are gathered at a time: the cpu flavour's 1024, and 4096 of the gpu flavour's where they are wide.
+TEST_P(SparseConv, ManyRowsMatchReference) {
+  check({11, 0.9f, 40, 3});
+  check({17, 0.9f, 140, 1});
+}
+
+TEST_P(SparseConv, SameBitsTwiceAndInputsNotWanted) {
+  const ref::SparseConvCase c = make_case({11, 0.9f, 40, 5, 0, true});
+  const std::vector<float> dy = random_floats(count(c.in.rows, 5), 9), dw(c.w.size(), 0.0f);
+  const SubmanifoldBackward a = upload(c, dy, dw);
+  SubmanifoldBackward b = upload(c, dy, dw);
+  b.dx = {};
+  submanifold_backward(ctx(), a);
+  submanifold_backward(ctx(), b);
+  EXPECT_EQ(ctx().read<float>(a.dw), ctx().read<float>(b.dw));
+  EXPECT_EQ(ctx().read<float>(a.dbias), ctx().read<float>(b.dbias));
+}
+
+TEST_P(SparseConv, NoRowsAddNothing) {
+  for (const int side : {1, 3}) {
+    const ref::SparseConvCase c = make_case({3, 0.0f, 4, 5, 0, false, side});
+    const std::vector<float> dw = random_floats(c.w.size(), 10);
+    const SubmanifoldBackward a = upload(c, {}, dw);
+    submanifold_backward(ctx(), a);
+    EXPECT_EQ(ctx().read<float>(a.dw), dw);
+    EXPECT_EQ(ctx().read<float>(a.dbias), std::vector<float>(5, 1.0f));
+  }
+}
+
+// The convolution is linear in each of the three.
+TEST(SparseConvReference, GradientsAreDifferences) {
+  ref::SparseConvCase c = make_case({3, 0.5f, 2, 3});
+  const std::vector<float> dy = random_floats(count(c.in.rows, 3), 9);
+  const auto differences = [&](std::vector<float>& v) {
+    const auto loss = [&] {
+      const std::vector<double> y = ref::sparse_conv(c);
+      double sum = 0;
+      for (std::size_t i = 0; i < y.size(); ++i) sum += dy[i] * y[i];
+      return sum;
+    };
+    std::vector<double> out;
+    for (float& at : v) {
+      const float before = at;
+      at = 1;
+      const double more = loss();
+      at = 0;
+      out.push_back(more - loss());
+      at = before;
+    }
+    return out;
+  };
+  const auto gradient = ref::sparse_conv_backward(c, dy);
+  EXPECT_TRUE(test::close(gradient.dx, differences(c.in.x0), 1e-9));
+  EXPECT_TRUE(test::close(gradient.dw, differences(c.w), 1e-9));
+  EXPECT_TRUE(test::close(gradient.dbias, differences(c.bias), 1e-9));
+}
+
+TEST_P(SparseConv, PlanTakesTheSameMemory) {
+  const auto own = test::open_context(GetParam());
+  const auto run = [](Context& on) {
+    SubmanifoldBackward a;
+    a.in.x0 = on.tensor({1500, 40}), a.in.map = on.tensor({1500, 27}, Type::i32);
+    a.in.scale = on.tensor({40}), a.in.shift = on.tensor({40}), a.in.silu = true;
+    a.w = on.tensor({8, 3, 3, 3, 40}), a.dy = on.tensor({1500, 8}), a.dx = on.tensor({1500, 40});
+    a.dw = on.tensor({8, 3, 3, 3, 40}), a.dbias = on.tensor({8});
+    for (const Tensor& t : {a.in.x0, a.in.map, a.in.scale, a.in.shift, a.w, a.dy, a.dw, a.dbias}) on.fill_zero(t);
+    submanifold_backward(on, a);
+    return on.memory().peak_live();
+  };
+  const auto planner = own->planner();
+  const std::size_t planned = run(*planner);
+  EXPECT_EQ(run(*own), planned);
+}
+
+TEST_P(SparseConv, RejectsBadShapes) {
+  const ref::SparseConvCase c = make_case({3, 0.6f, 4, 5});
+  const long p = c.in.rows;
+  const auto expect_error = [&](const std::function<void(SubmanifoldBackward&)>& spoil) {
+    SubmanifoldBackward a = upload(c, random_floats(count(p, 5), 9), c.w);
+    spoil(a);
+    EXPECT_THROW(submanifold_backward(ctx(), a), Error);
+  };
+  expect_error([&](auto& a) { a.in.map = {}; });
+  expect_error([&](auto& a) { a.in.map = ctx().tensor({p, 8}, Type::i32); });
+  expect_error([&](auto& a) { a.in.x1 = ctx().tensor({p, 1}); });
+  expect_error([&](auto& a) { a.dy = ctx().tensor({p, 4}); });
+  expect_error([&](auto& a) { a.dx = ctx().tensor({p, 5}); });
+  expect_error([&](auto& a) { a.dw = ctx().tensor({5, 3, 3, 3, 3}); });
+}
+
+}  // namespace
+}  // namespace vsplat
