@@ -5,7 +5,7 @@
 #include "model/diagnose/selftest/reference/position_encoding.h"
 #include "model/diagnose/selftest/reference/project_features.h"
 #include "model/diagnose/selftest/reference/select.h"
-#include "model/networks/vsplat/refine.h"
+#include "model/networks/vsplat/voxel_refiner.h"
 
 namespace vsplat::bench {
 

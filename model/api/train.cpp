@@ -7,7 +7,7 @@
 #include "model/api/plan.h"
 #include "model/api/selected.h"
 #include "model/api/share.h"
-#include "model/train/report.h"
+#include "model/train/run_page.h"
 #include "model/train/stages.h"
 #include "model/train/train_ranks.h"
 #include "runtime/fail.h"

@@ -12,7 +12,7 @@
 #include "model/data/disguise.h"
 #include "model/data/drawn_views.h"
 #include "model/data/endless_objects.h"
-#include "model/data/room.h"
+#include "model/data/interior.h"
 #include "model/views/pose_check.h"
 #include "runtime/fail.h"
 #include "runtime/log.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "model/ops/render/project_surfels.h"
-#include "model/render/room.h"
+#include "model/render/reserve.h"
 
 namespace vsplat {
 namespace {

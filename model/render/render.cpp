@@ -4,7 +4,7 @@
 
 #include "model/ops/render/area_mean.h"
 #include "model/ops/render/tile_bin.h"
-#include "model/render/room.h"
+#include "model/render/reserve.h"
 #include "model/render/supersample.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/render/room.h"
+#include "model/render/reserve.h"
 
 namespace vsplat {
 

@@ -11,7 +11,7 @@
 #include "model/base/step_pace.h"
 #include "model/io/picture/image_file.h"
 #include "model/train/beginning.h"
-#include "model/train/report.h"
+#include "model/train/run_page.h"
 #include "model/train/run_record.h"
 #include "model/train/train_ranks.h"
 #include "model/train/training_reading.h"

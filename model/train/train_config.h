@@ -52,7 +52,7 @@ struct TrainConfig {
   double cube_min = 1, cube_max = 1;
   // So much of the objects are mirrored, and have their red, green and blue exchanged, drawn for each: 0 to 1.
   double mirror = 0, shuffle_channels = 0;
-  double rooms = 0;  // so much of the objects are in a room (data/room.h), as where users mask nothing; 0 to 1
+  double rooms = 0;  // so much of the objects are in a room (data/interior.h), as where users mask nothing; 0 to 1
   // Deviation of the noise on the poses that the network is told of input views but the first, drawn anew for each
   // object and step (base/pose_noise.h): radians, and edges of the cube. What is drawn and compared knows none.
   double pose_noise = 0;

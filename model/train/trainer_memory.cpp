@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "model/render/room.h"
+#include "model/render/reserve.h"
 #include "model/train/trainer.h"
 #include "runtime/fail.h"
 #include "runtime/units.h"

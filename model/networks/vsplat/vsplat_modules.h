@@ -8,9 +8,9 @@
 #include "model/networks/vsplat/lift.h"
 #include "model/networks/vsplat/modulation.h"
 #include "model/networks/vsplat/ray_predictor.h"
-#include "model/networks/vsplat/refine.h"
 #include "model/networks/vsplat/select.h"
 #include "model/networks/vsplat/unet3d.h"
+#include "model/networks/vsplat/voxel_refiner.h"
 #include "model/networks/vsplat/vsplat_model.h"
 
 namespace vsplat {

@@ -1,4 +1,4 @@
-#include "model/train/report.h"
+#include "model/train/run_page.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

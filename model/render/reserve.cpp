@@ -1,4 +1,4 @@
-#include "model/render/room.h"
+#include "model/render/reserve.h"
 
 #include <memory>
 

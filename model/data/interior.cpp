@@ -1,4 +1,4 @@
-#include "model/data/room.h"
+#include "model/data/interior.h"
 
 #include <algorithm>
 #include <cmath>

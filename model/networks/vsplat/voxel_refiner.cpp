@@ -1,4 +1,4 @@
-#include "model/networks/vsplat/refine.h"
+#include "model/networks/vsplat/voxel_refiner.h"
 
 #include "model/ops/dense/gather.h"
 #include "model/ops/networks/position_encoding.h"

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "model/networks/params/params.h"
-#include "model/networks/vsplat/refine.h"
+#include "model/networks/vsplat/voxel_refiner.h"
 #include "tests/reference/refine.h"
 #include "tests/support/compare.h"
 #include "tests/support/device.h"

@@ -1,5 +1,5 @@
 // Rooms about objects: which wall is seen where, and what of a view they change.
-#include "model/data/room.h"
+#include "model/data/interior.h"
 
 #include <gtest/gtest.h>
 

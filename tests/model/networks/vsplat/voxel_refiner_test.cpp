@@ -1,5 +1,5 @@
 // The fine stage's features against the PyTorch specification.
-#include "model/networks/vsplat/refine.h"
+#include "model/networks/vsplat/voxel_refiner.h"
 
 #include "model/ops/dense/gather.h"
 #include "tests/support/compare.h"
