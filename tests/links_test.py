@@ -161,7 +161,7 @@ class Documents(unittest.TestCase):
         for target in ("no-such-file.md", "examples/pictures/none.png", "../outside.md", "#no-such-heading",
                        "CONTRIBUTING.md#no-such-heading", "LICENSE#heading"):
             self.assertIsNotNone(problem_with(readme, target), target)
-        for target in ("CONTRIBUTING.md", "model/", "#two-commands", "CONTRIBUTING.md#rooms", "https://example.org/none"):
+        for target in ("CONTRIBUTING.md", "model/", "#two-commands", "CONTRIBUTING.md#folders", "https://example.org/none"):
             self.assertIsNone(problem_with(readme, target), target)
 
     def test_functions_and_files_exist(self):
