@@ -51,9 +51,6 @@ else()
   vsplat_left_out("No SDL (Debian: libsdl2-dev): the example with a window is left out")
 endif()
 
-# The recipes of other packagers.
-add_test(NAME recipes COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/recipes_test.py)
-set_tests_properties(recipes PROPERTIES LABELS unit)
 
 # The documents: where their links lead, README's size, and that the options which they name exist.
 add_test(NAME links COMMAND Python3::Interpreter ${CMAKE_CURRENT_SOURCE_DIR}/links_test.py)
