@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/io/archive/selection_file.h"
+#include "model/io/scene/offset_file.h"
 #include "runtime/fail.h"
 
 using namespace vsplat;
@@ -207,7 +208,9 @@ vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path) {
   return guarded([&] {
     need(scene, "scene");
     need(path, "path");
-    write_ply(path, *scene->now());
+    const std::shared_ptr<const Scene> now = scene->now();
+    write_offset_file(path, *now);
+    write_ply(path, *now);
   });
 }
 

@@ -19,10 +19,7 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
   if (offset_.empty()) {
     outputs_.expect_gone(offset_path_);  // one from before would be taken for this scene's
   } else {
-    const nlohmann::ordered_json beside = {{"scene", std::filesystem::path(path_).filename().string()},
-                                           {"offset", offset_}};
-    write_text(outputs_.begin(offset_path_),
-               beside.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+    outputs_.begin(offset_path_);  // which save() writes
     char text[128];
     std::snprintf(text, sizeof text, "(%.12g, %.12g, %.12g)", offset_[0], offset_[1], offset_[2]);
     say(common, path_ + ": too far from the world's origin for floats: positions in it are relative to " + text +

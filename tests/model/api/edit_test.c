@@ -216,6 +216,47 @@ static void test_mirrors(vsplat_device device) {
   vsplat_scene_release(other);
 }
 
+static int is_there(const char* path) {
+  FILE* file = fopen(path, "rb");
+  if (file) fclose(file);
+  return file != NULL;
+}
+
+static void write_file(const char* path, const char* text) {
+  FILE* file = fopen(path, "wb");
+  HOLD(file != NULL);
+  if (!file) return;
+  fputs(text, file);
+  fclose(file);
+}
+
+/* Other programs learn from a file beside the scene where it lies. */
+static void test_offset_file(void) {
+  const char *path = "edit_test_far.ply", *beside = "edit_test_far.offset.json";
+  const double offset[3] = {1e6, 0.5, -3};
+  vsplat_scene far_off = make_scene(3, 0, 5, 0, offset), near_by = make_scene(3, 0, 5, 0, NULL);
+  char text[256] = "";
+  FILE* file;
+  remove(beside);
+  EXPECT(VSPLAT_OK, vsplat_scene_save(far_off, path));
+  file = fopen(beside, "rb");
+  HOLD(file != NULL);
+  if (file) {
+    text[fread(text, 1, sizeof text - 1, file)] = 0;
+    fclose(file);
+  }
+  HOLD(strstr(text, "edit_test_far.ply") && strstr(text, "1000000.0") && strstr(text, "0.5") && strstr(text, "-3.0"));
+  EXPECT(VSPLAT_OK, vsplat_scene_save(near_by, path));
+  HOLD(!is_there(beside));
+  write_file(beside, "{\"scene\": \"another.ply\", \"offset\": [1, 2, 3]}");
+  EXPECT(VSPLAT_OK, vsplat_scene_save(near_by, path));
+  HOLD(is_there(beside)); /* it is not this scene's */
+  remove(beside);
+  remove(path);
+  vsplat_scene_release(far_off);
+  vsplat_scene_release(near_by);
+}
+
 static void test_fewer(void) {
   const double offset[3] = {10, 20, 30}, low[3] = {9.9, 19.5, 29}, high[3] = {10.5, 20.2, 31};
   vsplat_scene scene = make_scene(40, 2, 7, 0, offset);
@@ -279,6 +320,7 @@ int main(void) {
   test_transform(device);
   test_append(device);
   test_mirrors(device);
+  test_offset_file();
   test_fewer();
   test_refusals();
   vsplat_device_release(device);

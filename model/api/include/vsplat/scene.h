@@ -104,7 +104,8 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_crop(vsplat_scene scene, 
                                                             const double high[3]);
 
 /* Writes one, whole or not at all. An existing file is replaced. Where the scene has an offset, positions in the file
-   are relative to it, and the file says so in a comment that vsplat_scene_load obeys and other programs do not. */
+   are relative to it: a comment of the file says so to vsplat_scene_load, and SCENE.offset.json beside it, which is
+   written, too, to other programs. Where it has none, such a file of an earlier scene of this name is removed. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save(vsplat_scene scene, const char* path);
 /* The bytes of that file, `*out_size` of them; the caller's, to be freed by vsplat_text_free. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_scene_save_memory(vsplat_scene scene, char** out_bytes,
