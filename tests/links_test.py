@@ -254,6 +254,20 @@ class Commands(unittest.TestCase):
         full = {o for o in known if o.startswith("--")} - {"--help", "--version"}
         self.assertEqual(sorted(full - named), [])
 
+    def test_the_table_of_sizes_is_what_models_have(self):
+        """The columns of `small`, with which a training begins, and of the model inside."""
+        run = lambda *args: subprocess.run([os.environ["VSPLAT"], *args], capture_output=True, text=True, timeout=60, check=True).stdout
+        inside = json.loads(run("weights", "info", "--json"))["config"]
+        rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]+) \| ([^|]+) \| ([^|]+) \| [^|]+ \|$",
+                          (ROOT / "model/networks/params/README.md").read_text(encoding="utf-8"), re.M)
+        self.assertGreater(len(rows), 8)
+        small = json.loads(run("train", "--print-config"))["model"]
+        text = lambda value: "-" if value is None else " ".join(map(str, value)) if isinstance(value, list) else str(value)
+        for names, *columns in rows:
+            fields = re.findall(r"`(\w+)`", names)
+            for shown, config in zip(columns[1:], (small, inside)):
+                self.assertEqual(shown, ", ".join(text(config.get(field)) for field in fields), names)
+
     def test_fields_of_the_configurations_are_told(self):
         done = subprocess.run([os.environ["VSPLAT"], "train", "--print-config"], capture_output=True, text=True, timeout=60, check=True)
         config = json.loads(done.stdout)
