@@ -61,6 +61,7 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
                        const Part& part, const VisibleCount& count) {
   const bool surfels = scene.kind == GaussianKind::surfel;
   Projected out = compact_visible(ctx, view.culled, part, count, surfels ? kSurfelRecord : kRecord);
+  out.camera = view.camera;
   for (long i = 0; i < scene.chunks(); ++i) {
     if (ctx.planning()) {  // as if it were all in the first chunk: the launch takes no memory
       const DeviceGaussians chunk = scene.get(ctx, i);

@@ -41,8 +41,8 @@ Gaussians download(Context& ctx, const SceneGradient& gradient, int sh_degree) {
 namespace {
 
 // Of a part of the picture, which is drawn. `twists`: of project_backward().
-void part_backward(Context& ctx, const GaussianChunks& scene, const Tensor& views, const RenderOptions& options,
-                   const Part& part, const Projected& projected, const Binned& binned, const DevicePicture& picture,
+void part_backward(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
+                   const Projected& projected, const Binned& binned, const DevicePicture& picture,
                    const PictureGradient& gradient, const SceneGradient& out, const Tensor& twists) {
   const bool surfels = scene.kind == GaussianKind::surfel, mirrored = options.mirror.has_value();
   const IntersectionGradients rows =
@@ -54,10 +54,10 @@ void part_backward(Context& ctx, const GaussianChunks& scene, const Tensor& view
     const GaussianGradients& to = out.at(static_cast<std::size_t>(i));
     const long base = i * scene.chunk;
     if (surfels)
-      project_surfels_backward(
-          ctx, {chunk, base, views, 0, mirrored, projected, binned.offsets, rows, to, twists, options.revision});
+      project_surfels_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to,
+                                     twists, options.revision});
     else
-      project_backward(ctx, {chunk, base, views, 0, mirrored, projected, binned.offsets, rows, to, twists});
+      project_backward(ctx, {chunk, base, projected.camera, 0, mirrored, projected, binned.offsets, rows, to, twists});
   }
 }
 
@@ -67,14 +67,13 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
                      const PictureGradient& gradient, const SceneGradient& out, std::array<double, 6>* pose) {
   const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
   const Stage stage(ctx, "splat");
-  const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
   const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
   std::vector<Tensor> poses;  // of each part
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists);
                   if (!pose) return;
                   const Tensor sum = sum_twists(c, twists);
                   if (!c.planning()) poses.push_back(sum);
@@ -91,7 +90,6 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                                   const RenderOptions& options, const PictureLossWork& loss, const SceneGradient& out,
                                   std::array<double, 6>* pose) {
   const Stage stage(ctx, "splat");
-  const Tensor views = upload_views(ctx, {camera}, options.near, options.mirror);
   const DevicePicture picture = picture_in_room(ctx, scene, camera, options.maps);
   DrawnPicture drawn{picture};
   bool done = false;
@@ -102,7 +100,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   if (part.tiles() != tiles_along(camera.width) * tiles_along(camera.height)) return;
                   const PictureGradient gradient = loss(c, picture);
                   const Tensor twists = pose ? c.tensor({projected.ids.dim(0), 6}, Type::f32, "twists") : Tensor();
-                  part_backward(c, scene, views, options, part, projected, binned, picture, gradient, out, twists);
+                  part_backward(c, scene, options, part, projected, binned, picture, gradient, out, twists);
                   const Tensor sum = pose ? sum_twists(c, twists) : Tensor();
                   if (pose && &c == &ctx && !ctx.planning()) {
                     const auto values = ctx.read<float>(sum);

@@ -43,6 +43,7 @@ struct Projected {
   Tensor keys;       // u32 [V]: order as depth does
   int key_bits = 0;  // of the largest key
   Tensor records;    // f32 [V,12], of surfels (project_surfels.h) [V,20]
+  Tensor camera;     // upload_views' [1,32], as for_each_part() fills it in
 };
 
 // A chunk of the scene, whose first Gaussian is the scene's `base`, in one view: `view` of upload_views' [V,32]; width
