@@ -2,6 +2,7 @@
 // the network's own room; how each of them is taken is in a source of its own here.
 #pragma once
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "model/base/camera.h"
@@ -36,17 +37,32 @@ class Network {
   // What that takes.
   virtual MemoryPlan plan(const Context& ctx, long views, long selected) const = 0;
 
+  // What an architecture keeps between the calls of a training's step.
+  struct State {
+    virtual ~State() = default;
+  };
+  template <typename T>
+  struct StateOf : State {
+    explicit StateOf(T of) : value(std::move(of)) {}
+    T value;
+  };
+  // The T that this network has put there.
+  template <typename T>
+  static T& value_in(const std::shared_ptr<State>& state) {
+    return dynamic_cast<StateOf<T>&>(*state).value;
+  }
+
   // A training's forward, in two calls: what memory the second takes is known after the first. Both keep what backward
   // needs, and plan no memory; `ctx` may be a planner.
   struct Half {
     long selected = 0;  // 0 where there is one level
-    std::shared_ptr<void> state;
+    std::shared_ptr<State> state;
   };
   struct Trained {
     DeviceGaussians coarse, final;  // none where there is one level, or ForwardOptions::fine is not set
     long selected = 0;
-    Tensor rays;                  // as Result has them
-    std::shared_ptr<void> state;  // backward takes it apart as it goes
+    Tensor rays;                   // as Result has them
+    std::shared_ptr<State> state;  // backward takes it apart as it goes
   };
   virtual Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                      const ForwardOptions& options, bool recompute) const = 0;

@@ -1,22 +1,66 @@
+// Generative Densification on a backbone: one network for both, by what differs between LaRa's and VS-Splat's.
 #include <utility>
 
 #include "model/networks/genden/genden_model.h"
+#include "model/networks/genden/vsplat_genden_model.h"
 #include "model/networks/lara/lara_options.h"
 #include "model/networks/network.h"
+#include "model/networks/vsplat/vsplat_options.h"
 
 namespace vsplat {
 namespace {
 
-GendenOptions genden_options(const ForwardOptions& options) {
-  GendenOptions out;
-  out.backbone = lara_options(options);
-  out.seed = options.selection_seed.value_or(0);
-  return out;
-}
+struct OnLara {
+  using Config = GendenConfig;
+  using Model = GendenModel;
+  using CoarseHalf = LaraModel::CoarseHalf;
 
+  static GendenOptions options(const ForwardOptions& options) {
+    GendenOptions out;
+    out.backbone = lara_options(options);
+    out.seed = options.selection_seed.value_or(0);
+    return out;
+  }
+  static Network::Result result(GendenResult made, const Model& model) {
+    return {made.coarse, made.final, voxels_of(made.kept, model.config()), model.config().grid(), {}};
+  }
+  static long selected(const CoarseHalf& half) { return half.kept; }
+  static Network::Trained result(const Model::Trained& made, long selected) {
+    return {made.result.coarse, made.result.final, selected, {}, {}};
+  }
+  static void backward(Context& ctx, const Model& model, Model::Trained& made, const GaussianGradients& dcoarse,
+                       const GaussianGradients& dfinal, const Tensor&) {
+    model.backward(ctx, made, dcoarse, dfinal);
+  }
+};
+
+struct OnVsplat {
+  using Config = VsplatGendenConfig;
+  using Model = VsplatGendenModel;
+  using CoarseHalf = VsplatModel::CoarseHalf;
+
+  static VsplatGendenOptions options(const ForwardOptions& options) {
+    VsplatGendenOptions out;
+    out.backbone = options;
+    return out;
+  }
+  static Network::Result result(VsplatGendenResult made, const Model& model) {
+    return {made.coarse, made.final, std::move(made.selected), model.config().volume, made.rays};
+  }
+  static long selected(const CoarseHalf& half) { return half.selected; }
+  static Network::Trained result(const Model::Trained& made, long selected) {
+    return {made.backbone.coarse, made.final, selected, made.backbone.rays, {}};
+  }
+  static void backward(Context& ctx, const Model& model, Model::Trained& made, const GaussianGradients& dcoarse,
+                       const GaussianGradients& dfinal, const Tensor& drays) {
+    model.backward(ctx, made, dcoarse, dfinal, drays);
+  }
+};
+
+template <typename Backbone>
 class GendenNetwork : public Network {
  public:
-  GendenNetwork(Context& ctx, const GendenConfig& config, const WeightSource& weights)
+  GendenNetwork(Context& ctx, const typename Backbone::Config& config, const WeightSource& weights)
       : config_(config), model_(ctx, config, weights) {}
 
   const AnyConfig& config() const override { return config_; }
@@ -24,8 +68,7 @@ class GendenNetwork : public Network {
 
   Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                  const ForwardOptions& options) const override {
-    const GendenResult made = model_.forward(ctx, images, cameras, genden_options(options));
-    return {made.coarse, made.final, voxels_of(made.kept, model_.config()), model_.config().grid(), {}};
+    return Backbone::result(model_.forward(ctx, images, cameras, Backbone::options(options)), model_);
   }
 
   MemoryPlan plan(const Context& ctx, long views, long selected) const override {
@@ -34,43 +77,46 @@ class GendenNetwork : public Network {
 
   Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
              bool recompute) const override {
-    auto half = std::make_shared<Begun>();
-    half->coarse = model_.coarse_in_training(ctx, images, cameras, genden_options(options), recompute);
-    half->images = images;
-    half->cameras = cameras;
-    const long kept = half->coarse.kept;
-    return {kept, std::move(half)};
+    Begun begun{model_.coarse_in_training(ctx, images, cameras, Backbone::options(options), recompute), images,
+                cameras};
+    const long selected = Backbone::selected(begun.coarse);
+    return {selected, std::make_shared<StateOf<Begun>>(std::move(begun))};
   }
 
   Trained finish(Context& ctx, Half half, const ForwardOptions& options) const override {
-    Begun& begun = *std::static_pointer_cast<Begun>(half.state);
-    auto trained = std::make_shared<GendenModel::Trained>(
-        model_.fine_in_training(ctx, std::move(begun.coarse), begun.images, begun.cameras, genden_options(options)));
-    Trained out{trained->result.coarse, trained->result.final, half.selected, {}, {}};
-    out.state = std::move(trained);
+    auto& begun = value_in<Begun>(half.state);
+    typename Model::Trained made =
+        model_.fine_in_training(ctx, std::move(begun.coarse), begun.images, begun.cameras, Backbone::options(options));
+    Trained out = Backbone::result(made, half.selected);
+    out.state = std::make_shared<StateOf<typename Model::Trained>>(std::move(made));
     return out;
   }
 
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
-                const Tensor&) const override {
-    model_.backward(ctx, *std::static_pointer_cast<GendenModel::Trained>(trained.state), dcoarse, dfinal);
+                const Tensor& drays) const override {
+    Backbone::backward(ctx, model_, value_in<typename Model::Trained>(trained.state), dcoarse, dfinal, drays);
   }
 
  private:
+  using Model = typename Backbone::Model;
   struct Begun {
-    LaraModel::CoarseHalf coarse;
+    typename Backbone::CoarseHalf coarse;
     Tensor images;
     std::vector<Camera> cameras;
   };
 
   AnyConfig config_;
-  GendenModel model_;
+  Model model_;
 };
 
 }  // namespace
 
 std::unique_ptr<Network> network_of(Context& ctx, const GendenConfig& config, const WeightSource& weights) {
-  return std::make_unique<GendenNetwork>(ctx, config, weights);
+  return std::make_unique<GendenNetwork<OnLara>>(ctx, config, weights);
+}
+
+std::unique_ptr<Network> network_of(Context& ctx, const VsplatGendenConfig& config, const WeightSource& weights) {
+  return std::make_unique<GendenNetwork<OnVsplat>>(ctx, config, weights);
 }
 
 }  // namespace vsplat

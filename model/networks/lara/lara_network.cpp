@@ -26,24 +26,22 @@ class LaraNetwork : public Network {
 
   Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
              bool recompute) const override {
-    auto half = std::make_shared<LaraModel::CoarseHalf>(
-        model_.coarse_in_training(ctx, images, cameras, lara_options(options), recompute));
-    const long kept = half->kept;
-    return {kept, std::move(half)};
+    LaraModel::CoarseHalf half = model_.coarse_in_training(ctx, images, cameras, lara_options(options), recompute);
+    const long kept = half.kept;
+    return {kept, std::make_shared<StateOf<LaraModel::CoarseHalf>>(std::move(half))};
   }
 
   Trained finish(Context& ctx, Half half, const ForwardOptions& options) const override {
-    auto trained = std::make_shared<LaraModel::Trained>(model_.fine_in_training(
-        ctx, std::move(*std::static_pointer_cast<LaraModel::CoarseHalf>(half.state)), lara_options(options)));
-    const LaraResult& made = trained->result;
-    Trained out{made.coarse, made.final, half.selected, {}, {}};
-    out.state = std::move(trained);
+    LaraModel::Trained trained =
+        model_.fine_in_training(ctx, std::move(value_in<LaraModel::CoarseHalf>(half.state)), lara_options(options));
+    Trained out{trained.result.coarse, trained.result.final, half.selected, {}, {}};
+    out.state = std::make_shared<StateOf<LaraModel::Trained>>(std::move(trained));
     return out;
   }
 
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                 const Tensor&) const override {
-    model_.backward(ctx, *std::static_pointer_cast<LaraModel::Trained>(trained.state), dcoarse, dfinal);
+    model_.backward(ctx, value_in<LaraModel::Trained>(trained.state), dcoarse, dfinal);
   }
 
  private:

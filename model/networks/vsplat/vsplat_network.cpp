@@ -28,24 +28,24 @@ class VsplatNetwork : public Network {
 
   Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const ForwardOptions& options,
              bool recompute) const override {
-    auto half = std::make_shared<VsplatModel::CoarseHalf>(
-        model_.coarse_in_training(ctx, images, upload_cameras(ctx, cameras), options, recompute));
-    const long selected = half->selected;
-    return {selected, std::move(half)};
+    VsplatModel::CoarseHalf half =
+        model_.coarse_in_training(ctx, images, upload_cameras(ctx, cameras), options, recompute);
+    const long selected = half.selected;
+    return {selected, std::make_shared<StateOf<VsplatModel::CoarseHalf>>(std::move(half))};
   }
 
   Trained finish(Context& ctx, Half half, const ForwardOptions& options) const override {
-    auto trained = std::make_shared<VsplatModel::Trained>(model_.fine_in_training(
-        ctx, std::move(*std::static_pointer_cast<VsplatModel::CoarseHalf>(half.state)), options));
-    Trained out{trained->coarse, trained->final, trained->selected ? trained->selected.dim(0) : 0, trained->rays, {}};
+    VsplatModel::Trained trained =
+        model_.fine_in_training(ctx, std::move(value_in<VsplatModel::CoarseHalf>(half.state)), options);
+    Trained out{trained.coarse, trained.final, trained.selected ? trained.selected.dim(0) : 0, trained.rays, {}};
     if (!config_.has_fine()) out.final = {};  // its one level
-    out.state = std::move(trained);
+    out.state = std::make_shared<StateOf<VsplatModel::Trained>>(std::move(trained));
     return out;
   }
 
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                 const Tensor& drays) const override {
-    model_.backward(ctx, *std::static_pointer_cast<VsplatModel::Trained>(trained.state), dcoarse, dfinal, {}, drays);
+    model_.backward(ctx, value_in<VsplatModel::Trained>(trained.state), dcoarse, dfinal, {}, drays);
   }
 
  private:
