@@ -3,16 +3,13 @@
 #include <algorithm>
 #include <chrono>
 
+#include "model/base/statistics.h"
+
 namespace vsplat::bench {
 namespace {
 
 constexpr int kRounds = 3, kMostRounds = 1000;
 constexpr double kLongest = 30;  // times the seconds asked for, where a run takes long
-
-double quantile(std::vector<double> values, double share) {
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(std::lround(share * static_cast<double>(values.size() - 1)))];
-}
 
 // Inputs differ in what they take; what spreads is one input's time.
 Times times_of(const std::vector<std::vector<double>>& by_input) {
