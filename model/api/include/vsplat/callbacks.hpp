@@ -1,5 +1,5 @@
-// Lambdas where the C interface takes functions. What they throw ends the call and comes out of it. Part of vsplat.hpp,
-// which includes it.
+// Lambdas in place of the C interface's functions. An exception in a lambda ends the call, which then rethrows it. Part
+// of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_CALLBACKS_HPP
 #define VSPLAT_CALLBACKS_HPP
 
@@ -13,18 +13,18 @@
 namespace vsplat {
 inline namespace cxx {
 
-// Called as a computation goes on, see vsplat_progress_function: `stage`, and the share that is done. False stops it:
-// the call throws Error(VSPLAT_ERROR_CANCELLED).
+// Called during a computation, see vsplat_progress_function: `stage`, and the share done. Return false to stop: the
+// call throws Error(VSPLAT_ERROR_CANCELLED).
 using Progress = std::function<bool(const char* stage, double done)>;
-// Messages, see vsplat_log_set: called from any thread, one at a time.
+// Receives messages, see vsplat_log_set: called from any thread, one call at a time.
 using Log = std::function<void(vsplat_log_level level, const char* text)>;
 
 namespace detail {
 
-// What a lambda throws, until the call that it was given to is over.
+// Holds a lambda's exception until the call that it was passed to returns.
 class Caught {
  public:
-  // -> whether it threw nothing
+  // Returns whether `f` threw nothing.
   template <class F>
   bool run(const F& f) noexcept {
     try {
@@ -36,7 +36,7 @@ class Caught {
     }
   }
   bool any() const { return thrown_ != nullptr; }
-  // That, else the status's Error.
+  // Throws the held exception, else the status's Error.
   void check(vsplat_status status) const {
     if (thrown_) std::rethrow_exception(thrown_);
     cxx::check(status);
@@ -46,7 +46,7 @@ class Caught {
   std::exception_ptr thrown_;
 };
 
-// A progress function of options that have `progress` and `user`, for as long as this lives.
+// Wraps a progress function for options with the fields `progress` and `user`, during this object's lifetime.
 class ProgressCall {
  public:
   explicit ProgressCall(const Progress& function) : function_(function) {}
@@ -81,8 +81,8 @@ inline Log& log() {
 
 }  // namespace detail
 
-// Where the library's messages go, for the whole process; an empty function silences them. No call may be under way,
-// and the function may neither throw nor call the library.
+// Sets where the library's messages go, for the whole process; an empty function silences them. No call may be in
+// progress, and the function may neither throw nor call the library.
 inline void log_to(Log function) {
   vsplat_log_set(nullptr, nullptr);
   detail::log() = std::move(function);

@@ -1,5 +1,5 @@
-// Meshes and data sets for C++, see vsplat/dataset.h. Part of vsplat.hpp, which includes it.
-#include <vsplat/vsplat.hpp>  // before the guard: others of its parts use these
+// Meshes and data sets for C++, see vsplat/dataset.h. Part of vsplat.hpp, which includes this file.
+#include <vsplat/vsplat.hpp>  // before the guard: other parts of vsplat.hpp use these
 
 #ifndef VSPLAT_DATASET_HPP
 #define VSPLAT_DATASET_HPP
@@ -16,7 +16,7 @@ using DataSetHandle = Handle<vsplat_dataset, vsplat_dataset_retain, vsplat_datas
 class Mesh : public MeshHandle {
  public:
   using MeshHandle::MeshHandle;
-  // `texture` "": the file's own.
+  // `texture` "": the file's own textures.
   static Mesh load(const std::string& path, const std::string& texture = "") {
     vsplat_mesh out = nullptr;
     check(vsplat_mesh_load(path.c_str(), texture.empty() ? nullptr : texture.c_str(), &out));
@@ -51,13 +51,13 @@ class DataSet : public DataSetHandle {
     check(vsplat_dataset_count(get(), &out));
     return out;
   }
-  // JSON: name, layout, path.
+  // Returns JSON: name, layout, path.
   std::string describe(size_t index) const {
     char* out = nullptr;
     check(vsplat_dataset_describe(get(), index, &out));
     return text(out);
   }
-  // `bad`: a JSON list.
+  // `bad` receives a JSON list.
   vsplat_dataset_object survey(size_t index, int32_t pictures, std::string& bad) const {
     vsplat_dataset_object out = VSPLAT_DATASET_OBJECT_INIT;
     char* texts = nullptr;
@@ -65,7 +65,7 @@ class DataSet : public DataSetHandle {
     bad = text(texts);
     return out;
   }
-  // [side][side][3], on white.
+  // [side][side][3] on white.
   std::vector<float> picture(size_t index, int32_t view, int32_t side) const {
     std::vector<float> out(static_cast<size_t>(side) * static_cast<size_t>(side) * 3);
     check(vsplat_dataset_get_picture(get(), index, view, side, out.data(), out.size()));

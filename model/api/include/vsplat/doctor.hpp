@@ -1,4 +1,5 @@
-// What is wrong with OpenCL here, for C++, see vsplat/doctor.h and report.h. Part of vsplat.hpp, which includes it.
+// Problems of OpenCL on this machine, for C++, see vsplat/doctor.h and report.h. Part of vsplat.hpp, which includes
+// this file.
 #ifndef VSPLAT_DOCTOR_HPP
 #define VSPLAT_DOCTOR_HPP
 
@@ -8,7 +9,7 @@ namespace vsplat {
 inline namespace cxx {
 
 struct Diagnosis {
-  size_t findings = 0;  // how many things are wrong
+  size_t findings = 0;  // number of problems
   std::string text;     // or JSON
 };
 
@@ -20,7 +21,7 @@ inline Diagnosis doctor(const vsplat_doctor_options& options) {
   return out;
 }
 
-// JSON. The device may be NULL: without a run.
+// Returns JSON. The device may be NULL: the report is then without a run.
 inline std::string report(vsplat_device device, const vsplat_report_options& options) {
   char* out = nullptr;
   check(vsplat_report(device, &options, &out));

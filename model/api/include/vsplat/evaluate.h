@@ -1,5 +1,5 @@
-/* How well a model reconstructs the objects of data sets. Part of vsplat.h, which includes it and whose conventions
-   hold: handles, statuses, structs with their size. */
+/* Measures how well a model reconstructs the objects of data sets. Part of vsplat.h, which includes this file and
+   states the common conventions: handles, statuses, structs that begin with their size. */
 #ifndef VSPLAT_EVALUATE_H
 #define VSPLAT_EVALUATE_H
 
@@ -13,32 +13,32 @@
 extern "C" {
 #endif
 
-/* Which views of an object are compared. Inputs are always the first views of k-means groups of the cameras' positions,
-   as many as the model's configuration says, or as are asked for. */
+/* Which views of an object are compared. Inputs are always the first views of k-means groups of the camera positions;
+   their number is view_count, or the model configuration's. */
 typedef enum vsplat_protocol {
   VSPLAT_PROTOCOL_KMEANS = 0,  /* the last view of each of four k-means groups */
-  VSPLAT_PROTOCOL_RANDOM10 = 1 /* ten views at random, by the seed and the object's name */
+  VSPLAT_PROTOCOL_RANDOM10 = 1 /* ten random views, chosen by the seed and the object's name */
 } vsplat_protocol;
 
-/* Of all novel views of an object at the size that is compared, on white, laid side by side. PSNR in dB for a peak of
-   1. Equal pictures have an infinite one. Where a photograph without mask or alpha ends inside its square, all is white
-   and PSNR is over what it shows. */
+/* Scores over all novel views of an object, at the compared size, on white, laid side by side. PSNR is in dB for a peak
+   of 1, and infinite for equal pictures. Where a photograph without mask or alpha ends inside its square, the rest of
+   the square is white, and PSNR covers only the photograph's pixels. */
 typedef struct vsplat_scores {
   size_t size;
-  double psnr;                  /* of the result, by the mean squared error of its views together */
+  double psnr;                  /* of the result, from the mean squared error over all its views */
   double psnr_coarse;           /* of the coarse level */
   double ssim;                  /* of the result: 11 x 11 Gaussian windows (sigma 1.5) */
   double psnr_white;            /* of white pictures */
-  double psnr_nearest;          /* of the input view nearest to each novel one, by angle seen from the cube's centre */
-  double selected;              /* voxels selected, a share of 0 to 1 */
-  double lpips_alex, lpips_vgg; /* of the result; NaN where there were no weights for it */
-  double pose_degrees;  /* between the inputs' rotations as told to the network and as listed; NaN without noise */
+  double psnr_nearest;          /* of the input view nearest to each novel one, by the angle at the cube's centre */
+  double selected;              /* share of voxels selected, 0 to 1 */
+  double lpips_alex, lpips_vgg; /* of the result; NaN without LPIPS weights */
+  double pose_degrees;  /* between the inputs' rotations as given to the network and as listed; NaN without noise */
   double pose_distance; /* between their centres, in edges of the cube */
-  double ray_degrees;   /* between predicted rays' directions and those of the listed poses; NaN where none are
-                                   predicted */
+  double ray_degrees;   /* between the directions of predicted rays and of those from the listed poses; NaN if none are
+                           predicted */
   double ray_moment;    /* between their moments */
-  double gaussians;     /* of the network's result */
-  double seconds;       /* that the network took for it; of an evaluation's first object with what compiling took */
+  double gaussians;     /* number in the network's result */
+  double seconds;       /* time of the network; for the first object, compiling is included */
 } vsplat_scores;
 #define VSPLAT_SCORES_INIT \
   { sizeof(vsplat_scores), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 }
@@ -46,42 +46,43 @@ typedef struct vsplat_scores {
 typedef struct vsplat_evaluate_options {
   size_t size;
   vsplat_protocol protocol;
-  uint64_t seed;      /* of RANDOM10, and of pose_noise */
-  int32_t has_center; /* this and the next four as in vsplat_input_options; they hold for every object */
+  uint64_t seed;      /* of RANDOM10 and of pose_noise */
+  int32_t has_center; /* this and the next four fields are as in vsplat_input_options, and apply to every object */
   double center[3];
   double scale;
   int32_t auto_frame;
   vsplat_fit fit;
   const char* lpips;                 /* folder with alex.safetensors, vgg.safetensors or both: torchvision's
                                         features.N.weight and .bias, and LPIPS' linK.model.1.weight; NULL: no LPIPS */
-  int32_t skip_bad;                  /* 1: views and objects that cannot be read are told as warnings and passed over */
-  int32_t sheet;                     /* 1: make one */
+  int32_t skip_bad;                  /* 1: views and objects that cannot be read are skipped with a warning */
+  int32_t sheet;                     /* 1: make a contact sheet */
   vsplat_progress_function progress; /* may be NULL; the "stage" is the object's name */
-  void* user;                        /* of both functions */
-  int32_t picture_size; /* pictures are compared at N x N pixels: the truth resampled to it by area, the result drawn in
-                           it; the inputs stay at the model's size. 0: at the model's size */
-  /* May be NULL. Called after each object, so that what is done is kept where a later one is an error or `progress`
-     cancels; both arguments are valid during the call. */
+  void* user;                        /* argument of both functions */
+  int32_t picture_size; /* pictures are compared at N x N pixels: the truth is resampled to that size by area, the
+                           result is drawn in it; the inputs keep the model's size. 0: the model's size */
+  /* May be NULL. Called after each object, so that the caller has the finished results even if a later object fails or
+     `progress` cancels. Both arguments are valid during the call. */
   void (*on_object)(void* user, const char* name, const vsplat_scores* scores);
   int32_t
-      refine; /* 1: what is compared is the scene moved towards the inputs, and them alone, as vsplat/refine.h has it
-                     by default; the coarse level stays the network's */
-  /* Noise on the poses that the network is told of the inputs but the first: its deviation, in radians and edges of the
-     cube, 0 to 1 (0: none), and how often it is drawn (0: once); an object's numbers are the means. By `seed` and the
-     object's name, the same for every model. What is compared is drawn from the poses as listed. Not with `refine`. */
+      refine; /* 1: fits the scene to the inputs, and to them alone, with the defaults of vsplat/refine.h, and compares
+                 the fitted scene; the coarse level stays the network's */
+  /* Standard deviation of noise on the input poses given to the network, except the first: in radians and in edges of
+     the cube, 0 to 1 (0: none). pose_draws is how often it is drawn (0: once); an object's scores are the means. The
+     noise depends on `seed` and the object's name, so it is equal for every model. Compared pictures are drawn from the
+     poses as listed. Cannot be combined with `refine`. */
   double pose_noise;
   int32_t pose_draws;
-  int32_t view_count; /* how many views go in; 0: as many as the model's configuration says */
-  /* [num_more_devices] devices or streams that take objects beside the call's device, each the next when it is free;
-     the call has them, too. Functions come one at a time then, on any of their threads; on_object in order. One that
-     fails is told as a warning, and the others do its object. NULL: none */
+  int32_t view_count; /* number of input views; 0: the model configuration's */
+  /* [num_more_devices] devices or streams that evaluate objects beside the call's device, which takes part too. Each
+     takes the next object when it is free. Functions are then called one at a time, on any of their threads; on_object
+     keeps the order. A device that fails gives a warning, and the others take its object. NULL: none */
   const vsplat_device* more_devices;
   size_t num_more_devices;
-  int32_t ranks; /* not 0: the ranks of vsplat/ranks.h share the objects, each on its devices. Rank 0 has the whole, and
-                    the errors; on_object comes there at the end. On the others the result is that of their own objects,
-                    and VSPLAT_OK */
-  uint64_t supersample; /* as in vsplat_render_options, 0: by how fine the inputs are at the model's size. Scenes of
-                           `refine` have one sample where it is 0 */
+  int32_t ranks; /* not 0: the ranks of vsplat/ranks.h share the objects, each on its devices. Rank 0 gets all results
+                    and errors, and calls on_object at the end. The other ranks get the results of their own objects and
+                    VSPLAT_OK */
+  uint64_t supersample; /* as in vsplat_render_options; 0: chosen from the inputs' resolution at the model's size.
+                           Scenes of `refine` have one sample if it is 0 */
 } vsplat_evaluate_options;
 #define VSPLAT_EVALUATE_OPTIONS_INIT                                                                               \
   {                                                                                                                \
@@ -89,12 +90,12 @@ typedef struct vsplat_evaluate_options {
         NULL, NULL, 0, NULL, 0, 0.0, 0, 0, NULL, 0, 0, 0                                                           \
   }
 
-/* The results of one run. Belongs to no device; may be read by several threads. */
+/* The results of one run. Belongs to no device; several threads may read it. */
 typedef struct vsplat_evaluation_impl* vsplat_evaluation;
 
-/* Reconstructs every object of the data set and compares pictures of it with those given, over novel views only. Bad
-   views are VSPLAT_ERROR_FILE, _FORMAT or _INPUT naming object, view and what is wrong; with skip_bad only where
-   nothing is left. `options` NULL: defaults. */
+/* Reconstructs every object of the data set and compares its pictures with the given ones, over novel views only. Bad
+   views are VSPLAT_ERROR_FILE, _FORMAT or _INPUT naming object, view and what is wrong; with skip_bad this is an error
+   only if nothing is left. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model,
                                                           vsplat_dataset dataset,
                                                           const vsplat_evaluate_options* options,
@@ -102,22 +103,22 @@ VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluate(vsplat_device device, 
 VSPLAT_API void vsplat_evaluation_retain(vsplat_evaluation evaluation);
 VSPLAT_API void vsplat_evaluation_release(vsplat_evaluation evaluation);
 
-/* How many objects were evaluated, and how many were passed over. Either out_ pointer may be NULL. */
+/* Number of objects evaluated, and number skipped. Either out_ pointer may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_count(vsplat_evaluation evaluation, size_t* out_objects,
                                                                   size_t* out_skipped);
-/* Object `index` in the data set's order: its name, freed with vsplat_text_free, and its scores. Either out_ pointer
+/* Object `index` in the data set's order: its name (free it with vsplat_text_free) and its scores. Either out_ pointer
    may be NULL. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_get(vsplat_evaluation evaluation, size_t index,
                                                                 char** out_name, vsplat_scores* out_scores);
-/* The mean of every number over the objects. */
+/* The mean of every score over the objects. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_get_mean(vsplat_evaluation evaluation,
                                                                      vsplat_scores* out_scores);
-/* Writes the sheet as 8-bit PNG, whole or not at all; an existing file is replaced. The best, the median and the worst
-   object by PSNR side by side, up to four views each; rows from above: inputs, truth, coarse level, result.
-   VSPLAT_ERROR_USAGE where none was made. */
+/* Writes the contact sheet as 8-bit PNG, whole or not at all; replaces an existing file. It shows the best, the median
+   and the worst object by PSNR side by side, up to four views each; rows from the top: inputs, truth, coarse level,
+   result. VSPLAT_ERROR_USAGE: the run made no sheet. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_evaluation_save_sheet(vsplat_evaluation evaluation, const char* path);
 
-/* ---------------------------------------------------------------------------- whether weights do what they should */
+/* --------------------------------------------------------------------------------------------- checks of weights */
 
 typedef struct vsplat_check_options {
   size_t size;
@@ -127,12 +128,12 @@ typedef struct vsplat_check_options {
 #define VSPLAT_CHECK_OPTIONS_INIT \
   { sizeof(vsplat_check_options), NULL, NULL }
 
-/* For weights of unknown worth, as of a checkpoint that was just imported: reconstructs an object that needs no file,
-   the same for every model, and draws its input views again. `out_text` becomes a JSON object: "object" (its name),
-   "image" (pixels along an edge), "views", a list of {"name", "psnr", "psnr_nearest"} in dB on white, "psnr" and
-   "psnr_nearest", their means, "below_nearest" and "gaussians". psnr_nearest is what the other input nearest by angle
-   reaches in the view's place: where below_nearest is true, the weights are untrained, damaged or read wrongly. Numbers
-   that are not finite are null. `options` NULL: defaults. */
+/* Checks weights of unknown quality, such as those of a checkpoint just imported: reconstructs a built-in object, the
+   same for every model, and draws its input views again. `out_text` becomes a JSON object: "object" (its name), "image"
+   (pixels along an edge), "views", a list of {"name", "psnr", "psnr_nearest"} in dB on white, "psnr" and
+   "psnr_nearest", their means, "below_nearest" and "gaussians". psnr_nearest is the PSNR of the other input nearest by
+   angle, taken in place of the view. If below_nearest is true, the weights are untrained, damaged or read wrongly.
+   Numbers that are not finite are null. `options` NULL: defaults. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_model_check(vsplat_device device, vsplat_model model,
                                                              const vsplat_check_options* options, char** out_text);
 

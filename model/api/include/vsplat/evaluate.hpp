@@ -1,4 +1,4 @@
-// Evaluations for C++. Part of vsplat.hpp, which includes it.
+// Evaluations for C++. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_EVALUATE_HPP
 #define VSPLAT_EVALUATE_HPP
 
@@ -14,7 +14,7 @@ class Evaluation : public EvaluationHandle {
   Evaluation(const Device& device, const Model& model, const DataSet& data,
              const vsplat_evaluate_options& options = VSPLAT_EVALUATE_OPTIONS_INIT)
       : EvaluationHandle(run(device, model, data, options)) {}
-  // `progress` in place of the options' functions: the "stage" is the object's name.
+  // `progress` replaces the options' functions: its "stage" is the object's name.
   Evaluation(const Device& device, const Model& model, const DataSet& data, vsplat_evaluate_options options,
              const Progress& progress) {
     detail::ProgressCall call(progress);
@@ -61,7 +61,7 @@ class Evaluation : public EvaluationHandle {
   }
 };
 
-// What vsplat_model_check tells as JSON.
+// Returns the JSON of vsplat_model_check.
 inline std::string check_model(const Device& device, const Model& model,
                                const vsplat_check_options& options = VSPLAT_CHECK_OPTIONS_INIT) {
   char* out = nullptr;

@@ -1,4 +1,4 @@
-// Errors, texts and handles for C++. Part of vsplat.hpp, which includes it.
+// Errors, strings and handles for C++. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_HANDLE_HPP
 #define VSPLAT_HANDLE_HPP
 
@@ -26,7 +26,7 @@ inline void check(vsplat_status status) {
   if (status != VSPLAT_OK) throw Error(status, vsplat_last_error());
 }
 
-// Takes over what a call handed out.
+// Copies and frees a string that a call returned.
 inline std::string text(char* from) {
   std::string out(from);
   vsplat_text_free(from);

@@ -1,4 +1,4 @@
-// Jobs for C++, see vsplat/jobs.h. Part of vsplat.hpp, which includes it.
+// Jobs for C++, see vsplat/jobs.h. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_JOBS_HPP
 #define VSPLAT_JOBS_HPP
 
@@ -13,15 +13,15 @@ inline namespace cxx {
 
 using JobHandle = Handle<vsplat_job, vsplat_job_retain, vsplat_job_release>;
 
-// What is called while a job runs, on the device's thread of jobs; both may be empty.
+// Functions called while a job runs, on the device's job thread; both may be empty.
 struct JobFunctions {
   Progress progress;
-  std::function<void()> on_end;  // once, when it has ended; may begin others, and may not throw
+  std::function<void()> on_end;  // called once, when the job has ended; may begin other jobs, and may not throw
 };
 
 namespace detail {
 
-// Kept by the job, until it has ended, and by whoever holds its handle.
+// Owned by the job until it has ended, and by its Job handles.
 struct JobCalls {
   JobFunctions functions;
   Caught caught;
@@ -46,19 +46,19 @@ class Job : public JobHandle {
   Job(vsplat_job owned, std::shared_ptr<detail::JobCalls> calls) : JobHandle(owned), calls_(std::move(calls)) {}
 
   vsplat_job_state state() const { return wait(0); }
-  // Until it has ended and on_end has returned, or for so many seconds. -> what it is then
+  // Waits until the job has ended and on_end has returned, or for `seconds`. Returns the state it then has.
   vsplat_job_state wait(double seconds = -1) const {
     vsplat_job_state out = VSPLAT_JOB_QUEUED;
     check(vsplat_job_wait(get(), seconds, &out));
     return out;
   }
   void cancel() const { check(vsplat_job_cancel(get())); }
-  // Waits, and throws what it failed with: Error, or what its progress threw.
+  // Waits, and throws the job's failure: Error, or what its progress function threw.
   void finish() const {
     wait();
     calls_->caught.check(vsplat_job_result(get(), nullptr));
   }
-  // The same of a reconstruction. -> what it made
+  // Like finish(), for a reconstruction. Returns its scene.
   Scene scene() const {
     wait();
     vsplat_scene out = nullptr;
@@ -72,7 +72,7 @@ class Job : public JobHandle {
 
 namespace detail {
 
-// `begin(progress options' user and function set, job options, out)` -> the job
+// `begin(options with progress and user set, job options, out)` begins the job.
 template <class Options, class Begin>
 Job begin_job(Options options, JobFunctions functions, const Begin& begin) {
   auto calls = std::make_shared<JobCalls>();
@@ -86,7 +86,7 @@ Job begin_job(Options options, JobFunctions functions, const Begin& begin) {
   job_options.on_end = JobCalls::on_end;
   job_options.user = kept.get();
   vsplat_job out = nullptr;
-  // Its end, which may come before this returns, frees what is kept; where it never begins, nobody else does.
+  // on_end, which may run before this returns, frees `kept`; if the job never begins, it is freed here.
   auto* const given = kept.release();
   const vsplat_status status = begin(options, job_options, &out);
   if (status != VSPLAT_OK) kept.reset(given);
@@ -104,7 +104,8 @@ inline Job reconstruct_async(const Device& device, const Model& model, const Inp
   });
 }
 
-// A picture for each camera. What they lie in is the caller's, and stays where it is until the job has ended.
+// Draws one picture for each camera. The pictures' memory belongs to the caller, and must stay in place until the job
+// has ended.
 inline Job render_async(const Device& device, const Scene& scene, Span<const vsplat_camera> cameras,
                         Span<const PictureSpans> pictures,
                         const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT,

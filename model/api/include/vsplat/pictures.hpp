@@ -1,4 +1,4 @@
-// Contact sheets and animations for C++, see vsplat/pictures.h. Part of vsplat.hpp, which includes it.
+// Contact sheets and animations for C++, see vsplat/pictures.h. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_PICTURES_HPP
 #define VSPLAT_PICTURES_HPP
 
@@ -8,7 +8,7 @@
 namespace vsplat {
 inline namespace cxx {
 
-// PSNR and SSIM of [height][width][3] pictures; where `difference` is not empty, it takes their absolute difference.
+// PSNR and SSIM of [height][width][3] pictures; `difference`, unless empty, receives their absolute difference.
 inline vsplat_comparison compare(Span<const float> pixels, Span<const float> reference, int32_t width, int32_t height,
                                  Span<float> difference = {}) {
   const std::size_t values =

@@ -1,4 +1,4 @@
-/* Processes that work together, as mpirun starts them: ranks, on one machine or on many. Included by vsplat.h. */
+/* Ranks: processes that work together, started by mpirun, on one machine or on many. Included by vsplat.h. */
 #ifndef VSPLAT_RANKS_H
 #define VSPLAT_RANKS_H
 
@@ -8,22 +8,24 @@
 extern "C" {
 #endif
 
-/* Joins the others: which of them this process is, and how many there are. Rank 0 of 1 where mpirun did not start it.
-   VSPLAT_ERROR_USAGE where it is one of several and the library was built without its module for MPI (VSPLAT_MPI), since
-   each would do all of the work. The process leaves them when it exits; one that initialises MPI itself
-   does so before, with MPI_THREAD_SERIALIZED or more.
-   Then all ranks make the same calls with vsplat_train_options.ranks or vsplat_evaluate_options.ranks, with the same
-   arguments but for the device, one thread of each, and vsplat_ranks_gather; the files are where each can read them. */
+/* Joins the other ranks. Returns this process's rank and the number of ranks; 0 of 1 if mpirun did not start it.
+   VSPLAT_ERROR_USAGE: there are several ranks, but the library was built without its MPI module (VSPLAT_MPI), so each
+   would do all of the work. The process leaves when it exits. A process that initialises MPI itself does so before this
+   call, with MPI_THREAD_SERIALIZED or more. Afterwards all ranks make the same calls, each from one thread and with
+   equal arguments except the device: those with vsplat_train_options.ranks or vsplat_evaluate_options.ranks, and
+   vsplat_ranks_gather. Every rank must be able to read the files. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_ranks_join(int32_t* out_rank, int32_t* out_count);
 
-/* Called on rank 0 with the text of each rank, in order, valid during the call. */
+/* Called on rank 0 with the text of each rank, in order; the text is valid during the call. */
 typedef void (*vsplat_rank_text_function)(void* user, int32_t rank, const char* text);
 
-/* Every rank gives a text to rank 0, whose function is called for each, its own among them; that of others is not. */
+/* Every rank sends a text to rank 0, whose function is called for each, its own included. The other ranks' functions
+   are not called. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_ranks_gather(const char* text, vsplat_rank_text_function on_text,
                                                               void* user);
 
-/* Ends all ranks where this one cannot go on, so that none waits for it; does not return where there are several. */
+/* Ends all ranks when this one cannot continue, so that none waits for it. Does not return if there are several
+   ranks. */
 VSPLAT_API void vsplat_ranks_abort(int32_t exit_code);
 
 #ifdef __cplusplus

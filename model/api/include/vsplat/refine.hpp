@@ -1,4 +1,4 @@
-// Refinement for C++, see vsplat/refine.h. Part of vsplat.hpp, which includes it.
+// Fitting a scene for C++, see vsplat/refine.h. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_REFINE_HPP
 #define VSPLAT_REFINE_HPP
 
@@ -15,7 +15,7 @@ class Refinement : public RefinementHandle {
   Refinement(const Device& device, const Views& views, const vsplat_refine_options& options)
       : RefinementHandle(create(device, views, options)) {}
 
-  // Whether there is a further one; `progress` is filled in.
+  // Runs a step and fills `progress`. Returns whether there is a further step.
   bool step(vsplat_refine_progress& progress) const {
     int32_t more = 0;
     check(vsplat_refinement_step(get(), &progress, &more));
@@ -43,7 +43,7 @@ class Refinement : public RefinementHandle {
     check(vsplat_refinement_get_result(get(), &out));
     return out;
   }
-  // Places in the list of views.
+  // Indices into the list of views.
   std::vector<int32_t> views(vsplat_refine_views which) const {
     size_t count = 0;
     check(vsplat_refinement_get_views(get(), which, nullptr, 0, &count));
@@ -57,7 +57,7 @@ class Refinement : public RefinementHandle {
     return out;
   }
   void save_cameras(const std::string& path) const { check(vsplat_refinement_save_cameras(get(), path.c_str())); }
-  // As it is fitted or judged: `colour` alone is filled.
+  // As it is fitted or measured; only `colour` is filled.
   Picture picture(size_t view) const {
     const vsplat_camera about = camera(view);
     Picture out(about.width, about.height);

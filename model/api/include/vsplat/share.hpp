@@ -1,4 +1,4 @@
-// Work shared out over devices for C++, see vsplat/share.h. Part of vsplat.hpp, which includes it.
+// Distributes work over devices for C++, see vsplat/share.h. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_SHARE_HPP
 #define VSPLAT_SHARE_HPP
 
@@ -11,7 +11,7 @@ namespace vsplat {
 inline namespace cxx {
 namespace detail {
 
-// Carries what callbacks throw across the C interface.
+// Carries exceptions of callbacks across the C interface.
 class Thrown {
  public:
   template <class F>
@@ -29,14 +29,14 @@ class Thrown {
     }
     return status;
   }
-  // The first item's that has this status.
+  // Rethrows that of the first item with this status.
   void rethrow(vsplat_status status) const {
     for (const auto& each : all_)
       if (each.first.second == static_cast<int>(status)) std::rethrow_exception(each.second);
   }
 
  private:
-  // What another device failed with, and this one did.
+  // Drops the exceptions of an item that another device failed at and this one has done.
   void forget(size_t item) {
     const std::lock_guard<std::mutex> lock(mutex_);
     all_.erase(all_.lower_bound({item, 0}), all_.lower_bound({item + 1, 0}));
@@ -69,8 +69,8 @@ struct Sharing {
 
 }  // namespace detail
 
-// `work(device, item)` for each item, and `done(item)` in order. What they throw ends it all and comes out of this
-// call, but for a device's Error, whose item another device does.
+// Calls `work(device, item)` for each item, and `done(item)` in order. An exception ends the whole and is rethrown by
+// this call, except a device's Error, whose item another device does.
 template <class Work, class Done>
 void share_out(const std::vector<Device>& devices, size_t count, const Work& work, const Done& done, size_t ahead = 0) {
   detail::Sharing<Work, Done> shared{devices, work, done, {}};

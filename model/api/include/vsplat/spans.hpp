@@ -1,5 +1,5 @@
-// Memory of the caller's for C++: what the library reads from where it lies, and writes to where it is wanted, without
-// a copy. Part of vsplat.hpp, which includes it.
+// The caller's memory for C++: the library reads from it and writes to it in place, without a copy. Part of vsplat.hpp,
+// which includes this file.
 #ifndef VSPLAT_SPANS_HPP
 #define VSPLAT_SPANS_HPP
 
@@ -15,7 +15,7 @@
 namespace vsplat {
 inline namespace cxx {
 
-// Elements in a row, of whatever holds them: a std::vector, a std::array, a std::span. Owns nothing.
+// Contiguous elements of any container: a std::vector, a std::array, a std::span. Owns nothing.
 template <class T>
 class Span {
  public:
@@ -23,7 +23,8 @@ class Span {
   constexpr Span(T* data, std::size_t size) : data_(data), size_(size) {}
   template <std::size_t N>
   constexpr Span(T (&array)[N]) : data_(array), size_(N) {}
-  // Of T itself, const or not: elements of a class made of T are further apart.
+  // Accepts containers of T itself, const or not. Elements of a class derived from T are further apart, so those are
+  // excluded.
   template <class Container, class Element = std::remove_pointer_t<decltype(std::declval<Container&>().data())>,
             class = std::enable_if_t<std::is_convertible_v<Element (*)[], T (*)[]> &&
                                      !std::is_same_v<std::decay_t<Container>, Span>>>
@@ -43,8 +44,8 @@ class Span {
 
 namespace detail {
 
-// Of what is only read, for a struct that serves both ways; NULL where there is none, and Error where there is less
-// than `expected`.
+// A pointer to memory that is only read, for a struct used both ways; NULL if the span is empty. Throws Error if it has
+// fewer than `expected` elements.
 template <class T>
 std::remove_const_t<T>* pointer(Span<T> span, std::size_t expected, const char* name) {
   if (span.empty() && expected > 0) return nullptr;
@@ -61,13 +62,13 @@ inline std::size_t values_of_sh(int degree) {
 
 }  // namespace detail
 
-// Gaussians where they lie: float to be written to, const float to be read. [K][3], [K][3], [K][4], [K], [K][S][3];
-// what is empty is not wanted, or stays as it was.
+// Gaussians in the caller's memory: float to write, const float to read. [K][3], [K][3], [K][4], [K], [K][S][3]. An
+// empty span is not wanted, or leaves the values unchanged.
 template <class T>
 struct BasicGaussianSpans {
   Span<T> means, scales, rotations, opacities, sh;
 
-  // For `count` Gaussians, all of which every span holds. Error where one does not.
+  // For `count` Gaussians. Throws Error if a span holds fewer.
   vsplat_gaussians arrays(std::size_t count, int sh_degree) const {
     vsplat_gaussians out = VSPLAT_GAUSSIANS_INIT;
     out.capacity = count;

@@ -1,4 +1,4 @@
-// Training for C++, see vsplat/train.h. Part of vsplat.hpp, which includes it.
+// Training for C++, see vsplat/train.h. Part of vsplat.hpp, which includes this file.
 #ifndef VSPLAT_TRAIN_HPP
 #define VSPLAT_TRAIN_HPP
 
@@ -10,7 +10,7 @@
 namespace vsplat {
 inline namespace cxx {
 
-// The configuration with every field, from one with some or, where it is empty, none.
+// The configuration with every field, from one with some fields, or with none if it is empty.
 inline std::string train_config(const std::string& config = "") {
   char* out = nullptr;
   check(vsplat_train_config(config.empty() ? nullptr : config.c_str(), &out));
@@ -24,8 +24,8 @@ inline vsplat_plan train_plan(const Device& device, const std::string& config,
   return out;
 }
 
-// What is called meanwhile, any of them empty. Where one throws, a checkpoint is written and the training ends; then it
-// comes out of train().
+// Functions called during a training; any may be empty. If one throws, a checkpoint is written, the training ends, and
+// train() rethrows the exception.
 struct TrainFunctions {
   std::function<void(const vsplat_train_progress&)> progress;
   std::function<void(const char* text)> message;
@@ -61,7 +61,7 @@ inline vsplat_train_result train(const Device& device, const std::string& config
   check(vsplat_train(device.get(), config.c_str(), &options, &out));
   return out;
 }
-// With lambdas in place of the options' functions.
+// Trains with lambdas in place of the options' functions.
 inline vsplat_train_result train(const Device& device, const std::string& config, vsplat_train_options options,
                                  const TrainFunctions& functions) {
   detail::TrainCalls calls{functions, {}};

@@ -1,5 +1,4 @@
-/* Finding out which of the kernels' variants are fastest on a device.
-   Part of vsplat.h, which says what holds for all of it. */
+/* Finds the fastest variants of the kernels on a device. Part of vsplat.h, which states the common conventions. */
 #ifndef VSPLAT_TUNE_H
 #define VSPLAT_TUNE_H
 
@@ -13,32 +12,33 @@ extern "C" {
 
 typedef struct vsplat_tune_options {
   size_t size;
-  uint32_t jobs;    /* whose shapes: the sum of values of vsplat_program_jobs; 0: reconstruct and render */
-  int32_t full;     /* not 0: all combinations of values, for as long as it takes; 0: one parameter at a time */
-  int32_t again;    /* not 0: what was tried before is tried anew */
-  double seconds;   /* after which no other set is begun where it is not full; 0: 50 */
-  const char* path; /* where the table goes; NULL: the device's in the cache's folder, which every device opened
-                       after that uses */
+  uint32_t jobs;    /* jobs whose shapes are tuned: a sum of values of vsplat_program_jobs; 0: reconstruct and render */
+  int32_t full;     /* not 0: tries all combinations of values, without a time limit; 0: one parameter at a time */
+  int32_t again;    /* not 0: tries again what was tried before */
+  double seconds;   /* without `full`, no further set is begun after this time; 0: 50 */
+  const char* path; /* where to write the table; NULL: the device's file in the cache folder, which every device opened
+                       afterwards uses */
   vsplat_progress_function progress; /* the stage is what is tried next; may be NULL */
   void* user;
 } vsplat_tune_options;
 #define VSPLAT_TUNE_OPTIONS_INIT \
   { sizeof(vsplat_tune_options), 0, 0, 0, 0.0, NULL, NULL, NULL }
 
-/* Searches the parameters that kernels are built and launched with, at the shapes that jobs have with that model, for
-   those that are fastest on that device. Each set is held against sums in double before it may win, at that shape and
-   at an odd one; what is wrong or does not run is refused, with a warning that names it, its error and what was
-   expected. A set wins that takes 3 % less than the best so far beside it. Each set that is done is in the table's file
-   at once, whole, and what is chosen for a shape when all of its sets are: a search that ends early, by
-   vsplat_device_cancel, too, or is killed, goes on where it was. VSPLAT_ERROR_FILE where another process searches. The
-   device, opened before, goes on with the table that it has; VSPLAT_TUNING in the environment is "off",
-   or names a table to use instead. `options` NULL: defaults.
+/* Searches for the fastest build and launch parameters of the kernels on that device, at the shapes that the jobs have
+   with that model. Before a set of parameters may win, its results are compared with sums in double, at that shape and
+   at an odd one. A set that is wrong or does not run is refused, with a warning that names it, its error and the
+   expected value. A set wins if it takes 3 % less time than the best so far, timed beside it. Every finished set is
+   written to the table's file at once, and the choice for a shape when all of its sets are finished: a search that ends
+   early (vsplat_device_cancel included) or is killed resumes where it was. VSPLAT_ERROR_FILE: another process is
+   searching. The device, opened before, keeps the table that it has. VSPLAT_TUNING in the environment is "off", or
+   names a table to use instead. `options` NULL: defaults.
+
    `out_text` becomes JSON, to be freed with vsplat_text_free: {"device", "driver", "flavour", "path", "table": its
-   hash, "" where the defaults are best, "before": that of the table that was there, "tried", "left": sets that there
-   was no time or no memory for, "seconds", "shapes": [{"op", "shape"}], what the jobs have, what takes longest first, "chosen": [{"op",
-   "shape", "set", "seconds", "times_as_fast": as the defaults, "error"}], these three null where it is chosen from before
-   and was not timed anew, "refused": [{"op", "shape", "set", "verdict":
-   "wrong" or "failed", "error", "why"}], "not_right": shapes of which no set is right}. */
+   hash, "" if the defaults are best, "before": the hash of the previous table, "tried", "left": sets for which there
+   was no time or no memory, "seconds", "shapes": [{"op", "shape"}], the jobs' shapes, longest time first, "chosen":
+   [{"op", "shape", "set", "seconds", "times_as_fast": relative to the defaults, "error"}], the last three null if the
+   choice is from before and was not timed again, "refused": [{"op", "shape", "set", "verdict": "wrong" or "failed",
+   "error", "why"}], "not_right": shapes for which no set is right}. */
 VSPLAT_API VSPLAT_NODISCARD vsplat_status vsplat_tune(vsplat_device device, vsplat_model model,
                                                       const vsplat_tune_options* options, char** out_text);
 

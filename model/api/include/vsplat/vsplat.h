@@ -1,30 +1,31 @@
 /* vsplat: four posed photos in, a 3D Gaussian splat and novel views out, on any OpenCL device.
 
-   How to read this header
-   - Handles are opaque and counted: a call that makes one gives it to the caller with a count of one;
-     vsplat_<noun>_retain adds one, vsplat_<noun>_release takes one away and frees at zero. Releasing NULL does nothing.
-     A handle keeps alive whatever it was made from.
-   - Every other call returns a status; results go through the trailing out_ pointers, which are written on success
-   only. Bad input leaves every object as it was. vsplat_last_error() holds the sentence for a person, per thread.
-   - Structs begin with their size: fill them from their _INIT macro, then set what you need. A library that is newer or
-     older than the caller takes the fields that both know. In an array of structs the first one's size is the stride.
-   Options that are NULL are all defaults, but where a call has no defaults for them and says so.
-   - Cameras: OpenCV axes (x right, y down, z forward), pixels with centres at +0.5, matrices row-major, world to
-     camera. In files they are as the file's format has them: a transforms.json leads from the camera to the world, in
-     OpenGL's axes (x right, y up, z backward). FORMATS.md of the documents has every format and convention.
+   Conventions
+   - Handles are opaque and reference-counted. A call that makes a handle returns it with a count of one;
+     vsplat_<noun>_retain increments the count; vsplat_<noun>_release decrements it and frees at zero. Releasing NULL
+     does nothing. A handle keeps alive whatever it was made from.
+   - Every other call returns a status. Results go through the trailing out_ pointers, which are written only on
+     success. A call that fails on bad input leaves every object unchanged. vsplat_last_error() holds the thread's error
+     message.
+   - Structs begin with their size: initialise them from their _INIT macro, then set what you need. A library that is
+     newer or older than the caller uses the fields that both know. In an array of structs, the first struct's size is
+     the stride. NULL options mean defaults, unless the call says that it needs them.
+   - Cameras: OpenCV axes (x right, y down, z forward), pixel centres at +0.5, matrices row-major, world to camera.
+     Files follow their format's conventions: a transforms.json maps from the camera to the world, in OpenGL axes
+     (x right, y up, z backward). FORMATS.md of the documents describes every format and convention.
    - Pictures: [height][width][channels] float, colour sRGB-encoded in [0,1].
-   - Text that a call hands out (char** out_text) is freed with vsplat_text_free.
-   - Text that goes in is UTF-8, ended by NUL, and only read during the call.
-   - Threads: different devices, and streams of one (vsplat_stream_create), may be used by different threads at the same
-     time; calls that take the same one, or a handle made with it, one at a time: a call that finds the device taken ends
-     at once with VSPLAT_ERROR_BUSY, and so does one from a callback of the call that has it. Not taken is it by
-     vsplat_device_get_info, vsplat_opencl_get_handles, vsplat_stream_create, vsplat_device_cancel, and what retains and
-     releases. Handles that belong to no
-     device (model, views, cameras, scene) may be read by several threads. Calls block until their result is there, but
-     for those that begin a job (vsplat/jobs.h); another thread may stop them (vsplat_device_cancel). Callbacks come on
-     the calling thread, but for those of work that several devices share (vsplat/share.h).
-   - Drivers do not live on in a child of fork(): there, calls that take a device end with VSPLAT_ERROR_DEVICE.
-   - From 0.N.a to 0.N.b this interface only grows; with 1.0, within a major version. */
+   - Text that a call returns (char** out_text) is freed with vsplat_text_free.
+   - Text arguments are NUL-terminated UTF-8, and are only read during the call.
+   - Threads: different devices, and different streams of one device (vsplat_stream_create), may be used by different
+     threads at the same time. Calls that use the same device or stream, or a handle made with it, must come one at a
+     time: a call that finds the device in use ends at once with VSPLAT_ERROR_BUSY, and so does one from a callback of
+     the call that uses it. These calls do not use the device in this sense: vsplat_device_get_info,
+     vsplat_opencl_get_handles, vsplat_stream_create, vsplat_device_cancel, and all that retain and release. Several
+     threads may read handles that belong to no device (model, views, cameras, scene). Calls block until their result is
+     complete, except those that begin a job (vsplat/jobs.h); another thread may stop them (vsplat_device_cancel).
+     Callbacks run on the calling thread, except those of work shared by several devices (vsplat/share.h).
+   - OpenCL drivers do not survive fork(): in a child process, calls that use a device end with VSPLAT_ERROR_DEVICE.
+   - From 0.N.a to 0.N.b this interface only grows; from 1.0 on, within a major version. */
 #ifndef VSPLAT_H
 #define VSPLAT_H
 

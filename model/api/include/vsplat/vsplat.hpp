@@ -1,5 +1,5 @@
 // The C interface for C++17 and later: handles that release themselves, and vsplat::Error instead of statuses. Header
-// only; all else (units, layouts, threads) is as vsplat.h says.
+// only. Everything else (units, layouts, threads) is as described in vsplat.h.
 #ifndef VSPLAT_HPP
 #define VSPLAT_HPP
 
@@ -39,7 +39,7 @@ class Cameras : public CamerasHandle {
   Cameras() = default;
   using CamerasHandle::CamerasHandle;
 
-  // `width` and `height`: for cameras whose file tells no size; 0: none.
+  // `width` and `height`: the size for cameras whose file gives none; 0: none.
   static Cameras load(const std::string& path, int width = 0, int height = 0) {
     vsplat_cameras out = nullptr;
     check(vsplat_cameras_load(path.c_str(), width, height, &out));
@@ -55,7 +55,7 @@ class Cameras : public CamerasHandle {
     check(vsplat_cameras_load_with(path.c_str(), &options, &out));
     return Cameras(out);
   }
-  // As a cameras.json.
+  // Writes a cameras.json.
   void save(const std::string& path) const {
     const std::vector<vsplat_camera> cameras = all();
     check(vsplat_cameras_save(cameras.data(), cameras.size(), nullptr, path.c_str()));
@@ -67,19 +67,19 @@ class Cameras : public CamerasHandle {
     for (size_t i = 0; i < count; ++i) check(vsplat_cameras_get(get(), i, &out[i]));
     return out;
   }
-  // A smooth path with these as its keys.
+  // A smooth path with these cameras as its keys.
   Cameras path(int count) const {
     vsplat_cameras out = nullptr;
     check(vsplat_cameras_path(get(), count, &out));
     return Cameras(out);
   }
-  // "" where there is none.
+  // Returns "" if there is none.
   std::string find_picture(size_t index, const std::string& folder) const {
     char* out = nullptr;
     check(vsplat_cameras_find_picture(get(), index, folder.c_str(), &out));
     return text(out);
   }
-  // As the camera saw it.
+  // The size as the camera saw the picture.
   void picture_size(size_t index, const std::string& path, int32_t& width, int32_t& height) const {
     check(vsplat_cameras_get_picture_size(get(), index, path.c_str(), &width, &height));
   }
@@ -155,7 +155,7 @@ class Input : public InputHandle {
     check(vsplat_input_get_picture(get(), index, out.data(), out.size()));
     return out;
   }
-  // What save() would write.
+  // The files that save() would write.
   std::vector<std::string> files(const std::string& folder) const {
     char* out = nullptr;
     check(vsplat_input_get_files(get(), folder.c_str(), &out));
@@ -176,7 +176,7 @@ class Input : public InputHandle {
   }
 };
 
-// Gaussians, or derivatives by them, in memory of their own.
+// Gaussians, or derivatives by them, with their own memory.
 struct Gaussians {
   std::vector<float> means, scales, rotations, opacities, sh;  // [K][3], [K][3], [K][4], [K], [K][S][3]
 
@@ -212,7 +212,7 @@ class Scene : public SceneHandle {
     check(vsplat_scene_load(path.c_str(), &out));
     return Scene(out);
   }
-  // Of a PLY file's bytes.
+  // Reads a scene from a PLY file's bytes.
   static Scene load(Span<const unsigned char> bytes,
                     const vsplat_scene_load_options& options = VSPLAT_SCENE_LOAD_OPTIONS_INIT) {
     vsplat_scene out = nullptr;
@@ -224,7 +224,8 @@ class Scene : public SceneHandle {
     check(vsplat_scene_load_with(path.c_str(), &options, &out));
     return Scene(out);
   }
-  // As many as `gaussians` has opacities, which are copied. Near plane, mirror and the rest are those of `info`.
+  // Makes a scene of as many Gaussians as `gaussians` has opacities; the values are copied. Near plane, mirror and the
+  // rest come from `info`.
   static Scene create(const ConstGaussianSpans& gaussians, int sh_degree,
                       vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT) {
     vsplat_scene out = nullptr;
@@ -234,13 +235,13 @@ class Scene : public SceneHandle {
     check(vsplat_scene_create(&info, &arrays, &out));
     return Scene(out);
   }
-  // Spans that are empty stay as they were.
+  // Empty spans leave their values unchanged.
   void update(const ConstGaussianSpans& gaussians) const {
     const vsplat_scene_info about = info();
     const vsplat_gaussians arrays = gaussians.arrays(about.count, about.sh_degree);
     check(vsplat_scene_update(get(), &arrays));
   }
-  // Into the caller's memory; what is empty is not wanted.
+  // Copies the Gaussians to the caller's memory; empty spans are not wanted.
   void read(const GaussianSpans& into) const {
     const vsplat_scene_info about = info();
     const vsplat_gaussians arrays = into.arrays(about.count, about.sh_degree);
@@ -313,7 +314,7 @@ inline Scene reconstruct(const Device& device, const Model& model, const Input& 
   return reconstruct(device, model, input, VSPLAT_RECONSTRUCT_OPTIONS_INIT, progress);
 }
 
-// What the first reconstruction with the model would do once, ahead of it.
+// Does in advance what the first reconstruction with the model would do once.
 inline void prepare(const Device& device, const Model& model,
                     const vsplat_prepare_options& options = VSPLAT_PREPARE_OPTIONS_INIT,
                     const Progress& progress = {}) {
@@ -322,7 +323,7 @@ inline void prepare(const Device& device, const Model& model,
   call.check(vsplat_device_prepare(device.get(), model.get(), &told));
 }
 
-// What was drawn, in memory of its own.
+// A drawn picture, with its own memory.
 struct Picture {
   int width = 0, height = 0;
   std::vector<float> colour, alpha, depth;  // [height][width][3], [height][width], [height][width]
@@ -371,7 +372,7 @@ struct Picture {
   }
 };
 
-// Into the caller's memory; what is empty is not computed.
+// Draws into the caller's memory; planes with empty spans are not computed.
 inline void render(const Device& device, const Scene& scene, const vsplat_camera& camera, const PictureSpans& into,
                    const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
   const vsplat_picture p = into.arrays(camera.width, camera.height);
@@ -412,7 +413,7 @@ inline std::vector<vsplat_picture> arrays_of(Span<const vsplat_camera> cameras, 
 
 }  // namespace detail
 
-// One after the other; progress is told before each.
+// Draws the pictures one after the other; progress is reported before each.
 inline void render(const Device& device, const Scene& scene, Span<const vsplat_camera> cameras,
                    Span<const PictureSpans> into, const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT,
                    const Progress& progress = {}) {
@@ -428,8 +429,8 @@ struct Gradient {
   double pose[6] = {};  // see vsplat_render_backward
 };
 
-// `by_picture` holds the loss's derivatives by the picture's values; what is empty counts as zeros. Into the caller's
-// memory, what is empty not being wanted; `pose`, where it is not empty, takes six.
+// `by_picture` holds the loss's derivatives by the picture's values; empty spans count as zeros. Writes to the caller's
+// memory; empty spans are not wanted. `pose`, unless empty, receives six values.
 inline void render_backward(const Device& device, const Scene& scene, const vsplat_camera& camera,
                             const ConstPictureSpans& by_picture, const GaussianSpans& into, Span<double> pose,
                             const vsplat_render_options& options = VSPLAT_RENDER_OPTIONS_INIT) {
