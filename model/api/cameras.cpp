@@ -66,7 +66,7 @@ Camera camera_of(const vsplat_camera& camera, const char* what, bool may_have_le
   out.fy = c.fy;
   out.cx = c.cx;
   out.cy = c.cy;
-  for (const double v : {c.fx, c.fy, c.cx, c.cy})  // the readers' checks let pass what a file leaves open
+  for (const double v : {c.fx, c.fy, c.cx, c.cy})  // readers' checks accept intrinsics that a file leaves open
     if (!std::isfinite(v)) fail(Status::input, "{}: an intrinsic is {}", what, v);
   out.distortion = lens_of(c, what);
   if (!may_have_lens && out.distortion.model != Distortion::Model::none)
@@ -99,7 +99,7 @@ vsplat_cameras new_cameras(std::vector<Camera> cameras, ViewSet listed = {}) {
   return out.release();
 }
 
-// `width`, `height`: for a view whose list tells no size.
+// `width`, `height`: for a view whose list gives no size.
 Camera drawn_from(ListedView view, const ViewSet& set, int width, int height) {
   if (is_resolved(view)) return view.camera;
   const ImageInfo size = view.picture.empty() ? ImageInfo{width, height} : read_image_info(view.picture.string());

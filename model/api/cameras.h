@@ -7,8 +7,8 @@
 #include "model/io/views/view_set.h"
 
 struct vsplat_cameras_impl : vsplat::api::Counted {
-  std::vector<vsplat::Camera> cameras;  // drawn as pinholes: `distortion` is that of the listed picture
-  vsplat::ViewSet listed;               // of a list: what it says of each camera; else without views
+  std::vector<vsplat::Camera> cameras;  // used as pinholes: `distortion` is that of the listed picture
+  vsplat::ViewSet listed;               // for cameras from a list: its entries, in the same order; else empty
 
   const vsplat::Camera& at(std::size_t index) const {
     if (index >= cameras.size())
@@ -20,8 +20,8 @@ struct vsplat_cameras_impl : vsplat::api::Counted {
 namespace vsplat::api {
 
 vsplat_camera describe(const Camera& camera);
-// Checked: a picture's size, positive focal lengths, a rigid motion. `what` begins the message. Cameras to draw from
-// have no lens.
+// Converts and checks a camera: picture size, positive focal lengths, a rigid transform. `what` begins error messages.
+// Without `may_have_lens`, Error(usage) for a camera with a lens: pictures are drawn as a pinhole sees them.
 Camera camera_of(const vsplat_camera& camera, const char* what, bool may_have_lens = false);
 
 }  // namespace vsplat::api

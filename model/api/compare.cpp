@@ -1,4 +1,4 @@
-// Given pictures beside drawn ones.
+// Comparing given pictures with drawn ones.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -53,9 +53,9 @@ vsplat_status vsplat_cameras_find_picture(vsplat_cameras cameras, size_t index, 
 
 namespace {
 
-// How the file's picture is turned to be what the listed camera saw.
+// The orientation that turns the file's picture into what the listed camera saw.
 int turning_in(vsplat_cameras cameras, size_t index, const char* path, const ImageInfo& info) {
-  if (index >= cameras->listed.views.size()) return 1;  // made, not listed
+  if (index >= cameras->listed.views.size()) return 1;  // made by the caller, not listed
   ListedView view = cameras->listed.views[index];
   view.picture = path;
   return turning_of(cameras->listed, view, info);

@@ -1,4 +1,4 @@
-// Scenes of one kind of Gaussians made of another.
+// Converting scenes from one kind of Gaussians to another.
 #include "model/api/scene.h"
 #include "runtime/fail.h"
 

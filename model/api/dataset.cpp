@@ -1,4 +1,4 @@
-// Meshes, and objects of data sets made from them; data sets read.
+// Meshes, the data set objects rendered from them, and reading data sets.
 #include "model/api/dataset.h"
 
 #include <algorithm>

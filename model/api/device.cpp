@@ -88,7 +88,7 @@ DeviceUse::DeviceUse(vsplat_device device) : device_(device), of_job_(JobQueue::
     fail(Status::busy,
          "the device is in use by another call: of another thread, or the one whose callback makes this one; open "
          "one, or a stream (vsplat_stream_create), for each thread, and call after the other has returned");
-  device->context.go_on();  // what told an earlier call to stop
+  device->context.go_on();  // clears a stop requested for an earlier call
 }
 
 DeviceUse::~DeviceUse() {
@@ -147,7 +147,7 @@ vsplat_status vsplat_stream_create(vsplat_device device, vsplat_device* out_stre
 }
 
 vsplat_status vsplat_device_cancel(vsplat_device device) {
-  // A signal handler may call this: nothing is allocated, nor held.
+  // A signal handler may call this: it allocates nothing and takes no lock.
   if (!device) return guarded([&] { need(device, "device"); });
   device->context.cancel();
   return VSPLAT_OK;
@@ -165,7 +165,8 @@ vsplat_status vsplat_device_trim(vsplat_device device) {
 
 void vsplat_device_retain(vsplat_device device) { retain(device); }
 void vsplat_device_release(vsplat_device device) {
-  // (In a child of fork() a driver would wait for threads that are not there; what is left goes with the process.)
+  // (In a child of fork() a driver would wait for threads that do not exist there; the end of the process frees the
+  // rest.)
   if (!is_forked()) release(device);
 }
 

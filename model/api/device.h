@@ -14,7 +14,7 @@
 #include "runtime/context.h"
 
 struct vsplat_device_impl : vsplat::api::Counted {
-  // A device that was opened, or a stream of one.
+  // Wraps an opened device, or a stream of one.
   explicit vsplat_device_impl(std::unique_ptr<vsplat::Context> opened)
       : own(std::move(opened)), context(*own), residents(std::make_shared<vsplat::api::Residents>()) {}
   explicit vsplat_device_impl(const vsplat_device_impl& other)
@@ -22,23 +22,23 @@ struct vsplat_device_impl : vsplat::api::Counted {
 
   const std::unique_ptr<vsplat::Context> own;
   vsplat::Context& context;
-  std::atomic_flag in_use = ATOMIC_FLAG_INIT;  // by a call, or by jobs: see DeviceUse
+  std::atomic_flag in_use = ATOMIC_FLAG_INIT;  // by a call or by jobs: see DeviceUse
 
-  // What the last calls put on the device stays for the next ones, while its host side is there: see where it is
-  // filled. After the context, so that it goes first.
+  // What the last calls put on the device, cached for the next ones while the host objects live; filled in
+  // residents.cpp and drawing.cpp. Declared after the context, so that it is destroyed first.
   const std::shared_ptr<vsplat::api::Residents> residents;
   std::weak_ptr<const vsplat::Scene> scene_key;
   std::optional<vsplat::GaussianChunks> scene;
 
-  std::vector<std::pair<std::string, std::string>> profile_names;  // what profiles are of
+  std::vector<std::pair<std::string, std::string>> profile_names;  // subject of profiles
 
-  vsplat::api::JobQueue jobs;  // last: its thread ends before anything goes that it uses
+  vsplat::api::JobQueue jobs;  // last member: its thread ends before anything that it uses is destroyed
 };
 
 namespace vsplat::api {
 
-// A call's hold of a device, until the call ends. Error(usage) where there is none, Error(busy) where another call has
-// it, Error(device) in a child of fork(). On the thread of the device's jobs, the job's: these have the device.
+// Holds a device for a call until the call ends. Error(usage) if it is null, Error(busy) if another call holds it,
+// Error(device) in a child of fork(). On the device's job thread the jobs hold it already, and this borrows it.
 class DeviceUse {
  public:
   explicit DeviceUse(vsplat_device device);
@@ -51,11 +51,12 @@ class DeviceUse {
   bool of_job_;
 };
 
-// What vsplat_device_open makes of its options.
+// Context options for the options of vsplat_device_open.
 ContextOptions context_options(const vsplat_device_options* options);
 
-// Runs what needs much memory; once more without the networks of models but that one and what was drawn, where it
-// refuses for want of memory and there are any. It may not have told anyone anything before that.
+// Runs `run`, which needs much memory. If it throws Error(memory), drops the weights of idle models except `but` and
+// the scene drawn last, and runs it once more if that freed anything. `run` must have no visible effects before it
+// throws.
 template <class F>
 auto with_room(vsplat_device device, vsplat_model but, const F& run) {
   try {

@@ -29,7 +29,7 @@ const GaussianChunks& on_device(vsplat_device device, const std::shared_ptr<cons
 
 void plan_drawing(Context& planner, std::uint64_t count, int sh_degree, const Camera& camera, GaussianKind kind,
                   bool exact_tiles) {
-  Gaussians unseen;  // of which a plan reads the number alone
+  Gaussians unseen;  // a plan reads only their number
   unseen.count = count;
   unseen.sh_degree = sh_degree;
   unseen.kind = kind;

@@ -38,7 +38,7 @@ Protocol protocol_of(const vsplat_protocol& protocol) {
   fail(Status::usage, "options.protocol is {}, not a value of vsplat_protocol", value_of(protocol));
 }
 
-// Of the networks whose weights the folder has.
+// LPIPS networks whose weight files are in the folder.
 std::vector<Lpips> load_lpips(Context& ctx, const std::string& folder) {
   std::vector<Lpips> out;
   for (const LpipsNet net : {LpipsNet::alex, LpipsNet::vgg}) {
@@ -121,7 +121,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
         const vsplat_scores scores = scores_of(object.scores);
         o.on_object(o.user, object.name.c_str(), &scores);
       };
-    // Of all devices, the call's first: what each holds for as long as the call goes on.
+    // All devices, the call's first, with what each holds during the call.
     const std::vector<vsplat_device> devices =
         with_more(device, o.more_devices, o.num_more_devices, "vsplat_evaluate_options.more_devices");
     std::deque<DeviceUse> uses;
@@ -130,7 +130,7 @@ vsplat_status vsplat_evaluate(vsplat_device device, vsplat_model model, vsplat_d
     std::vector<Evaluating> workers;
     for (vsplat_device each : devices) {
       if (each != device) uses.emplace_back(each);
-      each->residents->drop_idle(model);  // its objects may take all the room
+      each->residents->drop_idle(model);  // its objects may need all the memory
       lpips.push_back(o.lpips ? load_lpips(each->context, o.lpips) : std::vector<Lpips>());
       networks.push_back(each->residents->network(each->context, model));
       workers.push_back({each->context, *networks.back()});

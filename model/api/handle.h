@@ -1,4 +1,5 @@
-// What every handle of the C interface shares: a count, statuses from exceptions, and structs of either side's size.
+// What all handles of the C interface share: reference counts, statuses from exceptions, and structs of older or newer
+// callers.
 #pragma once
 #include <array>
 #include <atomic>
@@ -22,7 +23,7 @@ struct Counted {
   std::atomic<int> count{1};
 };
 
-// Of what a handle points to. (Asked by name, since most sources know most of them as names alone.)
+// True for the types that handles point to. (Listed by name, since most sources see only their declarations.)
 template <class T>
 inline constexpr bool is_handle = false;
 #define VSPLAT_HANDLE(T) \
@@ -53,7 +54,7 @@ void release(Handle handle) {
   if (handle && handle->count.fetch_sub(1, std::memory_order_acq_rel) == 1) delete handle;
 }
 
-// A handle that is kept alive.
+// Keeps a handle alive.
 template <class T, void (*Retain)(T), void (*Release)(T)>
 class Kept {
  public:
@@ -74,8 +75,8 @@ class Kept {
   T handle_ = nullptr;
 };
 
-// A call holds the handles that it was given until it returns, whoever releases them meanwhile: its own callbacks, or
-// another thread. guarded() makes one for each call, need() puts the handles in.
+// Holds the handles passed to a call until it returns, even if a callback or another thread releases them meanwhile.
+// guarded() makes one for each call; need() adds the handles.
 class Holding {
  public:
   Holding() noexcept : outer_(innermost()) { innermost() = this; }
@@ -86,7 +87,7 @@ class Holding {
   Holding(const Holding&) = delete;
   Holding& operator=(const Holding&) = delete;
 
-  // For the innermost call of this thread; outside of calls nothing is held.
+  // Adds to this thread's innermost call; outside of calls nothing is held.
   template <class Impl>
   static void hold(Impl* handle) {
     if (Holding* const call = innermost()) call->add(handle, [](void* held) { release(static_cast<Impl*>(held)); });
@@ -119,10 +120,10 @@ class Holding {
 
 void set_last_error(const char* text) noexcept;
 
-// What profiles call a function of the interface: "vsplat_views_load" is "views load".
+// A function's name in profiles: "vsplat_views_load" becomes "views load".
 std::string name_in_profiles(const char* function);
 
-// Runs `body`; nothing that it throws gets past here. The caller's name is for profiles.
+// Runs `body` and turns every exception into a status. The caller's name is recorded in profiles.
 template <class F>
 vsplat_status guarded(const F& body, const char* caller = __builtin_FUNCTION()) noexcept {
   const Holding held;
@@ -145,30 +146,31 @@ vsplat_status guarded(const F& body, const char* caller = __builtin_FUNCTION()) 
   }
 }
 
-// Of a handle: it is held until the call returns, too.
+// Like need() above, for a handle: also holds it until the call returns.
 template <class T>
 void need(T* pointer, const char* what) {
   if (!pointer) fail(Status::usage, "{} is null", what);
   if constexpr (is_handle<T>) Holding::hold(pointer);
 }
 
-// That so many elements of so many bytes can be in memory.
+// Fails if so many elements of so many bytes cannot be in memory.
 void check_count(std::size_t count, std::size_t bytes, const char* what);
 
-// A pointer that comes in as an array of `count`.
+// Checks a pointer to an array of `count` elements.
 template <class T>
 void need_array(const T* pointer, std::size_t count, const char* what) {
   if (!pointer && count) fail(Status::usage, "{} is null, but its count is {}", what, count);
   if constexpr (!std::is_void_v<T>) check_count(count, sizeof(T), what);
 }
 
-// A caller's struct may be older or newer than this library's, but its size may not end within a field.
+// Checks the size of a caller's struct. It may be older or newer than this library's, but its size may not end within a
+// field.
 template <class T>
 void check_size(const T& from, const char* what) {
   check_struct_size(from.size, sizeof(T), long_fields<T>(), what);
 }
 
-// The caller's struct, whatever its size, over the defaults of this library's.
+// Copies the caller's struct, whatever its size, over this library's defaults.
 template <class T>
 T taken(const T* from, const T& defaults, const char* what) {
   T out = defaults;
@@ -179,7 +181,7 @@ T taken(const T* from, const T& defaults, const char* what) {
   return out;
 }
 
-// A caller's array of structs: all have the first one's size, which is the stride.
+// Checks a caller's array of structs: all have the first one's size, which is the stride.
 template <class T>
 void need_structs(const T* first, std::size_t count, const char* what) {
   need_array(first, count, what);
@@ -188,7 +190,7 @@ void need_structs(const T* first, std::size_t count, const char* what) {
   check_count(count, first->size, what);
 }
 
-// The i-th of them.
+// The i-th struct of such an array.
 template <class T>
 const T& element(const T* first, std::size_t i, const char* what) {
   const T& out = *reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + i * first->size);
@@ -197,14 +199,14 @@ const T& element(const T* first, std::size_t i, const char* what) {
   return out;
 }
 
-// That give() will have somewhere to write to; asked before what it gives is computed.
+// Checks that give() will have memory to write to, before its value is computed.
 template <class T>
 void need_room(const T* out, const char* what) {
   need(out, what);
   check_size(*out, what);
 }
 
-// What the caller's struct has room for; its size stays.
+// Writes as many fields as the caller's struct holds; its size field is unchanged.
 template <class T>
 void give(T* out, const T& value, const char* what) {
   need_room(out, what);
@@ -213,7 +215,7 @@ void give(T* out, const T& value, const char* what) {
   out->size = size;
 }
 
-// What a caller in C has put into an enum, which may be none of its values: C++ may not even load those as the enum.
+// The number in a C caller's enum, which may be none of its values: C++ may not even load such a number as the enum.
 template <class E>
 int value_of(const E& from) {
   static_assert(sizeof(E) == sizeof(int));
@@ -222,10 +224,11 @@ int value_of(const E& from) {
   return out;
 }
 
-// A copy that vsplat_text_free frees.
+// Copies text; vsplat_text_free frees it.
 char* new_text(const std::string& text);
 
-// What `write`, given a name for errors, would write as a file, as bytes that vsplat_text_free frees.
+// Runs `write`, given a name for errors, and returns the bytes of the file that it would write; vsplat_text_free frees
+// them.
 void give_bytes(const std::function<void(const std::string& name)>& write, const char* name, char** out_bytes,
                 std::size_t* out_size);
 

@@ -21,7 +21,7 @@ using namespace vsplat::api;
 
 namespace {
 
-// A row's values as floats.
+// The values of pixel rows as floats.
 class Rows {
  public:
   Rows(const vsplat_view& view, const std::string& where)
@@ -45,7 +45,7 @@ class Rows {
     bytes_of_rows(static_cast<size_t>(view.camera.height), row, row_bytes_, view.pixels ? 0 : view.data_bytes, where);
   }
   const char* field() const { return field_; }
-  float at(int y, size_t i) const {  // (Rows may begin anywhere: copied.)
+  float at(int y, size_t i) const {  // (Rows may begin at any address, so values are copied.)
     const unsigned char* from = data_ + static_cast<size_t>(y) * row_bytes_ + i * bytes();
     if (type_ == VSPLAT_PIXELS_U8) return static_cast<float>(*from) / 255.0f;
     if (type_ == VSPLAT_PIXELS_F16) {
@@ -67,7 +67,7 @@ class Rows {
   size_t row_bytes_ = 0;
 };
 
-// From colour times alpha; what shows nothing is white.
+// Divides colour by alpha; transparent pixels become white.
 void make_straight(Image& picture) {
   for (size_t i = 0; i + 3 < picture.data.size(); i += 4)
     for (size_t c = 0; c < 3; ++c) {
@@ -76,13 +76,14 @@ void make_straight(Image& picture) {
     }
 }
 
-// Pictures hold 0 to 1; what lies a little beyond, as resampling leaves it, is clamped, as storing it in a file would.
+// Pictures hold 0 to 1. Values slightly outside, as resampling produces, are clamped, as storing them in a file would
+// do.
 void take_pixels(const Rows& from, const std::string& where, Image& to) {
   constexpr float overshoot = 0.5f;
   const size_t row = static_cast<size_t>(to.width) * static_cast<size_t>(to.channels);
   for (size_t i = 0; i < to.data.size(); ++i) {
     const float value = from.at(static_cast<int>(i / row), i % row);
-    if (!(value >= -overshoot && value <= 1 + overshoot)) {  // NaN is not, either
+    if (!(value >= -overshoot && value <= 1 + overshoot)) {  // also catches NaN
       const size_t channels = static_cast<size_t>(to.channels), pixel = i / channels;
       const size_t width = static_cast<size_t>(to.width);
       fail(Status::input,
@@ -138,7 +139,7 @@ vsplat_status vsplat_views_create(const vsplat_view* views, size_t num_views, vs
       listed.camera = camera_of(view.camera, (where + ".camera").c_str(), true);
       const Rows rows(view, where);
       listed.name = listed.camera.file = std::to_string(i);
-      listed.picture = where;  // there is one, in memory
+      listed.picture = where;  // the picture is in memory
       Image picture(listed.camera.width, listed.camera.height, view.channels);
       take_pixels(rows, where, picture);
       if (view.premultiplied) make_straight(picture);

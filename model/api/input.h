@@ -8,12 +8,12 @@
 
 namespace vsplat::api {
 
-// What options structs have in common. Error(usage) for values that are none.
+// What options structs share. Error(usage) for invalid values.
 Fit fit_of(const vsplat_fit& fit);
 std::vector<std::string> names_of(const char* const* names, std::size_t count, const std::string& what);
 PlacementRequest placement_of(bool has_centre, const double (&centre)[3], double edge, bool auto_frame);
 InputRequest request_of(const vsplat_input_options& options);
-// Which way is up in the world, from all listed cameras.
+// Up direction in the world, from all listed cameras.
 Eigen::Vector3d listed_up(const Photographs& photographs);
 
 }  // namespace vsplat::api
@@ -24,5 +24,5 @@ struct vsplat_views_impl : vsplat::api::Counted {
 
 struct vsplat_input_impl : vsplat::api::Counted {
   vsplat::Input input;
-  Eigen::Vector3d up = Eigen::Vector3d::Zero();  // in the world, from all listed cameras
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();  // up direction in the world, from all listed cameras
 };

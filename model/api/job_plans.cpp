@@ -18,7 +18,7 @@ namespace {
 
 using PlanJson = nlohmann::ordered_json;
 
-// What is planned with: a GPU's usual picture, and as many Gaussians as an object has.
+// Sizes to plan with: a picture usual on a GPU, and as many Gaussians as an object has.
 constexpr int kPicture = 512;
 constexpr std::uint64_t kGaussians = 100000;
 
@@ -29,7 +29,7 @@ void plan_reconstruction(Context& planner, vsplat_model model) {
     (void)plan_network(planner, config, weights_of(model), views, selected);
 }
 
-// Whatever a PLY may hold, and the derivatives, of all that surfels' pictures have, too.
+// Plans drawing every kind of scene that a PLY may hold, and the derivatives, with the additional ones of surfels.
 void plan_all_drawing(Context& planner) {
   for (const GaussianKind kind : {GaussianKind::volume, GaussianKind::surfel})
     for (const bool exact : {false, true}) plan_drawing(planner, kGaussians, 3, any_camera(kPicture), kind, exact);
@@ -52,7 +52,7 @@ void plan_all_drawing(Context& planner) {
   }
 }
 
-// One step of a fit, with what the recipes add to it, and what is learnt beside the scene.
+// Plans one step of a fit, with the recipes' additions and the corrections learnt beside the scene.
 void plan_fit_step(const Context& ctx, const Gaussians& start, const FitOptions& options) {
   const auto planner = ctx.planner();
   Fitter fitter(*planner, start, 0.2f, {}, options);
@@ -88,7 +88,7 @@ void plan_refinement(const Context& ctx) {
 }
 
 void plan_training(const Context& planner, const AnyConfig& model) {
-  if (planner.precision() != Precision::fp32) return;  // refused, and launches nothing
+  if (planner.precision() != Precision::fp32) return;  // refused, so it launches nothing
   PlanJson config;
   config["model"] = PlanJson::parse(any_to_json(model));
   for (const char* optimizer : {"adamw", "muon"}) {

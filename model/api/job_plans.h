@@ -1,4 +1,4 @@
-// Jobs as they are planned to see what they launch, and at which shapes, rather than what memory they take.
+// Plans of jobs that show what they launch, and at which shapes, rather than what memory they need.
 #pragma once
 #include <array>
 
@@ -16,10 +16,11 @@ constexpr std::array<PlannedJob, 4> kPlannedJobs = {{{VSPLAT_PROGRAMS_OF_RECONST
                                                      {VSPLAT_PROGRAMS_OF_REFINE, "refine"},
                                                      {VSPLAT_PROGRAMS_OF_TRAIN, "train"}}};
 
-// Of options that name jobs, `usual` where they name none: those, with a model where one of them takes one.
+// The jobs that options name, or `usual` if they name none. Checked; Error(usage) if one of them needs a model and
+// `model` is null.
 std::uint32_t checked_jobs(std::uint32_t jobs, std::uint32_t usual, vsplat_model model);
 
-// With a planner that collects. The model may be of nothing where the job takes none.
+// Plans a job with a planner that collects launches. The model may be null if the job needs none.
 void plan_job(Context& planner, vsplat_model model, vsplat_program_jobs job);
 
 }  // namespace vsplat::api

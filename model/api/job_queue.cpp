@@ -16,17 +16,17 @@ namespace {
 
 thread_local vsplat_device served = nullptr, lent = nullptr;
 
-// Whether it may run: it has not been told to stop before.
+// Starts a job; returns false if it was asked to stop before.
 bool begin(vsplat_device device, vsplat_job_impl& job) {
   const std::lock_guard lock(job.mutex);
   if (job.told_to_stop) return false;
-  device->context.go_on();  // what told an earlier one to stop
+  device->context.go_on();  // clears a stop requested for an earlier job
   job.state = VSPLAT_JOB_RUNNING;
   return true;
 }
 
-// `give_back` the device meanwhile: whoever waited for the job finds it free, and whoever stops the job stops no other
-// call.
+// Ends a job. Calls `give_back` under the lock: a thread that waited for the job finds the device free, and one that
+// stops the job stops no other call.
 template <class F>
 void end(vsplat_job_impl& job, vsplat_status status, const char* error, const F& give_back) {
   job.run = nullptr;
@@ -42,7 +42,7 @@ void end(vsplat_job_impl& job, vsplat_status status, const char* error, const F&
 void tell_end(vsplat_job_impl& job) {
   try {
     if (job.on_end) job.on_end(job.user, &job);
-  } catch (...) {  // nobody is there to hear of it
+  } catch (...) {  // an exception has no receiver here
   }
   const std::lock_guard lock(job.mutex);
   job.told_its_end = true;
@@ -58,18 +58,18 @@ JobQueue::~JobQueue() {
     state_->ends = true;
     state_->changed.notify_all();
   }
-  // The last count of a device may go with its last job, on this very thread.
+  // A device's last reference may be released with its last job, on this very thread.
   if (thread_.get_id() == std::this_thread::get_id())
     thread_.detach();
   else
     thread_.join();
 }
 
-// Never destroyed: threads may outlast whatever is.
+// Never destroyed: threads may outlive static objects.
 struct JobQueue::All {
   std::mutex mutex;
   std::set<std::shared_ptr<State>> serving;
-  bool leaving = false;  // the process exits
+  bool leaving = false;  // the process is exiting
 };
 
 JobQueue::All& JobQueue::all() {
@@ -77,10 +77,10 @@ JobQueue::All& JobQueue::all() {
   return out;
 }
 
-// When main() returns, or exit() is called. Drivers, compilers and the C++ library are taken down after this, and no
+// Runs when main() returns or exit() is called. Drivers, compilers and the C++ library are torn down after this, and no
 // thread may be inside them then.
 void JobQueue::end_all() noexcept {
-  if (is_forked()) return;  // the threads are the parent's
+  if (is_forked()) return;  // the threads belong to the parent
   std::set<std::shared_ptr<State>> serving;
   {
     const std::lock_guard lock(all().mutex);
@@ -97,7 +97,7 @@ void JobQueue::end_all() noexcept {
       state->changed.notify_all();
     }
     for (vsplat_job job : jobs) {
-      const vsplat_status told = vsplat_job_cancel(job);  // nobody is there to hear of a failure
+      const vsplat_status told = vsplat_job_cancel(job);  // a failure has no receiver here
       static_cast<void>(told);
       vsplat_job_release(job);
     }
@@ -106,8 +106,8 @@ void JobQueue::end_all() noexcept {
   }
 }
 
-// What a thread has of its own goes before anything else when it calls exit(), and functions of atexit() in the reverse
-// order of their coming: what a compiler registers while a job compiles would go before ours.
+// When a thread calls exit(), its thread_local objects are destroyed first, then atexit() functions run in reverse
+// order of registration. A function that a compiler registers while a job compiles would therefore run before ours.
 struct JobQueue::FirstThread {
   ~FirstThread() {
     std::error_code problem;  // "PID/task/TID"
@@ -125,7 +125,7 @@ void JobQueue::watch_this_thread() {
 void JobQueue::start_thread(vsplat_device device) {
   const std::lock_guard lock(all().mutex);
   if (all().leaving) fail(Status::cancelled, "the process exits: no job begins any more");
-  // Each time: what the driver of this device has put there goes after it.
+  // Registered for each thread, so that it runs before what this device's driver has registered by now.
   if (std::atexit(end_all) != 0) fail(Status::memory, "not enough host memory");
   all().serving.insert(state_);
   try {
@@ -140,7 +140,7 @@ void JobQueue::start_thread(vsplat_device device) {
 void JobQueue::add(vsplat_device device, vsplat_job job) {
   watch_this_thread();
   const std::lock_guard lock(state_->mutex);
-  // From the first of them to the last, the jobs have the device.
+  // From the first job to the last, the jobs hold the device.
   if (state_->jobs.empty() && device->in_use.test_and_set(std::memory_order_acquire))
     fail(Status::busy, "the device is in use by another call; a job begins where none has it");
   try {
@@ -166,7 +166,7 @@ void JobQueue::give_back(vsplat_device device) { lent = device; }
 bool JobQueue::is_on_thread_of(vsplat_device device) { return served == device; }
 
 void JobQueue::serve(const std::shared_ptr<State>& given, vsplat_device device) {
-  const std::shared_ptr<State> state = given;  // beyond the queue, see ~JobQueue
+  const std::shared_ptr<State> state = given;  // may outlive the queue, see ~JobQueue
   served = device;
   run_jobs(*state, device);
   {

@@ -1,4 +1,4 @@
-// Jobs of a device: calls that run on a thread of the device's own, one after the other.
+// Jobs of a device: calls that run one after the other on a thread of the device's own.
 #pragma once
 #include <atomic>
 #include <condition_variable>
@@ -15,18 +15,18 @@ struct vsplat_job_impl : vsplat::api::Counted {
   ~vsplat_job_impl();
 
   vsplat::api::Kept<vsplat_device, vsplat_device_retain, vsplat_device_release> device;
-  std::function<vsplat_status(vsplat_job_impl&)> run;  // gone when it has run, and with it what it keeps alive
+  std::function<vsplat_status(vsplat_job_impl&)> run;  // cleared when it has run, with all that it keeps alive
   vsplat_job_function on_end = nullptr;
   void* user = nullptr;
 
-  std::mutex mutex;  // of what follows
+  std::mutex mutex;  // guards the members below
   std::condition_variable changed;
   vsplat_job_state state = VSPLAT_JOB_QUEUED;
   bool told_to_stop = false;
-  bool told_its_end = false;  // on_end has returned; who waits then waits no longer
+  bool told_its_end = false;  // on_end has returned, and vsplat_job_wait may return
   vsplat_status status = VSPLAT_OK;
-  std::string error;             // the sentence of its failure
-  vsplat_scene scene = nullptr;  // made by a reconstruction
+  std::string error;             // message if it failed
+  vsplat_scene scene = nullptr;  // result of a reconstruction
 };
 
 namespace vsplat::api {
@@ -34,33 +34,34 @@ namespace vsplat::api {
 class JobQueue {
  public:
   JobQueue() : state_(std::make_shared<State>()) {}
-  // No job is left: each keeps its device alive.
+  // No job is left, since each keeps its device alive.
   ~JobQueue();
   JobQueue(const JobQueue&) = delete;
   JobQueue& operator=(const JobQueue&) = delete;
 
-  // Takes a reference of it. Error(busy) where a call has the device that is none of its jobs. Error(cancelled) once
-  // the process exits: what runs then is cancelled, and waited for.
+  // Takes a reference to the job. Error(busy) if a call that is not one of its jobs holds the device. Error(cancelled)
+  // once the process exits: running jobs are then cancelled, and exit waits for them.
   void add(vsplat_device device, vsplat_job job);
 
-  // For the one call that a job makes, on its thread: whether it has the device by its job; give_back() at its end.
+  // For the call that a job makes on its thread: returns whether it may use the device through the job. give_back()
+  // ends that.
   static bool borrow(vsplat_device device);
   static void give_back(vsplat_device device);
-  // Whether this is the thread of that device's jobs.
+  // Whether this is that device's job thread.
   static bool is_on_thread_of(vsplat_device device);
-  // The end of this thread ends the jobs where it is the process's first one: see end_all().
+  // If this is the process's first thread, its end ends the jobs: see end_all().
   static void watch_this_thread();
 
  private:
   struct State {
     std::mutex mutex;
     std::condition_variable changed;
-    std::deque<vsplat_job> jobs;  // the first one may be running
+    std::deque<vsplat_job> jobs;  // the first may be running
     bool ends = false;
-    bool over = false;  // the thread has done with everything
+    bool over = false;  // the thread is finished
     std::thread::id thread;
   };
-  struct All;  // that have a thread, in the process
+  struct All;  // all queues in the process that have a thread
   struct FirstThread;
   static All& all();
   static void serve(const std::shared_ptr<State>& state, vsplat_device device);

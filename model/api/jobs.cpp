@@ -17,7 +17,7 @@ using KeptModel = Kept<vsplat_model, vsplat_model_retain, vsplat_model_release>;
 using KeptInput = Kept<vsplat_input, vsplat_input_retain, vsplat_input_release>;
 using KeptScene = Kept<vsplat_scene, vsplat_scene_retain, vsplat_scene_release>;
 
-// Options of a reconstruction with all that they point to.
+// A copy of a reconstruction's options with all that they point to.
 class OwnOptions {
  public:
   explicit OwnOptions(const vsplat_reconstruct_options& from)
@@ -25,7 +25,7 @@ class OwnOptions {
     need_array(from.voxels, from.num_voxels, "options.voxels");
     if (from.voxels) voxels_.emplace(from.voxels, from.voxels + from.num_voxels);
   }
-  // They point into this object.
+  // Valid while this object lives: they point into it.
   vsplat_reconstruct_options get() const {
     vsplat_reconstruct_options out = options_;
     out.voxels = voxels_ ? voxels_->data() : nullptr;
@@ -102,7 +102,7 @@ vsplat_status vsplat_render_async(vsplat_device device, vsplat_scene scene, cons
 
 void vsplat_job_retain(vsplat_job job) { retain(job); }
 void vsplat_job_release(vsplat_job job) {
-  if (!is_forked()) release(job);  // as vsplat_device_release()
+  if (!is_forked()) release(job);  // as in vsplat_device_release()
 }
 
 vsplat_status vsplat_job_wait(vsplat_job job, double seconds, vsplat_job_state* out_state) {
@@ -115,9 +115,10 @@ vsplat_status vsplat_job_wait(vsplat_job job, double seconds, vsplat_job_state* 
     const bool on_its_thread = JobQueue::is_on_thread_of(job->device.get());
     if (seconds != 0 && !has_ended() && on_its_thread)
       fail(Status::busy, "the job waits for this callback to return: it is one of the same device's");
-    // What its end is told with may be gone once this returns; its own callback does not wait for itself.
+    // The caller may free what on_end uses once this returns, so wait for on_end too; a job's own callback cannot wait
+    // for itself.
     const auto is_over = [&] { return has_ended() && (on_its_thread || job->told_its_end); };
-    constexpr double most = 1e9;  // a generation; what clocks can count
+    constexpr double most = 1e9;  // a generation, and within the range of clocks
     if (seconds < 0)
       job->changed.wait(lock, is_over);
     else

@@ -160,7 +160,7 @@ namespace {
 
 auto loaded(const SafetensorsFile& from) {
   auto model = handle_of(load_any_model(from));
-  // load_any_model() compares the hash where there is one.
+  // load_any_model() checks the hash if there is one.
   const bool stated = with_file(model.get(), [](const auto& file) { return file.metadata.count("sha256") != 0; });
   model->hash = stated ? VSPLAT_HASH_VERIFIED : VSPLAT_HASH_ABSENT;
   return model;

@@ -10,14 +10,14 @@
 struct vsplat_model_impl : vsplat::api::Counted {
   std::shared_ptr<const vsplat::AnyModel> file;
   vsplat_hash_state hash = VSPLAT_HASH_ABSENT;
-  std::string path;  // of the file that it was read from; empty: of none
+  std::string path;  // of the file that it was read from; empty if not from a file
 };
 
 namespace vsplat::api {
 
-// For what takes VS-Splat's network alone: Error(usage) names the other one.
+// For calls that support only VS-Splat: Error(usage) names the other architecture.
 const ModelFile& vsplat_file(vsplat_model model);
-// Of any.
+// The configuration of any architecture.
 AnyConfig config_of(vsplat_model model);
 const Weights& weights_of(vsplat_model model);
 

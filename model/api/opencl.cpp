@@ -1,4 +1,4 @@
-// Beside a program's own OpenCL.
+// Use with a program's own OpenCL.
 #include "vsplat/opencl.h"
 
 #include <array>
@@ -36,7 +36,7 @@ void give_event(Context& ctx, cl_event* out) {
     ctx.flush();
 }
 
-// Where a call writes to, each with the bytes that it takes there.
+// The buffers that a call writes, with the bytes that it writes there.
 class BuffersOut {
  public:
   void add(cl_mem buffer, const Shape& shape, const char* name) {
@@ -64,7 +64,7 @@ class BuffersOut {
   bool any_ = false;
 };
 
-// A picture in bytes, in a caller's buffer or image.
+// A picture as bytes, in a caller's buffer or image.
 class BytesOut {
  public:
   BytesOut(Context& ctx, const vsplat_opencl_picture& picture, const Camera& view)
@@ -99,12 +99,12 @@ class BytesOut {
   Tensor buffer_;
 };
 
-// The caller's, or where there is none, nothing.
+// Adopts the caller's buffer for reading; an empty tensor if it is null.
 Tensor taken_from(Context& ctx, cl_mem buffer, const Shape& shape, const char* what) {
   return buffer ? ctx.adopt(buffer, shape, false, what) : Tensor();
 }
 
-// The caller's, or where there is none, one of ours.
+// Adopts the caller's buffer for writing; a new tensor if it is null.
 Tensor given_to(Context& ctx, cl_mem buffer, const Shape& shape, const char* what) {
   return buffer ? ctx.adopt(buffer, shape, true, what) : ctx.tensor(shape, Type::f32, what);
 }
@@ -119,7 +119,7 @@ DeviceGaussians whole_on_device(vsplat_device device, const std::shared_ptr<cons
 
 Shape sh_shape(const Gaussians& g) { return {static_cast<long>(g.count), static_cast<long>(g.sh_count()), 3}; }
 
-// Of gradients: the buffers that are written, and those that are read meanwhile.
+// Refuses gradient buffers that are written and share memory with each other or with those that are read.
 void refuse_aliases(const vsplat_opencl_picture& by, const vsplat_opencl_gaussians& to, long h, long w,
                     const Gaussians& g) {
   const long n = static_cast<long>(g.count);
@@ -188,7 +188,7 @@ vsplat_status vsplat_opencl_render(vsplat_device device, vsplat_scene scene, con
     outputs.add(p.colour, {h, w, 3}, "picture.colour");
     outputs.add(p.alpha, {h, w}, "picture.alpha");
     outputs.add(p.depth, {h, w}, "picture.depth");
-    outputs.add(p.rgba, {h, w}, "picture.rgba");  // four bytes of a pixel, as one float's
+    outputs.add(p.rgba, {h, w}, "picture.rgba");  // four bytes a pixel, the size of one float
     if (!outputs.any())
       fail(Status::usage, "picture: colour, alpha, depth and rgba are all null: there is nothing to draw into");
     std::optional<BytesOut> bytes;
@@ -295,7 +295,7 @@ vsplat_status vsplat_opencl_scene_store(vsplat_device device, vsplat_scene scene
     need(scene, "scene");
     const DeviceGaussians there = whole_on_device(device, scene->now(), 0);
     Gaussians g = download(device->context, there);
-    std::vector<float> scales;  // three each, as the C interface has them
+    std::vector<float> scales;  // three each, as in the C interface
     if (g.kind == GaussianKind::surfel)
       for (size_t k = 0; k < g.count; ++k) scales.insert(scales.end(), {g.scales[2 * k], g.scales[2 * k + 1], 0});
     vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
@@ -305,6 +305,6 @@ vsplat_status vsplat_opencl_scene_store(vsplat_device device, vsplat_scene scene
     arrays.sh = g.sh.data();
     const vsplat_status status = vsplat_scene_update(scene, &arrays);
     if (status != VSPLAT_OK) throw Error(static_cast<Status>(status), vsplat_last_error());
-    device->scene_key = scene->now();  // as it lies there
+    device->scene_key = scene->now();  // the change is already on the device
   });
 }

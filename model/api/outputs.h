@@ -1,4 +1,4 @@
-// The memory that a call writes what it makes to.
+// Checks of the memory that a call writes its results to.
 #pragma once
 #include <cstddef>
 #include <string>
@@ -6,23 +6,23 @@
 
 namespace vsplat::api {
 
-// No two of a call's outputs may share memory: the one that is written last would be all that is left.
+// Refuses outputs of one call that share memory: only the one written last would remain.
 class Outputs {
  public:
-  // Of the caller's memory; nothing where `at` is null.
+  // Adds memory of the caller; nothing if `at` is null.
   void add(const void* at, std::size_t bytes, const std::string& name);
-  // Of a buffer of a device, from its byte `begin` on.
+  // Adds a device buffer, from its byte `begin` on.
   void add(void* buffer, std::size_t begin, std::size_t bytes, const std::string& name);
   bool empty() const { return all_.empty(); }
 
-  // Error(usage), naming both.
+  // Error(usage) naming two outputs that share memory.
   void refuse_shared();
-  // An input that is read while the outputs are written, and so may be none of them.
+  // Refuses an input that shares memory with an output, since it is read while the outputs are written.
   void refuse_input(void* buffer, std::size_t begin, std::size_t bytes, const char* name) const;
 
  private:
   struct Range {
-    std::size_t space, begin, end;  // `space` is a buffer, or 0: the host's memory
+    std::size_t space, begin, end;  // `space` is a buffer, or 0 for host memory
     std::string name;
   };
   std::vector<Range> all_;

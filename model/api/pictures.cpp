@@ -1,4 +1,4 @@
-// Drawn pictures into files: one by one, as a contact sheet, as an animation.
+// Drawn pictures into files: single ones, contact sheets, animations.
 #include <algorithm>
 
 #include "model/api/handle.h"
@@ -24,7 +24,7 @@ namespace {
 
 constexpr int usual_quality = 90;
 
-// The caller's struct, with arrays that hold a picture of that size.
+// The caller's struct, whose arrays must hold a picture of that size.
 vsplat_picture picture_of(const vsplat_picture* picture, int32_t width, int32_t height) {
   need(picture, "picture");
   const vsplat_picture p = taken(picture, VSPLAT_PICTURE_INIT, "picture");
@@ -40,7 +40,7 @@ Image image_of(const float* data, int width, int height, int channels, const cha
   return out;
 }
 
-// Straight alpha from what was accumulated over black.
+// Straight alpha from a picture accumulated over black.
 Image straight(const Image& colour, const Image& alpha) {
   Image out(colour.width, colour.height, 4);
   for (std::size_t i = 0; i < alpha.data.size(); ++i) {

@@ -14,7 +14,7 @@ namespace {
 
 std::size_t bytes_of(int type) { return type == VSPLAT_PIXELS_U8 ? 1 : type == VSPLAT_PIXELS_F16 ? 2 : 4; }
 
-// As write_png() rounds.
+// Rounds like write_png().
 unsigned char rounded_to_8_bits(float value) {
   const float v = value > 0 ? std::fmin(value, 1.0f) : 0.0f;
   return static_cast<unsigned char>(std::lround(255.0f * v));
@@ -68,7 +68,7 @@ void CallersPixels::write(const float* colour, const float* alpha, const float (
   const auto n = static_cast<std::size_t>(width_), channels = static_cast<std::size_t>(channels_);
   std::array<float, 4> pixel{};
   for (std::size_t y = 0; y < static_cast<std::size_t>(height_); ++y) {
-    unsigned char* to = data_ + y * row_bytes_;  // which may begin anywhere: copied
+    unsigned char* to = data_ + y * row_bytes_;  // may begin at any address, so values are copied
     for (std::size_t x = 0; x < n; ++x, to += channels * bytes_of(type_)) {
       const float* seen = colour + 3 * (y * n + x);
       if (channels == 4) {

@@ -17,7 +17,7 @@ vsplat_plan plan_of(const Context& ctx, const std::vector<StageMemory>& stages, 
   const bool shared = ctx.device().type == DeviceType::cpu;
   out.fits = fits && out.peak <= out.limit &&
              host + (shared ? static_cast<double>(peak) : 0.0) <= static_cast<double>(out.host_limit);
-  for (const StageMemory& from : stages) {  // a stage that comes twice (coarse heads, fine heads) is one row
+  for (const StageMemory& from : stages) {  // a stage that occurs twice (coarse heads, fine heads) is one row
     const std::string name = from.stage.empty() ? "model" : from.stage;
     vsplat_stage_memory* const end = out.stages + out.num_stages;
     vsplat_stage_memory* const to =

@@ -6,7 +6,7 @@
 
 namespace vsplat::api {
 
-// Runs a plan; false where a single buffer is larger than the device allows (the plan ends there).
+// Runs a plan; returns false if a single buffer exceeds the device's limit, which ends the plan.
 template <class F>
 bool fits_within(const F& plan) {
   try {
@@ -18,8 +18,8 @@ bool fits_within(const F& plan) {
   }
 }
 
-// What `ctx` may use, held against `peak`, bytes of its memory, and `host` bytes beside them. `fits`: whether every
-// buffer is small enough.
+// Compares what `ctx` may use with `peak` bytes of device memory and `host` bytes in addition. `fits`: every buffer is
+// within the device's limit.
 vsplat_plan plan_of(const Context& ctx, const std::vector<StageMemory>& stages, std::size_t peak, bool fits,
                     double host = 0);
 

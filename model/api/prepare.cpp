@@ -1,4 +1,4 @@
-// What the first reconstruction and drawing would do once, ahead.
+// Does in advance what the first reconstruction and drawing would do once.
 #include <numeric>
 #include <vector>
 
@@ -28,7 +28,7 @@ void launch_once(Context& ctx, const Network& network, long views, long selected
   const std::vector<Camera> cameras(static_cast<std::size_t>(views), any_camera(edge));
   ForwardOptions options;
   options.planned_selected = selected;
-  std::vector<int> voxels(static_cast<std::size_t>(selected));  // of grey pictures a network may select none
+  std::vector<int> voxels(static_cast<std::size_t>(selected));  // from grey pictures a network may select none
   std::iota(voxels.begin(), voxels.end(), 0);
   if (config.as<Config>()) options.selection = &voxels;
   const Network::Result made = network.forward(ctx, ctx.upload({views, edge, edge, 3}, grey), cameras, options);

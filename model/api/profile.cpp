@@ -1,4 +1,4 @@
-// Profiles of a device and of what the host does around it.
+// Profiles of a device and of the host's work around it.
 #include "model/api/device.h"
 #include "runtime/clock.h"
 #include "runtime/fail.h"
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kLongestAgo = 1e9;  // seconds
 
-// A profile goes without them where they cannot be measured.
+// The device's peak rates; none if they cannot be measured.
 std::optional<Peaks> peaks_if_any(Context& ctx, const Profile& profile) {
   try {
     return peaks_of(ctx, gflops_seen(profile));

@@ -1,4 +1,4 @@
-// Every OpenCL program that jobs launch, found by planning them; and what no job of that model launches.
+// Every OpenCL program that jobs launch, found by planning them, and the kernels that no job of that model launches.
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -25,7 +25,7 @@ NotedKernels launched_by(const Context& ctx, vsplat_model model, vsplat_program_
   return out;
 }
 
-// A kernel of a program, by who launches it.
+// A kernel's launches, by job.
 using Launches = std::map<std::string, NotedKernel>;
 struct Program {
   std::string file, defines;
@@ -41,7 +41,7 @@ void add_launched(Programs& to, const Context& ctx, vsplat_model model, uint32_t
   }
 }
 
-// Each kernel that is not in the list yet, with its file's own defines.
+// Adds each kernel that is not in the list yet, with its file's own defines.
 void add_others(Programs& to, const std::vector<KernelFile>& files, Flavour flavour) {
   std::set<std::string> there;
   for (const auto& [program, kernels] : to)
@@ -67,7 +67,8 @@ Json json_of(const Launches& by) {
   return out;
 }
 
-// The longest launch, and the most groups of one in the second or the third direction: of its parts, where it has some.
+// Adds the work of the longest launch, and the most work-groups of a launch in its second or third dimension; a launch
+// in slices counts by slice.
 void add_longest(Json& to, const Launches& by) {
   double work = 0;
   std::size_t groups = 0;
@@ -76,7 +77,7 @@ void add_longest(Json& to, const Launches& by) {
   to["most_groups"] = groups;
 }
 
-// The bytes of local memory that a kernel declares; null, with why, where the device's compiler does not take it.
+// Adds the bytes of local memory that a kernel declares; null, with the error, if the device's compiler rejects it.
 void add_local_memory(Json& to, Context& ctx, const NamedKernel& kernel) {
   try {
     to["local_memory"] = ctx.local_memory(kernel);

@@ -1,4 +1,4 @@
-// One forward pass, and what it needs.
+// One forward pass, and the memory it needs.
 #include "model/reconstruct/reconstruct.h"
 
 #include "model/api/device.h"
@@ -28,7 +28,8 @@ std::optional<std::vector<int>> selection_of(const vsplat_reconstruct_options& o
   return std::vector<int>(o.voxels, o.voxels + o.num_voxels);
 }
 
-// The model as it was read, the pictures as the network gets them, and its Gaussians twice: here and in the scene.
+// Host memory: the model as read, the pictures as the network gets them, and the Gaussians twice, here and in the
+// scene.
 double host_bytes(int image, const Weights& weights, int views, long gaussians) {
   double values = 0;
   for (const auto& [name, tensor] : weights.all()) values += static_cast<double>(tensor.data.size());
@@ -38,7 +39,7 @@ double host_bytes(int image, const Weights& weights, int views, long gaussians) 
   return values * sizeof(float);
 }
 
-// How many Gaussians the network makes of so many that are selected.
+// Number of Gaussians that the network makes from so many selected voxels.
 long made_of(const Config& config, long selected) { return selected * (config.fine_count + 1); }
 long made_of(const LaraConfig&, long selected) { return selected; }
 long made_of(const VsplatGendenConfig& config, long selected) {
@@ -46,7 +47,7 @@ long made_of(const VsplatGendenConfig& config, long selected) {
 }
 long made_of(const GendenConfig& config, long selected) { return densified_count(config.densify, selected); }
 
-// What only VS-Splat's network has. (GenDen's takes the seed for the order of its curves.)
+// Refuses options that only VS-Splat supports. (GenDen takes the seed for the order of its curves.)
 void refuse_selection(const vsplat_reconstruct_options& o, const AnyConfig& config) {
   if (o.selection || o.voxels)
     fail(Status::usage, "{} selects no voxels: vsplat_reconstruct_options.selection and .voxels are of {}",

@@ -1,4 +1,4 @@
-// A scene moved towards the user's pictures.
+// Fitting a scene to the user's pictures.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -25,8 +25,8 @@ struct vsplat_refinement_impl : vsplat::api::Counted {
   Kept<vsplat_views, vsplat_views_retain, vsplat_views_release> views;
   std::vector<int> used;
   bool independent = false;
-  std::shared_ptr<std::vector<int>> selected;  // as RefineStart has it
-  std::optional<SceneFit> fit;                 // after what it is made of, so that it goes first
+  std::shared_ptr<std::vector<int>> selected;  // shared with RefineStart
+  std::optional<SceneFit> fit;                 // declared after what it uses, so that it is destroyed first
 };
 
 namespace {
@@ -100,7 +100,7 @@ vsplat_scene new_scene(Scene scene) {
   return out.release();
 }
 
-// Of a plan: their number and degree alone matter.
+// Gaussians for a plan, which reads only their number and degree.
 Gaussians blank_gaussians(std::size_t count, int degree) {
   Gaussians out;
   out.count = count;
@@ -140,7 +140,7 @@ vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
     made->device = device;
     made->views = views;
     made->used = listed_views(views->photographs.set, request.names, "vsplat_refine_options.names");
-    // What was drawn before is in the way, and what other models left.
+    // Frees the scene drawn before and other models' weights.
     device->residents->drop_idle(o.model);
     device->scene.reset();
     device->scene_key.reset();
@@ -155,7 +155,7 @@ vsplat_status vsplat_refinement_create(vsplat_device device, vsplat_views views,
 
 void vsplat_refinement_retain(vsplat_refinement refinement) { retain(refinement); }
 void vsplat_refinement_release(vsplat_refinement refinement) {
-  if (!is_forked()) release(refinement);  // as vsplat_device_release()
+  if (!is_forked()) release(refinement);  // as in vsplat_device_release()
 }
 
 vsplat_status vsplat_refinement_step(vsplat_refinement refinement, vsplat_refine_progress* out_progress,
@@ -301,7 +301,8 @@ vsplat_status vsplat_plan_refinement(vsplat_device device, uint64_t gaussians, i
     FitMemory memory;
     const bool fits =
         fits_within([&] { memory = plan_fit(ctx, blank_gaussians(1, sh_degree), 0.2f, options, camera); });
-    // The start, the best so far and what is written, and two pictures in bytes: the one in use and the next.
+    // Host memory: the start, the best scene and the one being written, and two pictures in bytes, the one in use and
+    // the next.
     const double each = 11.0 + 3.0 * (sh_degree + 1) * (sh_degree + 1);
     const double host = 3.0 * sizeof(float) * each * static_cast<double>(gaussians) + 2.0 * 4.0 * width * height;
     give(out_plan, plan_of(ctx, memory.stages, memory.peak, fits, host), "out_plan");

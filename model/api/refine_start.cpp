@@ -68,10 +68,10 @@ Placement place(const Photographs& photographs, const InputRequest& input, const
   return chosen.placement;
 }
 
-// Those to begin with.
+// The points to start from.
 std::vector<ColoredPoint> points_of(const Photographs& photographs) {
   if (std::optional<ListedPoints> found = listed_points(photographs.set)) return std::move(found->points);
-  return read_colmap_points(photographs.set.source);  // says what it looked for
+  return read_colmap_points(photographs.set.source);  // its error says where it searched
 }
 
 ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const Config& config) {
@@ -91,12 +91,12 @@ ReconstructOptions reconstruct_options_of(const vsplat_refine_options& o, const 
   return out;
 }
 
-// How many views the network gets where none are named.
+// Number of views that the network gets if none are named.
 int view_count(const InputRequest& input, const Config& config) {
   return input.view_count > 0 ? input.view_count : config.views_to_use();
 }
 
-// Predicts from views of a set; all that it needs but device and photographs is its own.
+// Reconstructs from views of a set. Owns all that it needs except device and photographs.
 class Prediction {
  public:
   Prediction(vsplat_device device, const Photographs& photographs, const vsplat_refine_options& o,
@@ -137,7 +137,7 @@ class Prediction {
   }
 
  private:
-  // The inputs as they are; where some of them are left out, the others of those named, or others.
+  // The usual inputs; if some are left out, the remaining named ones, or a new choice if none were named or remain.
   std::vector<int> chosen_of(const std::vector<int>& views) const {
     std::vector<int> out;
     for (const int view : inputs_)
@@ -158,7 +158,7 @@ class Prediction {
   std::shared_ptr<std::vector<int>> selected_;
 };
 
-// What the network gets where nothing is left out.
+// The network's inputs if no view is left out.
 std::vector<int> inputs_of(const ViewSet& set, const InputRequest& input, const std::vector<int>& used, int usual) {
   if (input.names.empty()) return spread_views(set, used, usual);
   const std::vector<int> out = choose_views(set, {input.names, usual});
@@ -220,7 +220,8 @@ RefineStart start_of(vsplat_device device, vsplat_views views, const vsplat_refi
 RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
                          const std::vector<int>& used) {
   RefineStart out = start_of(device, views, o, used);
-  // Scenes that do not say which way is up are told by the cameras; and what is far away in floats is not left there.
+  // A scene without an up direction gets the cameras' one; a distant scene gets an offset, since floats would not hold
+  // its positions.
   const Eigen::Vector3f up = listed_up(views->photographs).cast<float>();
   const Eigen::Vector3d offset = offset_for(out.start.placement.centre, out.start.placement.edge);
   out.start.make = [make = std::move(out.start.make), up, offset](const std::vector<int>& fitted) {

@@ -1,4 +1,4 @@
-// What a refinement begins with.
+// What a fit starts from.
 #pragma once
 #include <memory>
 #include <vector>
@@ -10,12 +10,12 @@ namespace vsplat::api {
 
 struct RefineStart {
   FitStart start;
-  std::vector<int> named;  // the views that the network was told to take
-  std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, when it was last asked
+  std::vector<int> named;                                                             // views requested for the network
+  std::shared_ptr<std::vector<int>> selected = std::make_shared<std::vector<int>>();  // voxels, from its last run
 };
 
-// Places the object and checks what the start needs; `used` are the views of `o`. Keeps `o`'s scene or model alive, but
-// not device and views.
+// Places the object and checks what the start needs; `used` are the views of `o`. Keeps the scene or model of `o`
+// alive, but not device and views.
 RefineStart refine_start(vsplat_device device, vsplat_views views, const vsplat_refine_options& o,
                          const std::vector<int>& used);
 

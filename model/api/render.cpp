@@ -1,4 +1,4 @@
-// Drawing a scene, and what it needs.
+// Drawing a scene, and the memory it needs.
 #include "model/render/render.h"
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ using namespace vsplat::api;
 
 namespace {
 
-// Into the caller's memory, or into `own` where he has none for it.
+// Reads to the caller's memory, or to `own` if the caller gave none and it is wanted.
 const float* read(Context& ctx, const Tensor& from, float* to, bool wanted, std::vector<float>& own) {
   if (!to && wanted) {
     own.resize(static_cast<std::size_t>(from.count()));
@@ -34,7 +34,7 @@ vsplat_picture room_of(const vsplat_picture& picture, const std::string& what) {
   return taken(&picture, VSPLAT_PICTURE_INIT, what.c_str());
 }
 
-// Of a picture's planes, where the caller gets them.
+// Host memory of a picture's planes.
 double host_bytes(double pixels) {
   constexpr double planes = 3 + 1 + 1;
   return planes * sizeof(float) * pixels;
@@ -61,7 +61,7 @@ struct Shot {
 
   std::size_t count() const { return static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height); }
   bool wants_geometry() const { return picture.median || picture.normal || picture.ids; }
-  // Where it is drawn to.
+  // Adds the memory that is written.
   void add_to(Outputs& outputs) const {
     const std::size_t bytes = count() * sizeof(float);
     outputs.add(picture.colour, 3 * bytes, what + ".colour");
@@ -79,7 +79,7 @@ void copy_to(const std::vector<float>& from, float* to) {
   if (to) std::copy(from.begin(), from.end(), to);
 }
 
-// Median depths, normals and ids.
+// Draws median depths, normals and ids.
 void draw_geometry(Context& ctx, const GaussianChunks& there, const Scene& scene, const Shot& shot, const Camera& view,
                    RenderOptions how) {
   const vsplat_picture& p = shot.picture;
@@ -104,7 +104,7 @@ void draw_geometry(Context& ctx, const GaussianChunks& there, const Scene& scene
     p.normal[i] = 2 * drawn.colour.data[i] - drawn.alpha.data[i / 3];
 }
 
-// Everything that can be wrong with the request is found before the first is drawn.
+// Checks the whole request before the first picture is drawn.
 void draw(vsplat_device device, vsplat_scene scene, const std::vector<Shot>& shots,
           const vsplat_render_options* options) {
   need(device, "device");
@@ -185,7 +185,7 @@ vsplat_status vsplat_plan_scene(vsplat_device device, vsplat_scene scene, const 
     std::vector<Camera> views;
     std::vector<RenderOptions> how;
     const std::shared_ptr<const Scene> planned_scene = scene->now();
-    double pixels = 0, most = 0;  // of what is read back, and of what is drawn
+    double pixels = 0, most = 0;  // read back, and drawn
     for (size_t i = 0; i < count; ++i) {
       views.push_back(
           in_frame(*planned_scene, camera_of(element(cameras, i, "cameras"), fmt::format("camera {}", i).c_str())));
@@ -227,7 +227,7 @@ vsplat_status vsplat_plan_render(vsplat_device device, uint64_t count, int32_t s
     std::unique_ptr<Context> planner = device->context.planner();
     const auto plan = [&] { plan_drawing(*planner, count, sh_degree, camera); };
     const bool fits = fits_within(plan);
-    if (!fits) {  // what it would take all the same
+    if (!fits) {  // plan again without limits, for the memory it would take
       planner = device->context.planner(false);
       (void)fits_within(plan);
     }

@@ -13,7 +13,7 @@ using namespace vsplat::api;
 
 namespace {
 
-// A caller's derivatives by one array of the picture, of `shape`; none where it is null.
+// Uploads a caller's derivatives by one plane of the picture, of `shape`; an empty tensor if null.
 Tensor upload_gradient(Context& ctx, const float* values, const Shape& shape, const char* name) {
   if (!values) return {};
   long count = 1;

@@ -1,4 +1,4 @@
-// What a report of a defect should tell, put together of what other calls tell.
+// The report of a machine, from the results of other calls.
 #include <fmt/chrono.h>
 
 #include <algorithm>
@@ -49,7 +49,7 @@ Json info_json(vsplat_device device) {
           {"switched_off", info.switched_off}};
 }
 
-// Text that a call hands out, as JSON. Error where it fails.
+// The JSON that a call returns as text. Throws Error if it fails.
 template <class Call>
 Json told(const Call& call) {
   char* text = nullptr;
@@ -92,7 +92,7 @@ bool is_one_of(const std::string& name, std::initializer_list<const char*> names
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// Whether a field holds what people write or are asked for, and not what drivers and this program call things.
+// Whether a field holds what people write or enter, rather than names that drivers and this program use.
 bool may_name_people(const std::string& part, const std::string& field) {
   if (part == "environment") return true;
   if (part == "kept")
@@ -102,7 +102,7 @@ bool may_name_people(const std::string& part, const std::string& field) {
                            "place", "problem", "said", "variable"});
 }
 
-// `field` is the nearest name above a text.
+// `field` is the nearest name above a string.
 void make_impersonal(Json& of, const Personal& who, const std::string& part, const std::string& field) {
   if (of.is_string())
     of = may_name_people(part, field) ? without_personal(of.get<std::string>(), who)
@@ -121,7 +121,7 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     const vsplat_report_options o = taken(options, VSPLAT_REPORT_OPTIONS_INIT, "options");
     if (!(o.seconds > 0 && o.seconds <= 3600))
       fail(Status::usage, "options.seconds is {}: more than 0 and at most 3600 expected", o.seconds);
-    // First, since it is told here that the device is taken, and looking at the drivers takes its time.
+    // First, because this reports whether the device is in use; examining the drivers takes its time.
     Json run = device ? run_json(device, o) : Json();
     Json out;
     out["format"] = "vsplat-report";
@@ -132,7 +132,7 @@ vsplat_status vsplat_report(vsplat_device device, const vsplat_report_options* o
     out["doctor"] = Json::parse(diagnosis_json(diagnose(o.seconds)));
     out["device"] = device ? info_json(device) : Json();
     out["run"] = std::move(run);
-    out["kept"] = kept_facts();  // peaks that the run's profile has measured, too
+    out["kept"] = kept_facts();  // includes peaks that the run's profile has measured
     make_impersonal(out, personal_here(), "", "");
     *out_text = new_text(out.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   });

@@ -8,7 +8,7 @@ namespace vsplat::api {
 namespace {
 
 std::shared_ptr<const Network> uploaded(Context& ctx, vsplat_model model) {
-  const Stage stage(ctx, "encoder");  // its position embedding is resampled on the device
+  const Stage stage(ctx, "encoder");  // the position embedding is resampled on the device
   std::shared_ptr<const Network> out = make_network(ctx, config_of(model), weights_of(model));
   ctx.finish();  // other streams may read it from now on
   return out;

@@ -1,4 +1,4 @@
-// The networks whose weights are on a device, for all of its streams.
+// Networks whose weights are on a device, shared by all of its streams.
 #pragma once
 #include <memory>
 #include <mutex>
@@ -10,13 +10,13 @@
 
 namespace vsplat::api {
 
-// Thread-safe. A network stays until its model goes, or until others' memory is wanted.
+// Thread-safe. A network stays until its model is freed, or until its memory is needed.
 class Residents {
  public:
-  // The model's. Uploaded and repacked with `ctx`, a context of the device, where it is not there yet: whoever asks for
-  // it meanwhile waits. Where memory is short, without the networks that no call uses.
+  // The model's network, uploaded and repacked with `ctx`, a context of the device, if it is not there yet; other
+  // callers wait for that. If memory is short, drops the networks that no call uses.
   std::shared_ptr<const Network> network(Context& ctx, vsplat_model model);
-  // Drops what no call uses, but for that model's; whether there was any.
+  // Drops networks that no call uses, except the model's; returns whether there were any.
   bool drop_idle(vsplat_model but = nullptr);
 
  private:

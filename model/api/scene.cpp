@@ -12,8 +12,8 @@ using namespace vsplat::api;
 
 namespace {
 
-// `from` replaces `to`'s `each` values of each Gaussian, where it is not null. `good` says what a value must be, `what`
-// in words.
+// Replaces `to`'s `each` values of each Gaussian by `from`, unless that is null. `good` checks a value; `what`
+// describes it in the error.
 template <class Good>
 void replace(std::vector<float>& to, const float* from, size_t count, size_t each, const char* name, const Good& good,
              const char* what) {
@@ -35,7 +35,7 @@ void check_rotations(const float* quats, size_t count) {
   }
 }
 
-// A caller's three scales each of surfels, as they are held here: the third, which is 0, is left out.
+// Converts a caller's three scales of each surfel to two, leaving out the third, which is 0.
 std::vector<float> tangent_scales(const float* scales, size_t count) {
   std::vector<float> out;
   out.reserve(2 * count);
@@ -49,7 +49,7 @@ std::vector<float> tangent_scales(const float* scales, size_t count) {
   return out;
 }
 
-// A caller's; none where it is not known.
+// The caller's detail; none if unknown.
 std::optional<Detail> detail_of(const vsplat_scene_info& info) {
   const double pixel = info.detail_pixel;
   if (!(pixel >= 0) || (pixel > 0 && !std::isnormal(static_cast<float>(pixel))))
@@ -64,7 +64,7 @@ std::optional<Detail> detail_of(const vsplat_scene_info& info) {
   return out;
 }
 
-// A copy of the scene with those of the arrays that are there.
+// A copy of the scene with the non-null arrays replaced.
 std::shared_ptr<const Scene> with_values(const Scene& scene, const vsplat_gaussians& a) {
   const size_t n = scene.gaussians.count;
   if (a.capacity < n) fail(Status::usage, "arrays.capacity is {}: the scene has {} Gaussians", a.capacity, n);

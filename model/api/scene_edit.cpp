@@ -1,4 +1,4 @@
-// Scenes changed in place.
+// Changing scenes in place.
 #include "model/base/scene_edit.h"
 
 #include <cmath>
@@ -20,7 +20,7 @@ Similarity similarity_of(const double* transform) {
   return Similarity::from_matrix(m);
 }
 
-// The scene as `change` leaves a copy of it.
+// Replaces the scene by a copy that `change` has modified.
 template <class F>
 void edit(vsplat_scene scene, const F& change) {
   auto made = std::make_shared<Scene>(*scene->now());

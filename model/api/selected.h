@@ -3,9 +3,8 @@
 
 namespace vsplat::api {
 
-// How many of what the network selects from, voxels or primitives, a caller's share of them is, rounded down: the one
-// place where shares become counts.
-// `asked` 0: `usual`. Error(usage) names `what` where it is no share.
+// Converts a caller's share into a count of what the network selects from, voxels or primitives, rounded down. All such
+// conversions go through here. `asked` 0: `usual`. Error(usage), naming `what`, if it is not a share.
 long selected_of(double asked, double usual, const AnyConfig& config, const char* what);
 
 }  // namespace vsplat::api

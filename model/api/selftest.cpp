@@ -1,4 +1,4 @@
-// The self-test, and what is remembered of it.
+// The self-test, and its stored verdict.
 #include "model/diagnose/selftest/selftest.h"
 
 #include <vsplat/selftest.h>
@@ -64,7 +64,7 @@ Json json_of(const selftest::FlavourResult& f) {
   return out;
 }
 
-// "now", "before" where a worse verdict stays, "no".
+// Stores the verdict: "now", "before" if a worse one stays, "no" if it is not stored.
 std::string remember(const selftest::Report& report, bool forget) {
   if (forget) return "no";
   if (report.quick)

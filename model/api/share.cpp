@@ -1,4 +1,4 @@
-// Work shared out over devices.
+// Distributing work over devices.
 #include "model/api/share.h"
 
 #include <fmt/format.h>
@@ -49,7 +49,7 @@ vsplat_status vsplat_share_out(const vsplat_device* devices, size_t num_devices,
     if (!work) fail(Status::usage, "work is null");
     const vsplat_share_options o = taken(options, VSPLAT_SHARE_OPTIONS_INIT, "options");
     refuse_after_fork();
-    // What a caller's function returns may be no value of the enum at all, and is looked at as a number first.
+    // A caller's function may return a number that is no value of the enum, so it is read as a number first.
     const auto hold = [](const vsplat_status& returned, const char* by) {
       const int status = value_of(returned);
       if (status == VSPLAT_OK) return;

@@ -1,4 +1,4 @@
-// Statuses, the last error, version, text, the log, and files.
+// Statuses, the last error, version, strings, the log, and files.
 #include <algorithm>
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-// Where the fields of public structs lie, so that a caller's size of one is not taken to end within a field.
+// Where the fields of public structs lie, to detect a caller's struct size that ends within a field.
 #pragma once
 #include <cstddef>
 #include <span>
@@ -12,7 +12,7 @@ struct FieldBytes {
 };
 
 // The fields of T that are longer than eight bytes. (All others lie within eight bytes that begin at a multiple of
-// eight.) The test `functions` holds that none is missing.
+// eight.) The test `functions` checks that none is missing.
 template <class T>
 std::span<const FieldBytes> long_fields() {
   return {};
@@ -54,8 +54,8 @@ VSPLAT_LONG_FIELDS(vsplat_scene_info, VSPLAT_LONG_FIELD(vsplat_scene_info, mirro
 #undef VSPLAT_LONG_FIELDS
 #undef VSPLAT_LONG_FIELD
 
-// Refuses a caller's size of a struct that has `known` bytes here, where it is too small to hold anything or ends
-// within a field. `what` names the struct.
+// Refuses a caller's size of a struct that has `known` bytes here, if it is too small to hold anything or ends within a
+// field. `what` names the struct.
 void check_struct_size(std::size_t size, std::size_t known, std::span<const FieldBytes> longer, const char* what);
 
 }  // namespace vsplat::api

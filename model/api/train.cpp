@@ -42,7 +42,7 @@ std::optional<std::uint64_t> known(uint64_t intersections) {
   return intersections > 0 ? std::optional<std::uint64_t>(intersections) : std::nullopt;
 }
 
-// What inference left on the device is in the way.
+// Frees what inference left on the device.
 void clear(vsplat_device device) {
   device->residents->drop_idle();
   device->scene.reset();
@@ -50,7 +50,7 @@ void clear(vsplat_device device) {
   device->context.memory().trim();
 }
 
-// What is trained on beside procedural objects, and whether the options go with how many these are.
+// The data sets beside procedural objects. Fails if the options do not match the share of procedural objects.
 DataSet data_of(const vsplat_train_options& o, const std::vector<TrainConfig>& stages) {
   const auto any = [&](const auto& of) { return std::any_of(stages.begin(), stages.end(), of); };
   need_array(o.data, o.num_data, "options.data");
@@ -70,7 +70,7 @@ DataSet data_of(const vsplat_train_options& o, const std::vector<TrainConfig>& s
   return open_data_set(out);
 }
 
-// Of a stage; `o` must outlive it.
+// Options for a stage; `o` must outlive the result.
 TrainOptions options_from(const vsplat_train_options& o, const AnyConfig& model) {
   TrainOptions t;
   t.output = o.output;
@@ -96,8 +96,9 @@ TrainOptions options_from(const vsplat_train_options& o, const AnyConfig& model)
   return t;
 }
 
-// What a checkpoint holds while it is written, the weights, their average and the optimiser's two moments, and the
-// views of two objects, the one in use and the next. Decoded pictures are kept beside that while there is room.
+// Host memory: what a checkpoint holds while it is written (the weights, their average and the optimiser's two
+// moments), and the views of two objects, the one in use and the next. Decoded pictures are cached in addition while
+// memory allows.
 double host_bytes(const char* config) {
   double most = 0;
   for (const TrainConfig& stage : train_stages_from_json(config)) {
@@ -108,14 +109,14 @@ double host_bytes(const char* config) {
   return most;
 }
 
-// Of the stage that takes the most. Stages that differ in nothing that takes memory are planned once.
+// Plans the stage that needs the most memory. Stages that differ only in what needs no memory are planned once.
 Trainer::Plan plan_of_stages(Context& ctx, const char* config, const vsplat_train_plan_options& o) {
   std::optional<Trainer::Plan> most;
   std::vector<TrainConfig> planned;
   for (const TrainConfig& stage : train_stages_from_json(config)) {
     TrainConfig alike = stage;
     alike.schedule = {}, alike.seed = 0;
-    const long last = total_steps(stage.schedule);  // whose loss is planned
+    const long last = total_steps(stage.schedule);  // its loss is planned
     alike.fine_after = last > stage.fine_after ? 0 : 1;
     alike.surface_after = last > stage.surface_after ? 0 : 1;
     if (std::find(planned.begin(), planned.end(), alike) != planned.end()) continue;
@@ -152,9 +153,9 @@ vsplat_status vsplat_train(vsplat_device device, const char* config, const vspla
       for (std::size_t i = 1; i < devices.size(); ++i) out.helpers.push_back(&devices[i]->context);
       return out;
     };
-    for (const TrainConfig& stage : stages) options_of(stage);  // refuses before anything is done
+    for (const TrainConfig& stage : stages) options_of(stage);  // checks every stage before anything is done
     Ranks* ranks = o.ranks ? &Ranks::world() : nullptr;
-    std::optional<RankLeader> leader;  // from here on the others follow
+    std::optional<RankLeader> leader;  // from here on the other ranks follow
     if (ranks && ranks->count() > 1 && ranks->rank() == 0) leader.emplace(*ranks);
     const DataSet data = data_of(o, stages);
     for (vsplat_device each : devices) clear(each);

@@ -21,7 +21,7 @@ NotedShapes shapes_of(const Context& ctx, vsplat_model model, vsplat_program_job
   return out;
 }
 
-// As the memory that there is makes them; of a job that it is too little for, without limits.
+// The shapes of a job in the available memory; without limits if the job does not fit.
 NotedShapes shapes_of(const Context& ctx, vsplat_model model, vsplat_program_jobs job) {
   try {
     return shapes_of(ctx, model, job, true);
