@@ -36,7 +36,7 @@ std::vector<std::string> split(const std::string& text, char at) {
   throw UsageError(option + " is \"" + text + "\": " + expected + " expected");
 }
 
-// Levenshtein's distance, of which two neighbours that changed places are one step.
+// Levenshtein distance in which swapping two neighbours counts as one step.
 std::size_t distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
@@ -54,7 +54,7 @@ std::string letters_of(const std::string& word) {
   return word.substr(std::min(word.find_first_not_of('-'), word.size()));
 }
 
-// What other programs call the options that some commands have here; "" stands for the argument without a name.
+// Other programs' names for options of some commands; "" stands for the positional argument.
 struct CommonName {
   const char *name, *here;
 };
@@ -295,7 +295,7 @@ void refuse_empty_values(const std::vector<std::string>& arguments) {
 std::string nearest(const std::string& word, const std::vector<std::string>& names) {
   const std::string given = letters_of(word);
   std::string best;
-  // Of what is cut short, the whole word; else as many wrong letters as leave most of them.
+  // An abbreviation counts by the whole word; otherwise allows as many wrong letters as leave most of the word.
   std::size_t least = std::max<std::size_t>(1, (given.size() + 1) / 3) + 1;
   for (const std::string& name : names) {
     if ((name[0] == '-') != (word[0] == '-')) continue;

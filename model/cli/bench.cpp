@@ -1,7 +1,7 @@
-// vsplat bench: the network's dense kernels at their real shapes, every single operation, the drawing of whole scenes,
-// the whole network, a step of training and one of refinement, checked, timed and held against the device's limits,
-// beside other libraries and an earlier run. The one sub-command that is not on the public header: it runs the cases of
-// bench/.
+// vsplat bench: checks and times the network's dense kernels at their real shapes, every single operation, the drawing
+// of whole scenes, the whole network, a training step and a fitting step. Compares them with the device's limits, with
+// other libraries and with an earlier run. The only sub-command that does not use just the public header: it runs the
+// cases of bench/.
 #include "bench/bench.h"
 
 #include <chrono>
@@ -27,7 +27,7 @@ struct BenchOptions {
   std::string compare, fail_above;
 };
 
-// Where a run takes long, a line now and then where no terminal shows all of them.
+// Progress of a long run: a line from time to time if no terminal shows every step.
 class Telling {
  public:
   explicit Telling(const Common& common) : common_(common) {}
@@ -66,7 +66,7 @@ vsplat::ContextOptions context_options(const Common& common, const Telling& tell
   return out;
 }
 
-// Ends with an error where a case is slower than its noise and by more than `limit`.
+// Throws if a case is slower by more than its noise and by more than `limit`.
 void hold_against(const vsplat::bench::Comparison& compared, const std::string& asked, double limit) {
   std::string slower;
   for (const vsplat::bench::ComparedCase& c : compared.cases) {

@@ -127,7 +127,7 @@ void set_up_library(const Common& common) {
 
 namespace {
 
-// What can be shown, and what `shown` makes of the rest.
+// Copies printable characters, and replaces the others by what `replaced` returns.
 std::string shown(const std::string& text, const std::function<std::string(const vsplat::Character&)>& replaced) {
   std::string out;
   for (std::size_t at = 0; at < text.size();) {
@@ -138,7 +138,7 @@ std::string shown(const std::string& text, const std::function<std::string(const
   return out;
 }
 
-// As JSON writes it: in UTF-16.
+// As a JSON escape, in UTF-16.
 std::string escaped(const vsplat::Character& c) {
   char out[16];
   const auto code = static_cast<unsigned>(c.code);
@@ -214,9 +214,9 @@ double elapsed_seconds() {
 }
 
 void catch_interrupts() {
-  // A write that fails tells of itself; then all that was begun is taken back.
+  // After a signal, a failing write reports the error, and all that was begun is removed.
   vsplat::sys::catch_stops(on_signal);
-  vsplat::sys::tell_of_faults("");  // before drivers have handlers, which call the earlier ones
+  vsplat::sys::tell_of_faults("");  // before drivers install handlers, which then call these
 }
 
 void let_interrupts_end() { vsplat::sys::let_stops_end(); }

@@ -1,4 +1,4 @@
-// What the sub-commands share: their options, the device they open, what they print, and when they stop.
+// What the sub-commands share: options, opening a device, printing, and stopping.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <cstdint>
@@ -10,13 +10,13 @@
 
 namespace command {
 
-// A request that cannot be served as it stands (exit code 2). Everything else that goes wrong ends with 1.
+// A request that cannot be served as given (exit code 2). All other errors exit with 1.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-// Options that sub-commands share.
+// Options shared by sub-commands.
 struct Common {
   std::string device;
   std::string kernels = "auto";
@@ -28,75 +28,76 @@ struct Common {
   bool allow_outside = false, json = false, overwrite = false, quiet = false, verbose = false;
 };
 
-// A check of values that says nothing of itself in --help, where the type's name tells.
+// A check of values that adds nothing to --help, where the type's name already lists them.
 CLI::Validator one_of(const std::vector<std::string>& values);
 
-// Which of them a sub-command takes: those that do something there, besides --quiet and --verbose.
+// Which common options a sub-command takes besides --quiet and --verbose: those that have an effect there.
 struct Takes {
   bool device = true, profile = true, json = true, overwrite = true, outside = true, precision = false;
 };
 void add_common(CLI::App& app, Common& common, const Takes& takes = {});
 
-// Whether times were asked for, by --profile or --trace.
+// Whether --profile or --trace was given.
 bool wants_times(const Common& common);
 
-// UsageError where a run that computes nothing was asked for times.
+// UsageError if a run that computes nothing was asked for times.
 void refuse_profile_of_dry_run(const Common& common);
 
-// Which process of those that mpirun started this is. Rank 0 of 1 where it did not.
+// This process among those that mpirun started; rank 0 of 1 without mpirun.
 struct Ranks {
   int32_t rank = 0, count = 1;
   bool several() const { return count > 1; }
   bool leads() const { return rank == 0; }
 };
-// Joins the others; those but rank 0 say nothing but warnings from here on, each beginning with its rank.
+// Joins the other ranks. From then on, ranks other than 0 print only warnings, each beginning with the rank.
 Ranks join_ranks(Common& common);
-// Ends the others where this one fails.
+// Ends the other ranks when this one fails.
 void leave_ranks(int exit_code);
 
-// What holds for the whole library: its messages go to stderr, as much of them as asked for; where files may lie that
-// others name; how much of the host's memory may be used.
+// Sets up the library for the process: its messages go to stderr at the requested level; where files named by other
+// files may lie; the limit of host memory.
 void set_up_library(const Common& common);
 
-// Text that may hold what a stranger wrote (names in files, paths), for a terminal: control characters but line ends
-// and tabs, and what is no UTF-8 become ?.
+// Escapes untrusted text (names in files, paths) for a terminal: control characters except line breaks and tabs, and
+// invalid UTF-8, become ?.
 std::string for_terminal(const std::string& text);
-// JSON with such characters escaped, which means the same.
+// JSON with those characters escaped; its meaning is unchanged.
 std::string json_for_terminal(const std::string& json);
 
-// What --json asks for, on stdout; what of it is no UTF-8, paths for instance, becomes U+FFFD.
+// Prints --json output on stdout; invalid UTF-8, in paths for instance, becomes U+FFFD.
 void print_json(const nlohmann::ordered_json& value);
 
-// One line on stderr, unless --quiet. Whatever progress is shown is taken away before it.
+// Prints one line on stderr, unless --quiet. Removes a progress line first.
 void say(const Common& common, const std::string& text);
 
-// The same with "warning: " before it, whatever is asked for.
+// Like say(), with "warning: " before the text, and also with --quiet.
 void warn(const std::string& text);
 
-// On a terminal a line that is written over; otherwise nothing.
+// Shows a line that is overwritten on a terminal; does nothing elsewhere.
 void show_progress(const Common& common, const std::string& text);
-bool progress_is_shown();  // whether it is now
+bool progress_is_shown();  // whether a progress line is visible now
 void clear_progress();
 
 // "3.4 s", "2 min 05 s"; "1.20 GiB", "35 MiB".
 std::string seconds_text(double seconds);
 std::string bytes_text(std::uint64_t bytes);
 
-// Since the program started.
+// Time since the program started.
 double elapsed_seconds();
 
-// Interrupts (SIGINT, SIGTERM, SIGHUP where it is not ignored) ask for a clean stop; a second one ends at once. A file
-// beyond its limit and a pipe that nobody reads are errors of the write.
+// Makes interrupts (SIGINT, SIGTERM, and SIGHUP unless ignored) ask for a clean stop; a second one ends the program at
+// once. A file beyond its size limit, and a pipe without a reader, become errors of the write.
 void catch_interrupts();
-// From now on each of them ends the program at once: where nothing is written yet, and a call knows no stop.
+// Makes interrupts end the program at once: for a time when nothing is written yet and a call cannot be stopped.
 void let_interrupts_end();
 bool interrupted();
-// A stop that the command has answered by writing what it had; `text` is the line that tells of it.
+// Reports a stop that the command has handled by writing what it had; `text` is the line printed.
 void tell_stop(const Common& common, const std::string& text);
 bool stop_is_told();
-int interrupt_code();  // what a shell tells of it: 130, 143, 129
+int interrupt_code();  // exit code that a shell uses for the signal: 130, 143, 129
 
-// Each adds its sub-command with everything it needs; `run` is set when it was asked for and does the work.
+// Each adds its sub-command with its options. When the sub-command is given, `run` is set to the function that does the
+// work.
 using Run = std::function<void()>;
 void add_devices(CLI::App& app, Run& run);
 void add_doctor(CLI::App& app, Run& run);

@@ -6,7 +6,7 @@
 namespace command {
 namespace {
 
-// "auto|cpu|gpu" -> its words; none where a part is not a word that can be given as it stands.
+// Splits "auto|cpu|gpu" into words; empty if a part is not a literal word.
 std::vector<std::string> choices_of(const std::string& value) {
   std::vector<std::string> out(1);
   for (const char c : value) {

@@ -15,7 +15,7 @@
 namespace command {
 namespace {
 
-constexpr float difference_gain = 4;  // at 1, what an eye sees in the pictures is black in their difference
+constexpr float difference_gain = 4;  // without it, differences that the eye sees in the pictures would look black
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
@@ -85,7 +85,7 @@ void Comparison::leave_out(std::size_t index, const std::exception& error) {
   files_[index].clear();
 }
 
-// The file of camera `index`, of a size that can be compared.
+// Finds the file of camera `index` and checks that its size can be compared.
 std::string Comparison::find(std::size_t index) const {
   const std::string file = shots_.listed.find_picture(index, folder_);
   if (file.empty())

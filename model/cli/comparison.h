@@ -1,4 +1,4 @@
-// Drawn pictures against given ones of the same cameras: how well they agree, and where they do not.
+// Comparing drawn pictures with given ones of the same cameras.
 #pragma once
 #include <future>
 #include <nlohmann/json_fwd.hpp>
@@ -10,7 +10,7 @@
 
 namespace command {
 
-// Cameras to draw from: as the library holds them, and each, in the size asked for.
+// Cameras to draw from: as the library's handle, and each at the requested size.
 struct Shots {
   vsplat::Cameras listed;
   std::vector<vsplat_camera> all;
@@ -20,17 +20,16 @@ std::string index_text(std::size_t index);  // "0007"
 
 class Comparison {
  public:
-  // Finds a picture in `folder` for every camera and looks at its size; `outputs` will not write over it. An error
-  // where one is missing, smaller than what is drawn or of other proportions; with `skip_bad` a warning, and it is left
-  // out. Difference pictures go to `differences` unless that is "".
+  // Finds a picture in `folder` for every camera and reads its size; registers them as inputs of `outputs`. Throws if
+  // one is missing, smaller than what is drawn, or of another aspect ratio; with `skip_bad` warns and leaves it out.
+  // Difference pictures go to `differences`, unless that is "".
   Comparison(std::string folder, std::string differences, const float (&background)[3], Shots shots, Outputs& outputs,
              bool skip_bad);
 
-  // Camera `index` as drawn over the background; to be called for one after the other, from 0 on. Returns its PSNR as
-  // text.
+  // Compares camera `index` as drawn over the background; call it in order, from 0 on. Returns the PSNR as text.
   std::string add(std::size_t index, const vsplat::Picture& drawn, Outputs& outputs);
 
-  // For people; and for machines, with null for what is infinite or not defined.
+  // As a table, and as JSON with null for values that are infinite or undefined.
   std::string table() const;
   nlohmann::ordered_json json() const;
 
@@ -44,11 +43,11 @@ class Comparison {
     double psnr = 0, ssim = 0;
   };
   std::string find(std::size_t index) const;
-  // Of the exception that is being handled: thrown again where it must be.
+  // Handles the current exception: warns and leaves the picture out, or rethrows.
   void leave_out(std::size_t index, const std::exception& error);
   void compare(std::size_t index, const vsplat::Picture& drawn, const std::vector<float>& given, Outputs& outputs);
   Row mean() const;
-  // Reads and prepares the picture of camera `index` beside what else is done.
+  // Reads and prepares the picture of camera `index` in the background.
   std::future<std::vector<float>> load(std::size_t index) const;
 
   std::string folder_, differences_;
@@ -57,7 +56,7 @@ class Comparison {
   bool skip_bad_;
   std::vector<std::string> files_;  // "": left out
   std::vector<Row> rows_;
-  std::future<std::vector<float>> next_;  // the picture after the last one that was added
+  std::future<std::vector<float>> next_;  // of the camera after the last one that was added
 };
 
 }  // namespace command

@@ -12,14 +12,14 @@ std::string joined(const std::vector<std::string>& words, const std::string& bet
 // "weights info"; "" for the command itself.
 std::string place(const CommandRow& row) { return joined(row.path, " "); }
 
-// In single quotes, as all three shells take it.
+// In single quotes, valid in all three shells.
 std::string quoted(const std::string& text, const std::string& quote_inside = "'\\''") {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? quote_inside : std::string(1, c);
   return out + "'";
 }
 
-// Every place as a pattern of `case`.
+// All commands as a pattern of `case`.
 std::string all_places(const std::vector<CommandRow>& table) {
   std::string out;
   for (const CommandRow& row : table)
@@ -77,7 +77,7 @@ std::string bash_completion(const std::vector<CommandRow>& table) {
 
 namespace {
 
-// What stands for a value in an argument of _arguments: ":name:what it may be".
+// The part of an _arguments entry that describes a value: ":name:completion".
 std::string zsh_value(const OptionRow& row) {
   std::string name;
   for (const char c : row.value) name += c == ':' ? "\\:" : std::string(1, c);

@@ -1,4 +1,4 @@
-// Completion of the command line in shells.
+// Shell completion of the command line.
 #pragma once
 #include <string>
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace command {
 
-// Scripts to be read by the shell, or put where it looks for them: commands, options, and values where they are one of
-// a few words or paths.
+// Scripts for the shell to source, or to install where it looks for them. They complete commands, options, and values
+// that are paths or one of a few words.
 std::string bash_completion(const std::vector<CommandRow>& table);
 std::string zsh_completion(const std::vector<CommandRow>& table);
 std::string fish_completion(const std::vector<CommandRow>& table);

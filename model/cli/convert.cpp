@@ -1,4 +1,4 @@
-// vsplat convert: a scene for programs that do not know its kind.
+// vsplat convert: converts a scene for programs that do not support its kind.
 #include <nlohmann/json.hpp>
 
 #include "scene_file.h"

@@ -1,4 +1,4 @@
-// vsplat dataset: data sets made from meshes (and info, in a file of its own).
+// vsplat dataset: makes data sets from meshes (`info` is in a file of its own).
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -56,7 +56,7 @@ void expect_all(const DatasetOptions& o, Outputs& outputs, const std::string& fo
   outputs.input(o.texture);
   const std::vector<std::string> files = files_of(folder, o.views);
   for (const std::string& file : files) outputs.expect(file);
-  // Pictures of an earlier run with more views would go.
+  // Pictures of an earlier run with more views would be removed.
   std::error_code error;
   for (auto at = fs::directory_iterator(fs::path(folder) / "images", error); !error && at != fs::directory_iterator();
        at.increment(error)) {
@@ -101,7 +101,7 @@ ordered_json write(const DatasetOptions& o, std::size_t index, const std::string
   options.index = number;
   options.progress = Progress::tell;
   options.user = &progress;
-  mesh.write_views(folder, options);  // all or nothing: none of it is begun here
+  mesh.write_views(folder, options);  // replaces the object whole or not at all, so outputs.begin() is not needed
   outputs.commit();
   clear_progress();
   say(o.common, folder + ": " + std::to_string(o.views) + " pictures of " + std::to_string(info.triangles) +
@@ -115,7 +115,7 @@ void make(const DatasetOptions& o) {
   set_up_library(o.common);
   const std::uint64_t seed = seed_value("--seed", o.seed);
   const std::vector<std::string> names = names_of(o);
-  // All of the files are looked at before the first mesh is read.
+  // Checks all of the files before reading the first mesh.
   for (const std::string& name : names) {
     Outputs outputs(o.common.overwrite);
     expect_all(o, outputs, (fs::path(o.output) / name).string());

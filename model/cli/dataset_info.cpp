@@ -1,4 +1,4 @@
-// vsplat dataset info: what a data set holds.
+// vsplat dataset info: the contents of a data set.
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -59,7 +59,7 @@ std::vector<Surveyed> survey(const DatasetInfoOptions& o, const vsplat::DataSet&
   return out;
 }
 
-// A picture of every object, or several where there are few objects.
+// One picture of every object, or several if there are few objects.
 void write_sheet(const DatasetInfoOptions& o, const vsplat::DataSet& set, const std::vector<Surveyed>& objects,
                  const std::string& path) {
   const int count = static_cast<int>(objects.size()), shown = std::min(count, most_cells);

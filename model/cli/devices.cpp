@@ -1,4 +1,4 @@
-// vsplat devices: what there is to compute on.
+// vsplat devices: lists the devices to compute on.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
@@ -22,7 +22,7 @@ const char* type_name(vsplat_device_type type) {
   return "other";
 }
 
-// As lspci and nvidia-smi write them; null where the driver does not tell.
+// In the notation of lspci and nvidia-smi; null if the driver does not report it.
 nlohmann::ordered_json uuid_of(const vsplat_device_info& d) {
   if (!d.has_uuid) return nullptr;
   std::string out;
@@ -93,7 +93,7 @@ void list_devices(const Common& common) {
   if (devices.empty()) {
     if (common.json) std::printf("[]\n");
     const vsplat_device_options any = VSPLAT_DEVICE_OPTIONS_INIT;
-    const vsplat::Device none(any);  // throws, with what is missing
+    const vsplat::Device none(any);  // throws an error that says what is missing
     return;
   }
   if (common.json) {

@@ -1,4 +1,4 @@
-// vsplat doctor: why there is no device, or the wrong one, and what to do.
+// vsplat doctor: finds out why there is no device, or the wrong one, and what to do.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>

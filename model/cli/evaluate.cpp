@@ -1,4 +1,4 @@
-// vsplat evaluate: how well a model reconstructs the objects of data sets, beside baselines that know nothing.
+// vsplat evaluate: how well a model reconstructs the objects of data sets, beside baselines without a network.
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -28,13 +28,13 @@ struct EvaluateOptions {
   bool skip_bad = false, refine = false;
 };
 
-// A number of the results: its name in JSON, its heading, and how it is printed.
+// A score: its name in JSON, its heading, and its format.
 struct Column {
   const char *name, *heading;
   double vsplat_scores::*value;
   int digits;
   double factor;
-  bool always = true;  // false: only where there is one: LPIPS with weights, poses under noise, rays that are predicted
+  bool always = true;  // false: shown only if present: LPIPS with weights, poses under noise, predicted rays
 };
 constexpr Column columns[] = {{"psnr", "PSNR", &vsplat_scores::psnr, 2, 1},
                               {"psnr_coarse", "coarse", &vsplat_scores::psnr_coarse, 2, 1},
@@ -56,11 +56,11 @@ std::vector<Column> columns_of(const vsplat_scores& mean) {
   return out;
 }
 
-// What is told: of a whole evaluation, or of what was done before it ended early.
+// What is printed: for a whole evaluation, or for the objects done before it ended early.
 struct Results {
   std::vector<vsplat::Evaluation::Object> objects;
   vsplat_scores mean;
-  std::string stopped;  // by what; "": whole
+  std::string stopped;  // the reason; "" if complete
 };
 
 vsplat_scores mean_of(const std::vector<vsplat::Evaluation::Object>& objects) {
@@ -119,7 +119,7 @@ void print(const EvaluateOptions& o, const Session& session, const Results& resu
   o.common.json ? print_results(results, session) : print_table(results);
 }
 
-// What is done of an evaluation that an error or an interrupt ends is printed before that is told.
+// Collects finished objects. If an error or an interrupt ends the evaluation, prints them before the error is reported.
 class Kept {
  public:
   Kept(const EvaluateOptions& options, const Session& session) : options_(options), session_(session) {}
@@ -142,7 +142,7 @@ class Kept {
   std::vector<vsplat::Evaluation::Object> objects_;
 };
 
-// Of both callbacks.
+// Argument of both callbacks.
 struct Listener {
   Session& session;
   Kept kept;
@@ -256,7 +256,7 @@ void add_evaluate(CLI::App& app, Run& run) {
       ->type_name("N");
   sub->add_flag("--skip-bad", o->skip_bad, "Leave out views and objects that cannot be read, and count them");
   add_placement_options(*sub, o->placement);
-  // It says itself what is measured.
+  // The table's file says what is measured, so no other option may be given.
   std::vector<CLI::Option*> others;
   for (CLI::Option* option : sub->get_options())
     if (option->get_name() != "--help" && option->get_name() != "--skip-bad") others.push_back(option);

@@ -30,7 +30,7 @@ constexpr const char* kLpipsFiles[] = {"alex.safetensors", "vgg.safetensors"};
 constexpr const char* kEndings[] = {".md", ".csv", ".json"};
 
 struct System {
-  std::string name, model;  // "": the built-in model
+  std::string name, model;  // the model file; "": the built-in model
 };
 struct Data {
   std::string name;
@@ -48,7 +48,7 @@ struct TableRequest {
   std::string lpips;
 };
 
-// An object of the file. Paths in it are from the folder that the file lies in.
+// Fields of a JSON object in the file. Paths are relative to the file's folder.
 class Fields {
  public:
   Fields(const json& object, std::string where, fs::path folder)
@@ -62,7 +62,7 @@ class Fields {
     if (!value->is_string() || value->get<std::string>().empty()) wrong(told(name), "a text that is not empty", *value);
     return value->get<std::string>();
   }
-  // The first where it is not there.
+  // `first` if the field is missing.
   std::string one_of_two(const char* name, const char* first, const char* second) {
     const json* value = find(name, false);
     if (!value) return first;
@@ -108,7 +108,7 @@ class Fields {
       fields.end();
     }
   }
-  // Nothing else may be there.
+  // Fails if any other field is present.
   void end() const {
     for (const auto& [name, value] : object_.items())
       if (!known_.contains(name)) {
@@ -196,7 +196,7 @@ TableRequest read(const std::string& path) {
 struct Row {
   std::size_t data, views, system;
   vsplat_scores mean;
-  double seconds;        // the median over the objects: the first has what compiling takes
+  double seconds;        // median over the objects, since the first includes compiling
   std::uint64_t memory;  // bytes, planned
   std::size_t objects, skipped;
 };
@@ -207,7 +207,7 @@ struct Cell {
   int digits;
 };
 
-// Of a row. LPIPS only where there are weights.
+// The cells of a row. LPIPS only if there are weights.
 std::vector<Cell> cells_of(const Row& row) {
   constexpr double mib = 1 << 20;
   std::vector<Cell> out = {{"psnr", "PSNR", row.mean.psnr, 2},
@@ -356,8 +356,8 @@ void print(const Common& common, const Table& table) {
     std::fputs(for_terminal(table.markdown()).c_str(), stdout);
 }
 
-// Of every row what a network's run takes. Whatever the table reads is opened for it, but for the objects' pictures and
-// LPIPS' values.
+// Plans the memory of each row's network. Opens everything that the table reads, except the objects' pictures and the
+// LPIPS weights.
 void plan_table(const Common& common, const TableRequest& request) {
   Session session(common);
   std::vector<vsplat::DataSet> sets;
@@ -412,7 +412,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
   Session session(common, Devices::several);
   session.about("command", "evaluate");
   session.about("table", o.file);
-  std::vector<vsplat::DataSet> sets;  // all of them before anything is computed
+  std::vector<vsplat::DataSet> sets;  // all are opened before anything is computed
   for (const Data& data : request.data) sets.emplace_back(data.folders);
   Table table(request);
   const std::size_t all = request.systems.size() * request.data.size() * request.views.size();
@@ -433,7 +433,7 @@ void evaluate_table(const Common& common, const TableOptions& o) {
           Row row = measured(session, model, sets[d], options);
           row.data = d, row.views = v, row.system = s;
           table.add(std::move(row));
-        } catch (const vsplat::Error& e) {  // what is done is told
+        } catch (const vsplat::Error& e) {  // finished rows are printed
           if (table.size() > 0) print(common, table);
           if (e.status() == VSPLAT_ERROR_CANCELLED)
             throw std::runtime_error("interrupted after " + std::to_string(table.size()) + " of " +

@@ -1,4 +1,4 @@
-// Systems on data sets under protocols, in one table.
+// Models and baselines on data sets under protocols, in one table.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,8 +8,8 @@
 namespace command {
 
 struct TableOptions {
-  std::string file;                  // what is measured, in JSON
-  std::vector<std::string> outputs;  // files of it, by their endings: .md, .csv, .json
+  std::string file;                  // the request, in JSON
+  std::vector<std::string> outputs;  // files to write the table to, by extension: .md, .csv, .json
   bool skip_bad = false;
   bool dry_run = false;  // measures nothing: reads models and lists of objects, and plans memory
 };

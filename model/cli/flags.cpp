@@ -16,7 +16,7 @@ struct Flag {
   std::string_view name, flag;
 };
 
-// The name as messages have it; what the library does not have does not compile.
+// The name as in messages. A name that the library does not have fails to compile.
 template <auto>
 constexpr Flag flag(const char* name, const char* flag) {
   return {name, flag};
@@ -84,7 +84,7 @@ constexpr Flag flags[] = {
 #undef FIELD
 #undef FUNCTION
 
-// What a name is made of; where one is followed by more of it, or comes after some, it is another name or a path.
+// Characters of a name. A known name next to more of them is part of another name or of a path.
 bool in_name(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
          c == '/' || c == '-';
@@ -104,7 +104,7 @@ std::string with_flags(const std::string& text) {
     std::size_t end = at;
     while (end < text.size() && in_name(text[end])) ++end;
     std::size_t name_end = end;
-    while (name_end > at && text[name_end - 1] == '.') --name_end;  // of a sentence
+    while (name_end > at && text[name_end - 1] == '.') --name_end;  // end of a sentence
     const std::string_view name(text.data() + at, name_end - at), flag = flag_of(name);
     out += flag.empty() ? name : flag;
     out.append(text, name_end, end - name_end);

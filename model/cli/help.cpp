@@ -1,4 +1,4 @@
-// vsplat help and vsplat completion: what the sub-commands tell of themselves, for people, man and shells.
+// vsplat help and vsplat completion: the sub-commands' options for people, man and shells.
 #include <cstdio>
 #include <filesystem>
 
@@ -17,7 +17,7 @@ struct HelpOptions {
   std::string pages;
 };
 
-// The sub-command that the words name; UsageError where there is none.
+// The sub-command with these names; UsageError if there is none.
 const CLI::App& find(const CLI::App& root, const std::vector<std::string>& words) {
   const CLI::App* at = &root;
   std::string name = "vsplat";
@@ -66,7 +66,7 @@ void add_help(CLI::App& app, Run& run) {
   auto o = std::make_shared<HelpOptions>();
   CLI::App* sub = app.add_subcommand("help", "Tell a command's options, as --help does");
   sub->add_option("command", o->words, "Which one; none: vsplat itself")->type_name("COMMAND");
-  // For whoever packages this: the same as man pages, one, or all into a folder.
+  // For packagers: the same as man pages, one, or all into a folder.
   sub->add_flag("--man", o->man)->group("");
   sub->add_option("--man-pages", o->pages)->group("");
   sub->footer("Examples:\n  vsplat help reconstruct\n  vsplat help weights convert");

@@ -1,4 +1,4 @@
-// vsplat init: a new model with random weights.
+// vsplat init: makes a new model with random weights.
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
 

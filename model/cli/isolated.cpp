@@ -15,8 +15,8 @@ namespace {
 
 namespace sys = vsplat::sys;
 
-constexpr int kUnheard = 97;   // the exit code of one that Patience ended
-constexpr int kMostEnds = 40;  // some in each flavour, and in what is tried in their place
+constexpr int kUnheard = 97;   // exit code of a process that Patience ended
+constexpr int kMostEnds = 40;  // several for each flavour and for its replacements
 
 std::atomic<double> last_heard{0};
 
@@ -60,7 +60,7 @@ std::string in_another_process(const Common& common, const std::string& called) 
     ended = end.signal == 0 ? std::string("nothing was heard of it any more")
                             : "signal " + std::to_string(end.signal) + ", " + sys::signal_name(end.signal);
     clear_progress();
-    if (end.signal != 0 && !end.fault)  // for want of memory, say: that tells nothing of the work
+    if (end.signal != 0 && !end.fault)  // out of memory, for example: that says nothing about the work
       throw std::runtime_error(called + ": its process was ended from outside (" + ended + ")");
     if (ends == kMostEnds) throw std::runtime_error(called + ": its process was ended again and again: " + ended);
     say(common, called + ": its process was ended (" + ended + "); again, without what it was doing");

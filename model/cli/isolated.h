@@ -1,5 +1,5 @@
-// Work that may end its process, as a driver that crashes does: it is done in a process of its own, and once more in
-// another where that one was ended.
+// Runs work that may end its process, as a driver that crashes does, in a process of its own, and again in another if
+// that one is ended.
 #pragma once
 #include <functional>
 #include <string>
@@ -8,17 +8,17 @@
 
 namespace command {
 
-// Since when the work has been heard of last; of any thread.
+// Watches for progress of the work; usable from any thread.
 class Patience {
  public:
-  // Ends this process where nothing was heard for so many seconds. Until the process ends.
+  // From now on ends this process if heard() is not called for so many seconds.
   void begin(double seconds);
   void heard();
 };
 
-// Goes on in another process, and returns there alone: with "" in the first one, and in each that follows with how the
-// one before was ended, in words. This one waits, passes a stop on, and leaves with the exit code of the last. An error
-// where one was killed from outside, where so many were ended that there must be something else, or none can be had.
+// Continues in another process, and returns only there: with "" in the first one, and in each later one with a
+// description of how the one before was ended. The parent waits, forwards a stop, and exits with the last one's exit
+// code. Throws if one was killed from outside, if too many were ended, or if no process can be started.
 std::string in_another_process(const Common& common, const std::string& called);
 
 }  // namespace command

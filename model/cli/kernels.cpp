@@ -1,5 +1,5 @@
-// vsplat kernels: every OpenCL program, with what it is built with and who launches it; and all of it in a folder, for
-// whoever makes a compiler of them.
+// vsplat kernels: lists every OpenCL program with its build options and what launches it, and writes it all to a folder
+// for compiler developers.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -22,7 +22,7 @@ struct KernelsOptions {
   bool no_build = false;
 };
 
-// What the library tells of one flavour.
+// The library's list of programs for one flavour.
 Json told(const KernelsOptions& o, const std::string& flavour) {
   Common common = o.common;
   common.kernels = flavour;
@@ -41,7 +41,7 @@ Json told(const KernelsOptions& o, const std::string& flavour) {
   return out;
 }
 
-// "train (volume, heads)": by whom, and in which stages.
+// "train (volume, heads)": the jobs that launch it, with their stages.
 std::string launched_by(const Json& kernel) {
   std::vector<std::pair<std::string, std::set<std::string>>> jobs;
   for (const Json& launch : kernel["launches"]) {
@@ -59,7 +59,7 @@ std::string launched_by(const Json& kernel) {
   return out.empty() ? "nothing here" : out;
 }
 
-// "256", "16x16": each size of work-group once; "-" where the driver chooses, or nothing launches it.
+// "256", "16x16": each work-group size once; "-" if the driver chooses it or nothing launches the kernel.
 std::string groups_of(const Json& kernel) {
   std::set<std::string> sizes;
   for (const Json& launch : kernel["launches"]) {
@@ -74,7 +74,7 @@ std::string groups_of(const Json& kernel) {
   return out.empty() ? "-" : out;
 }
 
-// What the kernel declares, and the most that a launch gives it.
+// What the kernel declares, plus the most that a launch passes as an argument.
 std::string local_memory_of(const Json& kernel) {
   uint64_t most = 0;
   for (const Json& launch : kernel["launches"]) most = std::max(most, launch["local_bytes"].get<uint64_t>());
@@ -100,7 +100,7 @@ void print_table(const std::vector<Json>& all) {
   std::printf("%zu kernels in %zu programs\n", kernels, programs);
 }
 
-// kernels.json: a program a line, its kernels by name, and what is known of them beside that.
+// kernels.json: one program a line, its kernels by name, with what is known about them.
 Json listed(const std::vector<Json>& all) {
   Json out = Json::array();
   for (const Json& one : all)

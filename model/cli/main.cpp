@@ -1,5 +1,6 @@
-// vsplat: the command line. One file per sub-command; here they are put together and errors become exit codes:
-// 0, 1 where something failed, 2 where the request itself is wrong, 128 and the signal's number where one stopped it.
+// vsplat: the command line. Each sub-command has a file of its own; this one combines them and turns errors into exit
+// codes: 0 on success, 1 if something failed, 2 if the request itself is wrong, 128 plus the signal's number if a
+// signal stopped it.
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
@@ -23,7 +24,7 @@ int report(int code, const std::string& text) {
   return code;
 }
 
-// What was printed has arrived, or that is the error.
+// Flushes stdout and reports an error if output was lost.
 int finish(int code) {
   const bool streamed = static_cast<bool>(std::cout.flush());
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && streamed) return code;
@@ -31,7 +32,7 @@ int finish(int code) {
   return report(code == 0 ? exit_failed : code, "stdout: cannot be written: " + reason);
 }
 
-// Runs the command. -> the exit code, but for signals.
+// Runs the command. Returns the exit code, signals aside.
 int result_of(const command::Run& run) try {
   if (run) run();
   return 0;
@@ -84,7 +85,7 @@ int main(int argc, char** argv) {
   command::add_completion(app, run);
 
   try {
-    // CLI11 takes the arguments last first, without the program's name.
+    // CLI11 takes the arguments in reverse order, without the program's name.
     std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
     command::refuse_empty_values(arguments);
     arguments = command::with_names_of_here(app, command::with_joined_numbers(arguments));
@@ -95,12 +96,12 @@ int main(int argc, char** argv) {
     return finish(app.exit(e));
   } catch (const command::UsageError& e) {
     return report(exit_usage, e.what());
-  } catch (const CLI::ParseError& e) {  // what nothing takes is the likelier cause, even where something is missing
+  } catch (const CLI::ParseError& e) {  // an unknown argument is the likelier cause, even if a required one is missing
     const std::string unknown = command::unknown_text(app);
     return report(exit_usage, (unknown.empty() ? e.what() : unknown) + "\nRun with --help for more.");
   }
 
-  const int code = finish(result_of(run));  // what is printed has left before leave_ranks() may end the process
+  const int code = finish(result_of(run));  // output is flushed before leave_ranks() may end the process
   if (command::interrupted() && code == 0 && !command::stop_is_told())
     report(code, "asked to stop; what was begun is written");
   if (!command::interrupted()) command::leave_ranks(code);

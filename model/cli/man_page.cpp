@@ -7,7 +7,7 @@
 namespace command {
 namespace {
 
-// Text as man(7) takes it: what it would take for its own is written so that it shows.
+// Text for man(7), with its special characters escaped.
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -23,7 +23,7 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-// An argument of a request: in quotes.
+// An argument of a macro, in quotes.
 std::string quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : escaped(text)) out += c == '"' ? std::string("\\(dq") : std::string(1, c);
@@ -49,7 +49,7 @@ std::string options_text(const CommandRow& row) {
   return out;
 }
 
-// Lines that are indented are shown as they are; the others are text, but for a heading before indented ones.
+// Indented lines are shown as they are; other lines are text, or a heading if indented lines follow.
 std::string footer_text(const std::string& footer) {
   std::istringstream lines(footer);
   std::string out = ".SH NOTES\n", line;

@@ -1,4 +1,4 @@
-// Manual pages in man(7).
+// Manual pages in man(7) format.
 #pragma once
 #include <string>
 #include <vector>
@@ -7,7 +7,7 @@
 
 namespace command {
 
-// The page of table[index], named as `CommandRow::name("-")`.
+// The page of table[index], named `CommandRow::name("-")`.
 std::string man_page(const std::vector<CommandRow>& table, std::size_t index);
 
 }  // namespace command

@@ -27,14 +27,14 @@ bool contains(const std::vector<fs::path>& paths, const fs::path& path) {
   return std::find(paths.begin(), paths.end(), path) != paths.end();
 }
 
-// Where it will lie: links on the way are followed; the file itself may be one, and then the link is replaced.
+// Where the file will lie: links in the path are followed; if the file itself is a link, the link is replaced.
 fs::path place_of(const std::string& path) {
   std::error_code problem;
   const fs::path whole = fs::absolute(path), folder = fs::weakly_canonical(whole.parent_path(), problem);
   return problem ? normal(path) : folder / whole.filename();
 }
 
-// "a link to gone.ply, which is not there"
+// "a link to gone.ply, which does not exist"
 std::string dead_link(const fs::path& link) {
   std::error_code problem;
   return "a link to " + fs::read_symlink(link, problem).string() + ", which is not there";
@@ -45,12 +45,12 @@ bool is_link(const fs::path& path) {
   return fs::is_symlink(fs::symlink_status(path, problem));
 }
 
-// The folder `path` would be written into, or the nearest one above it that is there, takes a file of that name.
+// Checks that the folder of `path`, or its nearest existing parent, accepts a file of that name.
 void check_writable(const fs::path& path) {
   const auto refuse = [&](const std::string& why) {
     throw std::runtime_error(path.string() + " cannot be written: " + why);
   };
-  std::vector<fs::path> names = {path.filename()};  // that will be made in that folder
+  std::vector<fs::path> names = {path.filename()};  // to be created in that folder
   fs::path folder = path.parent_path();
   std::error_code error;
   while (!fs::exists(folder, error) && folder.has_parent_path() && folder != folder.parent_path()) {
@@ -115,7 +115,7 @@ void Outputs::on_written(void* outputs, const char* path, std::int32_t created) 
   known == self->made_.end() ? self->made_.push_back(now) : static_cast<void>(*known = now);
 }
 
-// What was not there at first may be another's by now; what this process made it may write anew.
+// A file that did not exist at first may be another program's by now; this process may rewrite only what it created.
 std::int32_t Outputs::on_exists(void* outputs, const char* path) {
   auto* self = static_cast<Outputs*>(outputs);
   const std::lock_guard lock(self->made_mutex_);
@@ -157,7 +157,7 @@ void Outputs::input_data(const std::vector<std::string>& paths) {
   };
   for (const std::string& path : paths)
     if (!fs::is_directory(path, error)) input(path);
-  // Listing what a set holds takes long: only where one of it could be meant.
+  // Listing a set's files takes long, so it is done only if an output might be one of them.
   for (const fs::path& output : std::vector<fs::path>(expected_)) {
     if (!fs::exists(output, error) ||
         std::none_of(paths.begin(), paths.end(), [&](const std::string& path) { return is_below(output, path); }))
@@ -172,7 +172,7 @@ void Outputs::input_data(const std::vector<std::string>& paths) {
       if (object["layout"] == "hdf5") continue;
       try {
         for (const std::string& file : vsplat::Views::load(path, checked_later).files()) input(file);
-      } catch (const vsplat::Error&) {  // one that cannot be read is told of where it is read
+      } catch (const vsplat::Error&) {  // an unreadable view is reported where it is read
       }
     }
     return;
@@ -217,7 +217,7 @@ void Outputs::expect(const std::string& path) { expect(path, overwrite_); }
 
 void Outputs::expect_renewed(const std::string& path) { expect(path, true); }
 
-// Two names may be those of one file: one folder may have two names, by a link.
+// Two names may refer to one file, since a link can give a folder a second name.
 void Outputs::refuse_if_expected(const std::string& path) {
   const fs::path place = place_of(path);
   if (const auto other = places_.find(place); other != places_.end())
@@ -266,7 +266,7 @@ void Outputs::make_folder(const fs::path& folder) {
 std::string Outputs::begin(const std::string& path) {
   const fs::path file = normal(path);
   make_folder(file.parent_path());
-  if (!contains(stay_, file)) files_.push_back(file);  // one from before is replaced whole, never taken away
+  if (!contains(stay_, file)) files_.push_back(file);  // a file kept from before is replaced whole, never removed
   return path;
 }
 

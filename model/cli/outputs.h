@@ -1,4 +1,4 @@
-// Every file that a command is going to write, looked at before anything is computed, and taken back if it ends early.
+// The files that a command will write: checked before anything is computed, and removed if it ends early.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -11,47 +11,48 @@
 
 namespace command {
 
-// Whether files may name others that lie anywhere, for the whole process.
+// Whether files may name others that lie anywhere; for the whole process.
 void allow_outside(bool allowed);
 
 class Outputs {
  public:
-  // There is one at a time: the library asks it what may be replaced, and tells it what it made.
+  // Only one may exist at a time: the library asks it what may be replaced, and reports to it what was created.
   explicit Outputs(bool overwrite);
-  // Removes what was begun and this process made, unless commit() was called: files first, then the folders made for
-  // them.
+  // Unless commit() was called, removes what was begun and created by this process: files first, then the folders made
+  // for them.
   ~Outputs();
   Outputs(const Outputs&) = delete;
   Outputs& operator=(const Outputs&) = delete;
 
-  // A file that will be written. UsageError where it is named twice, is one of the inputs or the folder of another one;
-  // std::runtime_error where it exists (unless overwriting), is no file, or its folder cannot be written. "" is no
-  // file.
+  // Registers a file that will be written. UsageError if it is named twice, is an input, or is the folder of another
+  // output; std::runtime_error if it exists (unless overwriting), is not a regular file, or its folder cannot be
+  // written. "" is no file.
   void expect(const std::string& path);
-  // The same, of a file that an earlier run may have left for this one to go on with: it is replaced where it exists.
+  // The same for a file that an earlier run may have left for this one to continue: it is replaced if it exists.
   void expect_renewed(const std::string& path);
-  // A file that is read: never written over, not even with --overwrite. UsageError where it is expected as an output.
+  // Registers a file that is read: it is never overwritten, not even with --overwrite. UsageError if it is an expected
+  // output.
   void input(const std::string& path);
 
-  // The same of a list of cameras, and of what lists them in a folder.
+  // The same for a list of cameras, and for the files that list them in a folder.
   void input_cameras(const std::string& path);
-  // The same of all that data sets list; after what is expected.
+  // The same for all files that data sets list; call it after expect().
   void input_data(const std::vector<std::string>& paths);
 
-  // A file of an earlier run that will be there no longer once all is written; nothing unless overwriting. UsageError
-  // where it is one of the inputs.
+  // Registers a file of an earlier run that commit() removes; does nothing unless overwriting. UsageError if it is an
+  // input.
   void expect_gone(const std::string& path);
 
-  // Before writing `path`: makes its folder. Returns the path.
+  // Makes the folder of `path`, before it is written. Returns the path.
   std::string begin(const std::string& path);
-  // What was begun so far is written, and stays however the rest ends.
+  // Keeps what was begun so far, however the command ends.
   void keep();
-  // All is written: keeps it, and removes what expect_gone() named. Like keep(), std::runtime_error where something
-  // else has removed what was written.
+  // Keeps everything, once all is written, and removes what expect_gone() named. Like keep(), throws std::runtime_error
+  // if another program has removed what was written.
   void commit();
 
  private:
-  // Of a file that this process made: what lies there later may be another's.
+  // A file that this process created. A file found there later may be another program's.
   struct Made {
     std::filesystem::path path;
     vsplat::sys::FileFacts facts;
@@ -62,7 +63,7 @@ class Outputs {
 
   void expect(const std::string& path, bool renewed);
   void refuse_if_expected(const std::string& path);
-  // What was written is still there.
+  // Throws if a file that was written is missing.
   void refuse_if_gone();
   static void refuse_if_same(const std::string& path, const std::filesystem::path& output,
                              const std::filesystem::path& input);
@@ -70,16 +71,17 @@ class Outputs {
 
   bool overwrite_, committed_ = false;
   std::vector<std::filesystem::path> expected_, inputs_, gone_;
-  std::map<std::filesystem::path, std::string> places_;  // of those expected, by where they will lie: as they are named
-  std::map<std::filesystem::path, std::string> parents_;  // the folders that they will lie in: what lies there
-  std::vector<std::filesystem::path> kept_;               // of those expected: what may not be replaced
-  std::vector<std::filesystem::path> files_, folders_;    // in the order they were begun
-  std::vector<std::filesystem::path> stay_;               // of keep(): written anew they are replaced, never taken away
+  std::map<std::filesystem::path, std::string> places_;   // expected files: resolved path to the path as named
+  std::map<std::filesystem::path, std::string> parents_;  // folders that will hold them: folder to a file in it
+  std::vector<std::filesystem::path> kept_;               // expected files that may not be replaced
+  std::vector<std::filesystem::path> files_, folders_;    // in the order in which they were begun
+  std::vector<std::filesystem::path> stay_;               // files passed to keep(): replaced when written again, never
+                                                          // removed
   std::vector<Made> made_;
   std::mutex made_mutex_;
 };
 
-// Whole or not at all, as the library writes its files.
+// Whole or not at all, like the library's files.
 void write_text(const std::string& path, const std::string& text);
 
 }  // namespace command

@@ -79,7 +79,7 @@ void add_picture_options(CLI::App& app, PictureOptions& o, const char* cameras_o
 
 namespace {
 
-// None is accepted that would change nothing.
+// Refuses options that would have no effect.
 void refuse_what_is_of_no_use(const PictureOptions& o, const CameraChoice& choice) {
   if (o.cameras.empty())
     for (const auto& [option, given] :
@@ -207,7 +207,7 @@ void PictureJob::clear_stale(Outputs& outputs, std::size_t count) const {
   if (!differences.empty()) rest([&](std::size_t i) { return Comparison::difference_file(differences, i); });
 }
 
-// The pictures' names in it lead to --images from where the file is, so that the two together are posed views.
+// Picture names in the file are paths from it to --images, so that the two together are posed views.
 void PictureJob::save_cameras(const std::vector<vsplat_camera>& all, Outputs& outputs) const {
   namespace fs = std::filesystem;
   std::vector<std::string> names;
@@ -234,7 +234,7 @@ std::optional<Comparison> PictureJob::prepare(const Shots& shots, Outputs& outpu
   return Comparison(compare, differences, background, shots, outputs, skip_bad);
 }
 
-// Of what was drawn over black.
+// A picture drawn over black, composited over the background.
 vsplat::Picture PictureJob::over_background(const vsplat::Picture& picture) const {
   vsplat::Picture out = picture;
   for (std::size_t i = 0; i < out.colour.size(); ++i) out.colour[i] += (1 - out.alpha[i / 3]) * background[i % 3];
@@ -253,7 +253,7 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
   options.near_plane = near;
   options.exact_tiles = exact_tiles;
   options.supersample = supersample;
-  // A file with alpha holds no background: what is drawn over black is just that.
+  // A file with alpha contains no background, so it is drawn over black.
   if (!over_black()) std::copy(std::begin(background), std::end(background), options.background);
   if (over_black()) std::fill(std::begin(options.background), std::end(options.background), 0.0f);
   vsplat_sheet_options sheet_options = VSPLAT_SHEET_OPTIONS_INIT;
@@ -265,7 +265,7 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
     if (!Session::on_progress(&session, stage, done / static_cast<double>(all.size())))
       throw vsplat::Error(VSPLAT_ERROR_CANCELLED, "stopped");
   };
-  std::vector<vsplat::Picture> pictures(all.size());  // of those that wait for their turn
+  std::vector<vsplat::Picture> pictures(all.size());  // pictures that wait for their turn
   const auto work = [&](const vsplat::Device& device, std::size_t i) {
     tell("splat", static_cast<double>(i));
     pictures[i] = vsplat::render(device, scene, all[i], options);
@@ -283,7 +283,7 @@ void PictureJob::draw(Session& session, const vsplat::Scene& scene, const std::v
     if (cells) cells.add(picture, label);
     if (frames) frames.add(picture);
   };
-  constexpr std::size_t ahead = 4;  // pictures of a device that may wait
+  constexpr std::size_t ahead = 4;  // pictures that may wait for each device
   vsplat::share_out(session.devices(), all.size(), work, done, ahead * session.devices().size());
   if (cells) cells.save(outputs.begin(sheet));
   if (frames) frames.save(outputs.begin(turntable));

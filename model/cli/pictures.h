@@ -1,4 +1,4 @@
-// Drawing a scene from many cameras into picture files: what reconstruct and render have in common.
+// Drawing a scene from many cameras into picture files: what reconstruct and render share.
 #pragma once
 #include <array>
 #include <nlohmann/json_fwd.hpp>
@@ -14,7 +14,7 @@
 
 namespace command {
 
-// Pixels to a side of what is drawn, where neither --size nor the cameras tell.
+// Side of a picture in pixels, if neither --size nor the cameras give one.
 inline constexpr int default_size = 512;
 
 struct PictureOptions {
@@ -28,45 +28,45 @@ struct PictureOptions {
 // `cameras_option`: "--render" or "--cameras".
 void add_picture_options(CLI::App& app, PictureOptions& options, const char* cameras_option);
 
-// The same, read: everything that can be wrong with the request itself is found here.
+// Parsed options; the constructor reports every error of the request itself.
 struct PictureJob {
   explicit PictureJob(const PictureOptions& options);
 
   bool wanted = false;   // cameras are given
-  bool drawn = false;    // something is asked for that is made of pictures
-  bool written = false;  // that, or the cameras
+  bool drawn = false;    // some option needs drawn pictures
+  bool written = false;  // pictures are drawn, or cameras are written
   CameraChoice choice;
   std::optional<Size> size;
-  float background[3] = {1, 1, 1};  // white where `transparent`, for what cannot be
-  bool transparent = false;         // of --images
+  float background[3] = {1, 1, 1};  // white for `transparent`, for formats without alpha
+  bool transparent = false;         // for --images
   double near = 0;                  // 0: the scene's
   bool exact_tiles = false, skip_bad = false;
-  std::uint64_t supersample = 0;  // 0: as the scene asks for
+  std::uint64_t supersample = 0;  // 0: chosen by the scene
   vsplat_picture_format format = VSPLAT_PICTURE_PNG;
   int quality = 90;
   vsplat_orbit_options orbit_options = VSPLAT_ORBIT_OPTIONS_INIT;
   vsplat_animation_options animation_options = VSPLAT_ANIMATION_OPTIONS_INIT;
   std::string images, sheet, turntable, compare, differences, write_cameras;
 
-  // The cameras of a file or on a path, in the size asked for, or default_size where they tell none.
+  // The cameras of a file or on a path, at the requested size, or default_size if they give none.
   Shots load_cameras() const;
   // DIR/0000.png, ...
   std::string file(std::size_t index) const;
   void expect(Outputs& outputs, std::size_t count) const;
-  // What must hold of the cameras before anything is drawn; finds the pictures to compare with.
+  // Checks the cameras before anything is drawn, and finds the pictures to compare with.
   std::optional<Comparison> prepare(const Shots& shots, Outputs& outputs) const;
   void draw(Session& session, const vsplat::Scene& scene, const std::vector<vsplat_camera>& all,
             std::optional<Comparison>& comparison, Outputs& outputs) const;
   // "24 pictures in DIR, FILE.png": what draw() has written.
   std::string summary(std::size_t count) const;
-  // The fields "sheet", "turntable" and "comparison", as far as they were asked for.
+  // Adds the fields "sheet", "turntable" and "comparison", if requested.
   void add_results(const std::optional<Comparison>& comparison, nlohmann::ordered_json& out) const;
 
  private:
   void read_outputs(const PictureOptions& options);
-  // Drawn over black, to be saved with its alpha.
+  // Whether pictures are drawn over black, to be saved with alpha.
   bool over_black() const;
-  // The files of --images or --differences that an earlier run with more cameras left there.
+  // Removes files of --images or --differences that an earlier run with more cameras left.
   void clear_stale(Outputs& outputs, std::size_t count) const;
   void save_cameras(const std::vector<vsplat_camera>& all, Outputs& outputs) const;
   vsplat::Picture over_background(const vsplat::Picture& picture) const;

@@ -1,4 +1,4 @@
-// Options that say where the object is and how pictures are taken: what reconstruct and evaluate have in common.
+// Options for the place of the object and the views' pictures: what reconstruct and evaluate share.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -16,15 +16,14 @@ struct PlacementOptions {
 
 inline constexpr const char* placement_group = "The object's cube";
 
-// --pictures and --skip-bad: how a list of views is read. `named`: some of the views are named, the others need not be
-// good.
+// --pictures and --skip-bad: how a list of views is read. `named`: only named views are used, so the others may be bad.
 void add_view_options(CLI::App& app, std::string& pictures, bool& skip_bad);
 vsplat_views_options views_options(const std::string& pictures, bool skip_bad, bool named);
 
 void add_placement_options(CLI::App& app, PlacementOptions& options);
 vsplat_fit fit_of(const PlacementOptions& options);
 
-// Into the fields that vsplat_input_options and vsplat_evaluate_options share.
+// Sets the fields that vsplat_input_options and vsplat_evaluate_options share.
 template <class Options>
 void set_placement(const PlacementOptions& from, Options& out) {
   if (!from.center.empty()) {

@@ -1,4 +1,4 @@
-// vsplat profile diff: two profiles side by side, as --profile writes them.
+// vsplat profile diff: compares two profiles written by --profile.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -17,8 +17,8 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uintmax_t kLargestProfile = std::uintmax_t{256} << 20;  // bytes
-constexpr double kSmallShare = 0.01;  // of the first's wall: a stage that takes less in both is slower by chance
-constexpr std::size_t kKernels = 12;  // rows that are shown of those that differ most
+constexpr double kSmallShare = 0.01;  // of the first profile's wall time: smaller stages differ by chance
+constexpr std::size_t kKernels = 12;  // rows shown, those that differ most
 
 struct DiffOptions {
   Common common;
@@ -96,7 +96,7 @@ ReadProfile profile_in(const std::string& path) {
   return out;
 }
 
-// The names of either, in the order of the second, with what each took.
+// The names of either profile, in the second one's order, with the time of each.
 std::vector<Change> set_side_by_side(const std::vector<std::pair<std::string, double>>& before,
                                      const std::vector<std::pair<std::string, double>>& after) {
   std::vector<Change> out;
@@ -127,7 +127,7 @@ std::vector<Change> kernels_side_by_side(const ReadProfile& before, const ReadPr
   return out;
 }
 
-// 0.05 where it takes a twentieth longer; infinite where it took no time before.
+// 0.05 if it takes a twentieth longer; infinite if it took no time before.
 double slower_by(const Change& row) {
   if (row.before > 0) return row.after / row.before - 1;
   return row.after > 0 ? HUGE_VAL : 0;

@@ -1,4 +1,4 @@
-// vsplat reconstruct: the main job. Posed pictures and a model in, a scene and pictures of it out.
+// vsplat reconstruct, the main command: posed pictures and a model in, a scene and pictures of it out.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -28,7 +28,7 @@ struct ReconstructOptions {
 
 constexpr RefineNames refine_names{"--refine-steps", "--refine-size", "--refine-sheet", "--refine-time"};
 
-// What the options ask for, read and checked against each other before anything is opened.
+// Options, parsed and checked against each other before anything is opened.
 struct Request {
   explicit Request(const ReconstructOptions& o);
 
@@ -135,8 +135,8 @@ void summarise(const ReconstructOptions& o, const Session& session, const Pictur
   print_json(out);
 }
 
-// Begins with what the network makes of the same views in the same cube, and moves it towards all that are used: those
-// of --views, else all that are listed. What the network makes is written first: whatever ends this early, that stays.
+// Fits a scene to all used views (those of --views, else all that are listed), starting from the network's scene from
+// the same views in the same cube. Writes the network's scene first, so that it remains if the fit ends early.
 vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& session, const vsplat::Model& model,
                      const vsplat::Views& views, const vsplat::Input& input, SceneFile& file, Outputs& outputs) {
   const vsplat_input_info placed = input.info();
@@ -163,7 +163,7 @@ vsplat::Scene refine(const ReconstructOptions& o, Request& request, Session& ses
   return refined;
 }
 
-// Of a scene that is written already: where the user stops it, or it fails, that is what there is.
+// Draws a scene that is already written; if the user stops this, or it fails, the scene remains.
 void draw_refined(const ReconstructOptions& o, Session& session, const PictureJob& job, const vsplat::Scene& scene,
                   const std::vector<vsplat_camera>& cameras, std::optional<Comparison>& comparison, Outputs& outputs) {
   const std::string written = o.output + " is written, its pictures are not: vsplat render draws them";
@@ -176,7 +176,7 @@ void draw_refined(const ReconstructOptions& o, Session& session, const PictureJo
   }
 }
 
-// Where the library puts what --dump asks for.
+// The file that the library writes for --dump.
 std::string dump_file(const ReconstructOptions& o) {
   return (std::filesystem::path(o.dump) / "stages.safetensors").string();
 }
@@ -292,7 +292,7 @@ void add_extras(CLI::App& sub, ReconstructOptions& o) {
       ->group(group);
 }
 
-// After all that goes with one set of views alone.
+// Added after all options that apply only to a single set of views.
 void add_list(CLI::App& sub, ReconstructOptions& o) {
   const std::vector<std::string> with = {
       "--help",  "--model", "--output", "--pictures", "--skip-bad", "--view-count",     "--auto-frame",     "--center",

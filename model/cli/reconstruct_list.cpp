@@ -18,8 +18,8 @@ namespace fs = std::filesystem;
 
 struct Object {
   std::string views, output;
-  std::size_t place;  // in the list
-  // What became of it.
+  std::size_t place;  // index in the list
+  // Result.
   std::optional<vsplat::Scene> scene = {};  // until it is written
   std::string error = {};
   uint64_t gaussians = 0;
@@ -27,7 +27,7 @@ struct Object {
   bool is_done = false;
 };
 
-// Of "photos/cup", "photos/cup/" and "photos/cup/transforms.json": cup.
+// "cup" for "photos/cup", "photos/cup/" and "photos/cup/transforms.json".
 std::string name_of(const std::string& views) {
   fs::path path = fs::absolute(views).lexically_normal();
   std::error_code error;
@@ -46,7 +46,7 @@ std::vector<Object> read_list(const ListRequest& request) {
   }
   std::istream& in = request.list == "-" ? std::cin : file;
   std::vector<Object> out;
-  std::map<std::string, int> lines;  // by name
+  std::map<std::string, int> lines;  // line numbers by name
   int number = 0;
   for (std::string line; std::getline(in, line);) {
     ++number;
@@ -69,7 +69,7 @@ std::vector<Object> read_list(const ListRequest& request) {
   return out;
 }
 
-// What is another object's trouble, too, is not left for the end.
+// Whether an error concerns one object only. Other errors end the list.
 bool is_about_object(const vsplat::Error& e) {
   return e.status() == VSPLAT_ERROR_FILE || e.status() == VSPLAT_ERROR_FORMAT || e.status() == VSPLAT_ERROR_INPUT ||
          e.status() == VSPLAT_ERROR_USAGE;
@@ -84,9 +84,9 @@ nlohmann::ordered_json json_of(const Object& object) {
   return out;
 }
 
-// What became of the list, on rank 0 of all ranks.
+// Results of the list from all ranks, on rank 0.
 struct ListResults {
-  std::map<std::size_t, nlohmann::ordered_json> objects;  // by their places
+  std::map<std::size_t, nlohmann::ordered_json> objects;  // by index in the list
   std::size_t skipped = 0, failed = 0;
 };
 
@@ -142,7 +142,7 @@ void reconstruct_list(const ListRequest& request) {
     Object& object = objects[i];
     const double begun = elapsed_seconds();
     std::optional<vsplat::Input> input;
-    try {  // no device is asked yet: what fails, want of the host's memory, too, is of this object
+    try {  // no device is used here, so any failure, even lack of host memory, concerns only this object
       input.emplace(model, vsplat::Views::load(object.views, request.views), request.input);
     } catch (const vsplat::Error& e) {
       if (e.status() == VSPLAT_ERROR_CANCELLED) throw;
@@ -179,7 +179,7 @@ void reconstruct_list(const ListRequest& request) {
     vsplat::share_out(session.devices(), objects.size(), work, done);
   } catch (const vsplat::Error& e) {
     if (e.status() != VSPLAT_ERROR_CANCELLED) throw;
-    if (ranks.several()) gathered(objects, skipped);  // whoever waits for it
+    if (ranks.several()) gathered(objects, skipped);  // rank 0 may be waiting for it
     throw std::runtime_error("interrupted: the scenes that were made are in " + request.output +
                              ", and --skip-existing goes on from there");
   }

@@ -14,12 +14,11 @@ struct ListRequest {
   std::string output;  // a folder
   bool skip_existing;
   const vsplat_input_options& input;
-  vsplat_reconstruct_options run;  // but for its progress
+  vsplat_reconstruct_options run;  // except its progress
 };
 
-// Of several ranks each takes every so manieth line, and rank 0 tells of all.
-// Every object that can be reconstructed is, and its file is kept whatever becomes of the others; std::runtime_error at
-// the end where there are others.
+// With n ranks, each takes every n-th line, and rank 0 reports on all. Reconstructs every object that it can, and keeps
+// its file whatever happens to the others; throws std::runtime_error at the end if any failed.
 void reconstruct_list(const ListRequest& request);
 
 }  // namespace command

@@ -1,4 +1,4 @@
-// vsplat refine: a scene moved towards the user's own pictures, and judged on those held out.
+// vsplat refine: fits a scene to the user's own pictures, and measures it on held-out views.
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -20,7 +20,7 @@ struct RefineSettings {
   bool force = false, dry_run = false, skip_bad = false;
 };
 
-// What --start says; a file of one of the names is ./NAME.
+// Parses --start; a file with one of these names is written ./NAME.
 vsplat_refine_start start_of(const std::string& text) {
   return text == "network"  ? VSPLAT_REFINE_NETWORK
          : text == "points" ? VSPLAT_REFINE_POINTS
@@ -40,7 +40,7 @@ void check(const RefineSettings& o) {
   }
 }
 
-// A scene to begin with.
+// The scene to start from.
 vsplat::Scene start_scene(const std::string& path) {
   vsplat::Scene out = vsplat::Scene::load(path);
   if (out.info().surfels)
@@ -51,8 +51,8 @@ vsplat::Scene start_scene(const std::string& path) {
 
 std::string start_file(const RefineSettings& o) { return start_of(o.start) == VSPLAT_REFINE_SCENE ? o.start : ""; }
 
-// Of all that it may grow to: one and a half Gaussians a pixel of a picture where nothing is said, and what it begins
-// with.
+// Plans the memory at the largest size: --max-gaussians, else the larger of 1.5 Gaussians a pixel of a picture and
+// twice the start's.
 void dry_run(const RefineSettings& o, const RefineJob& job) {
   Session session(o.common);
   const int unknown = job.options.longest > 0 ? job.options.longest : 1600;

@@ -21,7 +21,7 @@ bool is_number(const std::string& text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
 }
 
-// From 1 up; `also` says what else may stand there.
+// A number from 1 up; `also` names what else is accepted.
 std::int64_t count_of(const std::string& option, const std::string& text, const std::string& also) {
   const std::uint64_t value = is_number(text) && text.size() < 11 ? std::stoull(text) : 0;
   if (value < 1 || value > INT32_MAX)
@@ -53,7 +53,7 @@ std::string decibels(double psnr) {
 
 std::string progress_text(const vsplat_refine_progress& p) {
   char text[160];
-  char loss[32] = "";  // none before the first step
+  char loss[32] = "";  // empty before the first step
   if (!std::isnan(p.loss)) std::snprintf(loss, sizeof loss, ", loss %.4f", p.loss);
   std::snprintf(text, sizeof text, "%s: step %lld of %lld%s, %llu Gaussians", p.phase, static_cast<long long>(p.step),
                 static_cast<long long>(p.steps), loss, static_cast<unsigned long long>(p.gaussians));
@@ -63,7 +63,7 @@ std::string progress_text(const vsplat_refine_progress& p) {
   return out;
 }
 
-// A terminal sees every step, a log the phases' beginnings and a line every few seconds.
+// Shows every step on a terminal; in a log the start of each phase and a line every few seconds.
 class Teller {
  public:
   explicit Teller(const Common& common) : common_(common) {}
@@ -95,7 +95,7 @@ void add_log_line(std::string& log, const vsplat_refine_progress& p, double seco
   log += line;
 }
 
-// 4 x |difference|; in `colour` alone.
+// 4 x |difference|, in `colour` only.
 vsplat::Picture difference_of(const vsplat::Picture& drawn, const vsplat::Picture& given) {
   vsplat::Picture out = given;
   vsplat_comparison unused = VSPLAT_COMPARISON_INIT;
@@ -122,7 +122,7 @@ RefineJob::RefineJob(const RefineOptions& o, const RefineNames& names)
   if (!o.seconds.empty()) options.seconds = positive_number(names.time, o.seconds, "number of seconds");
   if (!o.max_gaussians.empty())
     options.max_gaussians = static_cast<std::uint64_t>(count_of("--max-gaussians", o.max_gaussians, ""));
-  if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // CLI11 has looked at it
+  if (!o.sh.empty()) options.sh_degree = std::stoi(o.sh);  // already checked by CLI11
   if (!o.freeze.empty()) options.freeze = freeze_of(o.freeze);
   if (!o.seed.empty()) options.seed = seed_value("--seed", o.seed);
   if (o.size == "full")
@@ -186,7 +186,7 @@ vsplat::Scene RefineJob::run(Session& session, const Common& common, const vspla
   suspects_ = names_of(refinement, VSPLAT_REFINE_SUSPECTS, views);
   start_ = refinement.start();
   vsplat::Scene scene = refinement.scene();
-  // Corrected for the refined scene: beside the start they would mean nothing.
+  // They are corrected for the fitted scene, and do not apply to the start.
   if (result_.returned) poses_.clear();
   if (!poses_.empty()) refinement.save_cameras(outputs.begin(poses_));
   if (!log_.empty()) write_text(outputs.begin(log_), log);

@@ -1,4 +1,4 @@
-// A scene moved towards the user's pictures: what `refine` and `reconstruct --refine` have in common.
+// Fitting a scene to the user's pictures: what `refine` and `reconstruct --refine` share.
 #pragma once
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
@@ -11,39 +11,40 @@
 
 namespace command {
 
-// As given; "" where an option was not. `refine` has all of them.
+// Options as given; "" if not given. `refine` has all of them.
 struct RefineOptions {
   std::string steps, size, sheet;
   std::string seconds, max_gaussians, holdout, sh, freeze, seed, log, checkpoint;
   bool poses = false, exposure = false, resume = false;
 };
 
-// What the options are called in messages.
+// The options' names in messages.
 struct RefineNames {
   const char *steps = "--steps", *size = "--size", *sheet = "--sheet", *time = "--time";
 };
 
 class RefineJob {
  public:
-  // Everything that can be wrong with the request itself is found here.
+  // Reports every error of the request itself.
   explicit RefineJob(const RefineOptions& given, const RefineNames& names = {});
   RefineJob(const RefineJob&) = delete;
   RefineJob& operator=(const RefineJob&) = delete;
 
-  // Start, scene, model, input and names are the caller's.
+  // The caller sets start, scene, model, input and names.
   vsplat_refine_options options = VSPLAT_REFINE_OPTIONS_INIT;
 
-  // `output`: the scene's file, beside which poses are written.
+  // `output`: the scene's file; poses are written beside it.
   void expect(Outputs& outputs, const std::string& output);
-  // To the end, or until the user interrupts: then the best so far is the result, and that is said. `on_start` is given
-  // the scene that it begins with, before the first step.
+  // Runs to the end, or until the user interrupts: then the best scene so far is the result, and a message says so.
+  // Calls `on_start` with the start scene before the first step.
   vsplat::Scene run(Session& session, const Common& common, const vsplat::Views& views, Outputs& outputs,
                     const std::function<void(const vsplat::Scene&)>& on_start = {});
-  // What it began with; after run().
+  // The start scene; valid after run().
   const vsplat::Scene& start() const { return start_; }
-  // In words, and what there is to warn of.
+  // Prints the result, and warnings if any.
   void summarise(const Common& common) const;
-  // The fields "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "log", "sheet", "poses".
+  // Adds the fields "steps", "judged_on", "start", "result", "returned", "claimed", "suspects", "log", "sheet",
+  // "poses".
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
@@ -62,7 +63,8 @@ class RefineJob {
   std::vector<std::string> judged_, suspects_;
 };
 
-// Memory of a step, titled: up to `gaussians`, pictures of these cameras with their longer side at most `longest`.
+// Plan of a step's memory, with a title: up to `gaussians`, with pictures of these cameras whose longer side is at most
+// `longest`.
 Plan plan_refinement(const Session& session, std::uint64_t gaussians, int sh_degree,
                      const std::vector<vsplat_camera>& cameras, int longest);
 

@@ -37,7 +37,7 @@ void dry_run(const RenderOptions& o, Session& session, const vsplat::Scene& scen
   vsplat_plan plan = VSPLAT_PLAN_INIT;
   vsplat::check(
       vsplat_plan_scene(session.device().get(), scene.get(), cameras.data(), cameras.size(), &options, &plan));
-  constexpr uint64_t encoding = 8;  // bytes a pixel: rounded, and in the file's format
+  constexpr uint64_t encoding = 8;  // bytes a pixel: rounded values, and the encoded file
   uint64_t most = 0;
   for (const vsplat_camera& camera : cameras)
     most = std::max(most, static_cast<uint64_t>(camera.width) * static_cast<uint64_t>(camera.height));

@@ -1,4 +1,4 @@
-// vsplat report: one file that tells what is needed to find out what is wrong on a machine.
+// vsplat report: writes one file with what is needed to find out what is wrong on a machine.
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
 
@@ -18,14 +18,14 @@ struct ReportOptions {
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
-// Whether a program that loads all drivers, as this one then does, lives on.
+// Whether this process would survive loading all drivers, as it does next.
 bool may_open(const nlohmann::ordered_json& doctor) {
   for (const nlohmann::ordered_json& driver : doctor["drivers"])
     if (driver["state"] == "crashed" || driver["state"] == "hangs") return false;
   return doctor["usable"].get<bool>();
 }
 
-// What is known without a device is written before one is opened: a driver may take the whole process with it.
+// Writes what is known without a device before opening one, since a driver may crash the process.
 void report(const ReportOptions& o) {
   set_up_library(o.common);
   Outputs outputs(o.common.overwrite);

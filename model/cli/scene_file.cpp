@@ -17,7 +17,7 @@ void SceneFile::save(const Common& common, const vsplat::Scene& scene) {
   if (std::any_of(info.offset, info.offset + 3, [](double v) { return v != 0; }))
     offset_.assign(info.offset, info.offset + 3);
   if (offset_.empty()) {
-    outputs_.expect_gone(offset_path_);  // one from before would be taken for this scene's
+    outputs_.expect_gone(offset_path_);  // an older one would be taken for this scene's
   } else {
     outputs_.begin(offset_path_);  // which save() writes
     char text[128];

@@ -1,4 +1,4 @@
-// The scene that a command writes, and what stands beside it where other programs would misplace it.
+// The scene that a command writes, and a file beside it if other programs would misplace the scene.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -11,18 +11,18 @@ namespace command {
 
 class SceneFile {
  public:
-  // Expects both files. `path` may be "": none is written.
+  // Expects both files as outputs. `path` may be "": nothing is written.
   SceneFile(Outputs& outputs, const std::string& path);
 
-  // The scene; and SCENE.offset.json where positions in it are not in the world but relative to an offset, which is
-  // said.
+  // Writes the scene; also SCENE.offset.json, with a message, if its positions are relative to an offset rather than in
+  // the world.
   void save(const Common& common, const vsplat::Scene& scene);
   void add_results(nlohmann::ordered_json& out) const;
 
  private:
   Outputs& outputs_;
   std::string path_, offset_path_;
-  std::vector<double> offset_;  // none: 0
+  std::vector<double> offset_;  // empty: 0
 };
 
 }  // namespace command

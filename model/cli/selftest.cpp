@@ -1,4 +1,4 @@
-// vsplat selftest: whether a device computes rightly, kernel by kernel; what does not is switched off.
+// vsplat selftest: checks that a device computes correctly, kernel by kernel, and switches off what does not.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <vsplat/vsplat.hpp>
@@ -50,7 +50,7 @@ std::string figure(const Json& value) {
   return text;
 }
 
-// The words of a verdict, in one line.
+// A verdict in words, in one line.
 std::string verdict_line(const Json& report) {
   std::string out = report["device"].get<std::string>() + ", driver " + report["driver"].get<std::string>() + ": " +
                     report["verdict"].get<std::string>();
@@ -82,7 +82,7 @@ void print_flavour(const Json& flavour, bool all) {
 }
 
 void selftest(const SelftestOptions& o) {
-  const std::string ended = in_another_process(o.common, "self-test");  // before anything of a driver is here
+  const std::string ended = in_another_process(o.common, "self-test");  // before any driver is loaded
   set_up_library(o.common);
   Shown shown{o.common, elapsed_seconds(), false, {}};
   shown.patience.begin(o.patience);

@@ -12,13 +12,13 @@
 namespace command {
 namespace {
 
-// The devices of --device: "all", or what commas separate where all of it are indices or platform:device; else the one
-// that it names.
+// The devices of --device: "all", or a comma-separated list if all parts are indices or platform:device; else the
+// single device that it names.
 std::vector<std::string> named_devices(const std::string& text) {
   std::vector<std::string> out;
   if (text == "all") {
     for (const vsplat_device_info& device : vsplat::Device::list()) out.push_back(std::to_string(device.index));
-    return out.empty() ? std::vector<std::string>{""} : out;  // opening it tells what is missing
+    return out.empty() ? std::vector<std::string>{""} : out;  // opening it reports what is missing
   }
   const bool indices = text.find(',') != std::string::npos &&
                        std::all_of(text.begin(), text.end(),

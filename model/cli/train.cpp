@@ -1,4 +1,4 @@
-// vsplat train: a model from data sets.
+// vsplat train: trains a model on data sets.
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -22,7 +22,7 @@ struct TrainOptions {
   std::vector<std::string> data, compare;
   std::string selection, assume_selected, assume_intersections;
   std::vector<std::int64_t> extend;
-  double pose_noise = -1;  // below 0: as the configuration says
+  double pose_noise = -1;  // below 0: the configuration's
   bool resume = false, print_config = false, skip_bad = false, dry_run = false;
 };
 
@@ -42,7 +42,7 @@ std::string read_config(const std::string& path) {
   return text.str();
 }
 
-// The configuration with the field of --pose-noise; what is no object is for the library to refuse.
+// The configuration with the field of --pose-noise; if the text is not an object, the library refuses it.
 std::string with_pose_noise(const std::string& text, double sigma) {
   nlohmann::json config = nlohmann::json::parse(text, nullptr, false);
   if (sigma < 0 || !config.is_object()) return text;
@@ -53,7 +53,7 @@ std::string with_pose_noise(const std::string& text, double sigma) {
   return config.dump();
 }
 
-// Errors of the configuration begin with its path.
+// Errors in the configuration begin with its path.
 std::string whole_config(const std::string& path, double pose_noise) {
   if (path.empty()) return vsplat::train_config(with_pose_noise("{}", pose_noise));
   try {
@@ -82,7 +82,7 @@ uint64_t intersections(const TrainOptions& o) {
   return static_cast<uint64_t>(out);
 }
 
-// The stated case, and what no step can go beyond.
+// Plans the assumed case, and the upper bound of any step.
 void dry_run(const TrainOptions& o, const std::string& config) {
   Session session(o.common);
   vsplat_train_plan_options options = VSPLAT_TRAIN_PLAN_OPTIONS_INIT;
@@ -118,8 +118,8 @@ std::vector<std::string> numbered_files(const fs::path& folder, const std::strin
   return out;
 }
 
-// What a run writes under the same names whatever its configuration says, and sheets that are there. Checkpoints belong
-// to the library: it begins no training where there are any.
+// Expects the files that every run writes, and the sheets that exist. The library handles checkpoints: it refuses to
+// start a training where there are any.
 void expect_run(const TrainOptions& o, const std::string& config, Outputs& outputs) {
   const nlohmann::json fields = nlohmann::json::parse(config);
   const std::size_t stages = fields.contains("stages") ? fields["stages"].size() : 1;
@@ -138,19 +138,19 @@ void expect_run(const TrainOptions& o, const std::string& config, Outputs& outpu
   if (!checkpoints.empty() && !o.resume)
     throw UsageError(o.output + ": a training's checkpoints are there already (" + checkpoints.front() +
                      "): --resume goes on from them; or name another folder");
-  // A run that was killed before its first checkpoint has left its configuration.
+  // A run that was killed before its first checkpoint has left only its configuration.
   const std::string configuration = files.front();
   std::error_code error;
   const bool own = o.resume && (!checkpoints.empty() ||
                                 (fs::is_regular_file(configuration, error) && read_config(configuration) == config));
   for (const std::string& file : files) {
-    // A run's own configuration may be what it goes on with: the same is written.
+    // A run may be resumed with its own config.json as the input: it is rewritten unchanged.
     if (own && file == configuration && fs::equivalent(o.config, configuration, error)) continue;
     own ? outputs.expect_renewed(file) : outputs.expect(file);
   }
 }
 
-// UsageError where a comparison, which trains nothing, was asked for with what a training alone takes.
+// UsageError if a comparison of runs, which trains nothing, has options of a training.
 void refuse_training(const TrainOptions& o) {
   const auto refuse = [](const char* what, bool given) {
     if (given) throw UsageError(std::string("--compare trains nothing: ") + what + " has no effect with it");
@@ -172,7 +172,7 @@ void refuse_training(const TrainOptions& o) {
   refuse("--trace", !o.common.trace.empty());
 }
 
-// One page about runs that are there.
+// One run page about existing runs.
 void compare(const TrainOptions& o) {
   refuse_training(o);
   if (o.output.empty()) throw UsageError("--compare needs --output, the page that it writes");

@@ -1,5 +1,4 @@
-// vsplat tune: finds out which of the kernels' variants are fastest on a device, and keeps them for every run from then
-// on.
+// vsplat tune: finds the fastest variants of the kernels on a device, and stores them for every later run.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <sstream>

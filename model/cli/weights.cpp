@@ -1,5 +1,5 @@
-// vsplat weights: what is in a model file, whether it is whole, whether it does what it should, the same model with
-// other values' types, and models of PyTorch's files.
+// vsplat weights: shows a model file, verifies it, checks its quality, converts its value type, and imports PyTorch
+// files.
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -16,9 +16,9 @@ struct WeightsOptions {
   Common common;
   std::string model, dtype, output, checkpoint, config;
   std::vector<std::string> fields;
-  int view_count = 0;  // 0: as it is
+  int view_count = 0;  // 0: unchanged
 
-  // What the C interface takes: NULL for the built-in model.
+  // As the C interface takes it: NULL for the built-in model.
   const char* path() const { return model.empty() ? nullptr : model.c_str(); }
   std::string name() const { return model.empty() ? "built-in model" : model; }
 };
@@ -169,7 +169,7 @@ CLI::App* add_action(CLI::App& parent, Run& run, const std::shared_ptr<WeightsOp
   return sub;
 }
 
-// What the file alone is asked.
+// Options of actions that only read the file.
 constexpr Takes kOfFile{.device = false, .profile = false, .overwrite = false, .outside = false};
 
 void add_convert(CLI::App& parent, Run& run) {
