@@ -19,10 +19,10 @@ namespace vsplat {
 
 namespace {
 
-// Pieces lie below `top`, with holes between them where some were given back. Holes are filled first, then `top` moves
-// up: in a slab that only counts as in one that was made by that count, so that a run goes as its plan went.
+// Pieces lie below `top`, with holes where some were given back. Holes are filled first, then `top` moves up. A virtual
+// slab follows the same rule as the real one that is made from it, so a run allocates exactly as planned.
 struct Slab {
-  std::size_t capacity = 0;  // of a growing slab: the most that it came to
+  std::size_t capacity = 0;  // of a growing slab: its largest size so far
   std::size_t top = 0;
   bool growing = false;    // virtual: counted only
   std::size_t blocks = 0;  // alive
@@ -74,7 +74,7 @@ struct ArenaState {
     return sum;
   }
 
-  // What other arenas of the device have.
+  // Bytes that the device's other arenas use.
   std::size_t others() const { return limits.device ? limits.device->used() - reserved() : 0; }
 
   void note_peaks() {
@@ -96,9 +96,9 @@ struct ArenaState {
     if (limits.on_host) slab.reserved = HostMemory("a buffer of the CPU device", static_cast<double>(slab.capacity));
     try {
       slab.buffer = std::make_unique<cl::Buffer>(*context, CL_MEM_READ_WRITE, slab.capacity);
-      // A driver may give a buffer device memory when a command first uses it, and give memory of its own to a
-      // sub-buffer that is used earlier. NVIDIA's driver 580 does: releasing a sub-buffer of 32 MiB then took it 36 ms
-      // on an H100, and takes 1 us once a command has used the whole buffer.
+      // A driver may allocate device memory for a buffer only when a command first uses it, and allocate separate
+      // memory for a sub-buffer that is used before that. NVIDIA's driver 580 does so: releasing a 32 MiB sub-buffer
+      // took 36 ms on an H100, but takes 1 us once a command has used the whole buffer.
       if (queue) queue->enqueueFillBuffer(*slab.buffer, cl_uint{0}, 0, std::min(slab.capacity, sizeof(cl_uint)));
     } catch (const cl::Error& e) {
       fail_cl(e, fmt::format("allocating {:.4g} GiB on the device", gib(slab.capacity)));
@@ -155,7 +155,7 @@ Block::Block(std::unique_ptr<cl::Buffer> theirs, std::size_t bytes)
 void Block::make_buffer(const cl::Buffer& slab) {
   const cl_buffer_region region{offset_, size_};
   try {
-    // Of the slab: the standard has no part of a part.
+    // A sub-buffer of the slab, since OpenCL has no sub-buffers of sub-buffers.
     buffer_ = std::make_unique<cl::Buffer>(
         cl::Buffer(slab).createSubBuffer(CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region));
   } catch (const cl::Error& e) {
@@ -196,8 +196,9 @@ std::shared_ptr<Block> Arena::allocate(std::size_t bytes, const std::string& wha
     return std::make_shared<Block>(state_, slab, offset, size, bytes, what);
   };
 
-  // Best fit over all slabs; the first of equals, so that a plan and its run choose alike.
+  // Best fit over all slabs; of equal ones the first, so that a plan and its run choose alike.
   std::size_t best_slab = 0, best_offset = 0, best_size = 0;
+
   for (std::size_t i = 0; i < s.slabs.size(); ++i)
     for (const auto& [offset, room] : s.slabs[i].free)
       if (room >= size && (best_size == 0 || room < best_size)) best_slab = i, best_offset = offset, best_size = room;
@@ -275,7 +276,7 @@ void Arena::commit(const Arena& planned) {
 }
 
 void Arena::trim() {
-  // Slabs keep their places, since blocks name them by number: only trailing ones go.
+  // Blocks refer to slabs by index, so only trailing slabs are removed.
   const std::lock_guard lock(state_->mutex);
   auto& slabs = state_->slabs;
   while (!slabs.empty() && slabs.back().blocks == 0) slabs.pop_back();

@@ -1,8 +1,8 @@
-// Planned device memory. One arena per context hands out pieces (sub-buffers) of a few large slabs, best fit first,
-// and takes them back as soon as their last handle is gone, on whichever thread: what others still read of it must have
-// been waited for. The same code runs with or without memory behind it:
-// a *virtual* arena follows a dry run of the model and so learns how large the slabs must be; `commit` then makes
-// them, and the real run fits exactly. Without a plan an arena grows slab by slab.
+// Planned device memory. Each context has one arena. It hands out pieces (sub-buffers) of a few large slabs, best fit
+// first, and takes a piece back as soon as its last handle is gone, on any thread; the caller must have waited for
+// everything that still reads the piece. The same code runs with or without memory behind it: a *virtual* arena follows
+// a dry run of the model and learns how large the slabs must be, `commit` then allocates them, and the real run fits
+// exactly. Without a plan an arena grows slab by slab.
 #pragma once
 #include <cstddef>
 #include <map>
@@ -21,16 +21,16 @@ namespace vsplat {
 class DeviceMemory;
 struct ArenaState;
 
-// A piece of device memory; gives itself back when destroyed.
+// A piece of device memory, given back to its arena on destruction.
 class Block {
  public:
-  // `size`, red zones with it, is taken at `offset` already; `bytes` of it were asked for, by `what`.
+  // The arena has already reserved `size` bytes (red zones included) at `offset`; `what` asked for `bytes` of them.
   Block(std::shared_ptr<ArenaState> arena, std::size_t slab, std::size_t offset, std::size_t size, std::size_t bytes,
         const std::string& what);
-  // `bytes` of another from `first` on, a multiple of the arena's `align`. They stay that one's, which lives as long as
-  // its parts do; there are no red zones between these.
+  // A part of another block: `bytes` from `first` on, a multiple of the arena's `align`. The memory belongs to `whole`,
+  // which lives as long as its parts do. There are no red zones between parts.
   Block(std::shared_ptr<Block> whole, std::size_t first, std::size_t bytes);
-  // Another's buffer, of so many bytes: no arena's.
+  // A buffer of `bytes` bytes that belongs to another owner, not to an arena.
   Block(std::unique_ptr<cl::Buffer> theirs, std::size_t bytes);
   ~Block();
   Block(const Block&) = delete;
@@ -39,7 +39,7 @@ class Block {
   const cl::Buffer* buffer() const { return buffer_.get(); }  // null in a virtual arena
   std::size_t size() const { return size_; }
 
-  // Of a piece between red zones: where it lies, without them, and who asked for how much.
+  // The place of a piece between red zones, without the zones, and what asked for how many bytes.
   const cl::Buffer* slab() const;
   std::size_t offset() const { return offset_; }
   std::size_t guard() const { return guard_; }
@@ -50,39 +50,39 @@ class Block {
   void make_buffer(const cl::Buffer& slab);
 
   std::shared_ptr<ArenaState> arena_;
-  std::shared_ptr<Block> whole_;  // of which this is a part; null: a piece of its own
+  std::shared_ptr<Block> whole_;  // the block that this is a part of; null: not a part
   std::size_t slab_, offset_, size_, guard_, bytes_;
-  std::string what_;  // kept between red zones only
+  std::string what_;  // set only with red zones
   std::unique_ptr<cl::Buffer> buffer_;
 };
 
 struct ArenaLimits {
-  std::size_t total = 0;      // bytes in all that may be used
+  std::size_t total = 0;      // limit of all slabs together, bytes
   std::size_t max_alloc = 0;  // bytes of the largest slab
   std::size_t align = 128;    // bytes
-  // Bytes on either side of a piece that belong to nobody: red zones, for debugging (runtime/launch_checks.h). A
-  // multiple of `align`.
+  // Width of the red zones on either side of a piece, for debugging (runtime/launch_checks.h): bytes, a multiple of
+  // `align`.
   std::size_t guard = 0;
-  bool on_host = false;                  // a CPU's: slabs are reserved of the host's memory, too
-  std::shared_ptr<DeviceMemory> device;  // of which `total` is, with other arenas; null: with none
+  bool on_host = false;                  // a CPU device: slabs also count against the host's memory
+  std::shared_ptr<DeviceMemory> device;  // shared by the arenas whose sum `total` limits; null: this arena alone
 };
 
 class Arena {
  public:
-  // `context` null: virtual from the start. With a queue, which must outlive the arena's growth, each new slab is made
-  // resident on the device at once: see the .cpp.
+  // A null `context` makes the arena virtual from the start. With a queue, which must outlive the arena's growth, each
+  // new slab is made resident on the device at once (see arena.cpp).
   Arena(const cl::Context* context, ArenaLimits limits, const cl::CommandQueue* queue = nullptr);
 
-  // Throws Error(memory), naming `what`, both figures and the limit.
+  // Throws Error(memory), which names `what`, the bytes requested and available, and the limit.
   std::shared_ptr<Block> allocate(std::size_t bytes, const std::string& what);
 
-  // A virtual copy with today's slabs and live blocks, whose further growth is only counted. What a virtual arena had
-  // grown to stands fixed in the copy, as it would in a run that committed it: a plan of the second half follows one of
-  // the first. Without limits: to learn what would be taken where there were enough.
+  // A virtual copy with the current slabs and live blocks, which only counts further growth. Growth of a virtual arena
+  // is fixed in its copy, as if committed, so a plan of the second half can follow a plan of the first. Without limits
+  // it learns what would be used if memory were unlimited.
   Arena plan(bool limited = true) const;
-  // Makes the slabs that `planned` (from plan()) came to need beyond today's.
+  // Allocates the slabs that `planned` (from plan()) needs beyond the current ones.
   void commit(const Arena& planned);
-  // Gives back the slabs behind the last one in which something lives.
+  // Frees the slabs after the last one with a live piece.
   void trim();
 
   std::size_t reserved() const;   // bytes of all slabs now
@@ -92,7 +92,7 @@ class Arena {
   void reset_peak();
   bool is_virtual() const;
   const ArenaLimits& limits() const;
-  // The pieces between red zones, in the order in which they lie.
+  // The pieces with red zones, in the order of their addresses.
   std::vector<const Block*> guarded() const;
 
  private:
@@ -101,8 +101,8 @@ class Arena {
   std::shared_ptr<ArenaState> state_;
 };
 
-// While it lives, pieces are made up to an eighth larger than asked for: sizes that differ little from one time to the
-// next fit where the first ones were.
+// While this object lives, pieces are rounded up by at most an eighth, so that sizes that vary a little between runs
+// fit into the same places.
 class RoundedSizes {
  public:
   explicit RoundedSizes(Arena& arena);

@@ -3,7 +3,7 @@
 namespace vsplat {
 
 std::vector<long> block_starts(const Context& ctx, long count, long block) {
-  // After the first the arena has grown, after the second its pieces lie where they will lie from then on.
+  // The first block grows the arena; from the second on, pieces lie at their final places.
   constexpr long kPlanned = 3;
   std::vector<long> out;
   const long blocks = (count + block - 1) / block;

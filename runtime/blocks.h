@@ -1,4 +1,4 @@
-// What is done block by block.
+// Work that is done block by block.
 #pragma once
 #include <vector>
 
@@ -6,8 +6,8 @@
 
 namespace vsplat {
 
-// Where the blocks of `block` begin that make up `count`. Every block takes the same memory and gives it back, so a
-// plan goes through the first ones and the last alone.
+// The first indices of the blocks of `block` elements that cover `count` elements. Every block allocates the same
+// memory and frees it, so a planner runs only the first blocks and the last.
 std::vector<long> block_starts(const Context& ctx, long count, long block);
 
 }  // namespace vsplat

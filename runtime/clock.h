@@ -1,4 +1,4 @@
-// The host's clock, for what is measured.
+// The host's clock, for measurements.
 #pragma once
 #include <chrono>
 #include <cstdint>

@@ -41,7 +41,7 @@ const char* name_of(MatrixUnit unit) {
 
 namespace {
 
-// What was asked for by name is used or refused, whatever would be chosen.
+// A flavour that was requested by name is used or refused, whatever the default would be.
 Flavour asked_for(Flavour flavour, const SwitchedOff& off) {
   if (flavour == Flavour::cpu ? off.cpu : off.gpu)
     fail(Status::device,
@@ -51,7 +51,7 @@ Flavour asked_for(Flavour flavour, const SwitchedOff& off) {
   return flavour;
 }
 
-// In mixed precision the gpu kernels alone multiply.
+// Only the gpu kernels support mixed precision.
 Flavour flavour_of_mixed(const std::string& name, const DeviceInfo& device, const SwitchedOff& off) {
   if (name == "cpu")
     fail(
@@ -81,7 +81,7 @@ Flavour choose_flavour(const std::string& asked, const DeviceInfo& device, const
     fail(Status::usage, "kernels are auto, cpu or gpu, not \"{}\" (vsplat_device_options.kernels, VSPLAT_KERNELS)",
          name);
   if (off.cpu || off.gpu) return off.cpu ? Flavour::gpu : Flavour::cpu;
-  // Tiling through local memory pays where that memory is a store of its own.
+  // Tiling through local memory pays off only if that is dedicated memory.
   return device.type != DeviceType::cpu && device.local_is_fast ? Flavour::gpu
          : device.type == DeviceType::gpu                       ? Flavour::gpu
                                                                 : Flavour::cpu;
@@ -93,7 +93,7 @@ ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
   constexpr double most_gib = 1ull << 32;  // more than any device has; sums of sizes stay within 64 bits
   if (max_memory_gib > 0)
     limits.total = static_cast<std::size_t>(std::min(max_memory_gib, most_gib) * (1ull << 30));
-  else if (device.type == DeviceType::cpu)  // its memory is the host's
+  else if (device.type == DeviceType::cpu)  // a CPU device uses the host's memory
     limits.total = std::min<std::size_t>(device.memory, host_memory_limit());
   else
     limits.total = device.memory;
@@ -105,13 +105,14 @@ ArenaLimits limits_of(const DeviceInfo& device, double max_memory_gib) {
   return limits;
 }
 
-// A kernel, and the work-groups that it was launched with.
+// A kernel, and the work-group sizes that it was launched with.
 struct Built {
   cl::Kernel kernel;
   KernelLimits limits;
   std::vector<std::array<std::size_t, 4>> groups;
 
-  // Whether it is the first time with these, or with these behind an offset, which some drivers compile for.
+  // Whether this is the first launch with that group size, or with that size and an offset: some drivers compile again
+  // for each.
   bool first(const std::array<std::size_t, 3>& local, const std::array<std::size_t, 3>& offset) {
     const std::size_t moved = offset == std::array<std::size_t, 3>{} ? 0 : 1;
     const std::array<std::size_t, 4> key{local[0], local[1], local[2], moved};
@@ -131,8 +132,8 @@ struct Context::Impl {
   MatrixUnit matrix_unit = MatrixUnit::emulated;
   SwitchedOff off;
   bool planning = false;
-  NotedKernels* collected = nullptr;  // where kernels are noted
-  NotedShapes* shapes = nullptr;      // of a planner: where shapes are noted
+  NotedKernels* collected = nullptr;  // where launched kernels are noted
+  NotedShapes* shapes = nullptr;      // in a planner: where shapes are noted
   std::shared_ptr<const Tuning> tuning;
   bool checks_nan = false, guards = false;  // see launch_checks.h
   cl::Context context;
@@ -145,12 +146,12 @@ struct Context::Impl {
   Pace pace;
   Profiler profiler{[this] { return energy_sources(); }};
   Counters counters;
-  std::unique_ptr<Arena> arena;  // before context goes, its buffers must: see ~Context
+  std::unique_ptr<Arena> arena;  // destroyed before the OpenCL context, since it holds the buffers: see ~Context
   std::string stage;
   std::vector<StageMemory> stage_memory;
   std::optional<double> fill_seconds;  // see event_times()
 
-  // What follows from the device and the limits; with a queue of its own, where there is none yet.
+  // Sets what depends on the device and the limits; creates a queue if there is none yet.
   void open(const ArenaLimits& limits) {
     if (!queue()) make_queue();
     checks_nan = nan_check_is_wanted();
@@ -158,7 +159,7 @@ struct Context::Impl {
     arena = std::make_unique<Arena>(&context, limits, &queue);
   }
 
-  // Of the processor, and of a GPU by NVIDIA, whose driver tells where it sits.
+  // Energy counters of the processor, and of an NVIDIA GPU, whose driver reports its place on the PCI bus.
   std::vector<EnergySource> energy_sources() const {
     std::vector<EnergySource> out = rapl_sources();
     constexpr cl_device_info bus = 0x4008, slot = 0x4009, domain = 0x400A;  // cl_nv_device_attribute_query
@@ -167,7 +168,7 @@ struct Context::Impl {
                       clGetDeviceInfo(handle(), domain, sizeof at[0], &at[0], nullptr) == CL_SUCCESS &&
                       clGetDeviceInfo(handle(), bus, sizeof at[1], &at[1], nullptr) == CL_SUCCESS &&
                       clGetDeviceInfo(handle(), slot, sizeof at[2], &at[2], nullptr) == CL_SUCCESS;
-    if (told)  // (the slot's upper five bits are the device's)
+    if (told)  // (the upper five bits of the slot are the device number)
       for (EnergySource& source : nvml_sources(fmt::format("{:08x}:{:02x}:{:02x}.0", at[0], at[1], at[2] >> 3 & 31)))
         out.push_back(std::move(source));
     return out;
@@ -190,7 +191,7 @@ struct Context::Impl {
       fail(Status::cancelled, "stopped on request{}", stage.empty() ? "" : " in stage " + stage);
   }
 
-  // The most that was reserved and in use while each stage ran.
+  // Records the peaks of reserved and used memory of the current stage.
   void note_stage_memory() {
     auto it =
         std::find_if(stage_memory.begin(), stage_memory.end(), [&](const StageMemory& m) { return m.stage == stage; });
@@ -199,8 +200,8 @@ struct Context::Impl {
     it->peak_live = std::max(it->peak_live, arena->live());
   }
 
-  // Whether events carry times. Some drivers say that they do and report a nanosecond for everything (Mesa 22's
-  // rusticl): a fill that takes any device longer than a microsecond finds out, when the first time is wanted.
+  // Whether events carry times. Some drivers claim so, but report one nanosecond for everything (Mesa 22's rusticl). To
+  // find out, times a fill that takes longer than a microsecond on any device, when the first time is needed.
   bool event_times() {
     if (!info.event_profiling) return false;
     if (!fill_seconds) {
@@ -214,7 +215,7 @@ struct Context::Impl {
         const auto start = event.getProfilingInfo<CL_PROFILING_COMMAND_START>(),
                    end = event.getProfilingInfo<CL_PROFILING_COMMAND_END>();
         if (end > start) fill_seconds = static_cast<double>(end - start) * 1e-9;
-      } catch (const cl::Error&) {  // then the host's clock it is
+      } catch (const cl::Error&) {  // then times come from the host's clock
       }
     }
     return *fill_seconds > 1e-6;
@@ -242,8 +243,8 @@ struct Context::Impl {
     profiler.add_host(launch, start, now_ns());
   }
 
-  // Built at first use, so that the driver tells what each argument is: for check_marks(), and always, so that what it
-  // looks at is what was compiled before.
+  // Builds the kernel at first use, with information about its arguments, which check_marks() reads. Every build has
+  // it, so that the checks run on the same program as other runs.
   Built& kernel(const KernelId& id) {
     const std::string defines = id.defines + " -cl-kernel-arg-info";
     const std::string key = std::string(id.file) + "\n" + id.name + "\n" + defines;
@@ -254,8 +255,8 @@ struct Context::Impl {
     try {
       built.limits.group = built.kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(handle);
       built.limits.local = built.kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(handle);
-      // Some drivers tell how many items run as one (Mesa 22's rusticl: 32 of every kernel), and run more. Who tells
-      // fewer than any variant has is not believed: if it was true, the launch fails.
+      // Some drivers report the SIMD width here (Mesa 22's rusticl: 32 for every kernel) but run larger groups. Values
+      // below our smallest group are ignored; if one is true, the launch fails.
       if (built.limits.group < kLeastGroup) built.limits.group = info.max_work_group;
     } catch (const cl::Error& e) {
       fail_cl(e, std::string("asking about kernel ") + id.name);
@@ -266,7 +267,7 @@ struct Context::Impl {
 
   bool counts(const KernelId& id) const { return id.flops_per_count > 0 && profiler.enabled(); }
 
-  // The kernel as it is launched.
+  // The kernel as launched: with -DCOUNT in a profiled run, if it can count.
   KernelId counting(const KernelId& id) const {
     KernelId out = id;
     if (counts(id)) out.defines += " -DCOUNT";
@@ -290,7 +291,8 @@ struct Context::Impl {
     keep_pace(part.cost);
   }
 
-  // What is looked at after each launch where the environment asks for it. Red zones first: a NaN may come of them.
+  // Runs the checks that the environment asks for after each launch. Red zones come first: an overwritten one may cause
+  // a NaN.
   void check_launch(const std::string& name, const std::vector<KernelArg>& args) {
     if (guards) check_red_zones(queue, *arena, name, args);
     if (checks_nan) check_for_nan(queue, name, args);
@@ -318,7 +320,7 @@ struct Context::Impl {
 
 Context::Context(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
-// Whatever table they are in. A search may have found something else for them meanwhile.
+// Removes refused choices from any table. A search may have found other values for these shapes meanwhile.
 void Context::Impl::leave_out(const std::vector<std::string>& refused) {
   if (refused.empty()) return;
   auto rest = std::make_shared<Tuning>(*tuning);
@@ -327,7 +329,7 @@ void Context::Impl::leave_out(const std::vector<std::string>& refused) {
   tuning = std::move(rest);
 }
 
-// Of a program that has OpenCL of its own.
+// Uses the context, device and queue of a program that uses OpenCL itself.
 void Context::Impl::take(const ForeignHandles& theirs) {
   for (const FoundDevice& found : find_devices())
     if (found.handle() == theirs.device) {
@@ -423,7 +425,7 @@ Context::~Context() {
   if (!impl_ || impl_->planning) return;
   try {
     impl_->queue.finish();
-  } catch (const cl::Error&) {  // nothing can be done about a queue that fails while it is closed
+  } catch (const cl::Error&) {  // a queue that fails on closing cannot be helped
   }
 }
 
@@ -439,7 +441,7 @@ std::unique_ptr<Context> Context::planner(bool limited) const {
   impl->planning = true;
   impl->collected = impl_->collected;
   impl->shapes = impl_->shapes;
-  impl->queue = impl_->queue;  // libraries are asked about it; nothing is enqueued
+  impl->queue = impl_->queue;  // a planner asks libraries about the queue, but enqueues nothing
   impl->stage = impl_->stage;
   impl->arena = std::make_unique<Arena>(impl_->arena->plan(limited));
   return std::unique_ptr<Context>(new Context(std::move(impl)));
@@ -608,7 +610,7 @@ void* Context::raw_buffer(const Tensor& tensor) {
 
 void Context::record_foreign(const std::string& name, Cost cost, void* event, const Written& out) {
   cl::Event owned(static_cast<cl_event>(event));                            // takes over the reference
-  const LaunchRecord launch{name, impl_->stage, cost, false, 0, now_ns()};  // enqueued some time ago
+  const LaunchRecord launch{name, impl_->stage, cost, false, 0, now_ns()};  // enqueued earlier
   if (impl_->profiler.enabled() && impl_->event_times()) {
     impl_->profiler.add_event(launch, owned);
   } else if (impl_->profiler.enabled()) {
@@ -626,8 +628,8 @@ Tensor Context::adopt(void* buffer, const Shape& shape, bool to_write, const std
   return {adopted(*this, buffer, bytes, to_write, what), shape, Type::f32};
 }
 
-// The host waits: what drivers make of a command whose event fails ranges from an error at some later call to a queue
-// that never ends.
+// The host waits itself: if an event in a wait list fails, some drivers report an error at a later call, and others
+// never finish the queue.
 void Context::wait_for(const std::vector<void*>& events) {
   std::vector<cl::Event> list;
   list.reserve(events.size());

@@ -1,9 +1,9 @@
-// The one object passed around: a device with its queue, kernels, memory and profile.
-// Not thread-safe: one thread at a time uses a context. Several threads use a context each, of devices of their own or
-// streams of one.
+// The object that all layers pass around: a device with its queue, kernels, memory and profile. Not thread-safe: one
+// thread at a time uses a context. Several threads use one context each, on different devices or on streams of one
+// device.
 //
-// Debugging: VSPLAT_CHECK=nan looks for NaN in what each launch has written, VSPLAT_ARENA=guard for what it has written
-// beside its tensors (runtime/launch_checks.h); a context asks the environment once, when it is made.
+// Debugging: VSPLAT_CHECK=nan looks for NaN in the output of each launch, and VSPLAT_ARENA=guard for writes outside of
+// its tensors (runtime/launch_checks.h). A context reads these variables once, on construction.
 #pragma once
 #include <array>
 #include <compare>
@@ -29,46 +29,46 @@ namespace vsplat {
 
 class Profiler;
 
-// Which family of dense kernels runs. cpu: one work-item owns a register tile, float16 vectors, no local memory, no
-// barrier. gpu: a work-group tiles through local memory. Both run on every device.
+// The family of dense kernels. cpu: one work-item owns a register tile, float16 vectors, no local memory, no barrier.
+// gpu: a work-group tiles through local memory. Both run on every device.
 enum class Flavour : int { cpu = 1, gpu = 2 };
 const char* name_of(Flavour flavour);
 
-// Who multiplies plain matrices. auto_: our own kernels.
+// The implementation of plain matrix products. auto_: our own kernels.
 enum class GemmChoice : int { auto_ = 0, own = 1, clblast = 2 };
 
-// Another's OpenCL, as the C interface of it has the handles. All null: our own.
+// OpenCL handles of the calling program, as OpenCL's C interface has them. All null: our own.
 struct ForeignHandles {
   void* context = nullptr;
   void* device = nullptr;
-  void* queue = nullptr;  // in order; null: one of our own in that context
+  void* queue = nullptr;  // in order; null: a queue of our own in that context
 };
 
 struct ContextOptions {
-  std::string device;            // as choose_device() takes it
-  std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else by the device's traits), cpu, gpu
+  std::string device;            // see choose_device()
+  std::string kernels = "auto";  // auto (VSPLAT_KERNELS, else from the device's traits), cpu, gpu
   GemmChoice gemm = GemmChoice::auto_;
   double max_memory_gib = 0;              // 0: what the device reports
-  Precision precision = Precision::fp32;  // mixed: with the gpu kernels alone
-  // Whose matrix units multiply in mixed precision; none: those of the device that were tried and are right
+  Precision precision = Precision::fp32;  // mixed: only with the gpu kernels
+  // The matrix units for mixed precision. Unset: the device's units if a trial has shown them to be right
   // (matrix_probe.h), else the emulated ones.
   std::optional<MatrixUnit> matrix_unit = std::nullopt;
-  ForeignHandles theirs;  // in place of `device`
-  // What is not used; none: what a self-test has left behind of this device (verdict.h).
+  ForeignHandles theirs;  // used instead of `device`
+  // What this context must not use. Unset: what a self-test has recorded for this device (verdict.h).
   std::optional<SwitchedOff> off = std::nullopt;
-  std::shared_ptr<const Tuning> tuning = nullptr;  // in place of the device's table, which is not read then
-  // Called before each kernel that is compiled: its name and how many were compiled so far in this context.
+  std::shared_ptr<const Tuning> tuning = nullptr;  // replaces the device's table, which then is not read
+  // Called before each kernel is compiled, with its name and how many kernels this context has compiled so far.
   std::function<void(const std::string&, int)> on_compile;
 };
 
-// A kernel, by the fields of its KernelId.
+// Identifies a kernel by the fields of its KernelId.
 struct NamedKernel {
   std::string file, name, defines;
   auto operator<=>(const NamedKernel&) const = default;  // NOLINT(modernize-use-nullptr): it has none
 };
 
-// How a planner was asked to launch a kernel: the size of its work-groups (0: the driver's choice), and the local
-// memory that arguments ask for, beside what the kernel declares.
+// A launch that a planner has noted: the size of its work-groups (0: the driver's choice), and the local memory of its
+// arguments, without what the kernel itself declares.
 struct NotedLaunch {
   std::string stage;
   std::array<std::size_t, 3> group{};
@@ -77,12 +77,12 @@ struct NotedLaunch {
 };
 struct NotedKernel {
   std::set<NotedLaunch> launches;
-  double work = 0;              // of the longest part of a launch, see launch_parts.h
-  std::size_t most_groups = 0;  // of a part, in the second or the third direction
+  double work = 0;              // of the longest part of a launch (launch_parts.h)
+  std::size_t most_groups = 0;  // largest number of groups of a part in the second or third direction
 };
 using NotedKernels = std::map<NamedKernel, NotedKernel>;
 
-// Device memory while a stage ran: bytes of slabs, and of tensors alive in them.
+// Peak device memory during a stage: bytes of slabs, and of live tensors in them.
 struct StageMemory {
   std::string stage;
   std::size_t peak_reserved = 0, peak_live = 0;
@@ -95,37 +95,38 @@ class Context {
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
-  // A context of its own on the same opened device, which it may outlive: queue, working memory, kernels' arguments and
-  // profile are its own; programs and the limit of memory are one device's. Tensors of one may be read by launches of
-  // the other once their values are there (finish()).
+  // A second context on the same opened device, which it may outlive. It has its own queue, working memory, kernel
+  // arguments and profile; programs and the memory limit belong to the device. A launch of one context may read tensors
+  // of the other once their values are complete (finish()).
   std::unique_ptr<Context> stream() const;
 
-  // A context that computes nothing and only counts memory: launches, writes and reads are skipped, tensors have no
-  // memory behind them, and its arena starts as a virtual copy of this one's. Used to plan a run by running it. Without
-  // limits: see Arena::plan.
+  // A context that computes nothing and only counts memory: it skips launches, writes and reads, its tensors have no
+  // memory, and its arena starts as a virtual copy of this one's. Running a stage on it plans the stage. For `limited`
+  // see Arena::plan.
   std::unique_ptr<Context> planner(bool limited = true) const;
   bool planning() const;
-  // From now on the kernels that are launched, in a planner and planners made of it those that would be, are put into
-  // `to`: before they are compiled.
+  // From now on, adds every launched kernel to `to`, before it is compiled. A planner, and planners made from it, add
+  // the kernels that they would launch.
   void collect(NotedKernels& to);
-  // The same of the shapes that it is asked for tuned parameters of.
+  // Adds to `to` every shape whose tuned parameters are asked for.
   void collect(NotedShapes& to);
-  // Compiles what is not compiled yet.
+  // Compiles the kernel if it is not compiled yet.
   void build(const NamedKernel& kernel);
-  // The local memory that a kernel declares, in bytes, by its compiler, with what this context's last launch of it gave
-  // as arguments.
+  // Local memory of a kernel in bytes: what it declares, according to its compiler, plus the arguments of this
+  // context's last launch of it.
   std::size_t local_memory(const NamedKernel& kernel);
 
   const DeviceInfo& device() const;
   Flavour flavour() const;
   GemmChoice gemm_choice() const;
   Precision precision() const;
-  // Who multiplies fragments, whatever the precision: see runtime/gemm_matrix.h.
+  // The units that multiply fragments, in any precision: see runtime/gemm_matrix.h.
   MatrixUnit matrix_unit() const;
-  // What an operation of that shape is built and launched with, where it is a matter of speed (runtime/tuning/tuning.h).
+  // The parameters that an operation of that shape is built and launched with where only speed depends on them
+  // (runtime/tuning/tuning.h).
   TunedValues tuned(const TunedShape& shape) const;
   const Tuning& tuning() const;
-  // In place of the device's table: for trials, and tests. Streams and planners that are made after it have the same.
+  // Replaces the device's table, for trials and tests. Later streams and planners of this context use it, too.
   void use_tuning(std::shared_ptr<const Tuning> tuning);
   const SwitchedOff& switched_off() const;
   Arena& memory();
@@ -134,7 +135,7 @@ class Context {
 
   // Uninitialised memory.
   Tensor tensor(const Shape& shape, Type type = Type::f32, const std::string& what = "tensor");
-  // With a copy of `data`, count() elements of the type.
+  // Allocates a tensor and copies `data` into it: count() elements of the type.
   Tensor upload(const Shape& shape, const void* data, Type type = Type::f32, const std::string& what = "tensor");
   template <class T>
   Tensor upload(const Shape& shape, const std::vector<T>& data, Type type = Type::f32,
@@ -144,7 +145,7 @@ class Context {
   void write(const Tensor& tensor, const void* data);
   void fill_zero(const Tensor& tensor);
   void copy(const Tensor& from, const Tensor& to);
-  // Waits for everything before it: keep such calls few, and say why at each.
+  // Waits for all earlier work: keep such calls few, and say why at each.
   void read(const Tensor& tensor, void* data);
   template <class T>
   std::vector<T> read(const Tensor& tensor) {
@@ -154,10 +155,10 @@ class Context {
     return out;
   }
 
-  // The one place that enqueues kernels of ours, a long launch in parts (launch_parts.h). Checks the number and sizes
-  // of arguments and the work-group against the device's limits before the driver does, names the launch for the
-  // profile, and records its event. What the kernel writes is given as written(): ctx.launch(kernel, range, cost, x,
-  // rows, columns, written(y)).
+  // The only function that enqueues our kernels. A long launch is split into parts (launch_parts.h). It checks the
+  // number and sizes of arguments and the work-group against the device's limits before the driver does, names the
+  // launch for the profile, and records its event. Outputs of the kernel are passed as written(): ctx.launch(kernel,
+  // range, cost, x, rows, columns, written(y)).
   template <class... Args>
   void launch(const KernelId& kernel, const Range& range, Cost cost, const Args&... args) {
     if (planning())
@@ -166,35 +167,37 @@ class Context {
       launch(kernel, range, cost, std::vector<KernelArg>{KernelArg(args)...});
   }
   void launch(const KernelId& kernel, const Range& range, Cost cost, const std::vector<KernelArg>& args);
-  // Whether the kernel runs in groups of so many items with so much local memory: by what the device claims and, but
-  // for a planner, by what its compiler has made of it. For choosing among variants, largest first.
+  // Whether the kernel can run in groups of `group` work-items with `local_bytes` of local memory: by the limits that
+  // the device reports and, except in a planner, by what its compiler reports for the kernel. Used to choose among
+  // variants, largest first.
   bool takes(const KernelId& kernel, std::size_t group, std::size_t local_bytes);
 
-  // Between us and a program with OpenCL of its own. Another's buffer as a tensor, which keeps it alive: Error(usage),
-  // naming `what`, where it is of another context, too small, or may not be written and is `to_write`.
+  // Sharing with a program that uses OpenCL itself. adopt() wraps the program's buffer as a tensor, which keeps it
+  // alive. Error(usage), naming `what`, if the buffer is of another context or too small, or if `to_write` is set and
+  // the buffer may not be written.
   Tensor adopt(void* buffer, const Shape& shape, bool to_write, const std::string& what);
-  // Whatever is enqueued from now on waits for these events.
+  // All work that is enqueued from now on waits for these events.
   void wait_for(const std::vector<void*>& events);
-  // An event, the caller's to release, of all that has been enqueued.
+  // An event that completes with all work enqueued so far. The caller releases it.
   void* mark();
-  ForeignHandles handles() const;  // ours; they live as long as this context
+  ForeignHandles handles() const;  // our handles, valid as long as this context
 
-  // For libraries that enqueue by themselves (CLBlast; runtime/ only): raw handles, and their event under our name with
-  // what they write.
+  // For libraries that enqueue by themselves (CLBlast; runtime/ only): raw handles, and a way to record their event
+  // under our name with the tensors that they write.
   void* raw_queue();
   void* raw_buffer(const Tensor& tensor);
   void record_foreign(const std::string& name, Cost cost, void* event, const Written& out);
 
-  // From any thread: the next launch or transfer fails with Error(cancelled), and so does each after it, until
-  // go_on(). No more is ahead of the device then than it does in some 40 ms, and one launch.
+  // May be called from any thread. The next launch or transfer, and each one after it, fails with Error(cancelled)
+  // until go_on(). The device then has at most some 40 ms of work and one launch left.
   void cancel();
   void go_on();
-  // What stops that one stops this one, too, from now on: for work on a stream that is a call's own.
+  // From now on a cancel() of `other` stops this context, too: for the private streams of a call.
   void stop_with(const Context& other);
 
-  // Waits for the queue and gathers the profile.
+  // Waits for the queue and collects the profile.
   void finish();
-  // Enqueued work starts now, without waiting.
+  // Starts enqueued work, without waiting.
   void flush();
 
   const std::string& stage() const;
@@ -215,8 +218,8 @@ class Context {
   std::unique_ptr<Impl> impl_;
 };
 
-// The stage that launches belong to while it lives: "encoder", "modulation", "lifting", "volume", "heads", "selection",
-// "refinement", "decode", "splat". Memory peaks are kept per stage, too.
+// Names the stage of all launches during its life: "encoder", "modulation", "lifting", "volume", "heads", "selection",
+// "refinement", "decode", "splat". Memory peaks are recorded per stage, too.
 class Stage {
  public:
   Stage(Context& context, const std::string& name);
@@ -230,7 +233,7 @@ class Stage {
   std::optional<HostSpan> span_;
 };
 
-// While it lives, nothing is cancelled: for changes that are made whole or not at all.
+// While this object lives, nothing is cancelled: for changes that must be complete or not happen at all.
 class Uncancelled {
  public:
   explicit Uncancelled(Context& context);

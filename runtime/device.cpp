@@ -36,7 +36,7 @@ const char* name_of(DeviceType type) {
 
 namespace {
 
-std::atomic<int> first_user{0};  // of OpenCL: a process
+std::atomic<int> first_user{0};  // the process that first used OpenCL
 
 std::string trimmed(std::string text) {
   while (!text.empty() && (text.back() == '\0' || std::isspace(static_cast<unsigned char>(text.back()))))
@@ -57,7 +57,7 @@ DeviceType type_of(cl_device_type type) {
   return DeviceType::other;
 }
 
-// See DeviceInfo::sub_group. Fewer than 8 items leave vectors idle.
+// See DeviceInfo::sub_group. Fewer than 8 work-items would leave vector lanes idle.
 int least_sub_group(const cl::Device& device) {
   constexpr cl_device_info sizes_of = 0x4108;  // CL_DEVICE_SUB_GROUP_SIZES_INTEL
   std::size_t bytes = 0, sizes[16] = {};
@@ -69,7 +69,7 @@ int least_sub_group(const cl::Device& device) {
   return static_cast<int>(least);
 }
 
-// What extensions have; Debian's headers do not list all of it.
+// Constants of extensions; some are missing from Debian's headers.
 constexpr cl_device_info kUuid = 0x106A;          // CL_DEVICE_UUID_KHR: 16 bytes
 constexpr cl_device_info kPciBusInfo = 0x410F;    // CL_DEVICE_PCI_BUS_INFO_KHR: domain, bus, device, function
 constexpr cl_device_info kNvidiaBus = 0x4008;     // CL_DEVICE_PCI_BUS_ID_NV
@@ -138,8 +138,8 @@ DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
     d.uuid = told<std::array<std::uint8_t, 16>>(device, kUuid);
   d.pci = pci_of(device, extensions);
   d.is_pocl = d.platform_name == "Portable Computing Language";
-  // With many units a short launch would end while most of them wait for the last, and half a second is more there; a
-  // processor's few cores have fewer operations in a twentieth of a second.
+  // On a GPU with many units a short launch would end while most units wait for the last one, and half a second is more
+  // operations there; a CPU with few cores does fewer operations in a twentieth of a second.
   if (d.type == DeviceType::gpu) d.most_flops *= std::max(1.0, d.compute_units / 16.0);
   if (d.type == DeviceType::cpu) d.most_flops *= std::min(1.0, d.compute_units / 8.0);
   lower(d, environment("VSPLAT_LIMITS"));

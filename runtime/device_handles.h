@@ -12,7 +12,7 @@ struct FoundDevice {
   cl::Device handle;
 };
 
-// As list_devices(), with handles.
+// list_devices(), with OpenCL handles.
 std::vector<FoundDevice> find_devices();
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// What devices claim, lowered on request: what a smaller one would do can be tried on any.
+// Lowers the limits that a device reports, so that any device can stand in for a smaller one.
 #pragma once
 #include <string>
 
@@ -6,14 +6,14 @@
 
 namespace vsplat {
 
-// The least that every kernel fits, in its smallest variant: work-items of a group, bytes of local memory.
+// The minimum in which the smallest variant of every kernel runs: work-items of a group, bytes of local memory.
 constexpr std::size_t kLeastGroup = 64, kLeastLocal = 16 << 10;
 
-// Lowers, and never raises, what `device` claims by `text`, as VSPLAT_LIMITS has it: "group=128,local=16K", see
-// runtime/README.md. Error(usage) names what is not understood.
+// Lowers, and never raises, the limits of `device` by `text`, in the format of VSPLAT_LIMITS: "group=128,local=16K",
+// see runtime/README.md. Error(usage) names what it does not understand.
 void lower(DeviceInfo& device, const std::string& text);
 
-// Error(device) where kernels cannot run at all in what the device claims, naming both figures.
+// Error(device) if the limits of the device are too small for any kernel; names the limit and the minimum.
 void refuse_too_small(const DeviceInfo& device);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// What all arenas of one opened device have made of its memory: its streams have an arena each. Thread-safe.
+// How much memory all arenas of one opened device use; each stream of it has its own arena. Thread-safe.
 #pragma once
 #include <atomic>
 #include <cstddef>
@@ -10,7 +10,7 @@ namespace vsplat {
 class DeviceMemory {
  public:
   std::size_t used() const { return used_.load(std::memory_order_relaxed); }
-  // Whether `bytes` more stay within `total`; then they are taken.
+  // Reserves `bytes` and returns true if the sum stays within `total`.
   bool take(std::size_t bytes, std::size_t total) {
     std::size_t now = used();
     do {
@@ -24,11 +24,11 @@ class DeviceMemory {
   std::atomic<std::size_t> used_{0};
 };
 
-// Bytes of it, given back at the end.
+// A reserved share of a device's memory, given back on destruction.
 class DeviceShare {
  public:
   DeviceShare() = default;
-  // Of bytes that were taken.
+  // Adopts bytes that take() has already reserved.
   DeviceShare(std::shared_ptr<DeviceMemory> memory, std::size_t bytes) : memory_(std::move(memory)), bytes_(bytes) {}
   DeviceShare(DeviceShare&& other) noexcept { swap(other); }
   DeviceShare& operator=(DeviceShare&& other) noexcept {

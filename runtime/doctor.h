@@ -1,4 +1,4 @@
-// Why there is no OpenCL device, or the wrong one: what is looked at, and what is found wrong, with the mend.
+// Diagnoses why there is no OpenCL device, or the wrong one: what was examined, the faults found, and how to mend each.
 #pragma once
 #include <string>
 #include <vector>
@@ -14,18 +14,18 @@
 namespace vsplat {
 
 struct Finding {
-  std::string kind;   // "library_missing": for programs
+  std::string kind;   // "library_missing": to be read by programs
   std::string about;  // a file, a variable
-  std::string found;  // a sentence that begins with that
+  std::string found;  // a sentence that begins with `about`
   std::string mend;   // what to do
 };
 
 struct LookedDriver {
   DriverEntry entry;
-  SeenDriver seen;  // nothing where the entry names no library
+  SeenDriver seen;  // default if the entry names no library
 };
 
-// A device as programs have it, by the loader.
+// A device as programs see it through the loader.
 struct LookedDevice {
   int index = 0, platform = 0, device = 0;
   std::string platform_name;
@@ -39,19 +39,19 @@ struct Cache {
   std::vector<DamagedFile> damaged;
 };
 
-// What was looked at.
+// Everything that was examined.
 struct Looked {
   OpenClLoader loader;
   DriverEntries entries;
-  std::vector<LookedDriver> drivers;  // of those entries, in their order
-  SeenDriver all;                     // what the loader gives
+  std::vector<LookedDriver> drivers;  // one for each entry, in their order
+  SeenDriver all;                     // seen through the loader
   std::vector<LookedDevice> devices;
   std::vector<InstalledDriver> installed;
   GpuFiles files;
   std::vector<Cache> caches;
   std::vector<KeptVerdict> verdicts;
   std::vector<VariableProblem> variables;
-  double seconds = 0;  // that each look might take
+  double seconds = 0;  // time limit of each driver
 };
 
 struct Diagnosis {
@@ -59,12 +59,12 @@ struct Diagnosis {
   std::vector<Finding> findings;
 };
 
-// `seconds` is what one driver may take, which is loaded in a process of its own.
+// Each driver is loaded in a separate process, which may take `seconds`.
 Diagnosis diagnose(double seconds);
-// What is wrong with that.
+// The faults among those facts.
 std::vector<Finding> findings_of(const Looked& looked);
 
-// For a person, and as JSON (the fields are told in vsplat/doctor.h).
+// As text for people, and as JSON (vsplat/doctor.h documents the fields).
 std::string diagnosis_text(const Diagnosis& diagnosis);
 std::string diagnosis_json(const Diagnosis& diagnosis);
 

@@ -1,4 +1,4 @@
-// What is wrong with what was looked at, and the mend of each.
+// Finds the faults in the examined facts, and the mend of each.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,14 +24,14 @@ std::string quoted(const std::string& text) { return "\"" + printable(text) + "\
 
 bool crashes(const SeenDriver& seen) { return seen.state == State::crashed || seen.state == State::too_late; }
 
-// What names the driver: its file, or the variable.
+// What names the driver: its entry file, or the variable.
 std::string name_of(const Looked& looked, const DriverEntry& entry) {
   if (!entry.file.empty()) return entry.file;
   const bool filenames = looked.entries.place != entry.library;
   return (filenames ? "OCL_ICD_FILENAMES" : looked.entries.variable) + "=" + entry.library;
 }
 
-// How to be rid of it.
+// How to remove the entry.
 std::string without(const DriverEntry& entry) {
   if (entry.file.empty()) return "take it out of that variable";
   return fmt::format(
@@ -40,7 +40,7 @@ std::string without(const DriverEntry& entry) {
       entry.file);
 }
 
-// The line that a driver's entry is to hold, and where.
+// The line that a driver's entry must contain, and in which file.
 std::string entry_mend(const Looked& looked, const InstalledDriver& driver) {
   const bool own = looked.entries.folder && !looked.entries.variable.empty() && looked.entries.problem.empty();
   const std::string folder = own ? looked.entries.place : usual_folder;
@@ -158,7 +158,7 @@ void look_at_driver(const Looked& looked, const LookedDriver& driver, Findings& 
   }
 }
 
-// The known driver that this entry is of.
+// Whether the entry is of this known driver.
 bool is_of(const LookedDriver& driver, const InstalledDriver& known) {
   const auto stem = [](const std::string& path) {
     const std::string name = fs::path(path).filename().string();
@@ -172,7 +172,7 @@ bool is_named(const Looked& looked, const InstalledDriver& known) {
                      [&](const LookedDriver& driver) { return is_of(driver, known); });
 }
 
-// Those for processors count where nothing else gives a device.
+// Drivers for processors count only if no other driver offers a device.
 void look_for_entries(const Looked& looked, Findings& out) {
   for (const InstalledDriver& known : looked.installed) {
     if (is_named(looked, known) || (!known.is_gpu && !looked.devices.empty())) continue;
@@ -192,7 +192,7 @@ bool has_gpu(const Looked& looked) {
                      [](const LookedDevice& device) { return device.seen.type == "gpu"; });
 }
 
-// Where a GPU can be used, others' files are not this program's matter.
+// If a GPU can be used, faults of other GPUs' files do not matter to this program.
 void look_at_files(const Looked& looked, Findings& out) {
   const GpuFiles& files = looked.files;
   if (has_gpu(looked)) return;
@@ -219,7 +219,7 @@ bool is_installed(const Looked& looked, const char* vendor) {
 void look_at_nvidia(const Looked& looked, Findings& out) {
   const GpuFiles& files = looked.files;
   std::vector<std::string> cuda = installed_libraries("libcuda.so.1");
-  std::erase_if(cuda, [](const std::string& path) {  // those come with CUDA, whatever the machine
+  std::erase_if(cuda, [](const std::string& path) {  // installed by CUDA, whatever the machine
     return path.find("/compat/") != std::string::npos || path.find("/stubs/") != std::string::npos;
   });
   const bool library = is_installed(looked, "NVIDIA");
@@ -311,7 +311,7 @@ void look_at_caches(const Looked& looked, Findings& out) {
   }
 }
 
-// A driver that came up well and has nothing: where it is a GPU's, or where there is nothing else.
+// Drivers that load without error but have no device: reported if they are for GPUs, or if there is no other device.
 void look_at_empty(const Looked& looked, Findings& out) {
   for (const LookedDriver& driver : looked.drivers) {
     if (driver.seen.state != State::loaded || !driver.entry.problem.empty() || driver.seen.devices() > 0) continue;
@@ -366,7 +366,7 @@ void look_at_whole(const Looked& looked, Findings& out) {
                    "install a driver: of the GPU's vendor, or for a processor the Debian package pocl-opencl-icd"});
 }
 
-// A device may come up well and compute wrongly.
+// A device may load without error and still compute wrong results.
 void look_at_verdicts(const Looked& looked, Findings& out) {
   for (const LookedDevice& device : looked.devices)
     for (const KeptVerdict& kept : looked.verdicts) {

@@ -1,4 +1,4 @@
-// What was looked at and found, told.
+// Reports of the examined facts and findings.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>

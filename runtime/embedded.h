@@ -11,6 +11,6 @@ struct EmbeddedFile {
 
 }  // namespace vsplat
 
-// In libvsplat alone, which exports it: what else is linked with the runtime (the command, tests) takes it from there,
-// so that a change of a kernel links the library anew and nothing else. No part of the public interface.
+// Defined and exported by libvsplat alone. Whatever else links the runtime (the command, tests) takes it from there, so
+// that after a change of a kernel only the library is linked again. Not part of the public interface.
 extern "C" __attribute__((visibility("default"))) const vsplat::EmbeddedFile* vsplat_embedded_files(std::size_t* count);

@@ -1,4 +1,4 @@
-// Throwing an Error with a formatted message. For sources: a header that only names Error takes error.h.
+// Throws an Error with a formatted message. For source files: a header that only names Error includes error.h.
 #pragma once
 #include <fmt/core.h>
 
@@ -6,7 +6,7 @@
 
 namespace vsplat {
 
-// Out of line, so that what formats is compiled once.
+// Not inline, so that the formatting code is compiled once.
 [[noreturn]] void throw_formatted(Status status, fmt::string_view text, fmt::format_args args);
 
 // fail(Status::format, "{}: {} values, {} expected", path, found, expected). The text is checked when it is compiled.

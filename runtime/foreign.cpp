@@ -6,7 +6,7 @@
 namespace vsplat {
 namespace {
 
-// Runs what asks OpenCL about `memory`, which may be no memory of it at all.
+// Runs an OpenCL query of `memory`, which may not be an OpenCL memory object at all.
 template <class F>
 auto asked(const std::string& what, const F& ask) {
   try {

@@ -21,7 +21,7 @@ namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32;  // of cl/dense/tile_cpu.clh
 constexpr long kMostPanels = 8;                 // of cl/dense/gemm_cpu.cl and cl/dense/gemm_rows_cpu.cl
-// What the gpu flavour packs at a time, a quarter of it: scratch memory stays bounded.
+// Scratch memory of the gpu flavour, which packs at most a quarter of it at a time.
 constexpr long kScratchFloats = 2 << 20;
 
 struct Sizes {
@@ -82,11 +82,11 @@ Cost cost_of(const Gemm& g, const Sizes& s, long rows) {
 
 Written written_rows(const Gemm& g, const Sizes& s) { return written(g.out, s.out_row0 * s.n, s.m * s.n); }
 
-// Whether twelve rows of so many numbers stay in a CPU's first cache while a tile goes along them: where they lie a
-// multiple of half a page apart, they all want the same few of its sets.
+// Whether twelve rows of `width` numbers stay in a CPU's first-level cache while a tile moves along them: rows whose
+// distance is a multiple of half a page compete for the same few cache sets.
 bool rows_fit(long width) { return width % 512 != 0 || width == 0; }
 
-// A's rows where they lie: without composing, and where there is a whole panel of them.
+// Whether to read A's rows in place: if nothing is composed, and there is a whole panel of rows.
 bool wants_rows(const Gemm& g, const Sizes& s) {
   return !g.a.map && !g.a.scale && !g.a.silu && s.m >= kTileRows && s.k > 0 && rows_fit(s.c0) && rows_fit(s.c1);
 }
@@ -99,14 +99,14 @@ void gemm_rows(Context& ctx, const Gemm& g, const Sizes& s, long block) {
              written_rows(g, s), s.out_row0);
 }
 
-// What is packed of A at a time stays in a CPU's last-level cache, and scratch memory stays bounded; of that, what one
-// work-item multiplies each panel of B with stays in the second cache.
+// The part of A that is packed at a time fits into a CPU's last-level cache and bounds scratch memory; the part of it
+// that a work-item multiplies with each panel of B fits into the second-level cache.
 void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   check_tile_terms(ctx.device(), g.name, s.k);
   const TunedValues tuned = ctx.tuned({TunedOp::gemm, {s.m, s.n, s.k, s.taps}});
   const bool loops = *tile_defines(ctx.device()) != '\0';
-  // One panel a work-item where the tile is made of loops: llvmpipe ends every loop of a work-item after 65535 turns in
-  // all.
+  // One panel for each work-item if the tile is computed in loops: llvmpipe ends all loops of a work-item after 65535
+  // iterations in all.
   const long block = loops ? 1 : std::clamp(tuned.at("block") / std::max(1L, s.k * kTileRows), 1L, kMostPanels);
   if (!loops && wants_rows(g, s)) return gemm_rows(ctx, g, s, block);
   const long panels = div_up(s.m, kTileRows);
@@ -126,10 +126,11 @@ void gemm_cpu(Context& ctx, const Gemm& g, const Sizes& s) {
   }
 }
 
-// Of a sum of so many terms, those of a part: a multiple of what the kernel takes in a step.
+// Terms of a part of a sum: a multiple of the kernel's step.
 long terms_of_part(long k, long parts) { return round_up(div_up(k, parts), 16L); }
 
-// In how many parts, where that was asked for: not in ones of few terms, nor more than scratch memory has room for.
+// The number of parts, if tuning asks for a split: parts must not be too short, and their sums must fit into scratch
+// memory.
 long parts_of(const TunedValues& tuned, const Sizes& s) {
   constexpr long few = 64;
   const long room = 4 * kScratchFloats / std::max(1L, s.m * s.n);
@@ -137,7 +138,8 @@ long parts_of(const TunedValues& tuned, const Sizes& s) {
   return s.k > 0 ? div_up(s.k, terms_of_part(s.k, most)) : 1;
 }
 
-// Few tiles of out would leave a GPU idle: their sums in parts, side by side, which are then added up in order.
+// Splits the sums, since few output tiles would leave a GPU idle: parts are computed side by side, then added up in
+// order.
 void gemm_split(Context& ctx, const Gemm& g, const Sizes& s, const GpuTile& shape, long count) {
   const Tensor parts = ctx.tensor({count, s.m, s.n}, Type::f32, "partial sums");
   ctx.launch({"gemm_gpu", "gemm_split_gpu", shape.defines, g.name},
@@ -171,7 +173,7 @@ void gemm_mixed(Context& ctx, const Gemm& g, const Sizes& s) {
   gemm_matrix(ctx, p);
 }
 
-// A map that reads each row many times would compose it as often: then the composed rows are worth keeping.
+// A map that reads each row many times would compose it as often; storing the composed rows then pays off.
 bool wants_composed(const Gemm& g, const Sizes& s) {
   return g.a.map && (g.a.scale || g.a.silu) && s.m * s.taps > 2 * s.src_rows;
 }
@@ -184,8 +186,8 @@ Tensor composed(Context& ctx, const Gemm& g, const Sizes& s) {
   return y;
 }
 
-// Whether CLBlast multiplies: only where it was asked for, and only an A that lies in memory as it is. (On an H100 with
-// NVIDIA's driver 580 a product took it 60 to 450 ms, in which it allocates buffers, where ours takes 0.4 to 3 ms.)
+// Whether CLBlast multiplies: only on request, and only if A needs no composing. (On an H100 with NVIDIA's driver 580
+// it takes 60 to 450 ms for a product, in which it allocates buffers; our kernels take 0.4 to 3 ms.)
 bool wants_clblast(const Context& ctx, const Gemm& g) {
   if (g.a.x1 || g.a.scale || g.a.silu || g.a.map) return false;
   return ctx.gemm_choice() == GemmChoice::clblast;
@@ -195,7 +197,7 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   const auto u = [](long v) { return static_cast<std::size_t>(v); };
   const Tensor& b = g.b->plain ? g.b->plain : g.b->data;
   const bool epilogue = g.bias || g.residual || g.activation != Activation::none;
-  // The product goes to `out` unless the residual is there still.
+  // The product goes to `out`, unless that still holds the residual.
   const bool aside = g.residual && g.residual.block() == g.out.block();
   const Tensor product = aside ? ctx.tensor({s.m, s.n}, Type::f32, "product") : g.out;
   const long product_row0 = aside ? 0 : s.out_row0;
@@ -234,9 +236,9 @@ bool gemm_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   return true;
 }
 
-// A long product by parts of its rows, as Context::launch() has launches of ours.
+// Splits a long product by rows, as Context::launch() splits our own launches.
 bool in_parts_by_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
-  constexpr long step = 256;  // of rows
+  constexpr long step = 256;  // rows
   const double row = cost_of(g, s, 1).flops;
   const double most = std::min(std::max(1.0, ctx.device().most_flops / row / step) * step, static_cast<double>(s.m));
   const long rows = static_cast<long>(most) == s.m ? s.m : static_cast<long>(most) / step * step;
@@ -250,8 +252,8 @@ bool in_parts_by_clblast(Context& ctx, const Gemm& g, const Sizes& s) {
   return true;
 }
 
-// A strided matrix [k, n], whose first row is w's row `first`, as panels of `width` columns: [ceil(n / width), k,
-// width].
+// Packs a strided matrix [k, n], whose first row is w's row `first`, into panels of `width` columns: [ceil(n / width),
+// k, width].
 void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
                  long width, const Tensor& out) {
   constexpr long rows = 64;  // ROWS of cl/dense/gemm_cpu.cl
@@ -260,7 +262,8 @@ void pack_panels(Context& ctx, const Tensor& w, long offset, long first, long k,
              written(out, div_up(n, width) * width * k));
 }
 
-// The same as [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin with w's `first`.
+// Packs the same matrix into [ceil(n / piece)] matrices [k, piece], the last of which may be narrower; columns begin
+// with w's column `first`.
 void pack_plain(Context& ctx, const Tensor& w, long offset, long first, long k, long n, long k_stride, long n_stride,
                 long piece, const Tensor& out) {
   const long side = square_side(ctx);
@@ -270,7 +273,7 @@ void pack_plain(Context& ctx, const Tensor& w, long offset, long first, long k, 
              written(out, k * n));
 }
 
-constexpr long kSumRows = 1024;  // terms of a sum that is not made of shorter ones (the cpu flavour's are, of 256)
+constexpr long kSumRows = 1024;  // terms of a sum that is not split (the cpu flavour splits at 256)
 
 struct TransposedSizes {
   long rows, m, n;
@@ -281,7 +284,7 @@ Cost cost_of(const TransposedSizes& s, long rows, long sums) {
   return {2 * m * n * k, 4 * (m * k + n * k + m * n * static_cast<double>(sums))};
 }
 
-// As many rows at a time as one sum has: both operands' panels stay in a cache, and out is added to.
+// Processes the rows of one sum at a time and adds to out: both operands' panels stay in a cache.
 void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
   const TunedValues tuned = ctx.tuned({TunedOp::gemm_transposed, {s.rows, s.m, s.n}});
   const long most = std::min(s.rows, tuned.at("terms"));
@@ -301,7 +304,7 @@ void transposed_cpu(Context& ctx, const TransposedGemm& g, const TransposedSizes
   }
 }
 
-// As many sums at a time as scratch memory has room for, side by side: few tiles of out would leave a GPU idle.
+// Computes as many sums side by side as fit into scratch memory: few output tiles would leave a GPU idle.
 void transposed_gpu(Context& ctx, const TransposedGemm& g, const TransposedSizes& s) {
   const GpuTile shape = gpu_tile(ctx, {"gemm_gpu", "gemm_transposed_gpu", {}},
                                  ctx.tuned({TunedOp::gemm_transposed, {s.rows, s.m, s.n}}), s.m, s.n);
@@ -333,7 +336,7 @@ GpuTile gpu_tile(Context& ctx, const KernelId& kernel, const TunedValues& tuned,
                                                 {64, 256, 8448, ""},
                                                 {64, 64, 4224, "-DSIDE=8 -DRM=8 -DRN=8"},
                                                 {32, 64, 2176, "-DSIDE=8"}}};
-  // Larger tiles load less for each product, as long as there are enough of them to keep every unit busy.
+  // Larger tiles load less for each product, but there must be enough of them to keep every unit busy.
   const long enough = 2L * ctx.device().compute_units, asked = tuned.at("tile"), unroll = tuned.at("unroll");
   for (const Variant& v : variants) {
     const bool by_rule =
@@ -352,7 +355,7 @@ GpuTile gpu_tile(Context& ctx, const KernelId& kernel, const TunedValues& tuned,
 long square_side(const Context& ctx) { return ctx.device().max_work_group >= 256 ? 16 : 8; }
 
 void check_tile_terms(const DeviceInfo& device, const char* name, long terms) {
-  constexpr long most = 65535 / (kTileRows + 1) - 64;  // a turn for each row and term, less what starts and ends a tile
+  constexpr long most = 65535 / (kTileRows + 1) - 64;  // an iteration a row and term, less the tile's rest
   if (*tile_defines(device) && terms > most)
     fail(Status::device,
          "{}: sums of {} terms; {} has no vectors, and its cpu kernels are right for at most {} (choose "
@@ -367,7 +370,7 @@ std::size_t packed_bytes(Flavour flavour, long k, long n) {
 
 namespace {
 
-// Calls visit(i, j) for i < k and j < n, in blocks small enough that a transposition stays in the first cache.
+// Calls visit(i, j) for i < k and j < n, in blocks small enough for a transposition to stay in the first-level cache.
 template <class Visit>
 void for_each_element(long k, long n, const Visit& visit) {
   constexpr long block = 32;

@@ -10,7 +10,7 @@
 namespace vsplat {
 namespace {
 
-// A tile of cl/dense/gemm_matrix.clh.
+// A tile size of cl/dense/gemm_matrix.clh.
 struct MatrixTile {
   long rows, columns, group, local;  // local memory in bytes
   const char* defines;
@@ -18,10 +18,10 @@ struct MatrixTile {
 
 struct UnitKernel {
   MatrixUnit unit;
-  const char* name;                 // of the file, and of its kernel
-  bool tf32;                        // has it, too
-  bool fours;                       // is built for rows of whole fours where there are such
-  std::array<MatrixTile, 3> tiles;  // the largest first; those of no group are none
+  const char* name;                 // name of the file and of its kernel
+  bool tf32;                        // has tf32 operands, too
+  bool fours;                       // has a variant for rows of multiples of four
+  std::array<MatrixTile, 3> tiles;  // largest first; unused entries have group 0
 };
 
 constexpr std::array<UnitKernel, 5> kKernels = {
@@ -39,7 +39,7 @@ constexpr std::array<UnitKernel, 5> kKernels = {
      {MatrixUnit::wmma, "gemm_matrix_wmma_gpu", false, false, {{{64, 64, 128, 10240, ""}, {}, {}}}},
      {MatrixUnit::mfma, "gemm_matrix_mfma_gpu", false, false, {{{64, 64, 256, 10240, ""}, {}, {}}}}}};
 
-// The kernel, with the defines of its tile.
+// The chosen kernel, with the defines of its tile.
 struct Chosen {
   KernelId kernel;
   MatrixTile tile;

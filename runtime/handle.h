@@ -1,13 +1,13 @@
-// What the operating system has open for this process: a file, a folder, one end of a channel.
+// An object that the operating system holds open for this process: a file, a folder, one end of a channel.
 #pragma once
 #include <utility>
 
 namespace vsplat::sys {
 
-// Closed at its end; or nothing.
+// Owns such an object and closes it on destruction; may be empty.
 class Handle {
  public:
-  // The system's own number for it, below 0 for nothing.
+  // The system's number of the object; below 0: empty.
   explicit Handle(int number = -1) : number_(number) {}
   ~Handle();
   Handle(Handle&& other) noexcept : number_(other.release()) {}

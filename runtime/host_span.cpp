@@ -9,7 +9,7 @@
 namespace vsplat {
 namespace {
 
-// Shorter ones stay with what they are in; those of compiling and uploading are few.
+// Shorter spans count for the span around them. Compiling and uploading are kept, since they are few.
 constexpr std::uint64_t kShortest = 10'000;  // ns
 
 thread_local std::string stage_of_thread;
@@ -42,14 +42,14 @@ struct HostLog::Impl {
   std::mutex mutex;
   std::vector<HostRecord> records;
   std::uint64_t begin = 0;
-  std::uint64_t least = 0;  // ns; what is shorter than any that was forgotten is not kept, either
+  std::uint64_t least = 0;  // ns; a span shorter than any dropped one is dropped, too
 
   void forget() {
     records = {};
     least = 0;
   }
 
-  // Makes room: the shorter half goes.
+  // Drops the shorter half of the spans.
   void forget_shortest() {
     std::vector<std::uint64_t> lengths;
     lengths.reserve(records.size());
@@ -61,7 +61,7 @@ struct HostLog::Impl {
   }
 };
 
-// Never destroyed: threads may outlive what is static.
+// Never destroyed: threads may outlive static objects.
 HostLog::HostLog() : impl_(*new Impl) {}
 
 HostLog& HostLog::of_process() {

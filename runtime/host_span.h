@@ -1,6 +1,5 @@
-// What the host does, as stretches of its time with names, for profiles: on their clock (clock.h), of all threads of
-// the process, recorded while a profile is taken and not otherwise. Where spans lie in one another, time is the inner
-// one's.
+// Named intervals (spans) of the host's work, for profiles: on the host's clock (clock.h), from all threads of the
+// process, recorded only while a profile is taken. In nested spans, time counts for the innermost one.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -10,38 +9,40 @@
 
 namespace vsplat {
 
-// host: its own work; file: reading and writing; compile: programs; upload: data on their way to a device; wait: for a
-// device.
+// host: computing; file: reading and writing; compile: building programs; upload: sending data to a device; wait:
+// waiting for a device.
 enum class HostKind : std::uint8_t { host, file, compile, upload, wait };
 const char* name_of(HostKind kind);
 
 struct HostRecord {
   std::uint64_t start = 0, end = 0;  // ns
   HostKind kind = HostKind::host;
-  int thread = 0;                   // 0: the first that was seen
-  std::string name, detail, stage;  // detail: which of them, a file's name for instance; stage: see Stage
+  int thread = 0;                   // 0: the first thread that recorded
+  std::string name, detail, stage;  // detail: tells spans of one name apart, for instance by a file's name; stage: see
+                                    // Stage
 };
 
-// The process's, and thread-safe.
+// The log of this process. Thread-safe.
 class HostLog {
  public:
   static HostLog& of_process();
 
-  // Of more than these the shortest are forgotten, and their time goes to what they lay in.
+  // The maximum number of spans. Beyond it the shortest ones are dropped, and their time counts for the spans that
+  // enclose them.
   static constexpr std::size_t kMost = std::size_t{1} << 18;  // some 40 MB
 
-  // Spans are kept while at least one holds it.
+  // Spans are recorded while there is at least one holder.
   void hold();
   void let_go();
   bool on() const { return holders_.load(std::memory_order_relaxed) > 0; }
 
-  // From now on it is held until the next profile is switched on, which then begins at that time.
+  // Records from now on, until the next profile is switched on, which then begins at `at_ns`.
   void begin(std::uint64_t at_ns);
-  // That time, once; 0 where there is none.
+  // Returns the time that begin() set, and clears it; 0 if it is not set.
   std::uint64_t take_begin();
 
   void add(HostRecord record);
-  // Those that end after that time.
+  // The spans that end after `from_ns`.
   std::vector<HostRecord> since(std::uint64_t from_ns) const;
 
  private:
@@ -51,7 +52,7 @@ class HostLog {
   std::atomic<int> holders_{0};
 };
 
-// While it lives, the time of its thread is of that kind and has that name.
+// During its life, the time of its thread counts for this kind and name.
 class HostSpan {
  public:
   HostSpan(HostKind kind, std::string_view name, std::string_view detail = {});
@@ -65,7 +66,7 @@ class HostSpan {
   std::string name_, detail_, stage_;
 };
 
-// The stage that spans of this thread belong to from now on. -> the one before
+// Sets the stage of this thread's spans from now on. Returns the previous one.
 std::string set_host_stage(const std::string& stage);
 
 }  // namespace vsplat

@@ -13,8 +13,8 @@ using nlohmann::json;
 
 namespace {
 
-// Reads the text and builds nothing. (The library's own callback while it builds goes through all members of an object
-// after each one that is an object: minutes for some ten thousand.)
+// Parses the text without building values. (A callback while the library builds them visits all members of an object
+// after each member that is an object: this takes minutes for some ten thousand members.)
 class Guard : public nlohmann::json_sax<json> {
  public:
   Guard(const std::string& what, int deepest) : what_(what), deepest_(static_cast<std::size_t>(deepest)) {}
@@ -38,7 +38,7 @@ class Guard : public nlohmann::json_sax<json> {
   bool parse_error(std::size_t, const std::string&, const json::exception& e) override {
     std::string why = e.what();  // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
     why.erase(0, why.find("] ") == std::string::npos ? 0 : why.find("] ") + 2);
-    for (char& c : why)  // it quotes the place, in a file that may be no text at all
+    for (char& c : why)  // the message quotes the text, which may be binary
       if (static_cast<unsigned char>(c) >= 0x7f) c = '?';
     fail(Status::format, "{}: is not valid JSON: {}", what_, printable(why));
   }
@@ -60,7 +60,7 @@ class Guard : public nlohmann::json_sax<json> {
 
   const std::string& what_;
   std::size_t deepest_;
-  std::vector<std::set<std::string>> fields_;  // of what is open
+  std::vector<std::set<std::string>> fields_;  // fields of each open object
 };
 
 }  // namespace

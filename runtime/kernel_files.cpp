@@ -22,7 +22,7 @@ std::size_t skip_blanks(const std::string& text, std::size_t at) {
   return at;
 }
 
-// Behind any "__attribute__((...))" that stands at `at`, and behind macros, which are capitals.
+// The position after any "__attribute__((...))" at `at`, and after macros, which are in capitals.
 std::size_t skip_attributes(const std::string& text, std::size_t at) {
   const std::string word = "__attribute__";
   for (;;) {
@@ -67,7 +67,7 @@ std::vector<std::string> kernels_in(const std::string& source) {
   return out;
 }
 
-// The words behind "// <key>:" on a line of its own.
+// The words after "// <key>:" on a line of its own.
 std::vector<std::string> marked(const std::string& text, const std::string& key) {
   std::vector<std::string> out;
   std::istringstream lines(text);

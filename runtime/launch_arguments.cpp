@@ -11,7 +11,7 @@
 namespace vsplat {
 namespace {
 
-// One argument as the kernel takes it.
+// Passes one argument to the kernel.
 class Setter {
  public:
   Setter(const cl::Kernel& kernel, const char* name, cl_uint index, std::size_t local_memory)
@@ -46,7 +46,7 @@ class Setter {
   std::size_t local_memory_;
 };
 
-// The tensor that the argument is; null: none.
+// The tensor in an argument; null if it is none.
 const Tensor* tensor_of(const KernelArg& arg) {
   const Tensor* out = std::get_if<Tensor>(&arg);
   if (const Written* written = std::get_if<Written>(&arg)) out = &written->tensor;
@@ -109,7 +109,7 @@ ProfileVariant variant_of(const Range& range, const std::vector<KernelArg>& args
 }
 
 std::uint64_t hash_of(const Range& range, const std::vector<KernelArg>& args) {
-  std::uint64_t out = 14695981039346656037u;  // FNV-1a, by whole numbers
+  std::uint64_t out = 14695981039346656037u;  // FNV-1a, applied to whole integers
   const auto add = [&](std::uint64_t value) { out = (out ^ value) * 1099511628211u; };
   for (const std::size_t size : range.global) add(size);
   for (const std::size_t size : range.local) add(size);

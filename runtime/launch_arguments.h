@@ -1,5 +1,5 @@
-// A launch on its way to the driver: its range against the device's limits, its arguments, and what profiles tell of
-// both.
+// Prepares a launch for the driver: checks its range against the device's limits, sets its arguments, and describes
+// both for profiles.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -11,23 +11,24 @@
 
 namespace vsplat {
 
-// What a kernel is, by the device's compiler.
+// A kernel's limits, as the device's compiler reports them.
 struct KernelLimits {
   std::size_t group = 0;  // items of its largest work-group
   std::size_t local = 0;  // bytes of local memory that it declares
 };
 
-// The work-items of one work-group; fails where the device cannot run them so, by its claims or by its compiler's.
+// Returns the number of work-items of a work-group. Fails if it exceeds the limits of the device, or those that its
+// compiler reports for the kernel.
 std::size_t check_range(const KernelId& id, const Range& range, const KernelLimits& kernel, std::size_t local_bytes,
                         const DeviceInfo& device);
 
-// Of local memory, that arguments are.
+// Bytes of local memory among the arguments.
 std::size_t local_bytes_of(const std::vector<KernelArg>& args);
 
 void set_arguments(const cl::Kernel& kernel, const char* name, const std::vector<KernelArg>& args,
                    const DeviceInfo& device);
 
-// The launch's range and the shapes of its tensors, in words and as a number.
+// The launch's range and its tensors' shapes, as text and as a hash.
 ProfileVariant variant_of(const Range& range, const std::vector<KernelArg>& args);
 std::uint64_t hash_of(const Range& range, const std::vector<KernelArg>& args);
 

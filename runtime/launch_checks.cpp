@@ -27,14 +27,14 @@ const Tensor* tensor_of(const KernelArg& arg) {
   return std::get_if<Tensor>(&arg);
 }
 
-// Where in a tensor of this shape its element number `element` lies.
+// The indices of element number `element` in a tensor of this shape.
 Shape coordinates(const Shape& shape, long element) {
   Shape at(shape.size());
   for (std::size_t i = shape.size(); i-- > 0; element /= shape[i]) at[i] = element % shape[i];
   return at;
 }
 
-// Every four bytes are a NaN that no computation makes.
+// Every four bytes are a NaN that no computation produces.
 constexpr std::array<unsigned char, 4> zone_bytes{0xa5, 0xa5, 0xc5, 0x7f};
 
 struct RedZone {
@@ -44,7 +44,7 @@ struct RedZone {
   bool is_before() const { return offset < block->offset(); }
 };
 
-// Zones end where the tensor's bytes begin and begin where they end, though its piece may be larger.
+// The zones adjoin the tensor's bytes, even if its piece is larger.
 std::array<RedZone, 2> zones_of(const Block& block) {
   const std::size_t end = block.offset() + block.bytes();
   return {RedZone{&block, block.offset() - block.guard(), block.guard()},
@@ -78,7 +78,7 @@ void check_marks(const cl::Kernel& kernel, const std::string& name, const std::v
     cl_kernel_arg_type_qualifier qualifier = 0;
     if (clGetKernelArgInfo(kernel(), i, CL_KERNEL_ARG_TYPE_QUALIFIER, sizeof qualifier, &qualifier, nullptr) !=
         CL_SUCCESS)
-      return;  // the driver keeps no such things
+      return;  // the driver has no information on arguments
     const bool may_write = !(qualifier & CL_KERNEL_ARG_TYPE_CONST);
     if (may_write != std::holds_alternative<Written>(args[i]))
       fail(Status::internal, "{}: argument {} ({}) is {}", name, i, tensor_of(args[i])->describe(),

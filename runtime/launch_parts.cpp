@@ -9,14 +9,14 @@
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kMostParts = 1 << 20;  // far more than any launch comes to
+constexpr std::size_t kMostParts = 1 << 20;  // far more than any launch needs
 
-// The whole launch is one part: nearly always.
+// Whether one part is enough, as for nearly all launches.
 bool is_one(const std::array<std::size_t, 3>& groups, const Cost& cost, const DeviceInfo& device) {
   return work_of(cost) <= device.most_flops && groups[1] <= device.most_groups && groups[2] <= device.most_groups;
 }
 
-// Of `count` groups in `parts` parts, where part i begins.
+// The first group of part i if `count` groups are divided into `parts` parts.
 std::size_t begin_of(std::size_t i, std::size_t count, std::size_t parts) {
   return count / parts * i + std::min(i, count % parts);
 }
@@ -40,7 +40,7 @@ std::vector<LaunchPart> parts_of(const KernelId& kernel, const Range& range, con
   }
   if (is_one(groups, cost, device)) return {{{0, 0, 0}, range.global, cost}};
 
-  // The last direction first: groups keep the order that they would run in.
+  // Splits the last direction first, which keeps the groups in their order.
   std::array<std::size_t, 3> parts{1, 1, 1};
   for (std::size_t d = 1; d < 3; ++d) parts[d] = div_up(groups[d], device.most_groups);
   const double wanted = std::min(std::ceil(work_of(cost) / device.most_flops), static_cast<double>(kMostParts));

@@ -1,6 +1,6 @@
-// A launch that is more than a device should take at once, in parts, one behind the other: kernels learn of the part's
-// place by its offset (GROUP_ID in cl/common.clh), so that what they compute is the same whichever parts there are.
-// Long launches would keep whoever tells a run to stop waiting, and other users of a screen; graphics drivers end them.
+// Splits a launch that is too long for a device into parts, which run one after the other. Kernels learn a part's place
+// from its offset (GROUP_ID in cl/common.clh), so the result does not depend on the split. Long launches would delay a
+// cancelled run and freeze a screen for its other users, and graphics drivers kill them.
 #pragma once
 #include <vector>
 
@@ -11,15 +11,15 @@ namespace vsplat {
 
 struct LaunchPart {
   std::array<std::size_t, 3> offset{}, global{};
-  Cost cost;  // by its share of the launch's groups
+  Cost cost;  // in proportion to its share of the launch's groups
 };
 
-// How long a launch takes, in operations that would take as long: a byte that moves counts as ten.
+// The time that a launch takes, as a number of operations: a moved byte counts as ten.
 double work_of(const Cost& cost);
 
-// In the order in which they are launched; nearly equal, with no more work than DeviceInfo::most_flops each where
-// groups can be dealt out so (no part is less than one), and no more than most_groups of these in the second and the
-// third direction. Error(memory) where an index is beyond the device's sizes.
+// The parts, in launch order and nearly equal. Each has at most DeviceInfo::most_flops of work, as far as whole groups
+// allow (a part has at least one), and at most most_groups groups in the second and the third direction. Error(memory)
+// if an index exceeds the device's size type.
 std::vector<LaunchPart> parts_of(const KernelId& kernel, const Range& range, const Cost& cost,
                                  const DeviceInfo& device);
 

@@ -14,7 +14,7 @@ std::string library_program(const std::string& name) {
   std::error_code problem;
   fs::path real = fs::canonical(library, problem);
   if (problem) real = library;
-  // A library that lies where none is installed is one of a build, or was packed together with what it needs.
+  // A library outside of an install folder is in a build folder, or was packed together with its programs.
   const fs::path folder = real.parent_path();
   const bool installed = folder.string().ends_with(VSPLAT_LIBRARY_FOLDER);
   return (folder / (installed ? VSPLAT_PROGRAMS_FROM_LIBRARY : "../libexec/vsplat") / name).lexically_normal().string();

@@ -1,10 +1,10 @@
-// Programs that are installed beside the library, and that it starts.
+// Programs that are installed with the library and that the library starts.
 #pragma once
 #include <string>
 
 namespace vsplat {
 
-// The path of one of them, whether it is there or not; "" where it is not known where the library lies.
+// The path of such a program, which need not exist; "" if the library's own place is unknown.
 std::string library_program(const std::string& name);
 
 }  // namespace vsplat

@@ -10,8 +10,8 @@ namespace {
 
 using Sink = std::function<void(LogLevel, const std::string&)>;
 
-// A sink may call the library, which may log, or set another sink: a thread may take the mutex again, and a sink stays
-// for as long as it runs. Both outlive every thread.
+// A sink may call the library, which may log, or set another sink, so the mutex is recursive and a sink is kept for as
+// long as it runs. Both outlive every thread.
 std::recursive_mutex& sink_mutex() {
   static auto& mutex = *new std::recursive_mutex;
   return mutex;
@@ -22,7 +22,7 @@ std::shared_ptr<const Sink>& sink() {
   return function;
 }
 
-// Whether the sink runs on this thread: what it logs itself is dropped, since it would have no end.
+// Whether the sink runs on this thread: messages that it logs itself are dropped, to prevent endless recursion.
 thread_local bool in_sink = false;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Messages for people. The library prints nothing by itself: whoever embeds it sets a sink.
+// Messages for people. The library itself prints nothing: the embedding program sets a sink.
 #pragma once
 #include <fmt/core.h>
 
@@ -9,10 +9,10 @@ namespace vsplat {
 
 enum class LogLevel : int { warning = 1, info = 2, verbose = 3 };
 
-// Replaces the process-wide sink; an empty function silences. Thread-safe.
+// Replaces the process-wide sink; an empty function silences all messages. Thread-safe.
 void set_log_sink(std::function<void(LogLevel, const std::string&)> sink);
 void log_message(LogLevel level, const std::string& text);
-// Out of line, so that what formats is compiled once.
+// Not inline, so that the formatting code is compiled once.
 void log_formatted(LogLevel level, fmt::string_view text, fmt::format_args args);
 
 template <class... Args>

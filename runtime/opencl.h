@@ -1,4 +1,4 @@
-// Khronos' C++ bindings, set up once. Included by runtime's sources only: nothing above this layer sees OpenCL.
+// Configures Khronos' C++ bindings in one place. Only runtime's sources include it: the layers above do not see OpenCL.
 #pragma once
 #define CL_HPP_TARGET_OPENCL_VERSION 120
 #define CL_HPP_MINIMUM_OPENCL_VERSION 120
@@ -20,7 +20,7 @@ namespace vsplat {
 // "CL_OUT_OF_RESOURCES" for -5.
 const char* cl_error_name(cl_int code);
 
-// Rethrows an OpenCL error as ours, with what was being done.
+// Rethrows an OpenCL error as an Error; `what` names the failed action.
 [[noreturn]] inline void fail_cl(const cl::Error& e, const std::string& what) {
   const bool memory = e.err() == CL_MEM_OBJECT_ALLOCATION_FAILURE || e.err() == CL_OUT_OF_HOST_MEMORY;
   fail(memory ? Status::memory : Status::device, "{}: {} failed with {} ({})", what, e.what(), cl_error_name(e.err()),

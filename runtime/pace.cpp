@@ -6,18 +6,18 @@ namespace vsplat {
 namespace {
 
 constexpr double kPart = 0.02;                                         // seconds from one mark to the next
-constexpr double kFlops = 1e11, kBytes = 1e10, kLaunchSeconds = 2e-5;  // a middling CPU's, to begin with
+constexpr double kFlops = 1e11, kBytes = 1e10, kLaunchSeconds = 2e-5;  // initial estimate: a mid-range CPU
 
 }  // namespace
 
 void Pace::add(const cl::CommandQueue& queue, Cost cost) {
-  // (Of what finds out itself how much it does, that is some eighth of the most.)
+  // Kernels that find out themselves how much there is to do perform about an eighth of their maximum.
   const double flops = std::max(cost.performed > 0 ? cost.performed : cost.flops, cost.most / 8);
   ahead_ += factor_ * (std::max(flops / kFlops, cost.bytes / kBytes) + kLaunchSeconds);
   if (ahead_ >= kPart) mark(queue);
 }
 
-// Waits for the mark before the one that it sets: while the host is held, a part is left for the device to do.
+// Waits for the previous mark: while the host waits, the device still has the work since then to do.
 void Pace::mark(const cl::CommandQueue& queue) {
   const double thought = ahead_;
   ahead_ = 0;
@@ -25,7 +25,7 @@ void Pace::mark(const cl::CommandQueue& queue) {
   queue.enqueueMarkerWithWaitList(nullptr, &next);
   queue.flush();
   if (mark_) {
-    // Where it is reached already, the device is quicker than thought, by how much is not known.
+    // If the device has reached it already, the device is faster than estimated, but by an unknown factor.
     double faster = 0.5;
     if (mark_->getInfo<CL_EVENT_COMMAND_EXECUTION_STATUS>() != CL_COMPLETE) {
       mark_->wait();

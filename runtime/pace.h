@@ -1,4 +1,4 @@
-// Keeps little work ahead of a device: what is told to stop (Context::cancel) ends when that is done, and no sooner.
+// Limits the work that is queued on a device: a cancelled run (Context::cancel) ends only when its queued work is done.
 #pragma once
 #include <chrono>
 #include <optional>
@@ -10,7 +10,7 @@ namespace vsplat {
 
 class Pace {
  public:
-  // After a launch of that cost was enqueued. Waits where more is ahead of the device than it does in some 40 ms.
+  // Call after a launch of that cost was enqueued. Waits if the device has more than some 40 ms of work queued.
   void add(const cl::CommandQueue& queue, Cost cost);
 
  private:
@@ -18,10 +18,10 @@ class Pace {
 
   void mark(const cl::CommandQueue& queue);
 
-  double ahead_ = 0;   // seconds that what was enqueued since the last mark is thought to take
-  double factor_ = 1;  // of this device to the one that costs are first taken for, learnt
+  double ahead_ = 0;   // estimated seconds of the work enqueued since the last mark
+  double factor_ = 1;  // learnt ratio of measured to estimated time
   std::optional<cl::Event> mark_;
-  Clock::time_point waited_;  // for the mark before that
+  Clock::time_point waited_;  // when the wait for the previous mark ended
 };
 
 }  // namespace vsplat

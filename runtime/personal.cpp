@@ -11,8 +11,7 @@ namespace {
 
 bool in_word(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0; }
 
-// Each place where `what` stands and is not a part of a longer word; its beginning may be within one where it begins
-// with a slash.
+// Replaces `what` wherever it is not a part of a longer word; if it begins with a slash, it may begin within one.
 std::string replaced(const std::string& text, const std::string& what, const std::string& by) {
   std::string out;
   std::size_t from = 0;
@@ -61,7 +60,7 @@ Personal personal_here() {
   const std::string host = sys::host_name();
   add(out.hosts, host);
   add(out.hosts, host.substr(0, host.find('.')));
-  // A longer one may hold a shorter one.
+  // Longer ones first: one may contain a shorter one.
   for (auto* all : {&out.homes, &out.users, &out.hosts})
     std::sort(all->begin(), all->end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
   return out;

@@ -1,4 +1,4 @@
-// What names a person or a machine, taken out of text that others get to see.
+// Removes names of people and machines from text that others will see.
 #pragma once
 #include <string>
 #include <utility>
@@ -7,17 +7,18 @@
 namespace vsplat {
 
 struct Personal {
-  std::vector<std::string> homes;  // folders, which become ~
-  std::vector<std::string> users;  // names, which become USER where they stand alone
-  std::vector<std::string> hosts;  // the same with HOST
+  std::vector<std::string> homes;  // home folders, replaced by ~
+  std::vector<std::string> users;  // user names, replaced by USER where they are whole words
+  std::vector<std::string> hosts;  // host names, replaced by HOST in the same way
 };
-// Of who runs this process, by the environment and the system's list of users. root is nobody's name.
+// The names of the user who runs this process and of this machine, from the environment and the system's list of users.
+// root is not personal.
 Personal personal_here();
 
-// Folders alone, other users' /home/NAME and /Users/NAME, too: a name by itself may be a part of a fact, as a user
-// debian is of "3.1+debian".
+// Replaces folders only, including other users' /home/NAME and /Users/NAME. Names are kept: a name can be a part of a
+// fact, as the user name debian is of "3.1+debian".
 std::string without_homes(const std::string& text, const Personal& who);
-// And names.
+// Replaces folders and names.
 std::string without_personal(const std::string& text, const Personal& who);
 
 }  // namespace vsplat

@@ -12,9 +12,9 @@ struct Range {
   char32_t first, last;
 };
 
-// Characters that are not seen but change what is seen about them, and so may make a name look like another one: marks
-// of direction, separators of lines, joiners, tags (of Unicode's categories Cc, Cf, Zl and Zp those without a picture).
-// And surrogates, which UTF-8 does not have.
+// Invisible characters that change how others look, and so may make a name look like another one: direction marks, line
+// separators, joiners, tags (those of Unicode's categories Cc, Cf, Zl and Zp without a glyph). Also surrogates, which
+// UTF-8 does not have.
 constexpr Range unseen[] = {{0x0000, 0x001f},   {0x007f, 0x009f},   {0x00ad, 0x00ad},  {0x034f, 0x034f},
                             {0x061c, 0x061c},   {0x115f, 0x1160},   {0x17b4, 0x17b5},  {0x180b, 0x180f},
                             {0x200b, 0x200f},   {0x2028, 0x202e},   {0x2060, 0x206f},  {0x3164, 0x3164},

@@ -1,4 +1,4 @@
-// Text of unknown origin, for a message.
+// Makes text of unknown origin safe to print in a message.
 #pragma once
 #include <cstddef>
 #include <string>
@@ -6,16 +6,16 @@
 
 namespace vsplat {
 
-// At most 100 bytes of it; what a terminal acts upon, what changes how the text about it looks, and what is no UTF-8
-// becomes ?.
+// Returns at most 100 bytes of `text`. Terminal control characters, characters that change how the text around them
+// looks, and invalid UTF-8 become "?".
 std::string printable(std::string_view text);
 
 struct Character {
-  std::size_t bytes;  // that it takes; 1 where no character of UTF-8 begins there
+  std::size_t bytes;  // length; 1 if no valid UTF-8 character begins there
   char32_t code;
-  bool seen;  // it can be shown as it is
+  bool seen;  // it can be printed as it is
 };
-// The one that the text begins with, which has at least a byte.
+// The first character of `text`, which must not be empty.
 Character character_at(std::string_view text);
 
 }  // namespace vsplat

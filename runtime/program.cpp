@@ -18,7 +18,7 @@
 namespace vsplat {
 namespace {
 
-// The file of that name in `folder` or in a folder of it, as cl/ has them by family.
+// The file of that name in `folder` or in one of its subfolders, as cl/ is organised by family.
 std::filesystem::path path_below(const std::filesystem::path& folder, const std::string& name) {
   std::error_code error;
   if (std::filesystem::exists(folder / name, error)) return folder / name;
@@ -93,7 +93,7 @@ std::string build_options(const std::string& defines) {
   return "-cl-std=CL1.2" + (defines.empty() ? "" : " " + defines);
 }
 
-// PoCL compiles a second, generic variant when asked for binaries, and has a cache of its own.
+// No disk cache for PoCL: it compiles a second, generic variant when asked for binaries, and has a cache of its own.
 ProgramCache::ProgramCache(cl::Context context, cl::Device device, DeviceInfo info,
                            std::function<void(const std::string&, int)> on_compile)
     : context_(std::move(context)),
@@ -112,7 +112,7 @@ bool ProgramCache::build_from_disk(const std::string& key, const std::string& op
     out = cl::Program(context_, {device_}, {*binary});
     out.build({device_}, options.c_str());
     return true;
-  } catch (const cl::Error&) {  // a driver that refuses what it wrote itself: from source, then
+  } catch (const cl::Error&) {  // the driver rejects its own binary: build from source
     return false;
   }
 }
@@ -122,7 +122,7 @@ void ProgramCache::save_to_disk(const std::string& key, const cl::Program& progr
   try {
     const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
     if (!binaries.empty() && !binaries[0].empty()) disk_.store(key, binaries[0]);
-  } catch (const cl::Error&) {  // no binaries to be had from this driver
+  } catch (const cl::Error&) {  // this driver gives no binaries
   }
 }
 
@@ -142,7 +142,7 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
   std::string options = build_options(defines);
   if (info_.sub_group >= 0) options += " -DSUB_GROUP=" + std::to_string(info_.sub_group);
   std::string source = expanded_source(file);
-  // Where the device has none, by VSPLAT_LIMITS alone it may be, its compiler is to refuse them, too.
+  // If the device has no fp64, possibly only by VSPLAT_LIMITS, its compiler must reject doubles, too.
   if (!info_.fp64) source = "#define double no_double_on_this_device\n" + source;
   std::vector<std::string> parts = {
       "1", source, options, info_.name, info_.driver, info_.version, info_.platform_version};
@@ -160,8 +160,8 @@ cl::Program ProgramCache::build(const std::string& file, const std::string& defi
     if (on_compile_) on_compile_(file, compiled_);
     ++compiled_;
   }
-  // PoCL's compiler removes the files that it is writing when a signal arrives, whatever the program does with it
-  // (LLVM's handlers). Only what fails without one fails again.
+  // PoCL's compiler (LLVM's signal handlers) removes the files that it is writing when a signal arrives, whatever the
+  // program does with the signal. A build that fails for any other reason fails again.
   for (int left = info_.is_pocl ? 2 : 0;; --left) {
     program = cl::Program(context_, source);
     try {
@@ -190,7 +190,7 @@ cl::Kernel ProgramCache::kernel(const std::string& file, const std::string& name
   const std::lock_guard lock(mutex_);
   cl::Program& owner = program(file, defines);
   const auto made = [&]() -> cl::Kernel { return {owner, name.c_str()}; };
-  // What came from disk may be a sound program without that kernel: then its source has the last word.
+  // A program from disk may be valid but lack that kernel: then it is built from source.
   if (from_disk_.count(file + "\n" + defines) > 0) {
     try {
       return made();

@@ -1,5 +1,5 @@
-// Kernel programs: embedded source -> includes expanded -> built with options -> kept in memory and, where the driver
-// keeps none of its own, on disk.
+// Kernel programs: embedded source -> includes expanded -> built with options -> cached in memory and, if the driver
+// has no cache of its own, on disk.
 #pragma once
 #include <functional>
 #include <map>
@@ -14,27 +14,28 @@
 
 namespace vsplat {
 
-// Every file of cl/ that the library carries, or that $VSPLAT_KERNEL_DIR has, by name; and the text of one.
+// The names of all files of cl/ that the library carries, or that $VSPLAT_KERNEL_DIR contains, sorted; and the text of
+// one.
 std::vector<std::string> kernel_file_names();
 std::string kernel_text(const std::string& name);
 
-// The text of cl/<file>.cl with `#include "x.clh"` replaced by the file (each once) and #line markers, so that build
-// logs name the file and line. $VSPLAT_KERNEL_DIR, where set, is read instead of what is embedded.
+// The text of cl/<file>.cl with each `#include "x.clh"` replaced by the file (once each) and #line markers, so that
+// build logs name the file and line. If $VSPLAT_KERNEL_DIR is set, it is read instead of the embedded files.
 std::string expanded_source(const std::string& file);
-// What a program with these defines is built with, but for -DSUB_GROUP, which a build adds where the device tells it
+// The build options of a program with these defines, without -DSUB_GROUP, which the build adds for devices that take it
 // (cl/many_registers.clh).
 std::string build_options(const std::string& defines);
 
-// Of one opened device, for all of its streams. Thread-safe: one program is built at a time.
+// The programs of one opened device, shared by all of its streams. Thread-safe: one program is built at a time.
 class ProgramCache {
  public:
-  // `on_compile`: called before a program is compiled, with its name and how many were before it; not where the driver
-  // has it in a cache of its own, as far as the marks in ours tell.
+  // `on_compile` is called before a program is compiled, with its name and how many were compiled before it. It is not
+  // called if the driver's own cache has the program, as far as our markers show.
   ProgramCache(cl::Context context, cl::Device device, DeviceInfo info,
                std::function<void(const std::string&, int)> on_compile);
 
-  // A kernel of the caller's own, since one's arguments are set and used in two calls. Builds its program at first use.
-  // Throws Error(compile) with the build log.
+  // Returns a new kernel object for the caller: setting arguments and launching are two calls, so an object cannot be
+  // shared. Builds the program at first use. Throws Error(compile) with the build log.
   cl::Kernel kernel(const std::string& file, const std::string& name, const std::string& defines);
 
  private:
@@ -48,10 +49,10 @@ class ProgramCache {
   DeviceInfo info_;
   std::function<void(const std::string&, int)> on_compile_;
   std::mutex mutex_;
-  DiskCache disk_;   // binaries, for drivers that keep none
-  DiskCache marks_;  // of what a driver that keeps its own has compiled before
+  DiskCache disk_;   // binaries, for drivers without a cache
+  DiskCache marks_;  // markers: programs that a driver with a cache has compiled before
   std::map<std::string, cl::Program> programs_;
-  std::set<std::string> from_disk_;  // of these
+  std::set<std::string> from_disk_;  // keys in programs_ that were read from disk
   int compiled_ = 0;
 };
 

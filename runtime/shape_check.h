@@ -1,5 +1,5 @@
-// Equal letters must mean equal sizes: Dims().bind("x", x, {"R", "C"}).bind("gamma", gamma, {"C"}). An error names the
-// tensor.
+// Checks shapes: equal letters must be equal sizes, as in Dims().bind("x", x, {"R", "C"}).bind("gamma", gamma, {"C"}).
+// An error names the tensor.
 #pragma once
 #include <map>
 #include <string>
@@ -12,13 +12,13 @@ namespace vsplat {
 
 class Dims {
  public:
-  // A label that is a number ("3") must be that size. `type` is checked too.
+  // A label that is a number ("3") requires that size. Checks `type`, too.
   Dims& bind(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels,
              Type type = Type::f32);
-  // As bind, but a tensor that is none passes.
+  // Like bind, but accepts an empty tensor.
   Dims& bind_optional(const std::string& name, const Tensor& tensor, const std::vector<std::string>& labels,
                       Type type = Type::f32);
-  // `tensor` has the shape and the type of another, whatever they are.
+  // Requires the shape and the type of `other`.
   Dims& like(const std::string& name, const Tensor& tensor, const std::string& other_name, const Tensor& other);
   Dims& set(const std::string& label, long size);
   long operator[](const std::string& label) const;

@@ -20,7 +20,7 @@ class Sharing {
     for (std::size_t i = 0; i < shared.items; ++i) waiting_.insert(waiting_.end(), i);
   }
 
-  // How many there is work for.
+  // The number of workers that have work.
   static std::size_t workers_of(const ShareOut& shared) {
     return shared.owner.empty() ? std::min(shared.workers, shared.items) : shared.workers;
   }
@@ -55,13 +55,13 @@ class Sharing {
   }
 
  private:
-  // Waits for an item that may be begun; none where all are done or it has ended.
+  // Waits for an item that may be started; unset if all are finished or the call has ended.
   std::optional<std::size_t> take(std::size_t worker) {
     std::unique_lock lock(mutex_);
     for (;;) {
       if (ended_ || told_ == shared_.items) return std::nullopt;
       for (const std::size_t item : waiting_) {
-        if (item - told_ >= ahead_) break;  // none that waits is before told_; and no sum overflows
+        if (item - told_ >= ahead_) break;  // no waiting item is before told_; and no sum overflows
         if (!is_for(worker, item)) continue;
         waiting_.erase(item);
         return item;
@@ -76,7 +76,7 @@ class Sharing {
   void finish(std::size_t item) {
     std::unique_lock lock(mutex_);
     finished_.insert(item);
-    // One thread tells at a time, without the lock: others put theirs down and go on.
+    // One thread calls `done` at a time, without the lock; other threads leave their items to it and continue.
     if (telling_) return;
     telling_ = true;
     while (!finished_.empty() && *finished_.begin() == told_) {
@@ -86,7 +86,7 @@ class Sharing {
         if (shared_.done) shared_.done(now);
       } catch (...) {
         end(now);
-        return;  // still telling: nothing is told beyond it
+        return;  // telling_ stays true, so nothing after it is reported
       }
       lock.lock();
       finished_.erase(finished_.begin());
@@ -96,7 +96,7 @@ class Sharing {
     telling_ = false;
   }
 
-  // With the current exception.
+  // Ends the call with the current exception.
   void end(std::size_t item) {
     const std::lock_guard lock(mutex_);
     if (!error_ || item < error_item_) {
@@ -107,7 +107,7 @@ class Sharing {
     changed_.notify_all();
   }
 
-  // Whether the worker goes; false where it was the last one, which ends it all.
+  // Retires a worker. Returns false if it was the last one, which ends the call.
   bool give_up(std::size_t worker, std::size_t item, const Error& error) {
     {
       const std::lock_guard lock(mutex_);
@@ -128,7 +128,7 @@ class Sharing {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::size_t left_;                                 // workers
-  std::size_t told_ = 0;                             // items that `done` was told
+  std::size_t told_ = 0;                             // items that `done` was called for
   std::set<std::size_t> waiting_, finished_, gone_;  // items, items, workers
   bool telling_ = false, ended_ = false;
   std::exception_ptr error_;
@@ -145,7 +145,7 @@ void share_out(const ShareOut& shared) {
   for (std::size_t i = 1; i < workers; ++i) {
     try {
       threads.emplace_back([&sharing, i] { sharing.serve(i); });
-    } catch (const std::system_error&) {  // no thread is to be had: the others do its work
+    } catch (const std::system_error&) {  // no thread can be created: the other workers do its work
       sharing.do_without(i);
     }
   }

@@ -1,4 +1,4 @@
-// Independent items of work, shared out over workers by how fast each of them is.
+// Distributes independent items of work over workers, according to their speed.
 #pragma once
 #include <cstddef>
 #include <functional>
@@ -11,24 +11,25 @@ namespace vsplat {
 struct ShareOut {
   std::size_t items = 0;
   std::size_t workers = 1;
-  // How many items may be begun beyond the first that is not done: bounds what waits for its turn in `done`. At least
-  // `workers` are.
+  // How many items may be started beyond the first unfinished one; this bounds the results that wait for their turn in
+  // `done`. At least `workers` items are always started.
   std::size_t ahead = 0;
-  // Which worker does each item, while it is there; empty: whichever is free.
+  // The worker of each item, as long as it has not retired; empty: any free worker.
   std::vector<std::size_t> owner = {};
-  // Does an item: the first worker's on the calling thread, each other one's on a thread of its own. A worker that is
-  // free takes the next item in order. An Error of its device (device, compile, memory) retires the worker, and another
-  // does the item. Anything else that is thrown ends it all.
+  // Processes an item: the first worker on the calling thread, the others on a thread each. A free worker takes the
+  // next item in order. An Error of its device (device, compile, memory) retires the worker, and another worker repeats
+  // the item. Any other exception ends the whole call.
   std::function<void(std::size_t worker, std::size_t item)> work = {};
-  // Told when all items up to this one are done: in order, one at a time, on any worker's thread. May be empty. What it
-  // throws ends it all.
+  // Called when all items up to this one are finished: in order, one call at a time, on any worker's thread. May be
+  // empty. An exception ends the whole call.
   std::function<void(std::size_t item)> done = {};
-  // Told when a worker retires with an item that others do; one at a time. May be empty.
+  // Called when a worker retires from an item that others will repeat; one call at a time. May be empty.
   std::function<void(std::size_t worker, std::size_t item, const Error& error)> lost = {};
 };
 
-// Waits for all. Rethrows what ended it, of several that of the first item; with no worker left the last one's error.
-// Items that were begun then are finished and told first, as far as all before them are.
+// Waits for all workers. Rethrows the exception that ended the call; of several, that of the first item. With no worker
+// left, throws the last worker's error. Before it throws, items that were started are finished, and `done` is called
+// for them as far as all items before them are finished.
 void share_out(const ShareOut& shared);
 
 }  // namespace vsplat

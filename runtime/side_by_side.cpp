@@ -8,7 +8,7 @@
 namespace vsplat {
 namespace {
 
-// What a part takes, with what lies behind it.
+// Bytes of a part, with the gap after it.
 std::size_t padded_bytes(const Context& ctx, const Shape& shape) {
   std::size_t bytes = sizeof(float);
   for (const long size : shape) bytes *= static_cast<std::size_t>(size);

@@ -1,4 +1,4 @@
-// Tensors in one piece of memory, one behind the other, and all of it as one tensor: what treats each element alike is
+// Tensors one after the other in one piece of memory, and the whole piece as one tensor: an elementwise operation needs
 // one launch for all of them.
 #pragma once
 #include <string>
@@ -10,15 +10,15 @@ namespace vsplat {
 
 struct SideBySide {
   Tensor whole;               // f32, of one dimension
-  std::vector<Tensor> parts;  // of the shapes that were asked for, in their order
+  std::vector<Tensor> parts;  // with the requested shapes, in order
 };
 
-// All zeros, also what lies between the parts, which begin where the device wants buffers to. Between red zones
-// (VSPLAT_ARENA=guard) stands the whole, not each part.
+// Allocates the parts and fills them, and the gaps between them, with zeros. Each part begins at the device's buffer
+// alignment. Red zones (VSPLAT_ARENA=guard) enclose the whole, not each part.
 SideBySide side_by_side(Context& ctx, const std::vector<Shape>& shapes, const std::string& what);
 
-// As many parts as fit into `bytes`, at least one: what is longer than a device makes in one piece goes into several.
-// The numbers of parts, in order.
+// Splits a list of parts that is longer than the device's largest buffer: each piece has as many parts as fit into
+// `bytes`, at least one. Returns the number of parts of each piece, in order.
 std::vector<std::size_t> split_to_fit(const Context& ctx, const std::vector<Shape>& shapes, std::size_t bytes);
 
 }  // namespace vsplat

@@ -1,6 +1,6 @@
-// Device memory with a shape. A Tensor is a handle: copies share the memory, and the last one gone gives it
-// back to the arena at once. The queue runs in order, so whoever gets that memory next writes it after every
-// kernel that was launched on it before: no waiting, and buffers are reused as soon as their last reader is enqueued.
+// Device memory with a shape. A Tensor is a handle: copies share the memory, and the last copy returns it to the arena
+// at once. This needs no wait: the queue runs in order, so the next owner of the memory writes it after all kernels
+// that were launched on it before.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -21,21 +21,21 @@ using Shape = std::vector<long>;
 
 class Tensor {
  public:
-  Tensor() = default;  // none; as a kernel's argument a null pointer
+  Tensor() = default;  // empty; a null pointer as a kernel's argument
   Tensor(std::shared_ptr<Block> block, Shape shape, Type type);
 
   const Shape& shape() const { return shape_; }
   long dim(std::size_t i) const { return shape_.at(i); }
   std::size_t rank() const { return shape_.size(); }
   long count() const { return count_; }  // elements
-  long rows() const;                     // the product of all sizes but the last; 0 of none
+  long rows() const;                     // the product of all sizes but the last; 0 if empty
   std::size_t bytes() const { return static_cast<std::size_t>(count_) * size_of(type_); }
   Type type() const { return type_; }
   std::string describe() const;  // "f32 [4, 1025, 768]"
 
-  // The same memory under another shape of equal count.
+  // The same memory with another shape of the same count.
   Tensor reshaped(Shape shape) const;
-  // The same memory, of which the first `rows` of the leading dimension are meant.
+  // The same memory, restricted to the first `rows` of the leading dimension.
   Tensor first(long rows) const;
 
   explicit operator bool() const { return block_ != nullptr; }

@@ -1,4 +1,4 @@
-// Units that messages are written in.
+// Units in messages.
 #pragma once
 #include <cstddef>
 

@@ -1,4 +1,4 @@
-// Bytes as text (RFC 4648, with padding), by libcrypto.
+// Encodes bytes as text (RFC 4648, with padding), with libcrypto.
 #pragma once
 #include <string>
 #include <vector>

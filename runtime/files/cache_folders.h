@@ -1,19 +1,19 @@
-// The folders that compiled kernels are kept in, and whether they can be.
+// The cache folders for compiled kernels, and whether they can be written.
 #pragma once
 #include <string>
 
 namespace vsplat {
 
 struct CacheFolder {
-  std::string path;      // "": nothing is kept
-  std::string variable;  // of the environment, that says so; "": none does
+  std::string path;      // "": caching is off
+  std::string variable;  // environment variable that decides so; "": none
 };
-// Ours; see disk_cache.h.
+// The library's own; see disk_cache.h.
 CacheFolder own_cache();
-// Where PoCL keeps compiled kernels. It gives no device where it cannot make that folder.
+// PoCL's cache folder. PoCL offers no device if it cannot create that folder.
 CacheFolder pocl_cache();
 
-// Whether the folder, or the nearest one above it that is there, takes a file.
+// Whether a file can be created in the folder or, if it does not exist, in the nearest existing one above.
 bool is_writable(const std::string& folder);
 
 }  // namespace vsplat

@@ -21,7 +21,7 @@ const std::string magic = "vsplat-kernel-2\n";
 
 constexpr std::uint64_t largest_entry = std::uint64_t{1} << 28;  // compiled, our kernels take some hundred kilobytes
 
-// An entry of one key is none of another.
+// The digest covers the key, so that an entry cannot serve another key.
 std::string digest(const std::string& key, const std::vector<unsigned char>& payload) {
   Sha256 hash;
   hash.add(key.data(), key.size());
@@ -30,16 +30,16 @@ std::string digest(const std::string& key, const std::vector<unsigned char>& pay
   return hash.hex();
 }
 
-// Others could put there what the driver then runs as us.
+// In a folder that others may write to, they could place code that the driver then runs as this user.
 bool others_may_write(const std::string& folder) {
   const std::optional<sys::FileFacts> found = sys::facts_of(folder);
   return found && found->is_folder() && !found->ours_alone;
 }
 
-// Once in a process.
+// Warns once in a process.
 void warn_of(const std::string& folder) {
   static std::mutex mutex;
-  static auto& warned = *new std::set<std::string>;  // jobs may run until the process ends
+  static auto& warned = *new std::set<std::string>;  // never destroyed: jobs may run until the process ends
   const std::lock_guard lock(mutex);
   if (warned.insert(folder).second)
     warn(
@@ -49,7 +49,7 @@ void warn_of(const std::string& folder) {
         folder);
 }
 
-// Of a regular file that nobody else may write to; empty where it is none, or cannot be read.
+// The content of a regular file that other users may not write to; empty if it is not one, or cannot be read.
 std::string contents(const sys::Handle& file) {
   std::error_code problem;
   const std::optional<sys::FileFacts> found = sys::facts_of(file, problem);
@@ -91,7 +91,7 @@ std::optional<std::vector<unsigned char>> DiskCache::load(const std::string& key
     if (text.compare(magic.size(), 64, digest(key, payload)) == 0) return payload;
   }
   verbose("{}: damaged, compiled again", path(key));
-  sys::remove_file(path(key));  // a folder stays, and is in the way of no more than this entry
+  sys::remove_file(path(key));  // a folder of that name stays, and blocks only this entry
   return std::nullopt;
 }
 
@@ -109,7 +109,7 @@ void DiskCache::store(const std::string& key, const std::vector<unsigned char>& 
     out.write(magic + digest(key, payload) + "\n");
     out.write(payload.data(), payload.size());
     out.commit();
-  } catch (const Error& e) {  // a cache that cannot be written costs time, nothing else
+  } catch (const Error& e) {  // an unwritable cache only costs time
     verbose("{}", e.what());
   }
 }

@@ -12,8 +12,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// What is asked and told may come back here: a function that writes another file, or sets other rules. So a thread may
-// take the mutex again, and rules stay for as long as one of their functions runs. Both outlive every thread.
+// The rules' functions may call back: they may write another file, or set other rules. So the mutex is recursive, and
+// rules are kept for as long as one of their functions runs. Both outlive every thread.
 std::recursive_mutex& rules_mutex() {
   static auto& mutex = *new std::recursive_mutex;
   return mutex;
@@ -52,12 +52,12 @@ bool rename_to_new(const std::string& from, const std::string& to) {
   std::error_code problem = sys::rename_to_new(from, to), ignored;
   if (!problem) return true;
   if (problem == std::errc::invalid_argument || problem == std::errc::function_not_supported) {
-    problem = sys::link(from, to);  // on a file system that knows no flags
+    problem = sys::link(from, to);  // a file system without rename flags
     if (!problem) {
       sys::remove_file(from);
       return true;
     }
-    // Neither links: nobody can do better than to look first.
+    // No hard links either: the only way left is to look first.
     if (problem != std::errc::file_exists && fs::symlink_status(to, ignored).type() == fs::file_type::not_found) {
       fs::rename(from, to, problem);
       if (!problem) return true;

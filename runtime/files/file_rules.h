@@ -1,4 +1,4 @@
-// What the program that uses the library says about the files that it writes and reads, for the whole process.
+// The rules of the embedding program for files that the library reads and writes; for the whole process.
 #pragma once
 #include <functional>
 #include <string>
@@ -6,20 +6,20 @@
 namespace vsplat {
 
 struct FileRules {
-  std::function<bool(const std::string& path)> may_replace;  // something is there where a file is put; empty: yes
-  // A file was put in place, where nothing was (`created`) or of one before.
+  std::function<bool(const std::string& path)> may_replace;  // asked before a file is replaced; empty: yes
+  // Called after a file was put in place: `created` if no file was there, false if it replaced one.
   std::function<void(const std::string& path, bool created)> written;
-  bool allow_outside = false;  // files may name others that lie anywhere (roots.h)
+  bool allow_outside = false;  // files may refer to files anywhere (roots.h)
 };
 
-// One thread at a time asks and tells.
+// The functions of the rules are called by one thread at a time.
 void set_file_rules(FileRules rules);
 bool may_replace(const std::string& path);
 void tell_written(const std::string& path, bool created);
 bool outside_allowed();
 
-// Renames only where nothing is at `to`, whatever happens meanwhile. False where something is; Error(file), which
-// begins with `to`, where it cannot be renamed.
+// Renames only if `to` does not exist, without a race. Returns false if it exists; Error(file), whose message begins
+// with `to`, if it cannot be renamed.
 bool rename_to_new(const std::string& from, const std::string& to);
 
 }  // namespace vsplat

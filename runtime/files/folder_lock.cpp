@@ -9,7 +9,7 @@ namespace fs = std::filesystem;
 
 FolderLock::FolderLock(const std::string& folder, const std::string& called) {
   try {
-    // Whoever made it may take it away again between two of these calls.
+    // Another process that created the folder may remove it between two of these calls.
     for (int attempt = 0; attempt < 100; ++attempt) {
       make(folder, called);
       if (hold(folder, called)) return;
@@ -22,7 +22,7 @@ FolderLock::FolderLock(const std::string& folder, const std::string& called) {
 }
 
 FolderLock::~FolderLock() {
-  if (held_.good()) remove_made();  // while it is held: nobody else has begun to write
+  if (held_.good()) remove_made();  // while the lock is held: no other process has begun to write
 }
 
 void FolderLock::make(const fs::path& folder, const std::string& called) {
@@ -36,7 +36,7 @@ void FolderLock::make(const fs::path& folder, const std::string& called) {
     fail(Status::file, "{}: cannot be made: {}", called, failed.message());
 }
 
-// False where the folder is no longer the one of that name.
+// False if the folder was replaced since it was opened.
 bool FolderLock::hold(const std::string& folder, const std::string& called) {
   std::error_code problem;
   sys::Handle opened = sys::open_folder(folder, problem);

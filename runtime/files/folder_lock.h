@@ -1,4 +1,4 @@
-// A folder that one process writes into at a time.
+// A lock on a folder, into which only one process writes at a time.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -8,17 +8,17 @@
 
 namespace vsplat {
 
-// Holds the kernel's lock on the folder itself: no file is left behind, and of a process that has died nothing is.
-// Where the file system knows no locks, there is none.
+// Holds the kernel's lock on the folder itself: it leaves no lock file behind, and ends with its process. On a file
+// system without locks there is no protection.
 class FolderLock {
  public:
-  // Makes the folder and those above it where they are missing. Error(file) where it cannot be made, and where another
-  // process, or another FolderLock of this one, holds it; `called` is what the message calls it.
+  // Creates the folder and its missing parents. Error(file) if it cannot be created, or if another process, or another
+  // FolderLock of this one, holds the lock; messages call the folder `called`.
   FolderLock(const std::string& folder, const std::string& called);
   explicit FolderLock(const std::string& folder) : FolderLock(folder, folder) {}
-  // Takes away the folders that it made, where they are empty.
+  // Removes the folders that it created, if they are empty.
   ~FolderLock();
-  // Takes none away.
+  // Keeps all folders.
   void keep_folders() { made_.clear(); }
   FolderLock(const FolderLock&) = delete;
   FolderLock& operator=(const FolderLock&) = delete;

@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 DeviceFile device_file(const fs::path& path) {
   DeviceFile out;
   out.path = path.string();
-  // Opened, since control groups forbid what the file's mode allows.
+  // Opens the file, since control groups may forbid what its mode allows.
   if (const std::error_code problem = sys::try_device(path)) out.problem = problem.message();
   out.group = sys::group_of(path);
   return out;
@@ -39,7 +39,7 @@ std::string first_word(const fs::path& file) {
   return out;
 }
 
-// The display controllers on the bus, which a container sees, too.
+// Finds the display controllers on the bus, which are visible in containers, too.
 void look_at_bus(const fs::path& root, GpuFiles& out) {
   std::error_code error;
   for (fs::directory_iterator at(root / "sys/bus/pci/devices", error), end; !error && at != end; at.increment(error)) {
@@ -63,7 +63,7 @@ GpuFiles gpu_files(const fs::path& root) {
   GpuFiles out;
   out.nvidia = device_files(root / "dev", "nvidia");
   for (const DeviceFile& file : device_files(root / "dev", "dxg")) out.nvidia.push_back(file);
-  std::erase_if(out.nvidia, [](const DeviceFile& file) {  // what only display and management use
+  std::erase_if(out.nvidia, [](const DeviceFile& file) {  // used only for display and management
     return file.path.ends_with("modeset") || file.path.ends_with("tools");
   });
   out.amd = device_files(root / "dev", "kfd");

@@ -14,10 +14,10 @@ namespace vsplat {
 
 namespace {
 
-// Of C's streams.
+// The error of the last C stream call.
 std::error_code stream_error() { return {errno, std::generic_category()}; }
 
-// At most 200 bytes of a name, whole characters of it.
+// At most 200 bytes of a name, in whole characters.
 std::string short_name(const std::string& name) {
   std::size_t bytes = std::min<std::size_t>(name.size(), 200);
   while (bytes > 0 && bytes < name.size() && (static_cast<unsigned char>(name[bytes]) & 0xc0) == 0x80) --bytes;
@@ -40,8 +40,8 @@ OutputFile::OutputFile(const std::string& path, sys::Whose whose) : path_(path),
   static std::atomic<unsigned> serial{0};
   sys::Handle made;
   std::error_code problem;
-  // One of that name may be left of a process that was killed: in containers numbers of processes are the same again.
-  // The longest name that a folder takes (255 bytes) has to be one that a file can be written under.
+  // A process that was killed may have left a file of that name: process numbers repeat in containers. Even for the
+  // longest name that a folder allows (255 bytes), the temporary name must be valid.
   const std::filesystem::path place(path);
   const std::string stem = (place.parent_path() / short_name(place.filename().string())).string();
   for (int attempt = 0; attempt < 10000; ++attempt) {

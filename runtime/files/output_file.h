@@ -10,17 +10,18 @@
 
 namespace vsplat {
 
-// Of what the cache keeps: its readers take nothing that others may write to, which a umask of 002 allows.
+// For files of the cache: its readers reject files that others may write to, which a umask of 002 would allow.
 constexpr sys::Whose kOwnersAlone = sys::Whose::owner;
 
-// While it lives, the file that this thread writes becomes bytes in memory: none is made, and nobody is asked or told.
+// While this object lives, the file that this thread writes goes to memory instead: no file is created, and no file
+// rule is asked or called.
 class OutputToMemory {
  public:
   OutputToMemory();
   ~OutputToMemory();
   OutputToMemory(const OutputToMemory&) = delete;
   OutputToMemory& operator=(const OutputToMemory&) = delete;
-  // Of the file, once it was committed.
+  // The file's content, after its commit().
   const std::string& bytes() const { return bytes_; }
 
  private:
@@ -31,7 +32,7 @@ class OutputToMemory {
 
 class OutputFile {
  public:
-  // Error(file) where the folder cannot be written.
+  // Error(file) if the folder cannot be written.
   explicit OutputFile(const std::string& path, sys::Whose whose = sys::Whose::everybody);
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
@@ -39,7 +40,7 @@ class OutputFile {
 
   void write(const void* data, std::size_t bytes);
   void write(const std::string& text) { write(text.data(), text.size()); }
-  // Flushes to the disk, then renames. Error(file) where something is there that may not be replaced (file_rules.h).
+  // Flushes to disk, then renames. Error(file) if a file is there that may not be replaced (file_rules.h).
   void commit();
 
  private:
@@ -47,7 +48,7 @@ class OutputFile {
 
   std::string path_, temporary_;
   std::FILE* file_ = nullptr;
-  OutputToMemory* memory_ = nullptr;  // in place of a file
+  OutputToMemory* memory_ = nullptr;  // used instead of a file
 };
 
 }  // namespace vsplat

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Bytes of a file, as numbers with the lowest byte first; none beyond its end.
+// Bytes of a file, read as little-endian numbers; empty beyond its end.
 class Bytes {
  public:
   Bytes() = default;
@@ -41,13 +41,13 @@ class File {
   explicit File(const fs::path& path) {
     std::error_code problem;
     size_ = fs::file_size(path, problem);
-    in_.rdbuf()->pubsetbuf(nullptr, 0);  // little is read, here and there
+    in_.rdbuf()->pubsetbuf(nullptr, 0);  // unbuffered: only a few bytes are read at scattered places
     in_.open(path, std::ios::binary);
     if (problem || !in_) size_ = 0;
   }
   std::uint64_t size() const { return size_; }
   bool holds(std::uint64_t at, std::uint64_t bytes) const { return at <= size_ && bytes <= size_ - at; }
-  // Nothing where not all of them are there.
+  // Empty if the file does not have all of them.
   Bytes bytes(std::uint64_t at, std::uint64_t count) {
     if (!holds(at, count)) return {};
     std::vector<unsigned char> out(count);
@@ -63,11 +63,11 @@ class File {
 
 constexpr const char* cut_off = "it is cut off, or its header is damaged";
 
-// A table of ELF: each entry names a part of the file, which has to be there.
+// A table of an ELF file: each entry names a part of the file, which must exist.
 struct Table {
   std::uint64_t at, entry, count;
   std::uint64_t offset, size;              // within an entry
-  std::uint64_t kind, kind_without_bytes;  // the kind of entry that takes no room in the file
+  std::uint64_t kind, kind_without_bytes;  // the kind of entry that occupies no bytes of the file
 };
 
 bool is_whole(File& file, const Table& table) {
@@ -80,7 +80,7 @@ bool is_whole(File& file, const Table& table) {
   return true;
 }
 
-// A shared library in ELF of 64 bits, lowest byte first; of other kinds only its beginning is known.
+// Checks a 64-bit little-endian ELF library; of other formats only the magic number is checked.
 std::string problem_of_library(File& file) {
   const Bytes begin = file.bytes(0, 6);
   if (begin.empty() || begin.number(0, 4) != 0x464c457f) return "it is no library";
@@ -93,10 +93,10 @@ std::string problem_of_library(File& file) {
   return is_whole(file, programs) && is_whole(file, sections) ? "" : cut_off;
 }
 
-// LLVM's bitcode: blocks one after another, each with its length.
+// Checks LLVM bitcode: blocks one after the other, each with its length.
 std::string problem_of_bitcode(File& file) {
   const Bytes magic = file.bytes(0, 4);
-  if (!magic.empty() && magic.number(0, 4) == 0x0b17c0de) return "";  // with a wrapper about it
+  if (!magic.empty() && magic.number(0, 4) == 0x0b17c0de) return "";  // bitcode with a wrapper around it
   if (magic.empty() || magic.number(0, 4) != 0xdec04342) return "it is no bitcode of LLVM";
   constexpr std::uint64_t enter_block = 1;
   std::uint64_t at = 4;
@@ -109,7 +109,7 @@ std::string problem_of_bitcode(File& file) {
   return at > 4 ? "" : cut_off;
 }
 
-// "" where nothing is wrong with it, or it is of another kind.
+// "" if nothing is wrong, or if the format is unknown.
 std::string problem_of(const fs::path& path) {
   const std::string ending = path.extension().string();
   if (ending != ".so" && ending != ".bc") return "";
@@ -131,7 +131,7 @@ std::vector<DamagedFile> damaged_files(const std::string& folder) {
        !problem && at != fs::recursive_directory_iterator(); at.increment(problem)) {
     const fs::path path = at->path();
     if (problem_of(path).empty()) continue;
-    // It may be one that is just being written.
+    // The file may be being written right now.
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     if (const std::string what = problem_of(path); !what.empty()) out.push_back({path.string(), what});
   }

@@ -1,5 +1,5 @@
-// PoCL's folder of compiled kernels, looked through for damaged files. PoCL loads what lies there as it is: of a file
-// that is cut off or holds something else it crashes, in every run until the file is gone.
+// Finds damaged files in PoCL's cache of compiled kernels. PoCL loads them unchecked: it crashes on a truncated or
+// foreign file in every run until the file is gone.
 #pragma once
 #include <string>
 #include <vector>
@@ -11,12 +11,12 @@ struct DamagedFile {
   std::string what;  // "it is empty"
 };
 
-// Of the libraries (.so) and LLVM's bitcode (.bc) in that folder those that are not whole; by their structure, which
-// tells of a file that is cut off, empty or something else, and not of single bytes. None where there is no folder.
+// The incomplete libraries (.so) and LLVM bitcode files (.bc) in the folder. The check is by structure: it finds files
+// that are truncated, empty or something else, but no single wrong bytes. Empty if there is no folder.
 std::vector<DamagedFile> damaged_files(const std::string& folder);
 
-// Removes such files from PoCL's folder, once in a process, before the first kernel is compiled, with a warning that
-// names them: PoCL compiles these kernels again. Error(device) where one cannot be removed.
+// Removes such files from PoCL's cache, once in a process, before the first kernel is compiled, with a warning that
+// names them; PoCL then compiles these kernels again. Error(device) if a file cannot be removed.
 void mend_pocl_files();
 
 }  // namespace vsplat

@@ -1,10 +1,10 @@
-// A folder that nobody else may write into, as the cache's has to be.
+// A folder that other users may not write into, as the cache requires.
 #pragma once
 #include <string>
 
 namespace vsplat {
 
-// With those above it, where they are missing; what is there stays as it is. Error(file).
+// Creates the folder and its missing parents; existing ones stay unchanged. Error(file).
 void make_private_folder(const std::string& path);
 
 }  // namespace vsplat

@@ -33,7 +33,7 @@ const fs::path& Roots::real_folder(const fs::path& folder) {
 bool Roots::hold(const fs::path& file) {
   if (outside_allowed()) return true;
   std::error_code problem;
-  // Of a long list most files are no links, and lie in one folder.
+  // Fast path: most files of a long list are not links and share a folder.
   const fs::path real = fs::is_symlink(file, problem) ? fs::weakly_canonical(file, problem)
                                                       : real_folder(file.parent_path()) / file.filename();
   return std::any_of(real_.begin(), real_.end(),

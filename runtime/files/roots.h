@@ -1,4 +1,4 @@
-// Folders in which files that other files name have to lie.
+// Folders that must contain every file that another file refers to.
 #pragma once
 #include <filesystem>
 #include <map>
@@ -9,22 +9,22 @@ namespace vsplat {
 
 class Roots {
  public:
-  // "" is none; what is no folder holds nothing.
+  // Ignores ""; a path that is no folder contains nothing.
   void add(const std::filesystem::path& folder);
 
-  // Whether the file lies in one of them, links followed; always where the program allows files outside
+  // Whether the file lies in one of them, after links are resolved; always true if the program allows files outside
   // (file_rules.h).
   bool hold(const std::filesystem::path& file);
 
-  // Error(file) where it does not. `who` names it: a list and what of it, a file and its texture.
+  // Error(file) if it does not. `who` names the file in the message: a list and its entry, a file and its texture.
   void need(const std::filesystem::path& file, const std::string& who);
 
  private:
   const std::filesystem::path& real_folder(const std::filesystem::path& folder);
 
   std::vector<std::string> named_;
-  std::vector<std::string> real_;                                   // each with a slash at its end
-  std::map<std::filesystem::path, std::filesystem::path> folders_;  // real ones by their names
+  std::vector<std::string> real_;                                   // each ends with a slash
+  std::map<std::filesystem::path, std::filesystem::path> folders_;  // resolved folders by their given names
 };
 
 }  // namespace vsplat

@@ -62,8 +62,8 @@ void convert_all(const std::vector<std::byte>& raw, std::vector<Out>& out) {
   convert_all<Stored>(raw, out, [](Stored v) { return static_cast<Out>(v); });
 }
 
-// Where in the header's text the digits of the metadata's `sha256` stand; npos where they do not stand there literally.
-// A key cannot occur inside a string, whose quotes are escaped, and no other object of a checked header has such a key.
+// The position in the header's text of the digits of the metadata's `sha256`; npos if they are not there literally. A
+// key cannot occur inside a string, whose quotes are escaped, and no other object of a checked header has such a key.
 std::size_t find_digest(const std::string& header) {
   constexpr std::string_view kKey = "\"sha256\"";
   for (std::size_t at = header.find(kKey); at != std::string::npos; at = header.find(kKey, at + 1)) {
@@ -125,7 +125,7 @@ class SafetensorsFile::Source {
 
  private:
   std::string path_;
-  sys::Handle file_;  // none: `memory_` it is
+  sys::Handle file_;  // empty: reads from `memory_`
   std::span<const std::byte> memory_;
   std::uint64_t size_ = 0;
 };

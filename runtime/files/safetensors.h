@@ -27,16 +27,16 @@ struct TensorEntry {
 
 std::string text_of(const Shape& shape);  // "[4, 1025, 768]"
 
-// Of the digest that a file states of itself.
+// Result of comparing a file with the digest that it states.
 enum class HashState { absent, matches, differs };
 
-// An open file, or one in memory, whose header has been read and checked in full: every tensor lies inside the file,
-// they neither overlap nor leave holes, and sizes equal shape x dtype. Values are read on request, so no second copy of
-// them is ever held.
+// A safetensors file, open or in memory, with its header fully checked: every tensor lies inside the file, tensors
+// neither overlap nor leave gaps, and sizes equal shape x dtype. Values are read on request, so no second copy of them
+// is ever held.
 class SafetensorsFile {
  public:
   explicit SafetensorsFile(const std::string& path);
-  // The same of a file's bytes in memory, which must outlive it; `name` stands for the path in errors.
+  // Reads a file's bytes in memory, which must outlive this object; errors name it `name`.
   SafetensorsFile(const std::string& name, std::span<const std::byte> content);
   ~SafetensorsFile();
   SafetensorsFile(SafetensorsFile&&) noexcept;
@@ -45,15 +45,16 @@ class SafetensorsFile {
   std::uint64_t bytes() const;  // of the whole file
   const std::map<std::string, std::string>& metadata() const { return metadata_; }
   const std::vector<TensorEntry>& tensors() const { return tensors_; }  // in the order of their values
-  const TensorEntry* find(const std::string& name) const;               // null where there is none
-  const TensorEntry& at(const std::string& name) const;                 // Error(format) that names it
+  const TensorEntry* find(const std::string& name) const;               // null if there is none
+  const TensorEntry& at(const std::string& name) const;                 // Error(format) naming it if missing
 
-  // Any dtype becomes float: F16 and BF16 exactly, the wider ones rounded to nearest.
+  // Converts any dtype to float: F16 and BF16 exactly, wider ones rounded to nearest.
   std::vector<float> floats(const TensorEntry& entry) const;
   // Integers and booleans only.
   std::vector<std::int64_t> integers(const TensorEntry& entry) const;
 
-  // Of the metadata's `sha256` against the whole file with those 64 digits set to '0'. Reads all of it.
+  // Compares the metadata's `sha256` with the digest of the whole file, in which those 64 digits count as '0'. Reads
+  // the whole file.
   HashState check_hash() const;
 
  private:

@@ -1,4 +1,4 @@
-// SHA-256 of what is fed to it, through OpenSSL's libcrypto.
+// SHA-256 of the bytes added, with OpenSSL's libcrypto.
 #pragma once
 #include <cstddef>
 #include <memory>

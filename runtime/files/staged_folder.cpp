@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Links followed, without a slash at its end.
+// Resolves links and removes a trailing slash.
 fs::path real_place(const std::string& folder) {
   std::error_code problem;
   fs::path out = fs::weakly_canonical(fs::absolute(folder), problem);
@@ -26,7 +26,7 @@ bool is_there(const fs::path& path) {
   return fs::symlink_status(path, ignored).type() != fs::file_type::not_found;
 }
 
-// Each entry of the folder below `root`, with its path in it; a folder before what is in it.
+// Visits each entry below `root`, with its path relative to it; a folder comes before its content.
 void walk(const fs::path& root, const std::function<void(const fs::directory_entry&, const std::string&)>& visit) {
   std::error_code problem;
   for (auto at = fs::recursive_directory_iterator(root, problem); !problem && at != fs::recursive_directory_iterator();
@@ -60,7 +60,7 @@ void StagedFolder::refuse_kept(const std::function<bool(const std::string& insid
   });
 }
 
-// Linked, so that at every moment the folder of that name has it.
+// Uses hard links, so that the folder of that name has the files at every moment.
 void StagedFolder::carry_over(const std::function<bool(const std::string& inside)>& ours) const {
   walk(place_, [&](const fs::directory_entry& entry, const std::string& inside) {
     const fs::path to = staged_ / inside;
@@ -76,7 +76,7 @@ void StagedFolder::carry_over(const std::function<bool(const std::string& inside
 void StagedFolder::exchange() const {
   std::error_code problem = sys::exchange(staged_, place_);
   if (!problem) return;
-  // On a file system that knows no flags: in two steps.
+  // A file system without rename flags needs two steps.
   if (problem == std::errc::invalid_argument || problem == std::errc::function_not_supported) {
     const fs::path before = staged_.string() + ".before";
     fs::rename(place_, before, problem);
@@ -99,7 +99,7 @@ void StagedFolder::put_in_place(const std::function<bool(const std::string& insi
   }
   std::error_code ignored;
   if (!fs::is_directory(place_, ignored)) fail(Status::file, "{}: exists and is no folder", place_.string());
-  // The old folder gets the staged one's name, under which others look for a lock, until it is gone.
+  // The old folder takes the staged folder's name, which other processes lock, until it is deleted.
   const FolderLock old(place_.string());
   refuse_kept(ours);
   carry_over(ours);

@@ -1,5 +1,5 @@
-// A folder that appears whole or not at all, and replaces an earlier one so: written beside its place, as
-// `.NAME.unfinished`.
+// A folder that appears complete or not at all, also when it replaces an earlier one: it is written as
+// `.NAME.unfinished` in the same parent folder, then moved into place.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -12,10 +12,10 @@ namespace vsplat {
 
 class StagedFolder {
  public:
-  // Holds the lock of `.NAME.unfinished`, which is emptied where a process that died has left it. Error(file) where
-  // another process is at it.
+  // Locks `.NAME.unfinished`, and empties it if a process that died left it. Error(file) if another process holds the
+  // lock.
   explicit StagedFolder(const std::string& folder);
-  // Takes all of it away again where it was not put in place.
+  // Removes everything again if it was not put in place.
   ~StagedFolder();
   StagedFolder(const StagedFolder&) = delete;
   StagedFolder& operator=(const StagedFolder&) = delete;
@@ -23,8 +23,8 @@ class StagedFolder {
   // Where to write.
   const std::filesystem::path& path() const { return staged_; }
 
-  // In one step. Of a folder that is there, what `ours` knows (paths in the folder) is replaced where may_replace()
-  // says so, else Error(file); what else lies in it stays.
+  // Moves the folder into place in one step. If a folder exists there, files that `ours` accepts (paths inside of the
+  // folder) are replaced if may_replace() allows it, else Error(file); all other files stay.
   void put_in_place(const std::function<bool(const std::string& inside)>& ours);
 
  private:

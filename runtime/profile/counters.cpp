@@ -6,7 +6,7 @@
 namespace vsplat {
 namespace {
 
-constexpr long kRows = 64;  // there are two flavours of four kernels, in a stage or two each
+constexpr long kRows = 64;  // two flavours of four kernels, in one or two stages each
 
 }  // namespace
 

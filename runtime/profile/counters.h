@@ -1,5 +1,5 @@
-// What kernels count that are compiled with -DCOUNT (cl/render/rasterize.clh): 64 bits for each row of a profile, on the
-// device.
+// Counters of kernels that are compiled with -DCOUNT (cl/render/rasterize.clh): 64 bits on the device for each row of a
+// profile.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -14,11 +14,11 @@ namespace vsplat {
 
 class Counters {
  public:
-  // The numbers, and which of them is that row's: the last two arguments of its kernels. Zeros at first.
+  // The counters, initially zero, and the index of a row's counter: the last two arguments of its kernels.
   Tensor numbers(const cl::Context& context, const cl::CommandQueue& queue);
   long number_of(const std::string& stage, const std::string& name, double flops_per_count);
 
-  // What each row has counted since it was last asked for. Waits for the device.
+  // The counts of each row since the last call. Waits for the device.
   struct Count {
     std::string stage, name;
     std::uint64_t count;
@@ -32,7 +32,7 @@ class Counters {
     std::uint64_t taken;
   };
   Tensor numbers_;
-  bool used_ = false;  // since it was last asked for
+  bool used_ = false;  // since the last take()
   std::map<std::pair<std::string, std::string>, long> places_;
   std::vector<Row> rows_;
 };

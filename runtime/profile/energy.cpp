@@ -22,7 +22,7 @@ std::optional<double> number_in(const fs::path& path) {
   return out;
 }
 
-// Those functions of NVML that are used, by its stable interface; the library is looked for once.
+// The NVML functions in use, by its stable interface; the library is loaded once.
 class Nvml {
  public:
   using Handle = void*;

@@ -1,4 +1,5 @@
-// What a run takes of energy, where the machine tells: of the processor's packages by RAPL, of NVIDIA's GPUs by NVML.
+// The energy that a run uses, if the machine reports it: the processor's packages through RAPL, NVIDIA's GPUs through
+// NVML.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -10,31 +11,31 @@
 
 namespace vsplat {
 
-// A counter of energy that begins anew beyond `range`, in joules.
+// An energy counter in joules, which restarts at 0 beyond `range`.
 struct EnergySource {
   std::string name;
-  double range = 0;                                // 0: it does not
-  std::function<std::optional<double>()> counter;  // nothing where it cannot be read now
+  double range = 0;                                // 0: it does not restart
+  std::function<std::optional<double>()> counter;  // empty if it cannot be read now
 };
 
-// The packages of RAPL that can be read: FOLDER/intel-rapl:N with name, energy_uj and max_energy_range_uj. Many systems
-// let root alone read them.
+// The RAPL packages that can be read: FOLDER/intel-rapl:N with name, energy_uj and max_energy_range_uj. On many systems
+// only root may read them.
 std::vector<EnergySource> rapl_sources(const std::string& folder = "/sys/class/powercap");
 
-// The GPU at that place of the PCI bus ("00000000:17:00.0"), where its driver's library is there and tells.
+// The GPU at that PCI address ("00000000:17:00.0"), if its driver's library is present and reports energy.
 std::vector<EnergySource> nvml_sources(const std::string& pci);
 
-// Adds up what its sources count between start() and stop(), over all such times. What is sampled more often than a
-// counter begins anew is right.
+// Adds up the energy between start() and stop(), over all such intervals. The sum is right if a counter is sampled more
+// often than it restarts.
 class EnergyMeter {
  public:
   explicit EnergyMeter(std::vector<EnergySource> sources) : sources_(std::move(sources)), state_(sources_.size()) {}
 
   void start();
-  void sample();  // now and then in between; reads no more than every few seconds
+  void sample();  // call regularly in between; reads the counters at most every few seconds
   void stop();
   void sample_now();
-  std::vector<Energy> taken() const;  // of sources that could be read
+  std::vector<Energy> taken() const;  // for the sources that could be read
 
  private:
   struct State {

@@ -1,4 +1,4 @@
-// Pages that carry their data: one file, which needs nothing from elsewhere.
+// Self-contained HTML pages: one file with its data, which loads nothing from elsewhere.
 #pragma once
 #include <string>
 
@@ -6,8 +6,8 @@
 
 namespace vsplat {
 
-// The page with that JSON in the place of its @DATA@, as text that ends no element of it, whatever is in it: names and
-// files may be anyone's.
+// The page with the JSON in place of its @DATA@. The JSON is escaped so that no content can end its HTML element: names
+// and files may come from anyone.
 std::string page_with(const EmbeddedFile& page, const std::string& json);
 
 }  // namespace vsplat

@@ -16,10 +16,10 @@
 namespace vsplat {
 namespace {
 
-constexpr double kEnough = 2e-3;  // seconds of a launch; the shorter, the likelier it has the device to itself
-constexpr double kSlow = 0.1;     // seconds of a launch that is not made any longer
+constexpr double kEnough = 2e-3;  // seconds of a launch; a shorter one more likely has the device to itself
+constexpr double kSlow = 0.1;     // a launch that takes so many seconds is not made longer
 
-// The shortest of three launches or more, in seconds, by the clock that profiles have.
+// The time of the shortest of at least three launches, in seconds, by the profiler's clock.
 double least_seconds(Context& ctx, const std::function<void()>& run, double budget) {
   const std::uint64_t begun = now_ns();
   const auto spent = [&] { return static_cast<double>(now_ns() - begun) * 1e-9; };
@@ -36,7 +36,7 @@ double least_seconds(Context& ctx, const std::function<void()>& run, double budg
   return static_cast<double>(std::max<std::uint64_t>(least, 1)) * 1e-9;
 }
 
-// Three times n vectors of ones; none where there is no room for them.
+// Three tensors of n vectors of ones; unset if memory is too small.
 std::optional<std::array<Tensor, 3>> streams_of(Context& ctx, long n, int width) {
   try {
     const std::vector<float> ones(static_cast<std::size_t>(n * width), 1.0f);
@@ -47,7 +47,7 @@ std::optional<std::array<Tensor, 3>> streams_of(Context& ctx, long n, int width)
   }
 }
 
-// What a launch takes on the device that does next to nothing.
+// The time on the device of a launch that does next to nothing.
 double measure_launch_us(Context& of) {
   const auto ctx = of.stream();
   const Tensor out = ctx->tensor({1, 4});
@@ -74,7 +74,7 @@ std::string key_of(const Context& ctx) {
 
 }  // namespace
 
-// One work-item's vectors are one register tile of the cpu flavour; a gpu wants many work-items instead.
+// On the cpu flavour one work-item's vectors are one register tile; a GPU wants many work-items instead.
 double measure_gflops(Context& of, double seconds) {
   const auto stream = of.stream();
   Context& ctx = *stream;
@@ -84,7 +84,7 @@ double measure_gflops(Context& of, double seconds) {
   const Tensor out = ctx.tensor({work_items, width});
   const KernelId kernel{"peak", "peak_fma", fmt::format("-DWIDTH={} -DCHAINS={}", width, chains)};
   int steps = 8;
-  // (Without its cost, that it stays in one piece: what is measured is a launch.)
+  // (The cost is left out, so that the launch stays in one part: a single launch is measured.)
   const auto run = [&] { ctx.launch(kernel, items(work_items, cpu ? 1 : 64), {}, steps, 0.9f, written(out)); };
   while (steps < most && least_seconds(ctx, run, 0) < kEnough) steps = std::min(2 * steps, most);
   const double flops = 2.0 * width * chains * steps * static_cast<double>(work_items);
@@ -108,7 +108,7 @@ double measure_gbs(Context& of, double seconds) {
     const auto run = [&] { ctx.launch(kernel, items(n, group), {}, n, 0.5f, a, b, written(y)); };
     const double once = least_seconds(ctx, run, 0);
     const bool last = numbers * 4 > most || once > kSlow;
-    best = bytes / (last ? std::min(once, least_seconds(ctx, run, seconds)) : once) / 1e9;  // of the largest
+    best = bytes / (last ? std::min(once, least_seconds(ctx, run, seconds)) : once) / 1e9;  // the last: largest
     if (last) break;
   }
   return best;
@@ -121,7 +121,7 @@ std::optional<Peaks> known_peaks(const Context& ctx) {
   try {
     const Peaks out{json.at("gflops"), json.at("gbs"), json.at("launch_us"), json.at("measured")};
     if (out.gflops > 0 && out.gbs > 0 && out.launch_us >= 0) return out;
-  } catch (const nlohmann::json::exception&) {  // of another version, then
+  } catch (const nlohmann::json::exception&) {  // written by another version
   }
   return std::nullopt;
 }
@@ -149,7 +149,7 @@ Peaks peaks_of(Context& ctx, double gflops_seen) {
     throw;
   }
   if (known) out.gflops = std::max(out.gflops, known->gflops), out.gbs = std::max(out.gbs, known->gbs);
-  out.gflops = std::max(out.gflops, gflops_seen);  // what a kernel reaches the device can do
+  out.gflops = std::max(out.gflops, gflops_seen);  // a speed that a kernel has reached is possible
   const std::string text = nlohmann::json{{"device", ctx.device().name}, {"driver", ctx.device().driver},
                                           {"gflops", out.gflops},        {"gbs", out.gbs},
                                           {"launch_us", out.launch_us},  {"measured", out.measured}}

@@ -1,4 +1,4 @@
-// What a device can do at the most, measured: what the rows of a profile and of benchmarks are held against.
+// The measured peak performance of a device, to which profiles and benchmarks compare their rows.
 #pragma once
 #include <optional>
 
@@ -7,17 +7,19 @@
 
 namespace vsplat {
 
-// Multiply-adds alone; a stream through memory that is larger than caches, where there is room for it. Each for so many
-// seconds, three launches at the least, in a stream of its own.
+// Measures multiply-adds alone, and streaming through memory: more memory than the caches hold, if the device has it.
+// Each runs for `seconds`, at least three launches, in a stream of its own.
 double measure_gflops(Context& ctx, double seconds = 0.3);
 double measure_gbs(Context& ctx, double seconds = 0.3);
 
-// Measured before on this device, with this driver and these kernels, and kept in the cache's folder (disk_cache.h).
+// The peaks that were measured earlier on this device with this driver and these kernels, from the cache's folder
+// (disk_cache.h).
 std::optional<Peaks> known_peaks(const Context& ctx);
-// The same; measured now and kept there where there are none, or where a profile has seen more GFLOP/s: then others
-// used the device when they were measured, and the greater count. Nothing of it is in the context's profile.
+// The known peaks; if there are none, measures them now and stores them. It also measures again if a profile has seen
+// more GFLOP/s: the device then was shared during the earlier measurement, and the greater value is stored. The
+// measurement does not show in the context's profile.
 Peaks peaks_of(Context& ctx, double gflops_seen = 0);
-// The most GFLOP/s of a row that ran for a millisecond or more.
+// The highest GFLOP/s of the rows that ran for at least a millisecond.
 double gflops_seen(const Profile& profile);
 
 }  // namespace vsplat

@@ -14,9 +14,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMost = 20000;  // of launches, and of spans
+constexpr std::size_t kMost = 20000;  // limit of launches, and of spans
 
-// The places of the longest, in their order.
+// The indices of the longest, in their original order.
 template <class T>
 std::vector<std::size_t> longest(const std::vector<T>& all) {
   std::vector<std::size_t> out(all.size());

@@ -1,4 +1,4 @@
-// A profile as one page to look at, with all that it needs inside.
+// A profile as one self-contained HTML page.
 #pragma once
 #include <string>
 
@@ -6,7 +6,7 @@
 
 namespace vsplat {
 
-// Of launches and spans the longest are in the timeline, some 20,000 of each.
+// The timeline shows the longest launches and spans, some 20,000 of each.
 std::string profile_page(const Profile& profile, const ProfileSubject& subject);
 
 }  // namespace vsplat

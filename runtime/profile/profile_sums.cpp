@@ -8,12 +8,12 @@
 namespace vsplat {
 namespace {
 
-// Of several at work the time is that of the first in the order of WallPart: of `rank`, which is device for whatever
-// the device runs.
+// An interval of activity. If several are active, time counts for the first in the order of WallPart, given by `rank`;
+// `rank` is device for everything that the device runs.
 struct Stretch {
   std::uint64_t start, end;
   WallPart rank, part;
-  std::size_t stage, host_row;  // host_row: none_row for what is no span of the host
+  std::size_t stage, host_row;  // host_row: none_row if it is no span of the host
 };
 constexpr std::size_t none_row = SIZE_MAX;
 
@@ -33,7 +33,7 @@ WallPart part_of(HostKind kind) {
   return WallPart::other;
 }
 
-// What lies within the windows of profile, with its stages and rows of the host numbered.
+// The activity within the profile's windows, with stages and host rows as indices.
 class Stretches {
  public:
   explicit Stretches(const Profile& profile) : profile_(profile) {
@@ -62,7 +62,7 @@ class Stretches {
     return at->second;
   }
 
-  // -> how long it is within the windows
+  // Returns the length of the interval within the windows.
   std::uint64_t put(std::uint64_t start, std::uint64_t end, WallPart rank, WallPart part, std::size_t stage,
                     std::size_t host_row) {
     std::uint64_t length = 0;
@@ -123,7 +123,8 @@ std::uint64_t launches_ns(const Profile& profile) {
   return out;
 }
 
-// From one beginning or end to the next, time goes to what is at work of the lowest rank, and there to what began last.
+// Between two consecutive beginnings or ends, time counts for the active interval of the lowest rank; of several, for
+// the one that began last.
 WallSplit split_wall(const Profile& profile) {
   Stretches stretches(profile);
   const std::vector<Stretch>& all = stretches.all;
@@ -229,7 +230,7 @@ std::int64_t clock_offset(const std::vector<QueuedAt>& queued) {
     high = std::min(high, most(q));
   }
   if (low <= high) return low + (high - low) / 2;
-  // The clocks drift, or the driver's times are not what they should be: the middle of what each would have.
+  // The clocks drift, or the driver's times are inaccurate: take the median of the samples' middles.
   std::vector<std::int64_t> middles;
   middles.reserve(queued.size());
   for (const QueuedAt& q : queued) middles.push_back(least(q) + (most(q) - least(q)) / 2);

@@ -101,7 +101,7 @@ std::string stage_lines(const WallSplit& split) {
   return out;
 }
 
-// Names the lanes of a timeline, and puts spans into them.
+// Names the lanes of a timeline, and assigns spans to them.
 class Lanes {
  public:
   explicit Lanes(std::uint64_t first) : first_(first) {
@@ -139,7 +139,7 @@ class Lanes {
 
 constexpr int kDeviceLane = 1, kPrepareLane = 2, kHostLane = 10, kLanesOfThread = 10;
 
-// How many launches wait: enqueued and not with the device yet, and with it and not running yet.
+// Adds the number of waiting launches: those that are enqueued but not submitted, and those submitted but not running.
 void put_waiting(const Profile& profile, Lanes& lanes) {
   std::vector<std::pair<std::uint64_t, std::pair<int, int>>> changes;
   for (const ProfileLaunch& l : profile.launches) {

@@ -1,4 +1,4 @@
-// A profile for reading: as a table, as JSON, and as a timeline for Chrome and Perfetto.
+// A profile as a table, as JSON, and as a timeline for Chrome and Perfetto.
 #pragma once
 #include <optional>
 #include <string>
@@ -10,11 +10,11 @@
 
 namespace vsplat {
 
-// What a profile is of.
+// The subject of a profile.
 struct ProfileSubject {
   std::string device, driver;
   std::uint64_t peak_bytes = 0;                            // of the device's memory
-  std::vector<std::pair<std::string, std::string>> names;  // "model", "scene", ...: whatever the program tells
+  std::vector<std::pair<std::string, std::string>> names;  // "model", "scene", ...: what the program provides
   std::optional<Peaks> peaks = {};
   std::string tuning = {};  // the hash of the table of tuned parameters; empty: none
   Precision precision = Precision::fp32;

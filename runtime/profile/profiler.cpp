@@ -13,9 +13,10 @@ namespace vsplat {
 
 namespace {
 
-// What a driver takes before a launch of another size is compiling from that time on; a first launch's is, anyway.
+// If a driver takes at least this long before a launch of a new size, that time is compilation; before a kernel's first
+// launch it always is.
 constexpr std::uint64_t kCompiles = 5'000'000;  // ns
-constexpr std::size_t kVariants = 32;           // of a row; the last takes all that are beyond
+constexpr std::size_t kVariants = 32;           // for a row; the last variant takes all further ones
 
 struct Pending {
   std::size_t row, variant;
@@ -24,7 +25,7 @@ struct Pending {
   cl::Event event;
 };
 
-// Times as the driver tells them; all 0 where it does not, or where they cannot be.
+// Times that the driver reports; all 0 if it reports none, or impossible ones.
 struct EventTimes {
   std::uint64_t queued = 0, submitted = 0, start = 0, end = 0;
 };
@@ -35,7 +36,7 @@ EventTimes times_of(const cl::Event& event) {
         event.getProfilingInfo<CL_PROFILING_COMMAND_QUEUED>(), event.getProfilingInfo<CL_PROFILING_COMMAND_SUBMIT>(),
         event.getProfilingInfo<CL_PROFILING_COMMAND_START>(), event.getProfilingInfo<CL_PROFILING_COMMAND_END>()};
     if (out.end < out.start || out.end == 0) return {};
-    // What a driver does not tell is taken to have been short.
+    // Phases that a driver does not report are assumed to be short.
     if (out.submitted == 0 || out.submitted > out.start) out.submitted = out.start;
     if (out.queued == 0 || out.queued > out.submitted) out.queued = out.submitted;
     return out;
@@ -49,11 +50,11 @@ EventTimes times_of(const cl::Event& event) {
 struct Profiler::Impl {
   std::vector<ProfileRow> rows;
   std::map<std::pair<std::string, std::string>, std::size_t> index;
-  std::vector<std::map<std::uint64_t, std::size_t>> variant_index;  // of each row
+  std::vector<std::map<std::uint64_t, std::size_t>> variant_index;  // for each row
   std::vector<Pending> pending;
   std::vector<ProfileLaunch> launches;
   std::vector<ProfileWindow> windows;
-  std::vector<HostRecord> host;  // of windows that have ended
+  std::vector<HostRecord> host;  // for windows that have ended
   std::uint64_t last_end = 0, suspicious = 0;
   std::function<std::vector<EnergySource>()> energy_sources;
   std::optional<EnergyMeter> energy;
@@ -70,7 +71,7 @@ struct Profiler::Impl {
     return it->second;
   }
 
-  // -> the variant's place in the row, and whether it is new there
+  // Returns the variant's index in the row, and whether it is new there.
   std::pair<std::size_t, bool> variant(std::size_t row, const LaunchRecord& launch) {
     ProfileRow& r = rows[row];
     const auto [it, fresh] = variant_index[row].emplace(launch.variant, std::min(r.variants.size(), kVariants - 1));
@@ -172,7 +173,7 @@ void Profiler::collect() {
     times.push_back(times_of(p.event));
     if (times.back().end == 0) continue;
     queued.push_back({times.back().queued, p.before, p.after});
-    queued.push_back({times.back().end, p.before, now});  // it is done
+    queued.push_back({times.back().end, p.before, now});  // the launch is finished
   }
   const std::int64_t offset = clock_offset(queued);
   const auto on_host = [&](std::uint64_t device) { return device - static_cast<std::uint64_t>(offset); };
@@ -240,7 +241,7 @@ void Profiler::reset() {
   if (!enabled_) return;
   enabled_ = false;
   enable(true);
-  HostLog::of_process().let_go();  // held twice now
+  HostLog::of_process().let_go();  // it is held twice now
 }
 
 }  // namespace vsplat

@@ -1,6 +1,6 @@
-// Where the time goes: every launch on the device, and what the host does (host_span.h), on one clock. Switched at run
-// time; events are gathered in batches so that measuring does not serialise the queue. A device without event times is
-// timed on the host, one launch at a time, and marked so.
+// Records where time goes: every launch on the device, and the host's work (host_span.h), on one clock. It is switched
+// at run time. Events are collected in batches, so that measuring does not serialise the queue. A device without event
+// times is timed on the host, one launch at a time, and marked so.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -18,14 +18,15 @@ class Event;
 
 namespace vsplat {
 
-// A launch as it is recorded.
+// A launch to record.
 struct LaunchRecord {
   const std::string& name;
   const std::string& stage;
   Cost cost;
-  bool first = false;                   // of that kernel with that work-group
-  std::uint64_t before = 0, after = 0;  // host's clock around the call that enqueued it
-  // Which of its kernel's variants: the hash of both, which are read where the hash is new. null: not told.
+  bool first = false;                   // the first one of that kernel with that work-group size
+  std::uint64_t before = 0, after = 0;  // host times around the call that enqueued it
+  // The variant of its kernel: a hash of `range` and `args`, which are read only if the hash is new. A null `range` or
+  // `args`: unknown.
   std::uint64_t variant = 0;
   const Range* range = nullptr;
   const std::vector<KernelArg>* args = nullptr;
@@ -34,31 +35,31 @@ struct LaunchRecord {
 class Profiler {
  public:
   Profiler();
-  // What counts energy is asked for when it is switched on first.
+  // `energy` is called when the profiler is first switched on.
   explicit Profiler(std::function<std::vector<EnergySource>()> energy);
   ~Profiler();
   Profiler(const Profiler&) = delete;
   Profiler& operator=(const Profiler&) = delete;
 
   bool enabled() const { return enabled_; }
-  // The wall's time is what passes while it is on; the first time from HostLog::begin() on, where that was called.
+  // Wall time passes while the profiler is on; the first interval begins at HostLog::begin(), if that was called.
   void enable(bool on);
 
   void add_event(const LaunchRecord& launch, const cl::Event& event);
   void add_host(const LaunchRecord& launch, std::uint64_t start_ns, std::uint64_t end_ns);
-  // What its launches have counted, and the operations that this took.
+  // Adds what the launches of a row have counted, and the operations that this took.
   void add_count(const std::string& stage, const std::string& name, std::uint64_t count, double flops);
-  // Reads the times of finished events. Call after the queue has been drained.
+  // Reads the times of finished events. Call it after the queue has drained.
   void collect();
 
-  // Of finished launches, and the wall until now.
+  // The profile of all finished launches, with the wall time until now.
   Profile profile() const;
   std::vector<ProfileRow> rows() const;  // most time first
   double wall_seconds() const;
   void reset();
 
-  // How many kernels were compiled, or launched in a new way, for which some drivers compile once more. Counted whether
-  // it is on or not: what was timed while this rose has a compiler's time in it.
+  // Counts compilations: of kernels, and launches in a new configuration, for which some drivers compile again. It
+  // counts even while the profiler is off: if it rises during a measurement, the measured time includes compilation.
   void add_compilation() { ++compilations_; }
   long compilations() const { return compilations_; }
 

@@ -22,7 +22,7 @@ const std::string default_folder = "/etc/OpenCL/vendors";
 
 bool is_entry(const std::string& name) { return name.size() > 4 && name.ends_with(".icd"); }
 
-// Its first line, as loaders take it: to the last blank.
+// Reads the first line, as loaders do: up to the last blank.
 DriverEntry entry_of(const fs::path& file) {
   DriverEntry out;
   out.file = file.string();
@@ -64,7 +64,8 @@ std::vector<std::string> split(const std::string& text) {
   return out;
 }
 
-// What OCL_ICD_VENDORS names for ocl-icd where it is no folder: an entry, here or among the others, or a library.
+// Handles an OCL_ICD_VENDORS that is no folder, as ocl-icd does: it names an entry by path, an entry of the default
+// folder, or a library.
 void take_file(DriverEntries& out, const std::string& vendors) {
   std::error_code error;
   const bool path = out.place.find('/') != std::string::npos;
@@ -81,7 +82,7 @@ void take_file(DriverEntries& out, const std::string& vendors) {
     out.problem = "is not there";
 }
 
-// The lines of /etc/ld.so.conf and of what it includes that are folders.
+// The folders that /etc/ld.so.conf and its included files list.
 std::vector<std::string> configured_folders() {
   std::vector<std::string> out;
   std::vector<fs::path> files = {"/etc/ld.so.conf"};
@@ -98,7 +99,7 @@ std::vector<std::string> configured_folders() {
 
 struct Folder {
   std::string path;
-  bool searched;  // by the system's loader
+  bool searched;  // found by the system's loader
 };
 
 constexpr const char* usual_folders[] = {
@@ -138,7 +139,7 @@ std::vector<Folder> library_folders() {
   return out;
 }
 
-// Files of that name, or of that name and a version, each once whatever links lead to it.
+// Files of that name, with or without a version, each once even if several links lead to it.
 std::vector<InstalledDriver> files_called(const std::string& name, const std::vector<Folder>& folders) {
   std::vector<InstalledDriver> out;
   std::set<fs::path> seen;
@@ -207,7 +208,8 @@ OpenClLoader opencl_loader() {
   if (library.empty()) return out;
   std::error_code error;
   out.path = fs::absolute(library, error).string();
-  // Of both, a variable that the other does not know. (To be asked, ocl-icd would load every driver.)
+  // Each loader contains the name of a variable that the other does not know. (Asking ocl-icd itself would load every
+  // driver.)
   std::ifstream in(library, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   out.ocl_icd = bytes.find("OCL_ICD_ASSUME_ICD_EXTENSION") != std::string::npos;

@@ -1,4 +1,4 @@
-// Where the OpenCL loader looks for drivers, and which it finds named there.
+// Where the OpenCL loader looks for drivers, and which drivers it finds there.
 #pragma once
 #include <string>
 #include <vector>
@@ -6,39 +6,40 @@
 namespace vsplat {
 
 struct DriverEntry {
-  std::string file;     // *.icd; "" where a variable names the library
-  std::string library;  // as it is named: a path, or what the system's loader looks for
-  std::string problem;  // why the file names none; "": it does
+  std::string file;     // *.icd; "" if a variable names the library
+  std::string library;  // as written: a path, or a name for the system's loader to find
+  std::string problem;  // why the file names no library; "" if it names one
 };
 
 struct DriverEntries {
-  std::string variable;  // that says where to look; "": none does
-  std::string place;     // the folder; or the one file or library that the variable names
+  std::string variable;  // environment variable that says where to look; "": none
+  std::string place;     // the folder, or the single file or library that the variable names
   bool folder = false;
-  std::string problem;  // why the place is none; "": it is one
+  std::string problem;  // why the place cannot be used; "" if it can
   std::vector<DriverEntry> entries;
 };
 
-// As ocl-icd does, or Khronos' loader: they differ in what variables they heed.
+// The entries as ocl-icd finds them, or else Khronos' loader: the two obey different variables.
 DriverEntries driver_entries(bool ocl_icd);
 
-// The loader that this library is linked with.
+// The OpenCL loader that this library is linked with.
 struct OpenClLoader {
   std::string path;
   bool ocl_icd = false;
 };
 OpenClLoader opencl_loader();
 
-// A driver's library where vendors install it, or where the system looks.
+// A driver library at a vendor's usual place or in the system's library folders.
 struct InstalledDriver {
   std::string vendor;   // "NVIDIA"
-  std::string path;     // of the library
-  std::string entry;    // what its entry is called: "nvidia.icd"
-  bool is_gpu = false;  // alone: none for processors
-  bool found = true;    // by the system's loader without a path
+  std::string path;     // path of the library
+  std::string entry;    // name of its entry file: "nvidia.icd"
+  bool is_gpu = false;  // serves only GPUs, not processors
+  bool found = true;    // the system's loader finds it without a path
 };
-// One for each that is known; besides, any file of that name. What is looked at: LD_LIBRARY_PATH, the folders that
-// /etc/ld.so.conf names, and where drivers and containers' tools put them.
+// installed_drivers(): one item for each known driver. installed_libraries(): every library file of that name. Both
+// search LD_LIBRARY_PATH, the folders in /etc/ld.so.conf, and the folders in which drivers and container tools install
+// libraries.
 std::vector<InstalledDriver> installed_drivers();
 std::vector<std::string> installed_libraries(const std::string& name);
 

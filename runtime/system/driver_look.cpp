@@ -19,7 +19,7 @@ std::vector<std::string> fields_of(const std::string& line) {
   std::vector<std::string> out;
   std::istringstream in(line);
   for (std::string field; std::getline(in, field, '\t');) out.push_back(field);
-  out.resize(std::max<std::size_t>(out.size(), 6));  // those at the end may be empty
+  out.resize(std::max<std::size_t>(out.size(), 6));  // trailing fields may be empty
   return out;
 }
 
@@ -31,7 +31,7 @@ std::string last_line(const std::string& text) {
   return printable(out);
 }
 
-// One fact of vsplat-look. -> whether it was its last.
+// Takes one fact from vsplat-look. Returns whether it was the last one.
 bool take_fact(const std::vector<std::string>& fact, SeenDriver& out) {
   const std::string& what = fact[0];
   if (what == "loaded") {

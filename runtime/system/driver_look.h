@@ -1,4 +1,4 @@
-// What is in an OpenCL driver, seen from a process of its own: it may crash, or never come back.
+// Looks into an OpenCL driver from a separate process, because the driver may crash or hang.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -7,7 +7,7 @@
 namespace vsplat {
 
 struct SeenDevice {
-  std::string type, name, vendor, driver;  // type: as `vsplat devices` has it
+  std::string type, name, vendor, driver;  // type: as in `vsplat devices`
   std::uint64_t memory = 0;                // bytes
 };
 struct SeenPlatform {
@@ -17,15 +17,15 @@ struct SeenPlatform {
 
 struct SeenDriver {
   enum class State {
-    loaded,      // and asked for all that it has, which may be nothing
+    loaded,      // loaded and asked for all its devices, possibly none
     not_loaded,  // `error` says why
-    no_driver,   // a library, but one without the function `error`
-    crashed,     // of the signal or with the exit code `error`
+    no_driver,   // a library that lacks the function `error`
+    crashed,     // by the signal or with the exit code in `error`
     too_late
   };
   State state = State::loaded;
-  std::string path;   // where the library was found; "" where it was not loaded
-  std::string error;  // of the system's loader
+  std::string path;   // where the library was found; "" if it was not loaded
+  std::string error;  // error of the system's loader
   std::string doing;  // when it crashed or hung: "when it is loaded", "when it is asked for its devices"
   std::string said;   // the last line that it printed
   std::vector<SeenPlatform> platforms;
@@ -33,9 +33,9 @@ struct SeenDriver {
   std::size_t devices() const;
 };
 
-// One driver's library; `now`: all of its symbols are looked for at once, as Khronos' loader does.
+// Examines one driver library. `now`: resolves all of its symbols at once, as Khronos' loader does.
 SeenDriver look_at_driver(const std::string& library, bool now, double seconds);
-// All of them by the loader, as a program has them.
+// Examines all drivers through the loader, as a program sees them.
 SeenDriver look_at_loader(const std::string& loader, double seconds);
 
 }  // namespace vsplat

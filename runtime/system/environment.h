@@ -1,4 +1,4 @@
-// A variable of the process's environment; empty where it is not set.
+// Returns an environment variable; empty if it is not set.
 #pragma once
 #include <cstdlib>
 #include <string>

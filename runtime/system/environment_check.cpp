@@ -41,8 +41,8 @@ std::vector<VariableProblem> environment_problems() {
   for (const char* name :
        {"VSPLAT_MATRIX_LEAST", "OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS"})
     if (const std::string found = value(name); !found.empty() && !is_number(found)) refuse(name, "a whole number");
-  // The folders of compiled kernels begin with these: what is not absolute would put them into whatever folder a
-  // program runs in.
+  // These variables begin the paths of the cache folders: a relative path would place them in whatever folder a program
+  // runs in.
   const bool own = !value("VSPLAT_CACHE_DIR").empty() && !value("POCL_CACHE_DIR").empty();
   const auto is_absolute = [&](const char* name) {
     const std::string found = value(name);

@@ -1,5 +1,4 @@
-// Variables of the environment that say something which is not understood. Taken for nothing they would be a silent
-// fallback.
+// Finds environment variables with invalid values. To ignore them would be a silent fallback.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,10 +11,10 @@ struct VariableProblem {
   std::string mend;
 };
 
-// Of those that this library reads. Values that need a device (VSPLAT_DEVICE), and files, are looked at where they are
-// used.
+// Checks the variables that this library reads. Values that need a device (VSPLAT_DEVICE), and files, are checked where
+// they are used.
 std::vector<VariableProblem> environment_problems();
-// Error(usage) with the first of them.
+// Error(usage) with the first problem.
 void check_environment();
 
 }  // namespace vsplat

@@ -10,9 +10,9 @@ namespace vsplat {
 namespace {
 
 std::mutex lock;
-std::size_t reserved = 0, given_limit = 0, default_limit = 0;  // 0: not set, not asked for yet
+std::size_t reserved = 0, given_limit = 0, default_limit = 0;  // 0: not set, not yet needed
 
-std::size_t limit_now() {  // `lock` is held
+std::size_t limit_now() {  // The caller holds `lock`.
   if (given_limit) return given_limit;
   if (default_limit == 0) {
     const std::size_t free = free_host_memory();

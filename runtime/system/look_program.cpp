@@ -1,10 +1,10 @@
-// vsplat-look: loads one OpenCL driver, or the loader with all of them, and tells what is in there. A program of its
-// own since drivers crash and hang (driver_look.h, which starts it).
+// vsplat-look: loads one OpenCL driver, or the loader with all of them, and prints what it finds. It is a separate
+// program because drivers crash and hang; driver_look.h starts it.
 //
 //   vsplat-look driver|loader lazy|now LIBRARY
 //
-// One fact a line on the third descriptor, its fields separated by tabs, each written at once: how far it came is what
-// is known where it crashes.
+// It writes one fact a line to the third descriptor, with fields separated by tabs. Each is written at once, so that the
+// output shows how far it came if it crashes.
 #define CL_TARGET_OPENCL_VERSION 120
 #define CL_USE_DEPRECATED_OPENCL_1_1_APIS
 #include <CL/cl.h>
@@ -93,7 +93,7 @@ std::vector<cl_platform_id> platforms_of(Ids ids) {
   return out;
 }
 
-// As a loader looks at it.
+// Examines a driver as a loader does.
 void look_at_driver(void* library) {
   const auto address = symbol<decltype(&::clGetExtensionFunctionAddress)>(library, "clGetExtensionFunctionAddress");
   if (!address) return tell({"no driver", "clGetExtensionFunctionAddress"});
@@ -142,5 +142,5 @@ int main(int argc, char** argv) {
     look_at_driver(library);
   tell({"done"});
   std::fflush(nullptr);
-  ::_exit(0);  // how a driver takes leave does not matter
+  ::_exit(0);  // a driver's shutdown does not matter
 }

@@ -1,5 +1,5 @@
-// All that is MPI's: a module that runtime/system/ranks.cpp loads where a process is one of several. Each function returns
-// what MPI does, 0 where all is well.
+// All use of MPI is in this module, which runtime/system/ranks.cpp loads if the process is one of several. Each
+// function returns MPI's status, 0 on success.
 #include <mpi.h>
 
 #include <cstddef>
@@ -15,7 +15,7 @@ __attribute__((visibility("default"))) int vsplat_mpi_start(int* rank, int* coun
   }
   int given = 0;
   MPI_Query_thread(&given);
-  if (given < MPI_THREAD_SERIALIZED) return MPI_ERR_OTHER;  // a program that has begun it with less
+  if (given < MPI_THREAD_SERIALIZED) return MPI_ERR_OTHER;  // the embedding program initialised MPI with a lower level
   if (const int error = MPI_Comm_rank(MPI_COMM_WORLD, rank)) return error;
   return MPI_Comm_size(MPI_COMM_WORLD, count);
 }

@@ -13,9 +13,9 @@
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kLongest = std::size_t{1} << 30;  // of a piece: MPI counts in int
+constexpr std::size_t kLongest = std::size_t{1} << 30;  // bytes of a piece: MPI counts in int
 
-// As the launchers of the common implementations tell it, before MPI is there to be asked.
+// Checks the variables that common launchers set, since MPI itself is not loaded yet.
 bool is_one_of_several() {
   check_environment();
   for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS"}) {
@@ -45,7 +45,7 @@ Ranks& Ranks::world() {
 Ranks::Ranks() {
   if (!is_one_of_several()) return;
   const std::string path = library_program("vsplat-mpi.so");
-  // Global, since MPI's own modules look for it.
+  // Symbols are shared, since MPI's own modules need them.
   std::string why;
   module_ = sys::load_library(path, sys::Symbols::shared, why);
   if (!module_)
@@ -54,7 +54,7 @@ Ranks::Ranks() {
          "not there ({}). Build with -DVSPLAT_MPI=ON, or start one process",
          why.empty() ? path : why);
   hold(function<int(int*, int*)>(module_, "vsplat_mpi_start")(&rank_, &count_), "MPI_Init_thread");
-  // Whoever ends without this is taken for one that crashed.
+  // A process that ends without this counts as crashed.
   static void (*end)() = nullptr;
   end = function<void()>(module_, "vsplat_mpi_end");
   std::atexit([] { end(); });

@@ -1,6 +1,6 @@
-// Processes that work together, each with devices of its own, as mpirun starts them: ranks. What they say to each other
-// goes through MPI, which is loaded where there are several, from a module of its own (runtime/system/mpi_module.cpp), so that
-// nothing else needs it.
+// Ranks: processes started by mpirun that work together, each with its own devices. They communicate through MPI, which
+// is loaded only if there are several ranks, from a separate module (runtime/system/mpi_module.cpp), so that nothing
+// else depends on MPI.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -10,23 +10,24 @@
 
 namespace vsplat {
 
-// One thread of a process at a time, the first time the one that will use it.
+// Used by one thread of a process at a time; the first call must come from the thread that will use it.
 class Ranks {
  public:
-  // The process's, which joins the others at the first call: alone where mpirun did not start it, or started one.
-  // Error(usage) where it is one of several and the library was built without MPI: each would do all of the work.
+  // This process's object; the first call joins the other ranks. A process that mpirun did not start, or started alone,
+  // is the only rank. Error(usage) if it is one of several and the library was built without MPI: otherwise each
+  // process would do all of the work.
   static Ranks& world();
 
   int rank() const { return rank_; }
   int count() const { return count_; }
 
   using Bytes = std::vector<unsigned char>;
-  // In order, and whole; waits until it may go on with `bytes`.
+  // Sends a whole message; messages arrive in order. Returns when `bytes` may be reused.
   void send(int to, const Bytes& bytes);
   Bytes receive(int from);
-  // What rank 0 gives, all get.
+  // Distributes rank 0's bytes to all ranks.
   void broadcast(Bytes& bytes);
-  // Ends all of them, this one with that exit code: for whoever cannot go on while others wait for it.
+  // Ends all ranks, this one with exit code `code`: for a rank that cannot continue while others wait for it.
   void abort(int code);
 
  private:
@@ -38,7 +39,7 @@ class Ranks {
   void* module_ = nullptr;
 };
 
-// What goes into messages, one behind the other, and comes out in the same order.
+// Serialises values into a message, one after the other; MessageIn reads them in the same order.
 class MessageOut {
  public:
   template <class T>
@@ -61,7 +62,7 @@ class MessageOut {
   Ranks::Bytes bytes_;
 };
 
-// Error(internal) where less is there than is asked for.
+// Error(internal) if the message is shorter than what is read.
 class MessageIn {
  public:
   explicit MessageIn(Ranks::Bytes bytes) : bytes_(std::move(bytes)) {}

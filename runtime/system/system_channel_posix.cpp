@@ -1,4 +1,4 @@
-// Channels by POSIX: pairs of sockets.
+// Channels on POSIX: pairs of sockets.
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>

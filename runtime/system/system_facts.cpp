@@ -21,9 +21,9 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t most_bytes = 1 << 18, most_files = 100;
-constexpr std::size_t most_peaks = 1 << 12;  // of a measurement, which is kept as compiled kernels are
+constexpr std::size_t most_peaks = 1 << 12;  // limit of a measurement's bytes, which is stored like compiled kernels
 
-// By their whole names: beside each of them may stand one with a key or a password in it, NVIDIA_API_KEY for one.
+// Matched by full name: a similarly named variable may hold a key or a password, for instance NVIDIA_API_KEY.
 constexpr const char* told_variables[] = {
     "CLOVER_DEVICE_TYPE",
     "CUDA_CACHE_DISABLE",
@@ -89,7 +89,7 @@ constexpr const char* told_variables[] = {
     "ZE_AFFINITY_MASK",
 };
 
-// What follows `name` and a separator in the first line that begins with it.
+// The text after `name` and a separator in the first line that begins with it.
 std::string value_in(const char* path, const std::string& name) {
   std::ifstream in(path);
   for (std::string line; std::getline(in, line);) {
@@ -112,14 +112,14 @@ bool is_plain(const fs::path& file) {
   return fs::symlink_status(file, error).type() == fs::file_type::regular;
 }
 
-// "HASH.bin", as the cache names what it keeps.
+// "HASH.bin", the cache's file names.
 bool is_entry(const fs::path& file) {
   const std::string stem = file.stem().string();
   return file.extension() == ".bin" && stem.size() == 64 &&
          stem.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
-// What this library has put there by itself and that is no code; the folder may hold whatever else, of others, too.
+// The files that this library itself wrote there and that are not code; the folder may hold other files.
 std::vector<fs::path> kept_files(const fs::path& folder) {
   std::vector<fs::path> out;
   std::error_code error;
@@ -137,13 +137,13 @@ std::vector<fs::path> kept_files(const fs::path& folder) {
   return out;
 }
 
-// (disk_cache.h says what an entry is made of.)
+// (disk_cache.h documents the format of an entry.)
 bool is_json_entry(const std::string& text) {
   const std::size_t payload = text.find('{');
   return text.starts_with("vsplat-kernel-") && payload < 100;
 }
 
-// Nothing where it is no JSON, or none that may be walked.
+// Empty if the text is no JSON, or is unsafe to walk.
 Json json_of(const std::string& text) {
   try {
     parse_json("a kept file", text);

@@ -1,4 +1,4 @@
-// What a report of a defect tells of the system that it happened on.
+// The facts about the system that a defect report contains.
 #pragma once
 #include <nlohmann/json.hpp>
 
@@ -6,10 +6,11 @@ namespace vsplat {
 
 // {"kernel", "machine", "system", "libc", "processor", "processors": their number, "memory": bytes}.
 nlohmann::ordered_json system_facts();
-// The variables that OpenCL, its drivers and this library go by, by name: those of a list, and no other.
+// The environment variables that affect OpenCL, its drivers and this library, by name: those of a fixed list, and no
+// others.
 nlohmann::ordered_json environment_facts();
-// What this library has put into the cache's folder in JSON: verdicts/, tuning/, measured peaks; not compiled kernels,
-// nor what else lies there. A list of {"file", "content"}; of one that is large or damaged {"file", "bytes"}.
+// The JSON files that this library has put into the cache folder: verdicts/, tuning/, measured peaks; no compiled
+// kernels and no other files. A list of {"file", "content"}; for a large or damaged file {"file", "bytes"}.
 nlohmann::ordered_json kept_facts();
 
 }  // namespace vsplat

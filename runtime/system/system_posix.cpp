@@ -1,4 +1,4 @@
-// The operating system by POSIX, and by what Linux and its C library have beyond that.
+// The operating system on POSIX, with extensions of Linux and its C library.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <gnu/libc-version.h>
@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 std::error_code last_error() { return {errno, std::generic_category()}; }
 
-// Of a call's 0 or -1.
+// The error of a call that returned 0 or -1.
 std::error_code error_of(int result) { return result == 0 ? std::error_code() : last_error(); }
 
 FileFacts facts_in(const struct stat& found) {
@@ -86,7 +86,8 @@ std::optional<FileFacts> facts_of(std::FILE* opened) {
 }
 
 Handle open_to_read(const fs::path& path, std::error_code& error, Links links) {
-  // Of a pipe this does not wait for a writer; of a regular file it means nothing. A terminal does not become ours.
+  // O_NONBLOCK: does not wait for a pipe's writer, and has no effect on a regular file. O_NOCTTY: a terminal does not
+  // become this process's.
   return opened(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | (links == Links::refused ? O_NOFOLLOW : 0), error);
 }
 
@@ -147,8 +148,8 @@ void remove_folder(const fs::path& path) { ::rmdir(path.c_str()); }
 bool lock(const Handle& folder) { return ::flock(folder.number(), LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK; }
 
 std::error_code try_new_file_in(const fs::path& folder) {
-  // access() says yes to root where the file system says no: try, with a file that has no name where that is possible,
-  // since this process may be killed at any moment.
+  // For root, access() grants what the file system refuses. So this creates a file, without a name if possible, since
+  // the process may be killed at any moment.
   std::error_code error;
   if (opened(folder, O_TMPFILE | O_WRONLY, error, 0600).good()) return {};
   std::string probe = (folder / ".vsplat-XXXXXX").string();
@@ -191,7 +192,7 @@ bool is_ignored(int signal) {
   return ::sigaction(signal, nullptr, &now) == 0 && now.sa_handler == SIG_IGN;
 }
 
-// As the signal does where nothing catches it.
+// Ends the process as an uncaught signal does.
 void end_by(int signal) {
   std::signal(signal, SIG_DFL);
   sigset_t one;
@@ -213,12 +214,12 @@ void wait_for_stops(sigset_t stops, bool hang_up_ignored, void (*handler)(int)) 
 
 }  // namespace
 
-// No thread takes such a signal but the one that waits for it here. LLVM, which PoCL compiles with, puts its own
-// handlers in place of ours and of SIG_IGN while it compiles, and these remove the files that it is writing. Programs
-// that a driver starts (a linker, say) inherit the mask, and so a terminal's Ctrl-C does not end them under it.
+// All threads block these signals; only one thread waits for them. LLVM, which PoCL compiles with, replaces our
+// handlers and SIG_IGN while it compiles, and its handlers remove the files that it is writing. Programs that a driver
+// starts (a linker, for instance) inherit the mask, so a terminal's Ctrl-C does not end them.
 void catch_stops(void (*handler)(int)) {
-  static const bool hang_up_ignored = is_ignored(SIGHUP);  // by nohup
-  static pid_t waits = 0;                                  // the process that has such a thread
+  static const bool hang_up_ignored = is_ignored(SIGHUP);  // set by nohup
+  static pid_t waits = 0;                                  // the process that has the waiting thread
   stops_end = false;
   if (std::exchange(waits, ::getpid()) == ::getpid()) return;
   sigset_t stops;
@@ -238,7 +239,7 @@ std::array<char, 8192> last_words{};
 std::atomic<std::size_t> last_words_size = 0;
 
 void on_fault(int signal) {
-  // (What cannot be written is not told.)
+  // (A failed write is ignored.)
   [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, last_words.data(), last_words_size);
   std::signal(signal, SIG_DFL);
   std::raise(signal);
@@ -289,7 +290,7 @@ std::string first_line(const std::string& path) {
   return line;
 }
 
-// "" and "max" are no number.
+// "" and "max" count as no number.
 std::size_t number_in(const std::string& path) {
   std::istringstream in(first_line(path));
   std::uint64_t value = 0;
@@ -311,7 +312,7 @@ std::size_t less(std::size_t most, std::size_t used) {
   return most == kUnknownMemory || used == kUnknownMemory ? kUnknownMemory : most - std::min(most, used);
 }
 
-// The least that this process's control group (version 2) and those above it leave.
+// The smallest amount of memory that this process's control group (version 2) and its parents leave.
 std::size_t left_by_control_groups() {
   constexpr char prefix[] = "0::";
   std::string group;

@@ -1,5 +1,5 @@
-// Programs that are started, and how they end. What a program gets is what is said here: of what this process has open
-// nothing else, no signals that are held back, a group of its own, so that what a terminal sends reaches us alone.
+// Starts programs and reports how they end. A program inherits only what is stated here: no other open files of this
+// process and no blocked signals. It gets its own process group, so that a terminal's signals reach only this process.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -12,55 +12,61 @@
 namespace vsplat::sys {
 
 // ----------------------------------------------------------------------------------------------------------------
-// one that is talked to
+// a program to talk to
 
-// With one end of a channel (system_channel.h) as its third descriptor, the standard three to and from nowhere, and our
-// variables but those whose names begin with `hidden` ("": all). -> its number; below 0 on an error.
+// Starts a program with one end of a channel (system_channel.h) as its third descriptor, its three standard streams
+// connected to nothing, and our environment without variables whose names begin with `hidden` ("": all of it). Returns
+// its process number; below 0 on an error.
 int start_program(const std::string& program, const std::vector<std::string>& arguments, const Handle& channel,
                   const std::string& hidden, std::error_code& error);
 
 enum class Wait { no, until_it_has_ended };
 struct ProgramEnd {
-  enum class State { runs, ended, unknown } state = State::unknown;  // unknown: it is none of ours, or no longer
-  int signal = 0;                                                    // that ended it
-  int exit_code = -1;                                                // -1 where it did not end by itself
-  bool fault = false;                                                // by such a signal as comes of its own doing
-  bool out_of_time = false;                                          // by such a signal
+  enum class State {
+    runs,
+    ended,
+    unknown
+  } state = State::unknown;  // unknown: not a child of this process, or no
+                             // longer one
+  int signal = 0;            // the signal that ended it
+  int exit_code = -1;        // -1 if it did not end by itself
+  bool fault = false;        // ended by a signal of a fault of its own
+  bool out_of_time = false;  // ended by a signal of a time limit
 };
-// Once it has ended its number is no longer its own.
+// After a report that the program has ended, its number may belong to another process.
 ProgramEnd end_of(int program, Wait wait);
 void kill_program(int program);
-// Asks it to end, as a terminal's Ctrl-C does.
+// Asks the program to end, as a terminal's Ctrl-C does.
 void stop_program(int program);
-// Bytes that it has in memory; 0 where that is not known.
+// Bytes that it has in memory; 0 if unknown.
 std::uint64_t memory_of(int program);
 std::string signal_name(int signal);
 
 // ----------------------------------------------------------------------------------------------------------------
-// this one again
+// a copy of this process
 
-// From here on there are two of this process: 0 in the new one, which is killed where this one ends before it, and in
-// this one its number; below 0 on an error. Only in a process in which nothing else runs but what waits for signals
-// (catch_stops() in system.h, which is to be called again in the new one).
+// Forks this process. Returns 0 in the new process, which is killed if this one ends first, its number in this one, and
+// below 0 on an error. Allowed only while no other thread runs but the one that waits for signals (catch_stops() in
+// system.h, which must be called again in the new process).
 int split_process(std::error_code& error);
 
 // ----------------------------------------------------------------------------------------------------------------
-// one that is run for what it tells, by watched_process.h
+// a program that runs for its output, through watched_process.h
 
 struct Watch {
-  std::size_t most_told = 0, most_said = 0;  // bytes that are kept: the first ones, and the last ones
+  std::size_t most_told = 0, most_said = 0;  // bytes kept: the first ones of `told`, and the last ones of `said`
   double seconds = 0;
 };
 struct WatchedEnd {
-  std::string told;       // of its third descriptor
-  std::string said;       // of its standard output and error
-  int exit_code = -1;     // -1 where it did not end by itself, or nobody knows how
-  int signal = 0;         // that ended it, but for ours
-  bool too_late = false;  // it was ended after the time
-  bool unknown = false;   // it ended, and how has been taken from us: where SIGCHLD is ignored, by a program's handler
+  std::string told;       // output to its third descriptor
+  std::string said;       // its standard output and error
+  int exit_code = -1;     // -1 if it did not end by itself, or if it is unknown how
+  int signal = 0;         // the signal that ended it, unless we sent it
+  bool too_late = false;  // it was killed after the time limit
+  bool unknown = false;   // its exit status was lost: SIGCHLD is ignored, or a handler of the program took it
 };
-// With standard input from nowhere; all of its group is ended after that time. Of the errors one where it was not
-// started: for want of a pipe to hear from it, or by itself.
+// Runs a program without standard input, and kills its whole process group after the time limit. At most one of the
+// errors is set, if it was not started: `no_pipe` if there is no pipe for its output, else `not_started`.
 WatchedEnd watch_program(const std::string& program, const std::vector<std::string>& arguments, const Watch& how,
                          std::error_code& no_pipe, std::error_code& not_started);
 

@@ -1,4 +1,4 @@
-// Programs by POSIX, started by posix_spawn: safe in a process with threads.
+// Programs on POSIX, started with posix_spawn, which is safe in a process with threads.
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -27,8 +27,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int third_descriptor = 3;
 
-// What posix_spawn is told, freed at the end. Signals as in a fresh program; of its own group, so that what the
-// terminal sends reaches us, and we end it.
+// Attributes for posix_spawn, freed on destruction. The program has default signals and its own process group, so that
+// a terminal's signals reach only us, and we end it.
 struct Spawning {
   Spawning() {
     ::posix_spawn_file_actions_init(&files);
@@ -59,7 +59,7 @@ struct Spawning {
     ::posix_spawn_file_actions_addclosefrom_np(&files, third_descriptor + 1);
 #endif
   }
-  // `variables` end with a null.
+  // A null ends `variables`.
   int start(const std::string& program, const std::vector<std::string>& arguments, char* const* variables,
             std::error_code& error) const {
     std::vector<char*> words = {const_cast<char*>(program.c_str())};
@@ -91,13 +91,13 @@ std::error_code open_pipe(Pipe& out) {
   int ends[2] = {-1, -1};
   if (::pipe2(ends, O_CLOEXEC) != 0) return {errno, std::generic_category()};
   out.from = Handle(ends[0]), out.to = Handle(ends[1]);
-  // Beyond what the program's descriptors are set to, so that none of them is in the way of another.
+  // Numbers above the program's descriptors, so that they cannot collide.
   for (Handle* end : {&out.from, &out.to})
     if (Handle above(::fcntl(end->number(), F_DUPFD_CLOEXEC, 10)); above.good()) *end = std::move(above);
   return {};
 }
 
-// Takes what is there. -> false at the end.
+// Reads what is available. Returns false at the end.
 bool take(const Handle& from, std::string& into, bool keep_end, std::size_t most) {
   char piece[4096];
   const ssize_t got = ::read(from.number(), piece, sizeof piece);
@@ -114,8 +114,9 @@ int milliseconds_to(Clock::time_point end) {
   return left > 0 ? static_cast<int>(left) + 1 : 0;
 }
 
-// Until the program has ended or the time has. Descriptors may stay open in what a driver has started: the end of the
-// program itself counts. It is left as it ended, so that its number stays its own. Says whether it goes on, or is gone.
+// Reads until the program has ended or the time is up. Programs that a driver started may keep descriptors open, so the
+// end of the program itself counts. Its exit status is not collected, so that its number stays reserved. Returns
+// whether the program still runs, or is gone.
 void listen(const Handle& told, const Handle& said, int process, Clock::time_point end, const Watch& how,
             WatchedEnd& out) {
   bool told_open = true, said_open = true, ended = false;
@@ -170,7 +171,7 @@ void kill_program(int program) { ::kill(program, SIGKILL); }
 void stop_program(int program) { ::kill(program, SIGTERM); }
 
 int split_process(std::error_code& error) {
-  std::signal(SIGCHLD, SIG_DFL);  // who ignores it never hears how one ended
+  std::signal(SIGCHLD, SIG_DFL);  // a process that ignores it never learns how one ended
   const pid_t before = ::getpid();
   const pid_t out = ::fork();
   error = {out < 0 ? errno : 0, std::generic_category()};
@@ -214,8 +215,8 @@ WatchedEnd watch_program(const std::string& program, const std::vector<std::stri
   const auto end =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(how.seconds));
   listen(told.from, said.from, process, end, how, out);
-  if (out.unknown) return out;  // its number may be somebody else's by now
-  ::kill(-process, SIGKILL);    // and what it may have started
+  if (out.unknown) return out;  // its number may belong to another process by now
+  ::kill(-process, SIGKILL);    // including processes that it may have started
   int status = 0;
   const pid_t got = wait_for_end(process, status, 0);
   if (out.too_late) return out;

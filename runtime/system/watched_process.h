@@ -1,4 +1,4 @@
-// A program that is run for what it tells, and that may crash or never end.
+// Runs a program for its output; the program may crash or hang.
 #pragma once
 #include <string>
 #include <vector>
@@ -9,8 +9,8 @@ namespace vsplat {
 
 using sys::WatchedEnd;
 
-// Of its third descriptor the first mebibyte is kept, of its standard output and error the end. Error(internal) where
-// it cannot be started.
+// Keeps the first mebibyte of its third descriptor's output, and the end of its standard output and error.
+// Error(internal) if it cannot be started.
 WatchedEnd run_watched(const std::string& program, const std::vector<std::string>& arguments, double seconds);
 
 }  // namespace vsplat

@@ -22,7 +22,7 @@ std::string table_named(const std::string& hash) {
                       : "the table of tuned parameters " + printable(hash.substr(0, 12));
 }
 
-// Of what a table chooses, the first that a self-test has found wrong; empty where nothing is.
+// The first choice of a table that a self-test has found wrong; empty if there is none.
 std::string wrong_in(const std::string& path, const DeviceInfo& device) {
   const std::vector<std::string> refused = refused_choices(device);
   try {
@@ -31,13 +31,13 @@ std::string wrong_in(const std::string& path, const DeviceInfo& device) {
       const std::string name = name_of_choice(shape, values);
       if (std::find(refused.begin(), refused.end(), name) != refused.end()) return name;
     }
-  } catch (const Error& e) {  // its reader will say so
+  } catch (const Error& e) {  // the table's reader reports it
     verbose("{}", e.what());
   }
   return "";
 }
 
-// What to do to run with a table.
+// How to run with a table, as text.
 std::string way_to(const std::string& hash, const DeviceInfo& device) {
   const std::string go_on = "To go on with what it was begun with, set VSPLAT_TUNING";
   if (hash.empty()) return go_on + "=off";

@@ -17,8 +17,7 @@
 
 namespace vsplat {
 
-// Kernels that somebody works at are nobody else's business: what is found of them is kept in a folder that is named
-// for it, or not at all.
+// While kernels are being edited (VSPLAT_KERNEL_DIR), findings are stored only in an explicitly named cache folder.
 bool keeps_findings() { return environment("VSPLAT_KERNEL_DIR").empty() || !environment("VSPLAT_CACHE_DIR").empty(); }
 
 std::string today() {

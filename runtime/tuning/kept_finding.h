@@ -1,5 +1,5 @@
-// What was found of a device with its driver and these kernels, a self-test's verdict (verdict.h) among it, kept in the
-// cache's folder (disk_cache.h): a file of its own for each subject, which nobody else may write to.
+// Findings about a device with its driver and these kernels, for instance a self-test's verdict (verdict.h), stored in
+// the cache folder (disk_cache.h): one file for each subject, which other users may not write to.
 #pragma once
 #include <optional>
 #include <string>
@@ -8,14 +8,15 @@
 
 namespace vsplat {
 
-// False where kernels at hand have no folder of their own to keep it in.
+// False if kernels come from a folder (VSPLAT_KERNEL_DIR) and no cache folder is set explicitly.
 bool keeps_findings();
-// Where it is kept, in a folder of the cache's; empty: nowhere. `subject` names what it is of, and its format.
+// The file of a finding, in a folder of the cache; empty if it is not stored. `subject` names the kind of finding and
+// its format.
 std::string kept_finding_path(const DeviceInfo& device, const std::string& subject,
                               const std::string& folder = "findings");
-// None where there is no such file; nothing of one that is too large. Error(file) where others may write to it.
+// Unset if there is no such file; empty text if it is too large. Error(file) if others may write to it.
 std::optional<std::string> kept_finding(const std::string& path);
-// Whole, or an Error(file).
+// Writes the whole file, or throws Error(file).
 void keep_finding(const std::string& path, const std::string& text);
 
 // "2026-11-23"

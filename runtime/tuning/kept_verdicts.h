@@ -1,4 +1,4 @@
-// What self-tests have left in the cache's folder, of whatever device: for who looks at devices and opens none.
+// The self-test verdicts in the cache folder, for all devices: for callers that examine devices without opening them.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,11 +8,11 @@
 namespace vsplat {
 
 struct KeptVerdict {
-  std::string device, driver;  // as the driver tells them
+  std::string device, driver;  // as the driver reports them
   Verdict verdict;
 };
 
-// Of these kernels, with what VSPLAT_LIMITS says now.
+// The verdicts on the current kernels and the current value of VSPLAT_LIMITS.
 std::vector<KeptVerdict> kept_verdicts();
 
 }  // namespace vsplat

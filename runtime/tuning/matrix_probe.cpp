@@ -20,7 +20,7 @@ struct ProbeSizes {
   long m, n, k;
 };
 
-// Numbers that bf16 has: of up to 8 bits, over several powers of two, or small integers.
+// Numbers that bf16 represents exactly: of up to 8 bits, over several powers of two, or small integers.
 std::vector<float> probe_numbers(long count, unsigned seed, bool whole) {
   std::mt19937 engine(seed);
   std::vector<float> out;
@@ -32,8 +32,8 @@ std::vector<float> probe_numbers(long count, unsigned seed, bool whole) {
   return out;
 }
 
-// Sums of whole numbers are exact; those of others within K roundings, of which units may make coarser ones than a
-// float's. Two runs give the same bits.
+// Sums of integers must be exact; other sums must be within K roundings, which units may make coarser than a float's.
+// Two runs must give the same bits.
 std::string wrong_with(Context& ctx, const ProbeSizes& s, bool whole) {
   const auto a = probe_numbers(s.m * s.k, 1, whole), b = probe_numbers(s.k * s.n, 2, whole);
   MatrixProducts p;
@@ -62,15 +62,15 @@ std::string wrong_with(Context& ctx, const ProbeSizes& s, bool whole) {
 
 std::string subject_of(MatrixUnit unit) { return fmt::format("matrix units 1 {}", name_of(unit)); }
 
-// What is kept: empty text of a unit that is right.
+// The stored result: empty text if the unit is right.
 std::optional<std::string> remembered(const DeviceInfo& device, MatrixUnit unit) {
   if (environment("VSPLAT_SELFTEST") == "ignore") return std::nullopt;
   try {
     const auto json = nlohmann::json::parse(kept_finding(kept_finding_path(device, subject_of(unit))).value_or(""));
     return json.at("wrong").get<std::string>();
-  } catch (const nlohmann::json::exception&) {  // not there, or of another version
+  } catch (const nlohmann::json::exception&) {  // missing, or of another version
     return std::nullopt;
-  } catch (const Error& e) {  // what cannot be read says nothing
+  } catch (const Error& e) {  // an unreadable file counts as no result
     verbose("{}", e.what());
     return std::nullopt;
   }
@@ -83,12 +83,12 @@ void remember_unit(const DeviceInfo& device, MatrixUnit unit, const std::string&
   if (path.empty()) return;
   try {
     keep_finding(path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-  } catch (const Error& e) {  // it is tried again, then
+  } catch (const Error& e) {  // the trial is repeated next time
     warn("{}", e.what());
   }
 }
 
-// In a context of its own: a driver may give one up that has run what the device cannot.
+// Runs in a separate context: a driver may discard a context that ran an unsupported instruction.
 std::string tried(const DeviceInfo& device, MatrixUnit unit) {
   remember_unit(device, unit, "their test began and has not come to its end");
   std::string wrong;

@@ -1,8 +1,8 @@
-// Whether a device's matrix units compute rightly. None is used that has not been tried on the device itself: its
-// kernel compiled, and its products held against sums in double at odd sizes. What came of it is kept by device, driver
-// and kernels, as a self-test's verdict is (kept_finding.h), and VSPLAT_SELFTEST=ignore does not look at that either.
-// VSPLAT_MATRIX names the units to try, with commas between them, in place of those that the device's extensions tell
-// of; `emulated` tries none.
+// Tests whether a device's matrix units compute correctly. Units are used only after a trial on the device itself:
+// their kernel is compiled, and its products are compared with sums in double at odd sizes. The result is stored by
+// device, driver and kernels, like a self-test's verdict (kept_finding.h); VSPLAT_SELFTEST=ignore ignores it, too.
+// VSPLAT_MATRIX lists the units to try, separated by commas, instead of those that the device's extensions announce;
+// `emulated` tries none.
 #pragma once
 #include <string>
 
@@ -10,11 +10,11 @@
 
 namespace vsplat {
 
-// Empty where the context's units, whatever they are, compute rightly; else what is wrong. The kernel that does not
-// compile is an Error.
+// Empty if the context's units compute correctly; else what is wrong. Throws an Error if their kernel does not compile.
 std::string wrong_with_matrix_unit(Context& ctx);
 
-// The first of the device's units that was tried and is right, or is tried now; the emulated ones where there is none.
+// The first of the device's units that has passed the trial, which runs now if it has not run yet; the emulated ones if
+// none passes.
 MatrixUnit choose_matrix_unit(const DeviceInfo& device);
 
 }  // namespace vsplat

@@ -1,9 +1,10 @@
-// What kernels are built and launched with where it is a matter of speed: named parameters with their allowed values,
-// declared here alone (tuning.cpp), looked up by operation and class of shape through the Context.
+// Tuned parameters: parameters of kernels that only affect speed, with their names and allowed values. They are declared
+// in one place (tuning.cpp) and looked up through the Context, by operation and class of shape.
 //   const TunedValues set = ctx.tuned({TunedOp::gemm, {m, n, k, taps}});
 //   ... set.at("tile") ...
-// The first allowed value is the default, what is chosen by hand. Results are right with each of them, and with one set
-// the same bits each time; which of them is fastest on a device `tune` finds out (model/diagnose/tune/), and keeps in a table.
+// The first allowed value is the default, chosen by hand. Results are correct with every value, and one set of values
+// gives the same bits each time. `tune` (model/diagnose/tune/) finds the fastest values for a device and stores them in a
+// table.
 #pragma once
 #include <array>
 #include <compare>
@@ -23,7 +24,7 @@ enum class TunedOp : int {
   gemm_transposed,
   conv3d,           // the direct sum
   conv3d_winograd,  // Winograd's method
-  conv3d_method,    // which of both
+  conv3d_method,    // the choice between both
   conv3d_weights,   // the gradient by weights, by the direct sum
   attention_forward,
   attention_backward,
@@ -35,16 +36,16 @@ constexpr int kTunedOps = 10;
 struct TunedParameter {
   const char* name;
   const char* what;
-  std::vector<long> values;  // allowed; the first is the default
+  std::vector<long> values;  // allowed values; the first is the default
 };
 
-// Of a shape. Where it is rounded, sizes up to the same power of two are of one class.
+// A size of a shape. A rounded size belongs to the class of the next power of two.
 struct TunedSize {
   const char* name;
   bool rounded = false;
 };
 
-// An operation of one flavour; at the most four sizes, and as many parameters.
+// An operation of one flavour, with at most four sizes and four parameters.
 struct TunedDeclaration {
   TunedOp op;
   const char* name;
@@ -54,17 +55,17 @@ struct TunedDeclaration {
 };
 
 const std::vector<TunedDeclaration>& tuned_declarations();
-// None where the flavour has nothing to tune in it.
+// Null if the flavour has nothing to tune in that operation.
 const TunedDeclaration* tuned_declaration(TunedOp op, Flavour flavour);
 const TunedDeclaration* tuned_declaration(const std::string& name, Flavour flavour);
 
-// An operation at a size, in the order of its declaration.
+// An operation with its sizes, in the order of its declaration.
 struct TunedShape {
   TunedOp op{};
   std::array<long, 4> sizes{};
   auto operator<=>(const TunedShape&) const = default;  // NOLINT(modernize-use-nullptr): it has none
 };
-// Its class.
+// The class of a shape.
 TunedShape class_of(const TunedDeclaration& of, const TunedShape& shape);
 // "gemm m=4096 n=768 k=3072 taps=1"
 std::string text_of(const TunedDeclaration& of, const TunedShape& shape);
@@ -91,21 +92,21 @@ struct NotedShape {
 };
 using NotedShapes = std::map<TunedShape, NotedShape>;
 
-// What is chosen in place of the defaults.
+// Choices that replace the defaults.
 class Tuning {
  public:
-  // What an operation is run with. Without a declaration: nothing to ask for.
+  // The values that an operation runs with; without a declaration there are none to ask for.
   TunedValues values(Flavour flavour, const TunedShape& shape) const;
-  // Of that class from now on.
+  // Sets the values of that shape's class.
   void set(const TunedShape& shape, const TunedValues& values);
-  // Takes out those choices, by their names. Whether the default runs now, of that flavour, in place of one of them.
+  // Removes the choices with those names. Returns whether this puts the default in place of one of that flavour.
   bool refuse(Flavour flavour, const std::vector<std::string>& names);
-  // Whatever the shape: for trials, and tests.
+  // Sets the values for all shapes: for trials and tests.
   void force(TunedOp op, const TunedValues& values);
 
   // By class.
   const std::map<TunedShape, TunedValues>& chosen() const { return chosen_; }
-  // SHA-256 of all that is chosen; empty where nothing is: one hash, one set of bits.
+  // SHA-256 of all choices; empty if there are none. Equal hashes mean equal bits in results.
   std::string hash() const;
 
  private:
@@ -113,7 +114,7 @@ class Tuning {
   std::array<std::optional<TunedValues>, kTunedOps> forced_;
 };
 
-// What a table is of: it holds for that device, driver and these kernels alone.
+// The subject of a table: it is valid only for that device, driver and these kernels.
 struct TuningSubject {
   std::string device, driver, platform, flavour;
   std::string kernels;  // SHA-256 of the kernels' sources and of the declarations
@@ -121,38 +122,39 @@ struct TuningSubject {
 };
 TuningSubject tuning_subject(const DeviceInfo& device, Flavour flavour);
 
-// What came of trying a set of values.
+// The result of trying a set of values.
 struct TunedTrial {
   TunedShape shape;  // a class
   TunedValues values;
-  std::string verdict;  // "default", "best", "slower", "wrong", "failed"; "right": where the default is not, unraced
-  double seconds = 0;   // of one run; 0 where it was not timed
-  double against = 0;   // what the best so far took beside it
-  double error = 0;     // of the largest value; infinite where something was no number
-  std::string why;      // of what failed
+  std::string verdict;  // "default", "best", "slower", "wrong", "failed"; "right": correct where the default is not,
+                        // and not raced
+  double seconds = 0;   // of one run; 0 if not timed
+  double against = 0;   // seconds of the best values so far, timed beside it
+  double error = 0;     // relative to the largest value; infinite if an output was not a finite number
+  std::string why;      // why it failed
 };
 
-// A table, and how it came about.
+// A table, and how it was made.
 struct TuningTable {
   TuningSubject of;
-  std::string measured;  // the day
+  std::string measured;  // date
   Tuning choice;
   std::vector<TunedTrial> trials;
 };
 
-// Where the table of a device lies: in the cache's folder. Empty where there is no cache.
+// The file of a device's table, in the cache folder. Empty without a cache.
 std::string tuning_path(const TuningSubject& of);
-// Error(file) where it cannot be read, Error(format) with path and field where it is no table, or one of values that
-// are not declared.
+// Error(file) if it cannot be read; Error(format), with path and field, if it is no table or has values that are not
+// declared.
 TuningTable read_tuning(const std::string& path);
-// Whole or not at all. Error(file).
+// Writes the whole table or nothing. Error(file).
 void write_tuning(const std::string& path, const TuningTable& table);
-// A copy of a table that is about to be replaced is kept beside it, by its hash; where that would be.
+// Before a table is replaced, a copy of it is stored beside it, named by its hash: the path of that copy.
 std::string kept_tuning_path(const std::string& hash);
 
-// What a device's contexts run with: $VSPLAT_TUNING, which is a table's path or "off", else the table in the cache's
-// folder, where there is one. Error(usage) where the named one is another device's, driver's or other kernels'; a
-// damaged one of the cache is left out, with a warning.
+// The tuning of a device's contexts: $VSPLAT_TUNING, which is a table's path or "off", else the table in the cache
+// folder, if there is one. Error(usage) if the named table is for another device, driver or other kernels; a damaged
+// table in the cache is ignored, with a warning.
 std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavour);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// The table of a device as a file.
+// Reads and writes a device's table.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -30,9 +30,9 @@ namespace fs = std::filesystem;
 constexpr const char* kTableFormat = "vsplat-tuning";
 constexpr int kTableVersion = 1;
 constexpr std::uintmax_t kLargestTable = 64 << 20;
-constexpr double kNoNumber = 1e30;  // an error that JSON has no number for
+constexpr double kNoNumber = 1e30;  // stands for an error that JSON cannot represent
 
-// The kernels' sources, and what is declared.
+// Hash of the kernels' sources and of the declarations.
 std::string hash_of_kernels() {
   std::vector<std::string> parts;
   for (const std::string& name : kernel_file_names()) {
@@ -64,7 +64,7 @@ Json set_of(const TunedValues& values) {
   return out;
 }
 
-// A reader of one file, which names the field that is wrong.
+// Reads one file; its errors name the wrong field.
 class Reader {
  public:
   explicit Reader(const std::string& path) : path_(path) {}
@@ -130,7 +130,7 @@ Line line_of(const Reader& reader, const Json& in, const std::string& field, Fla
   return out;
 }
 
-// Others could make us run what they choose: parameters alone, but bits are bits.
+// Others could choose what this process runs: only parameters, but they change the bits of results.
 bool ours_alone(const std::string& path) {
   const std::optional<sys::FileFacts> found = sys::facts_of_entry(path);
   return found && found->is_file() && found->ours_alone;
@@ -243,7 +243,7 @@ void write_tuning(const std::string& path, const TuningTable& table) {
 
 namespace {
 
-// That VSPLAT_TUNING names.
+// The table that VSPLAT_TUNING names.
 TuningTable named_tuning(const std::string& path) {
   try {
     return read_tuning(path);
@@ -268,7 +268,7 @@ std::shared_ptr<const Tuning> tuning_for(const DeviceInfo& device, Flavour flavo
            asked, text_of(table.of), text_of(here));
     return std::make_shared<const Tuning>(table.choice);
   }
-  // Most devices have none: then nothing is hashed.
+  // Most devices have no table; then nothing needs to be hashed.
   const std::string folder = folder_of_tables();
   std::error_code error;
   if (folder.empty() || !fs::is_directory(folder, error)) return none;

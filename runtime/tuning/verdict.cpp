@@ -30,13 +30,13 @@ std::string hash_of_all() {
   return hash.hex();
 }
 
-// In a folder of their own, for `report` and whoever looks.
+// Verdicts have a folder of their own, for `report` and for people.
 std::string verdict_path(const DeviceInfo& device) { return kept_finding_path(device, "verdict 1", "verdicts"); }
 
-// A device is asked about more than once.
+// Warns once: a device is queried several times.
 void warn_once(const std::string& text) {
   static std::mutex mutex;
-  static auto& told = *new std::set<std::string>;  // jobs may run until the process ends
+  static auto& told = *new std::set<std::string>;  // never destroyed: jobs may run until the process ends
   const std::lock_guard lock(mutex);
   if (told.insert(text).second) warn("{}", text);
 }
@@ -92,7 +92,9 @@ const char* name_of(Fitness fitness) {
 }
 
 std::string kernels_hash() {
-  if (!environment("VSPLAT_KERNEL_DIR").empty()) return hash_of_all();  // which may change while we run
+  if (!environment("VSPLAT_KERNEL_DIR").empty())
+    return hash_of_all();  // kernels that may change while the process
+                           // runs
   static const auto& embedded = *new std::string(hash_of_all());
   return embedded;
 }
@@ -102,9 +104,9 @@ std::optional<Verdict> remembered_verdict(const DeviceInfo& device) {
     const nlohmann::json json = kept_verdict(verdict_path(device));
     if (json.is_null()) return std::nullopt;
     return verdict_in(json);
-  } catch (const nlohmann::json::exception&) {  // of another version, then
+  } catch (const nlohmann::json::exception&) {  // written by another version
     return std::nullopt;
-  } catch (const Error& e) {  // what cannot be read says nothing
+  } catch (const Error& e) {  // an unreadable file counts as no verdict
     warn_once(fmt::format("a self-test's verdict on {} is not taken: {}; vsplat_selftest makes it anew", device.name,
                           e.what()));
     return std::nullopt;
@@ -126,7 +128,7 @@ std::vector<KeptVerdict> kept_verdicts() {
       const nlohmann::json json = kept_verdict(path);
       if (json.at("kernels") == kernels_hash() && json.value("limits", "") == environment("VSPLAT_LIMITS"))
         out.push_back({json.at("device"), json.at("driver"), verdict_in(json)});
-    } catch (const std::exception& e) {  // whose it is nobody knows; who opens its device is told
+    } catch (const std::exception& e) {  // unreadable, so its device is unknown; reported when that device is opened
       verbose("{}: {}", path, e.what());
     }
   }
