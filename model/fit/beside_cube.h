@@ -1,4 +1,4 @@
-// What pictures show beside the object's cube, where there is nothing that a fit may imitate it with.
+// Measures what pictures show outside the object's cube, where a fit has no Gaussians to reproduce it with.
 #pragma once
 #include <string>
 #include <vector>
@@ -7,11 +7,12 @@
 
 namespace vsplat {
 
-// The share of a picture's pixels that show something, not white, beside the square of the cube [-0.5,0.5]^3. 0 of a
-// picture that says what the object is, and where a corner of the cube is behind the camera.
+// The share of a picture's pixels outside the projected cube [-0.5,0.5]^3 that are not white. 0 if the picture is
+// masked, or if a corner of the cube is behind the camera.
 double shown_beside_cube(const FitPicture& picture);
 
-// What to warn of, or "": `shares` of the pictures that were looked at, `unmasked` of all `pictures`.
+// Returns the text of a warning, or "" if no warning is due. `shares`: of the pictures that were measured; `unmasked`:
+// how many of all `pictures` have no mask.
 std::string doubts_about_cube(const std::vector<double>& shares, std::size_t unmasked, std::size_t pictures);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// A picture that a scene is fitted to, or judged by.
+// A picture that a scene is fitted to, or is measured on.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -13,16 +13,16 @@ class Context;
 
 struct FitPicture {
   std::string name;
-  Camera camera;                    // W x H, pinhole, in the frame that is fitted in
+  Camera camera;                    // W x H, pinhole, in the frame of the fit
   std::vector<std::uint8_t> rgba;   // [H,W,4]: colour premultiplied by alpha, alpha
-  std::vector<std::uint8_t> known;  // [H,W]: 0 where nothing is known of the pixel; empty: all is
-  bool masked = false;              // whether alpha says what is the object; else it is 1 wherever the pixel is known
+  std::vector<std::uint8_t> known;  // [H,W]: the mask, 0 where a pixel is unknown; empty: every pixel is known
+  bool masked = false;              // whether alpha marks the object; otherwise alpha is 1 at every known pixel
 };
 
-// The same on the device.
+// A FitPicture in device memory.
 struct DeviceFitPicture {
   Camera camera;
-  Tensor given, known;  // u8 [H,W,4]; u8 [H,W] or none
+  Tensor given, known;  // u8 [H,W,4]; u8 [H,W] or empty
   bool masked = false;
 };
 

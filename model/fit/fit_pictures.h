@@ -1,4 +1,4 @@
-// The photographs that a scene is fitted to, decoded once and kept while they fit under a cap.
+// The photographs that a scene is fitted to. Each is decoded once and cached while the cache stays below a limit.
 #pragma once
 #include <cstdint>
 #include <future>
@@ -15,18 +15,20 @@ namespace vsplat {
 
 class FitPictures {
  public:
-  // In the frame that `to_world` leads out of; a picture's longer side is at most `longest` pixels (0: as it is).
-  // `cap`: bytes of host memory that decoded pictures may take together, but for the one that is asked for.
+  // `to_world` maps the frame of the fit to the world. A picture's longer side is at most `longest` pixels (0: the
+  // picture's own size). `cap`: bytes of host memory for all cached pictures; the picture that was asked for last is
+  // cached even above it.
   FitPictures(const Photographs& photographs, const Similarity& to_world, int longest, std::size_t cap);
 
-  // Decodes where it must. Errors as LoadedPhotograph's; Error(input) where a pixel's value is no number.
+  // Decodes the picture unless it is cached. Errors as those of LoadedPhotograph; Error(input) if a pixel's value is
+  // not a number.
   std::shared_ptr<const FitPicture> at(int view);
-  // Begins to decode a view that at() will be asked for next, beside what the caller does; what fails is at()'s error.
-  // Only where pictures are in files: what makes them otherwise may be bound to the caller's thread.
+  // Starts to decode, in the background, the view that the caller will pass to at() next. at() reports the errors. Does
+  // nothing unless the pictures are files: another source may be bound to the caller's thread.
   void read_ahead(int view);
-  void forget(int view);  // which is decoded again where it is asked for
+  void forget(int view);  // drops the view from the cache
 
-  // A camera of the size of the largest of these views' pictures, of which the headers alone are read.
+  // A camera with the size of the largest of these views' pictures. Reads only the pictures' headers.
   Camera largest(const std::vector<int>& views) const;
 
  private:
@@ -41,7 +43,7 @@ class FitPictures {
   int longest_;
   std::size_t cap_, bytes_ = 0;
   std::map<int, Kept> kept_;
-  std::list<int> ages_;  // the last used first
+  std::list<int> ages_;  // the most recently used first
   int ahead_view_ = -1;
   std::future<std::shared_ptr<const FitPicture>> ahead_;
 };

@@ -1,19 +1,19 @@
-// What memory a fit takes, found by running its first step on a plan.
+// The memory that a fit takes, found by planning its first step.
 #pragma once
 #include "model/fit/fitter.h"
 
 namespace vsplat {
 
 struct FitMemory {
-  std::size_t peak = 0;  // bytes, with what is there already
+  std::size_t peak = 0;  // bytes, including what is allocated already
   std::vector<StageMemory> stages;
 };
 
-// `start` grows to options.max_gaussians; each is taken to touch eight tiles of a picture.
+// Assumes that `start` grows to options.max_gaussians, and that each Gaussian touches eight tiles of a picture.
 FitMemory plan_fit(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                    const Camera& camera);
 
-// Bytes that are left beside it. Error(memory) with both figures where that is more than may be used.
+// Bytes of device memory left beside the fit. Error(memory) with both figures if the fit needs more than may be used.
 std::size_t spare_room(const Context& ctx, const Gaussians& start, float near, const FitOptions& options,
                        const Camera& camera);
 

@@ -6,8 +6,8 @@
 namespace vsplat {
 namespace {
 
-// No growth, and rates by the step alone, since the number of steps is yet to be found. Leaving Gaussians out helps a
-// little.
+// Without growth. The learning rates do not depend on the number of steps, which is not known yet. Dropping Gaussians
+// helps a little.
 FitRecipe for_few() {
   FitRecipe out;
   out.steps = 200;
@@ -17,9 +17,9 @@ FitRecipe for_few() {
   return out;
 }
 
-// 3DGS-MCMC's regularisers, relocation and growth; its noise cost 0.8 dB on photographs. As 3DGS has it, a fifth of
-// the loss is by the similarity, which serves PSNR, too, where Gaussians are as many as pixels; with a third as many
-// it does not.
+// The regularisers, relocation and growth of 3DGS-MCMC, without its noise, which cost 0.8 dB on photographs. As in
+// 3DGS, D-SSIM makes up a fifth of the loss. This improves PSNR, too, if there are as many Gaussians as pixels; with a
+// third as many it does not.
 FitRecipe for_many(double object_pixels, long count) {
   FitRecipe out;
   out.steps = 2000;
@@ -43,7 +43,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
   o.grow_until = out.steps * 3 / 4;
   if (request.max_gaussians > 0) o.max_gaussians = request.max_gaussians;
   o.max_gaussians = std::max(o.max_gaussians, count);
-  // As many as there may be when two fifths of the steps are done: what comes late is not fitted.
+  // Growth reaches the maximum after two fifths of the steps: Gaussians that are added later are not fitted well.
   if (o.grow_every > 0) {
     const double rounds = std::max(1.0, 0.4 * static_cast<double>(out.steps) / static_cast<double>(o.grow_every));
     o.growth = std::pow(static_cast<double>(o.max_gaussians) / static_cast<double>(count), 1 / rounds);
@@ -54,7 +54,7 @@ FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels
   if (request.freeze.rotations) o.rates.quats = 0;
   if (request.freeze.opacities) o.rates.logits = 0;
   if (request.freeze.sh) o.rates.sh = o.rates.sh_rest = 0;
-  // Relocation moves what is frozen.
+  // Relocation would change frozen parameters.
   if (request.freeze.means || request.freeze.scales || request.freeze.opacities) o.grow_every = 0;
   return out;
 }

@@ -1,4 +1,4 @@
-// How a scene is fitted: what was found to serve few views, and many.
+// Default options of a fit, found by experiment: one set for few views, one for many.
 #pragma once
 #include "model/fit/scene_fit.h"
 
@@ -6,13 +6,13 @@ namespace vsplat {
 
 struct FitRecipe {
   FitOptions options;
-  long steps = 0;        // where nothing else is asked for
-  long judge_every = 0;  // steps between looks at what is held out
-  int least_degree = 0;  // of the spherical harmonics
+  long steps = 0;        // unless the request sets them
+  long judge_every = 0;  // steps between measurements on the held-out views
+  int least_degree = 0;  // lowest degree of the spherical harmonics
 };
 
-// `views` are used, fitted to or held out, whose pictures show the object on `object_pixels` on average; `count`:
-// Gaussians of the start.
+// `views`: the views used, both fitted and held out. `object_pixels`: pixels that show the object, on average over the
+// pictures. `count`: Gaussians of the start.
 FitRecipe fit_recipe(const FitRequest& request, long views, double object_pixels, long count);
 
 }  // namespace vsplat

@@ -19,14 +19,14 @@ constexpr float kOpacity = 0.1f;
 
 using Positions = PointRows;
 
-// Of each, in the same units.
+// Mean distance of each position to its nearest neighbours, in the unit of `positions`.
 std::vector<double> neighbour_distances(const Positions& positions) {
   const PointsForTree points{positions};
   const PointTree tree(3, points);
   std::vector<double> out;
   out.reserve(static_cast<std::size_t>(positions.rows()));
   for (Eigen::Index i = 0; i < positions.rows(); ++i) {
-    std::array<Eigen::Index, kNeighbours + 1> found{};  // itself among them, or a twin in its place
+    std::array<Eigen::Index, kNeighbours + 1> found{};  // includes the point itself, or a duplicate of it
     std::array<double, kNeighbours + 1> squared{};
     const std::size_t n = tree.knnSearch(positions.row(i).data(), found.size(), found.data(), squared.data());
     double sum = 0;
@@ -36,7 +36,7 @@ std::vector<double> neighbour_distances(const Positions& positions) {
   return out;
 }
 
-// `positions` in units of the cube about its centre.
+// `positions`: relative to the cube's centre, in units of its edge.
 Scene round_ones(const Positions& positions, const std::vector<std::array<float, 3>>& colours,
                  const Placement& placement) {
   const auto n = static_cast<std::size_t>(positions.rows());

@@ -1,4 +1,4 @@
-// Scenes to begin a fit with where nobody has made one yet.
+// Scenes to start a fit from when no network has made one.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -9,17 +9,18 @@
 
 namespace vsplat {
 
-// How many Gaussians a random start has where nothing is asked for.
+// Default number of Gaussians of a random start.
 inline constexpr long kRandomStart = 5000;
 
-// Both: round Gaussians of opacity 0.1 without view-dependent colour, in the world; the standard deviation of each is
-// the mean distance to its three nearest neighbours, within 1e-4 and 0.1 of the cube's edge.
+// Both functions return isotropic Gaussians in the world, with opacity 0.1 and without view-dependent colour. The
+// standard deviation of each is the mean distance to its three nearest neighbours, clamped to 1e-4 to 0.1 of the cube's
+// edge.
 
-// Of the points that lie in the cube, in their colours; `most` above 0 limits their number, evenly over the list.
-// Says how many lie in it. Error(input) where none does.
+// Uses the points inside the cube, with their colours. `most` above 0 limits their number, spread evenly over the list.
+// Logs how many points lie in the cube. Error(input) if none does.
 Scene scene_from_points(std::span<const ColoredPoint> points, const Placement& placement, long most = 0);
 
-// Grey ones, uniform in the cube: of a seed, always the same.
+// Grey Gaussians, uniformly distributed in the cube; equal seeds give equal scenes.
 Scene random_scene(const Placement& placement, long count, std::uint64_t seed);
 
 }  // namespace vsplat

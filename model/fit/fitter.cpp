@@ -23,7 +23,7 @@ double logit(double p) {
   return std::log(held / (1 - held));
 }
 
-// Room for more rows than there are; the others are zeros.
+// Allocates `capacity` rows; rows beyond `values` are zeros.
 Tensor with_capacity(Context& ctx, const std::vector<float>& values, Shape shape, long capacity, const char* what) {
   shape[0] = capacity;
   long count = 1;
@@ -123,7 +123,7 @@ void Fitter::step(const DeviceFitPicture& picture, const FitAside& aside) {
 void Fitter::differentiate(const DeviceFitPicture& picture, const FitAside& aside) {
   try {
     add_gradient(picture, aside);
-  } catch (const Error&) {  // a part of it may be there
+  } catch (const Error&) {  // part of the gradient may have been written
     const Uncancelled whole(ctx_);
     for (const Tensor& t : {dall_.means, dall_.scales, dall_.quats, dall_.opacities, dall_.sh}) ctx_.fill_zero(t);
     throw;
@@ -226,7 +226,7 @@ FitScore Fitter::judge(const DeviceFitPicture& picture) {
 
 namespace {
 
-// Every kind of parameter and its moments, by name.
+// All parameters and their moments, by name.
 template <class F>
 void for_each_tensor(const SplatState& state, const F& use) {
   for (const auto& [of, x] : {std::pair("x", &state.x), std::pair("m", &state.m), std::pair("v", &state.v)}) {
@@ -250,7 +250,7 @@ FitTensors Fitter::state() const {
 }
 
 void Fitter::restore(const FitTensors& state, long steps_done) {
-  const std::string first_name = "x.logits";  // (of a temporary GCC 14 would think that the reference dangles)
+  const std::string first_name = "x.logits";  // a named variable: GCC 14 warns of a dangling reference to a temporary
   const FitTensor& logits = tensor_of(state, first_name);
   if (logits.shape.size() != 1 || logits.shape[0] < 0 || logits.shape[0] > all_.x.count())
     fail(Status::format, "a refinement's state has {} for x.logits, at most [{}] expected", text_of(logits.shape),

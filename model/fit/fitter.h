@@ -1,4 +1,4 @@
-// A scene that is moved towards pictures by gradient descent, all of it on the device.
+// Fits a scene to pictures by gradient descent, entirely on the device.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -14,47 +14,47 @@
 
 namespace vsplat {
 
-// Of Adam, a step. Lengths are in units of the object's cube's edge.
+// Adam learning rates. Lengths are in units of the cube's edge.
 struct FitRates {
   double means = 1e-3, log_scales = 1e-2, quats = 2e-3, logits = 3e-2;
-  double sh = 5e-3;         // of the constant coefficients
-  double sh_rest = 2.5e-4;  // of the others
+  double sh = 5e-3;         // constant coefficients
+  double sh_rest = 2.5e-4;  // the other coefficients
 };
 
 struct FitOptions {
   FitRates rates;
-  long steps = 800;               // over which the rate of the means falls
-  double means_fall = 0.1;        // to this part
-  long colours_first = 0;         // steps in which only colours and opacities move
-  float ssim_weight = 0;          // of 1 - SSIM in the loss, beside the mean absolute error
-  float alpha_weight = 0.1f;      // of the mean absolute error of alpha, where the picture says what is the object
-  bool random_background = true;  // every other step, of pictures that say so
-  float drop = 0;                 // share of Gaussians left out of a step
-  float opacity_weight = 0, scale_weight = 0;  // of the means over Gaussians
-  float pull = 0;                              // towards the start, on means and log scales
-  long grow_every = 0;                         // steps between relocations; 0: none
+  long steps = 800;                            // over which the means' learning rate decays
+  double means_fall = 0.1;                     // final decay factor of that rate
+  long colours_first = 0;                      // initial steps that change only colours and opacities
+  float ssim_weight = 0;                       // weight of 1 - SSIM in the loss, added to the mean absolute error
+  float alpha_weight = 0.1f;                   // weight of alpha's mean absolute error; masked pictures only
+  bool random_background = true;               // in every other step; masked pictures only
+  float drop = 0;                              // share of Gaussians dropped in a step
+  float opacity_weight = 0, scale_weight = 0;  // regularisers on the means over Gaussians
+  float pull = 0;                              // weight of a regulariser that keeps means and log scales near the start
+  long grow_every = 0;                         // steps between relocations; 0: no relocation
   long grow_until = 0;                         // no relocation from this step on
   double growth = 1.1;
-  long max_gaussians = 0;  // at least those that there are
-  float noise = 0;         // times the rate of the means, per unit of variance
+  long max_gaussians = 0;  // at least the number of Gaussians of the start
+  float noise = 0;         // factor on the means' learning rate, per unit of variance
   float low_scale = 1e-5f, high_scale = 0.5f;
   std::uint64_t seed = 0;
 };
 
-// How well what is drawn agrees with a picture, over white.
+// How well a rendering matches a picture, both over white.
 struct FitScore {
   double psnr = 0, ssim = 0;
 };
 
-// What a step learns beside the scene, where it is not null.
+// Corrections of the view that a step also differentiates by; null members are skipped.
 struct FitAside {
-  Tensor exposure, dexposure;              // f32 [12]: as exposure_forward() has it, and the loss by it, written
-  std::array<double, 6>* dpose = nullptr;  // as render_backward() has it
+  Tensor exposure, dexposure;  // f32 [12]: the map of exposure_forward(), and its gradient, which is overwritten
+  std::array<double, 6>* dpose = nullptr;  // se(3) gradient of the camera's pose, as in render_backward()
 };
 
 class Fitter {
  public:
-  // `near` and `mirror` as RenderOptions have them. Uploads.
+  // `near` and `mirror` as in RenderOptions. Uploads the start.
   Fitter(Context& ctx, const Gaussians& start, float near, const std::optional<std::array<float, 3>>& mirror,
          const FitOptions& options);
 
@@ -63,31 +63,31 @@ class Fitter {
 
   // One step on one picture: differentiate(), then move().
   void step(const DeviceFitPicture& picture, const FitAside& aside = {});
-  // Leaves the gradient of this step's loss in gradient(), or zeros where it fails. Waits for the device as
-  // render_with_backward() does.
+  // Writes the gradient of this step's loss to gradient(), or zeros if it fails. Waits for the device like
+  // render_with_backward().
   void differentiate(const DeviceFitPicture& picture, const FitAside& aside = {});
-  // Moves the parameters by the gradient, which is zeros then, and now and then relocates Gaussians.
+  // Applies the gradient, sets it to zero, and periodically relocates Gaussians.
   void move();
-  // The loss of the last step on the device, f32 [3]: as PictureLoss::out.
+  // The last step's loss on the device, f32 [3], as PictureLoss::out.
   const Tensor& last_loss() const { return loss_; }
 
   SplatParameters parameters() const;
-  GaussianGradients gradient() const;  // by the parameters: its scales are by log scales, its opacities by logits
+  GaussianGradients gradient() const;  // by the parameters: `scales` is by log scales, `opacities` by logits
 
-  // As if it had grown as far as it may: for plans.
+  // Pretends that the scene has grown to its maximum: for plans.
   void plan_grown() { count_ = all_.x.count(); }
 
   FitScore judge(const DeviceFitPicture& picture);
-  // All that the next steps depend on, and back: the same options and start are expected.
+  // The state that further steps depend on. restore() expects the options and the start that the state was made with.
   FitTensors state() const;
   void restore(const FitTensors& state, long steps_done);
-  // As it is now; those that cannot be seen, or hold a value that is no number, are left out.
+  // The current scene, without Gaussians that are invisible or hold a value that is not finite.
   Gaussians gaussians();
 
  private:
   void add_gradient(const DeviceFitPicture& picture, const FitAside& aside);
-  // Where Gaussians touch far more of the picture's tiles than usual, those largest on its screen become smaller: no
-  // step takes far longer than the others.
+  // If Gaussians touch far more of the picture's tiles than usual, shrinks the largest on its screen, so that no step
+  // takes far longer than the others.
   void bound_on_screen(const Camera& camera);
   DeviceGaussians activate(Context& c, const Dropping& dropping) const;
   RenderOptions drawing() const;
@@ -98,9 +98,9 @@ class Fitter {
   float near_;
   std::optional<std::array<float, 3>> mirror_;
   long count_ = 0, step_ = 0;
-  SplatState all_;             // of the capacity
-  GaussianGradients dall_;     // of the capacity; zeros between steps
-  Tensor scales_, opacities_;  // of the capacity
+  SplatState all_;             // rows for the maximum number of Gaussians, as in the next three
+  GaussianGradients dall_;     // zeros between steps
+  Tensor scales_, opacities_;  // activated
   Tensor home_means_, home_scales_;
   Tensor loss_;
 };

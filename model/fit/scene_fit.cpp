@@ -22,11 +22,11 @@ namespace vsplat {
 namespace {
 
 constexpr std::size_t kPictureCap = std::size_t{2} << 30;  // bytes of decoded pictures
-constexpr std::size_t kEvery = 8;                          // of many views one in so many is held out
-constexpr std::size_t kLookedAt = 8;                       // pictures that stand for all
-constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // of Adam, falling to a tenth over a leg
-constexpr long kUnjudgedSteps = 100;                       // of few views of which none is held out
-constexpr int kFalls = 2;  // in a row, of the measure of a round that leaves a view out: it gets no better
+constexpr std::size_t kEvery = 8;                          // with many views, one in so many is held out
+constexpr std::size_t kLookedAt = 8;                       // pictures sampled to represent all
+constexpr double kPoseRate = 3e-4, kExposureRate = 2e-3;   // Adam learning rates, decaying to a tenth over a phase
+constexpr long kUnjudgedSteps = 100;                       // limit for few views of which none is held out
+constexpr int kFalls = 2;                                  // a fold ends when its PSNR has fallen so often in a row
 
 using Clock = std::chrono::steady_clock;
 
@@ -42,7 +42,7 @@ Gaussians with_degree(Gaussians g, int degree) {
   return g;
 }
 
-// `count` of `all`, evenly spread.
+// `count` elements of `all`, evenly spread.
 std::vector<int> spread(const std::vector<int>& all, int count) {
   std::vector<int> out;
   for (long i = 0; i < count; ++i)
@@ -111,7 +111,7 @@ SceneFit::Impl::Impl(Context& c, const Photographs& p, FitStart s, FitRequest r)
       legs.push_back({fmt::format("leaving out {} of {}", i + 1, used.size()), without(used, {used[i]}), {used[i]}});
   legs.push_back({"refining", fitted, held});
   judged = folds && used.size() > 1 ? used : held;
-  // Of a single view nothing can be left out, and nothing is known of what steps would do.
+  // A single view cannot be left out, so the effect of further steps is unknown.
   unknown = folds && used.size() == 1;
   std::optional<FitCheckpoint> from;
   if (!request.checkpoint.empty()) {
@@ -166,18 +166,19 @@ void SceneFit::Impl::begin_leg() {
   const int degree = request.degree.value_or(std::max(scene.gaussians.sh_degree, recipe.least_degree));
   const Gaussians start = with_degree(std::move(scene.gaussians), degree);
   leg_steps = recipe.steps;
-  if (in_folds() && request.steps > 0) recipe.judge_every = request.steps;  // that number or none
+  if (in_folds() && request.steps > 0)
+    recipe.judge_every = request.steps;  // measure only after the requested number of steps
   if (unknown) leg_steps = 0;
   if (legs.size() == 1 && now.judges.empty() && request.steps == 0 && used.size() < kManyViews)
     leg_steps = std::min(leg_steps, kUnjudgedSteps);
-  if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // what lies beyond decides nothing
-  if (legs.size() > 1 && !in_folds()) {  // as many steps as the folds were best with
+  if (in_folds() && leg > 0) leg_steps = std::min(leg_steps, measured_by_all(leg));  // later steps are not compared
+  if (legs.size() > 1 && !in_folds()) {  // as many steps as were best in the folds
     std::erase_if(curve, [most = measured_by_all(leg)](const auto& at) { return at.first > most; });
     leg_steps = curve.empty() ? 0 : std::max_element(curve.begin(), curve.end(), is_worse)->first;
   }
   last_psnr = std::nan("");
   falls = 0;
-  fitter.reset();  // its memory goes first
+  fitter.reset();  // frees its memory before the next is allocated
   poses.clear();
   exposures.clear();
   resident.clear();
@@ -206,14 +207,14 @@ const DeviceFitPicture& SceneFit::Impl::on_device(int view) {
   return out;
 }
 
-// With the camera as it has been learnt.
+// The picture on the device, with its learnt pose correction.
 DeviceFitPicture SceneFit::Impl::corrected(int view) {
   DeviceFitPicture out = on_device(view);
   if (const auto pose = poses.find(view); pose != poses.end()) out.camera.w2c = pose->second.w2c();
   return out;
 }
 
-// One step of the scene, and of what is learnt of the view beside it.
+// One step of the scene, and of the view's pose and exposure corrections.
 void SceneFit::Impl::step_on(int view) {
   const DeviceFitPicture picture = corrected(view);
   const double fall = std::pow(0.1, static_cast<double>(fitter->steps_done()) / static_cast<double>(leg_steps));
@@ -232,7 +233,7 @@ void SceneFit::Impl::step_on(int view) {
   if (request.exposure) move(ctx, exposures.at(view), kExposureRate * fall);
 }
 
-// Each epoch sees every view once, in an order of its own.
+// Each epoch visits every view once, in its own random order.
 int SceneFit::Impl::view_of_step(long step) const {
   const std::vector<int>& views = legs[leg].views;
   const auto n = static_cast<long>(views.size());
@@ -246,7 +247,7 @@ int SceneFit::Impl::view_of_step(long step) const {
   return order[static_cast<std::size_t>(step % n)];
 }
 
-// The most steps after which all of the first `rounds` that leave a view out were judged.
+// The largest number of steps that all of the first `rounds` folds have measured.
 long SceneFit::Impl::measured_by_all(std::size_t rounds) const {
   long out = 0;
   for (const auto& [at, sum] : curve)
@@ -311,7 +312,7 @@ bool SceneFit::Impl::step() {
 
 double SceneFit::Impl::seconds_of_next() const {
   const Leg& now = legs[leg];
-  const double look = look_seconds > 0 ? look_seconds : step_seconds / 3;  // a step draws, and goes back, too
+  const double look = look_seconds > 0 ? look_seconds : step_seconds / 3;  // a step renders and also runs backward
   const long next = fitter->steps_done() + 1;
   const bool judges = next % recipe.judge_every == 0 || next >= leg_steps;
   double looks = judges ? static_cast<double>(now.judges.size()) : 0;
@@ -332,12 +333,12 @@ void SceneFit::Impl::end_leg() {
   try {
     begin_leg();
   } catch (...) {
-    --leg;  // it begins anew
+    --leg;  // the phase starts again
     throw;
   }
 }
 
-// Ends the last leg where it stands; what is not yet begun is left.
+// Ends the last phase in its current state; phases that have not begun are skipped.
 void SceneFit::Impl::finish() {
   if (done) return;
   if (!in_folds()) {
@@ -382,7 +383,7 @@ FitProgress SceneFit::progress() const {
   out.gaussians = i.fitter->count();
   if (out.step > 0) out.loss = static_cast<double>(i.ctx.read<float>(i.fitter->last_loss())[0]);
   out.psnr = i.last_psnr;
-  // The folds to come, and the leg after them as if it took all its steps.
+  // Steps of the remaining folds, and of the last phase at its full length.
   const auto left = static_cast<double>(i.leg_steps - out.step) +
                     static_cast<double>(i.legs.size() - i.leg - 1) * static_cast<double>(i.recipe.steps);
   if (const auto pace = i.pace.seconds(); pace && !i.done) out.seconds_left = left * *pace;
@@ -399,19 +400,19 @@ FitResult SceneFit::result() {
   out.start = out.result = {std::nan(""), std::nan("")};
   std::optional<Gaussians> made = i.best;
   out.steps = i.best_steps;
-  // Under way without anything held out: as it stands.
+  // Fit in progress without held-out views: the current scene.
   if (!i.done && !i.in_folds() && i.legs[i.leg].judges.empty() && i.fitter->steps_done() > 0) {
     made = i.fitter->gaussians();
     out.steps = i.fitter->steps_done();
   }
-  // While views are left out in turn, what was seen is of a part of them.
+  // While folds run, only some of the views have been measured.
   if (i.done && i.in_folds()) out.judged.clear();
   if (!i.judged.empty() && !i.in_folds()) {
     out.start = mean(i.curve.at(0));
     out.result = mean(std::prev(i.curve.upper_bound(out.steps))->second);
     if (!(out.result.psnr > out.start.psnr)) {
       made.reset();
-      // Of what was made it is the best.
+      // The best of the fitted scenes.
       const auto later = std::next(i.curve.begin());
       if (later != i.curve.end()) out.result = mean(std::max_element(later, i.curve.end(), is_worse)->second);
     }

@@ -1,4 +1,4 @@
-// A scene fitted to photographs: which of them are fitted to and which judge, how many steps, and what comes out.
+// A fit of a scene to photographs: chooses the views to fit and to hold out, the number of steps, and the result.
 #pragma once
 #include <functional>
 #include <limits>
@@ -14,43 +14,43 @@
 
 namespace vsplat {
 
-// With fewer views than this none can be spared to judge: each is left out in turn.
+// With fewer views than this, none is held out for the whole fit: each is left out in turn.
 inline constexpr int kManyViews = 12;
 
 struct FitHoldout {
   enum class Kind { automatic, none, count, named } kind = Kind::automatic;
   int count = 0;
-  std::vector<std::string> names;  // as ViewRequest has them
+  std::vector<std::string> names;  // as in ViewRequest
 };
 
-// Parameters that stay as they are.
+// Parameters that stay frozen.
 struct FitFreeze {
   bool means = false, scales = false, rotations = false, opacities = false, sh = false;
 };
 
 struct FitRequest {
-  std::vector<std::string> names;  // the views that are used, as ViewRequest has them; empty: all that have a picture
+  std::vector<std::string> names;  // the views to use, as in ViewRequest; empty: all that have a picture
   FitHoldout holdout;
-  std::vector<int> spared;  // views that are not held out unless they are named
-  long steps = 0;           // 0: by the number of views
-  double seconds = 0;      // the last step, and what follows it, ends before so long as far as can be told; 0: no limit
-  long max_gaussians = 0;  // 0: by the pictures
+  std::vector<int> spared;    // views that are held out only if they are named
+  long steps = 0;             // 0: depends on the number of views
+  double seconds = 0;         // limit for the whole fit, as far as can be estimated; 0: no limit
+  long max_gaussians = 0;     // 0: depends on the pictures
   std::optional<int> degree;  // of the spherical harmonics
-  int longest = 512;          // pixels of a picture's longer side; 0: as it is
+  int longest = 512;          // pixels of a picture's longer side; 0: the picture's own size
   FitFreeze freeze;
   bool poses = false, exposure = false;
   std::uint64_t seed = 0;
-  // A folder for the state, which is written now and then, by one fit at a time; none: "". With `resume` what is
-  // there is gone on with.
+  // Checkpoint folder, written periodically; empty: no checkpoint. Only one fit at a time may use it. With `resume`,
+  // the fit continues from the checkpoint there.
   std::string checkpoint;
   bool resume = false;
 };
 
 struct FitStart {
   Placement placement;
-  // The scene to begin with, in the world, from what these views show. Called for each set of views that is fitted to.
+  // Returns the initial scene, in the world, made from what `views` show. Called for each set of views that is fitted.
   std::function<Scene(const std::vector<int>& views)> make;
-  // Whether a scene so made has seen nothing of the other views: then a gain on those is one.
+  // Whether such a scene has seen nothing of the other views, so that an improvement on those is a real one.
   bool independent = false;
 };
 
@@ -58,7 +58,7 @@ struct FitProgress {
   std::string phase;
   long step = 0, steps = 0;  // of the phase
   long gaussians = 0;
-  double loss = std::numeric_limits<double>::quiet_NaN(), psnr = loss;  // as vsplat_refine_progress has them
+  double loss = std::numeric_limits<double>::quiet_NaN(), psnr = loss;  // as in vsplat_refine_progress
   double seconds_left = 0;
 };
 
@@ -67,30 +67,30 @@ struct FitResult {
   long steps = 0;
   double seconds = 0;
   bool start_returned = false;
-  std::vector<int> judged;  // views
-  // Means over them. Where the start is returned `result` is the best of what was made.
+  std::vector<int> judged;  // the held-out views
+  // Means over `judged`. If the start is returned, `result` belongs to the best scene of the fit.
   FitScore start, result;
   std::vector<int> suspects;
 };
 
 class SceneFit {
  public:
-  // Error(usage or input) for views, Error(memory) where a step would not fit. `photographs` and `ctx` must outlive it.
+  // Error(usage or input) for views, Error(memory) if a step would not fit. `photographs` and `ctx` must outlive it.
   SceneFit(Context& ctx, const Photographs& photographs, FitStart start, FitRequest request);
   ~SceneFit();
   SceneFit(const SceneFit&) = delete;
   SceneFit& operator=(const SceneFit&) = delete;
 
-  // One step; false once there is none left. Waits for the device.
+  // Runs one step; returns false once none is left. Waits for the device.
   bool step();
-  void stop();  // no further step
+  void stop();  // runs no further step
   FitProgress progress() const;
 
-  // The best so far; after the last step, or stop(), the result.
+  // The best scene so far; after the last step or stop(), the result.
   FitResult result();
   const Scene& start() const;
 
-  // A view as it is fitted or judged: over white.
+  // A view's picture over white, and its camera, as used to fit or to measure.
   Image picture(int view);
   Camera camera(int view);
 

@@ -1,4 +1,5 @@
-// A fit under way: its legs, and the state that a checkpoint keeps. Of scene_fit and scene_fit_state alone.
+// A fit in progress: its phases, and the state that a checkpoint stores. Included only by scene_fit and
+// scene_fit_state.
 #pragma once
 #include <map>
 #include <optional>
@@ -14,23 +15,23 @@
 
 namespace vsplat {
 
-// A fit to some views, judged by others.
+// A phase of the fit: the views that it fits, and the held-out views that measure it.
 struct Leg {
   std::string phase;
   std::vector<int> views, judges;
 };
 
-// What has been seen so far of a number of steps.
+// Sum of the measurements made after a number of steps.
 struct Judged {
-  double psnr = 0, ssim = 0;  // sums
+  double psnr = 0, ssim = 0;  // over `pictures`
   int pictures = 0;
 };
 
 FitScore mean(const Judged& judged);
 
-// What follows a step: it is done by the next call where this one is stopped before it is.
+// Work left after a step. If it is interrupted, the next call of step() completes it.
 struct AfterStep {
-  bool judges = false, judged = false, ends = false;  // the leg
+  bool judges = false, judged = false, ends = false;  // `ends`: ends the phase
 };
 
 struct SceneFit::Impl {
@@ -47,7 +48,7 @@ struct SceneFit::Impl {
   void step_on(int view);
   int view_of_step(long step) const;
   void warn_of_background();
-  // Of the next step, what follows it, and the look at all pictures at the end.
+  // Estimate for the next step, the work after it, and the measurement of all pictures at the end.
   double seconds_of_next() const;
   long measured_by_all(std::size_t rounds) const;
   double object_pixels(const std::vector<int>& views);
@@ -63,35 +64,36 @@ struct SceneFit::Impl {
   const Photographs& photographs;
   FitStart given;
   FitRequest request;
-  std::string request_text;        // where there is a checkpoint
-  std::optional<FolderLock> lock;  // of its folder
+  std::string request_text;        // set if there is a checkpoint
+  std::optional<FolderLock> lock;  // on the checkpoint folder
   Similarity to_world;
   FitPictures pictures;
   std::vector<int> used;
 
-  std::vector<Leg> legs;  // the last fits what is returned; those before leave one view out each
+  std::vector<Leg> legs;  // the last phase makes the result; each one before it leaves one view out
   std::size_t leg = 0;
   FitRecipe recipe;
   long leg_steps = 0;
-  std::unique_ptr<Fitter> fitter;  // of the leg
-  std::optional<Scene> first;      // in the world: what the last leg begins with
-  std::map<long, Judged> curve;    // by steps, over the folds or over the held-out pictures
+  std::unique_ptr<Fitter> fitter;  // of the current phase
+  std::optional<Scene> first;      // the start of the last phase, in the world
+  std::map<long, Judged> curve;    // by number of steps, over the folds or over the held-out pictures
   std::vector<int> judged;
-  std::map<int, PoseCorrection> poses;  // of the leg, where they are asked for
+  std::map<int, PoseCorrection> poses;  // of the current phase, if requested
   std::map<int, ExposureCorrection> exposures;
   std::map<int, DeviceFitPicture> resident;
   DeviceFitPicture passing;
-  std::size_t resident_bytes = 0, spare_bytes = 0;  // of the device
+  std::size_t resident_bytes = 0, spare_bytes = 0;  // device memory
 
   bool done = false, unknown = false, resuming = false;
   double seconds = 0, last_psnr = std::nan("");
-  int falls = 0;  // how often in a row the round's measure has fallen
-  // How long things took last: the shorter of the last two steps, since one may have compiled, and a look at a picture.
+  int falls = 0;  // how often in a row the fold's PSNR has fallen
+  // Latest durations: the shorter of the last two steps, since one may include a compilation, and one picture's
+  // measurement.
   double last_step = 0, step_seconds = 0, look_seconds = 0;
   long steps_in_all = 0;
   StepPace pace;  // of this run
   std::optional<AfterStep> left;
-  // The best of the last leg.
+  // The best scene of the last phase.
   std::optional<Gaussians> best;
   long best_steps = 0;
   std::vector<int> suspects;

@@ -1,4 +1,4 @@
-// What a checkpoint keeps of a fit under way.
+// The checkpoint of a fit in progress.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -36,7 +36,7 @@ Gaussians best_in(const FitCheckpoint& from) {
 
 }  // namespace
 
-// What makes a refinement the same one: all that its bits depend on, but the pixels.
+// Identifies the request: everything that the result's bits depend on, except the pixels.
 std::string SceneFit::Impl::text_of_request() const {
   const FitRequest& r = request;
   std::string out = fmt::format(
@@ -100,7 +100,7 @@ void SceneFit::Impl::save() const {
   save_fit_checkpoint(request.checkpoint, out);
 }
 
-// Where in the fit the state is.
+// Restores the position within the fit.
 void SceneFit::Impl::read_place(const FitCheckpoint& from) {
   leg = static_cast<std::size_t>(whole_number(from, "leg"));
   if (leg >= legs.size())
@@ -116,7 +116,7 @@ void SceneFit::Impl::read_place(const FitCheckpoint& from) {
     fail(Status::format, "a refinement's state has no curve.0.psnr: how good the start was");
 }
 
-// What the leg has made so far.
+// Restores the results of the current phase.
 void SceneFit::Impl::read_progress(const FitCheckpoint& from) {
   leg_steps = whole_number(from, "leg_steps");
   fitter->restore(from.tensors, whole_number(from, "steps"));

@@ -10,12 +10,12 @@ namespace {
 
 constexpr double kTilesOfGaussian = 32, kGaussiansOfTile = 2048;
 
-// Where a Gaussian is on the screen, and how far it reaches, in pixels.
+// A Gaussian's position on the screen, and its extent, both in pixels.
 struct Disc {
   double u = 0, v = 0, radius = 0;
 };
 
-// What it touches at most: the rasteriser leaves out the square's corners.
+// An upper bound of the tiles it touches: the rasteriser skips the square's corners.
 double tiles_of(const Disc& disc, double largest, const Camera& camera) {
   const double r = std::min(disc.radius, largest);
   const auto along = [r](double at, long tiles) {
@@ -35,7 +35,8 @@ std::vector<Disc> discs(const ScreenGaussians& g, const Camera& camera, float ne
     const Eigen::Vector3d p = R * Eigen::Map<const Eigen::Vector3f>(&g.means[3 * k]).cast<double>() + t;
     const double opacity = 1 / (1 + std::exp(-static_cast<double>(g.logits[k])));
     if (!(p.z() > near) || !(opacity >= 1.0 / 255)) continue;
-    // As the rasteriser has it: to three deviations, or to where alpha falls below 1/255; stretched beside the axis.
+    // As in the rasteriser: the extent reaches three deviations, or to where alpha falls below 1/255, and is stretched
+    // off the axis.
     const double sigmas = std::min(3.0, std::sqrt(2 * std::log(255 * opacity)));
     const double x = p.x() / p.z(), y = p.y() / p.z();
     const float* s = &log_scales[3 * k];

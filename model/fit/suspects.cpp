@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kLeastGap = 4;  // dB
 constexpr double kDeviations = 4;
-constexpr double kNormal = 1.4826;  // a normal distribution's deviation by its median absolute one
+constexpr double kNormal = 1.4826;  // standard deviation of a normal distribution per median absolute deviation
 constexpr std::size_t kLeastCount = 5;
 
 double median(std::vector<double> values) {

@@ -1,4 +1,4 @@
-// Pictures that the others disagree with: a wrong pose, another lighting, another object.
+// Detects outliers: views whose picture disagrees with the others, for a wrong pose, other lighting or another object.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -7,9 +7,9 @@
 
 namespace vsplat {
 
-// Of pictures that a scene was fitted to, those that it agrees with far less than with the others, worst first: by
-// their PSNR more than 4 dB below the median, and more than 4 of its deviations (the median one, as a normal
-// distribution has it). None of fewer than five.
+// Returns the outliers among pictures that a scene was fitted to, worst first: those with a PSNR more than 4 dB below
+// the median, and more than 4 robust standard deviations below it (from the median absolute deviation, scaled as for a
+// normal distribution). Returns none for fewer than five pictures.
 std::vector<std::size_t> outliers(const std::vector<FitScore>& scores);
 
 }  // namespace vsplat

@@ -12,7 +12,7 @@
 namespace vsplat {
 namespace {
 
-// exp of the rigid motion's generator (omega, tau).
+// Exponential of the se(3) element (omega, tau).
 Eigen::Matrix4d exp_twist(const Eigen::Vector3d& omega, const Eigen::Vector3d& tau) {
   const double angle = omega.norm();
   Eigen::Matrix3d hat;
