@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What may differ between a run and its continuation: nothing that a weight depends on.
+// Clears the fields that may differ between a run and its continuation, since no weight depends on them.
 TrainConfig without_habits(TrainConfig config) {
   const TrainConfig defaults;
   config.log_every = defaults.log_every;
@@ -26,12 +26,12 @@ TrainConfig without_habits(TrainConfig config) {
   return config;
 }
 
-// The first field of a configuration that differs, with both values.
+// The first field that differs between two configurations, with both values.
 std::string first_difference(const TrainConfig& found, const TrainConfig& expected) {
   using nlohmann::ordered_json;
   const auto compare = [](const ordered_json& a, const ordered_json& b, const auto& self) -> std::string {
     for (const auto& [name, value] : a.items()) {
-      const ordered_json other = b.value(name, ordered_json());  // a field that may be absent: null
+      const ordered_json other = b.value(name, ordered_json());  // null if the field is absent
       if (value == other) continue;
       if (value.is_object() && other.is_object()) return self(value, other, self);
       return fmt::format("found \"{0}\": {1}, expected \"{0}\": {2}", name, value.dump(), other.dump());
@@ -43,7 +43,7 @@ std::string first_difference(const TrainConfig& found, const TrainConfig& expect
   return compare(ordered_json::parse(to_json(found)), ordered_json::parse(to_json(expected)), compare);
 }
 
-// With the sizes that a model may change between trainings. (A densifier's weights go by the volume's.)
+// Copies the sizes that may change between trainings. (A densifier's weights depend on those of the volume.)
 template <class C>
 C with_sizes_of(C config, const C& other) {
   config.image = other.image;
@@ -52,7 +52,7 @@ C with_sizes_of(C config, const C& other) {
   if constexpr (std::is_same_v<Config, C>) config.volume = other.volume;
   return config;
 }
-// One of another network stays as it is.
+// A configuration of another architecture is returned unchanged.
 AnyConfig with_sizes_of(const AnyConfig& config, const AnyConfig& other) {
   return config.visit([&](const auto& own) {
     const auto* same = other.get_if<std::decay_t<decltype(own)>>();
@@ -60,7 +60,8 @@ AnyConfig with_sizes_of(const AnyConfig& config, const AnyConfig& other) {
   });
 }
 
-// Of a model that is begun with in another size, what of its weights goes by the number of voxels; what is told of it.
+// Rescales weights that depend on the number of voxels if the initial model has another size. Returns a note for the
+// user.
 std::string adapt(Weights& weights, const Config& from, const Config& to, const std::string& path) {
   if (from.volume == to.volume && from.image == to.image) return "";
   const double factor = static_cast<double>(from.volume) / static_cast<double>(to.volume);
@@ -75,7 +76,7 @@ std::string adapt(Weights&, const LaraConfig& from, const LaraConfig& to, const 
   return fmt::format("{}: made for pictures of {} pixels, goes on with {}", path, from.image, to.image);
 }
 
-// The checkpoint with the configuration that is asked for; refused where it says another thing of the steps so far.
+// The checkpoint with the requested configuration. Refuses a configuration that disagrees on the steps so far.
 Checkpoint continued(Checkpoint found, const TrainConfig& config, const BeginningRequest& request) {
   TrainConfig asked = config;
   if (!request.extend.empty()) asked.schedule.extend = request.extend;

@@ -79,7 +79,7 @@ bool parse_step(std::string_view text, long& step) {
   return problem == std::errc() && stop == text.data() + text.size() && step >= 0;
 }
 
-// Those of the parameters that the file has under the prefix.
+// Moments that the file has under the prefix.
 Weights read_moments(const SafetensorsFile& file, const std::vector<Parameter>& expected, const std::string& prefix) {
   Weights out;
   for (const Parameter& parameter : expected) {
@@ -108,7 +108,7 @@ struct Found {
   std::string path;
 };
 
-// The step in the name of a checkpoint; none for other files.
+// The step in a checkpoint's file name; nothing for other files.
 std::optional<long> step_of(const std::string& name) {
   if (!name.starts_with(kFirst) || !name.ends_with(kLast)) return std::nullopt;
   if (name.size() < kFirst.size() + kLast.size()) return std::nullopt;

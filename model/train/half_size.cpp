@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-// `half`: added to the sum of four before it is divided, which rounds whole numbers; 0 for others.
+// `half`: added to the sum of four before the division, to round integers; 0 for other types.
 template <class T, class Sum>
 std::vector<T> means_of_four(const T* picture, long side, long channels, Sum half, Sum four) {
   const long to = side / 2;

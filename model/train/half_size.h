@@ -1,6 +1,6 @@
-// Views that the loss looks at in half the size, so that scenes are learnt that look right from farther away, too: a
-// Gaussian is drawn with a third of a pixel more than it has (0.3 square pixels), which is more of the object the fewer
-// pixels show it.
+// Views whose loss is computed at half size, so that the learnt scenes also look right from farther away. The
+// renderer's low-pass filter widens each Gaussian by a third of a pixel (0.3 square pixels), which is a larger part of
+// an object that few pixels show.
 #pragma once
 #include <cstdint>
 #include <string_view>
@@ -10,15 +10,16 @@
 
 namespace vsplat {
 
-// Whether a view of an object is one of them: of so large a share, by the seed, the step's draw and the view alone.
+// Whether this view of an object is rendered at half size, with a probability of `share`. Depends on the seed, the
+// step's draw, the object and the view alone.
 bool is_half_size(double share, std::uint64_t seed, std::uint32_t draw, std::string_view object, long view);
 
-// The camera of the picture whose pixels are means of four.
+// The camera of the picture downsampled by 2.
 Camera half_size(Camera camera);
 
-// Means of 2 x 2 pixels of a picture [side, side, channels]; `side` is even.
+// Means of 2 x 2 pixels of a picture [side, side, channels]. `side` must be even.
 std::vector<float> half_size(const float* picture, long side, long channels);
-// Rounded.
+// The same for 8-bit pictures, rounded.
 std::vector<std::uint8_t> half_size(const std::vector<std::uint8_t>& picture, long side, long channels);
 
 }  // namespace vsplat

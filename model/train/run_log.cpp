@@ -16,7 +16,7 @@ namespace vsplat {
 namespace {
 
 constexpr std::uintmax_t kLargest = std::uintmax_t{256} << 20;  // bytes: two million lines
-constexpr std::size_t kMostPoints = 2000;                       // more than a screen has pixels
+constexpr std::size_t kMostPoints = 2000;                       // more points than a screen has pixels
 
 enum class Merge { mean, largest, last };
 const std::map<std::string, Merge, std::less<>> kColumns = {{"step", Merge::last},
@@ -31,7 +31,7 @@ const std::map<std::string, Merge, std::less<>> kColumns = {{"step", Merge::last
                                                             {"gradient_norm", Merge::mean},
                                                             {"intersections", Merge::largest}};
 
-// Takes the next line off the text.
+// Removes the next line from the text and returns it.
 std::string_view next_line(std::string_view& text) {
   const std::size_t end = std::min(text.find('\n'), text.size());
   std::string_view line = text.substr(0, end);
@@ -55,7 +55,7 @@ bool read_number(std::string_view text, double& out) {
   return read.ec == std::errc() && read.ptr == text.data() + text.size();
 }
 
-// Of the values [begin, end).
+// Merges the values [begin, end).
 double merged(const std::vector<double>& values, std::size_t begin, std::size_t end, Merge how) {
   if (how == Merge::last) return values[end - 1];
   double sum = 0, largest = -std::numeric_limits<double>::infinity();
@@ -63,7 +63,7 @@ double merged(const std::vector<double>& values, std::size_t begin, std::size_t 
     sum += values[i];
     largest = std::max(largest, values[i]);
   }
-  // No more digits than the log has: they would be most of the page.
+  // As many digits as the log has: more would make up most of the page.
   return how == Merge::largest ? largest
                                : std::strtod(fmt::format("{:.6g}", sum / double(end - begin)).c_str(), nullptr);
 }
@@ -80,7 +80,7 @@ void merge(RunLog& log) {
   }
 }
 
-// Whether the line is one of the log; its values are then in `values`.
+// Whether the line belongs to the log; stores its values in `values`.
 bool read_line(std::string_view line, const std::vector<std::string_view>& names, std::vector<double>& values) {
   const std::vector<std::string_view> fields = fields_of(line);
   if (fields.size() != names.size()) return false;

@@ -1,4 +1,4 @@
-// A training's log.csv, read for drawing.
+// Reads a training's log.csv for plotting.
 #pragma once
 #include <map>
 #include <string>
@@ -7,15 +7,16 @@
 namespace vsplat {
 
 struct RunLog {
-  // By their names those that are known, one value a point: "step" and "seconds" are always there. What is no finite
-  // number is NaN.
+  // The known columns by name, one value a point. "step" and "seconds" are always present. Values that are not finite
+  // are NaN.
   std::map<std::string, std::vector<double>> columns;
-  long merged = 1;   // lines a point stands for: means, but of counts the largest, and of step, time and rates the last
-  long damaged = 0;  // lines left out: not as many fields as the first, no numbers, or steps that do not rise
+  // lines merged into a point: counts are the maximum, step, time and rates the last value, others the mean
+  long merged = 1;
+  long damaged = 0;  // lines skipped: wrong number of fields, not numbers, or steps that do not increase
 };
 
-// At most 2000 points. Error(file) where it cannot be read, Error(format) where its first line names no columns "step"
-// and "seconds", or where it is too large to be one.
+// Returns at most 2000 points. Error(file) if the file cannot be read. Error(format) if its first line lacks the
+// columns "step" and "seconds", or if it is too large for a log.
 RunLog read_run_log(const std::string& path);
 
 }  // namespace vsplat

@@ -32,7 +32,7 @@ bool is_there(const fs::path& path) {
   return fs::exists(path, ignored);
 }
 
-// The object in that file; null where there is none, which is noted where the file is there.
+// The JSON object in a file. Returns null if there is none, and adds a note if the file exists.
 json object_in(const fs::path& path, Notes& notes) {
   if (!is_there(path)) return nullptr;
   try {
@@ -49,7 +49,7 @@ json object_in(const fs::path& path, Notes& notes) {
   return nullptr;
 }
 
-// The folders of its trainings: those that its configuration tells, else what is there.
+// The folders of a run's stages: those in its configuration, else those that exist.
 std::vector<fs::path> folders_of(const fs::path& run, const json& config) {
   const bool told = config.is_object() && config.contains("stages") && config["stages"].is_array();
   const std::size_t stages = told ? config["stages"].size() : 0;
@@ -77,7 +77,7 @@ json log_in(const fs::path& folder, Notes& notes) {
   }
 }
 
-// What a page calls it: the folder's name.
+// The name of a run on the page: its folder's name.
 std::string name_of(const std::string& run) {
   std::error_code ignored;
   fs::path path = fs::absolute(run, ignored).lexically_normal();
@@ -115,7 +115,7 @@ json run_of(const std::string& run, bool with_sheets, Notes& notes) {
   return out;
 }
 
-// Runs whose folders are called alike are called by their paths.
+// Replaces equal run names by the runs' paths.
 void tell_apart(json& runs, const std::vector<std::string>& paths) {
   std::map<std::string, int> times;
   for (const json& run : runs) ++times[run["name"].get<std::string>()];

@@ -15,14 +15,14 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr std::uintmax_t kLargest = std::uintmax_t{1} << 20;  // bytes: some thousand parts
+constexpr std::uintmax_t kLargest = std::uintmax_t{1} << 20;  // bytes: enough for some thousand parts
 
-// Whether every field of a part is there, and of its type.
+// Reads a part; returns whether it has all fields with the right types.
 bool read_part(const json& from, RunRecord::Part& to) {
   const auto field = [&](const char* name, auto& value) {
     return from.is_object() && from.contains(name) && json_fields::read_field(from[name], value);
   };
-  if (from.is_object() && from.contains("tuning")) field("tuning", to.tuning);  // (there was none once)
+  if (from.is_object() && from.contains("tuning")) field("tuning", to.tuning);  // (older files lack it)
   if (from.is_object() && from.contains("switched_off")) field("switched_off", to.switched_off);
   return field("device", to.device) && field("driver", to.driver) && field("kernels", to.kernels) &&
          field("limit_bytes", to.limit) && field("peak_bytes", to.peak) && field("first", to.first) &&
@@ -49,7 +49,7 @@ RunRecord::RunRecord(std::string path, long step, Part now) : path_(std::move(pa
   }
 }
 
-// What was done after the checkpoint that is gone on from is done again.
+// Drops what was done after the checkpoint, since it is done again.
 void RunRecord::read_parts(long step) try {
   std::error_code problem;
   if (const auto size = std::filesystem::file_size(path_, problem); problem || size > kLargest) return;
@@ -103,7 +103,7 @@ std::string RunRecord::text() const {
                             {"last", part.last},
                             {"starts", part.starts},
                             {"seconds", part.seconds}});
-  // A path need not be UTF-8.
+  // Paths may be invalid UTF-8.
   return out.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 

@@ -1,5 +1,5 @@
-// What of a training no other file of its folder tells: on which devices it ran, and what it learnt from. Kept beside
-// log.csv as record.json, which nothing but a report reads.
+// Facts about a training that no other file of its folder holds: the devices it ran on and the data it learnt from.
+// Stored beside log.csv as record.json, which only the run page reads.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -11,25 +11,25 @@ namespace vsplat {
 
 class RunRecord {
  public:
-  // Steps that were made on one device, in one go or in several.
+  // Steps computed on one device, in one or several runs.
   struct Part {
     std::string device, driver, kernels;
-    std::string tuning;                 // the hash of its table of tuned parameters; empty: none
-    std::string switched_off;           // by a self-test, in words
-    std::uint64_t limit = 0, peak = 0;  // bytes of its memory: that may be used, and held at the most
-    long first = 0, last = 0;           // steps done before it, and after it
+    std::string tuning;                 // hash of its table of tuned parameters; empty: default parameters
+    std::string switched_off;           // kernels that a self-test disabled, in words
+    std::uint64_t limit = 0, peak = 0;  // bytes of its memory: allowed, and the peak
+    long first = 0, last = 0;           // steps done before and after this part
     long starts = 1;
     double seconds = 0;
 
     bool same_device(const Part& other) const;
   };
 
-  // Of a training that begins after `step` steps, in the file: goes on with what is written there of the steps before.
-  // What cannot be read is left out: nothing is lost with it that a training needs.
+  // Record of a training that continues after `step` steps. Keeps what the file says of the steps before. Unreadable
+  // content is dropped, since a training does not need it.
   RunRecord(std::string path, long step, Part now);
 
   void set_data(const DataSet& data, const std::string& textures);
-  // What was done since it was made, so far: the step that is reached, its time, memory, and data passed over.
+  // Updates the current run: its last step, duration and peak memory, and the number of data items skipped.
   void reach(long step, double seconds, std::uint64_t peak, int bad);
   // Error(file).
   void write() const;
@@ -44,8 +44,8 @@ class RunRecord {
   std::string text() const;
 
   std::string path_;
-  std::vector<Part> parts_;  // the last is what goes on
-  double seconds_ = 0;       // of the last one, before it went on
+  std::vector<Part> parts_;  // the last one is in progress
+  double seconds_ = 0;       // of the last part, in earlier runs
   std::uint64_t peak_ = 0;
   std::vector<Folder> data_;
   std::string textures_;

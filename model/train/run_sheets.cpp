@@ -53,7 +53,7 @@ std::vector<Found> list(const std::vector<fs::path>& folders) {
   return out;
 }
 
-// So many of them, spread evenly from the first to the last; of one, the last.
+// `count` of them, evenly spread and including the last.
 std::vector<Found> spread(const std::vector<Found>& all, std::size_t count) {
   std::vector<Found> out;
   for (std::size_t i = 0; i < count; ++i)
@@ -68,7 +68,7 @@ std::vector<Found> those_that_fit(const std::vector<Found>& all) {
     std::uintmax_t bytes = 0;
     for (const Found& sheet : out) bytes += std::min(sheet.bytes, kMostBytes + 1);
     if (bytes <= kMostBytes) return out;
-    // Sizes are much alike: so many would fit.
+    // Estimates how many fit, since their sizes are similar.
     const auto share = static_cast<double>(kMostBytes) / static_cast<double>(bytes);
     count = std::min(count - 1, static_cast<std::size_t>(static_cast<double>(count) * share));
   }
@@ -87,7 +87,7 @@ RunSheets read_run_sheets(const std::vector<fs::path>& folders) {
   for (const Found& sheet : those_that_fit(all)) try {
       const std::vector<unsigned char> bytes = read_file(sheet.path.string());
       if (is_png(bytes) && bytes.size() <= kMostBytes) out.sheets.push_back({sheet.stage, sheet.step, base64(bytes)});
-    } catch (const Error&) {  // gone since it was listed, or not to be read: counted below
+    } catch (const Error&) {  // deleted since it was listed, or unreadable: counted below
     }
   out.left_out = all.size() - out.sheets.size();
   return out;

@@ -1,4 +1,4 @@
-// A training's sheets, read to be part of a page.
+// Reads a training's sheets for a page.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -7,18 +7,18 @@
 namespace vsplat {
 
 struct RunSheet {
-  std::size_t stage = 0;  // which of the folders it is of
+  std::size_t stage = 0;  // index of its folder
   long step = 0;
-  std::string base64;  // the PNG
+  std::string base64;  // PNG
 };
 
 struct RunSheets {
   std::vector<RunSheet> sheets;  // by stage and step
-  std::size_t left_out = 0;      // for their size, or since they cannot be read
+  std::size_t left_out = 0;      // too large, or unreadable
 };
 
-// Of the folders' sheets/step-*.png as many as have 12 MiB together, spread evenly with the last among them. Links are
-// not followed: what lies elsewhere is none of the run's.
+// Reads the folders' sheets/step-*.png up to 12 MiB in total. Beyond that it takes a subset that is spread evenly and
+// includes the last sheet. Does not follow links, which may point out of the run.
 RunSheets read_run_sheets(const std::vector<std::filesystem::path>& folders);
 
 }  // namespace vsplat

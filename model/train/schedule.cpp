@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-// How far the step is from `first` to `last`, 0 to 1.
+// Position of `step` between `first` and `last`, clamped to 0 to 1.
 double progress(long step, long first, long last) {
   if (step >= last) return 1;
   return step <= first ? 0 : static_cast<double>(step - first) / static_cast<double>(last - first);
@@ -56,7 +56,7 @@ std::vector<std::string> unfinished(const Schedule& s) {
     out.push_back(fmt::format(
         "the learning rate rises for {} of {} steps and has little time to fall: \"warmup\" is {}, {} is usual",
         s.warmup, s.steps, s.warmup, usual_warmup(s.steps)));
-  // The paper's own ends one step early.
+  // The paper's temperature schedule ends one step early.
   if (s.tau_steps > all && s.tau_first != s.tau_last)
     out.push_back(fmt::format(
         "the temperature ends at {:.2f} and not at \"tau_last\", {:g}: \"tau_steps\" is {}, of {} steps in all",

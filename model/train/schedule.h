@@ -1,4 +1,4 @@
-// What changes from step to step of a training. Steps count from 1. Pure functions: safe from any thread.
+// Hyperparameters that change from step to step. Steps count from 1. Pure functions, which any thread may call.
 #pragma once
 #include <string>
 #include <vector>
@@ -6,40 +6,39 @@
 namespace vsplat {
 
 struct Schedule {
-  double lr = 4e-4;        // the highest learning rate
-  long warmup = 1000;      // steps of its linear rise; 0: none
-  long steps = 50000;      // until it is 0 for the first time
+  double lr = 4e-4;        // peak learning rate
+  long warmup = 1000;      // steps of the linear warm-up; 0: none
+  long steps = 50000;      // until the rate reaches 0 for the first time
   double tau_first = 1.0;  // temperature of the Gumbel-Sigmoid at step 1,
-  double tau_last = 0.1;   // and from step 1 + tau_steps on; linear between
+  double tau_last = 0.1;   // and from step 1 + tau_steps on; linear in between
   long tau_steps = 50000;  // 0: tau_last from the start
-  // Steps after those: each a rise and a cosine of its own, to the same highest rate. What a step before them has does
-  // not depend on them.
+  // Numbers of additional steps. Each extension has its own warm-up and cosine, with the same peak rate. Earlier steps
+  // do not depend on them.
   std::vector<long> extend = {};
 
   bool operator==(const Schedule&) const = default;
 };
 
-// The paper's shares of so many steps: a fiftieth of them, 1 to 1000, to warm up.
+// Default warm-up: a fiftieth of the steps, 1 to 1000, as in the paper.
 long usual_warmup(long steps);
 
-// The same of those without the second level of LaRa's network: a tenth, 1 to 5000.
+// Default number of steps without the second level of LaRa's network: a tenth of the steps, 1 to 5000.
 long usual_fine_after(long steps);
 
-// Of the whole training.
+// Number of steps of the whole training, extensions included.
 long total_steps(const Schedule& schedule);
 
-// lr * step / warmup up to step `warmup`, then half a cosine down to 0 at step `steps`; each of `extend` the same with
-// its own steps and their usual_warmup(); 0 after the last. Error(internal) where step < 1.
+// Warm-up lr * step / warmup up to step `warmup`, then half a cosine down to 0 at step `steps`. Each of `extend`
+// repeats this with its own steps and their usual_warmup(). 0 after the last step. Error(internal) if step < 1.
 double learning_rate(const Schedule& schedule, long step);
 
-// Error(internal) where step < 1.
+// Temperature of the Gumbel-Sigmoid. Error(internal) if step < 1.
 double temperature(const Schedule& schedule, long step);
 
-// What of it does not come to its end within its steps, each in words for a warning.
+// Describes the schedules that do not finish within the training's steps, each as the text of a warning.
 std::vector<std::string> unfinished(const Schedule& schedule);
 
-// Whether both say the same of the steps up to `step`, but for what the other fields of `steps` decide: of `extend`,
-// those that have begun are equal.
+// Whether the extensions that have begun before `step` are equal in both. Ignores the other fields.
 bool extended_alike(const Schedule& a, const Schedule& b, long step);
 
 }  // namespace vsplat

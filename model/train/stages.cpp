@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Whether the stage's last step is done; errors as begin() has them.
+// Whether the stage has done its last step; errors as those of begin().
 bool is_done(const TrainConfig& config, const TrainOptions& options) {
   if (!options.resume || !fs::exists(options.output)) return false;
   const Checkpoint found = begin(config, {options.output, "", true, {}}).checkpoint;
@@ -30,7 +30,7 @@ void write_configuration(const std::string& run, const std::vector<TrainConfig>&
   write_file((fs::path(run) / "config.json").string(), text.data(), text.size());
 }
 
-// Refused before anything is trained: what a later stage could not begin with.
+// Checks all stages before the first is trained: a later one may not be able to start from its predecessor.
 void check_models(const std::vector<TrainConfig>& stages) {
   for (std::size_t i = 1; i < stages.size(); ++i) try {
       check_model_fits(stages[i - 1].model, stages[i]);

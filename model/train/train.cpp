@@ -31,7 +31,7 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-// Gradients are not computed of rounded products, nor with them.
+// Refuses reduced precision: there are no gradients for rounded products.
 void refuse_mixed(const Context& ctx) {
   if (ctx.precision() != Precision::fp32)
     fail(Status::usage,
@@ -49,7 +49,7 @@ void refuse_unless_fits(const Context& ctx, const Trainer::Plan& plan) {
        gib(plan.peak), gib(ctx.memory().limits().total), plan.problem.empty() ? "" : "; " + plan.problem);
 }
 
-// log.csv: a line for each progress, up to the step that a continuation begins at.
+// log.csv: a line per progress report, up to the step that a continuation starts at.
 class Log {
  public:
   Log(std::string path, long step) : path_(std::move(path)) {
@@ -67,7 +67,7 @@ class Log {
     }
   }
 
-  // Written whole each time: a file of some hundred kilobytes that is never half a line.
+  // Rewrites the whole file (some hundred kilobytes), so that it never ends with half a line.
   void add(const TrainProgress& p) {
     const StepReport& r = p.report;
     text_ += fmt::format("{},{:.1f},{:.6g},{:.4f},{:.6f},{:.3f},{:.3f},{:.5f},{},{},{:.5g}\n", r.step,
@@ -78,10 +78,11 @@ class Log {
 
  private:
   std::string path_, text_;
-  double seconds_ = 0;  // of the runs before
+  double seconds_ = 0;  // of earlier runs
 };
 
-// What is told of the steps: means of reports, of which counts are the largest, step and rates the last; and the pace.
+// Accumulates reports of steps: counts are the maximum, step and rates the last value, others the mean. Also measures
+// the pace.
 class Telling {
  public:
   explicit Telling(long steps) : steps_(steps) {}
@@ -101,7 +102,7 @@ class Telling {
     ++count_;
   }
 
-  // Of the steps since the last time, each of so many objects.
+  // Progress since the last call; each step has `objects` objects.
   TrainProgress take(std::size_t objects) {
     TrainProgress out;
     const double share = 1.0 / static_cast<double>(count_), pace = seconds_since(told_) * share;
@@ -134,13 +135,13 @@ std::string duration_text(double seconds) {
                              : fmt::format("{:.0f} days", seconds / 86400);
 }
 
-// What is told before there is progress to tell of: steps 1, 2, 4, ... of this run, and, as soon as one has shown how
-// long a step takes, that all of them take longer than a day.
+// Messages before the first progress report: at steps 1, 2, 4, ... of this run, and a warning as soon as a step's
+// duration shows that the run will take longer than a day.
 class FirstSteps {
  public:
   FirstSteps(long step, long steps) : begun_(step), steps_(steps) {}
 
-  // After each step; `told`: as progress.
+  // Call after each step; `told`: progress was reported.
   void add(const StepReport& r, bool told, const std::function<void(const std::string&)>& say) {
     const long done = r.step - begun_;
     const double took = seconds_since(last_), left = took * static_cast<double>(steps_ - r.step);
@@ -164,7 +165,7 @@ class FirstSteps {
   Clock::time_point last_ = Clock::now();
 };
 
-// What writes left that a kill cut short.
+// Removes the remains of writes that a kill interrupted.
 void remove_unfinished(const fs::path& folder) {
   std::error_code problem;
   std::vector<fs::path> found;
@@ -183,8 +184,8 @@ std::string step_name(const char* what, long step, const char* suffix) {
   return fmt::format("{}-{:08d}{}", what, step, suffix);
 }
 
-// What is to be told of it. A step may fit where a sheet does not, which refines what the network selects even where a
-// step refines given voxels; a training does not end for that.
+// Draws a sheet and returns a message about it. Lack of memory is not an error: a sheet refines the network's selection
+// and may not fit even if a step with given voxels does.
 std::string draw_sheet(Context& ctx, const Network& network, const TrainingViews& views, double temperature,
                        long planned_selected, const std::string& path) {
   try {
@@ -196,10 +197,10 @@ std::string draw_sheet(Context& ctx, const Network& network, const TrainingViews
   return "sheet " + path;
 }
 
-// The run's folder and what is written into it.
+// The run's folder and its files.
 class RunFolder {
  public:
-  // Makes it, for a training that begins after so many steps.
+  // Creates it, for a training that starts after `step` steps.
   RunFolder(const TrainConfig& config, const TrainOptions& options, long step)
       : config_(config), options_(options), folder_(options.output), saved_(step > 0 ? step : -1) {
     std::error_code problem;
@@ -213,7 +214,7 @@ class RunFolder {
     log_.emplace((folder_ / "log.csv").string(), step);
   }
 
-  // A training that has failed before anything came of it leaves nothing.
+  // Leaves nothing behind if the training failed before it produced a result.
   ~RunFolder() {
     std::error_code ignored;
     if (!is_new_ || fs::exists(folder_ / "log.csv", ignored) || saved_ >= 0) return;
@@ -234,13 +235,13 @@ class RunFolder {
                    options_.planned_in_sheet, path));
   }
 
-  // The model for inference as it is at a checkpoint that is there: a kill may have come between the two files.
+  // Writes the model for inference of an existing checkpoint: a kill may have come between the two files.
   void renew_model(const Checkpoint& found) {
     model_ = (folder_ / "model.safetensors").string();
     save_model(model_, found);
   }
 
-  // A checkpoint and the model for inference, unless they are there already.
+  // Writes a checkpoint and the model for inference, unless they exist already.
   void save(const Trainer& trainer) {
     if (saved_ == trainer.step()) return;
     const Checkpoint now = trainer.checkpoint();
@@ -256,9 +257,9 @@ class RunFolder {
     if (options_.on_message) options_.on_message(text);
   }
 
-  // Where the last checkpoint is; "" where there is none.
+  // Path of the last checkpoint; "" if there is none.
   std::string checkpoint() const { return saved_ < 0 ? "" : checkpoint_path(options_.output, saved_); }
-  // As save() wrote it; "" before.
+  // Path that save() wrote; "" before.
   const std::string& model() const { return model_; }
 
  private:
@@ -266,16 +267,16 @@ class RunFolder {
   const TrainOptions& options_;
   fs::path folder_;
   std::optional<Log> log_;
-  bool is_new_ = false;  // nothing was there that this could be taken for
-  long saved_;           // the step of the last checkpoint; -1: there is none
+  bool is_new_ = false;  // the folder held no run before
+  long saved_;           // step of the last checkpoint; -1: none
   std::string model_;
 };
 
-// Seconds from one page to the next at the least, where there is a new sheet or checkpoint, and where there is none.
+// Minimum seconds between two pages: after a new sheet or checkpoint, and after a line of the log.
 constexpr double kPageAfterFile = 10, kPageAfterLine = 600;
 
-// The run's page and the record that it is made of. Made anew now and then, of the training's time a twentieth at the
-// most; where they cannot be written it goes on without them.
+// Writes the run page and its record from time to time, using at most a twentieth of the training's time. If they
+// cannot be written, the training continues without them.
 class Page {
  public:
   Page(const Context& ctx, const DataSet& data, const TrainOptions& options, long step)
@@ -289,7 +290,7 @@ class Page {
     remove_unfinished(run_);
   }
 
-  // After that step; not where the last one was made less than so many seconds ago. The first is made in any case.
+  // Renews the page after a step, unless the last one is less than `seconds` old. The first is always written.
   void renew(long step, int bad, double seconds) {
     if (made_ && seconds_since(*made_) < std::max(seconds, 19 * took_)) return;
     const Clock::time_point begun = Clock::now();
@@ -298,7 +299,7 @@ class Page {
     took_ = seconds_since(begun);
   }
 
-  // Whether it is there as of now.
+  // Returns whether the page is up to date.
   bool write(long step, int bad) {
     record_.reach(step, seconds_since(began_), ctx_.memory().peak(), bad);
     try {
@@ -329,7 +330,7 @@ class Page {
     return out;
   }
 
-  // Once, and not each time that it is tried.
+  // Warns once per problem, not at each attempt.
   void tell(const std::string& problem) {
     if (problem != told_) warn("{}; the training goes on without it", problem);
     told_ = problem;
@@ -337,14 +338,14 @@ class Page {
 
   const Context& ctx_;
   std::string path_, run_, told_;
-  long start_;  // steps that were done before
+  long start_;  // steps done by earlier runs
   RunRecord record_;
   const Clock::time_point began_ = Clock::now();
   std::optional<Clock::time_point> made_;
   double took_ = 0;  // seconds
 };
 
-// A step on those objects; an error of it names the last good checkpoint.
+// One step on these objects. An error names the last valid checkpoint.
 StepReport step(Trainer& trainer, const std::vector<TrainingViews>& views,
                 const std::optional<std::vector<int>>& selection, const RunFolder& folder) {
   std::vector<StepItem> items;
@@ -366,14 +367,15 @@ std::string going_on(const TrainConfig& config, long step) {
   return fmt::format("all {} steps are done; vsplat_train_options.extend goes on after them", all);
 }
 
-// Whether something that is done every `period` steps, and after the last, is due.
+// Whether an action is due that happens every `period` steps and after the last.
 bool is_due(long period, long step, long steps) { return step == steps || (period > 0 && step % period == 0); }
 
 }  // namespace
 
 TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, const TrainOptions& options) {
   refuse_mixed(ctx);
-  // Before weights are made that may be more than fits anywhere; a file's are no more than the file.
+  // Checked before random weights are made, since a large model may exceed host memory; a file's weights are no larger
+  // than the file.
   if (options.init.empty())
     refuse_unless_fits(
         ctx, plan_train(ctx, given, {options.selection, options.planned_selected, options.assumed_intersections}));
@@ -395,7 +397,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   const auto [first, last] = trainer.own_objects();
   own.first_item = static_cast<int>(first), own.last_item = static_cast<int>(last);
   TrainingReader reader(data, own);
-  // Of other ranks' objects nothing is read.
+  // Other ranks' objects are not read.
   const auto views_of = [&](long step) {
     std::vector<TrainingViews> views(static_cast<std::size_t>(config.batch * config.accumulate));
     for (int i = own.first_item; i < own.last_item; ++i) views[static_cast<std::size_t>(i)] = reader.at(step, i);
@@ -403,7 +405,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
   };
   const long steps = total_steps(config.schedule);
   std::vector<TrainingViews> views;
-  // Before there is a folder, so that data which cannot be read leave none.
+  // Read before the folder is created, so that unreadable data leave no folder.
   if (trainer.step() < steps) views = views_of(trainer.step());
   RunFolder folder(config, options, start.step);
   for (const std::string& text : unfinished(config.schedule)) warn("{}", text);
@@ -443,12 +445,12 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
     go_through();
   } catch (const Error& e) {
     if (e.status() != Status::cancelled) throw;
-    cancelled = true;  // a step moves the weights whole or not at all
+    cancelled = true;  // a step updates all weights or none
     folder.say(fmt::format("stopped on request after step {}; its checkpoint is written", trainer.step()));
     ctx.go_on();
   }
   if (options.leader) options.leader->rest();
-  const Uncancelled whole(ctx);  // whoever says stop again waits for the same checkpoint
+  const Uncancelled whole(ctx);  // further requests to stop wait for the same checkpoint
   folder.save(trainer);
   if (page.write(trainer.step(), reader.bad())) folder.say("report " + page.path());
   if (cancelled)
@@ -464,7 +466,7 @@ TrainResult train(Context& ctx, const TrainConfig& given, const DataSet& data, c
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options) {
   refuse_mixed(ctx);
   const auto planner = ctx.planner();
-  Checkpoint start;  // no weights: what is only planned has no values, and a model's may be more than fits anywhere
+  Checkpoint start;  // no weights: a plan needs no values, and a model's may exceed host memory
   start.config = config;
   const Trainer trainer(*planner, start, planned_of(forced_selection(config, options.selection), options.selected));
   return options.bound ? trainer.bound() : trainer.plan(options.intersections);

@@ -1,4 +1,4 @@
-// A training from beginning to end: data in, a run's folder out.
+// A whole training: reads data, writes a run's folder.
 #pragma once
 #include <functional>
 #include <string>
@@ -11,67 +11,68 @@ namespace vsplat {
 
 class RankLeader;
 
-// What a training of that configuration would take, on a context on which nothing was made for it; `bound`: with all
-// voxels selected and every Gaussian in every tile.
+// Estimates the memory of a training with this configuration, on a context without allocations for it. `bound`: assumes
+// that all voxels are selected and every Gaussian touches every tile.
 struct TrainPlanOptions {
   std::string selection;
-  long selected = 0;  // voxels, where `selection` names no file
+  long selected = 0;  // voxels; ignored if `selection` names a file
   std::optional<std::uint64_t> intersections;
   bool bound = false;
 };
 Trainer::Plan plan_train(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options);
-// A whole step of it on a plan, the optimiser's part, too: for lists of what it launches.
+// Runs a whole step on a plan, including the optimiser: to list its launches.
 void plan_step(const Context& ctx, const TrainConfig& config, const TrainPlanOptions& options);
 
-// Means over the steps since the last one that was told.
+// Means over the steps since the last report of progress.
 struct TrainProgress {
-  StepReport report;   // its step, learning rate and temperature are the last step's; the counts are the largest
-  long steps = 0;      // of the whole training
-  double seconds = 0;  // of this run so far
-  double objects_per_second = 0;  // since the last one
-  double seconds_left = 0;        // at the pace of the steps so far that compiled nothing; 0: there was none yet
+  StepReport report;              // its step, learning rate and temperature are the last step's; counts are the maximum
+  long steps = 0;                 // of the whole training
+  double seconds = 0;             // of this run so far
+  double objects_per_second = 0;  // since the last report of progress
+  double seconds_left = 0;        // extrapolated from the steps so far that compiled nothing; 0: unknown yet
 };
 
 struct TrainOptions {
-  std::string output;   // the run's folder, made where there is none
-  std::string run;      // the folder of the run that this is a stage of, whose page tells of it; "": output
-  std::string init;     // a model file to begin with, of the configuration's model; "": random weights, by the seed
-  bool resume = false;  // go on from the newest good checkpoint in it; it must be of the same configuration
-  // Schedule::extend, instead of the configuration's; empty: that, or the checkpoint's where it has none. Needs
-  // `resume`. What has begun of it may not change: the same list again is no further extension.
+  std::string output;  // the run's folder; created if it does not exist
+  std::string run;     // folder of the run, if this is one of its stages; its page shows the stage; "": output
+  // model file with the initial weights; must match the configuration's model; "": random weights, by the seed
+  std::string init;
+  // continue from the newest valid checkpoint in `output`, which must have the same configuration
+  bool resume = false;
+  // Overrides the configuration's Schedule::extend. Empty: that one, or the checkpoint's if the configuration has none.
+  // Needs `resume`. Extensions that have begun may not change: the same list again adds none.
   std::vector<long> extend;
-  bool skip_bad = false;      // data that cannot be read are passed over and counted
-  std::string textures = "";  // a folder of pictures for procedural objects; "": none
+  bool skip_bad = false;      // skip and count data that cannot be read
+  std::string textures = "";  // folder of pictures for procedural objects; "": no textures
   std::string
       selection;  // a file of voxels that are refined in every step, see model/io/archive/selection_file.h; "": none
-  long planned_selected = 0;                           // voxels, as the trainer takes it, where none are given
-  long planned_in_sheet = 0;                           // the same of a sheet, which is drawn as at inference
-  std::optional<std::uint64_t> assumed_intersections;  // for the check before the start, as Trainer::plan has them
-  std::vector<Context*> helpers;                       // devices that compute parts of a step beside the training's own
-  RankLeader* leader = nullptr;                        // rank 0's, where other processes compute parts, too; else none
+  long planned_selected = 0;                           // voxels, as in Trainer; used if `selection` is empty
+  long planned_in_sheet = 0;                           // voxels for a sheet, which is rendered as at inference
+  std::optional<std::uint64_t> assumed_intersections;  // for the check before the start, as in Trainer::plan
+  std::vector<Context*> helpers;                       // devices that compute shards besides the main one
+  RankLeader* leader = nullptr;                        // on rank 0 if there are other processes, else null
   // Every `log_every` steps, and after the last.
   std::function<void(const TrainProgress&)> on_progress;
-  // Something was written, or is told once: "checkpoint RUN/checkpoint-00000500.safetensors".
+  // Called when a file was written, and for single notes: "checkpoint RUN/checkpoint-00000500.safetensors".
   std::function<void(const std::string&)> on_message;
-  // Asked after every step; true: a checkpoint is written and the training ends.
+  // Called after every step. On true, a checkpoint is written and the training ends.
   std::function<bool()> stop;
 };
 
 struct TrainResult {
   long step = 0;         // steps done
-  bool stopped = false;  // before the last
+  bool stopped = false;  // before the last step
   std::string model;     // the file for inference
-  int bad = 0;           // views and objects passed over
-  std::size_t peak = 0;  // bytes of device memory that were held at the most
+  int bad = 0;           // views and objects skipped
+  std::size_t peak = 0;  // peak of allocated device memory, in bytes
 };
 
 // Writes into `output`: config.json, log.csv, sheets/step-00000500.png, checkpoint-00000500.safetensors (the newest
-// few) and, with every checkpoint, model.safetensors; beside them record.json and, into the run's folder,
-// report.html (report.h), without which it goes on where they cannot be written. The same configuration, data,
-// device and seed give the same bits, however often the run was interrupted. Error(usage) where the folder holds
-// checkpoints and `resume` is not asked for, or those of another configuration; Error(format) where `init` is of
-// another model; errors of data as TrainingReader has them. Error(memory) before anything is written where a step
-// would not fit.
+// few) and, with every checkpoint, model.safetensors. Also writes record.json, and report.html (report.h) in the run's
+// folder; the training continues without these two if they cannot be written. Equal configuration, data, device and
+// seed give the same bits, however often the run was interrupted. Error(usage) if the folder holds checkpoints and
+// `resume` is false, or if they belong to another configuration. Error(format) if `init` does not match the model.
+// Errors of data as in TrainingReader. Error(memory) before anything is written if a step would not fit.
 TrainResult train(Context& ctx, const TrainConfig& config, const DataSet& data, const TrainOptions& options);
 
 }  // namespace vsplat

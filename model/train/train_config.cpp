@@ -23,7 +23,7 @@ using nlohmann::ordered_json;
 constexpr const char* kWhat = "the training's configuration";
 constexpr const char* kBase = "small";
 
-// The one list of fields but `model`: visit(name, field) for each, in the order of the JSON.
+// The list of fields except `model`: calls visit(name, field) for each, in the order of the JSON.
 template <class C, class Visit>
 void each_field(C& c, Visit visit) {
   visit("seed", c.seed);
@@ -131,8 +131,7 @@ void check_views(const TrainConfig& c, const FieldChecks& is) {
   is.within("novel", c.novel, 0, 64);
   is.one_of("fit", c.fit, {"auto", "object", "crop", "pad"});
   is.in("half_size", c.half_size, c.half_size >= 0 && c.half_size <= 1, "0 to 1");
-  // The similarity looks at windows of 11 pixels.
-  if (c.half_size > 0 && (c.model.image() % 2 != 0 || c.model.image() < 22))
+  if (c.half_size > 0 && (c.model.image() % 2 != 0 || c.model.image() < 22))  // SSIM has windows of 11 pixels
     is.in("half_size", c.half_size, false,
           fmt::format("0: the model's image of {} pixels is odd or below 22", c.model.image()).c_str());
   is.in("turn_degrees", c.turn_degrees, c.turn_degrees >= 0 && c.turn_degrees <= 180, "0 to 180");
@@ -197,7 +196,7 @@ json parsed(const std::string& text) {
   return object;
 }
 
-// A stage's fields over those beside `stages`.
+// Overrides the common fields by a stage's.
 json merged(json base, const json& stage) {
   for (const auto& [name, value] : stage.items()) {
     json& into = base[name];
@@ -261,7 +260,7 @@ TrainConfig train_config_from_json(const std::string& text) {
   };
   if (config.model.get_if<LaraConfig>())
     usual("fine_after", config.fine_after, usual_fine_after(config.schedule.steps));
-  if (config.model.has_surfels()) {  // as LaRa was trained
+  if (config.model.has_surfels()) {  // as in LaRa's training
     usual("surface_after", config.surface_after, usual_warmup(config.schedule.steps));
     usual("distortion_weight", config.distortion_weight, 1000.0);
     usual("normal_weight", config.normal_weight, 0.2);

@@ -1,6 +1,5 @@
-// A training, all of it but the data: the model, how long and how fast, what a step sees, and what is written when. One
-// JSON object, stored in every checkpoint. The defaults are the paper's but for the model and the batch, which are what
-// two CPU cores can do.
+// A training's configuration: the model, the schedule, the data of a step, and the output. It is a JSON object, which
+// every checkpoint stores. The defaults are the paper's, except for the model and the batch, which suit two CPU cores.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -14,88 +13,90 @@ namespace vsplat {
 
 struct TrainConfig {
   AnyConfig model = named_config("small");
-  std::uint64_t seed = 0;  // of the initial weights, of every choice and of all noise
+  std::uint64_t seed = 0;  // of the initial weights and of all random choices and noise
 
-  // A step: `accumulate` batches of `batch` objects each, whose gradients' mean is what the optimiser sees.
+  // A step has `accumulate` batches of `batch` objects each. The optimiser uses the mean of their gradients.
   Schedule schedule;
   long batch = 1;
   long accumulate = 1;
-  // Of how many parts, as equal as they can be and in order, the gradients are computed each for itself and then summed
-  // in the order of parts: several devices share them, and the bits do not depend on how many there are.
+  // Number of shards of a step, in order and of nearly equal size. Each shard's gradients are computed separately and
+  // then summed in order. Several devices share the shards; the bits do not depend on the number of devices.
   long parts = 1;
-  // adamw; or muon: Muon for the weights that are matrices, AdamW for the others (biases, norms, embeddings, the heads'
-  // weights)
+  // "adamw" or "muon". Muon updates the weights that are matrices, and AdamW the others (biases, norms, embeddings, the
+  // heads' weights).
   std::string optimizer = "adamw";
   double beta1 = 0.9, beta2 = 0.95, eps = 1e-8, weight_decay = 0.05;
-  double momentum = 0.95;    // Muon's
-  double clip_norm = 0.5;    // of the gradients' norm
+  double momentum = 0.95;    // Muon
+  double clip_norm = 0.5;    // limit of the gradients' norm
   double ssim_weight = 0.5;  // w in MSE + w (1 - SSIM), for each level
-  double alpha_weight = 0;   // a in + a |alpha - the picture's|, in the mean over pixels of views that have a mask
-                             // or alpha; in the gradients alone, not in what is reported. 0: none
-  // Of LaRa's network. Until so many steps are done, its second level is left out. After so many, the loss has
-  // distortion_weight times the mean distortion of the first level, and normal_weight times how far normals are from
-  // those of the surface that the depths span, if it is of surfels.
+  // a in + a |alpha - the picture's|, averaged over the pixels of views that have a mask or alpha; affects the
+  // gradients, not the reported loss. 0: none
+  double alpha_weight = 0;
+  // LaRa's network. The second level is skipped for `fine_after` steps. After `surface_after` steps, the loss of a
+  // first level of surfels also has distortion_weight times the mean distortion, and normal_weight times the deviation
+  // of the normals from those of the surface that the depths span.
   long fine_after = 0, surface_after = 0;
   double distortion_weight = 0, normal_weight = 0;
   double ema = 0;                   // decay of a moving average of the weights; 0: none
   std::vector<std::string> frozen;  // parameters whose names start with one of these are not trained
 
-  // What an object shows: the number of input views is drawn anew for each, from inputs_min to inputs_max.
+  // Views of an object. The number of input views is drawn for each object, from inputs_min to inputs_max.
   long inputs_min = 4, inputs_max = 4;
-  long novel = 4;                 // views beside them in the loss
-  bool random_background = true;  // novel views lie on white, grey or black, drawn for each object; else on white
-  std::string fit = "auto";       // how pictures are cropped: auto, object, crop, pad
-  double half_size = 0;           // so much of the views of both kinds are drawn and compared in half the size; 0 to 1
-  // The object's frame is turned by an angle of at most so much about any axis, and its cube larger by a factor, both
-  // drawn for each object.
+  long novel = 4;                 // further views, in the loss only
+  bool random_background = true;  // novel views over white, grey or black, drawn for each object; else over white
+  std::string fit = "auto";       // crop of the pictures: auto, object, crop, pad
+  double half_size = 0;           // share of views, input and novel, rendered and compared at half size; 0 to 1
+  // The object's frame is rotated by at most `turn_degrees` about a random axis, and its cube is scaled by a factor
+  // from cube_min to cube_max, both drawn for each object.
   double turn_degrees = 0;
   double cube_min = 1, cube_max = 1;
-  // So much of the objects are mirrored, and have their red, green and blue exchanged, drawn for each: 0 to 1.
+  // Shares of the objects that are mirrored, and that have permuted colour channels, drawn for each: 0 to 1.
   double mirror = 0, shuffle_channels = 0;
   double rooms = 0;  // so much of the objects are in a room (data/interior.h), as where users mask nothing; 0 to 1
   // Deviation of the noise on the poses that the network is told of input views but the first, drawn anew for each
   // object and step (base/pose_noise.h): radians, and edges of the cube. What is drawn and compared knows none.
   double pose_noise = 0;
-  double procedural = 0;  // so much of the objects are none of the data set, but drawn while training; 0 to 1
+  // share of the objects that are generated during training instead of read from the data set; 0 to 1
+  double procedural = 0;
 
-  // In steps; 0: never.
+  // Intervals in steps; 0: never.
   long log_every = 10;
   long sheet_every = 500;
   long checkpoint_every = 500;
-  long keep_checkpoints = 3;  // the newest; older ones are removed
-  double cache_gib = 1;       // decoded pictures kept in memory
+  long keep_checkpoints = 3;  // the newest; older ones are deleted
+  double cache_gib = 1;       // memory for cached pictures
 
   bool operator==(const TrainConfig&) const = default;
 };
 
-// Whether Muon moves this parameter.
+// Whether Muon updates this parameter.
 bool is_muons(const TrainConfig& config, const Parameter& parameter);
 
-// Whether one of `frozen` starts this parameter's name.
+// Whether this parameter's name starts with one of `frozen`.
 bool is_frozen(const TrainConfig& config, const std::string& parameter);
 
-// Refuses by name, with the value found, what cannot be trained.
+// Refuses a configuration that cannot be trained. The error names the field and its value.
 void check(const TrainConfig& config, Status status = Status::usage);
 
-// Every field, one a line; the model's in an object of its own.
+// All fields, one a line; the model's fields in an object of their own.
 std::string to_json(const TrainConfig& config);
 
-// Absent fields take their defaults: inputs_min, inputs_max and novel the model's `views`, warmup usual_warmup() of the
-// steps, tau_steps all of them, of LaRa's network fine_after a tenth of the steps, at most 5000, and of surfels
-// surface_after as many as warm up usually, distortion_weight 1000 and normal_weight 0.2; the others those above.
-// `model` is a name of config_names(), or an object of the configuration's fields over those of `base`, such a name of
-// its `system`, "small" where it is absent. Unknown fields, wrong types and
-// what cannot be trained are an Error(format) that names them.
+// Defaults of absent fields: inputs_min, inputs_max and novel are the model's `views`, warmup is usual_warmup() of the
+// steps, and tau_steps all steps. For LaRa's network, fine_after is a tenth of the steps, at most 5000. For surfels,
+// surface_after is usual_warmup() of the steps, distortion_weight 1000 and normal_weight 0.2. The other defaults are
+// those above. `model` is one of config_names(), or an object of configuration fields that override those of `base`;
+// `base` is one of the names of its `system`, "small" if absent. Error(format) names unknown fields, wrong types and
+// values that cannot be trained.
 TrainConfig train_config_from_json(const std::string& text);
 
-// Trainings one after another, each of which begins with the weights of the one before: the objects of the field
-// `stages`, whose fields are over those that stand beside it (of `model`, single fields over its fields), and `seed`,
-// where a stage has none, one more for each. Without that field: the one training. Errors name the stage.
+// Successive trainings, each of which starts with the weights of the one before: the objects of the field `stages`. A
+// stage's fields override those beside `stages` (`model` is merged field by field). A stage without `seed` has the seed
+// of the one before plus one. Without `stages`, there is one training. Errors name the stage.
 std::vector<TrainConfig> train_stages_from_json(const std::string& text);
-// What train_stages_from_json() takes: of one stage as to_json(config) has it.
+// Writes what train_stages_from_json() reads; for one stage the text of to_json(config).
 std::string to_json(const std::vector<TrainConfig>& stages);
 
-// SHA-256 of to_json(): equal for equal configurations, however they were written.
+// SHA-256 of to_json(): equal configurations have equal hashes, however they were written.
 std::string hash_of(const TrainConfig& config);
 
 }  // namespace vsplat

@@ -16,7 +16,7 @@ enum class Word : int { begin, step, moved, rest, end };
 
 void broadcast(Ranks& ranks, MessageOut message) { ranks.broadcast(message.bytes()); }
 
-// A training that this rank takes part in.
+// This rank's share of a training.
 struct Following {
   Following(Context& ctx, const Checkpoint& start, const DataSet& data, const TrainOptions& options, Ranks& ranks)
       : selection(forced_selection(start.config, options.selection)),
@@ -27,7 +27,7 @@ struct Following {
     reader.emplace(data, own);
   }
 
-  // Its parts of the next step; what cannot be read fails there, as it does on rank 0.
+  // Computes this rank's shards of the next step. Unreadable data are reported to rank 0 as an error.
   void help(Ranks& ranks) {
     const auto [first, last] = trainer.own_objects();
     std::vector<TrainingViews> views;
@@ -57,7 +57,7 @@ RankLeader::~RankLeader() {
   try {
     MessageOut out;
     broadcast(ranks_, out.add(Word::end));
-  } catch (const Error&) {  // the others are gone, which whoever asked them last has told
+  } catch (const Error&) {  // the other ranks are gone; the call that failed first has reported it
   }
 }
 

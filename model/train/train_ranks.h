@@ -1,5 +1,5 @@
-// A training of several processes (runtime/system/ranks.h): rank 0 trains, writes and tells; the others compute parts of its
-// steps. Nobody but rank 0 has the optimiser or writes a file.
+// A training on several processes (runtime/system/ranks.h). Rank 0 has the optimiser, writes all files and reports; the
+// other ranks only compute shards of its steps.
 #pragma once
 #include "model/data/data_set.h"
 #include "model/train/train.h"
@@ -7,7 +7,7 @@
 
 namespace vsplat {
 
-// What rank 0 says to the others, who follow() from its construction to its end.
+// Rank 0's messages to the other ranks, which run follow() while it exists.
 class RankLeader {
  public:
   explicit RankLeader(Ranks& ranks) : ranks_(ranks) {}
@@ -16,19 +16,19 @@ class RankLeader {
   RankLeader& operator=(const RankLeader&) = delete;
 
   Ranks& ranks() const { return ranks_; }
-  // A training begins there. Waits until all are ready; Error of the first that cannot, naming its rank, and Error
-  // (usage) where there are more ranks than parts.
+  // Starts a training on all ranks and waits until they are ready. Throws the first error of a rank, with its number.
+  // Error(usage) if there are more ranks than shards.
   void begin(const Checkpoint& start);
   void begin_step();
   void give_moved(const std::vector<float>& weights, const std::string& kinds);
-  // The training has ended; another one may begin.
+  // Ends the training; another one may begin.
   void rest();
 
  private:
   Ranks& ranks_;
 };
 
-// What the other ranks do, until rank 0 says that it is over. Errors are rank 0's.
+// The loop of the other ranks; returns when rank 0's RankLeader is destroyed. Errors are sent to rank 0.
 void follow(Context& ctx, const DataSet& data, const std::function<TrainOptions(const TrainConfig&)>& options,
             Ranks& ranks);
 

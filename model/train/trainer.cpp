@@ -17,14 +17,14 @@
 namespace vsplat {
 namespace {
 
-// One of the streams of the seed's random numbers.
+// Index of this stream among the seed's random streams.
 constexpr std::uint32_t kNoiseStream = 2;
 
 double psnr_of(double mse) { return -10 * std::log10(std::max(mse, 1e-12)); }
 
-// What a level's views say, read from the device.
+// Means over a level's views, read from the device.
 struct Means {
-  double loss = 0, mse = 0;  // of all views; of those that count for the PSNR
+  double loss = 0, mse = 0;  // over all views; over the views that the PSNR uses
 };
 
 Means read_means(Context& ctx, const LevelLoss& views, std::size_t inputs) {
@@ -41,7 +41,7 @@ Means read_means(Context& ctx, const LevelLoss& views, std::size_t inputs) {
 
 }  // namespace
 
-// The slabs of what stays, made at once and to measure.
+// Allocates slabs for weights, gradients and optimiser state at once, with their exact sizes.
 Context& Trainer::with_slabs(Context& ctx, const Checkpoint& start, Role role) {
   if (ctx.planning()) return ctx;
   const auto planner = ctx.planner();
@@ -61,7 +61,7 @@ Trainer::Mover Trainer::mover_of(const TrainConfig& config, const Parameter& p) 
   return p.decays ? adamw_decaying : adamw;
 }
 
-// Those of `values` that the run has; zeros where there are none.
+// The values of this run's parameters; zeros for those that `values` lacks.
 SideBySide Trainer::like(const LearntRun& run, const char* what, const Weights& values) const {
   SideBySide out = side_by_side(ctx_, run.shapes, what);
   for (std::size_t i = 0; i < run.names.size(); ++i)
@@ -127,7 +127,7 @@ PassViews Trainer::upload(Context& ctx, const StepObject& object, PassOptions& o
     out.given = noisy_cameras({views.cameras.begin(), views.cameras.begin() + n}, config_.pose_noise, config_.seed,
                               object.noise_draw, views.object);
   for (long v = 0; v < all; ++v) {
-    // A plan has all of them whole.
+    // A plan assumes full size.
     const bool half =
         !ctx.planning() && is_half_size(config_.half_size, config_.seed, object.noise_draw, views.object, v);
     const long side = half ? s / 2 : s;
@@ -169,7 +169,8 @@ Trainer::PartSums Trainer::gradients(const std::vector<StepItem>& items, std::si
     options.forward.temperature = report.temperature;
     options.scale = static_cast<float>(share);
     const StepObject object{items[i], static_cast<std::uint32_t>(static_cast<std::size_t>(step_) * items.size() + i)};
-    const bool more = step_ > 0 && (step_ == config_.fine_after || step_ == config_.surface_after);  // of the loss
+    // the loss gains terms
+    const bool more = step_ > 0 && (step_ == config_.fine_after || step_ == config_.surface_after);
     if (!memory_.kept_between || more) memory_ = {rounded(planned_), recompute, 0, memory_.kept_between};
     const PassResult result = finish_pass(ctx_, *network, draw_in_memory(ctx_, *network, object, options, memory_, -1));
     const auto inputs = static_cast<std::size_t>(items[i].views->inputs);

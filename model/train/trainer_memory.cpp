@@ -1,4 +1,4 @@
-// The memory of a training: what is made for an object, what is done where that is not enough, and the plan of it.
+// A training's memory: allocation for an object, fallbacks if it does not fit, and plans.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,11 +11,11 @@
 namespace vsplat {
 namespace {
 
-constexpr long kMargin = 1 << 16;  // elements for what drawing asks for beside the plans of its own
+constexpr long kMargin = 1 << 16;  // elements reserved for rendering, in addition to its own plans
 
 }  // namespace
 
-// Some more than were selected now, so that the next object fits, too.
+// Rounds up, so that the next object probably fits, too.
 long Trainer::rounded(long selected) const {
   const long all = config_.model.selectable(), unit = std::max(1L, all / 16);
   return std::min(all, (selected + unit - 1) / unit * unit);
@@ -33,7 +33,7 @@ void Trainer::make_memory(Context& ctx, const Network& network, const StepObject
     const PassViews views = upload(c, object, options);
     training_pass(c, network, views, options);
   };
-  if (!memory.recompute) {  // what is kept must not be in the way of drawing
+  if (!memory.recompute) {  // stored activations must leave enough memory for rendering
     options.whole = true;
     run(*ctx.planner());
   }
@@ -54,11 +54,11 @@ void Trainer::make_memory(Context& ctx, const Network& network, const StepObject
   memory.views = count;
 }
 
-// Tries with the memory of the object before, as long as no more voxels are selected; where that does not fit, with as
-// much as this object's voxels take, and then with activations computed a second time.
+// First tries the previous object's memory, if no more voxels are selected; then as much as this object's voxels need;
+// then the same with recomputed activations.
 DrawnPass Trainer::draw_in_memory(Context& ctx, const Network& network, const StepObject& object, PassOptions options,
                                   ObjectMemory& memory, long planned) const {
-  std::optional<long> selected;  // known once the coarse half has run
+  std::optional<long> selected;  // known after the coarse half
   if (!config_.model.has_fine()) selected = 0;
   bool to_measure = false;
   options.forward.planned_selected = std::max(planned, 0L);
@@ -76,7 +76,7 @@ DrawnPass Trainer::draw_in_memory(Context& ctx, const Network& network, const St
       const bool smallest = to_measure && memory.recompute;
       if (e.status() != Status::memory || smallest) throw;
       if (!selected && memory.selected > 0) {
-        memory.selected = 0;  // the coarse half tells
+        memory.selected = 0;  // the coarse half will find it
       } else {
         memory.selected = rounded(selected.value_or(0));
         memory.recompute = to_measure;
@@ -99,12 +99,12 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
     camera.fx = camera.fy = static_cast<double>(s);
     camera.cx = camera.cy = static_cast<double>(s) / 2;
   }
-  // There, and never read: what is planned is not to take what it would take.
+  // Present but never read, so that a plan does not allocate the content.
   if (config_.alpha_weight > 0) views.rgba.assign(static_cast<std::size_t>(all), {0});
   const StepItem given{&views};
   const StepObject object{given};
   PassOptions options;
-  set_loss(options, total_steps(config_.schedule));  // what the last steps take
+  set_loss(options, total_steps(config_.schedule));  // the last steps have the most terms
   options.assumed_intersections = intersections;
   options.network_alone = network_alone;
   std::unique_ptr<Context> for_model, ctx;
@@ -112,7 +112,7 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
   try {
     for_model = ctx_.planner();
     const auto network = make_network(*for_model, config_.model, weights_);
-    ctx = for_model->planner();  // in which the model's slabs stand, as in a step
+    ctx = for_model->planner();  // has the model's slabs, as in a step
     if (network_alone) {
       options.recompute = memory.recompute;
       options.forward.planned_selected = selected;
@@ -134,7 +134,7 @@ bool Trainer::plan_object(Plan& out, ObjectMemory memory, long selected, std::op
   if (ctx) {
     out.peak = ctx->memory().peak();
     out.stages = ctx->stage_memory();
-  } else {  // not even the weights: what they alone would take
+  } else {  // not even the weights fit: reports their size alone
     const auto unlimited = ctx_.planner(false);
     const auto network = make_network(*unlimited, config_.model, weights_);
     out.peak = unlimited->memory().peak();

@@ -1,4 +1,4 @@
-// A step's gradients in parts: on several devices, gathered and summed in the order of parts.
+// A step's gradients in shards: computed on several devices, gathered, and summed in order.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 namespace vsplat {
 namespace {
 
-// In the checkpoint: the kind of each part's device, one a line; only where they are of several kinds.
+// Key in the checkpoint: the kind of each shard's device, one a line. Stored only if there are several kinds.
 constexpr const char* kKinds = "part_devices";
 
 std::vector<std::string> lines(const std::string& text) {
@@ -85,8 +85,9 @@ std::pair<std::size_t, std::size_t> Trainer::own_objects() const {
   return {first_object(first), first_object(last)};
 }
 
-// Of devices of one kind whichever is free takes a part, and none is anyone's. Of several kinds each part is one's of
-// the kind that had it before, the one with the fewest; where no such is there, it is shared out anew.
+// Devices of one kind take shards as they become free (empty result). With mixed kinds, each shard goes to the least
+// loaded device of the kind that computed it before; if no device of that kind is left, all shards are assigned
+// dynamically again.
 std::vector<std::size_t> Trainer::owners(const std::vector<Trainer*>& workers) const {
   const auto known = state_.find(kKinds);
   if (known == state_.end()) return {};
@@ -105,7 +106,7 @@ std::vector<std::size_t> Trainer::owners(const std::vector<Trainer*>& workers) c
   return out;
 }
 
-// In the checkpoint where they are several.
+// Stored in the checkpoint if the kinds differ.
 void Trainer::keep_kinds(const std::vector<std::string>& kinds) {
   std::string text;
   bool several = false;
@@ -146,7 +147,7 @@ void Trainer::compute_parts(const std::vector<StepItem>& items, const std::funct
       const PartSums sums = worker.gradients(items, first_object(first + i), first_object(first + i + 1));
       made[i] = Part{sums, worker.read_moved(&LearntTensor::gradient), worker.kind()};
     } catch (const Error& e) {
-      if (e.status() == Status::cancelled)  // whoever was told to stop: none is to hold up the others
+      if (e.status() == Status::cancelled)  // a stop request reached one worker: cancels the others
         for (Trainer* other : workers) other->ctx_.cancel();
       throw;
     }
@@ -183,7 +184,7 @@ Trainer::PartSums Trainer::gradients_in_parts(const std::vector<StepItem>& items
   try {
     compute_parts(items, add);
   } catch (...) {
-    failed = std::current_exception();  // what the others send is taken first
+    failed = std::current_exception();  // first receives what the other ranks send
   }
   for (int rank = 1; ranks_ && rank < ranks_->count(); ++rank) {
     const auto [first, last] = parts_of(rank);

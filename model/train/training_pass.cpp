@@ -52,7 +52,7 @@ class Level {
   GaussianGradients take() { return std::move(gradient_.front()); }
 
  private:
-  // None where the view says nothing of it.
+  // Gradient by alpha; empty if the view has no alpha.
   static Tensor by_alpha(Context& ctx, const PassViews& views, std::size_t v, const DevicePicture& picture,
                          const PassOptions& options, float share) {
     if (options.alpha_weight <= 0 || views.rgba.empty() || !views.rgba.at(v)) return {};
@@ -62,7 +62,7 @@ class Level {
     return out;
   }
 
-  // The surface's terms, added to the loss; by the maps that the picture has no gradients of yet, and by alpha.
+  // Adds the surface terms to the loss and their gradients by alpha, and by maps that have no gradients yet, to `out`.
   static void add_surface(Context& ctx, const Camera& camera, const DevicePicture& picture,
                           const SurfaceWeights& surface, float share, const Tensor& value, PictureGradient& out) {
     const Tensor view = upload_views(ctx, {camera}, static_cast<float>(kNearInObject), {});
@@ -82,7 +82,7 @@ class Level {
     out.distortion = through.distortion;
   }
 
-  // What a plan takes a part of a picture for.
+  // The counts that a plan assumes for a tile of a picture.
   VisibleCount planned(const Camera& camera, const Part& part, const PassOptions& options) const {
     if (options.whole && part.tiles() < tiles_along(camera.width) * tiles_along(camera.height))
       fail(Status::memory, "not enough device memory to draw a picture at once");
@@ -101,12 +101,12 @@ class Level {
   SceneGradient gradient_;
 };
 
-// The accurate ones.
+// The exact poses.
 std::vector<Camera> input_cameras(const PassViews& views) {
   return {views.cameras.begin(), views.cameras.begin() + views.input_views()};
 }
 
-// The loss of predicted rays, and its gradient.
+// The loss of the predicted rays, and its gradient.
 void lose_rays(Context& ctx, const Config& config, const PassViews& views, const PassOptions& options, DrawnPass& out) {
   const Tensor& predicted = out.trained.rays;
   const long rays = predicted.count() / 6;

@@ -1,4 +1,4 @@
-// One object of a training step: the network, both levels drawn in every view, the loss, and all the way back.
+// One object of a training step: the network, both levels rendered in every view, the loss, and the backward pass.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,63 +11,64 @@
 
 namespace vsplat {
 
-// `cameras.size()` views in the object's frame, the first of which the network sees.
+// `cameras.size()` views in the object's frame. The network sees the first V.
 struct PassViews {
-  Tensor inputs;                                  // [V, S, S, 3] in [0,1]
-  std::vector<Camera> cameras;                    // V input views, then others; S x S
-  std::vector<Camera> given;                      // what the network is told of the V, noise and all; empty: the same
-  std::vector<Camera> drawn;                      // what the loss's pictures are drawn by; empty: `cameras`
-  std::vector<Tensor> targets;                    // [1, S, S, 3] each, of the size that is drawn
-  std::vector<std::array<float, 3>> backgrounds;  // that a view is drawn over
-  std::vector<Tensor> rgba;  // u8 [S, S, 4] each, as PictureTarget has them, or none; empty: of no view. As targets
+  Tensor inputs;                // [V, S, S, 3] in [0,1]
+  std::vector<Camera> cameras;  // V input views, then the others; S x S
+  std::vector<Camera> given;    // the V poses that the network receives, including noise; empty: the exact ones
+  std::vector<Camera> drawn;    // cameras of the loss's pictures; empty: `cameras`
+  std::vector<Tensor> targets;  // [1, S, S, 3] each, at the rendered size
+  std::vector<std::array<float, 3>> backgrounds;  // of each view
+  // u8 [S, S, 4] each, at the targets' size, as in PictureTarget, or empty; no elements: no view has one
+  std::vector<Tensor> rgba;
   long input_views() const { return inputs.dim(0); }
 };
 
 struct PassOptions {
   ForwardOptions forward;
-  bool recompute = false;  // of most stages the inputs alone are kept, and backward runs each once more: the same bits
+  bool recompute = false;  // store only the inputs of most stages and run each again in backward: the same bits
   float ssim_weight = 0.5f;
-  SurfaceWeights surface;  // of surfels' coarse level
-  float alpha_weight = 0;  // of the mean absolute error of alpha, in views with `rgba`; in the gradients alone
-  float scale = 1;         // of the gradients: the object's share in a step
-  // A plan without drawing, which makes room for itself as soon as it knows what it draws.
+  SurfaceWeights surface;  // for a coarse level of surfels
+  float alpha_weight = 0;  // of alpha's mean absolute error, in views with `rgba`; affects only the gradients
+  float scale = 1;         // of the gradients: the object's share of a step
+  // A plan without rendering, which reserves its own memory once the number of Gaussians is known.
   bool network_alone = false;
-  // In a plan: Error(memory) where a picture would have to be drawn in parts.
+  // In a plan: Error(memory) if a picture would have to be rendered in tiles.
   bool whole = false;
-  // What a plan takes a picture's intersections of Gaussians with tiles for, at the most all that there can be; eight
-  // for each Gaussian where it is none.
+  // Intersections of Gaussians and tiles that a plan assumes in a picture, limited to the possible maximum. Default:
+  // eight for each Gaussian.
   std::optional<std::uint64_t> assumed_intersections;
 };
 
-// f32 [3] on the device for each view: the loss, the mean squared error, the similarity.
+// One tensor per view, f32 [3] on the device: the loss, the mean squared error, the similarity.
 using LevelLoss = std::vector<Tensor>;
 
 struct PassResult {
-  LevelLoss coarse, final;          // `final` is empty where there is one level
-  Tensor rays;                      // [1]: the mean squared error of predicted rays; none where they are not predicted
-  long selected = 0;                // as the network selects
-  std::uint64_t intersections = 0;  // the most in a picture
+  LevelLoss coarse, final;          // empty if there is one level
+  Tensor rays;                      // [1]: the mean squared error of predicted rays; empty if rays are not predicted
+  long selected = 0;                // as the network counts it
+  std::uint64_t intersections = 0;  // maximum over pictures
 };
 
-// A pass in three parts, since what memory the second takes is known after the first. The coarse half of the network:
+// A pass has three calls, since the second one's memory is known only after the first. The coarse half of the network:
 Network::Half begin_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options);
 
-// As far as the backward through the network: no gradient by a weight has changed yet.
+// The state before the network's backward; no gradient of a weight has changed yet.
 struct DrawnPass {
   PassResult result;
   Network::Trained trained;
   GaussianGradients dcoarse, dfinal;
-  Tensor drays;  // of the ray loss alone, by predicted rays
+  Tensor drays;  // gradient of the ray loss by the predicted rays
 };
 DrawnPass draw_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options,
                     Network::Half half);
 
 PassResult finish_pass(Context& ctx, const Network& network, DrawnPass pass);
 
-// All three. Adds the loss's gradients to those of the weights that `network` was made from. The loss is the sum over
-// the levels of the mean over views of MSE + ssim_weight (1 - SSIM), of the surface's terms, and where poses are
-// predicted of share_loss_weight times the rays' error; times `scale` in the gradients alone; those have alpha_weight's
-// part, too. The same bits every time.
+// All three calls. Adds the loss's gradients to those of the weights that `network` was made from. The loss is the sum
+// over levels of the mean over views of MSE + ssim_weight (1 - SSIM), plus the surface terms, plus, if poses are
+// predicted, share_loss_weight times the rays' error. The gradients are also multiplied by `scale` and include
+// alpha_weight's term. Deterministic to the bit.
 PassResult training_pass(Context& ctx, const Network& network, const PassViews& views, const PassOptions& options);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// What a training asks of its data, by its configuration and options.
+// Options for reading a training's data, from its configuration and options.
 #pragma once
 #include <optional>
 #include <string>
@@ -10,10 +10,10 @@ namespace vsplat {
 
 TrainingOptions training_reading(const TrainConfig& config, const TrainOptions& options);
 
-// The voxels of a file that every step refines; none where `selection` is "".
+// The voxels in the file `selection`, which every step refines; nothing if `selection` is "".
 std::optional<std::vector<int>> forced_selection(const TrainConfig& config, const std::string& selection);
 
-// How many voxels memory is made for: the forced ones, where there are any.
+// Number of voxels to allocate memory for: that of the forced voxels if given, else `planned`.
 long planned_of(const std::optional<std::vector<int>>& voxels, long planned);
 
 }  // namespace vsplat

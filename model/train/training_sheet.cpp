@@ -10,7 +10,7 @@
 namespace vsplat {
 namespace {
 
-// Balls at the centres of the voxels, red, green and blue along x, y and z.
+// Spheres at the centres of the voxels; red, green and blue encode x, y and z.
 Gaussians balls(const std::vector<int>& voxels, int volume) {
   Gaussians out;
   out.count = voxels.size();

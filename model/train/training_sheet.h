@@ -1,4 +1,4 @@
-// What a model makes of one object, to be looked at.
+// A picture that shows a model's result for one object.
 #pragma once
 #include "model/base/image.h"
 #include "model/data/training_views.h"
@@ -6,8 +6,8 @@
 
 namespace vsplat {
 
-// A row for each view, the input views first: the picture, the coarse level, the fine one, and the selected voxels in
-// the colours of their places. Without noise, as at inference. `planned_selected`: as ForwardOptions have it.
+// One row per view, input views first: the picture, the coarse level, the fine level, and the selected voxels, coloured
+// by position. Without noise, as at inference. `planned_selected`: as in ForwardOptions.
 Image training_sheet(Context& ctx, const Network& network, const TrainingViews& views, double temperature,
                      long planned_selected);
 
