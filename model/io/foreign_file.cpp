@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::string_view_literals;
 
-// The file's name for a command that the user may copy.
+// The file name, quoted if needed, for a command that the user may copy.
 std::string name_in_command(const std::string& path) {
   const std::string name = printable(std::filesystem::path(path).filename().string());
   return name.find_first_of(" '\"()&;$*?") == name.npos ? name : "\"" + name + "\"";
@@ -42,7 +42,7 @@ ForeignFile other_mesh(const std::string& path, const std::string& name) {
 
 bool has_text(std::string_view begin, std::string_view text) { return begin.find(text) != begin.npos; }
 
-// ISO media: HEIC, AVIF and films, by their brands.
+// ISO media files (HEIC, AVIF, video), identified by their brand.
 std::optional<ForeignFile> media_kind(const std::string& path, std::string_view begin) {
   if (begin.size() < 12 || begin.substr(4, 4) != "ftyp") return std::nullopt;
   const std::string_view brand = begin.substr(8, 4);

@@ -26,10 +26,10 @@ using read::Unpacker;
 
 constexpr std::size_t most_idle = 8;
 
-// Which file it is, and that it is the same as before.
+// Identifies a file and its state, to detect that it is unchanged.
 struct Identity {
   explicit Identity(const std::string& of) : path(of), facts(sys::facts_of(of).value_or(sys::FileFacts())) {}
-  // What has just been written may be written again without a later time.
+  // A file that was just written may be written again with the same timestamp.
   bool settled() const { return facts.changed > 0 && facts.changed + 2 < std::time(nullptr); }
   auto key() const { return std::tie(path, facts.device, facts.node, facts.size, facts.changed, facts.changed_ns); }
 
@@ -43,7 +43,7 @@ std::size_t count_of(const std::vector<long>& shape) {
   return count;
 }
 
-// Says what it is, where that is known.
+// Names the file's actual kind if it is known.
 void refuse_another_kind(const std::string& path) {
   std::vector<unsigned char> begin;
   InputFile(path).read(4096, begin);
@@ -83,10 +83,10 @@ struct Hdf5File::Session {
   Reader reader;
 };
 
-// Readers of files that were closed, for when they are opened again: a training opens a file for each picture.
+// Readers of closed files, kept for reopening: a training opens a file for each picture.
 class Hdf5File::Idle {
  public:
-  // Lives as long as the process; its end is theirs.
+  // Never destroyed; the reader processes end with this process.
   static Idle& all() {
     static Idle& one = *new Idle;
     return one;
@@ -101,7 +101,7 @@ class Hdf5File::Idle {
     return out;
   }
   void put(std::unique_ptr<Session> session) {
-    std::unique_ptr<Session> oldest;  // ended when the lock is free again
+    std::unique_ptr<Session> oldest;  // destroyed after the lock is released
     const std::lock_guard lock(mutex_);
     sessions_.push_front(std::move(session));
     if (sessions_.size() <= most_idle) return;
@@ -111,7 +111,7 @@ class Hdf5File::Idle {
 
  private:
   std::mutex mutex_;
-  std::list<std::unique_ptr<Session>> sessions_;  // the newest first
+  std::list<std::unique_ptr<Session>> sessions_;  // newest first
 };
 
 std::string shape_text(const std::vector<long>& shape) {
@@ -157,7 +157,7 @@ std::vector<long> Hdf5File::shape(const std::string& dataset) const {
   return session_->unpacked(session_->expect(Kind::values, 1024), [](Unpacker& in) { return in.shape(); });
 }
 
-// Into room for what the shape says, which the reader has found to be right.
+// Reads into memory of the size that the shape implies; the reader has checked the shape.
 template <class T>
 std::vector<T> Hdf5File::Session::values(Kind kind, const std::string& dataset, const std::vector<long>& shape) {
   const std::size_t size = count_of(shape) * sizeof(T);

@@ -1,5 +1,5 @@
-// HDF5 files, read: names, shapes, whole data sets of numbers. Errors name the file and the place in it. The HDF5
-// library is in another process (model/io/reader/README.md), one for each file that is open.
+// Reads HDF5 files: names, shapes and complete numeric data sets. Errors name the file and the position in it. The HDF5
+// library runs in a separate process (model/io/reader/README.md), one for each open file.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -8,10 +8,10 @@
 
 namespace vsplat {
 
-// One thread at a time.
+// Not thread-safe.
 class Hdf5File {
  public:
-  // Error(file) where there is no such file, Error(format) where it is not HDF5 or damaged.
+  // Error(file) if the file does not exist, Error(format) if it is damaged or not HDF5.
   explicit Hdf5File(const std::string& path);
   ~Hdf5File();
   Hdf5File(const Hdf5File&) = delete;
@@ -19,16 +19,17 @@ class Hdf5File {
 
   struct Link {
     std::string name;
-    std::string external;  // the file it leads to, as an absolute or this file's relative path; "": it is in this one
+    std::string external;  // the target file, as an absolute path or relative to this file; "" for an object in this
+                           // file
   };
-  // What a group ("/" for the file) holds, by name. Error(format) where it is no group.
+  // The members of a group ("/" for the root), by name. Error(format) if it is no group.
   std::vector<Link> links(const std::string& group) const;
 
-  // Sides of a data set. Error(format) where it is not there, or no array. More than eight sides are refused.
+  // The sides of a data set. Error(format) if it does not exist, is no array or has more than eight sides.
   std::vector<long> shape(const std::string& dataset) const;
 
-  // All of it, converted. Error(format) where it cannot be read, has another shape than expected, or is of another
-  // kind: bytes() takes unsigned integers of 8 bits alone, numbers() integers and floats.
+  // All values, converted. Error(format) if they cannot be read, have another shape than `shape` or another type:
+  // bytes() accepts only 8-bit unsigned integers, numbers() integers and floats.
   std::vector<std::uint8_t> bytes(const std::string& dataset, const std::vector<long>& shape) const;
   std::vector<double> numbers(const std::string& dataset, const std::vector<long>& shape) const;
 

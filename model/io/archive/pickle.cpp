@@ -200,7 +200,7 @@ class Reader {
     return out;
   }
 
-  // (storage, offset, size, stride, requires_grad, backward_hooks) and, of some, metadata.
+  // Arguments: (storage, offset, size, stride, requires_grad, backward_hooks) and, for some tensors, metadata.
   void push_tensor(const Value& arguments) {
     const std::vector<Ref>& given = arguments.items;
     if (given.size() < 6 || given.size() > 7 || out_.at(given[0]).kind != Kind::storage ||
@@ -257,7 +257,7 @@ class Reader {
     bad(fmt::format("calls {} \"{}\": refused", called(function.kind), printable(function.text)));
   }
 
-  // What a state dict is hung on itself as `_metadata`: not looked at.
+  // Sets an object's state, such as the `_metadata` of a state dict; the state is ignored.
   void build() {
     pop();
     const Kind kind = out_.at(top()).kind;
@@ -270,7 +270,7 @@ class Reader {
       bad("does not begin with a protocol: no pickle of torch.save");
   }
 
-  // False at the end.
+  // Returns false at the end.
   bool step() {
     begin_ = at_;
     const std::uint8_t opcode = take(1)[0];
@@ -380,7 +380,7 @@ class Reader {
 
   const std::string& what_;
   std::span<const unsigned char> bytes_;
-  std::size_t at_ = 0, begin_ = 0;  // where it reads; where the opcode began
+  std::size_t at_ = 0, begin_ = 0;  // read position; begin of the current opcode
   std::size_t pushed_ = 0;
   Pickle out_;
   std::vector<Ref> stack_, memo_;

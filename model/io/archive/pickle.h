@@ -1,5 +1,5 @@
-// Pickles of torch.save, read and never run: what state dicts are made of becomes values, and everything else is
-// refused by its name and place. No class is looked up, nothing is called, and nothing recurses.
+// Parses pickles of torch.save without executing them. The contents of state dicts become values; anything else is
+// refused by name and position. No class is looked up, nothing is called, and nothing recurses.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -11,39 +11,39 @@
 
 namespace vsplat::pickle {
 
-// An index into Pickle::values. Values may be shared, and may even hold themselves.
+// Index into Pickle::values. Values may be shared and may even contain themselves.
 using Ref = std::uint32_t;
 
 enum class Kind : std::uint8_t {
   none,
   boolean,
   integer,
-  real,  // its number is not kept
+  real,  // the number is not stored
   text,
   tuple,
   list,
   dict,
-  global,   // of those that are known: `text` is "module name"
+  global,   // a known global; `text` is "module name"
   storage,  // `number` is its index in Pickle::storages
   tensor,   // `number` is its index in Pickle::tensors
-  inert     // made by a global that is known to stand beside state dicts (`text`); what it is of is not looked at
+  inert     // made by a known global (`text`) that occurs beside state dicts; the contents are ignored
 };
 
 struct Value {
   Kind kind = Kind::none;
   std::int64_t number = 0;
-  std::string_view text;   // of the pickle's bytes
-  std::vector<Ref> items;  // of a dict: keys and values in turn
+  std::string_view text;   // points into the pickle's bytes
+  std::vector<Ref> items;  // for a dict: keys and values alternate
 };
 
-// An array of the archive, by the persistent id that names it.
+// An array of the archive, named by its persistent id.
 struct Storage {
   Dtype dtype = Dtype::f32;
   std::string_view key;  // decimal digits
   std::uint64_t count = 0;
 };
 
-// A view of a storage, all of which lies inside of it; offset and strides are in elements.
+// A view that lies completely inside a storage; offset and strides are in elements.
 struct Tensor {
   std::size_t storage = 0;
   std::int64_t offset = 0;
@@ -62,10 +62,11 @@ struct Pickle {
   const Value& at(Ref ref) const { return values[ref]; }
 };
 
-// More than any checkpoint has: an optimiser's takes some ten thousand values.
+// Limit on the number of values, more than any checkpoint has: an optimiser's state has about ten thousand.
 inline constexpr std::size_t most_values = std::size_t{1} << 20;
 
-// `what` as an error begins: "a.ckpt: data.pkl". `bytes` must outlive what is returned. Error(format) otherwise.
+// `what` begins every error message: "a.ckpt: data.pkl". `bytes` must outlive the result. Error(format) for any pickle
+// that is not a state dict's.
 Pickle read(const std::string& what, std::span<const unsigned char> bytes);
 
 }  // namespace vsplat::pickle

@@ -46,8 +46,8 @@ constexpr OpcodeName kOpcodes[] = {{'(', "MARK"},          {')', "EMPTY_TUPLE"},
                                    {0x95, "FRAME"},        {0x96, "BYTEARRAY8"},
                                    {0x97, "NEXT_BUFFER"},  {0x98, "READONLY_BUFFER"}};
 
-// Closed on purpose: a list of what is dangerous would always lack something. The inert ones are what optimisers,
-// schedulers and callbacks of Lightning checkpoints hold; as nothing is called, they make nothing but a name.
+// A list of allowed names on purpose: a list of dangerous ones would never be complete. The inert globals occur in
+// optimisers, schedulers and callbacks of Lightning checkpoints; since nothing is called, they only become names.
 constexpr KnownGlobal kGlobals[] = {{"collections OrderedDict", Global::ordered_dict},
                                     {"torch._utils _rebuild_tensor_v2", Global::rebuild_tensor},
                                     {"torch._utils _rebuild_parameter", Global::rebuild_parameter},

@@ -1,4 +1,4 @@
-// What pickles may hold, by name.
+// The opcodes and globals that pickles may contain.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -8,7 +8,7 @@
 
 namespace vsplat::pickle {
 
-// All that pickles of any protocol have; the reader takes some of them.
+// The opcodes that the reader accepts.
 enum class Opcode : std::uint8_t {
   mark = '(',
   stop = '.',
@@ -43,15 +43,15 @@ enum class Opcode : std::uint8_t {
   long1 = 0x8a
 };
 
-// "INST"; null of a byte that is no opcode of any protocol.
+// Name of an opcode of any protocol, such as "INST"; null if the byte is no opcode.
 const char* opcode_name(std::uint8_t opcode);
 
 enum class Global : std::uint8_t {
   ordered_dict,
   rebuild_tensor,
   rebuild_parameter,
-  storage,  // of a dtype
-  inert     // beside a state dict: what it makes is not looked at
+  storage,  // has a dtype
+  inert     // occurs beside a state dict; what it makes is ignored
 };
 
 struct KnownGlobal {
@@ -60,7 +60,7 @@ struct KnownGlobal {
   Dtype dtype = Dtype::f32;
 };
 
-// Null of every other.
+// Null for an unknown name.
 const KnownGlobal* known_global(std::string_view name);
 
 }  // namespace vsplat::pickle

@@ -22,8 +22,8 @@ using pickle::Kind;
 using pickle::Pickle;
 using pickle::Ref;
 
-constexpr std::uint64_t kLargestPickle = 64u << 20;  // a checkpoint's has some hundred KB
-constexpr std::uint64_t kPerValue = 160;             // bytes that one takes at most, what it lists aside
+constexpr std::uint64_t kLargestPickle = 64u << 20;  // checkpoints have a few hundred KB
+constexpr std::uint64_t kPerValue = 160;             // most bytes that one takes, without its list of items
 
 const pickle::Value* item_of(const Pickle& all, const pickle::Value& dict, std::string_view key) {
   for (std::size_t i = 0; i + 1 < dict.items.size(); i += 2)
@@ -38,9 +38,9 @@ bool holds_tensors(const Pickle& all, const pickle::Value& dict) {
   return false;
 }
 
-// The key of the state dict in a whole checkpoint; "" where `top` is one itself.
+// The key of the state dict in a checkpoint; "" if `top` is a state dict itself.
 std::string state_key(const std::string& path, const Pickle& all, const pickle::Value& top) {
-  // Lightning's; timm's; that of DINO's whole checkpoints.
+  // Used by Lightning, by timm, and by complete DINO checkpoints.
   for (const char* key : {"state_dict", "model", "teacher"})
     if (const pickle::Value* inner = item_of(all, top, key); inner && inner->kind == Kind::dict) return key;
   if (holds_tensors(all, top)) return "";
@@ -71,7 +71,7 @@ void gather(const std::vector<unsigned char>& storage, const pickle::Tensor& ten
     Stored stored;
     std::memcpy(&stored, storage.data() + static_cast<std::size_t>(element) * sizeof(Stored), sizeof stored);
     value = convert(stored);
-    for (std::size_t side = at.size(); side-- > 0;) {  // the next, the last side first
+    for (std::size_t side = at.size(); side-- > 0;) {  // advance; the last side varies fastest
       element += tensor.strides[side];
       if (++at[side] < tensor.shape[side]) break;
       element -= tensor.strides[side] * at[side];
@@ -113,13 +113,13 @@ void gather(Dtype dtype, const std::vector<unsigned char>& storage, const pickle
 
 }  // namespace
 
-// Where a tensor's values are.
+// Location of a tensor's values.
 struct TorchFile::Layout {
-  std::string entry;  // the storage's name in the archive
+  std::string entry;  // name of the storage's entry in the archive
   pickle::Tensor tensor;
 };
 
-// The zip archive, and the storage that was read last, in which the next tensor may lie, too.
+// The zip archive and the storage read last, which may also hold the next tensor.
 class TorchFile::Archive {
  public:
   explicit Archive(const std::string& path) : path_(path), zip_(path) {
@@ -131,7 +131,7 @@ class TorchFile::Archive {
     }
     if (folder_.empty()) fail(Status::format, "{}: its archive holds no data.pkl: not a file of torch.save", path);
     const auto order = zip_.entries().find(folder_ + "byteorder");
-    if (order == zip_.entries().end()) return;  // older ones have none, and were made where it is little
+    if (order == zip_.entries().end()) return;  // older files lack it and were written on little-endian machines
     const std::vector<unsigned char> said =
         order->second.bytes <= 16 ? zip_.read(order->first, order->second) : std::vector<unsigned char>();
     const std::string text(said.begin(), said.end());
@@ -139,7 +139,7 @@ class TorchFile::Archive {
   }
 
   const ZipArchive& zip() const { return zip_; }
-  // The name of a storage, which has to be there with as many bytes as its elements take.
+  // The entry name of a storage. Fails unless the entry exists with the size that its elements take.
   std::string storage(const pickle::Storage& storage) const {
     std::string name = folder_ + "data/" + std::string(storage.key);
     const auto found = zip_.entries().find(name);
@@ -172,7 +172,7 @@ class TorchFile::Archive {
  private:
   std::string path_;
   ZipArchive zip_;
-  std::string folder_;  // with its slash
+  std::string folder_;  // with a trailing slash
   std::string last_;
   std::vector<unsigned char> bytes_;
   HostMemory memory_;

@@ -1,5 +1,5 @@
-// Files of torch.save (.ckpt, .pth, .pt): a zip archive with a pickle and raw arrays. Of a state dict, bare or in a
-// checkpoint of Lightning's, the tensors' names, shapes and values; nothing in the file is ever run.
+// Files of torch.save (.ckpt, .pth, .pt): a zip archive with a pickle and raw arrays. Reads the names, shapes and
+// values of the tensors in a state dict, bare or in a Lightning checkpoint. Nothing in the file is ever executed.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -13,29 +13,29 @@ namespace vsplat {
 
 class TorchFile {
  public:
-  // Whether the file begins as one of torch.save's, of whatever version; false for what cannot be read, too.
+  // Whether the file begins like one of torch.save, of any version. False also if it cannot be read.
   static bool looks_like(const std::string& path);
 
-  // The archive's list, its pickle and where every tensor lies are checked in full. Error(format) for all that is not a
-  // state dict's.
+  // Checks the archive's directory, its pickle and the location of every tensor completely. Error(format) for anything
+  // that does not belong to a state dict.
   explicit TorchFile(const std::string& path);
   ~TorchFile();
   TorchFile(TorchFile&&) noexcept;
 
   const std::string& path() const { return path_; }
-  // Of the state dict, in its order. An entry's offset means nothing, and its bytes are those of its elements.
+  // The tensors of the state dict, in its order. An entry's offset is meaningless; its size is that of its elements.
   const std::vector<TensorEntry>& tensors() const { return tensors_; }
-  const TensorEntry* find(const std::string& name) const;  // null where there is none
-  const TensorEntry& at(const std::string& name) const;    // Error(format) that names it
-  // Keys beside the state dict, such as optimizer_states, and what in it is no tensor.
+  const TensorEntry* find(const std::string& name) const;  // null if there is no such tensor
+  const TensorEntry& at(const std::string& name) const;    // Error(format) with the name if there is no such tensor
+  // Keys beside the state dict, such as optimizer_states, and its entries that are not tensors.
   const std::vector<std::string>& others() const { return others_; }
 
-  // Row by row, whatever the strides. Any dtype becomes float, as SafetensorsFile::floats() has it. The host's budget
-  // has to have room for the storage that it lies in.
+  // Values in row-major order, for any strides. Any dtype is converted to float as by SafetensorsFile::floats(). The
+  // tensor's whole storage is reserved from the host budget.
   std::vector<float> floats(const TensorEntry& entry) const;
-  // Of all entries of the archive.
+  // Sum over all entries of the archive.
   std::uint64_t stored_bytes() const;
-  // Reads every entry of the archive: Error(format) where one does not match its checksum.
+  // Reads every entry of the archive; Error(format) if one does not match its checksum.
   void verify() const;
 
  private:
@@ -45,7 +45,7 @@ class TorchFile {
   std::string path_;
   std::unique_ptr<Archive> archive_;
   std::vector<TensorEntry> tensors_;
-  std::vector<Layout> layouts_;  // of each
+  std::vector<Layout> layouts_;  // parallel to tensors_
   std::map<std::string, std::size_t> index_;
   std::vector<std::string> others_;
 };

@@ -24,7 +24,7 @@ struct SourceCloser {
   void operator()(zip_source_t* source) const { zip_source_free(source); }
 };
 
-// Of the library's error; frees it.
+// Message of a libzip error; frees the error.
 std::string text_of(zip_error_t& error) {
   std::string out = zip_error_strerror(&error);
   zip_error_fini(&error);
@@ -56,11 +56,11 @@ ZipArchive::ZipArchive(const std::string& path) : path_(path) {
   zip_error_init(&error);
   std::unique_ptr<zip_source_t, SourceCloser> source(zip_source_filep_create(file.get(), 0, -1, &error));
   if (!source) fail(Status::file, "{}: cannot be read: {}", path, text_of(error));
-  static_cast<void>(file.release());  // the source's now
+  static_cast<void>(file.release());  // now owned by the source
   archive_.reset(zip_open_from_source(source.get(), ZIP_RDONLY | ZIP_CHECKCONS, &error));
   if (!archive_)
     fail(Status::format, "{}: no zip archive, which torch.save writes, or a damaged one: {}", path, text_of(error));
-  static_cast<void>(source.release());  // the archive's
+  static_cast<void>(source.release());  // now owned by the archive
   zip_error_fini(&error);
   const zip_int64_t count = zip_get_num_entries(archive_.get(), 0);
   if (count > kMostEntries)
@@ -102,7 +102,7 @@ void ZipArchive::read_all(const std::string& name, const Entry& entry, std::size
     fail(Status::format, "{}: entry {} of its archive cannot be read: {}", path_, printable(name),
          zip_strerror(archive_.get()));
   std::uint64_t done = 0;
-  for (;;) {  // the checksum is compared where the end has been seen
+  for (;;) {  // libzip compares the checksum once the end has been read
     unsigned char* to = take(done, piece);
     const zip_int64_t got = zip_fread(file.get(), to, piece);
     if (got == 0) break;

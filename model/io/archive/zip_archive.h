@@ -1,4 +1,4 @@
-// Zip archives as torch.save makes them: entries are stored as they are, none is compressed.
+// Zip archives as torch.save writes them: all entries are stored uncompressed.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -17,22 +17,22 @@ class ZipArchive {
     std::uint64_t index = 0, bytes = 0;
   };
 
-  // Reads the list and no content. Error(format) for an archive that is inconsistent, for an entry that is compressed
-  // or encrypted (so that nothing is larger than the file), and for names that are there twice, lead out of a folder or
-  // hold what a terminal would act upon.
+  // Reads the directory and no content. Error(format) for an inconsistent archive, for a compressed or encrypted entry
+  // (so nothing is larger than the file), and for names that are duplicate, leave the folder or contain control
+  // characters.
   explicit ZipArchive(const std::string& path);
   ~ZipArchive();
   ZipArchive(const ZipArchive&) = delete;
   ZipArchive& operator=(const ZipArchive&) = delete;
 
   const std::map<std::string, Entry>& entries() const { return entries_; }
-  // All of one, whose checksum is compared.
+  // The complete entry; its checksum is compared.
   std::vector<unsigned char> read(const std::string& name, const Entry& entry) const;
-  // The same, of which nothing is kept.
+  // As read(), without storing the content.
   void verify(const std::string& name, const Entry& entry) const;
 
  private:
-  // Its size, which is at most `left`.
+  // Returns the entry's size, which is at most `left`.
   std::uint64_t add(std::uint64_t index, std::uint64_t left);
   template <class Take>
   void read_all(const std::string& name, const Entry& entry, std::size_t piece, Take take) const;

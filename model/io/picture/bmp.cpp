@@ -15,7 +15,7 @@
 namespace vsplat {
 namespace {
 
-constexpr std::size_t headers = 26;  // of the file, and the shortest of the picture's that has a size
+constexpr std::size_t headers = 26;  // the file header and the shortest picture header that has a size
 
 std::uint32_t u32(const FileBytes& file, std::size_t at) {
   return file.data[at] | file.data[at + 1] << 8 | file.data[at + 2] << 16 |
@@ -27,7 +27,7 @@ std::uint32_t u16(const FileBytes& file, std::size_t at) { return file.data[at] 
   fail(Status::format, "{}: a damaged or cut-off BMP, or of a kind that is not read (RLE): {}", file.path, why);
 }
 
-// stb_image takes what is missing at the end for zeros: the size is held against the header here.
+// stb_image replaces missing data at the end by zeros, so the size is checked against the header here.
 void check_length(const FileBytes& file, int width, int height) {
   const bool old = u32(file, 14) == 12;
   if (!old && file.size < 34) damaged(file, "the file ends early");
@@ -45,7 +45,7 @@ Header header_of(const FileBytes& file) {
   if (file.size < headers || file.size > INT_MAX) damaged(file, "its size");
   if (!stbi_info_from_memory(file.data, static_cast<int>(file.size), &h.width, &h.height, &h.channels))
     damaged(file, stbi_failure_reason());
-  h.height = std::abs(h.height);  // stated as negative where the first row is the highest
+  h.height = std::abs(h.height);  // negative if the rows are stored from top to bottom
   check_image_size(file.path, h.width, h.height);
   return h;
 }

@@ -12,7 +12,8 @@ namespace {
 
 constexpr float ink = 0.15f;
 constexpr int largest_cell = 4096, usual_cell = 256, smallest_cell = 24;
-constexpr double usual_pixels = 256.0 * usual_cell * usual_cell;  // of all cells together: cells shrink beyond that
+constexpr double usual_pixels = 256.0 * usual_cell * usual_cell;  // limit for all cells together; cells shrink to keep
+                                                                  // it
 
 int cell_of(const SheetOptions& options) {
   if (options.cell > 0) return options.cell;
@@ -20,10 +21,10 @@ int cell_of(const SheetOptions& options) {
   return std::clamp(static_cast<int>(fitting), smallest_cell, usual_cell);
 }
 
-// Along one axis: the pixels that pixel `i` of `to` covers of `from`.
+// The pixels of `from` that pixel `i` of `to` covers, along one axis.
 struct Span {
   int first, last;
-  double head, tail;  // how much of the first and of the last pixel counts
+  double head, tail;  // weights of the first and the last pixel
 };
 Span span_of(int i, int from, int to) {
   const double begin = static_cast<double>(i) * from / to, end = static_cast<double>(i + 1) * from / to;
@@ -50,7 +51,7 @@ Image shrunk(PixelRows& picture, int width, int height) {
   const std::size_t channels = static_cast<std::size_t>(picture.channels);
   Image out(width, height, picture.channels);
   std::vector<float> row(picture.row_size());
-  int read = 0;  // rows so far; the last of them is in `row`: two rows of the result may share it
+  int read = 0;  // rows read so far; the last is in `row`, because two result rows may share it
   for (int y = 0; y < height; ++y) {
     std::vector<double> sum(width * channels), area(static_cast<std::size_t>(width));
     const Span rows = span_of(y, picture.height, height);

@@ -1,4 +1,4 @@
-// Many pictures as one: scaled down, side by side in rows.
+// Combines many pictures into one: scaled down and arranged in rows.
 #pragma once
 #include <string>
 #include <utility>
@@ -10,37 +10,37 @@
 namespace vsplat {
 
 struct SheetOptions {
-  int cell = 0;      // pixels that a picture's longer side takes at most; 0: 256, less where many are expected
-  int columns = 0;   // 0: so many that the sheet is about 4 : 3
-  int expected = 0;  // pictures that are going to be added, for the cell's size; 0: unknown
+  int cell = 0;      // limit on a picture's longer side in pixels; 0: 256, or less if many pictures are expected
+  int columns = 0;   // 0: chosen for a sheet of about 4 : 3
+  int expected = 0;  // number of pictures that will be added, which sets the cell size; 0: unknown
 };
 
-// The mean of the pixels (and parts of pixels) that each pixel of the result covers. 1 <= width <= the picture's,
-// height likewise.
+// Area average: the mean of the pixels, and fractions of pixels, that each result pixel covers. 1 <= width <= the
+// picture's width, and height likewise.
 Image shrunk(const Image& picture, int width, int height);
 Image shrunk(PixelRows& picture, int width, int height);
 
 class ContactSheet {
  public:
-  static constexpr int margin = 8;       // pixels around and between the cells
-  static constexpr int label_room = 12;  // pixels below a picture
-  static constexpr float paper = 0.85f;  // their grey
+  static constexpr int margin = 8;       // pixels around and between cells
+  static constexpr int label_room = 12;  // pixels below a picture for its label
+  static constexpr float paper = 0.85f;  // grey of the background
 
-  // Error(usage) where a number is negative or a cell is beyond 4096 pixels.
+  // Error(usage) if a number is negative or a cell is larger than 4096 pixels.
   explicit ContactSheet(const SheetOptions& options);
 
-  // A picture of three channels; only its cell is kept. Smaller ones are not enlarged. The label stands below it, cut
-  // to the cell's width; with one label at least, every cell has room for one.
+  // Adds a picture of three channels and stores only its scaled copy; smaller pictures are not enlarged. The label is
+  // drawn below it, cut to the cell's width. If any cell has a label, all cells reserve space for one.
   void add(const Image& picture, const std::string& label = "");
   int count() const { return static_cast<int>(cells_.size()); }
-  // In the order they were added, row by row; each in the middle of a cell as large as the largest. Error(usage) where
-  // there is none, Error(input) where the sheet would be larger than a picture file may be.
+  // The cells in the order of addition, row by row, each centred in a cell as large as the largest. Error(usage) if
+  // there is none, Error(input) if the sheet would be larger than a picture file may be.
   Image sheet() const;
 
  private:
   SheetOptions options_;
   int cell_;
-  std::vector<std::pair<Image, std::string>> cells_;  // with their labels
+  std::vector<std::pair<Image, std::string>> cells_;  // with labels
 };
 
 }  // namespace vsplat

@@ -75,8 +75,8 @@ Window window_of(const Imath::Box2i& box) {
           static_cast<long>(box.max.y) - box.min.y + 1};
 }
 
-// Refuses a header that claims more than the file can hold before memory is taken for it: no coder but DWA's packs a
-// run of equal samples more than 2048 times (deflate's limit is 1032).
+// Refuses a header that claims more than the file can hold, before memory is allocated for it. No codec except DWA
+// packs a run of equal samples more than 2048 times (deflate's limit is 1032).
 void check_plausible(const FileBytes& file, const Imf::Header& header, const Window& data, int channels) {
   if (header.compression() == Imf::DWAA_COMPRESSION || header.compression() == Imf::DWAB_COMPRESSION) return;
   const double least = 2.0 * channels * static_cast<double>(data.width) * static_cast<double>(data.height) / 2048;
@@ -93,7 +93,7 @@ void check_kind(const FileBytes& file, const Imf::Header& header) {
   check_image_size(file.path, data.width, data.height);
 }
 
-// What `work` gives; what OpenEXR throws in it becomes Error(format).
+// Returns the result of `work`; exceptions of OpenEXR become Error(format).
 template <class Work>
 auto checked(const FileBytes& file, const Work& work) {
   try {
@@ -107,14 +107,14 @@ auto checked(const FileBytes& file, const Work& work) {
   }
 }
 
-constexpr long lines = 256;  // the most that any compression packs together; as many are read at once
+constexpr long lines = 256;  // rows read at once: the largest block that any compression uses
 
 const FileBytes& checked_header(const FileBytes& file) {
   check_exr_header(file);
   return file;
 }
 
-// An opened file, and what of it is read.
+// An opened file and the channels to read from it.
 struct Opened {
   explicit Opened(const FileBytes& file)
       : stream(checked_header(file)), parts(stream, 0), channels(find_exr_channels(file.path, parts)) {
@@ -124,7 +124,7 @@ struct Opened {
   ImageInfo info() const {
     const Window display = window_of(header().displayWindow()), data = window_of(header().dataWindow());
     ImageInfo out{static_cast<int>(display.width), static_cast<int>(display.height), !channels.alpha.empty()};
-    // Our rows, and what OpenEXR unpacks them from: as many, or a row of tiles.
+    // Our rows plus the rows that OpenEXR unpacks: equally many, or a row of tiles.
     const double ours = static_cast<double>(std::min(lines, data.height));
     const double tiles = header().hasTileDescription() ? header().tileDescription().ySize : ours;
     out.held = (ours + std::min(tiles, static_cast<double>(data.height))) * static_cast<double>(data.width) *
@@ -141,14 +141,14 @@ float in_unit(float v) {
   return v > 0 ? std::fmin(v, 1.0f) : 0.0f;  // NaN is not > 0
 }
 
-// Linear, premultiplied -> sRGB-encoded, straight.
+// Converts linear, premultiplied to sRGB-encoded, straight alpha.
 void to_display(float* pixel, bool alpha) {
   const float a = alpha ? in_unit(pixel[3]) : 1.0f;
   for (int c = 0; c < 3; ++c) pixel[c] = a > 0 ? in_unit(srgb_encode(in_unit(pixel[c] / a))) : 0.0f;
   if (alpha) pixel[3] = a;
 }
 
-// The picture is the display window; the data window may be smaller (nothing, alpha 0, around it) or larger (cut).
+// The picture is the display window. The data window may be smaller (alpha 0 around it) or larger (cropped).
 class ExrRows : public FileRows {
  public:
   ExrRows(const FileBytes& file, std::unique_ptr<Opened> opened)
@@ -185,7 +185,7 @@ class ExrRows : public FileRows {
   }
 
  private:
-  // Row `y` and what follows of its band, counted from the data window's top.
+  // Reads the band that contains row `y`; bands are counted from the top of the data window.
   void read_from(long y) {
     begun_ = true;
     const long first = y - (y - data_.y0) % lines, last = std::min(first + lines, data_.y0 + data_.height) - 1;
@@ -213,7 +213,7 @@ class ExrRows : public FileRows {
 
   bool has_alpha() const { return !found_.alpha.empty(); }
 
-  // What lies below the display window, so that a file that is cut off there is found out.
+  // Reads the rows below the display window, to detect a file that is cut off there.
   void read_below() {
     const long shown = display_.y0 + display_.height, end = data_.y0 + data_.height;
     for (long y = data_.y0 + (std::max(shown - data_.y0, 0L) + lines - 1) / lines * lines; y < end; y += lines)
@@ -257,12 +257,12 @@ std::vector<unsigned char> encode_exr(const Image& rgba, const Image& z, bool ha
   std::vector<half> halves;
   if (half_colour) {
     halves.resize(4 * pixels);
-    // Beyond half's range a value would become infinite.
+    // Larger values would become infinite in half precision.
     for (std::size_t i = 0; i < halves.size(); ++i) halves[i] = half(std::clamp(rgba.data[i], -65504.0f, 65504.0f));
   }
   const Imf::PixelType type = half_colour ? Imf::HALF : Imf::FLOAT;
   const std::size_t size = half_colour ? sizeof(half) : sizeof(float);
-  // OpenEXR's slices are for reading, too, and so take pointers to what may change.
+  // OpenEXR uses the same slices for reading, so they take pointers to non-const.
   char* base = half_colour ? reinterpret_cast<char*>(halves.data())
                            : reinterpret_cast<char*>(const_cast<float*>(rgba.data.data()));
   const char* names[4] = {"R", "G", "B", "A"};

@@ -13,7 +13,7 @@
 namespace vsplat {
 namespace {
 
-// A channel's short name, lower case: "r" of "ViewLayer.Combined.R" and of "Red".
+// A channel's short name in lower case: "r" for "ViewLayer.Combined.R" and for "Red".
 std::string short_name(const std::string& name) {
   std::string out = name.substr(name.rfind('.') + 1);  // npos + 1 is 0
   std::transform(out.begin(), out.end(), out.begin(), [](unsigned char c) { return std::tolower(c); });
@@ -22,13 +22,13 @@ std::string short_name(const std::string& name) {
   return out;
 }
 
-// "" where it has none: a name that begins with a dot, too.
+// Layer of a channel; "" if it has none or its name begins with a dot.
 std::string layer_of(const std::string& name) {
   const std::size_t dot = name.rfind('.');
   return dot == std::string::npos ? "" : name.substr(0, dot);
 }
 
-// What of one layer would be a picture; none where it has neither R, G, B nor Y alone.
+// The picture that a layer's channels form; without colours if it has neither R, G, B nor Y alone.
 ExrChannels channels_of(int part, const std::string& layer, const std::map<std::string, std::string>& names) {
   ExrChannels out{part, layer, {}, ""};
   const auto name = [&](const char* key) {
@@ -38,7 +38,7 @@ ExrChannels channels_of(int part, const std::string& layer, const std::map<std::
   if (!name("r").empty() && !name("g").empty() && !name("b").empty()) {
     out.colours = {name("r"), name("g"), name("b")};
   } else if (!name("y").empty() && name("r").empty() && name("ry").empty() && name("by").empty() &&
-             name("x").empty()) {  // X, Y, Z are places or directions
+             name("x").empty()) {  // X, Y, Z are positions or directions
     out.colours = {name("y")};
   }
   if (!out.colours.empty()) out.alpha = name("a");
@@ -51,7 +51,7 @@ bool is_read(const Imf::Header& header) {
 
 struct AllChannels {
   std::vector<ExrChannels> pictures;
-  std::string names;  // of all channels
+  std::string names;  // of all channels, for a message
 };
 
 AllChannels all_channels(const Imf::MultiPartInputFile& file) {

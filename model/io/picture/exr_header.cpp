@@ -17,12 +17,12 @@ class Walk {
   std::uint32_t number() {
     need(4);
     std::uint32_t out = 0;
-    std::memcpy(&out, file_.data + at_, 4);  // little-endian, as the host
+    std::memcpy(&out, file_.data + at_, 4);  // little-endian, like the host
     at_ += 4;
     return out;
   }
 
-  // Up to a zero, which is passed; "" at the end of a header.
+  // Reads up to and including a zero byte; returns "" at the end of a header.
   std::string_view text() {
     constexpr std::size_t kLongest = 255;
     const auto* begin = reinterpret_cast<const char*>(file_.data) + at_;
@@ -35,7 +35,8 @@ class Walk {
     return {begin, length};
   }
 
-  // A value of so many bytes. OpenEXR reads some by their type and not by that number, and would go on elsewhere.
+  // Skips a value of `size` bytes. OpenEXR reads some types by their own size instead and would then continue at
+  // another position.
   void value(std::string_view name, std::string_view type, std::uint32_t size) {
     if (size > file_.size - at_)
       fail(Status::format, "{}: a damaged or cut-off EXR: its header's {} claims {} bytes, {} follow", file_.path,
@@ -82,7 +83,7 @@ class Walk {
                                      {"v3f", 12},
                                      {"v3i", 12}};
 
-  // Up to an empty name, wherever that is.
+  // Ends at an empty name, wherever that is.
   void channels() {
     constexpr std::size_t kEach = 16;
     while (!text().empty()) {
@@ -111,12 +112,12 @@ class Walk {
 void check_exr_header(const FileBytes& file) {
   constexpr std::uint32_t kSeveralParts = 0x1000;
   Walk walk(file);
-  walk.number();  // what it begins with
+  walk.number();  // the magic number
   const bool parts = (walk.number() & kSeveralParts) != 0;
   for (bool more = true; more;) {
     more = false;
     for (std::string_view name = walk.text(); !name.empty(); name = walk.text()) {
-      more = parts;  // an empty header ends them
+      more = parts;  // an empty header ends the list of parts
       const std::string_view type = walk.text();
       walk.value(name, type, walk.number());
     }

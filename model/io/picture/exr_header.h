@@ -1,10 +1,11 @@
-// EXR's header, walked before OpenEXR sees it: that library takes memory for what an attribute claims to hold.
+// Checks an EXR header before OpenEXR sees it, because that library allocates memory for whatever size an attribute
+// claims.
 #pragma once
 #include "model/io/picture/image_formats.h"
 
 namespace vsplat {
 
-// Error(format) where an attribute is longer than what follows of the file, or than its type is.
+// Error(format) if an attribute claims more bytes than the rest of the file has, or another size than its type has.
 void check_exr_header(const FileBytes& file);
 
 }  // namespace vsplat

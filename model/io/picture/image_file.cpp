@@ -26,7 +26,7 @@ constexpr Format formats[] = {{is_png, png_info, open_png},    {is_jpeg, jpeg_in
                               {is_exr, exr_info, open_exr},    {is_tiff, tiff_info, open_tiff},
                               {is_webp, webp_info, open_webp}, {is_bmp, bmp_info, open_bmp}};
 
-// What `read` of the format found in `file` makes of it.
+// Calls `read` of the format detected in `file`.
 template <class T>
 T by_format(const FileBytes& file, T (*Format::*read)(const FileBytes&)) {
   try {
@@ -44,7 +44,7 @@ T by_format(const FileBytes& file, T (*Format::*read)(const FileBytes&)) {
 
 ImageInfo info_of(const FileBytes& file) { return by_format(file, &Format::info); }
 
-// All rows, where there is room for them.
+// All rows, if the memory budget allows it.
 Image whole(const FileBytes& file, PixelRows& rows) {
   const DecodingRoom room = room_to_decode(
       file, {rows.width, rows.height, false, 1, static_cast<double>(rows.row_size()) * rows.height * sizeof(float)});
@@ -120,7 +120,7 @@ ImageInfo read_image_info(const std::string& path) {
     try {
       return info_of({path, bytes.data(), bytes.size()});
     } catch (const Error&) {
-      if (file.at_end()) throw;  // else the header may go on after what has been read so far
+      if (file.at_end()) throw;  // otherwise the header may continue beyond the bytes read so far
     }
   }
 }
@@ -140,7 +140,7 @@ void MaskRows::next(float* row) {
   picture_.next(pixels_.data());
   const float* p = pixels_.data();
   for (int x = 0; x < width; ++x, p += picture_.channels) {
-    // Grey stays bit for bit: a weighted sum of three equal values need not.
+    // Grey values stay identical bit for bit; a weighted sum of three equal values might not.
     const float luma = p[0] == p[1] && p[1] == p[2] ? p[0] : 0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2];
     row[x] = picture_.channels == 4 ? luma * p[3] : luma;
   }
@@ -187,8 +187,8 @@ void write_exr_raw(const std::string& path, const Image& colour, const Image& al
   write_file(path, bytes.data(), bytes.size());
 }
 
-// IEC 61966-2-1. Beyond 1 the curve goes on, so that decoding undoes encoding there, too.
-// In double, so that 1 stays 1.
+// IEC 61966-2-1. The curve continues beyond 1, so that decoding inverts encoding there as well.
+// Computed in double, so that 1 stays 1.
 float srgb_encode(float linear) {
   if (!(linear > 0.0031308f)) return 12.92f * linear;
   return static_cast<float>(1.055 * std::pow(static_cast<double>(linear), 1 / 2.4) - 0.055);

@@ -1,6 +1,6 @@
-// Pictures in files: PNG, JPEG, EXR, TIFF, WebP and BMP in (told apart by content, never by name), PNG, JPEG and EXR
-// out.
-// Files that are cut off, damaged or too large throw Error(format) naming the path; files that cannot be opened,
+// Reads pictures from PNG, JPEG, EXR, TIFF, WebP and BMP files (identified by content, never by name) and writes PNG,
+// JPEG and EXR.
+// Files that are cut off, damaged or too large throw Error(format) with the path; files that cannot be opened throw
 // Error(file).
 #pragma once
 #include <memory>
@@ -12,30 +12,31 @@
 
 namespace vsplat {
 
-// A larger picture is refused before anything is allocated for it.
+// Larger pictures are refused before any memory is allocated for them.
 inline constexpr long max_image_pixels = 1L << 28;
 inline constexpr long max_image_side = 65535;
 
-// What a picture's header says.
+// The contents of a picture's header.
 struct ImageInfo {
   int width = 0, height = 0;
-  bool alpha = false;   // it is read with four channels, else with three
-  int orientation = 1;  // how EXIF (or TIFF) says that it is to be shown, 1 to 8; 1: as it is stored
-  // Bytes that decoding holds at once beside the file and some rows: all of it where its format is not decoded by rows.
+  bool alpha = false;   // the picture is read with four channels, otherwise with three
+  int orientation = 1;  // EXIF (or TIFF) orientation for display, 1 to 8; 1: as stored
+  // Bytes that decoding holds at once besides the file and some rows: the whole picture if the format is not decoded by
+  // rows.
   double held = 0;
 };
 
-// A picture's file, read as a whole when this is made. Nothing opens the file again, so that what is asked first and
-// what is decoded later is one picture, however often the file changes.
+// A picture file, read completely by the constructor. It is not opened again, so info() and decode() see the same
+// picture even if the file changes.
 class ImageFile {
  public:
   explicit ImageFile(const std::string& path);
 
   ImageInfo info() const;
-  // As read_image(), and as `orientation` (1 to 8) says that what is stored is to be shown; decodes with every call.
+  // As read_image(), then transformed by `orientation` (1 to 8). Decodes anew with each call.
   Image decode(int orientation = 1) const;
-  // The same row by row. This must outlive it. Error(memory) where what the format, or turning it, needs to hold at
-  // once is more than the host's budget leaves (runtime/system/host_memory.h).
+  // Row by row; this object must outlive the rows. Error(memory) if the host budget (runtime/system/host_memory.h) has
+  // less left than the format, or the rotation, must hold at once.
   std::unique_ptr<PixelRows> rows(int orientation = 1) const;
 
  private:
@@ -43,41 +44,41 @@ class ImageFile {
   std::vector<unsigned char> bytes_;
 };
 
-// Reads the file's beginning: 64 KiB, and more only where the header is longer than that.
+// Reads the beginning of the file: 64 KiB, or more if the header is longer.
 ImageInfo read_image_info(const std::string& path);
 
-// Three channels, or four where the file has transparency (straight alpha); grey is spread over the three. Colour is
-// sRGB-encoded, [0,1]: EXR's linear, premultiplied values are divided by alpha and encoded. TIFF is read as 8 bits, its
-// first picture. Gamma tags are ignored, and pictures stay as they are stored, whatever orientation they state.
+// Three channels, or four (straight alpha) if the file has transparency; grey is copied to three channels. Colour is
+// sRGB-encoded, [0,1]; EXR's linear, premultiplied values are divided by alpha and encoded. TIFF: the first picture, as
+// 8 bits. Gamma tags and orientations are ignored.
 Image read_image(const std::string& path);
-// A mask: one channel, the picture's luma, times its alpha where it has one.
+// A mask: one channel, luma times alpha if there is alpha.
 Image read_mask(const std::string& path);
 Image mask_of(const Image& picture);
 class MaskRows : public PixelRows {
  public:
-  // Of a picture of three or four channels, which must outlive this.
+  // `picture` has three or four channels and must outlive this.
   explicit MaskRows(PixelRows& picture) : PixelRows(picture.width, picture.height, 1), picture_(picture) {}
   void next(float* row) override;
 
  private:
   PixelRows& picture_;
-  std::vector<float> pixels_;  // a row
+  std::vector<float> pixels_;  // one row
 };
 
-// 8 bits, colour (3 channels), with straight alpha (4) or grey (1): round(255 * value clamped to [0,1]); NaN is written
-// as 0.
+// Writes 8 bits: colour (3 channels), colour with straight alpha (4) or grey (1). Values are round(255 * value clamped
+// to [0,1]); NaN is written as 0.
 void write_png(const std::string& path, const Image& image);
 
-// Colour (3 channels), rounded as write_png() does, `quality` 1 to 100 on libjpeg's scale, without loss of resolution
-// in the colours. Error(usage) for another quality, Error(input) for a side beyond the 65500 pixels that JPEG holds.
+// Writes colour (3 channels), rounded as by write_png(), without chroma subsampling; `quality` is 1 to 100 on libjpeg's
+// scale. Error(usage) for another quality, Error(input) for a side beyond JPEG's 65500 pixels.
 void write_jpeg(const std::string& path, const Image& image, int quality);
 
-// `colour` [H][W][3] is sRGB-encoded and accumulated over black (so premultiplied), `alpha` and `depth` [H][W][1] as
-// accumulated. Written: half R, G, B (linear light, premultiplied) and A, float Z = depth / alpha, +infinity where
+// Inputs: `colour` [H][W][3], sRGB-encoded, accumulated over black (thus premultiplied); `alpha` and `depth` [H][W][1],
+// as accumulated. Writes half R, G, B (linear light, premultiplied) and A, and float Z = depth / alpha, +infinity where
 // alpha is 0.
 void write_exr(const std::string& path, const Image& colour, const Image& alpha, const Image& depth);
 
-// The three as they are, in float: `colour` over whatever background it was drawn on, without any curve; Z undivided.
+// Writes all three unchanged as float: `colour` over its background, without a transfer curve; Z not divided by alpha.
 void write_exr_raw(const std::string& path, const Image& colour, const Image& alpha, const Image& depth);
 
 float srgb_encode(float linear);

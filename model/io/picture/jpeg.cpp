@@ -18,19 +18,19 @@
 namespace vsplat {
 namespace {
 
-// What libjpeg calls warnings includes cut-off and damaged data, which it papers over with grey. Only those that leave
-// the picture whole are let pass.
+// libjpeg reports cut-off and damaged data as warnings and fills in grey. Only warnings that leave the picture intact
+// are ignored.
 bool harmless(int code) {
   return code == JWRN_EXTRANEOUS_DATA || code == JWRN_ADOBE_XFORM || code == JWRN_JFIF_MAJOR ||
          code == JWRN_TOO_MUCH_DATA || code == JWRN_BOGUS_ICC;
 }
 
-// A progressive file may go over its blocks of 8 x 8 pixels as often as it likes, in a few bytes each time. Encoders do
-// so about ten times.
+// A progressive file may visit its 8 x 8 blocks any number of times, at a few bytes each. Encoders do so about ten
+// times.
 constexpr int most_scans = 100, usual_scans = 20;
-constexpr double most_block_visits = 4e8;  // some seconds
+constexpr double most_block_visits = 4e8;  // takes some seconds
 
-// How libjpeg's errors come back: by a jump to whoever called it last.
+// libjpeg reports errors by a jump to its last caller.
 struct Problems {
   jpeg_error_mgr errors{};
   jmp_buf leave;
@@ -41,7 +41,7 @@ struct Problems {
 };
 
 struct ScanLimit {
-  jpeg_progress_mgr progress{};  // first: libjpeg knows this alone
+  jpeg_progress_mgr progress{};  // first member: libjpeg only knows this one
   int scans = most_scans;
 };
 
@@ -89,7 +89,7 @@ struct Reader : Problems {
 
 struct Writer : Problems {
   jpeg_compress_struct jpeg{};
-  unsigned char* data = nullptr;  // libjpeg's, by malloc
+  unsigned char* data = nullptr;  // allocated by libjpeg with malloc
   unsigned long size = 0;
 
   Writer() {
@@ -104,7 +104,7 @@ struct Writer : Problems {
   }
 };
 
-// libjpeg leaves by longjmp, so what has a destructor lives outside the functions that call it.
+// libjpeg exits by longjmp, so objects with destructors live outside the functions that call it.
 bool read_header(Reader& r, const FileBytes& file) {
   if (setjmp(r.leave)) return false;
   jpeg_create_decompress(&r.jpeg);
@@ -168,7 +168,7 @@ void check_header(Reader& r, const FileBytes& file) {
 }
 
 int orientation_of(const Reader& r) {
-  constexpr char name[] = "Exif\0";  // and the zero that ends it
+  constexpr char name[] = "Exif\0";  // plus the terminating zero
   for (const jpeg_marker_struct* m = r.jpeg.marker_list; m; m = m->next)
     if (m->marker == JPEG_APP0 + 1 && m->data_length > sizeof name && std::memcmp(m->data, name, sizeof name) == 0)
       return exif_orientation(m->data + sizeof name, m->data_length - sizeof name);
@@ -189,12 +189,12 @@ ImageInfo info_of(Reader& r) {
 
 class JpegRows : public FileRows {
  public:
-  // `reader` has read the header.
+  // `reader` has already read the header.
   JpegRows(const FileBytes& file, std::unique_ptr<Reader> reader)
       : FileRows(info_of(*reader), 8), file_(file), reader_(std::move(reader)) {
     Reader& r = *reader_;
     const double blocks = blocks_of(r);
-    if (blocks / 8 > static_cast<double>(file.size))  // at least a bit each
+    if (blocks / 8 > static_cast<double>(file.size))  // each takes at least one bit
       fail(Status::format, "{}: a damaged or cut-off JPEG: {} bytes cannot hold its {} x {} pixels", file.path,
            file.size, width, height);
     r.limit.scans = std::clamp(static_cast<int>(most_block_visits / blocks), usual_scans, most_scans);

@@ -45,7 +45,7 @@ OrientedRows::OrientedRows(const FileBytes& file, FileRows& stored, int orientat
   }
 }
 
-// What FileRows::bits tells of comes out as it went in.
+// Values of FileRows::bits bits are reproduced exactly.
 float OrientedRows::value(const unsigned char* from) const {
   if (bytes_ == 1) return static_cast<float>(*from) / 255.0f;
   if (bytes_ == 2) return static_cast<float>(got<std::uint16_t>(from)) / 65535.0f;
@@ -53,7 +53,7 @@ float OrientedRows::value(const unsigned char* from) const {
 }
 
 void OrientedRows::next(float* row) {
-  // Where EXIF says that the stored picture's first row and column are to be seen.
+  // The position in the displayed picture of the stored first row and column, by EXIF orientation.
   const int o = orientation_, y = at_++;
   const bool right = o == 2 || o == 3 || o == 6 || o == 7, low = o == 3 || o == 4 || o == 7 || o == 8;
   const std::size_t pixel = bytes_ * static_cast<std::size_t>(channels);

@@ -1,4 +1,4 @@
-// A stored picture as its orientation says that it is to be shown.
+// A stored picture, transformed for display by its orientation.
 #pragma once
 #include <vector>
 
@@ -7,7 +7,7 @@
 
 namespace vsplat {
 
-// Turned, mirrored or both, by EXIF's 2 to 8. Reads all of `stored`, and holds it in as many bits as it is stored in.
+// Rotates, mirrors or both, for EXIF orientations 2 to 8. Reads all of `stored` and holds it at its stored bit depth.
 class OrientedRows : public PixelRows {
  public:
   OrientedRows(const FileBytes& file, FileRows& stored, int orientation);
@@ -17,7 +17,7 @@ class OrientedRows : public PixelRows {
   float value(const unsigned char* from) const;
 
   int orientation_, at_ = 0;
-  std::size_t bytes_, step_;  // of a value; from row to row
+  std::size_t bytes_, step_;  // size of a value; distance of rows
   std::vector<unsigned char> values_;
   DecodingRoom held_;
 };

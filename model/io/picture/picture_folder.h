@@ -1,12 +1,11 @@
-// The pictures of a folder.
+// Lists the pictures in a folder.
 #pragma once
 #include <filesystem>
 #include <vector>
 
 namespace vsplat {
 
-// The files that are called like pictures, not those of folders in it, in order of name. Error(file) where the folder
-// cannot be read.
+// The files with a picture's ending, sorted by name, without subfolders. Error(file) if the folder cannot be read.
 std::vector<std::filesystem::path> pictures_in(const std::filesystem::path& folder);
 
 }  // namespace vsplat

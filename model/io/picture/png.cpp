@@ -17,14 +17,14 @@ namespace {
 
 constexpr unsigned char signature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 
-// Deflate packs at most 1032 bytes into one; a file whose header claims more than it can hold is cut off or damaged,
-// and is refused before memory is taken for it.
+// Deflate packs at most 1032 bytes into one. A file whose header claims more than that is cut off or damaged, and is
+// refused before memory is allocated for it.
 constexpr double max_deflate_ratio = 1032.0;
 
 struct Source {
   const unsigned char* data;
   std::size_t size, at;
-  char message[160];  // of the error that ended decoding
+  char message[160];  // the error that ended decoding
 };
 
 void png_problem(png_structp png, png_const_charp text) {
@@ -42,7 +42,7 @@ void png_take(png_structp png, png_bytep out, std::size_t count) {
   source->at += count;
 }
 
-// libpng leaves by longjmp, so what has a destructor lives outside the functions that call it.
+// libpng exits by longjmp, so objects with destructors live outside the functions that call it.
 struct Reader {
   png_structp png = nullptr;
   png_infop info = nullptr;
@@ -77,7 +77,7 @@ bool read_header(Reader& r, Header& out) {
 }
 
 // Sets the transforms to 8 or 16 bits of grey, grey + alpha, RGB or RGBA. Rows then hold `channels` values in native
-// order.
+// byte order.
 bool set_transforms(Reader& r, int& channels, int& depth, int& passes) {
   if (setjmp(png_jmpbuf(r.png))) return false;
   png_set_expand(r.png);  // palette to RGB, 1, 2 and 4 bits to 8, tRNS to alpha
@@ -95,7 +95,7 @@ bool read_row(Reader& r, unsigned char* row) {
   return true;
 }
 
-// Reads up to IEND, so that a file that ends in the middle of its last chunks is found out.
+// Reads up to IEND, to detect a file that ends within its last chunks.
 bool read_end(Reader& r) {
   if (setjmp(png_jmpbuf(r.png))) return false;
   png_read_end(r.png, nullptr);
@@ -122,7 +122,8 @@ void take_row(float* out, const unsigned char* row, int width, int channels, int
   }
 }
 
-// libpng takes memory for what a chunk claims to hold. The picture's own are read in pieces, and may be cut off here.
+// libpng allocates memory for whatever size a chunk claims. Picture data (IDAT) are read in pieces and may be cut off
+// here.
 void check_chunks(const FileBytes& file) {
   constexpr std::size_t head = 8, tail = 4;
   for (std::size_t at = sizeof signature; file.size - at >= head;) {
@@ -149,7 +150,7 @@ Header checked_header(const FileBytes& file, Reader& r) {
 
 ImageInfo info_of(Reader& r, const Header& h, int channels, int depth, int passes) {
   png_uint_32 size = 0;
-  png_bytep exif = nullptr;  // where it stands before the picture
+  png_bytep exif = nullptr;  // if it precedes the picture data
   const bool told = png_get_eXIf_1(r.png, r.info, &size, &exif) != 0;
   const double all = static_cast<double>(h.width) * h.height * channels * depth / 8;
   return {static_cast<int>(h.width), static_cast<int>(h.height), channels % 2 == 0,
@@ -158,12 +159,12 @@ ImageInfo info_of(Reader& r, const Header& h, int channels, int depth, int passe
 
 class PngRows : public FileRows {
  public:
-  // `reader` has read the header; a row has `stored` values of `depth` bits; `passes` of interlacing.
+  // `reader` has read the header. A row has `stored` channels of `depth` bits; `passes` counts interlace passes.
   PngRows(const FileBytes& file, std::unique_ptr<Reader> reader, const ImageInfo& info, int stored, int depth,
           int passes)
       : FileRows(info, depth), file_(file), reader_(std::move(reader)), stored_(stored), depth_(depth) {
     const std::size_t row = static_cast<std::size_t>(width) * stored * (depth / 8);
-    // Interlaced files visit each row several times and need all of them; others go a row at a time.
+    // Interlaced files visit each row several times and need all rows; other files are read row by row.
     if (passes > 1) {
       held_ = room_to_decode(file, info);
       step_ = row;
@@ -185,7 +186,7 @@ class PngRows : public FileRows {
   const FileBytes file_;
   std::unique_ptr<Reader> reader_;
   int stored_, depth_, at_ = 0;
-  std::size_t step_ = 0;  // bytes from row to row
+  std::size_t step_ = 0;  // bytes between rows
   std::vector<unsigned char> rows_;
   DecodingRoom held_;
 };
@@ -202,7 +203,7 @@ int colour_type_of(int channels) {
   return channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY;
 }
 
-// `rows` and `out` belong to the caller: nothing here has a destructor.
+// The caller owns `rows` and `out`, so no object here has a destructor.
 bool write_all(png_structp png, png_infop info, int width, int height, int channels, const unsigned char* rows,
                std::vector<unsigned char>& out) {
   if (setjmp(png_jmpbuf(png))) return false;

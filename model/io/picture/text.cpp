@@ -9,7 +9,7 @@ namespace {
 
 constexpr char first_glyph = ' ', last_glyph = '~';
 
-// A glyph each from ' ' to '~': bit 6 y + x is the pixel at x, y.
+// One glyph for each character from ' ' to '~'; bit 6 y + x is the pixel at x, y.
 constexpr std::array<std::uint64_t, 95> glyphs = {
     0x0000000000000000ULL, 0x0000100104104100ULL, 0x000000000028a280ULL, 0x000028a7ca7ca280ULL, 0x000010e50e14e100ULL,
     0x0000255284295480ULL, 0x0000589542145080ULL, 0x0000000000104100ULL, 0x0000204082084200ULL, 0x0000084208204080ULL,

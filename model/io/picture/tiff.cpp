@@ -16,7 +16,7 @@
 namespace vsplat {
 namespace {
 
-// A file in memory, and the first error that libtiff found in it.
+// A file in memory, and the first error that libtiff reports for it.
 struct Source {
   const unsigned char* data;
   toff_t size, at = 0;
@@ -46,7 +46,7 @@ int close_nothing(thandle_t) { return 0; }
 
 toff_t size_of(thandle_t handle) { return source_of(handle).size; }
 
-// libtiff 4.5 reads uncompressed tiles wrongly from what is not mapped. It only reads.
+// libtiff 4.5 reads uncompressed tiles wrongly from unmapped files. It does not write to the mapping.
 int map(thandle_t handle, void** base, toff_t* size) {
   *base = const_cast<unsigned char*>(source_of(handle).data);
   *size = source_of(handle).size;
@@ -57,12 +57,12 @@ void unmap(thandle_t, void*, toff_t) {}
 int keep_error(TIFF*, void* user, const char*, const char* format, va_list arguments) {
   Source& s = *static_cast<Source*>(user);
   if (s.message[0] == 0) std::vsnprintf(s.message, sizeof s.message, format, arguments);
-  return 1;  // nothing is printed
+  return 1;  // print nothing
 }
 
 int ignore_warning(TIFF*, void*, const char*, const char*, va_list) { return 1; }
 
-// Bytes of host memory that decoding may hold: with the program itself no more than 1.5 GiB.
+// Limit on the bytes of host memory that decoding may hold: with the program at most 1.5 GiB.
 constexpr double most_held = 1.25 * (1u << 30);
 
 [[noreturn]] void damaged(const FileBytes& file, const char* why) {
@@ -70,10 +70,10 @@ constexpr double most_held = 1.25 * (1u << 30);
        *why ? printable(why) : std::string("no reason given"));
 }
 
-// The first picture of the file, opened.
+// The file's first picture, opened.
 class Reader {
  public:
-  // `most`: bytes that decoding may hold.
+  // `most`: limit on the bytes that decoding may hold.
   Reader(const FileBytes& file, double most) : file_(file), most_(most), source_{file.data, file.size} {
     const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                                TIFFOpenOptionsFree);
@@ -92,7 +92,7 @@ class Reader {
     TIFFClose(tiff_);
   }
 
-  // Looks at what kind of picture it is; no pixel is read.
+  // Checks the kind of picture; reads no pixels.
   ImageInfo begin() {
     std::uint32_t width = 0, height = 0;
     if (!TIFFGetField(tiff_, TIFFTAG_IMAGEWIDTH, &width) || !TIFFGetField(tiff_, TIFFTAG_IMAGELENGTH, &height))
@@ -102,7 +102,8 @@ class Reader {
     if (!TIFFRGBAImageOK(tiff_, why) || !TIFFRGBAImageBegin(&image_, tiff_, 1, why)) damaged(file_, why);
     begun_ = true;
     int orientation = ORIENTATION_TOPLEFT;
-    if (image_.orientation >= 1 && image_.orientation <= 8) orientation = image_.orientation;  // EXIF's are TIFF's
+    if (image_.orientation >= 1 && image_.orientation <= 8)
+      orientation = image_.orientation;  // EXIF uses TIFF's orientations
     ImageInfo out{static_cast<int>(width), static_cast<int>(height), image_.alpha != 0, orientation};
     if (unpacked_bytes() + row_bytes(out) > most_)
       fail(Status::input,
@@ -113,22 +114,23 @@ class Reader {
     return out;
   }
 
-  // How many rows are best read at once: those of a strip or of a row of tiles, which are unpacked as a whole, and anew
-  // for each part of them where all are too many.
+  // The best number of rows to read at once: a strip or a row of tiles, which are unpacked as a whole. If that is too
+  // large, each part of it is unpacked again.
   int rows_at_once(const ImageInfo& info) {
-    std::uint32_t rows = 0;
+    std::uint32_t rows = 0;  // in a strip or in a row of tiles
     if (!TIFFGetField(tiff_, TIFFIsTiled(tiff_) ? TIFFTAG_TILELENGTH : TIFFTAG_ROWSPERSTRIP, &rows) || rows == 0)
       rows = static_cast<std::uint32_t>(info.height);
     const double all = std::min(static_cast<double>(rows), static_cast<double>(info.height));
     const double room = (most_ - unpacked_bytes() - static_cast<double>(file_.size)) / row_bytes(info);
-    return static_cast<int>(std::clamp(std::floor(room), std::ceil(all / 8), all));  // (an eighth: unpacked 8 times)
+    return static_cast<int>(std::clamp(std::floor(room), std::ceil(all / 8), all));  // at least an eighth: unpacked up
+                                                                                     // to 8 times
   }
   static double row_bytes(const ImageInfo& info) { return sizeof(std::uint32_t) * static_cast<double>(info.width); }
   double unpacked_bytes() {
     return static_cast<double>(TIFFIsTiled(tiff_) ? TIFFTileSize64(tiff_) : TIFFStripSize64(tiff_));
   }
 
-  // Rows from `first` on, as they are stored, red in the lowest byte; premultiplied.
+  // Rows from `first` on, as stored; red in the lowest byte; premultiplied.
   void read(const ImageInfo& info, int first, int count, std::uint32_t* out) {
     image_.orientation = image_.req_orientation = ORIENTATION_TOPLEFT;
     image_.row_offset = first;

@@ -37,7 +37,8 @@ WebPBitstreamFeatures features_of(const FileBytes& file) {
   return out;
 }
 
-// Of the EXIF chunk, which stands behind the picture: Error(format) where it is announced and not in these bytes.
+// Orientation from the EXIF chunk, which follows the picture. Error(format) if the header announces a chunk that is not
+// in these bytes.
 int orientation_of(const FileBytes& file) {
   constexpr std::size_t extended_header = 30;  // RIFF header, VP8X chunk
   constexpr unsigned char exif_flag = 0x08;
@@ -47,12 +48,12 @@ int orientation_of(const FileBytes& file) {
   const std::unique_ptr<WebPMux, void (*)(WebPMux*)> chunks(WebPMuxCreate(&all, 0), WebPMuxDelete);
   WebPData exif;
   if (!chunks || WebPMuxGetChunk(chunks.get(), "EXIF", &exif) != WEBP_MUX_OK) damaged(file, VP8_STATUS_NOT_ENOUGH_DATA);
-  // Some writers keep JPEG's "Exif\0\0" before it.
+  // Some writers put JPEG's "Exif\0\0" before it.
   const std::size_t skipped = exif.size > 6 && std::memcmp(exif.bytes, "Exif\0\0", 6) == 0 ? 6 : 0;
   return exif_orientation(exif.bytes + skipped, exif.size - skipped);
 }
 
-// libwebp decodes a picture as a whole: its bytes, and the transformed ones of lossless files beside them.
+// libwebp decodes a picture as a whole. This counts its bytes and the transformed copy that lossless files need.
 ImageInfo info_of(const WebPBitstreamFeatures& f, int orientation = 1) {
   const bool alpha = f.has_alpha != 0;
   return {f.width, f.height, alpha, orientation, static_cast<double>(f.width) * f.height * (alpha ? 8 : 7)};
@@ -97,7 +98,7 @@ ImageInfo webp_info(const FileBytes& file) {
 
 std::unique_ptr<FileRows> open_webp(const FileBytes& file) {
   const WebPBitstreamFeatures features = features_of(file);
-  // The file's own length, since libwebp asks for no more than the picture's part of it.
+  // Checks the file's own length, because libwebp only reads up to the end of the picture data.
   const std::size_t stated =
       8 + (file.data[4] | file.data[5] << 8 | file.data[6] << 16 | static_cast<std::size_t>(file.data[7]) << 24);
   if (stated > file.size) damaged(file, VP8_STATUS_NOT_ENOUGH_DATA);

@@ -36,7 +36,7 @@ struct Frame {
   ~Frame() { WebPPictureFree(&picture); }
 };
 
-// When picture `index` begins, in milliseconds.
+// Start time of picture `index` in milliseconds.
 int time_of(int index, double fps) { return static_cast<int>(std::lround(1000.0 * index / fps)); }
 
 }  // namespace

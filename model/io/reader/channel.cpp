@@ -7,7 +7,7 @@
 namespace vsplat::read {
 namespace {
 
-constexpr int slice = 20;  // milliseconds between two looks
+constexpr int slice = 20;  // milliseconds between two calls of look_
 
 }  // namespace
 
@@ -28,7 +28,7 @@ void Channel::wait(sys::Way way) {
 
 void Channel::send(Kind kind, const Packer& body, int file) {
   Header header{magic, kind, body.body().size()};
-  std::size_t sent = 0;  // of header and body together
+  std::size_t sent = 0;  // bytes of header and body together
   const std::size_t all = sizeof header + body.body().size();
   while (sent < all) {
     const bool in_header = sent < sizeof header;

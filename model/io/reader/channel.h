@@ -11,14 +11,14 @@
 
 namespace vsplat::read {
 
-// A file's, or the socket's.
+// Handle of a file or of the socket.
 using Descriptor = sys::Handle;
 
-// The other end is closed.
+// Thrown if the other end is closed.
 struct Closed : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-// The deadline has passed.
+// Thrown if the deadline has passed.
 struct Late : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -28,16 +28,16 @@ class Channel {
   using Clock = std::chrono::steady_clock;
   explicit Channel(Descriptor socket) : socket_(std::move(socket)) {}
 
-  // Waiting ends with Late at `at`. While it waits, `look`, where given, is called every few milliseconds.
+  // Waiting ends with Late at `at`. While waiting, `look`, if set, is called every few milliseconds.
   void expect_by(Clock::time_point at) { deadline_ = at; }
   Clock::time_point deadline() const { return deadline_.value_or(Clock::time_point::max()); }
   void while_waiting(std::function<void()> look) { look_ = std::move(look); }
 
-  // With a file, where `file` is its descriptor.
+  // Sends a message, with a file if `file` is a descriptor.
   void send(Kind kind, const Packer& body, int file = -1);
 
-  // The beginning of a message; read() its body next. BadMessage where it is none, or the body is larger than `most`.
-  // A file that comes with it goes to `file`; without that, none is taken.
+  // Receives a message's header; read() then gets its body. BadMessage if it is no header or claims a body larger than
+  // `most`. A file sent with it is stored in `file`; without that, no file is accepted.
   Header receive(std::size_t most, Descriptor* file = nullptr);
   void read(void* to, std::size_t size);
   Message receive_whole(std::size_t most, Descriptor* file = nullptr);

@@ -1,4 +1,4 @@
-// A mesh as the reader finds it in a file, in messages.
+// Messages that transfer a mesh from the reader to the library.
 #pragma once
 #include <array>
 
@@ -6,17 +6,17 @@
 
 namespace vsplat::read {
 
-// As in the file: colours in its own encoding, within [0,1].
+// Values as in the file: colours in the file's encoding, clamped to [0,1].
 struct MeshCorner {
   std::array<float, 3> position{};
-  std::array<float, 3> normal{};            // unit length, or zero where there is none
+  std::array<float, 3> normal{};            // unit length, or zero if there is none
   std::array<float, 4> colour{1, 1, 1, 1};  // with alpha
   std::array<float, 2> uv{};                // (0,0) is a texture's lower left
-  std::array<float, 2> emission_uv{};       // of the emission's texture
+  std::array<float, 2> emission_uv{};       // texture coordinates of the emission texture
 };
 static_assert(sizeof(MeshCorner) == 14 * sizeof(float));
 
-// What the triangles that follow have in common.
+// Attributes shared by the triangles that follow.
 struct MeshPart {
   std::string name;
   std::uint32_t material = 0;
@@ -27,19 +27,19 @@ enum class AlphaMode : std::uint32_t { none, mask, blend };
 enum class Wrap : std::uint32_t { repeat, clamp, mirror };
 
 struct MeshTexture {
-  std::string name;  // its name in the file; "": none
+  std::string name;  // name in the file; "" if there is no texture
   Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
   bool nearest = false;  // not interpolated
 };
 
 struct MeshMaterial {
   MeshTexture texture;
-  bool has_factor = false;  // of glTF
+  bool has_factor = false;  // set for glTF
   std::array<float, 4> factor{1, 1, 1, 1};
   bool has_diffuse = false;
   std::array<float, 4> diffuse{1, 1, 1, 1};
   MeshTexture emission_texture;
-  std::array<float, 3> emission{};  // linear; more than 1 is possible
+  std::array<float, 3> emission{};  // linear; may exceed 1
   AlphaMode alpha = AlphaMode::none;
   float cutoff = 0.5f;
 };
@@ -56,7 +56,7 @@ inline MeshPart unpack_part(Unpacker& in) {
 }
 
 void pack(const MeshMaterial& material, Packer& out);
-// BadMessage where a number is not finite.
+// BadMessage if a number is not finite.
 MeshMaterial unpack_material(Unpacker& in);
 
 }  // namespace vsplat::read

@@ -4,7 +4,7 @@
 
 namespace vsplat::read {
 
-std::string version() { return VSPLAT_VERSION " 2"; }  // the library's, and of what is said
+std::string version() { return VSPLAT_VERSION " 2"; }  // of the library and of the protocol
 
 Packer& Packer::raw(const void* data, std::size_t size) {
   const auto* bytes = static_cast<const char*>(data);

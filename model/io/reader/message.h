@@ -1,5 +1,5 @@
-// What the library and its reader (read/program/) tell each other: messages of a kind, their bodies made of numbers and
-// texts. The reader has read a stranger's file: whatever it says is checked like a stranger's file.
+// Messages between the library and its reader (reader/program/): a kind and a body of numbers and texts. The reader has
+// parsed an untrusted file, so everything it sends is checked like an untrusted file.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -12,32 +12,32 @@
 
 namespace vsplat::read {
 
-// The reader says it in its first message, and the library takes no other.
+// Sent in the reader's first message; the library refuses any other version.
 std::string version();
 
 enum class Kind : std::uint32_t {
-  // From the library.
+  // Sent by the library.
   mesh = 1,  // seconds (u32), path
-  hdf5,      // seconds, path: the file stays open, and may be asked:
+  hdf5,      // seconds, path: the file stays open and can be queried:
   links,     // seconds, group
   shape,     // seconds, array
   bytes,     // seconds, array, shape
-  numbers,   // the same
+  numbers,   // seconds, array, shape
   answer,    // to `exists` and `open`: u32, whether; with the file
 
-  // From the reader.
-  hello = 100,  // version, u32: what confines it (Confinement)
-  exists,       // a path that a file names
-  open,         // the same; it opens nothing itself
-  failed,       // Status (u32), place in the file, what is wrong: the end of what was asked
+  // Sent by the reader.
+  hello = 100,  // version, u32: active measures (Confinement)
+  exists,       // a path that the file refers to
+  open,         // a path to open; the reader itself opens nothing
+  failed,       // Status (u32), place in the file, what is wrong; ends the request
   part,         // of a mesh: MeshPart
-  corners,      // of the triangles of the part that came before: 3 n x MeshCorner
+  corners,      // of the triangles of the last part: 3 n x MeshCorner
   texture,      // name, an encoded picture
-  materials,    // u32, so many MeshMaterials
-  listed,       // u32, so many times: name, file that it leads to
-  values,       // of an array: shape, or its values
-  done,         // the end of what was asked
-  note          // of a mesh: what the user should know and need not act on
+  materials,    // u32 count, that many MeshMaterials
+  listed,       // u32 count, that many times: name, target file
+  values,       // of an array: its shape, or its values
+  done,         // ends the request
+  note          // of a mesh: information for the user that needs no action
 };
 
 struct Header {
@@ -52,12 +52,12 @@ struct Message {
   std::vector<char> body;
 };
 
-// What came is no message, or not one that is expected.
+// Thrown if the received data are no message, or not an expected one.
 struct BadMessage : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// A body, written.
+// Writes a message body.
 class Packer {
  public:
   Packer() = default;
@@ -76,7 +76,7 @@ class Packer {
   std::vector<char> body_;
 };
 
-// A body, read. Each throws BadMessage where it has not what is asked for.
+// Reads a message body. Each call throws BadMessage if the body does not contain what is requested.
 class Unpacker {
  public:
   explicit Unpacker(const std::vector<char>& body) : body_(body.data(), body.size()) {}
@@ -91,10 +91,10 @@ class Unpacker {
   }
   bool flag() { return get<std::uint32_t>() != 0; }
   std::string text(std::size_t most = 4096);
-  std::vector<long> shape();  // at most eight sides, none of them negative
+  std::vector<long> shape();  // at most eight sides, all non-negative
   std::string_view rest() { return take(body_.size()); }
   std::size_t left() const { return body_.size(); }
-  void end() const;  // there is nothing left
+  void end() const;  // checks that nothing is left
 
  private:
   std::string_view take(std::size_t size);

@@ -30,7 +30,7 @@ using read::Packer;
 using read::Unpacker;
 
 constexpr std::size_t small_message = 1 << 16;
-constexpr int most_questions = 10'000;  // about files that one file names
+constexpr int most_questions = 10'000;  // about files that one file refers to
 
 ReaderLimits& test_limits() {
   static ReaderLimits limits;
@@ -46,7 +46,7 @@ std::chrono::nanoseconds seconds(double count) {
 std::string words_of_reader(std::string_view text) {
   std::string out;
   while (out.size() < 1000 && !text.empty()) {
-    std::size_t piece = std::min<std::size_t>(text.size(), 100);  // as much as printable() takes, of whole characters
+    std::size_t piece = std::min<std::size_t>(text.size(), 100);  // printable()'s limit, without splitting characters
     while (piece < text.size() && piece > 90 && (static_cast<unsigned char>(text[piece]) >> 6) == 2) --piece;
     out += printable(text.substr(0, piece));
     text.remove_prefix(piece);
@@ -58,7 +58,7 @@ void set_reader_limits(const ReaderLimits& limits) { test_limits() = limits; }
 
 Reader::Reader(const std::string& path, Kind what, std::string others)
     : path_(path), others_(std::move(others)), limits_(test_limits()) {
-  if (what == Kind::hdf5) limits_.memory_per_byte = 0;  // what is asked for of a large file is small
+  if (what == Kind::hdf5) limits_.memory_per_byte = 0;  // requests on a large file need little memory
   const fs::path folder = fs::path(path).parent_path();
   roots_.add(folder.empty() ? "." : folder);
   start(what);
@@ -69,8 +69,7 @@ Reader::~Reader() {
   end();
 }
 
-// Starts the program, and hears from it that it is the right one. Nothing of the file has been read yet: whatever goes
-// wrong here is not the file's fault.
+// Starts the program and checks its version. It has not read the file yet, so errors here are not the file's fault.
 void Reader::start(Kind what) {
   const read::Started started = read::start_program(what == Kind::mesh ? "mesh" : "hdf5", memory());
   process_ = started.process;
@@ -125,7 +124,7 @@ void Reader::ask(Kind kind, const Packer& body, std::uint64_t bytes) {
     questions_ = 0;
     seconds_ = limits_.seconds + static_cast<double>(bytes) / limits_.bytes_per_second;
     channel_->expect_by(Channel::Clock::now() + seconds(seconds_));
-    // The reader ends itself a little later, should nobody be left to end it.
+    // The program's own time limit is slightly later, in case this process has ended by then.
     Packer whole;
     whole.put(static_cast<std::uint32_t>(std::ceil(seconds_) + 2)).raw(body.body().data(), body.body().size());
     channel_->send(kind, whole);
@@ -168,7 +167,7 @@ Message Reader::next(std::size_t most) {
   return out;
 }
 
-// The file itself may lie anywhere, and be a link.
+// The file itself may be anywhere, and may be a link.
 bool Reader::may_read(const std::string& name) {
   std::error_code ignored;
   try {
@@ -200,7 +199,7 @@ void Reader::answer(Kind question, const std::string& asked) {
       if (refused_.empty()) refused_ = e.what();
       yes = false;
     }
-  const bool is_new = file && seen_.emplace(found->device, found->node).second;  // some are opened again and again
+  const bool is_new = file && seen_.emplace(found->device, found->node).second;  // some files are opened repeatedly
   const auto bytes = is_new ? found->size : 0;
   given_ += bytes;
   const double more = limits_.memory_per_byte > 0 ? static_cast<double>(bytes) / limits_.bytes_per_second : 0;
@@ -222,7 +221,7 @@ void Reader::complain(const Message& failed) {
   throw Error(is_input ? Status::input : Status::format, where + ": " + words_of_reader(text));
 }
 
-// Where a control group's memory was not enough, the kernel kills the reader, too.
+// The kernel also kills the reader if its control group runs out of memory.
 void Reader::crashed() {
   const sys::ProgramEnd how = end();
   if (how.signal != 0) {
@@ -255,7 +254,7 @@ sys::ProgramEnd Reader::end() {
   channel_.reset();
   if (process_ < 0) return {};
   sys::ProgramEnd out{State::runs};
-  for (int i = 0; i < 200 && out.state == State::runs; ++i) {  // one second in all
+  for (int i = 0; i < 200 && out.state == State::runs; ++i) {  // one second in total
     out = sys::end_of(process_, sys::Wait::no);
     if (out.state == State::runs) std::this_thread::sleep_for(std::chrono::milliseconds(i < 20 ? 1 : 5));
   }
@@ -267,7 +266,7 @@ sys::ProgramEnd Reader::end() {
   return out;
 }
 
-// Under sanitizers, whose own address space has no limit.
+// For sanitizer builds, whose address space cannot be limited.
 void Reader::look_at_memory() {
   if (sys::memory_of(process_) > memory())
     give_up(Status::format,

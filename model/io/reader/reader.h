@@ -1,6 +1,6 @@
-// The reader: an installed program in which what others made is read by libraries that were not made for strangers'
-// files (assimp, HDF5). It can open nothing, has limits of memory and time, and where it crashes that is an error with
-// the file's name. README.md beside this says what confines it.
+// The reader: an installed program in which libraries that were not written for malicious input (assimp, HDF5) read
+// untrusted files. It can open no file, and its memory and time are limited; if it crashes, that is an error with the
+// file's name. README.md beside this describes the confinement.
 #pragma once
 
 #include <chrono>
@@ -19,28 +19,29 @@
 
 namespace vsplat {
 
-// Where the program is instead of beside the library; for tests. "": there again.
+// For tests: uses this program instead of the installed one; "" restores the default.
 void set_reader_program(const std::string& path);
 
 struct ReaderLimits {
-  std::uint64_t memory = std::uint64_t{768} << 20;  // bytes of address space; for a mesh, so many more for each byte of
-  std::uint64_t memory_per_byte = 12;               // the files that it is given
+  std::uint64_t memory = std::uint64_t{768} << 20;  // address space in bytes; for a mesh, increased for each byte
+  std::uint64_t memory_per_byte = 12;               // of the files passed to it
   std::uint64_t most_memory = std::uint64_t{16} << 30;
-  double seconds = 12;  // of the clock on the wall for what is asked for; more by the bytes that are to be read
+  double seconds = 12;  // wall-clock time per request, plus time for the bytes to read
   double bytes_per_second = 2 << 20;
 };
-// For tests: of every reader that is started from then on.
+// For tests: applies to every reader started afterwards.
 void set_reader_limits(const ReaderLimits& limits);
 
-// What the reader says in words, for a message: words of a library, and of the file.
+// Printable form of text from the reader (from a library or from the file), for a message.
 std::string words_of_reader(std::string_view text);
 
-// One file's. Its calls throw Error: what the reader says is wrong with the file; or format, where it crashed, took too
-// long, needed too much memory or said what makes no sense. All begin with the file's path.
+// The reader process of one file. Its calls throw Error with the reader's complaint about the file, or Error(format) if
+// the process crashed, took too long, needed too much memory or sent an invalid message. All messages begin with the
+// file's path.
 class Reader {
  public:
-  // Starts it for a mesh or HDF5, and reads nothing yet. `others` is how what the file names is called in an error
-  // ("its file"). Error(internal) where there is no reader.
+  // Starts the process for a mesh or HDF5 file; reads nothing yet. `others` is how errors call files that this file
+  // refers to ("its file"). Error(internal) if there is no reader.
   Reader(const std::string& path, read::Kind what, std::string others);
   ~Reader();
   Reader(const Reader&) = delete;
@@ -54,19 +55,19 @@ class Reader {
   // Asks for something. `bytes` is about how many it is, beside those of the file itself.
   void ask(read::Kind kind, const read::Packer& body, std::uint64_t bytes = 0);
 
-  // The next message, its body of at most `most` bytes, or (header, body) its beginning. Meanwhile opens what the file
-  // names, below the file's folder (Roots).
+  // next() returns the next message with a body of at most `most` bytes; next_header() and body() read it in two steps.
+  // Meanwhile they open files that the file refers to, below its folder (Roots).
   read::Message next(std::size_t most);
   read::Header next_header(std::size_t most);
   void body(void* to, std::size_t size);
-  // Ends it. senseless() is for an answer that is no good, whatever it be: Error(format).
+  // End the process. senseless() reports an invalid answer as Error(format).
   [[noreturn]] void give_up(Status status, const std::string& why);
   [[noreturn]] void senseless(const std::string& why);
 
   const std::string& path() const { return path_; }
-  std::uint64_t given() const { return given_; }           // bytes of the files that it was given
-  const std::string& missing() const { return missing_; }  // the first file that was asked for and is not there
-  const std::string& refused() const { return refused_; }  // why the first one was not opened
+  std::uint64_t given() const { return given_; }           // bytes of the files passed to it
+  const std::string& missing() const { return missing_; }  // the first requested file that does not exist
+  const std::string& refused() const { return refused_; }  // why the first refused file was not opened
   bool ended() const { return !channel_; }
   int process() const { return process_; }
 
@@ -80,7 +81,7 @@ class Reader {
   void look_at_memory();
   [[noreturn]] void complain(const read::Message& failed);
   [[noreturn]] void crashed();
-  sys::ProgramEnd end();  // gives it a moment, then kills it
+  sys::ProgramEnd end();  // waits briefly, then kills it
 
   std::string path_, others_;
   ReaderLimits limits_;
@@ -88,12 +89,12 @@ class Reader {
   std::unique_ptr<read::Channel> channel_;
   int process_ = -1;
   std::uint64_t given_ = 0;
-  std::set<std::pair<std::uint64_t, std::uint64_t>> seen_;  // of those files
+  std::set<std::pair<std::uint64_t, std::uint64_t>> seen_;  // the files passed to it
   int questions_ = 0;
   double seconds_ = 0;
   Search search_;
   std::string missing_, refused_;
-  std::string gave_up_;  // why
+  std::string gave_up_;  // the reason
 };
 
 }  // namespace vsplat

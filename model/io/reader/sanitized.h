@@ -1,4 +1,4 @@
-// Whether the address sanitizer is built in: its own address space has no limit that could be set.
+// Whether the address sanitizer is built in; its address space cannot be limited.
 #pragma once
 
 namespace vsplat::read {

@@ -22,7 +22,7 @@ std::function<read::Started(const char* what, std::uint64_t memory)>& replacemen
   return start;
 }
 
-// Beside the library that this code is in, as both are installed.
+// The program beside the library that contains this code, as both are installed.
 std::string program_path() {
   if (!named_program().empty()) return named_program();
   const std::string path = library_program("vsplat-read");
@@ -47,7 +47,7 @@ read::Started read::start_program(const char* what, std::uint64_t memory) {
   sys::Handle ours, its;
   std::error_code problem = sys::make_channel(ours, its);
   if (problem) fail(Status::internal, "{}: no socket to talk to it: {}", program, problem.message());
-  // Of our variables none that would tell HDF5 where to look for other files and for code.
+  // Drops our HDF5_ environment variables, which would tell HDF5 where to look for other files and for code.
   const int process = sys::start_program(program, {what, std::to_string(memory)}, its, "HDF5_", problem);
   if (problem)
     fail(Status::internal,

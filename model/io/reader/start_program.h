@@ -1,4 +1,4 @@
-// The reader's program: where it is, and how it is started.
+// Locates and starts the reader program.
 #pragma once
 
 #include <cstdint>
@@ -9,15 +9,15 @@ namespace vsplat::read {
 
 struct Started {
   std::string program;
-  int process;  // -1: none that could be ended
-  int socket;   // its other end is the program's third descriptor
+  int process;  // -1: no process to end
+  int socket;   // the other end is the program's descriptor 3
 };
 
-// With that end of the socket and nothing else of what this process has open. Error(internal) where there is no such
-// program, or it cannot be started.
+// Starts the program with its end of the socket and no other open file of this process. Error(internal) if the program
+// does not exist or cannot be started.
 Started start_program(const char* what, std::uint64_t memory);
 
-// For tests: it is had by this instead. Empty: started again.
+// For tests: start_program() calls this instead; empty restores the default.
 void set_start_program(std::function<Started(const char* what, std::uint64_t memory)> start);
 
 }  // namespace vsplat::read

@@ -23,8 +23,8 @@ namespace {
 
 constexpr std::size_t kMostShCount = 16;
 
-// Which properties make up a Gaussian, in this order: x y z, three of colour, f_rest_* with the channel innermost, and
-// from `opacity`, `scales` and `quats` on those groups that the file has.
+// The properties that make up a Gaussian, in this order: x y z, three colours, f_rest_* with the channel innermost,
+// then the groups that the file has, beginning at `opacity`, `scales` and `quats`.
 struct Layout {
   std::vector<const PlyProperty*> columns;
   std::optional<std::size_t> opacity, scales, quats;
@@ -36,7 +36,8 @@ struct Layout {
   std::size_t sh_count() const { return static_cast<std::size_t>(degree + 1) * (degree + 1); }
 };
 
-// Appends the properties of these names: all, or none. Where they begin among the columns.
+// Appends the properties with these names. Returns their first column, or nothing if the file has none of them; a
+// partial group is an error.
 std::optional<std::size_t> add_group(const std::string& path, const PlyElement& vertex, Layout& layout,
                                      const std::vector<std::string>& names) {
   const std::size_t begin = layout.columns.size();
@@ -53,7 +54,7 @@ std::optional<std::size_t> add_group(const std::string& path, const PlyElement& 
   return begin;
 }
 
-// f_rest_* in the file: the channels' coefficients one after the other. More than degree 3 has are skipped.
+// f_rest_* are stored channel by channel. Coefficients above degree 3 are skipped.
 void add_rest(const std::string& path, const PlyElement& vertex, Layout& layout) {
   std::size_t n = 0;
   for (const PlyProperty& p : vertex.properties) n += p.name.rfind("f_rest_", 0) == 0;
@@ -85,7 +86,7 @@ Layout find_columns(const std::string& path, const PlyElement& vertex) {
   }
   add_rest(path, vertex, out);
   out.opacity = add_group(path, vertex, out, {"opacity"});
-  // Surfels are known by that, in 2DGS files, too.
+  // A missing scale_2 identifies surfels, also in 2DGS files.
   if (vertex.find("scale_0") && vertex.find("scale_1") && !vertex.find("scale_2")) out.kind = GaussianKind::surfel;
   out.is_round = vertex.find("scale_0") && !vertex.find("scale_1") && !vertex.find("scale_2");
   std::vector<std::string> scales;
@@ -97,7 +98,7 @@ Layout find_columns(const std::string& path, const PlyElement& vertex) {
 
 double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 
-// What a colour's type can hold is 1.
+// The value that stands for 1, by the colour's type.
 double colour_range(PlyType type) {
   switch (type) {
     case PlyType::u8:
@@ -113,13 +114,13 @@ struct Gaussian {
   float mean[3], scale[3], quat[4], opacity, sh[3 * kMostShCount];
 };
 
-// What keeps a Gaussian from being drawn, and in which column.
+// The reason why a Gaussian cannot be drawn, and the column that causes it.
 struct Defect {
   enum class Kind { none, not_finite, scale, rotation } kind = Kind::none;
   std::size_t column = 0;
 };
 
-bool fits(double v) { return std::abs(v) <= std::numeric_limits<float>::max(); }  // NaN does not
+bool fits(double v) { return std::abs(v) <= std::numeric_limits<float>::max(); }  // false for NaN
 
 Defect not_finite(const float* values, std::size_t begin, std::size_t count) {
   bool good = true;
@@ -130,7 +131,7 @@ Defect not_finite(const float* values, std::size_t begin, std::size_t count) {
   return {Defect::Kind::not_finite, i};
 }
 
-// Makes a Gaussian of the columns' values.
+// Converts the columns' values to a Gaussian.
 Defect decode(const Layout& layout, const float* values, Gaussian& out) {
   const std::size_t plain = 3 + 3 * layout.sh_count();
   if (const Defect d = not_finite(values, 0, plain); d.kind != Defect::Kind::none) return d;
@@ -157,7 +158,7 @@ Defect decode(const Layout& layout, const float* values, Gaussian& out) {
       const double scale = std::exp(static_cast<double>(logarithm));
       if (!fits(scale)) return {Defect::Kind::scale, begin + i};
       out.scale[i] = static_cast<float>(scale);
-      // Flat in that direction: as flat as a float has it, so that its logarithm is finite again.
+      // Flat in that direction: use the smallest normal float, whose logarithm is finite.
       if (std::isinf(logarithm)) out.scale[i] = std::numeric_limits<float>::min();
     }
     if (layout.is_round) out.scale[1] = out.scale[2] = out.scale[0];
@@ -254,7 +255,7 @@ Gaussians read_gaussians(const std::string& path, const Layout& layout, std::uin
   return g;
 }
 
-// Colours of a type that is not made for 0 to 255, and are it nevertheless.
+// Detects float colours in 0 to 255 (or 65535) and rescales them.
 void look_at_colours(const std::string& path, const Layout& layout, Gaussians& g) {
   if (!layout.is_rgb || colour_range(layout.columns[3]->type) != 1) return;
   const auto colour = [](float sh) { return 0.5 + kShC0 * static_cast<double>(sh); };
@@ -272,9 +273,9 @@ void look_at_colours(const std::string& path, const Layout& layout, Gaussians& g
   warn("{}: red, green and blue go to {:.4g}: they are taken as 0 to {}, not as 0 to 1", path, most, range);
 }
 
-// Values that programs hold, and that the file should have as logits and logarithms.
+// Warns if opacities or scales look like final values instead of logits and logarithms.
 void look_at_activated(const std::string& path, const Layout& layout, const Gaussians& g) {
-  constexpr std::size_t least = 10;  // of few it cannot be told
+  constexpr std::size_t least = 10;  // fewer are not conclusive
   if (g.count < least) return;
   if (layout.opacity) {
     const auto [low, high] = std::minmax_element(g.opacities.begin(), g.opacities.end());
@@ -318,7 +319,7 @@ std::vector<Number> comment_numbers(const std::string& path, const std::string& 
   return out;
 }
 
-// Of length 1; one that is so to rounding stays as it is.
+// Normalised to length 1, but unchanged if the length is 1 up to rounding.
 std::array<float, 3> direction(const std::string& path, const std::string& comment, const std::vector<float>& v) {
   const double length = std::hypot(static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2]));
   if (length == 0) fail(Status::format, "{}: comment \"{}\": a direction is expected", path, printable(comment));
@@ -327,7 +328,7 @@ std::array<float, 3> direction(const std::string& path, const std::string& comme
   return {part(0), part(1), part(2)};
 }
 
-// The comments that are ours.
+// Reads the comments that vsplat writes.
 void read_comments(const std::string& path, const PlyHeader& header, Scene& scene) {
   for (const std::string& comment : header.comments) {
     std::istringstream in(comment);

@@ -1,4 +1,4 @@
-// A PLY file's bytes, read from front to back, with the size known beforehand.
+// Sequential access to a PLY file's bytes, with the size known beforehand.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -14,25 +14,25 @@ namespace vsplat {
 
 class PlyFile {
  public:
-  // As open_regular().
+  // Errors as open_regular().
   explicit PlyFile(const std::string& path);
-  // The same of a file's bytes in memory, which must outlive it; `name` stands for the path in errors.
+  // A file's bytes in memory, which must outlive this; `name` replaces the path in errors.
   PlyFile(const std::string& name, std::span<const std::byte> content);
 
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
-  // Fewer bytes than asked for at the end of the file only.
+  // Returns fewer bytes than requested only at the end of the file.
   std::size_t read(void* to, std::size_t bytes);
   void seek(std::uint64_t to);
 
  private:
   std::string path_;
-  std::unique_ptr<std::FILE, FileCloser> file_;  // none: of memory
+  std::unique_ptr<std::FILE, FileCloser> file_;  // null for a file in memory
   std::span<const std::byte> content_;
-  std::uint64_t size_ = 0, at_ = 0;  // at_: in the content
+  std::uint64_t size_ = 0, at_ = 0;  // at_: position in content_
 };
 
-// From the file's beginning. Errors as parse_ply_header().
+// Reads from the file's beginning. Errors as parse_ply_header().
 PlyHeader read_ply_header(PlyFile& in);
 
 }  // namespace vsplat

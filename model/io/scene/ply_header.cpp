@@ -40,8 +40,8 @@ const std::map<std::string, PlyType>& type_names() {
   return names;
 }
 
-constexpr const char* kFormats[] = {"binary_little_endian", "binary_big_endian", "ascii"};  // as PlyFormat
-constexpr std::size_t kMaxProperties = 1024;  // of an element; 3DGS files have 62
+constexpr const char* kFormats[] = {"binary_little_endian", "binary_big_endian", "ascii"};  // in the order of PlyFormat
+constexpr std::size_t kMaxProperties = 1024;  // per element; 3DGS files have 62
 
 class Parser {
  public:

@@ -12,11 +12,11 @@
 namespace vsplat {
 namespace {
 
-// 0 to 255: floats hold 0 to 1.
+// Converts to 0 to 255; float colours are in 0 to 1.
 std::uint8_t point_colour(float value, PlyType type) {
   const bool is_float = type == PlyType::f32 || type == PlyType::f64;
   const float byte = is_float ? 255 * value : value;
-  return static_cast<std::uint8_t>(std::lround(byte >= 0 ? std::min(byte, 255.0f) : 0.0f));  // NaN is 0
+  return static_cast<std::uint8_t>(std::lround(byte >= 0 ? std::min(byte, 255.0f) : 0.0f));  // NaN becomes 0
 }
 
 }  // namespace

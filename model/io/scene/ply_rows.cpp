@@ -16,7 +16,7 @@
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kBlock = std::size_t{1} << 20;  // bytes read at a time; no line of a text is longer
+constexpr std::size_t kBlock = std::size_t{1} << 20;  // read at a time; also the longest line of text
 
 float to_float(double v) {
   constexpr double largest = std::numeric_limits<float>::max();
@@ -25,7 +25,7 @@ float to_float(double v) {
   return static_cast<float>(v);
 }
 
-// "1.#QNAN", "-1.#IND", "1.#INF": what is no number, as older programs for Windows write it; zeros may follow.
+// Non-finite numbers as older Windows programs write them: "1.#QNAN", "-1.#IND", "1.#INF"; zeros may follow.
 bool is_windows_number(std::string_view word, double& value) {
   const bool negative = word.starts_with('-');
   if (negative || word.starts_with('+')) word.remove_prefix(1);
@@ -51,7 +51,7 @@ void warn_of_rest(const PlyFile& file, std::uint64_t at) {
   warn("{}: {} bytes after the last element are ignored (from byte {} on)", file.path(), file.size() - at, at);
 }
 
-// Rows of `stride` bytes each, of either byte order.
+// Rows of `stride` bytes in either byte order.
 class BinaryRows : public PlyRows {
  public:
   BinaryRows(PlyFile& file, const PlyHeader& header, const PlyElement& element, std::vector<const PlyProperty*> wanted)
@@ -78,14 +78,14 @@ class BinaryRows : public PlyRows {
   }
 
  private:
-  // Where the element begins.
+  // Offset of the element; checks the elements around it.
   std::uint64_t find(const PlyHeader& header) {
     std::uint64_t at = header.size, begin = 0;
     for (const PlyElement& e : header.elements) {
       const bool wanted = &e == &element_;
       if (wanted) begin = at;
       if (e.has_list()) {
-        if (begin) return begin;  // what follows is nobody's business
+        if (begin) return begin;  // later elements are not read
         at = end_of_lists(e, at);
         continue;
       }
@@ -97,7 +97,7 @@ class BinaryRows : public PlyRows {
     return begin;
   }
 
-  // Where an element with lists ends, of which only the lists' lengths say it. Its rows begin at byte `at`.
+  // End of an element with lists, found from each list's length. Its rows begin at byte `at`.
   std::uint64_t end_of_lists(const PlyElement& e, std::uint64_t at) {
     std::vector<unsigned char> window;
     std::uint64_t window_at = at;
@@ -154,12 +154,12 @@ class BinaryRows : public PlyRows {
   std::vector<const PlyProperty*> wanted_;
   bool swap_, all_floats_ = true;
   std::vector<unsigned char> block_;
-  const unsigned char* data_ = nullptr;  // of the row
+  const unsigned char* data_ = nullptr;  // of the current row
   std::size_t most_ = 0, rows_ = 0, row_ = 0;
   std::uint64_t taken_ = 0, block_at_ = 0;
 };
 
-// A line a row.
+// One row per line.
 class TextRows : public PlyRows {
  public:
   TextRows(PlyFile& file, const PlyHeader& header, const PlyElement& element, std::vector<const PlyProperty*> wanted)
@@ -169,7 +169,7 @@ class TextRows : public PlyRows {
     file_.seek(at_);
     block_ = static_cast<std::size_t>(std::min<std::uint64_t>(kBlock, file_.size()));
     for (const PlyElement& e : header.elements) {
-      // A value takes a digit and a blank at least.
+      // A value takes at least a digit and a blank.
       const std::uint64_t row = std::max<std::uint64_t>(1, 2 * e.properties.size());
       if (e.count > (file_.size() - at_ + 1) / row)
         promises_too_much(file_, e, fmt::format("at least {} bytes", row), at_, (file_.size() - at_ + 1) / row);
@@ -213,13 +213,13 @@ class TextRows : public PlyRows {
       fail(Status::format, "{}: Gaussian {}, {} (byte {}): \"{}\", a number is expected", file_.path(), row_,
            printable(element_.properties[i].name), begins_[i], printable(word));
     if (problem == std::errc()) return v;
-    // Out of a double's range, at one end of it or the other.
+    // Outside a double's range: too small or too large.
     const bool tiny = word.find("e-") != word.npos || word.find("E-") != word.npos;
     const double size = tiny ? 0 : std::numeric_limits<double>::infinity();
     return word[0] == '-' ? -size : size;
   }
 
-  // Without its end; blank lines are passed over. Valid until the next call.
+  // A line without its end; blank lines are skipped. Valid until the next call.
   std::string_view next_line(const PlyElement& e, std::uint64_t row) {
     for (;;) {
       std::size_t end = text_.find('\n', begin_);
@@ -236,7 +236,7 @@ class TextRows : public PlyRows {
         if (kept == 0)
           fail(Status::format, "{}: element {}: the header promises {} rows, the file ends after {} (byte {})",
                file_.path(), e.name, e.count, row, at_);
-        end = kept;  // the last line, without an end of its own
+        end = kept;  // the last line, without a line end
       }
       const std::string_view line(&text_[begin_], end - begin_);
       const std::size_t whole = std::min(end + 1, text_.size()) - begin_;
@@ -260,10 +260,10 @@ class TextRows : public PlyRows {
   PlyFile& file_;
   const PlyElement& element_;
   std::vector<std::size_t> columns_;  // of the wanted properties
-  std::vector<double> values_;        // of a row, all of them
+  std::vector<double> values_;        // all values of a row
   std::vector<std::uint64_t> begins_;
   std::size_t block_ = 0;  // bytes read at a time
-  std::string text_;       // read, from byte at_ - begin_ of the file
+  std::string text_;       // buffer; begins at byte at_ - begin_ of the file
   std::size_t begin_ = 0;  // of the next line
   std::uint64_t at_ = 0, line_end_ = 0, row_ = 0;
   bool is_last_ = false;

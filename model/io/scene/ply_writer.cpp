@@ -10,11 +10,11 @@
 namespace vsplat {
 namespace {
 
-constexpr std::size_t kRows = 4096;  // Gaussians in memory at a time, beside the scene
-// Their sigmoid (exponential) is 0 or 1 (0) in float arithmetic, yet every reader takes them.
+constexpr std::size_t kRows = 4096;  // Gaussians converted at a time
+// The sigmoid (exponential) of these is 0 or 1 (0) in float arithmetic, and every reader accepts them.
 constexpr float kLogitOfOne = 40, kLogitOfZero = -110, kLogOfZero = -110;
 
-// "x", "f_rest_12", ... in the order in which they are written. A surfel has no scale_2, which is how readers know it.
+// "x", "f_rest_12", ... in output order. Surfels have no scale_2, which is how readers identify them.
 std::vector<std::string> property_names(std::size_t sh_count, int scales) {
   std::vector<std::string> names{"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
   for (std::size_t i = 0; i < 3 * (sh_count - 1); ++i) names.push_back(fmt::format("f_rest_{}", i));
@@ -48,7 +48,7 @@ float logit(float opacity) {
   return static_cast<float>(std::log(o) - std::log1p(-o));
 }
 
-// One row, in the order of property_names().
+// Writes one row in the order of property_names().
 void put_row(const Gaussians& g, std::size_t k, float* out) {
   const float* mean = &g.means[3 * k];
   const float* sh = &g.sh[3 * k * g.sh_count()];

@@ -56,7 +56,7 @@ ListedView read_inria(const std::string& where, const json& entry) {
   return view;
 }
 
-// The name first: it stays known where the rest is of no use.
+// Reads the name first, so that it is known even if the rest is unusable.
 void read_entry(ListedView& view, std::string where, const json& entry, bool inria, bool need_pictures) {
   if (!entry.is_object()) fail(Status::format, "{}: is {}, an object is expected", where, excerpt(entry));
   if (!inria && !entry.contains("w2c")) fail(Status::format, "{}: has neither w2c nor position and rotation", where);

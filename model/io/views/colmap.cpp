@@ -24,11 +24,11 @@ namespace fs = std::filesystem;
 
 struct Model {
   const char* name;
-  int params;              // -1: not known here
-  const char* names = "";  // of the parameters; "": not supported
+  int params;              // -1: unknown
+  const char* names = "";  // names of the parameters; "": not supported
 };
 
-// By COLMAP's model_id.
+// Indexed by COLMAP's model_id.
 constexpr Model models[] = {{"SIMPLE_PINHOLE", 3, "f cx cy"},
                             {"PINHOLE", 4, "fx fy cx cy"},
                             {"SIMPLE_RADIAL", 4, "f cx cy k"},
@@ -78,7 +78,7 @@ Camera make_camera(const std::string& where, int model_id, double width, double 
   if (count > 0) {
     const bool fisheye = model_id == 5 || model_id == 8 || model_id == 9;
     c.distortion.model = fisheye ? Distortion::Model::fisheye : Distortion::Model::opencv;
-    std::copy_n(q + 2, count, c.distortion.k);  // COLMAP's order is ours: k1 k2 p1 p2 k3 k4 k5 k6, or k1 k2 k3 k4
+    std::copy_n(q + 2, count, c.distortion.k);  // our order is COLMAP's: k1 k2 p1 p2 k3 k4 k5 k6, or k1 k2 k3 k4
   }
   check_intrinsics(where, c);
   return c;
@@ -97,7 +97,7 @@ Eigen::Matrix4d make_pose(const std::string& where, const double* v) {
   return checked_rigid(where, "the pose", w2c);
 }
 
-// A camera, or why it cannot be used: that matters where an image is taken with it.
+// A camera, or the reason why it cannot be used; the reason only matters if an image uses the camera.
 struct ListedCamera {
   Camera camera;
   std::string problem = {};
@@ -112,7 +112,7 @@ void add_camera(Cameras& cameras, const std::string& where, std::uint32_t id, co
     fail(Status::format, "{}: camera {} is there twice", where, id);
 }
 
-// The camera and the pose of a view that has its name.
+// Sets the camera and pose of a view that already has its name.
 void complete_view(ListedView& view, const std::string& where, const Cameras& cameras, std::uint32_t camera_id,
                    const double* pose) {
   const auto at = cameras.find(camera_id);
@@ -133,7 +133,7 @@ Cameras read_cameras_binary(const fs::path& path) {
     const std::string where = fmt::format("{}: camera {}", in.path(), id);
     const auto model_id = in.read<std::int32_t>("a camera's model");
     const Model& model = known_model(where, model_id);
-    if (model.params < 0) need_supported(where, model);  // where the next camera begins is not known
+    if (model.params < 0) need_supported(where, model);  // the start of the next camera is unknown
     const auto width = in.read<std::uint64_t>("a camera's width"), height = in.read<std::uint64_t>("a camera's height");
     double p[max_params];
     for (int k = 0; k < model.params; ++k) p[k] = in.read<double>("a camera's parameter");
@@ -198,7 +198,7 @@ Cameras read_cameras_text(const fs::path& path) {
   return out;
 }
 
-// Else the next image would be taken for points, and every other one lost.
+// Otherwise the next image would be read as points, and every other image would be lost.
 void check_points_line(ColmapLines& in) {
   const auto refuse = [&](const std::string& found) {
     fail(Status::format,
@@ -263,12 +263,12 @@ std::uint64_t images_in(const fs::path& folder) {
     for (; in.record_line(); ++count) in.any_line();
     return count;
   } catch (const Error&) {
-    return 0;  // whoever reads the model is told
+    return 0;  // reading the model reports the error
   }
 }
 
-// Of `folder`'s models the one with the most images, of those that lie in folders called by a number, where COLMAP puts
-// the parts that it could not join; else the one in the folder itself.
+// The model with the most images among `folder`'s numbered subfolders, where COLMAP stores the components that it could
+// not join; otherwise the model in the folder itself.
 ColmapChoice largest_of(const fs::path& folder) {
   std::map<long, fs::path> parts;
   std::error_code error;

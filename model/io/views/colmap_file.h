@@ -1,4 +1,4 @@
-// The two kinds of files of a COLMAP model, front to back. Every error names the path and the byte or line.
+// The two file types of a COLMAP model, read sequentially. Every error names the path and the byte or line.
 #pragma once
 #include <fmt/format.h>
 
@@ -14,7 +14,7 @@
 
 namespace vsplat {
 
-// A little-endian file read front to back. Counts in it are believed only as far as the file reaches.
+// A little-endian file. Counts are refused if the rest of the file cannot hold them.
 class ColmapBytes {
  public:
   explicit ColmapBytes(const std::filesystem::path& path) : path_(path.string()), in_(path, std::ios::binary) {
@@ -34,7 +34,7 @@ class ColmapBytes {
     at_ += sizeof out;
     return out;
   }
-  // How many records of at least `bytes` each follow.
+  // Number of records that follow, of at least `bytes` each.
   std::uint64_t count(const char* what, std::uint64_t bytes) {
     const auto n = read<std::uint64_t>(what);
     if (n > left() / bytes)
@@ -44,7 +44,7 @@ class ColmapBytes {
   void skip(std::uint64_t bytes) {
     need(bytes, "data");
     at_ += bytes;
-    if (bytes < 4096)  // within what is buffered; a seek would throw that away
+    if (bytes < 4096)  // stay within the buffer; a seek would discard it
       in_.ignore(static_cast<std::streamsize>(bytes));
     else
       in_.seekg(static_cast<std::streamoff>(at_));
@@ -75,7 +75,7 @@ class ColmapBytes {
   std::uintmax_t size_ = 0, at_ = 0;
 };
 
-// A text file by lines, without comments and carriage returns.
+// The lines of a text file, without comments and carriage returns.
 class ColmapLines {
  public:
   explicit ColmapLines(const std::filesystem::path& path) : path_(path.string()), in_(path) {

@@ -15,15 +15,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t point_bytes = 8 + 3 * 8 + 3 + 8 + 8;  // id, position, colour, error, length of the track
-constexpr std::uint64_t track_bytes = 4 + 4;                  // an image, and a point in it
+constexpr std::uint64_t point_bytes = 8 + 3 * 8 + 3 + 8 + 8;  // id, position, colour, error, track length
+constexpr std::uint64_t track_bytes = 4 + 4;                  // image id, point index
 
 bool has_file(const fs::path& path) {
   std::error_code error;
   return fs::is_regular_file(path, error);
 }
 
-// Positions also go through float: what is beyond it is no place in a scene.
+// Positions are also stored as float; larger values are refused.
 void check(const std::string& where, const ColoredPoint& point) {
   constexpr const char* names[] = {"X", "Y", "Z"};
   for (int i = 0; i < 3; ++i)
@@ -79,10 +79,10 @@ std::vector<ColoredPoint> read_text(const fs::path& path) {
   return out;
 }
 
-// The folder of the model: of the file that is given, or below or beside it.
+// The model's folder: the folder of the given file, or one below or beside it.
 fs::path model_of(const fs::path& path) {
   const fs::path folder = !has_file(path) ? path : path.has_parent_path() ? path.parent_path() : fs::path(".");
-  // A model's own file means that model, not another one in a folder below.
+  // A file that belongs to a model means that model, not another one in a subfolder.
   const bool own = has_file(path) && (path.extension() == ".bin" || path.extension() == ".txt");
   return own && is_colmap_model(folder) ? folder : find_colmap_model(folder);
 }

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int most_looked_through = 20000;  // files, for a message
+constexpr int most_looked_through = 20000;  // files searched for an error message
 constexpr int deepest_looked = 4;
 constexpr std::size_t longest_name = 4096;  // no file has a longer path
 constexpr std::size_t most_tails = 40;      // of folders within folders
@@ -41,7 +41,7 @@ std::string picture_stem(const fs::path& file) {
   return (has_picture_ending(file) || has_foreign_ending(file) ? file.stem() : file.filename()).string();
 }
 
-// The path, and it without its first parts, the longest first: what of it may be below a folder.
+// The path and its ever shorter ends, longest first: the parts of it that may exist below a folder.
 std::vector<fs::path> tails_of(const fs::path& name) {
   std::vector<fs::path> parts;
   for (const fs::path& part : name.lexically_normal().relative_path())
@@ -88,14 +88,14 @@ std::vector<std::string> numbers_in(const std::string& text) {
   return out;
 }
 
-// Whether one may have been meant by the other: the same numbers, or nearly the same letters.
+// Whether one name may have been meant as the other: equal numbers, or nearly equal letters.
 bool is_near(const std::string& a, const std::string& b, std::size_t apart) {
   const std::vector<std::string> numbers = numbers_in(a);
   if (numbers != numbers_in(b)) return false;
   return !numbers.empty() || apart <= std::max<std::size_t>(1, a.size() / 4);
 }
 
-// Pictures in or below the folder whose names are next to `file`, at most three, the nearest first.
+// Pictures in or below the folder with names similar to `file`: at most three, the most similar first.
 std::vector<std::string> near_names(const fs::path& folder, const std::string& file) {
   std::vector<std::pair<std::size_t, std::string>> near;
   const std::string wanted = lower_case(picture_stem(file));
@@ -169,7 +169,7 @@ fs::path ListedFiles::only_one(const fs::path& folder, std::vector<std::string> 
   return folder / names.front();
 }
 
-// With the folders of the tail, too, in any case.
+// Also ignores the case of the tail's folders.
 fs::path ListedFiles::nearly(const fs::path& folder, const fs::path& tail) {
   const fs::path place = folder_below(folder, tail.parent_path());
   if (place.empty() && !(folder.empty() && tail.parent_path().empty())) return {};

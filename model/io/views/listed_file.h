@@ -1,4 +1,4 @@
-// Where a file is that a list names: the one search for the pictures and masks of every command.
+// Locates the files that a list names. All commands use this search for pictures and masks.
 #pragma once
 #include <filesystem>
 #include <map>
@@ -10,41 +10,41 @@
 
 namespace vsplat {
 
-// Whether a file is called like a picture.
+// Whether a file has a picture's ending.
 bool has_picture_ending(const std::filesystem::path& file);
 
 struct FoundFile {
-  std::filesystem::path path;  // empty: there is none
-  bool exactly = true;         // false: by a shorter path, another ending or another case than listed
+  std::filesystem::path path;  // empty if there is none
+  bool exactly = true;         // false: found by a shorter path, another ending or another case than listed
 };
 
-// Lists the folders that it looks into once each.
+// Lists each folder that it searches only once.
 class ListedFiles {
  public:
-  // `folders`: where to look, in this order. `written_from`: the folder that listed paths are relative to; nothing
-  // where the user says where the files are instead. `roots`, which must outlive this: a file outside them is taken
-  // only where no other fits, for its error.
+  // `folders`: where to search, in this order. `written_from`: the folder that listed paths are relative to; none if
+  // the user has named the folder of the files instead. `roots`, which must outlive this: a file outside them is
+  // returned only if no other file matches, so that the caller can report it.
   explicit ListedFiles(std::vector<std::filesystem::path> folders,
                        std::optional<std::filesystem::path> written_from = std::nullopt, Roots* roots = nullptr);
 
-  // In this order: the path as it is written; below each folder; ever shorter tails of it there; and with each tail,
-  // the longest first, a file of the same name in another case, then a picture of the same stem with another ending,
-  // then one of that stem in another case. A backslash is a slash where no file has it in its name. Nothing but the
-  // path as it is written leads out of a folder. Error(input) where two files fit alike.
+  // Search order: the path as written; the path below each folder; ever shorter tails of it there; then for each tail,
+  // longest first, a file of the same name in another case, a picture of the same stem with another ending, and one of
+  // that stem in another case. A backslash counts as a slash unless a file has it in its name. Only the path as written
+  // may lead out of a folder. Error(input) if two files match equally well.
   FoundFile find(const std::string& name);
 
-  // For a message: where find() has looked for this name, and what nearly fits. A sentence without its full stop.
+  // For a message: the places where find() searched for this name, and similar names. A sentence without its full stop.
   std::string where_looked(const std::string& name);
 
  private:
   struct Folder {
-    std::multimap<std::string, std::string> by_lower_name;  // of files and folders
-    std::multimap<std::string, std::string> by_lower_stem;  // of pictures
+    std::multimap<std::string, std::string> by_lower_name;  // files and folders
+    std::multimap<std::string, std::string> by_lower_stem;  // pictures
   };
 
   FoundFile find_slashed(const std::string& name);
   const Folder& list(const std::filesystem::path& folder);
-  // The folder below `folder` that `path` leads to, in any case; "" where there is none or more than one.
+  // The folder below `folder` that `path` names, ignoring case; "" if there is none or more than one.
   std::filesystem::path folder_below(const std::filesystem::path& folder, const std::filesystem::path& path);
   std::filesystem::path nearly(const std::filesystem::path& folder, const std::filesystem::path& tail);
   std::filesystem::path only_one(const std::filesystem::path& folder, std::vector<std::string> names,

@@ -17,7 +17,7 @@ using nlohmann::json;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-// The fields of a frame, over those of the whole file.
+// Fields of a frame, which override those of the file.
 class Fields {
  public:
   Fields(const json& root, const json& frame, std::string where)
@@ -65,7 +65,7 @@ double angle_or_nan(const Fields& fields, const char* name) {
   return angle;
 }
 
-// LaRa's Google Scanned Objects: a matrix of intrinsics, for pictures of 512 x 512.
+// LaRa's Google Scanned Objects: an intrinsic matrix for pictures of 512 x 512.
 void read_intrinsic_matrix(const Fields& fields, const json& value, Camera& camera) {
   const Eigen::Matrix3d k = matrix<3, 3>(fields.where(), "intrinsic_matrix", value);
   if (k(0, 1) != 0 || k.bottomLeftCorner<2, 1>() != Eigen::Vector2d::Zero() || k.row(2) != Eigen::RowVector3d(0, 0, 1))
@@ -76,7 +76,8 @@ void read_intrinsic_matrix(const Fields& fields, const json& value, Camera& came
   if (camera.height == 0) camera.height = 512;
 }
 
-// fl_x and fl_y win over angles; but a frame's own angle wins over the whole file's fl_, being about that frame.
+// fl_x and fl_y override angles, but a frame's own angle overrides the file's fl_, because it is specific to that
+// frame.
 void read_focal_lengths(const Fields& fields, ListedView& view) {
   Camera& camera = view.camera;
   const bool own_angle = (fields.in_frame("camera_angle_x") || fields.in_frame("camera_angle_y")) &&
@@ -119,7 +120,7 @@ void read_distortion(const Fields& fields, Camera& camera) {
     for (int i = 0; i < 4; ++i) out.k[i] = k[i];
     return;
   }
-  // k4 here is the factor of r^8, which OpenCV's rational model does not have.
+  // k4 is the coefficient of r^8 here, which OpenCV's rational model lacks.
   if (k[3] != 0)
     fail(Status::input, "{}: k4 of a perspective lens is not supported; undistort the pictures first", fields.where());
   if (k == std::array<double, 6>{}) return;
@@ -138,7 +139,7 @@ Eigen::Matrix4d read_pose(const Fields& fields, const json& frame) {
     c2w = matrix<4, 4>(fields.where(), "transform_matrix", *at);
   }
   c2w = checked_rigid(fields.where(), "transform_matrix", c2w);
-  c2w.middleCols<2>(1) *= -1;  // OpenGL's axes to OpenCV's
+  c2w.middleCols<2>(1) *= -1;  // OpenGL axes to OpenCV axes
   return rigid_inverse(c2w);
 }
 
@@ -147,7 +148,7 @@ void read_frame(ListedView& view, const std::filesystem::path& path, const json&
   const std::string numbered = fmt::format("{}: frame {}", path.string(), index);
   if (!frame.is_object()) fail(Status::format, "{}: is {}, an object is expected", numbered, excerpt(frame));
   if (const auto at = frame.find("file_path"); at != frame.end() && at->is_string()) view.name = at->get<std::string>();
-  // LaRa's Google Scanned Objects name their pictures by the frame's place, whatever file_path says.
+  // In LaRa's Google Scanned Objects the frame's index names the picture, regardless of file_path.
   const std::string numbered_name = fmt::format("r_{:03}.png", index);
   if (std::error_code ignored; frame.contains("intrinsic_matrix") &&
                                std::filesystem::is_regular_file(path.parent_path() / numbered_name, ignored))
@@ -178,7 +179,7 @@ void read_frame(ListedView& view, const std::filesystem::path& path, const json&
   check_intrinsics(fields.where(), camera);
 }
 
-// nerfstudio's lists of the pictures of each part.
+// nerfstudio's lists of the pictures in each part.
 void read_splits(const std::string& where, const json& root, std::vector<ListedView>& views) {
   for (const auto& [name, split] : {std::pair{"train_filenames", Split::train}, std::pair{"val_filenames", Split::val},
                                     std::pair{"test_filenames", Split::test}}) {
@@ -232,7 +233,7 @@ ViewSet parse_transforms_json(const std::filesystem::path& path, const json& roo
 
 namespace {
 
-// The field of view is in degrees, upright.
+// The field of view is vertical and in degrees.
 void read_path_camera(ListedView& view, const std::string& where, const json& root, const json& pose) {
   if (!pose.is_object() || !pose.contains("camera_to_world")) fail(Status::format, "{}: has no camera_to_world", where);
   json rows = pose.at("camera_to_world");
@@ -242,7 +243,7 @@ void read_path_camera(ListedView& view, const std::string& where, const json& ro
     for (std::size_t r = 0; r < 16; r += 4) rows.push_back({flat[r], flat[r + 1], flat[r + 2], flat[r + 3]});
   }
   Eigen::Matrix4d c2w = checked_rigid(where, "camera_to_world", matrix<4, 4>(where, "camera_to_world", rows));
-  c2w.middleCols<2>(1) *= -1;  // OpenGL's axes to OpenCV's
+  c2w.middleCols<2>(1) *= -1;  // OpenGL axes to OpenCV axes
   Camera& camera = view.camera;
   camera.w2c = rigid_inverse(c2w);
   const Fields fields(root, pose, where);

@@ -21,12 +21,12 @@ using nlohmann::json;
 
 constexpr std::uintmax_t max_json_bytes = std::uintmax_t{1}
                                           << 26;  // 60,000 cameras; parsed it takes some ten times that
-constexpr int max_json_depth = 32;                // cameras need 4; what walks a parsed value does so recursively
+constexpr int max_json_depth = 32;                // cameras need 4; code that walks parsed values recurses
 constexpr double max_coefficient = 1e6;           // of a lens
-constexpr double max_coordinate = 1e12;           // beyond, differences of positions have no digits left in float
+constexpr double max_coordinate = 1e12;           // beyond it, floats cannot represent differences of positions
 constexpr double rigid_tolerance = 1e-3;
 
-// Python's json module writes NaN, Infinity and -Infinity, which are not JSON: between quotes they are.
+// Python's json module writes NaN, Infinity and -Infinity, which are not JSON. This puts them between quotes.
 std::string quote_words_of_python(const std::string& path, const std::string& text) {
   std::string out;
   out.reserve(text.size() + 64);
@@ -60,7 +60,7 @@ std::string quote_words_of_python(const std::string& path, const std::string& te
   return out;
 }
 
-// A pipe, or what else has no size before it is read.
+// Reads a pipe or another file whose size is unknown beforehand.
 std::string read_stream(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) fail(Status::file, "{}: cannot be opened", path.string());
@@ -189,7 +189,7 @@ Eigen::Matrix4d checked_rigid(const std::string& where, const char* field, const
   Eigen::Matrix4d out = Eigen::Matrix4d::Identity();
   out.topRightCorner<3, 1>() = m.topRightCorner<3, 1>();
   out.topLeftCorner<3, 3>() = R;
-  if (off(R) > 1e-12) {  // below, the file's own digits are kept
+  if (off(R) > 1e-12) {  // otherwise the file's digits are kept
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
     out.topLeftCorner<3, 3>() = svd.matrixU() * svd.matrixV().transpose();
   }
@@ -205,10 +205,10 @@ Eigen::Matrix4d rigid_inverse(const Eigen::Matrix4d& m) {
 
 namespace {
 
-// A calibration may fold at the picture's corners; one that does so halfway to its nearest side is none.
+// A calibrated lens may fold back at the picture's corners; one that folds back halfway to the nearest side is refused.
 void check_lens(const std::string& where, const Camera& c) {
   const double half = 0.5 * std::min({c.cx / c.fx, (c.width - c.cx) / c.fx, c.cy / c.fy, (c.height - c.cy) / c.fy});
-  if (!(half > 0) || reaches(c.distortion, half)) return;  // sizes may be open still
+  if (!(half > 0) || reaches(c.distortion, half)) return;  // sizes may still be unknown
   fail(Status::input,
        "{}: the lens coefficients cannot be inverted: by them nothing is seen {:.4g} pixels from the principal point, "
        "halfway to the side of a picture of {} x {}",

@@ -30,7 +30,7 @@ bool is_a_file(const fs::path& path) {
 }
 fs::path or_here(const fs::path& folder) { return folder.empty() ? fs::path(".") : folder; }
 
-// The folder and the up to three above it.
+// The folder and up to three parent folders.
 std::vector<fs::path> folder_and_above(const fs::path& folder) {
   std::error_code error;
   const fs::path real = fs::canonical(folder, error);
@@ -44,8 +44,8 @@ std::vector<fs::path> folder_and_above(const fs::path& folder) {
   return out;
 }
 
-// Where a COLMAP model's pictures may be, the likeliest first. Those of a model in distorted/ are in input/: images/
-// beside it holds the undistorted ones.
+// Where a COLMAP model's pictures may be, the likeliest first. Those of a model in distorted/ are in input/, because
+// images/ holds the undistorted ones.
 std::vector<fs::path> picture_places(const ViewSet& set, const std::vector<fs::path>& around) {
   std::vector<const char*> names = {"images", "input", "images_2", "images_4", "images_8"};
   for (const fs::path& part : set.source)
@@ -58,7 +58,7 @@ std::vector<fs::path> picture_places(const ViewSet& set, const std::vector<fs::p
   return out;
 }
 
-// What was found for each view, and how many have something.
+// The file found for each view, and the number of views with a file.
 struct Search {
   std::vector<FoundFile> files;
   std::size_t count = 0;
@@ -73,7 +73,7 @@ Search search(const ViewSet& set, ListedFiles& where) {
   return out;
 }
 
-// A file that a name fits only nearly must be that of one view: else pictures would be taken for others.
+// A file found by an inexact match must belong to one view only, so that no picture is used for another.
 void refuse_shared(const ViewSet& set, const std::vector<FoundFile>& files, const char* what) {
   std::map<fs::path, std::size_t> first;
   for (std::size_t i = 0; i < files.size(); ++i) {
@@ -99,14 +99,15 @@ void take_pictures(ViewSet& set, const Search& found, ListedFiles& where) {
         set.looked_for = where.where_looked(view.name);
       continue;
     }
-    // As Windows writes it.
+    // The path is written with backslashes, as on Windows.
     if (view.picture.string().find('\\') != std::string::npos) continue;
     std::replace(view.name.begin(), view.name.end(), '\\', '/');
     view.camera.file = view.name;
   }
 }
 
-// COLMAP lists names below one folder: the first in which most of them are. -> it, "" where none is found
+// COLMAP lists names relative to one folder: uses the first folder that has most of them. Returns it, or "" if none has
+// any.
 fs::path find_colmap_pictures(ViewSet& set, const ReadOptions& options, const std::vector<fs::path>& around,
                               Roots& roots) {
   std::vector<fs::path> places;
@@ -149,8 +150,8 @@ void find_listed_pictures(ViewSet& set, const ReadOptions& options, Roots& roots
   take_pictures(set, search(set, where), where);
 }
 
-// Of masks/: called like the picture with .png for its ending or behind its name, as COLMAP has it, or found as any
-// listed file.
+// Searches masks/: the picture's name with .png replacing or following its ending, as COLMAP uses, or as for any listed
+// file.
 FoundFile mask_in(const fs::path& masks, ListedFiles& where, const std::string& name) {
   fs::path by_stem = masks / fs::path(name).replace_extension(".png"), by_name = masks / (name + ".png");
   if (fs::path(name).is_relative() && is_a_file(by_stem)) return {by_stem, true};
@@ -189,7 +190,7 @@ void take_masks_of(ViewSet& set, const fs::path& masks, bool tell, Roots& roots)
     info("{}: {}, and these are used", set.source.string(), set.masks_found);
 }
 
-// As they are listed, relative to the list; or, where the pictures are elsewhere, to them.
+// Masks as listed, relative to the list or, if the pictures are elsewhere, to the pictures.
 void find_listed_masks(ViewSet& set, const ReadOptions& options, Roots& roots) {
   const fs::path beside = set.source.parent_path();
   std::vector<fs::path> places = {beside};

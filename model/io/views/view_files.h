@@ -1,4 +1,4 @@
-// The pictures and masks of a list of views, found by listed_file.h.
+// Locates the pictures and masks of a list of views, with listed_file.h.
 #pragma once
 #include <filesystem>
 

@@ -37,7 +37,7 @@ bool is_there(const fs::path& file) {
   return fs::is_regular_file(file, error);
 }
 
-// What a file is by its first bytes; "" for one that is not known.
+// The kind of a file by its first bytes; "" if unknown.
 std::string kind_of(const fs::path& file) {
   std::array<char, 64> bytes{};
   std::ifstream in(file, std::ios::binary);
@@ -78,7 +78,7 @@ std::string kind_of(const fs::path& file) {
   return "";
 }
 
-// The commands that find poses, and what makes masks.
+// The commands that find poses and that make masks.
 std::string how_to_get_poses(const fs::path& folder, const fs::path& pictures) {
   const std::string set = folder.string(), from = pictures.string();
   return fmt::format(
@@ -100,7 +100,7 @@ std::size_t pictures_in_folder(const fs::path& folder) {
   return out;
 }
 
-// Folders below this one that hold cameras, the first three.
+// Folders below this one that hold cameras; at most three.
 std::vector<std::string> lists_below(const fs::path& folder) {
   std::vector<std::string> out;
   std::error_code error;
@@ -200,7 +200,7 @@ ViewSet read_json_list(const fs::path& path, bool need_pictures) {
        path.string(), fields);
 }
 
-// The parts as one set; of a set for reconstruction the first of them that is there.
+// All parts as one set, or only the first existing part if the set is for reconstruction.
 ViewSet read_nerf(const fs::path& folder, const ReadOptions& options) {
   ViewSet out;
   std::string told;

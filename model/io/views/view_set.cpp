@@ -34,7 +34,7 @@ void count_pictures(const ViewSet& set, const ReadOptions& options) {
        set.views.size(), printable(first->name), looked);
 }
 
-// Whoever made the list may have been no friend: what it names is not read wherever it leads.
+// The list may be malicious: files outside the allowed folders are not read.
 void refuse_outside(ViewSet& set, bool use_pictures, Roots& roots) {
   for (std::size_t i = 0; i < set.views.size(); ++i) {
     ListedView& view = set.views[i];
@@ -112,7 +112,7 @@ void need_good(const ListedView& view) {
 
 namespace {
 
-// Of a picture that was resized: the same shape within a pixel.
+// Adapts to a resized picture: the same aspect ratio within a pixel.
 void scale_to(Camera& c, const std::string& where, int listed_width, int listed_height, int width, int height) {
   const double x = static_cast<double>(width) / listed_width, y = static_cast<double>(height) / listed_height;
   const bool resized = std::abs(y * listed_width - width) < 1 || std::abs(x * listed_height - height) < 1;

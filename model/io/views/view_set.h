@@ -1,6 +1,6 @@
 // Posed views from files: transforms.json (NeRF, instant-ngp, nerfstudio), COLMAP models, our own cameras.json and that
-// of the INRIA viewers. Every reader maps into OpenCV world-to-camera matrices in the user's own world; the matrices
-// are taken as listed (`applied_transform` and `applied_scale` describe how they came about and are not undone).
+// of the INRIA viewers. Every reader converts to OpenCV world-to-camera matrices in the user's world. The matrices are
+// used as listed: `applied_transform` and `applied_scale` describe their origin and are not undone.
 #pragma once
 #include <cmath>
 #include <filesystem>
@@ -14,7 +14,7 @@
 
 namespace vsplat {
 
-// How the file states a pose; what a mistaken one was probably meant to be follows from it.
+// How the file states a pose; used to guess what an implausible pose was meant to be.
 enum class PoseConvention {
   opengl_c2w,       // transforms.json: camera-to-world, x right, y up, -z forward
   opencv_w2c,       // COLMAP and our cameras.json: world-to-camera, x right, y down, z forward
@@ -22,71 +22,70 @@ enum class PoseConvention {
   opencv_c2w        // LaRa's HDF5 files: camera-to-world, OpenCV axes
 };
 
-// Which part of a set a view belongs to, where the set has parts.
+// The part of a set that a view belongs to, if the set has parts.
 enum class Split { none, train, val, test };
 
-// One camera of a file. What depends on a picture's size that the file does not give stays open until
-// resolve_intrinsics(): width or height 0, cx or cy NaN, and fx, fy NaN where only fields of view are given.
+// One camera of a file. Values that depend on a picture size which the file does not give stay unknown until
+// resolve_intrinsics(): width or height 0, cx or cy NaN, and fx, fy NaN if only fields of view are given.
 struct ListedView {
   Camera camera;
-  std::string name;               // as listed
-  std::filesystem::path picture;  // empty where there is no such file
-  std::optional<std::filesystem::path>
-      mask;  // black is not the object; whether the file exists is found when it is used
+  std::string name;                           // as listed
+  std::filesystem::path picture;              // empty if there is no such file
+  std::optional<std::filesystem::path> mask;  // black is background; its existence is checked on use
   Split split = Split::none;
-  std::string problem = {};  // why it cannot be used: its camera means nothing then, and it has no picture
+  std::string problem = {};  // why the view cannot be used; its camera is then meaningless, and it has no picture
   Status problem_status = Status::input;
   double angle_x = std::numeric_limits<double>::quiet_NaN(), angle_y = angle_x;  // fields of view in radians, or NaN
 };
 
 struct ViewSet {
-  std::vector<ListedView> views;  // every frame, as listed (COLMAP: in order of name), with a picture or without
+  std::vector<ListedView> views;  // every frame as listed (COLMAP: sorted by name), with or without a picture
   std::optional<Eigen::Vector3d> aabb_center;
   std::optional<double> aabb_half;
   std::filesystem::path source;  // the file, or the COLMAP model's folder
   PoseConvention convention = PoseConvention::opencv_w2c;
-  std::filesystem::path points = {};  // a PLY file of sparse points (ply_file_path of transforms.json); "" for none
-  bool lists_masks = false;           // the list itself says which views have a mask
-  bool leaves_out_bad = false;        // of BadViews::leave_out
-  // For messages, "" where there is nothing to say: where a picture that is missing was looked for, how many masks
-  // were found, and what was chosen of several.
+  std::filesystem::path points = {};  // a PLY file of sparse points (ply_file_path of transforms.json), or ""
+  bool lists_masks = false;           // the list itself names masks
+  bool leaves_out_bad = false;        // set for BadViews::leave_out
+  // For messages, "" if there is nothing to report: where a missing picture was searched for, how many masks were
+  // found, and the choices among several files.
   std::string looked_for = {}, masks_found = {};
   std::vector<std::string> choices = {};
 };
 
-// What becomes of views that cannot be used: a pose that is none, a camera of no use, a mask that is missing.
+// How to treat views that cannot be used: an invalid pose or camera, or a missing mask.
 enum class BadViews {
-  refuse,     // the first of them is an error, also where nobody would use it
-  keep,       // ListedView::problem tells of it; who uses the view throws it
-  leave_out,  // the same, and one warning counts them; an error where none is left
+  refuse,     // the first bad view is an error, even if it would not be used
+  keep,       // ListedView::problem describes it; using the view throws that error
+  leave_out,  // as keep, and one warning counts them; an error if none is left
 };
 
 struct ReadOptions {
-  std::filesystem::path pictures_dir = {};  // where the pictures are, if not where the format has them
+  std::filesystem::path pictures_dir = {};  // where the pictures are, if not in the format's usual place
   bool need_pictures =
-      true;  // one warning counts the frames that have none; none left is an error. False: target cameras
-  bool use_pictures = true;                       // false: one that lies where none may be read is as good as none
-  std::vector<std::filesystem::path> roots = {};  // folders in which pictures and masks may lie besides their own
+      true;  // one warning counts frames without a picture; an error if none has one. False: target cameras
+  bool use_pictures = true;                       // false: a picture in a forbidden place counts as missing
+  std::vector<std::filesystem::path> roots = {};  // further folders in which pictures and masks may lie
   BadViews bad = BadViews::refuse;
-  bool all_splits = false;  // of transforms_train.json, _val and _test all that there are, else the first
-  bool tell = true;         // choices among several files are told as information, else to who wants to know all
+  bool all_splits = false;  // read all of transforms_train.json, _val and _test, otherwise only the first
+  bool tell = true;         // report choices among several files as information, otherwise only in verbose output
 };
 
-// `path`: one of the files, or a folder, as read_view_list() takes them; "-" is the standard input. Error(file) where
-// there is none, or where a picture or mask lies outside the cameras' folder, COLMAP's pictures and those of the
-// options (runtime/files/roots.h), Error(format) where its content is damaged, Error(input) where a pose or an intrinsic is
-// of no use (not finite, singular, mirrored, scaled, a focal length not positive), or as find_view_files() has it.
+// `path`: a file or folder as for read_view_list(); "-" is the standard input. Error(file) if it does not exist, or if
+// a picture or mask lies outside the cameras' folder, COLMAP's pictures and the folders of the options
+// (runtime/files/roots.h). Error(format) if the content is damaged. Error(input) if a pose or an intrinsic is invalid
+// (not finite, singular, mirrored, scaled, a focal length not positive), or as for find_view_files().
 ViewSet read_views(const std::filesystem::path& path, const ReadOptions& options = {});
 
-// Whether read_views() finds cameras in this folder; nothing is read but names.
+// Whether read_views() would find cameras in this folder; checks only names.
 bool holds_views(const std::filesystem::path& folder);
 
-// Throws the problem of a view that has one.
+// Throws the view's problem, if it has one.
 void need_good(const ListedView& view);
 
-// Fills in what was left open from the size of the view's picture (or of the picture to draw, for a target camera).
-// Where the file lists another size of the same shape (within a pixel), the picture was resized, and the intrinsics
-// are scaled with it; Error(input) for another shape.
+// Computes the unknown values from the size of the view's picture (or, for a target camera, of the picture to draw). If
+// the file lists another size of the same aspect ratio (within a pixel), the picture was resized, and the intrinsics
+// are scaled accordingly; Error(input) for another aspect ratio.
 void resolve_intrinsics(ListedView& view, int width, int height);
 
 // Whether width, height and all intrinsics are known.

@@ -29,13 +29,13 @@ bool is_promised(const char* extensions) {
   return false;
 }
 
-// assimp has dozens, which look at any file's beginning.
+// assimp has dozens of importers, which examine the beginning of any file.
 void drop_other_importers(Assimp::Importer& importer) {
   for (std::size_t i = importer.GetImporterCount(); i-- > 0;)
     if (!is_promised(importer.GetImporterInfo(i)->mFileExtensions)) importer.UnregisterLoader(importer.GetImporter(i));
 }
 
-// Before anything of assimp's follows the indices.
+// Must run before any step of assimp that follows the indices.
 void check_faces(const aiScene& scene) {
   bool any = false;
   for (unsigned i = 0; i < scene.mNumMeshes; ++i) {
@@ -61,7 +61,7 @@ std::array<float, 4> values(const aiColor4D& c) {
   return out;
 }
 
-// The largest component of any vertex's colour.
+// The largest component of any vertex colour.
 float brightest(const aiScene& scene) {
   float out = 0;
   for (unsigned i = 0; i < scene.mNumMeshes; ++i) {
@@ -92,8 +92,8 @@ class Teller {
   const MtlMaterials& mtl_;
   Library& library_;
   MeshTeller teller_;
-  std::set<std::string> told_;  // embedded pictures
-  float colour_scale_ = 1;      // of vertices' colours
+  std::set<std::string> told_;  // embedded pictures already sent
+  float colour_scale_ = 1;      // for vertex colours
 };
 
 std::string name_of(const aiMaterial& material) {
@@ -101,7 +101,7 @@ std::string name_of(const aiMaterial& material) {
   return material.Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS ? name.C_Str() : "";
 }
 
-// A picture inside the file. (Those importers leave all of them as they are encoded.)
+// Sends a picture embedded in the file. The enabled importers keep these in their encoded form.
 void Teller::embedded(const std::string& name) {
   const aiTexture* inside = scene_.GetEmbeddedTexture(name.c_str());
   if (!inside || !told_.insert(name).second) return;
@@ -110,7 +110,7 @@ void Teller::embedded(const std::string& name) {
   teller_.texture(name, {reinterpret_cast<const unsigned char*>(inside->pcData), inside->mWidth});
 }
 
-// The first of `types` that the material has.
+// The first texture of `types` that the material has.
 MeshTexture Teller::texture(const aiMaterial& from, const std::vector<aiTextureType>& types, const MtlTexture* mtl) {
   MeshTexture out;
   aiString name;
@@ -135,7 +135,7 @@ MeshMaterial Teller::material(const aiMaterial& from) {
     const bool said = from.Get(AI_MATKEY_COLOR_EMISSIVE, colour) == aiReturn_SUCCESS;
     const std::array<float, 4> light = said ? values(colour) : std::array<float, 4>{};
     std::copy_n(light.begin(), 3, out.emission.begin());
-    // Exporters write Ke 0 0 0 beside a map_Ke, as Kd beside map_Kd.
+    // Exporters write Ke 0 0 0 beside a map_Ke, as they write Kd beside map_Kd.
     if (!out.emission_texture.name.empty()) out.emission = {1, 1, 1};
   }
   aiString mode;
@@ -165,14 +165,14 @@ MeshCorner Teller::corner(const aiMesh& part, const MtlMaterial* mtl, unsigned i
   return c;
 }
 
-// assimp gives faces without a material a grey one.
+// assimp gives a grey material to faces without one.
 bool Teller::is_made_up(unsigned material) const {
   const std::string name = name_of(*scene_.mMaterials[material]);
   return name == AI_DEFAULT_MATERIAL_NAME && !mtl_.find(name);
 }
 
 void Teller::part(const aiMesh& part) {
-  const unsigned white = scene_.mNumMaterials;  // see tell()
+  const unsigned white = scene_.mNumMaterials;  // appended by tell()
   const bool plain = part.HasVertexColors(0) && is_made_up(part.mMaterialIndex);
   teller_.part({part.mName.C_Str(), plain ? white : part.mMaterialIndex, part.HasTextureCoords(0)});
   const MtlMaterial* mtl = mtl_.find(name_of(*scene_.mMaterials[part.mMaterialIndex]));
@@ -205,7 +205,7 @@ void Teller::tell() {
   }
   std::vector<MeshMaterial> materials;
   for (unsigned i = 0; i < scene_.mNumMaterials; ++i) materials.push_back(material(*scene_.mMaterials[i]));
-  materials.emplace_back();  // white, for colours of vertices alone
+  materials.emplace_back();  // white, for parts that only have vertex colours
   teller_.materials(materials);
   for (unsigned i = 0; i < scene_.mNumMeshes; ++i) part(*scene_.mMeshes[i]);
   teller_.done();
@@ -214,11 +214,11 @@ void Teller::tell() {
 }  // namespace
 
 void read_with_assimp(const std::string& path, Library& library) {
-  Assimp::Importer& importer = *new Assimp::Importer;  // the process ends before it would be freed
+  Assimp::Importer& importer = *new Assimp::Importer;  // never freed: the process exits before
   drop_other_importers(importer);
   MtlMaterials mtl;
   importer.SetIOHandler(new MeshFiles(library, mtl));  // the importer deletes it
-  // Bones, cameras and the like would only be moved about.
+  // Removes bones, cameras and the like, which would only be transformed.
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
                                                           aiComponent_LIGHTS | aiComponent_CAMERAS |
                                                           aiComponent_TANGENTS_AND_BITANGENTS);

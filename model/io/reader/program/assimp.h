@@ -1,4 +1,4 @@
-// A mesh, read by assimp: OBJ, PLY, STL and glTF 1.0.
+// Reads meshes with assimp: OBJ, PLY, STL and glTF 1.0.
 #pragma once
 #include "model/io/reader/program/library.h"
 

@@ -28,10 +28,11 @@ constexpr std::uint32_t architecture = AUDIT_ARCH_X86_64;
 #elif defined(__aarch64__)
 constexpr std::uint32_t architecture = AUDIT_ARCH_AARCH64;
 #else
-constexpr std::uint32_t architecture = 0;  // not known: no filter
+constexpr std::uint32_t architecture = 0;  // unknown: no filter
 #endif
 
-// To read what is open, to answer, to have memory, to end. (Which of them a C library uses differs.)
+// System calls for reading open files, answering, allocating memory and exiting. C libraries differ in which of them
+// they use.
 const long allowed[] = {
     SYS_read,
     SYS_readv,
@@ -83,7 +84,7 @@ const long allowed[] = {
 #endif
 };
 
-// The sanitizers find out with one whether memory may be read.
+// The sanitizers test with a pipe whether memory is readable.
 const long pipes[] = {
     SYS_pipe2,
 #ifdef SYS_pipe
@@ -106,7 +107,7 @@ void allow(Filter& filter, long call) {
   give(filter, SECCOMP_RET_ALLOW);
 }
 
-// `call` where the lower half of an argument is `value`.
+// Allows `call` if the lower half of the argument equals `value`.
 void allow_with(Filter& filter, long call, int argument, std::uint32_t value) {
   filter.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0, 4));
   load(filter, low_half(argument));
@@ -115,7 +116,7 @@ void allow_with(Filter& filter, long call, int argument, std::uint32_t value) {
   give(filter, no);
 }
 
-// `call` where the lower half of an argument has none of `bits`.
+// Allows `call` if the lower half of the argument has none of `bits` set.
 void allow_without(Filter& filter, long call, int argument, std::uint32_t bits) {
   filter.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0, 4));
   load(filter, low_half(argument));
@@ -136,14 +137,14 @@ bool filter_calls() {
     for (const long call : pipes) allow(filter, call);
   allow_without(filter, SYS_mmap, 2, PROT_EXEC);
   allow_without(filter, SYS_mprotect, 2, PROT_EXEC);
-  allow_with(filter, SYS_prlimit64, 0, 0);  // its own
+  allow_with(filter, SYS_prlimit64, 0, 0);  // limits of this process only
   allow_with(filter, SYS_tgkill, 0, static_cast<std::uint32_t>(::getpid()));
   give(filter, no);
   const sock_fprog program{static_cast<unsigned short>(filter.size()), filter.data()};
   return ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
-// A set of rules that permits nothing of what the first version knows.
+// Applies a Landlock rule set that denies everything that version 1 covers.
 bool close_file_system() {
 #ifdef LANDLOCK_ACCESS_FS_MAKE_SYM
   landlock_ruleset_attr everything{};

@@ -1,4 +1,4 @@
-// Primitives that KHR_draco_mesh_compression packs.
+// Decodes primitives compressed with KHR_draco_mesh_compression.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,16 +10,16 @@ namespace vsplat::read {
 
 class DracoMesh {
  public:
-  // Unpacks what a primitive's extension names. Wrong where it is damaged.
+  // Decompresses the data that a primitive's extension names. Throws Wrong if they are damaged.
   DracoMesh(GltfFile& file, const Field& extension);
   ~DracoMesh();
   DracoMesh(const DracoMesh&) = delete;
   DracoMesh& operator=(const DracoMesh&) = delete;
 
   bool has(const std::string& attribute) const;
-  // An attribute's numbers as `accessor` says that they are meant.
+  // An attribute's values, scaled as `accessor` specifies.
   Numbers numbers(const std::string& attribute, const Field& accessor, const std::vector<std::size_t>& widths) const;
-  std::vector<std::uint32_t> indices() const;  // three a triangle
+  std::vector<std::uint32_t> indices() const;  // three per triangle
 
  private:
   struct Mesh;

@@ -20,8 +20,7 @@ using Eigen::Matrix4d;
 using Eigen::Vector3d;
 using Places = std::vector<Matrix4d, Eigen::aligned_allocator<Matrix4d>>;
 
-// Those that are honoured, and those that change no colour here: they say how surfaces shine, light the scene, or
-// name things.
+// Supported extensions, and those that do not change colours here: they describe reflection, lights or names.
 const std::set<std::string>& known_extensions() {
   static const std::set<std::string> names{"EXT_mesh_gpu_instancing",
                                            "EXT_meshopt_compression",
@@ -70,7 +69,8 @@ void check_extensions(const GltfFile& file, Library& library) {
   }
 }
 
-// The normals' transform: the inverse transposed, but for a factor, so that what is flat in one direction works.
+// Transform of normals: the inverse transpose up to a factor (the cofactor matrix), which also exists for singular
+// matrices.
 Matrix3d normal_transform(const Matrix4d& place) {
   const Matrix3d m = place.topLeftCorner<3, 3>();
   Matrix3d out;
@@ -136,7 +136,7 @@ void Teller::tell() {
   teller_.done();
 }
 
-// Where the node stands: once, or wherever its instances do.
+// The transforms of a node: its own, or those of its instances.
 Places Teller::instances(std::size_t number) const {
   const Field of = scene_.node(number)["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
   if (!of.there()) return {scene_.place(number)};
@@ -174,7 +174,7 @@ void Teller::node(std::size_t number) {
   }
 }
 
-// From a vertex's coordinates to the scene's, for each joint of a skin.
+// For each joint of a skin, the transform from vertex coordinates to the scene.
 Places Teller::joints(const Field& number) const {
   const Field skin = number.in(file_.list("skins")), joints = skin["joints"];
   std::optional<Numbers> bind;
@@ -189,7 +189,7 @@ Places Teller::joints(const Field& number) const {
   return out;
 }
 
-// The same for each vertex: its joints', by their weights. Where the node stands does not count.
+// The transform of each vertex: the weighted mean of its joints' transforms. The node's own transform is ignored.
 Places Teller::skinned(GltfPrimitive& primitive, const Field& skin) const {
   const Places all = joints(skin);
   Places out(primitive.count(), Matrix4d::Zero());

@@ -11,7 +11,7 @@
 namespace vsplat::read {
 namespace {
 
-// A component: how many bytes it has, and what it is to be divided by where it is normalised.
+// A component type: its size in bytes, and the divisor of normalised values.
 struct Component {
   std::uint64_t code;
   std::size_t bytes;
@@ -52,7 +52,7 @@ double value_of(const Component& component, const unsigned char* at) {
   }
 }
 
-// Rows of components somewhere in a buffer view.
+// Rows of components in a buffer view.
 struct Rows {
   Bytes bytes;
   std::size_t stride = 0;
@@ -63,7 +63,7 @@ struct Rows {
   }
 };
 
-// `count` rows of `width` components, which `by` places by bufferView and byteOffset.
+// `count` rows of `width` components, at the bufferView and byteOffset of `by`.
 Rows rows_of(GltfFile& file, const Field& by, const Component& component, std::size_t count, std::size_t width) {
   const Bytes view = file.view(by["bufferView"]);
   const std::size_t row = width * component.bytes;
@@ -81,7 +81,7 @@ Rows rows_of(GltfFile& file, const Field& by, const Component& component, std::s
 
 Field accessor_of(const GltfFile& file, const Field& number) { return number.in(file.list("accessors")); }
 
-// Of an accessor: `take(row, column, value)` for all of its values, those of the sparse part last.
+// Calls `take(row, column, value)` for every value of an accessor, the values of its sparse part last.
 template <class Take>
 void for_values(GltfFile& file, const Field& accessor, std::size_t count, std::size_t width, const Take& take) {
   const Component component = component_of(accessor["componentType"]);
@@ -130,7 +130,7 @@ Numbers read_numbers(GltfFile& file, const Field& number, const std::vector<std:
     accessor["type"].wrong(fmt::format("is {}; {} numbers each are expected of {}", accessor["type"].text(),
                                        fmt::join(widths, " or "), number.place()));
   const float scale = accessor_scale(accessor);
-  const float least = scale == 1 ? -HUGE_VALF : -1.0f;  // of signed ones there is one value more below 0
+  const float least = scale == 1 ? -HUGE_VALF : -1.0f;  // signed types have one more value below 0
   out.values.resize(out.count * out.width);
   for_values(file, accessor, out.count, out.width, [&](std::size_t row, std::size_t column, double value) {
     out.values[row * out.width + column] = std::max(least, static_cast<float>(value) * scale);

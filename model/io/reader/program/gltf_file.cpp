@@ -62,7 +62,7 @@ std::optional<std::vector<unsigned char>> from_base64(std::string_view text) {
   return out;
 }
 
-// A part of a buffer, which the field names by buffer, byteOffset and byteLength.
+// The part of a buffer that the field's byteOffset and byteLength describe.
 Bytes part_of(const std::vector<unsigned char>& buffer, const Field& by) {
   const std::uint64_t offset = by["byteOffset"].whole(0), size = by["byteLength"].whole();
   if (offset > buffer.size() || size > buffer.size() - offset)
@@ -70,7 +70,7 @@ Bytes part_of(const std::vector<unsigned char>& buffer, const Field& by) {
   return Bytes(buffer).subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(size));
 }
 
-// How a compressed buffer view is packed.
+// The encoding of a compressed buffer view.
 struct Packing {
   std::size_t count, stride;
   std::string mode, filter;
@@ -87,7 +87,7 @@ int decode(const Packing& by, Bytes from, void* to) {
   return 0;
 }
 
-// What meshoptimizer asserts of its callers.
+// Checks the preconditions that meshoptimizer asserts.
 Packing packing_of(const Field& extension) {
   Packing out{extension["count"].whole(), extension["byteStride"].whole(), extension["mode"].text(),
               extension["filter"].text("NONE")};
@@ -134,7 +134,8 @@ bool GltfFile::read() {
   return true;
 }
 
-// A GLB file: a header of 12 bytes, then chunks of a length and a type; the first is JSON, the second the first buffer.
+// Splits a GLB file: a header of 12 bytes, then chunks with a length and a type; the first is JSON, the second the
+// first buffer.
 void GltfFile::split(Bytes file) {
   constexpr std::uint32_t json = 0x4e4f534a, bin = 0x004e4942;
   if (file.size() < 20) unreadable(fmt::format("a GLB of {} bytes: it is cut off", file.size()));
@@ -161,7 +162,7 @@ void GltfFile::split(Bytes file) {
 
 void GltfFile::parse(Bytes text) {
   if (binary_)
-    while (!text.empty() && text.back() == 0) text = text.first(text.size() - 1);  // some pad with zeros
+    while (!text.empty() && text.back() == 0) text = text.first(text.size() - 1);  // some writers pad with zeros
   try {
     json_ = nlohmann::json::parse(text.begin(), text.end());
   } catch (const nlohmann::json::exception& e) {
@@ -231,7 +232,7 @@ const std::vector<unsigned char>& GltfFile::buffer(const Field& number) {
 std::vector<unsigned char> GltfFile::decompressed(const Field& extension) {
   const Bytes packed = part_of(buffer(extension["buffer"]), extension);
   const Packing by = packing_of(extension);
-  // Its best takes a bit for four numbers.
+  // The best compression takes one bit for four numbers.
   if (by.count / 64 > packed.size())
     extension.wrong(fmt::format("{} bytes cannot hold its {} elements: it is damaged", packed.size(), by.count));
   std::vector<unsigned char> out(by.count * by.stride);

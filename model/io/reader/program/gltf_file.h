@@ -1,4 +1,4 @@
-// A glTF 2.0 file: its JSON, and the bytes that its buffers and pictures are made of.
+// A glTF 2.0 file: its JSON, and the bytes of its buffers and pictures.
 #pragma once
 #include <map>
 #include <memory>
@@ -15,18 +15,18 @@ using Bytes = std::span<const unsigned char>;
 
 class GltfFile {
  public:
-  // Reads the file, JSON or GLB whatever its ending is. None where it is glTF 1.0.
+  // Reads the file, JSON or GLB, regardless of its ending. Null if it is glTF 1.0.
   static std::unique_ptr<GltfFile> open(const std::string& path, Library& library);
 
   Field root() const { return {&json_, ""}; }
   Field list(const char* name) const { return root()[name]; }
 
-  // The bytes of a buffer view, by the field that has its number; decompressed.
+  // The decompressed bytes of the buffer view that `number` refers to.
   Bytes view(const Field& number);
-  // The bytes of a data URI. None where it is another URI.
+  // The bytes of a data URI; nothing for any other URI.
   std::optional<std::vector<unsigned char>> inside(const Field& uri) const;
-  // The name of a file, relative to this one's folder, that a URI leads to: decoded, or as it stands where only that
-  // is there.
+  // The file that a URI refers to, relative to this file's folder: the decoded name, or the name as written if only
+  // that exists.
   std::string file_of(const Field& uri);
 
  private:
@@ -44,8 +44,8 @@ class GltfFile {
   nlohmann::json json_;
   bool binary_ = false, first_version_ = false;
   std::vector<unsigned char> chunk_;                                // of a GLB: its first buffer
-  std::map<std::size_t, std::vector<unsigned char>> buffers_;       // by number
-  std::map<std::size_t, std::vector<unsigned char>> decompressed_;  // views, by number
+  std::map<std::size_t, std::vector<unsigned char>> buffers_;       // by index
+  std::map<std::size_t, std::vector<unsigned char>> decompressed_;  // views, by index
 };
 
 }  // namespace vsplat::read

@@ -10,7 +10,7 @@
 namespace vsplat::read {
 namespace {
 
-constexpr double most_whole = 9007199254740992;  // 2^53: what a double counts to
+constexpr double most_whole = 9007199254740992;  // 2^53: the largest integer that a double counts to
 
 }  // namespace
 

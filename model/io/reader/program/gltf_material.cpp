@@ -37,7 +37,8 @@ class Materials {
   std::set<std::string> told_;
 };
 
-// The picture of a texture: WebP where there is one, else the plain one. Others stand by extensions that are not read.
+// The picture of a texture: WebP if there is one, otherwise the plain one. Other pictures belong to unsupported
+// extensions.
 Field Materials::picture_of(const Field& texture) {
   const Field extensions = texture["extensions"];
   const Field webp = extensions["EXT_texture_webp"]["source"];
@@ -52,7 +53,7 @@ Field Materials::picture_of(const Field& texture) {
   texture.wrong("has no source: a picture is expected");
 }
 
-// The name of a picture's file, or that by which one inside the file has been told.
+// The name of a picture's file, or the name under which an embedded picture was sent.
 std::string Materials::picture(const Field& image) {
   const Field uri = image["uri"], view = image["bufferView"];
   if (!uri.there() && !view.there()) image.wrong("has neither uri nor bufferView: a picture is expected");
@@ -116,7 +117,7 @@ GltfMaterial Materials::read(const Field& from) {
 
 std::array<float, 2> GltfPlacement::placed(const float* uv) const {
   const double u = scale[0] * static_cast<double>(uv[0]), v = scale[1] * static_cast<double>(uv[1]);
-  const double sine = std::sin(rotation), cosine = std::cos(rotation);  // counter-clockwise, v going down
+  const double sine = std::sin(rotation), cosine = std::cos(rotation);  // counter-clockwise, with v pointing down
   return {static_cast<float>(cosine * u + sine * v + offset[0]),
           static_cast<float>(1 - (cosine * v - sine * u + offset[1]))};
 }

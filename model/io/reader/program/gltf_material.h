@@ -1,4 +1,4 @@
-// The materials of a glTF file.
+// Reads the materials of a glTF file.
 #pragma once
 #include <set>
 #include <vector>
@@ -8,13 +8,13 @@
 
 namespace vsplat::read {
 
-// Where a texture lies on a surface: which of its texture coordinates, and how they are moved.
+// Placement of a texture on a surface: the set of texture coordinates and their transform.
 struct GltfPlacement {
-  bool any = false;  // there is a texture
+  bool any = false;  // the texture exists
   std::size_t set = 0;
   double offset[2] = {0, 0}, scale[2] = {1, 1}, rotation = 0;
 
-  // (0,0) of what comes is the texture's upper left, of what goes its lower left.
+  // Input has (0,0) at the texture's upper left, output at its lower left.
   std::array<float, 2> placed(const float* uv) const;
 };
 
@@ -23,8 +23,8 @@ struct GltfMaterial {
   GltfPlacement base, emission;
 };
 
-// Those that `used` names; the others stay plain, and whatever they hold is not looked at. The last one is the plain
-// one, of parts without a material. Tells the pictures inside the file.
+// Reads the materials in `used`; others stay plain, and their content is not checked. The last one is a plain material
+// for parts without one. Sends the embedded pictures.
 std::vector<GltfMaterial> read_materials(GltfFile& file, const std::set<std::size_t>& used, MeshTeller& teller);
 
 }  // namespace vsplat::read

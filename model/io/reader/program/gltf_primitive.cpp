@@ -37,7 +37,7 @@ std::vector<std::uint32_t> GltfPrimitive::wholes(const std::string& name) {
   const Field number = primitive_["attributes"][name.c_str()];
   std::vector<std::uint32_t> out;
   if (draco_ && draco_->has(name)) {
-    // Joints are small numbers, which floats hold.
+    // Joint indices are small, so floats hold them exactly.
     const Numbers numbers = draco_->numbers(name, number.in(file_.list("accessors")), {4});
     for (const float value : numbers.values) out.push_back(value > 0 ? static_cast<std::uint32_t>(value) : 0);
   } else {
@@ -48,7 +48,7 @@ std::vector<std::uint32_t> GltfPrimitive::wholes(const std::string& name) {
   return out;
 }
 
-// Adds what the targets change, by their weights.
+// Adds the morph targets' changes, multiplied by their weights.
 void GltfPrimitive::morph(const std::string& name, Numbers& numbers) {
   const Field targets = primitive_["targets"];
   for (std::size_t t = 0; t < targets.size() && t < weights_.size(); ++t) {

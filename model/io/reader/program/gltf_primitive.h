@@ -1,4 +1,4 @@
-// A primitive of a glTF mesh: its vertices, morphed, and the triangles between them.
+// A primitive of a glTF mesh: its morphed vertices and its triangles.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -13,18 +13,18 @@ namespace vsplat::read {
 
 class GltfPrimitive {
  public:
-  // `weights` are those of its morph targets.
+  // `weights` of the morph targets.
   GltfPrimitive(GltfFile& file, const Field& primitive, const std::vector<double>& weights);
 
   const Field& field() const { return primitive_; }
-  std::size_t count() const { return positions_.count; }  // of vertices
+  std::size_t count() const { return positions_.count; }  // number of vertices
   const Numbers& positions() const { return positions_; }
-  // None where it has no such attribute. Wrong where it has not one for each vertex.
+  // Nothing if the attribute is absent. Throws Wrong unless it has one element for each vertex.
   std::optional<Numbers> attribute(const std::string& name, const std::vector<std::size_t>& widths);
-  std::vector<std::uint32_t> wholes(const std::string& name);  // four a vertex
+  std::vector<std::uint32_t> wholes(const std::string& name);  // four per vertex
   bool has(const std::string& name) const { return primitive_["attributes"][name.c_str()].there(); }
 
-  // Three vertices each; of points and lines, none.
+  // Three vertices per triangle; empty for points and lines.
   std::vector<std::uint32_t> triangles();
 
  private:
@@ -38,7 +38,7 @@ class GltfPrimitive {
   Numbers positions_;
 };
 
-// Whether it is made of triangles.
+// Whether the primitive consists of triangles.
 bool has_triangles(const Field& primitive);
 
 }  // namespace vsplat::read

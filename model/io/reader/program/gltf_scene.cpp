@@ -12,7 +12,7 @@ constexpr std::size_t none = static_cast<std::size_t>(-1);
 
 Eigen::Matrix4d local_place(const Field& node) {
   const std::vector<double> matrix = node["matrix"].numbers(16);
-  if (!matrix.empty()) return Eigen::Map<const Eigen::Matrix4d>(matrix.data());  // by columns, as glTF has it
+  if (!matrix.empty()) return Eigen::Map<const Eigen::Matrix4d>(matrix.data());  // glTF stores matrices by columns
   return transform_of(node["translation"].numbers(3), node["rotation"].numbers(4), node["scale"].numbers(3));
 }
 
@@ -52,7 +52,7 @@ void GltfScene::find_parents() {
   }
 }
 
-// Each after its parent. Those that are their own ancestors are never reached.
+// Computes each node's transform after its parent's. Nodes that are their own ancestors are never reached.
 void GltfScene::find_places() {
   places_.assign(nodes_.size(), Eigen::Matrix4d::Identity());
   std::vector<std::size_t> left;
@@ -70,7 +70,7 @@ void GltfScene::find_places() {
   if (reached != nodes_.size()) nodes_.wrong("some nodes are their own ancestors: trees are expected");
 }
 
-// Those of the scene; in a file without scenes, all that are nobody's child.
+// The root nodes of the scene; in a file without scenes, all nodes without a parent.
 std::vector<std::size_t> GltfScene::roots() const {
   std::vector<std::size_t> out;
   const Field scenes = file_.list("scenes");

@@ -1,4 +1,4 @@
-// The nodes of a glTF file: where each stands, and which of them the scene shows.
+// The nodes of a glTF file: their transforms, and which of them the scene shows.
 #pragma once
 #include <Eigen/Core>
 #include <string>
@@ -10,13 +10,13 @@ namespace vsplat::read {
 
 class GltfScene {
  public:
-  // Wrong(format) where the nodes are no trees.
+  // Throws Wrong(format) if the nodes do not form trees.
   explicit GltfScene(GltfFile& file);
 
   Field node(std::size_t i) const { return nodes_[i]; }
-  // From the node's coordinates to the scene's.
+  // Transform from the node's coordinates to the scene's.
   const Eigen::Matrix4d& place(std::size_t i) const { return places_[i]; }
-  // Nodes with a mesh, in the scene's order.
+  // Visible nodes with a mesh, in scene order.
   const std::vector<std::size_t>& shown() const { return shown_; }
 
  private:
@@ -32,7 +32,7 @@ class GltfScene {
   std::vector<std::size_t> shown_;
 };
 
-// Of a translation, a rotation (x, y, z, w) and a scale; of each that is empty, none.
+// Matrix of a translation, a rotation (x, y, z, w) and a scale; an empty one is the identity.
 Eigen::Matrix4d transform_of(const std::vector<double>& translation, const std::vector<double>& rotation,
                              const std::vector<double>& scale);
 

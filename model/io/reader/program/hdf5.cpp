@@ -15,7 +15,7 @@ namespace {
 
 static_assert(sizeof(hid_t) == sizeof(std::int64_t));
 
-// A handle of HDF5's, closed at the end.
+// RAII handle of an HDF5 object.
 class Handle {
  public:
   Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
@@ -32,7 +32,7 @@ class Handle {
   herr_t (*close_)(hid_t);
 };
 
-// What the library says is wrong: the innermost of its messages.
+// The innermost message on HDF5's error stack.
 std::string reason() {
   std::string text;
   H5Ewalk2(
@@ -66,7 +66,7 @@ std::vector<long> shape_of(const Handle& dataset, const std::string& where) {
   return out;
 }
 
-// What is stored elsewhere by the array itself: raw files, or pieces of other files' arrays.
+// Refuses arrays whose values are stored elsewhere: in raw files, or in other files' arrays.
 void refuse_stored_elsewhere(const Handle& dataset, const std::string& where) {
   const Handle made(H5Dget_create_plist(dataset.id()), H5Pclose);
   if (!made.good()) fail_reading(Status::format, where, "how it is stored cannot be told: " + reason());
@@ -76,7 +76,7 @@ void refuse_stored_elsewhere(const Handle& dataset, const std::string& where) {
     fail_reading(Status::format, where, "is a virtual data set, made of other files' arrays, which are not read");
 }
 
-// A compression of which this HDF5 has no decoder: by its number, or the name that the file gives.
+// Refuses a compression that this HDF5 cannot decode, and names it or gives its number.
 void refuse_unknown_filters(const Handle& dataset, const std::string& where) {
   const Handle made(H5Dget_create_plist(dataset.id()), H5Pclose);
   const int count = made.good() ? H5Pget_nfilters(made.id()) : 0;
@@ -128,7 +128,7 @@ std::size_t count_of(const std::vector<long>& shape, const std::string& where) {
   return count;
 }
 
-// The file that an external link leads to.
+// The target file of an external link.
 std::string external_file(hid_t group, const char* name, std::size_t size) {
   std::vector<char> value(size);
   const char *file = nullptr, *object = nullptr;

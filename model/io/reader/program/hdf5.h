@@ -1,4 +1,4 @@
-// An HDF5 file, read by the HDF5 library, which stays open for as long as it is asked.
+// An HDF5 file that stays open and answers queries, read with the HDF5 library.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -10,7 +10,7 @@ namespace vsplat::read {
 class Hdf5 {
  public:
   explicit Hdf5(Library& library) : library_(library) {}
-  // `asked` of hdf5, links, shape, bytes, numbers. Wrong where it cannot be.
+  // Answers a request of kind hdf5, links, shape, bytes or numbers. Throws Wrong if it cannot.
   void answer(Kind asked, Unpacker& in);
 
  private:

@@ -15,7 +15,7 @@ namespace {
 Library* opener = nullptr;
 
 struct File {
-  H5FD_t common{};  // first: HDF5 has its address for this one's
+  H5FD_t common{};  // first member: HDF5 casts between the addresses
   Descriptor file;
   struct stat found {};
   haddr_t allocated = 0;
@@ -66,7 +66,7 @@ herr_t read(H5FD_t* file, H5FD_mem_t, hid_t, haddr_t at, std::size_t size, void*
   while (size > 0) {
     const ssize_t n = ::pread(self(file).file.number(), out, size, static_cast<off_t>(at));
     if (n < 0 && errno != EINTR) return -1;
-    if (n == 0) {  // beyond the end there are zeros
+    if (n == 0) {  // zeros beyond the end
       std::memset(out, 0, size);
       return 0;
     }
@@ -81,7 +81,7 @@ H5FD_class_t driver() {
   H5FD_class_t out{};
 #if H5_VERSION_GE(1, 13, 2)
   out.version = H5FD_CLASS_VERSION;
-  out.value = static_cast<H5FD_class_value_t>(511);  // of those for experiments
+  out.value = static_cast<H5FD_class_value_t>(511);  // from the range for experiments
 #endif
   out.name = "given";
   out.maxaddr = INT64_MAX;

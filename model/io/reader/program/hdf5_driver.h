@@ -1,4 +1,4 @@
-// HDF5's files: those that the library opens, read and nothing else.
+// An HDF5 file driver for files that the library opens; read-only.
 #pragma once
 #include <hdf5.h>
 
@@ -6,8 +6,8 @@
 
 namespace vsplat::read {
 
-// Makes a list of access properties (H5P_FILE_ACCESS) take files from `library`, which must outlive their use; so do
-// the files that links lead to.
+// Makes a file access property list (H5P_FILE_ACCESS) open its files, and those that links refer to, through `library`,
+// which must outlive their use.
 void take_files_from(Library& library, hid_t access);
 
 }  // namespace vsplat::read

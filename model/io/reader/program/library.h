@@ -1,4 +1,4 @@
-// The library, as the reader sees it: what it is asked for, the files that it is given, what it answers.
+// The library as seen from the reader: its requests, the files it passes on, and the answers to it.
 #pragma once
 #include <map>
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace vsplat::read {
 
-// What is wrong, and where in the file.
+// An error, with its place in the file.
 class Wrong : public std::runtime_error {
  public:
   Wrong(Status status, std::string place, const std::string& text)
@@ -25,13 +25,13 @@ class Library {
  public:
   explicit Library(int socket) : channel_(Descriptor(socket)) {}
 
-  // A file, given open; no good one where there is none, or it may not be read.
+  // Requests an open file; an invalid handle if it does not exist or must not be read.
   Descriptor open(const std::string& path);
   bool exists(const std::string& path);
 
   void say(Kind kind, const Packer& body = {}) { channel_.send(kind, body); }
   void say(const Wrong& wrong);
-  // What it asks for next.
+  // Receives the library's next request.
   Message asked() { return channel_.receive_whole(std::size_t{1} << 20); }
 
  private:
@@ -40,10 +40,10 @@ class Library {
   Channel channel_;
 };
 
-// Says `wrong` of memory where it was short, whatever else `text` is.
+// Throws Wrong; if memory was short, with a message about that instead of `text`.
 [[noreturn]] void fail_reading(Status status, const std::string& place, const std::string& text);
 
-// From here on it is remembered (memory_was_short()) where memory is refused.
+// Starts recording failed allocations for memory_was_short().
 void watch_memory();
 bool memory_was_short();
 Wrong short_of_memory();

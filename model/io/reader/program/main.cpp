@@ -23,7 +23,7 @@ bool is_started_by_the_library(int count) {
   return count == 3 && ::getsockopt(socket_number, SOL_SOCKET, SO_TYPE, &type, &size) == 0 && type == SOCK_STREAM;
 }
 
-// Until the library asks for nothing more.
+// Serves requests until an exception ends the connection.
 void serve(Library& library, Hdf5& hdf5) {
   for (;;) {
     const Message asked = library.asked();
@@ -61,7 +61,7 @@ int main(int count, char** arguments) {
   try {
     library.say(Kind::hello, Packer().text(version()).put(confined));
     serve(library, hdf5);
-  } catch (const std::exception&) {  // the library is gone, or talks nonsense
+  } catch (const std::exception&) {  // the library is gone, or sends an invalid message
   }
-  ::_exit(0);  // nothing is to be freed
+  ::_exit(0);  // skips all cleanup
 }

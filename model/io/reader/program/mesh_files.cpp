@@ -11,7 +11,7 @@
 namespace vsplat::read {
 namespace {
 
-// Fewer bytes than asked for only where the file ends or cannot be read.
+// Reads fewer than `size` bytes only if the file ends or cannot be read.
 std::size_t read_at(const Descriptor& file, std::size_t at, void* to, std::size_t size) {
   std::size_t have = 0;
   while (have < size) {
@@ -41,7 +41,7 @@ class Stream : public Assimp::IOStream {
   std::size_t Write(const void*, std::size_t, std::size_t) override { return 0; }
   aiReturn Seek(std::size_t offset, aiOrigin from) override {
     const std::size_t base = from == aiOrigin_SET ? 0 : from == aiOrigin_CUR ? at_ : size_;
-    const std::size_t to = base + offset;  // a negative offset wraps about, as it is meant to
+    const std::size_t to = base + offset;  // a negative offset wraps around, as intended
     if (to > size_) return aiReturn_FAILURE;
     at_ = to;
     return aiReturn_SUCCESS;
@@ -52,7 +52,7 @@ class Stream : public Assimp::IOStream {
 
  private:
   Descriptor file_;
-  std::string text_;  // without a file
+  std::string text_;  // used if there is no file
   std::size_t size_, at_ = 0;
 };
 

@@ -1,4 +1,4 @@
-// The files that assimp reads: those that the library opens.
+// Files for assimp, opened by the library.
 #pragma once
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
@@ -10,7 +10,7 @@
 
 namespace vsplat::read {
 
-// All bytes of a file, which the library opens; none where it does not.
+// All bytes of a file that the library opens; nothing if it refuses.
 std::optional<std::vector<unsigned char>> whole_file(const std::string& path, Library& library);
 
 // Its first bytes, at most `most`; none where the library does not open it.
@@ -18,7 +18,7 @@ std::string beginning_of(const std::string& path, Library& library, std::size_t 
 
 class MeshFiles : public Assimp::IOSystem {
  public:
-  // Of MTL files `materials` notes what assimp does not read.
+  // `materials` records what assimp ignores in MTL files.
   MeshFiles(Library& library, MtlMaterials& materials) : library_(library), materials_(materials) {}
   bool Exists(const char* path) const override { return library_.exists(path); }
   char getOsSeparator() const override { return '/'; }

@@ -10,7 +10,7 @@
 namespace vsplat::read {
 namespace {
 
-constexpr std::size_t batch = 3 * 16'384;  // corners a message
+constexpr std::size_t batch = 3 * 16'384;  // corners per message
 
 template <std::size_t n>
 bool finite(const std::array<float, n>& all) {

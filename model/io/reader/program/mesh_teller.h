@@ -1,4 +1,4 @@
-// Tells the library a mesh: pictures inside the file, then the materials, then part by part the triangles.
+// Sends a mesh to the library: embedded pictures, then materials, then the triangles of each part.
 #pragma once
 #include <span>
 #include <vector>
@@ -15,8 +15,8 @@ class MeshTeller {
   void texture(const std::string& name, std::span<const unsigned char> encoded);
   void materials(const std::vector<MeshMaterial>& all);
   void part(const MeshPart& part);
-  // The next corner of the part, three a triangle; `vertex` is its number in the file, for errors. A normal of any
-  // length becomes one of length 1. Wrong(input) where a number is not finite.
+  // Sends the next corner of the part, three per triangle; `vertex` is its index in the file, for errors. Normals are
+  // normalised to length 1. Throws Wrong(input) if a number is not finite.
   void corner(MeshCorner corner, std::uint64_t vertex);
   void done();
 

@@ -21,7 +21,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blanks) - first + 1);
 }
 
-// The first word, which is taken off.
+// Removes and returns the first word.
 std::string_view take_word(std::string_view& text) {
   text = trimmed(text);
   const std::string_view word = text.substr(0, text.find_first_of(blanks));
@@ -42,7 +42,7 @@ bool is_number(std::string_view word, float& value) {
   return problem == std::errc() && end == last && std::isfinite(value);
 }
 
-// As many numbers as follow, at most `most`; what is left is the file's name, of at least one word.
+// Takes up to `most` leading numbers; at least one word must remain, because a file name follows.
 std::vector<float> take_numbers(std::string_view& text, std::size_t most) {
   std::vector<float> out;
   float value = 0;
@@ -91,11 +91,11 @@ void clean_lines(std::string& text) {
 struct MtlMaterials::Line {
   const std::string& path;
   std::size_t number;
-  std::string word;       // "map_Kd"
-  std::string_view rest;  // what follows it
+  std::string word;       // such as "map_Kd"
+  std::string_view rest;  // the rest of the line
 };
 
-// The options of a texture, which stand before the file's name.
+// Parses the texture options that precede the file name.
 std::string MtlMaterials::texture_line(const Line& line) {
   const std::string kind = lower(line.word);
   const auto refuse = [&](const std::string& what) {
@@ -111,7 +111,7 @@ std::string MtlMaterials::texture_line(const Line& line) {
   while (rest.starts_with('-')) {
     std::string_view after = rest;
     const std::string option = lower(take_word(after));
-    if (after.empty()) break;  // a file whose name begins so
+    if (after.empty()) break;  // a file name that begins with a dash
     if (option == "-o" || option == "-s" || option == "-t") {
       const std::vector<float> values = take_numbers(after, 3);
       if (values.empty()) break;
@@ -129,7 +129,7 @@ std::string MtlMaterials::texture_line(const Line& line) {
     } else if (option == "-blendu" || option == "-blendv" || option == "-boost" || option == "-texres" ||
                option == "-bm" || option == "-imfchan" || option == "-type" || option == "-cc" ||
                option == "-colorspace") {
-      take_word(after);  // its value
+      take_word(after);  // skips the option's value
     } else {
       break;
     }

@@ -1,4 +1,4 @@
-// The text of OBJ and MTL files, made such that assimp reads it rightly, and what assimp would pass over in it.
+// Adapts the text of OBJ and MTL files so that assimp reads it correctly, and extracts what assimp ignores.
 #pragma once
 #include <array>
 #include <map>
@@ -12,7 +12,7 @@
 
 namespace vsplat::read {
 
-// How a texture lies on the surface: its place is scale x (u, v) + offset.
+// Placement of a texture on the surface: scale x (u, v) + offset.
 struct MtlTexture {
   std::array<float, 2> scale{1, 1}, offset{0, 0};
   bool clamp = false;
@@ -22,14 +22,14 @@ struct MtlMaterial {
   MtlTexture diffuse, emission;
 };
 
-// Without a byte order mark, carriage returns and blanks at lines' ends.
+// Removes a byte order mark, carriage returns and blanks at the ends of lines.
 void clean_lines(std::string& text);
 
 // The materials of all MTL files of a mesh.
 class MtlMaterials {
  public:
-  // The text of the file `path` for assimp: clean lines, and texture lines without options, comments and quotes. Notes
-  // what the options say; options that change a texture's colours become refused().
+  // Returns the text of the file `path` for assimp: clean lines, and texture lines without options, comments and
+  // quotes. Records the options; an option that changes a texture's colours sets refused().
   std::string take(const std::string& path, std::string text);
 
   // Looks through the clean text of the OBJ file for the materials that it uses.
@@ -38,9 +38,9 @@ class MtlMaterials {
   void note_unknown();
 
   const MtlMaterial* find(const std::string& name) const;
-  // What the user should know.
+  // Messages for the user.
   const std::vector<std::string>& notes() const { return notes_; }
-  // The first thing that must not be passed over. (What is thrown within assimp loses its place.)
+  // The first unsupported option. It is not thrown, because exceptions that pass through assimp lose their place.
   const std::optional<Wrong>& refused() const { return refused_; }
 
  private:

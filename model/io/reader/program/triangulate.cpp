@@ -18,9 +18,9 @@ double area(const Point& a, const Point& b, const Point& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-// The corners as seen from the side to which they turn left: without the coordinate that the normal is longest in.
+// Projects the corners along the axis in which the normal is longest, seen from the side on which they turn left.
 std::vector<Point> flattened(std::span<const std::array<float, 3>> corners) {
-  std::array<double, 3> normal{};  // Newell's: of the whole, whichever corners are in line
+  std::array<double, 3> normal{};  // by Newell's method, which tolerates collinear corners
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const auto &a = corners[i], &b = corners[(i + 1) % corners.size()];
     for (std::size_t k = 0; k < 3; ++k) {
@@ -39,7 +39,7 @@ std::vector<Point> flattened(std::span<const std::array<float, 3>> corners) {
   return out;
 }
 
-// Cuts ears off a ring of corners until a triangle is left.
+// Cuts off ears until one triangle is left.
 class Ring {
  public:
   explicit Ring(const std::vector<Point>& points) : points_(points), next_(points.size()), before_(points.size()) {
@@ -61,7 +61,7 @@ class Ring {
   }
 
  private:
-  // Where none is an ear (edges cross, or all is in one line), the one that turns least to the right.
+  // If there is no ear (edges cross, or all corners are collinear), returns the corner that turns least to the right.
   std::uint32_t find_ear(std::uint32_t from, std::size_t left) const {
     std::uint32_t best = from, at = from;
     double most = -HUGE_VAL;
@@ -73,7 +73,8 @@ class Ring {
     return best;
   }
 
-  // No other corner lies in the triangle or on its edges; one at the same place as a corner of it does not count.
+  // Whether no other corner lies inside the triangle or on its edges; corners that coincide with one of its corners do
+  // not count.
   bool is_empty(std::uint32_t ear) const {
     const Point &a = points_[before_[ear]], &b = points_[ear], &c = points_[next_[ear]];
     for (std::uint32_t at = next_[next_[ear]]; at != before_[ear]; at = next_[at]) {

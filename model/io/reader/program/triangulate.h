@@ -1,4 +1,4 @@
-// Polygons cut into triangles.
+// Triangulates polygons.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -7,11 +7,11 @@
 
 namespace vsplat::read {
 
-// More corners in a polygon that is not convex would take too long: std::length_error.
+// Limit for concave polygons, because more corners would take too long: std::length_error.
 inline constexpr std::size_t most_concave_corners = 10'000;
 
-// The corners' places, in order round the polygon, which may be concave and need not be quite flat -> triangles of
-// indices into them, wound as it is. They cover it and nothing else where its edges do not cross.
+// `corners`: positions in order around the polygon, which may be concave and slightly non-planar. Returns triangles of
+// indices into them, with the polygon's winding. If its edges do not cross, the triangles cover exactly the polygon.
 std::vector<std::array<std::uint32_t, 3>> triangulate(std::span<const std::array<float, 3>> corners);
 
 }  // namespace vsplat::read
