@@ -1,4 +1,4 @@
-// Cameras of the input views as the network's kernels read them, in the object's frame (the cube [-0.5,0.5]^3).
+// Cameras of the input views in the layout of the network's kernels, in the object's frame (the cube [-0.5,0.5]^3).
 #pragma once
 #include <vector>
 

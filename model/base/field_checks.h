@@ -1,4 +1,4 @@
-// Checks of a configuration's fields: what is refused is named with the value found, under the status asked for.
+// Checks of configuration fields. An error states the requirement and the value found, with the given status.
 #pragma once
 #include <fmt/format.h>
 
@@ -29,7 +29,7 @@ class FieldChecks {
     need(value >= least && value <= most, fmt::format("{} must be {} to {}", name, least, most), value);
   }
 
-  // NaN is in no range.
+  // NaN fails for every range.
   void in(const char* name, double value, bool ok, const char* range) const {
     need(std::isfinite(value) && ok, fmt::format("{} must be {}", name, range), value);
   }
@@ -39,7 +39,7 @@ class FieldChecks {
          fmt::format("{} must be one of {}", name, fmt::join(allowed, ", ")), json_fields::shown(value));
   }
 
-  // Kernels index with 32 bits: no tensor may have more elements.
+  // Kernels use 32-bit indices, which limits the number of elements of a tensor.
   void indexable(const char* what, double elements) const {
     need(elements <= 2147483647.0, fmt::format("{} must be at most 2147483647", what), fmt::format("{:.0f}", elements));
   }

@@ -43,7 +43,7 @@ DeviceGaussians upload(Context& ctx, const Gaussians& g) { return upload(ctx, g,
 DeviceGaussians upload(Context& ctx, const Gaussians& g, long first, long n) {
   const long s = static_cast<long>(g.sh_count()), axes = scales_of(g.kind);
   const auto from = [first](const std::vector<float>& v, long each) {
-    return v.empty() ? nullptr : v.data() + first * each;  // (a plan's have none)
+    return v.empty() ? nullptr : v.data() + first * each;  // (vectors are empty in a plan)
   };
   return {ctx.upload({n, 3}, from(g.means, 3), Type::f32, "means"),
           ctx.upload({n, axes}, from(g.scales, axes), Type::f32, "scales"),

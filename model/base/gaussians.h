@@ -1,6 +1,7 @@
-// K Gaussians, on the host and on the device. Means and scales (standard deviations) in the frame's units, unit
-// quaternions w x y z, opacities in [0,1], spherical harmonics with colour = max(0, basis . sh + 0.5), S = (degree +
-// 1)^2 coefficients. All of a scene are of one kind, which says how many scales D each has.
+// K Gaussians, on the host and on the device. Means and scales (standard deviations) are in the frame's units,
+// quaternions are unit and ordered w x y z, opacities are in [0,1], and spherical harmonics have S = (degree + 1)^2
+// coefficients with colour = max(0, basis . sh + 0.5). All Gaussians of a scene have the same kind, which determines D,
+// the number of scales of each.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -9,8 +10,8 @@
 
 namespace vsplat {
 
-// A volume has three axes and three scales. A surfel is flat: its first two axes are tangents, with a scale each, its
-// third is its normal.
+// A volume has three axes and three scales. A surfel is flat: its first two axes are tangents with a scale each, and
+// its third axis is the normal.
 enum class GaussianKind { volume, surfel };
 inline int scales_of(GaussianKind kind) { return kind == GaussianKind::surfel ? 2 : 3; }
 
@@ -36,24 +37,24 @@ struct DeviceGaussians {
 
   long count() const { return means ? means.dim(0) : 0; }
   int sh_degree() const;
-  GaussianKind kind() const;  // by D
+  GaussianKind kind() const;  // derived from D
 };
 
-// A loss's derivatives by Gaussians, shaped as they are.
+// Derivatives of a loss with respect to the Gaussians, in the same shapes.
 struct GaussianGradients {
   Tensor means;      // f32 [K,3]
   Tensor scales;     // f32 [K,D]
-  Tensor quats;      // f32 [K,4], by the quaternions as given, of whatever length
+  Tensor quats;      // f32 [K,4], with respect to the quaternions before normalisation
   Tensor opacities;  // f32 [K]
   Tensor sh;         // f32 [K,S,3]
 };
 
 class Context;
-// Of `count` Gaussians.
+// Zero gradients for `count` Gaussians.
 GaussianGradients zero_gradients(Context& ctx, long count, int sh_degree, GaussianKind kind = GaussianKind::volume);
 Gaussians download(Context& ctx, const DeviceGaussians& g);
 DeviceGaussians upload(Context& ctx, const Gaussians& g);
-// `n` of them from `first` on.
+// Uploads `n` Gaussians from `first` on.
 DeviceGaussians upload(Context& ctx, const Gaussians& g, long first, long n);
 
 }  // namespace vsplat

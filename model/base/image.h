@@ -5,7 +5,7 @@
 
 namespace vsplat {
 
-// [height][width][channels], channels last. Colour is sRGB-encoded in [0,1] unless a comment says otherwise.
+// [height][width][channels]. Colour is sRGB-encoded in [0,1] unless a comment says otherwise.
 struct Image {
   int width = 0, height = 0, channels = 0;
   std::vector<float> data;

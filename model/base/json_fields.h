@@ -1,4 +1,4 @@
-// Fields of a configuration read from JSON by their types: what is not of the type is refused, never converted.
+// Reads configuration fields from JSON by type. A value of another type is refused, never converted.
 #pragma once
 #include <fmt/format.h>
 
@@ -15,7 +15,7 @@ namespace vsplat::json_fields {
 
 using nlohmann::json;
 
-// What each type of field is called in messages.
+// Names of the field types in messages.
 inline const char* expected_for(int) { return "a whole number"; }
 inline const char* expected_for(long) { return "a whole number"; }
 inline const char* expected_for(std::uint64_t) { return "a whole number from 0"; }
@@ -26,7 +26,7 @@ inline const char* expected_for(const std::vector<int>&) { return "whole numbers
 inline const char* expected_for(const std::vector<long>&) { return "a list of whole numbers"; }
 inline const char* expected_for(const std::vector<std::string>&) { return "a list of strings"; }
 
-// Beyond the type is refused here, not wrapped: whoever checks the value then never sees a changed one.
+// Refuses values beyond the type's range instead of wrapping them, so that range checks see the original value.
 template <class Whole>
 bool read_whole(const json& value, Whole& out) {
   if (!value.is_number_integer()) return false;
@@ -65,14 +65,14 @@ bool read_field(const json& value, std::vector<Element>& out) {
   return true;
 }
 
-// Text of a file in a message: ASCII, and not of any length.
+// Text from a file for a message: ASCII, limited to 100 characters.
 inline std::string shown(const json& value) {
   std::string text = value.dump(-1, ' ', true, json::error_handler_t::replace);
   if (text.size() > 100) text = text.substr(0, 100) + "...";
   return text;
 }
 
-// Error(format) that names all fields of `object` that are not among `names`; `what` is how the object is called.
+// Error(format) lists all fields of `object` that are not among `names`; `what` is the object's name in messages.
 inline void refuse_unknown(const json& object, const std::vector<std::string>& names, const std::string& what) {
   std::vector<std::string> unknown;
   for (const auto& item : object.items())
@@ -82,7 +82,7 @@ inline void refuse_unknown(const json& object, const std::vector<std::string>& n
          fmt::join(names, ", "));
 }
 
-// Where `object` has the field, its value; Error(format) where that is of another type.
+// Reads the field if `object` has it; Error(format) if it has another type.
 template <class Value>
 void read_present(const json& object, const char* name, Value& value, const std::string& what) {
   const auto found = object.find(name);

@@ -11,7 +11,7 @@ struct Value {
   double value, slope;
 };
 
-// c0 + c1 q + c2 q^2 + ... and its derivative by q.
+// c0 + c1 q + c2 q^2 + ... and its derivative with respect to q.
 template <int N>
 Value polynomial(const double (&c)[N], double q) {
   Value out{c[N - 1], 0};
@@ -28,7 +28,7 @@ Value opencv_denominator(const double* k, double q) { return polynomial<4>({1, k
 
 Value fisheye_factor(const double* k, double q) { return polynomial<5>({1, k[0], k[1], k[2], k[3]}, q); }
 
-// Whether the distorted radius still grows with the undistorted one, r (opencv) or with the angle, theta (fisheye).
+// Whether the distorted radius increases with the undistorted radius r (opencv) or with the angle theta (fisheye).
 bool grows(const Distortion& d, double r) {
   const double q = r * r;
   if (d.model == Distortion::Model::fisheye) {
@@ -39,7 +39,7 @@ bool grows(const Distortion& d, double r) {
   return m.value > 0 && n.value > 0 && (n.value + 2 * q * n.slope) * m.value - 2 * q * n.value * m.slope > 0;
 }
 
-// The first radius at which growth ends, found to 1/4096 of the range and then halved down.
+// The first radius at which the increase ends, located to 1/4096 of the range and then refined by bisection.
 double find_fold(const Distortion& d, double largest) {
   const bool fisheye = d.model == Distortion::Model::fisheye;
   const double range = fisheye ? std::atan(largest) : largest;
@@ -59,14 +59,14 @@ bool is_pinhole(const Distortion& distortion) {
   if (distortion.model == Distortion::Model::none) return true;
   for (const double k : distortion.k)
     if (k != 0) return false;
-  // A fisheye without parameters still bends: theta_d = theta.
+  // A fisheye lens without parameters still distorts: theta_d = theta.
   return distortion.model == Distortion::Model::opencv;
 }
 
 bool reaches(const Distortion& d, double radius) {
   if (is_pinhole(d)) return true;
   const bool fisheye = d.model == Distortion::Model::fisheye;
-  // As many steps for a radius of any size: both it and the coefficients may be a stranger's.
+  // The number of steps is fixed, because radius and coefficients may come from an untrusted file.
   constexpr int steps = 4096;
   const double most = fisheye ? std::min(M_PI / 2, 64 * radius) : 64 * radius;
   for (int i = 1; i <= steps; ++i) {

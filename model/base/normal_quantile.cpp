@@ -4,11 +4,11 @@
 #include <cstddef>
 
 // M. J. Wichura, "Algorithm AS 241: The Percentage Points of the Normal Distribution", Applied Statistics 37 (1988),
-// PPND16. Compiled without contraction of a * b + c, which would round differently where there is a fused instruction.
+// PPND16. Compiled without contraction of a * b + c, which rounds differently on machines with a fused instruction.
 namespace vsplat {
 namespace {
 
-// Coefficients from the constant term up.
+// Coefficients in ascending order of powers.
 template <std::size_t N>
 double polynomial(const double (&c)[N], double x) {
   double value = c[N - 1];
@@ -16,7 +16,7 @@ double polynomial(const double (&c)[N], double x) {
   return value;
 }
 
-// Natural logarithm of x > 0: x = m 2^e with m in [sqrt(1/2), sqrt(2)), ln m = 2 artanh((m - 1)/(m + 1)) as its series.
+// Natural logarithm of x > 0: x = m 2^e with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh((m - 1)/(m + 1)) as a series.
 double logarithm(double x) {
   int exponent = 0;
   double m = std::frexp(x, &exponent);  // exact
@@ -24,7 +24,7 @@ double logarithm(double x) {
     m *= 2;
     --exponent;
   }
-  const double t = (m - 1) / (m + 1), t2 = t * t;  // |t| < 0.172, so that the terms fall by 34 each
+  const double t = (m - 1) / (m + 1), t2 = t * t;  // |t| < 0.172, so the terms decrease by a factor of 34
   double sum = 0;
   for (int k = 25; k >= 1; k -= 2) sum = sum * t2 + 1.0 / k;
   return exponent * 0.69314718055994530942 + 2 * t * sum;

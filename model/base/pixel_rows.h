@@ -1,4 +1,4 @@
-// The rows of a picture, from the highest down, each asked for once: what is read so need not be in memory as a whole.
+// The rows of a picture from top to bottom, each read once, so that the whole picture need not be in memory.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -15,14 +15,14 @@ class PixelRows {
   PixelRows(const PixelRows&) = delete;
   PixelRows& operator=(const PixelRows&) = delete;
 
-  // The next row, [width][channels] as Image has them. At most `height` times.
+  // The next row, [width][channels] as in Image. Call it at most `height` times.
   virtual void next(float* row) = 0;
   std::size_t row_size() const { return static_cast<std::size_t>(width) * channels; }
 
   const int width, height, channels;
 };
 
-// Of a picture in memory, which must outlive this.
+// Rows of a picture in memory, which must outlive this.
 class ImageRows : public PixelRows {
  public:
   explicit ImageRows(const Image& image)
@@ -36,7 +36,7 @@ class ImageRows : public PixelRows {
   const float* from_;
 };
 
-// All of them.
+// Reads all rows into a picture.
 inline Image image_of(PixelRows& rows) {
   Image out;
   out.width = rows.width, out.height = rows.height, out.channels = rows.channels;

@@ -1,4 +1,4 @@
-// The nearest neighbours of points.
+// Nearest-neighbour search among points.
 #pragma once
 #include <Eigen/Core>
 #include <nanoflann.hpp>
@@ -7,7 +7,7 @@ namespace vsplat {
 
 using PointRows = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-// What nanoflann asks of a set of points. (Its own adaptor for Eigen names its tree otherwise from version to version.)
+// Adaptor that nanoflann needs for a set of points. (The name of its own adaptor for Eigen differs between versions.)
 struct PointsForTree {
   const PointRows& positions;
   std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(positions.rows()); }

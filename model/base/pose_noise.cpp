@@ -22,7 +22,7 @@ Eigen::Matrix4d motion_of(const PoseTwist& twist) {
   Eigen::Matrix3d k;
   k << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
   const double a = w.norm(), a2 = a * a;
-  // sin a / a, (1 - cos a) / a^2 and (a - sin a) / a^3, by their series where a is small.
+  // sin a / a, (1 - cos a) / a^2 and (a - sin a) / a^3; series for small a.
   const bool small = a < 0.05;
   const double first = small ? 1 - a2 / 6 + a2 * a2 / 120 - a2 * a2 * a2 / 5040 : std::sin(a) / a;
   const double second =

@@ -1,5 +1,5 @@
-// Noise on cameras' poses, to measure what it costs, and how far poses and rays then are from the accurate ones. In the
-// object's frame, whose cube has edges of 1 and its centre at the origin.
+// Adds noise to camera poses, to measure its effect, and measures the errors of poses and rays. All in the object's
+// frame, whose cube has edges of 1 and is centred at the origin.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -13,29 +13,28 @@ namespace vsplat {
 // A small motion: rotation in radians about x, y and z, then translation.
 using PoseTwist = std::array<double, 6>;
 
-// The exponential of [[w] u; 0 0], a rigid motion.
+// The matrix exponential of [[w] u; 0 0], a rigid motion.
 Eigen::Matrix4d motion_of(const PoseTwist& twist);
 
-// One for each of `count` views: normal with deviation sigma in each number, by seed, draw and the object's name. The
-// first is none: its view defines the frame that results are judged in.
+// Noise for `count` views: normal with deviation sigma in each component, determined by seed, draw and the object's
+// name. The first view has none, because it defines the frame in which results are evaluated.
 std::vector<PoseTwist> draw_pose_noise(std::size_t count, double sigma, std::uint64_t seed, std::uint32_t draw,
                                        std::string_view object);
 
-// World to camera becomes that after the motion: the camera is turned about the object's centre, and moved with it.
+// Applies the motion before world-to-camera: the camera rotates about the object's centre and moves with it.
 std::vector<Camera> moved_cameras(std::vector<Camera> cameras, const std::vector<PoseTwist>& noise);
-// Both in one.
+// draw_pose_noise() and moved_cameras() combined.
 std::vector<Camera> noisy_cameras(std::vector<Camera> cameras, double sigma, std::uint64_t seed, std::uint32_t draw,
                                   std::string_view object);
 
 // Means over views.
 struct PoseErrors {
-  double degrees = 0;   // between the cameras' rotations
-  double distance = 0;  // between their centres
+  double degrees = 0;   // between rotations
+  double distance = 0;  // between camera centres
 };
 PoseErrors pose_errors(const std::vector<Camera>& given, const std::vector<Camera>& accurate);
 
-// Means over rays of six numbers, direction and moment, where either's direction is made unit first and its moment
-// divided by the same length.
+// Means over rays of six numbers (direction and moment); each ray is divided by the length of its direction first.
 struct RayErrors {
   double degrees = 0;  // between directions
   double moment = 0;   // distance between moments

@@ -10,8 +10,7 @@
 namespace vsplat {
 namespace {
 
-// Weights of the samples first, first + 1, ... along one axis. Their sum is the share of the result pixel that is
-// covered.
+// Weights of the samples first, first + 1, ... along one axis. Their sum is the covered fraction of the result pixel.
 struct Taps {
   int first = 0;
   std::vector<float> weights;
@@ -19,18 +18,18 @@ struct Taps {
 
 double radius_of(double scale) { return 0.5 * (std::max(scale, 1.0) + 1); }
 
-// How much of the result's pixel the picture's `size` pixels cover, in them.
+// The part of the result pixel that the picture covers, in source pixels; the picture has `size` of them.
 double covered_of(double at, double scale, int size) {
   return std::min(at + 0.5 * scale, static_cast<double>(size)) - std::max(at - 0.5 * scale, 0.0);
 }
 
-// The first sample that find_taps() weighs where any is covered.
+// The first sample that find_taps() weights, if any is covered.
 int first_tap(double at, double scale) {
   return static_cast<int>(std::max(std::ceil(at - radius_of(scale) - 0.5), 0.0));
 }
 
-// `at`: the result pixel's centre; `scale`: its width; both in source pixels. `size` source pixels there are. A sample
-// weighs as much as its pixel shares with the result's (widened to one source pixel where it is smaller).
+// `at`: centre of the result pixel; `scale`: its width; both in source pixels. The source has `size` pixels. A sample's
+// weight is the overlap of its pixel with the result pixel, which is widened to at least one source pixel.
 void find_taps(double at, double scale, int size, Taps& out) {
   out.weights.clear();
   const double covered = covered_of(at, scale, size);
@@ -47,8 +46,8 @@ void find_taps(double at, double scale, int size, Taps& out) {
     moment += w * d;
     spread += w * d * d;
   }
-  // w (a + b d) has sum 1 and centre 0: a linear ramp is reproduced. At the picture's border, where that would
-  // extrapolate, the weights are only brought to sum 1.
+  // w (a + b d) has sum 1 and centre 0, which reproduces linear ramps. At the picture's border that would extrapolate,
+  // so the weights are only normalised to sum 1.
   const double determinant = sum * spread - moment * moment;
   double a = 1 / sum, b = 0;
   if (low >= 0 && high <= size - 1 && determinant > 1e-9 * sum * spread) {
@@ -66,7 +65,7 @@ void accumulate(float* out, const float* in, float weight) {
   for (int c = 0; c < 4; ++c) out[c] += weight * in[c];
 }
 
-// Where the corners of the result's pixels are in the distorted picture.
+// Positions in the distorted picture of the corners of the result pixels.
 class CornerMap {
  public:
   CornerMap(const Window& window, const Camera& camera)
@@ -88,7 +87,7 @@ class CornerMap {
       }
   }
 
-  // Centre and widths of the result pixel's footprint; false where it is not seen or the lens turns it over.
+  // Centre and size of the result pixel's footprint; false if it is not visible or the lens flips it.
   bool footprint(int i, int j, double& u, double& v, double& width, double& height) const {
     const Point &a = at(i, j), &b = at(i + 1, j), &c = at(i, j + 1), &d = at(i + 1, j + 1);
     if (!a.seen || !b.seen || !c.seen || !d.seen) return false;
@@ -108,11 +107,11 @@ class CornerMap {
   };
   const Point& at(int i, int j) const { return points_[static_cast<std::size_t>(j) * side_ + i]; }
 
-  int side_;  // points in a row
+  int side_;  // points per row
   std::vector<Point> points_;
 };
 
-// Rows of a picture from the first that is still needed on.
+// Buffers the rows of a picture that are still needed.
 class KeptRows {
  public:
   explicit KeptRows(PixelRows& from) : from_(from) {}
@@ -122,7 +121,7 @@ class KeptRows {
     return rows_[static_cast<std::size_t>(y - first_)].data();
   }
 
-  // Reads what it passes over.
+  // Also reads the rows that it skips.
   void drop_before(int y) {
     for (; first_ < y; ++first_) {
       if (rows_.empty()) {
@@ -146,7 +145,7 @@ class KeptRows {
   PixelRows& from_;
   std::deque<std::vector<float>> rows_;
   std::vector<float> unused_;
-  int first_ = 0;  // whose row rows_[0] is, or will be
+  int first_ = 0;  // index of the row in rows_[0], or of the next row to read
 };
 
 }  // namespace
@@ -241,7 +240,7 @@ Image resample(PixelRows& in, const Window& window) {
   const auto ended = [&](int j, int y) { return rows[j].first + static_cast<int>(rows[j].weights.size()) <= y; };
   Image out(size, height, 4);
   std::vector<float> row(in.row_size()), narrow(4 * static_cast<std::size_t>(size));
-  int open = 0;  // no row of the result before this one takes more
+  int open = 0;  // rows of the result before this one are complete
   for (int y = 0; y < in.height; ++y) {
     in.next(row.data());
     while (open < height && ended(open, y)) ++open;
@@ -263,7 +262,7 @@ Image resample_undistorted(PixelRows& in, const Window& window, const Camera& ca
   const CornerMap map(window, camera);
   const int height = window.height();
   double u = 0, v = 0, wide = 0, high = 0;
-  // The first row of the picture that each row of the result, or one below it, is made of.
+  // For each result row, the first source row that it or any later result row needs.
   std::vector<int> first(static_cast<std::size_t>(height) + 1, in.height);
   for (int j = height - 1; j >= 0; --j) {
     first[j] = first[j + 1];

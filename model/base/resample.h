@@ -1,4 +1,4 @@
-// A window of a picture at another resolution, antialiased, with lens distortion undone in the same step.
+// Resamples a window of a picture with antialiasing, and undoes lens distortion in the same step.
 #pragma once
 #include <array>
 #include <memory>
@@ -10,29 +10,29 @@
 
 namespace vsplat {
 
-// Premultiplied rows [W][4] of a picture of 3 or 4 channels (straight alpha) and, where given, a mask of one and of the
-// same size; their alphas multiply. What is behind alpha 0 is gone, so that no resampling brings it back.
+// Premultiplied rows [W][4] of a picture with 3 or 4 channels (straight alpha) and optionally a one-channel mask of the
+// same size; the alphas multiply. Colours under alpha 0 become 0, so that resampling cannot reveal them.
 class PremultipliedRows : public PixelRows {
  public:
   // Both must outlive this.
   explicit PremultipliedRows(PixelRows& picture, PixelRows* mask = nullptr);
   void next(float* row) override;
-  // Of the rows so far; 0 without a mask.
+  // Maximum of the mask over the rows read so far; 0 without a mask.
   float brightest_of_mask() const { return brightest_; }
 
  private:
   PixelRows& picture_;
   PixelRows* mask_;
-  std::vector<float> pixels_, masks_;  // a row of each
+  std::vector<float> pixels_, masks_;  // one row of each
   float brightest_ = 0;
 };
 Image premultiplied(const Image& picture);
 
-// Whether one is a smaller copy of the other: its sides are in proportion, to a pixel of the smaller one.
+// Whether the two sizes have the same aspect ratio, within a pixel of the smaller one.
 bool is_same_shape(int width, int height, int other_width, int other_height);
 
-// Rows of a picture made another size, each axis by itself: by area where it is made smaller, interpolated where it is
-// made larger.
+// The rows of a picture scaled to another size, independently along each axis: area average for reduction,
+// interpolation for enlargement.
 class ResizedRows : public PixelRows {
  public:
   // `from` must outlive this.
@@ -45,12 +45,12 @@ class ResizedRows : public PixelRows {
   std::unique_ptr<State> state_;
 };
 
-// Over a colour, three channels, clamped to [0,1].
+// Composites over a background colour: three channels, clamped to [0,1].
 Image over(const Image& premultiplied, const std::array<float, 3>& background);
 Image on_white(const Image& premultiplied);
 
-// A window of a picture, in its pixels (continuous: the first pixel is [0,1)): corner and width. `size` pixels along
-// its width result, and as many along its height, or `rows` of the same scale where that is not 0.
+// A window of a picture in its continuous pixel coordinates (the first pixel is [0,1)): corner and width. The result
+// has `size` columns, and `size` rows, or `rows` rows at the same scale if that is not 0.
 struct Window {
   double x0 = 0, y0 = 0, side = 0;
   int size = 0;
@@ -59,14 +59,14 @@ struct Window {
   int height() const { return rows > 0 ? rows : size; }
 };
 
-// Pixel (i, j) of the result is the picture about (x0, y0) + (i + 0.5, j + 0.5) side/size: the mean over its area where
-// the picture is made smaller, bilinear interpolation where larger; the weights are corrected to reproduce linear
-// ramps, so that nothing is shifted. Result pixels that the picture covers in part have that part as alpha; without
-// scaling, pixels are kept exactly. Every row is read, those outside the window, too.
+// Result pixel (i, j) shows the picture around (x0, y0) + (i + 0.5, j + 0.5) side/size: the area mean for reduction,
+// bilinear interpolation for enlargement. The weights are corrected to reproduce linear ramps, so nothing is shifted.
+// Result pixels that the picture covers partly have that fraction as alpha; without scaling, pixels are copied exactly.
+// All rows are read, including those outside the window.
 Image resample(PixelRows& premultiplied, const Window& window);
 
-// The same of the undistorted picture: what a pinhole with the camera's fx, fy, cx, cy would see. The camera's
-// distortion says where in `premultiplied` that is.
+// As resample(), for the undistorted picture: the view of a pinhole camera with the camera's fx, fy, cx, cy. The
+// camera's distortion maps it to positions in `premultiplied`.
 Image resample_undistorted(PixelRows& premultiplied, const Window& window, const Camera& camera);
 
 }  // namespace vsplat

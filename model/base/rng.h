@@ -1,6 +1,6 @@
-// Counter-based random numbers, the host's twin of cl/rng.clh: Philox4x32-10 (Salmon et al., SC 2011). A number depends
-// on its counter and key alone, so results depend on neither the order of work nor the device. By convention the
-// counter is {element, step, stream, 0} and the key the two halves of the seed.
+// Counter-based random numbers, the host version of cl/rng.clh: Philox4x32-10 (Salmon et al., SC 2011). A number only
+// depends on its counter and key, not on the order of work or the device. By convention the counter is {element, step,
+// stream, 0} and the key the two halves of the seed.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -25,16 +25,16 @@ inline std::array<std::uint32_t, 2> rng_key(std::uint64_t seed) {
   return {static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32)};
 }
 
-// A name as the stream of random numbers that belongs to it (FNV-1a, 32 bits): the same numbers whatever else there is.
+// The random stream of a name (FNV-1a, 32 bits), which makes its numbers independent of other streams.
 inline std::uint32_t stream_of(std::string_view name) {
   std::uint32_t hash = 2166136261u;
   for (const char c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 16777619u;
   return hash;
 }
 
-// [0, 1), a multiple of 2^-24.
+// In [0, 1), a multiple of 2^-24.
 inline float uniform01(std::uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
-// (0, 1), both ends excluded: an odd multiple of 2^-24, so that log(u) and log(1 - u) are finite.
+// In (0, 1) without both ends: an odd multiple of 2^-24, so that log(u) and log(1 - u) are finite.
 inline float uniform_open(std::uint32_t bits) { return (static_cast<float>(bits >> 9) + 0.5f) * 0x1p-23f; }
 
 }  // namespace vsplat

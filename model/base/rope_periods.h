@@ -1,4 +1,4 @@
-// The periods of the angles by which DINOv3 turns queries and keys.
+// The periods of the rotation angles that DINOv3 applies to queries and keys.
 #pragma once
 #include <bit>
 #include <cmath>
@@ -7,8 +7,8 @@
 
 namespace vsplat {
 
-// base^(4 i / head), i = 0 .. head / 4 - 1; where asked for each rounded to bfloat16 (ties to even), as Meta's files
-// store them.
+// base^(4 i / head) for i = 0 .. head / 4 - 1, optionally rounded to bfloat16 (ties to even), as Meta's files store
+// them.
 inline std::vector<double> rope_periods(long head, double base, bool bf16) {
   std::vector<double> out;
   for (long i = 0; i < head / 4; ++i) {

@@ -24,7 +24,7 @@ Similarity Similarity::from_matrix(const Eigen::Matrix4d& m) {
   s.translation = m.topRightCorner<3, 1>();
   const double off = (s.rotation * s.rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (off > 1e-4) fail(Status::input, "transform: the matrix is no rotation times a scale (off by {:.1e})", off);
-  // The nearest rotation: poses in files are rounded.
+  // Use the nearest rotation, because poses in files are rounded.
   s.rotation = Eigen::Quaterniond(s.rotation).normalized().toRotationMatrix();
   return s;
 }
@@ -67,8 +67,8 @@ Eigen::VectorXd sh_basis(int degree, const Eigen::Vector3d& d) {
 }
 
 Eigen::MatrixXd sh_rotation(int degree, const Eigen::Matrix3d& rotation) {
-  // A band is closed under rotation, so c' is determined by f'(d) = f(R^T d) at enough directions:
-  // B c' = B_R c with the basis at d and at R^T d. 40 of them on a spiral make it well conditioned.
+  // A band is closed under rotation, so c' is determined by f'(d) = f(R^T d) in enough directions: B c' = B_R c with
+  // the basis at d and at R^T d. 40 directions on a spiral make it well conditioned.
   constexpr int kSamples = 40;
   const int first = degree * degree, size = 2 * degree + 1;
   Eigen::MatrixXd at(kSamples, size), before(kSamples, size);
@@ -110,13 +110,13 @@ void transform(Gaussians& g, const Similarity& move) {
     q[2] = static_cast<float>(turned.y());
     q[3] = static_cast<float>(turned.z());
   }
-  // Nothing to turn leaves the coefficients bit for bit.
+  // Without a rotation the coefficients stay identical bit for bit.
   if (!move.rotation.isIdentity(0)) rotate_sh(g, move.rotation);
 }
 
 void transform(Scene& scene, const Similarity& in_world, const Eigen::Vector3d& offset) {
   Similarity move = in_world;
-  // In double: two far places, close to each other.
+  // Computed in double, because this subtracts two large and similar positions.
   if (!scene.offset.isZero(0) || !offset.isZero(0)) move.translation = in_world.apply(scene.offset) - offset;
   scene.offset = offset;
   transform(scene.gaussians, move);

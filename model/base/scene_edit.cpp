@@ -9,7 +9,7 @@
 namespace vsplat {
 namespace {
 
-// More functions, with zeros.
+// Adds higher bands with zero coefficients.
 void raise_degree(Gaussians& g, int degree) {
   if (degree <= g.sh_degree) return;
   const std::size_t before = 3 * g.sh_count();
@@ -20,7 +20,7 @@ void raise_degree(Gaussians& g, int degree) {
   g.sh = std::move(sh);
 }
 
-// From colours of the mirrored direction to colours of the direction: f(-d) has the odd bands' signs changed.
+// Converts colours of the opposite direction to colours of the direction: f(-d) negates the odd bands.
 void turn_about(Gaussians& g) {
   for (std::size_t k = 0; k < g.count; ++k)
     for (const std::size_t degree : {1, 3})
@@ -34,7 +34,7 @@ void drop_mirror(Scene& scene) {
   scene.mirror.reset();
 }
 
-// Bit for bit where it stays where it is.
+// Leaves the scene identical bit for bit if nothing moves.
 void move_to(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset) {
   const bool stays = move.scale == 1 && move.rotation.isIdentity(0) && move.translation.isZero(0);
   if (!stays || scene.offset != offset) transform(scene, move, offset);
@@ -42,7 +42,7 @@ void move_to(Scene& scene, const Similarity& move, const Eigen::Vector3d& offset
 
 void add(std::vector<float>& to, const std::vector<float>& from) { to.insert(to.end(), from.begin(), from.end()); }
 
-// What is left of `values`, `each` of a Gaussian.
+// Keeps only the values of the Gaussians in `kept`; each Gaussian has `each` values.
 void keep_values(std::vector<float>& values, std::size_t each, const std::vector<std::size_t>& kept) {
   for (std::size_t i = 0; i < kept.size(); ++i)
     std::copy_n(&values[each * kept[i]], each, &values[each * i]);  // kept[i] >= i
@@ -53,7 +53,7 @@ void keep_values(std::vector<float>& values, std::size_t each, const std::vector
 
 void append(Scene& to, const Scene& other, const Similarity& move) {
   Scene more = other;
-  if (to.gaussians.count == 0) {  // far from the world's origin it stays as exact as it is
+  if (to.gaussians.count == 0) {  // far from the world's origin, its precision is kept
     move_to(more, move, other.offset.isZero(0) ? to.offset : move.apply(other.offset));
     to = std::move(more);
     return;

@@ -1,4 +1,4 @@
-// Changes to a scene: more Gaussians, or fewer.
+// Adds Gaussians to a scene or removes them.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -7,16 +7,16 @@
 
 namespace vsplat {
 
-// Adds what `other` holds, moved in the world by `move`. The lower degree of spherical harmonics becomes the higher one
-// with zeros, the nearer of the two near planes is kept; what else a scene knows is `to`'s, or where that has no
-// Gaussian, `other`'s. Error(input) where one has surfels and the other volumes.
+// Adds the contents of `other`, transformed in the world by `move`. The lower degree of spherical harmonics is raised
+// with zeros, and the nearer of the two near planes is kept. Other properties are those of `to`, or of `other` if `to`
+// has no Gaussians. Error(input) if one has surfels and the other volumes.
 //
-// A picture is drawn with one mirror point. Where the two have different ones, or one has none, none is left: the
-// colours of the scene that had one are turned about, which is the same for a Gaussian at the mirror point, and the
-// less so the farther one lies from it. That is a warning.
+// A picture is drawn with a single mirror point. If the two differ, or only one scene has one, the result has none: the
+// colours of a scene with a mirror point are converted to the opposite direction. That is exact for a Gaussian at the
+// mirror point and less accurate with the distance from it, so there is a warning.
 void append(Scene& to, const Scene& other, const Similarity& move);
 
-// Keeps the Gaussians of which `keeps` is true, in their order.
+// Keeps the Gaussians for which `keeps` is true, in their order.
 void keep(Gaussians& gaussians, const std::function<bool(std::size_t)>& keeps);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// Order statistics of a few numbers.
+// Order statistics of small sets of numbers.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 
 namespace vsplat {
 
-// Nearest rank: the smallest value that at least `share` of the values do not exceed. Not empty.
+// Nearest rank: the smallest value that is not exceeded by at least `share` of the values. `values` must not be empty.
 inline double quantile(std::vector<double> values, double share) {
   const auto rank = static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(values.size()) - 1e-9)) - 1;
   const auto at = values.begin() + std::clamp<std::ptrdiff_t>(rank, 0, static_cast<std::ptrdiff_t>(values.size()) - 1);
@@ -14,7 +14,7 @@ inline double quantile(std::vector<double> values, double share) {
   return *at;
 }
 
-// The middle value, or the mean of the two. Not empty.
+// The middle value, or the mean of the two middle values. `values` must not be empty.
 inline double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t n = values.size();

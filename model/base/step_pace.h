@@ -1,14 +1,14 @@
-// How long a step takes, for whoever tells how long the rest will take.
+// Measures the duration of a step, to estimate the remaining time.
 #pragma once
 #include <optional>
 
 namespace vsplat {
 
-// The mean of the steps in which nothing was compiled. A step is counted where the one before compiled nothing either:
-// what that has enqueued may run, and be compiled for, during the next.
+// The mean duration of steps without compilation. A step counts only if the previous one compiled nothing either,
+// because work enqueued there may run, and cause compilation, during the next step.
 class StepPace {
  public:
-  // `compilations`: Profiler::compilations() at the step's end.
+  // `compilations`: Profiler::compilations() at the end of the step.
   void add(double seconds, long compilations) {
     const bool warm = compilations == last_ && last_ == before_;
     before_ = last_;
@@ -17,7 +17,7 @@ class StepPace {
     seconds_ += seconds;
     ++steps_;
   }
-  // None before the first such step.
+  // Nothing before the first such step.
   std::optional<double> seconds() const {
     if (steps_ == 0) return std::nullopt;
     return seconds_ / static_cast<double>(steps_);
