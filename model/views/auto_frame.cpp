@@ -14,12 +14,12 @@ namespace vsplat {
 namespace {
 
 struct Ray {
-  Eigen::Vector3d origin, direction;  // unit
+  Eigen::Vector3d origin, direction;  // `direction` has unit length
 };
 
-// The point with the least sum of distances to the lines, by reweighted least squares.
+// The point with the smallest sum of distances to the lines, by reweighted least squares.
 Eigen::Vector3d nearest_point(std::vector<Ray> rays) {
-  // Far from the origin, about the first of them: what is solved for may lose four digits.
+  // Work relative to the first origin if it is far away, because the solver may lose four digits.
   double spread = 0;
   for (const Ray& ray : rays) spread = std::max(spread, (ray.origin - rays[0].origin).norm());
   const Eigen::Vector3d offset = offset_for(rays[0].origin, spread);
@@ -65,7 +65,7 @@ Ray ray_through(const Camera& camera, double u, double v) {
   return {camera.centre(), (camera.w2c.topLeftCorner<3, 3>().transpose() * d).normalized()};
 }
 
-// The largest cube, as the network sees it (axes of the first view), that stays in front of all cameras.
+// The largest cube in the network's orientation (the first view's axes) that stays in front of all cameras.
 double largest_edge(std::span<const Camera> cameras, const Eigen::Vector3d& centre) {
   double out = std::numeric_limits<double>::infinity();
   const Eigen::Matrix3d first = cameras[0].w2c.topLeftCorner<3, 3>().transpose();
@@ -77,7 +77,7 @@ double largest_edge(std::span<const Camera> cameras, const Eigen::Vector3d& cent
   return out;
 }
 
-// By the middles of the masks where two views or more have one, else by the optical axes.
+// From the centres of the masks if at least two views have one, else from the optical axes.
 EstimatedPlacement find_centre(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents) {
   std::vector<Ray> axes, middles;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -97,7 +97,7 @@ struct EstimatedEdge {
   std::string from;
 };
 
-// By the masks' extents where there is one, else by how far the cameras are and how much they see.
+// From the extents of the masks if there are any, else from the cameras' distances and fields of view.
 EstimatedEdge find_edge(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
                         const Eigen::Vector3d& centre) {
   std::vector<double> sizes, distances, spans;
@@ -117,7 +117,7 @@ EstimatedEdge find_edge(std::span<const Camera> cameras, std::span<const std::op
                       2 * std::atan(0.5 * median(spans)) * 180 / M_PI)};
 }
 
-// By masks where there are any, else by the axes.
+// From masks if there are any, else from the optical axes.
 EstimatedPlacement frame_without_points(std::span<const Camera> cameras,
                                         std::span<const std::optional<MaskExtent>> extents,
                                         const std::optional<Eigen::Vector3d>& centre) {
@@ -134,7 +134,8 @@ EstimatedPlacement frame_without_points(std::span<const Camera> cameras,
   return out;
 }
 
-// Whether nine in ten of the masks hold it. Masks are a box each, and a little is added for what was cut too tight.
+// Whether at least nine in ten masks contain the point. A mask's extent is a box; it is widened a little, in case it
+// was cut too tightly.
 bool is_masked_in(std::span<const Camera> cameras, std::span<const std::optional<MaskExtent>> extents,
                   const Eigen::Vector3d& point) {
   constexpr double widened = 0.02;

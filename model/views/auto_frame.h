@@ -1,4 +1,4 @@
-// Finding the object from a scene's points, from masks or from the cameras alone.
+// Locates the object from a scene's points, from masks, or from the cameras alone.
 #pragma once
 #include <optional>
 #include <span>
@@ -10,13 +10,13 @@
 
 namespace vsplat {
 
-// What of a picture is the object, in its pixels.
+// The object's bounding box in a picture, in pixels.
 struct MaskExtent {
   double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
 
-// The box that holds all of a mask's visible pixels (last channel over one half) but 0.2 % at each side, which a few
-// stray pixels do not widen; nothing where no pixel is visible.
+// The bounding box of a mask's visible pixels (last channel over one half) without 0.2 % at each side, so that stray
+// pixels do not widen it; nothing if no pixel is visible.
 std::optional<MaskExtent> mask_extent(const Image& mask);
 std::optional<MaskExtent> mask_extent(PixelRows& mask);
 

@@ -15,8 +15,8 @@ namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-// What moves in a vector space: the centre, or where the camera sees the point that all of them look at, as x/z, y/z,
-// log z; log fx/w, log fy/h, cx/w, cy/h.
+// The interpolated coordinates in a vector space: the centre, or the position in camera coordinates of the common
+// target as x/z, y/z, log z; then log fx/w, log fy/h, cx/w, cy/h.
 using Linear = Eigen::Matrix<double, 7, 1>;
 
 struct Key {
@@ -24,7 +24,7 @@ struct Key {
   Quaterniond turn;  // camera to world
 };
 
-// From one key to the next; velocities are per unit of the path's time, turning about the camera's own axes.
+// The interval between two keys. Velocities are per unit of path time; rotation is about the camera's own axes.
 struct Stretch {
   double start = 0, time = 1;
   Linear step;
@@ -37,7 +37,7 @@ Vector3d log_of(const Quaterniond& q) {
   const double angle = 2 * std::atan2(length, std::abs(q.w()));
   Vector3d axis = q.vec() / length;
   if (std::abs(q.w()) > 1e-9) return (q.w() < 0 ? -angle : angle) * axis;
-  int largest = 0;  // half a turn: both arcs are as short
+  int largest = 0;  // half a turn: both arcs have the same length
   axis.cwiseAbs().maxCoeff(&largest);
   return (axis[largest] < 0 ? -angle : angle) * axis;
 }
@@ -59,9 +59,9 @@ bool sees(const Camera& c, const Vector3d& point) {
   return u >= 0 && u <= c.width && v >= 0 && v <= c.height;
 }
 
-// The point nearest to all optical axes, where every key has it in its picture. The axes of cameras that face each
-// other leave it open along them: a small pull takes it to the middle of the cameras, which is between such, and beside
-// those that look the same way.
+// The point nearest to all optical axes, if every key has it in its picture. The axes of cameras that face each other
+// leave the position along them undetermined; a small regulariser pulls it to the mean of the camera centres, which
+// lies between such cameras, and beside cameras that look in the same direction.
 std::optional<Vector3d> point_looked_at(std::span<const Camera> keys) {
   constexpr double pull = 1e-4;
   Vector3d middle = Vector3d::Zero(), right = Vector3d::Zero();
@@ -92,7 +92,7 @@ void check_shapes(std::span<const Camera> keys) {
   const Camera& first = keys.front();
   for (std::size_t i = 1; i < keys.size(); ++i) {
     const double scaled = static_cast<double>(keys[i].height) * first.width / keys[i].width;
-    if (std::abs(scaled - first.height) > 1)  // the same picture at another resolution is rounded to whole pixels
+    if (std::abs(scaled - first.height) > 1)  // another resolution of the same picture is rounded to whole pixels
       fail(Status::input,
            "key camera {} has pictures of {} x {} pixels, the first one of {} x {}: a path's cameras need the same "
            "proportions",
@@ -118,7 +118,8 @@ std::vector<Stretch> stretches_of(const std::vector<Key>& keys, std::span<const 
   return out;
 }
 
-// The velocity at key `i`: of the parabola through it and its neighbours; at the ends that of the one stretch there.
+// The velocity at key `i`: that of the parabola through it and its neighbours; at the ends, that of the only adjacent
+// interval.
 template <class V>
 V velocity(const std::vector<Stretch>& all, std::size_t i, V Stretch::*way) {
   const auto mean = [&](std::size_t k) -> V { return all[k].*way / all[k].time; };
@@ -128,8 +129,8 @@ V velocity(const std::vector<Stretch>& all, std::size_t i, V Stretch::*way) {
   return (after * mean(i - 1) + before * mean(i)) / (before + after);
 }
 
-// Bezier's cubic of stretch `i` at u in [0,1], in the sum of steps that carries over to rotations: its control points
-// are a third of the stretch's time along the velocities at its ends.
+// Cubic Bezier curve of interval `i` at u in [0,1], in the cumulative form that generalises to rotations. Its control
+// points are a third of the interval's time along the velocities at its ends.
 Key on_stretch(const std::vector<Key>& keys, const std::vector<Stretch>& all, std::size_t i, double u) {
   const double third = all[i].time / 3, v = 1 - u;
   const double b1 = 1 - v * v * v, b2 = u * u * (3 - 2 * u), b3 = u * u * u;
@@ -157,7 +158,7 @@ Camera camera_of(const Key& key, const Camera& like, const std::optional<Vector3
   return out;
 }
 
-// A key as it is, in the first one's size.
+// The key itself at the first key's size.
 Camera resized(Camera key, const Camera& like) {
   if (key.width != like.width || key.height != like.height) {
     const double x = static_cast<double>(like.width) / key.width, y = static_cast<double>(like.height) / key.height;

@@ -12,7 +12,7 @@
 namespace vsplat {
 namespace {
 
-// What the object's place is estimated from.
+// The data of a view that the placement is estimated from.
 struct Seen {
   Camera camera;
   std::optional<MaskExtent> extent;
@@ -20,9 +20,9 @@ struct Seen {
 
 Seen see(LoadedPhotograph& view) { return {view.listed().camera, view.extent()}; }
 
-// The points that come with the list, if they are known to be of its world; damaged ones are told of.
+// The points that belong to the list, if they are known to be in its world. Damaged points cause a warning.
 std::vector<ColoredPoint> points_for(const Photographs& photographs) {
-  if (photographs.picture) return {};  // made here: no file has points of it
+  if (photographs.picture) return {};  // pictures made in memory have no file of points
   try {
     std::optional<ListedPoints> found = listed_points(photographs.set);
     if (found && found->placed) return std::move(found->points);
@@ -32,8 +32,8 @@ std::vector<ColoredPoint> points_for(const Photographs& photographs) {
   return {};
 }
 
-// Of lists that say nothing of the object and give nothing to find it by, a single view for instance: many are of
-// objects that were put about the origin. Else what is in the way is the error.
+// Fallback for lists that do not describe the object and give no way to estimate it, such as a single view: many show
+// objects placed at the origin. If a view does not show the origin, the original error is thrown.
 EstimatedPlacement cube_at_origin(std::span<const Camera> cameras, const Error& error) {
   for (const Camera& c : cameras) {
     const auto at = project_to_picture(c, Eigen::Vector3d::Zero());
@@ -44,7 +44,7 @@ EstimatedPlacement cube_at_origin(std::span<const Camera> cameras, const Error& 
           false};
 }
 
-// `look` is called once for each of `views` views, and only where there is something to estimate.
+// `look` is called once for each of `views` views, and only if something must be estimated.
 ChosenPlacement place(const Photographs& photographs, const PlacementRequest& request, std::size_t views,
                       const std::vector<ColoredPoint>* points, const std::function<Seen(std::size_t)>& look) {
   const auto estimate = [&](const std::optional<Eigen::Vector3d>& centre) {

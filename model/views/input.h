@@ -1,4 +1,4 @@
-// From listed photographs to what the network takes: which views, where the object is, the checks, the pictures.
+// Turns listed photographs into network input: chooses views, locates the object, checks and prepares the pictures.
 #pragma once
 #include <span>
 #include <string>
@@ -12,17 +12,17 @@
 
 namespace vsplat {
 
-// Where the object is, from what is asked for, listed, or estimated from these views, which are loaded for it one after
-// the other. `points`: of their world; without, those of listed_points() are looked at where something is estimated.
+// The object's placement: as requested, as listed, or estimated from these views, which are loaded one after the other.
+// `points` are in the views' world; without them, an estimate uses listed_points().
 ChosenPlacement find_placement(const Photographs& photographs, std::span<const int> views,
                                const PlacementRequest& request, const std::vector<ColoredPoint>* points = nullptr);
 
 struct InputRequest {
-  std::vector<std::string> names;  // as ViewRequest has them
-  int view_count = 0;              // how many views where none are named; 0: TakenViews::usual
+  std::vector<std::string> names;  // as in ViewRequest
+  int view_count = 0;              // number of views if none are named; 0: TakenViews::usual
   PlacementRequest placement;
   Fit fit = Fit::automatic;
-  bool force = false;  // of check_centre_is_seen()
+  bool force = false;  // for check_centre_is_seen()
 };
 
 struct Input {
@@ -32,7 +32,7 @@ struct Input {
 };
 std::vector<Camera> cameras_of(const Input& input);
 
-// Chooses, places, checks and prepares; says what it chose and found as information in the log.
+// Chooses, places, checks and prepares the views; logs its choices and findings as information.
 Input prepare_input(const Photographs& photographs, const TakenViews& taken, const InputRequest& request);
 
 }  // namespace vsplat

@@ -37,7 +37,7 @@ std::vector<Pair> pairs_by_name(const ViewSet& from, const ViewSet& to) {
 
 Matrix3d rotation_of(const Camera& c) { return c.w2c.topLeftCorner<3, 3>(); }
 
-// The rotation that is nearest to all that lead from one camera's axes to its partner's.
+// The rotation nearest to all rotations from a camera's axes to its partner's.
 Matrix3d mean_rotation(const std::vector<Pair>& pairs) {
   Matrix3d sum = Matrix3d::Zero();
   for (const Pair& p : pairs) sum += rotation_of(p.to).transpose() * rotation_of(p.from);
@@ -47,7 +47,7 @@ Matrix3d mean_rotation(const std::vector<Pair>& pairs) {
   return svd.matrixU() * fix * svd.matrixV().transpose();
 }
 
-// What moves one world into the other, by the cameras that both have; nothing where none does for nine in ten of them.
+// The similarity from one world to the other, from the cameras in both; nothing if it does not fit nine in ten of them.
 std::optional<Similarity> between(const std::vector<Pair>& pairs) {
   if (pairs.size() < 2) return std::nullopt;
   const double n = static_cast<double>(pairs.size());
@@ -72,13 +72,13 @@ std::optional<Similarity> between(const std::vector<Pair>& pairs) {
     off.push_back(std::max(angle, (out.apply(p.from.centre()) - p.to.centre()).norm() / spread));
   }
   if (quantile(off, 0.9) > kSame) return std::nullopt;
-  // The same world: positions stay what they are to the last bit.
+  // The worlds are identical: positions stay unchanged to the last bit.
   const double moved = (out.apply(from) - from).norm() / spread + (out.rotation - Matrix3d::Identity()).norm();
   if (moved + std::abs(out.scale - 1) < kSame) return Similarity();
   return out;
 }
 
-// In the folder of the list or, as nerfstudio has it, in its folder colmap/.
+// A model in the list's folder or, as with nerfstudio, in its subfolder colmap/.
 fs::path model_beside(const fs::path& list) {
   const fs::path folder = list.has_parent_path() ? list.parent_path() : fs::path(".");
   const fs::path found = find_colmap_model(folder);
@@ -109,7 +109,7 @@ std::optional<ListedPoints> listed_points(const ViewSet& set) {
   std::error_code error;
   const bool colmap = fs::is_directory(set.source, error);
   if (!colmap && !set.points.empty()) return ListedPoints{read_ply_points(set.points.string()), set.points};
-  if (!colmap && !fs::is_regular_file(set.source, error)) return std::nullopt;  // made here
+  if (!colmap && !fs::is_regular_file(set.source, error)) return std::nullopt;  // made in memory
   const fs::path model = colmap ? set.source : model_beside(set.source);
   if (model.empty()) return std::nullopt;
   const fs::path file = colmap_points_file(model);

@@ -1,4 +1,4 @@
-// The sparse points that come with listed views.
+// The sparse points that belong to listed views.
 #pragma once
 #include <optional>
 #include <vector>
@@ -11,15 +11,15 @@ namespace vsplat {
 struct ListedPoints {
   std::vector<ColoredPoint> points;  // in the views' world
   std::filesystem::path file;
-  // Whether they are known to be of the views' world. Not where they are a COLMAP model's that has no picture of the
-  // list's names: then they are as that model has them.
+  // Whether the points are known to be in the views' world. False for points of a COLMAP model that has too few
+  // pictures named in the list; they are then in that model's world.
   bool placed = true;
 };
 
-// Of a COLMAP model its own; of other lists the file that ply_file_path names, else those of a COLMAP model in the same
-// folder, moved into the list's world by the cameras of equal names (nerfstudio turns and scales COLMAP's world).
-// Nothing where there is no such file. Errors as read_colmap_points(); Error(input) where cameras of equal names have
-// nothing to do with each other.
+// For a COLMAP model, its own points. For other lists, the file named by ply_file_path, else the points of a COLMAP
+// model in the same folder, transformed to the list's world by the cameras with equal names (nerfstudio rotates and
+// scales COLMAP's world). Nothing if there is no such file. Errors as read_colmap_points(); Error(input) if the cameras
+// with equal names do not match.
 std::optional<ListedPoints> listed_points(const ViewSet& set);
 
 }  // namespace vsplat

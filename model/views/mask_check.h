@@ -1,4 +1,4 @@
-// Masks that cannot be meant, found before anything is computed from them.
+// Detects implausible masks before anything is computed from them.
 #pragma once
 #include <span>
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace vsplat {
 
-// How much of a mask (the last channel over one half) is the object, of all pixels and of those along the border.
+// The object's share (the last channel over one half) of all of a mask's pixels and of those along the border.
 struct MaskShares {
   double all = 0, border = 0;
   float brightest = 0;

@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 constexpr int max_orbit = 9999;
 constexpr double filled = 0.9;  // of the picture: a margin of a twentieth on each side
 
-// Any unit vector across `axis`.
+// A unit vector perpendicular to `axis`.
 Vector3d across(const Vector3d& axis) {
   int least = 0;
   axis.cwiseAbs().minCoeff(&least);
@@ -27,7 +27,7 @@ Vector3d across(const Vector3d& axis) {
 }
 
 struct Circle {
-  Vector3d centre, up, start;  // start: across up, the azimuth of the first camera
+  Vector3d centre, up, start;  // start: perpendicular to up; azimuth of the first camera
   double radius = 1, elevation = 0, fov = 1;
 };
 
@@ -48,7 +48,7 @@ std::vector<Camera> cameras_on(const Circle& circle, int count, int width, int h
     c.width = width, c.height = height;
     c.fx = c.fy = focal;
     c.cx = 0.5 * width, c.cy = 0.5 * height;
-    // At the pole the picture's upper side turns with the azimuth.
+    // Near the pole the picture's upper side follows the azimuth.
     c.w2c = look_at(circle.centre + circle.radius * away, circle.centre,
                     std::cos(circle.elevation) * circle.up - std::sin(circle.elevation) * level);
     out.push_back(c);
@@ -78,7 +78,7 @@ std::optional<Vector3d> asked_up(const OrbitOptions& options) {
   return *options.up / length;
 }
 
-// The field of view into which the cylinder inscribed in a cube fits, from a camera on the circle.
+// The field of view that contains the cylinder inscribed in a cube, from a camera on the circle.
 double view_of_cube(double edge, double radius, double elevation) {
   const double half = 0.5 * edge, sine = std::sin(elevation), cosine = std::cos(elevation);
   double tangent = 0;
@@ -89,7 +89,7 @@ double view_of_cube(double edge, double radius, double elevation) {
   return 2 * std::atan(tangent / filled);
 }
 
-// What of a Gaussian counts for the picture's frame.
+// The bounding sphere of a Gaussian, for framing.
 struct Ball {
   Vector3d mean;
   double radius;
@@ -112,7 +112,7 @@ std::vector<Ball> visible_balls(const Gaussians& g) {
   return out;
 }
 
-// Without those far from the rest, where they are more than middle_of() and distance_for() leave out by themselves.
+// Removes balls far from the others, if they are more than middle_of() and distance_for() ignore by themselves.
 std::vector<Ball> without_floaters(std::vector<Ball> balls) {
   constexpr double far_off = 10;  // times the median distance from the middle
   constexpr double few = 0.02;
@@ -141,8 +141,8 @@ Vector3d up_of(const Scene& scene) {
   return scene.up ? Vector3d((*scene.up)[0], (*scene.up)[1], (*scene.up)[2]).normalized() : Vector3d(0, -1, 0);
 }
 
-// Across up: the front of the nearer of the worlds whose up is +y (front +z) and -y (front -z), turned the shortest
-// way; halfway between, for z-up worlds, both give -y.
+// Perpendicular to up: the front of the nearer of the worlds with up +y (front +z) and -y (front -z), rotated the
+// shortest way. For z-up worlds, halfway between, both give -y.
 Vector3d front_of(const Vector3d& up) {
   const double side = up.y() > 0 ? 1 : -1;
   return (Eigen::Quaterniond::FromTwoVectors(Vector3d(0, side, 0), up) * Vector3d(0, 0, side)).normalized();
@@ -159,7 +159,7 @@ Vector3d middle_of(const std::vector<Ball>& balls, const Circle& circle) {
   return out;
 }
 
-// The distance from which the balls keep inside `filled` of the picture, the whole way round.
+// The distance from which the balls stay inside `filled` of the picture along the whole circle.
 double distance_for(const std::vector<Ball>& balls, const Circle& circle, int width, int height) {
   std::vector<double> distances(balls.size());
   std::transform(balls.begin(), balls.end(), distances.begin(),
@@ -175,7 +175,7 @@ double distance_for(const std::vector<Ball>& balls, const Circle& circle, int wi
     const double radius = std::min(balls[i].radius, 0.25 * most), height_over = off.dot(circle.up);
     const double turning = (off - height_over * circle.up).norm() + radius;
     for (const double h : {height_over - radius, height_over + radius}) {
-      out = std::max(out, h * sine + turning * std::hypot(1 / across, cosine));  // beside the middle
+      out = std::max(out, h * sine + turning * std::hypot(1 / across, cosine));  // at the side
       for (const double r : {-turning, turning})                                 // nearest and farthest
         out = std::max(out, std::abs(h * cosine - r * sine) / along + h * sine + r * cosine);
     }
@@ -198,9 +198,9 @@ Eigen::Matrix4d look_at(const Vector3d& eye, const Vector3d& target, const Vecto
   return out;
 }
 
-// Minimises the weighted mean of (up . x_i)^2 + 0.001 |up - m|^2, m the mean of the -y axes: exact for cameras that are
-// not rolled, whatever their elevations and however little of the circle they cover; where their x axes leave it open,
-// m says.
+// Minimises the weighted mean of (up . x_i)^2 + 0.001 |up - m|^2, where m is the mean of the -y axes. Exact for cameras
+// without roll, whatever their elevations and however little of the circle they cover; m decides if the x axes do not
+// determine it.
 Vector3d up_axis(std::span<const Camera> cameras) {
   Vector3d mean = Vector3d::Zero(), centre = Vector3d::Zero();
   for (const Camera& c : cameras) {
@@ -209,7 +209,7 @@ Vector3d up_axis(std::span<const Camera> cameras) {
   }
   const auto n = static_cast<double>(cameras.size());
   mean /= n, centre /= n;
-  if (mean.norm() < 0.05) {  // rolled every way: across the plane the cameras are in
+  if (mean.norm() < 0.05) {  // all kinds of roll: normal of the plane of the cameras
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (const Camera& c : cameras) spread += (c.centre() - centre) * (c.centre() - centre).transpose();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
@@ -223,7 +223,7 @@ Vector3d up_axis(std::span<const Camera> cameras) {
     double total = 0;
     for (const Camera& c : cameras) {
       const Vector3d x = c.w2c.row(0).head<3>();
-      const double weight = 1 / std::max(0.05, std::abs(up.dot(x)));  // one turned by a quarter counts little
+      const double weight = 1 / std::max(0.05, std::abs(up.dot(x)));  // a camera rolled by 90 degrees counts little
       A += weight * x * x.transpose();
       total += weight;
     }
@@ -266,7 +266,7 @@ std::vector<Camera> orbit_about(std::span<const Camera> inputs, const Vector3d& 
   circle.radius = median(distances);
   circle.elevation = elevations.empty() ? 0 : median(elevations);
   circle.fov = median(fovs);
-  const double usual = circle.radius;  // what is asked for in its place is meant to change what is seen
+  const double usual = circle.radius;  // a requested radius is meant to change what is visible
   apply(options, circle);
   if (options.edge > 0) circle.fov = std::max(circle.fov, view_of_cube(options.edge, usual, circle.elevation));
   if (!(circle.radius > 0))
@@ -289,7 +289,7 @@ std::vector<Camera> orbit_about_scene(const Scene& scene, int count, int width, 
   if (!balls.empty()) {
     balls = without_floaters(std::move(balls));
     circle.centre = middle_of(balls, circle);
-    apply(options, circle);  // the elevation, which the distance depends on
+    apply(options, circle);  // sets the elevation, on which the distance depends
     circle.radius = distance_for(balls, circle, width, height);
   }
   apply(options, circle);

@@ -12,7 +12,7 @@
 namespace vsplat {
 namespace {
 
-// The size of the picture once it is turned.
+// The picture's size after applying its orientation.
 std::pair<int, int> turned_size(const ImageInfo& info, int turning) {
   return turning >= 5 ? std::pair{info.height, info.width} : std::pair{info.width, info.height};
 }
@@ -22,7 +22,7 @@ bool is_kept(const ImageInfo& info) {
   return static_cast<long>(info.width) * info.height <= most_kept;
 }
 
-// A mask of a picture whose rows it owns, in the size asked for.
+// A mask that owns its picture's rows, scaled to the given size.
 class OwnedMask : public PixelRows {
  public:
   OwnedMask(std::unique_ptr<PixelRows> picture, int width, int height)
@@ -41,7 +41,7 @@ class OwnedMask : public PixelRows {
 
 int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info) {
   std::error_code error;
-  if (info.orientation == 1 || std::filesystem::is_directory(set.source, error)) return 1;  // a folder: COLMAP's
+  if (info.orientation == 1 || std::filesystem::is_directory(set.source, error)) return 1;  // a folder: COLMAP
   const Camera& c = view.camera;
   const bool turned = info.orientation >= 5 && c.width > 0 && c.height > 0 && c.width != c.height;
   if (turned && (c.width > c.height) == (info.width > info.height)) return 1;
@@ -55,7 +55,7 @@ int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info
 ListedView resolved_view(const Photographs& photographs, int index) {
   ListedView view = photographs.set.views[index];
   if (photographs.picture) {
-    if (is_resolved(view)) return view;  // its picture's size is looked at where it is made
+    if (is_resolved(view)) return view;  // the picture's size is read when it is made
     const Image picture = photographs.picture(index);
     resolve_intrinsics(view, picture.width, picture.height);
     return view;

@@ -1,4 +1,4 @@
-// Photographs as listed, and one of them loaded: what it is placed by and what the network gets come from one reading.
+// Listed photographs, and a loaded photograph: placement and network input come from a single read of its file.
 #pragma once
 #include <functional>
 #include <optional>
@@ -15,38 +15,37 @@ namespace vsplat {
 // Photographs as listed.
 struct Photographs {
   ViewSet set;
-  // Makes the picture of a view (by its index; 3 or 4 channels). Empty: pictures are in the views' files.
+  // Makes the picture of a view (by its index; 3 or 4 channels). If empty, pictures are read from the views' files.
   std::function<Image(int)> picture = {};
 };
 
-// How the picture of a view is to be turned to be what its camera saw: 1, for as it is stored, or the orientation that
-// the file states. Which of them the listed size tells where they differ in it; COLMAP reads pictures as they are
-// stored. Error(input) where the file states an orientation and nothing tells whether the pose is of the picture with
-// it or without.
+// The orientation to apply to a view's picture so that it matches the camera: 1 (as stored) or the orientation stated
+// in the file. The listed size decides if the two differ in size; COLMAP reads pictures as stored. Error(input) if the
+// file states an orientation and the size does not decide.
 int turning_of(const ViewSet& set, const ListedView& view, const ImageInfo& info);
 
-// The listed view with all its intrinsics: what it leaves open comes from its picture's size. Of a picture's file the
-// header alone is read.
+// The listed view with all intrinsics; the picture's size determines the unknown ones. Reads only the header of a
+// picture file.
 ListedView resolved_view(const Photographs& photographs, int view);
 
-// A picture's file, opened once. One of up to 16 million pixels is decoded at most once, when it is first needed, and
-// kept; of a larger one the undecoded file is kept, and its rows are decoded whenever they are asked for.
+// A picture file, opened once. A picture of up to 16 million pixels is decoded at most once, when first needed, and
+// cached. For larger ones the undecoded file is cached, and rows are decoded with each call.
 class PhotographFile {
  public:
   explicit PhotographFile(const std::string& path);
 
   const ImageInfo& info() const { return info_; }
-  // As it is to be shown where the orientation counts. This must outlive them.
+  // The rows with the orientation `turning` applied. This must outlive them.
   std::unique_ptr<PixelRows> rows(int turning = 1);
 
  private:
-  std::optional<ImageFile> file_;  // until it is decoded to be kept
+  std::optional<ImageFile> file_;  // until the decoded picture replaces it
   ImageInfo info_;
   std::optional<Image> decoded_;
 };
 
-// Bytes of the host's memory that reading these takes at most, all loaded at once: files, decoded ones that are kept,
-// and what decoding the largest holds. Of the files the headers are read. 0 where pictures are made.
+// Upper limit on the host memory, in bytes, to hold all these pictures loaded at once: files, cached decoded pictures,
+// and the working memory for decoding the largest. Reads the files' headers. 0 if pictures are made in memory.
 double host_bytes_to_load(const Photographs& photographs);
 
 // A view whose picture and mask are each opened once. `photographs` must outlive it.
@@ -55,47 +54,47 @@ class LoadedPhotograph {
   // Reads the picture's file; Error(file, format or input) as resolved_view().
   LoadedPhotograph(const Photographs& photographs, int view);
 
-  // With all its intrinsics.
+  // With all intrinsics.
   const ListedView& listed() const { return listed_; }
 
-  // What of the picture is the object: by its mask, else by its alpha; nothing where it has neither. Decodes what this
-  // is seen in.
+  // The object's extent in the picture, from its mask or else its alpha; nothing if it has neither. Decodes the mask or
+  // picture.
   std::optional<MaskExtent> extent();
 
-  // The same in shares of its pixels; nothing where it has neither a mask nor alpha.
+  // The object's shares of the pixels; nothing if there is neither a mask nor alpha.
   std::optional<MaskShares> shares();
 
-  // As the network gets it, its background still open.
+  // The network's input, without a background yet.
   FramedView framed(const Framing& framing);
 
-  // All of it, its longer side at most `longest` pixels (0: as it is).
+  // The whole picture, its longer side at most `longest` pixels (0: unchanged).
   WholeView whole(int longest);
-  // Decodes all of the picture and its mask, for the errors.
+  // Decodes the whole picture and mask, to detect errors.
   void read_through();
-  // Whether the picture says what of it is the object: by a mask or an alpha channel.
+  // Whether a mask or an alpha channel marks the object.
   bool is_masked();
 
  private:
   PictureNames names() const;
-  // Valid while this is.
+  // Valid as long as this object.
   std::unique_ptr<PixelRows> picture();
-  std::unique_ptr<PixelRows> mask();  // of the picture's size; null where none is listed
+  std::unique_ptr<PixelRows> mask();  // of the picture's size; null if none is listed
   const Image& made_picture();
 
   const Photographs* photographs_;
   int view_;
   ListedView listed_;
-  int turning_ = 1;                     // of turning_of()
-  std::optional<PhotographFile> file_;  // never where pictures are made
+  int turning_ = 1;                     // result of turning_of()
+  std::optional<PhotographFile> file_;  // empty if pictures are made in memory
   std::optional<PhotographFile> mask_file_;
   std::optional<Image> made_;
 };
 
-// check_masks() of those of these views that have a mask or alpha, where all have.
+// Runs check_masks() on these views, if all of them have a mask or alpha.
 void check_masks_of(const Photographs& photographs, std::span<const int> views);
 
-// Makes a problem (ListedView::problem) of what cannot be read of a view: its picture, its mask, or that they do not
-// fit the camera. Decodes all of both. One warning counts them; Error where none is left.
+// Sets ListedView::problem of views whose picture or mask cannot be read, or does not fit the camera. Decodes both
+// completely. One warning counts them; Error if none is left.
 void leave_out_unreadable(Photographs& photographs);
 
 }  // namespace vsplat

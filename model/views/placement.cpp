@@ -63,7 +63,7 @@ ChosenPlacement choose_placement(
 }
 
 std::string to_text(const Eigen::Vector3d& v) {
-  const int digits = v.cwiseAbs().maxCoeff() < 1e5 ? 6 : 12;  // far away the first six say little
+  const int digits = v.cwiseAbs().maxCoeff() < 1e5 ? 6 : 12;  // far from the origin, six digits are not enough
   return fmt::format("({:.{}g}, {:.{}g}, {:.{}g})", v.x(), digits, v.y(), digits, v.z(), digits);
 }
 

@@ -16,11 +16,11 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Positions = std::vector<Vector3d>;
 
-constexpr std::size_t kLeastPoints = 30, kMostPoints = 50000;  // of more an even sample is looked at
+constexpr std::size_t kLeastPoints = 30, kMostPoints = 50000;  // of more, an even sample is used
 constexpr std::uint64_t kLeastTrack = 3;
 constexpr double kMostError = 2;  // pixels
 constexpr std::size_t kNeighbours = 8;
-constexpr double kThinner = 3;  // times the median distance to the last of them
+constexpr double kThinner = 3;  // times the median distance to the last neighbour
 constexpr double kTrimmed = 0.002, kMargin = 1.05;
 
 std::vector<ColoredPoint> even_sample(std::span<const ColoredPoint> points) {
@@ -31,7 +31,7 @@ std::vector<ColoredPoint> even_sample(std::span<const ColoredPoint> points) {
   return out;
 }
 
-// Those that `keep` holds, or all where these are too few to go on with.
+// Keeps the points for which `keep` is true, unless too few are left.
 void keep_where(std::vector<ColoredPoint>& points, const std::function<bool(const ColoredPoint&)>& keep) {
   std::vector<ColoredPoint> kept;
   std::copy_if(points.begin(), points.end(), std::back_inserter(kept), keep);
@@ -45,8 +45,8 @@ bool sees(const Camera& c, const Vector3d& point) {
   return u >= 0 && u <= c.width && v >= 0 && v <= c.height;
 }
 
-// Without those whose neighbours are much farther away than is usual. Relative to `offset`, in which the tree's numbers
-// are small.
+// Removes points whose neighbours are much farther away than usual. Works relative to `offset` to keep the tree's
+// numbers small.
 Positions dense_ones(const std::vector<ColoredPoint>& points, const Vector3d& offset) {
   PointRows rows(static_cast<Eigen::Index>(points.size()), 3);
   for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = points[i].position - offset;
@@ -54,7 +54,7 @@ Positions dense_ones(const std::vector<ColoredPoint>& points, const Vector3d& of
   const PointTree tree(3, for_tree);
   std::vector<double> distances;
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
-    std::array<Eigen::Index, kNeighbours + 1> found{};  // itself among them
+    std::array<Eigen::Index, kNeighbours + 1> found{};  // including the point itself
     std::array<double, kNeighbours + 1> squared{};
     const std::size_t n = tree.knnSearch(rows.row(i).data(), found.size(), found.data(), squared.data());
     distances.push_back(std::sqrt(squared[n - 1]));
@@ -66,7 +66,7 @@ Positions dense_ones(const std::vector<ColoredPoint>& points, const Vector3d& of
   return out;
 }
 
-// By the shares `low` and 1 - `low` along each axis of the world: the middle between them.
+// The middle between the quantiles `low` and 1 - `low` along each world axis.
 Vector3d middle(const Positions& points, double low) {
   Vector3d out;
   std::vector<double> values(points.size());
@@ -77,7 +77,7 @@ Vector3d middle(const Positions& points, double low) {
   return out;
 }
 
-// How far from a point a camera's picture reaches at its distance, by the longer side; of half of the cameras.
+// Median over the cameras of the half-width of the picture at the point's distance, by the longer side.
 double reach(std::span<const Camera> cameras, const Vector3d& point) {
   std::vector<double> out;
   for (const Camera& c : cameras)
@@ -92,7 +92,7 @@ Positions near_to(const Positions& points, const Vector3d& centre, double radius
   return out;
 }
 
-// The cube about `centre` that holds the points, however it is turned.
+// Edge of a cube about `centre` that contains the points in the orientation of the world and of every camera.
 double edge_about(const Positions& points, const Vector3d& centre, std::span<const Camera> cameras) {
   std::vector<Matrix3d> axes{Matrix3d::Identity()};
   for (const Camera& c : cameras) axes.emplace_back(c.w2c.topLeftCorner<3, 3>());

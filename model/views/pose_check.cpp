@@ -46,11 +46,11 @@ struct Swap {
 Camera with_c2w(const Camera& camera, const Eigen::Matrix4d& c2w) {
   Camera out = camera, inverse;
   inverse.w2c = c2w;
-  out.w2c = inverse.c2w();  // the rigid inverse of whatever is in w2c
+  out.w2c = inverse.c2w();  // rigid inverse of w2c
   return out;
 }
 
-Eigen::Matrix4d flipped(Eigen::Matrix4d c2w) {  // y and z of the camera the other way
+Eigen::Matrix4d flipped(Eigen::Matrix4d c2w) {  // negates the camera's y and z axes
   c2w.middleCols<2>(1) *= -1;
   return c2w;
 }
@@ -62,7 +62,7 @@ Camera inverted_opengl(const Camera& c) { return with_c2w(c, flipped(with_c2w(c,
 Camera inverted_opengl_axes(const Camera& c) { return with_c2w(c, with_c2w(c, flipped(c.c2w())).w2c); }      // L^-1
 Camera inverted_opencv(const Camera& c) { return with_c2w(c, c.w2c); }                // L; with L = c2w, L^-1
 Camera inverted_opencv_axes(const Camera& c) { return with_c2w(c, flipped(c.w2c)); }  // L D; with L = c2w, L^-1 D
-Camera turned_back(const Camera& c) {  // the rotation transposed, the centre kept
+Camera turned_back(const Camera& c) {  // transposes the rotation, keeps the centre
   Eigen::Matrix4d c2w = c.c2w();
   c2w.topLeftCorner<3, 3>().transposeInPlace();
   return with_c2w(c, c2w);

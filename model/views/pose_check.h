@@ -1,4 +1,4 @@
-// Refuses poses that cannot be meant, before anything is computed from them.
+// Refuses implausible poses before anything is computed from them.
 #pragma once
 #include <optional>
 #include <span>
@@ -8,8 +8,8 @@
 
 namespace vsplat {
 
-// Where a point of the world is in the (distorted) picture, in pixels; nothing for a point that is not in front
-// or that the lens does not show.
+// The position of a world point in the (distorted) picture, in pixels; nothing if it is not in front of the camera or
+// the lens does not show it.
 std::optional<Eigen::Vector2d> project_to_picture(const Camera& camera, const Eigen::Vector3d& point);
 
 // Cameras in the user's world, intrinsics known. Error(input) where the cube's centre is behind, or outside the picture
@@ -28,7 +28,7 @@ std::string poses_that_meet(std::span<const Camera> cameras, PoseConvention conv
 // begins with.
 void warn_of_one_place(const std::string& set, std::span<const Camera> cameras);
 
-// Cameras in the object's frame. Error(input) where a corner of the cube [-0.5,0.5]^3 is not in front of every camera.
+// Cameras in the object's frame. Error(input) if a corner of the cube [-0.5,0.5]^3 is not in front of every camera.
 void check_cube_is_in_front(std::span<const Camera> cameras, const Placement& placement);
 
 }  // namespace vsplat

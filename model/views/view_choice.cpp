@@ -14,8 +14,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Cameras as far from a place as each other differ by rounding, which is another one in another part of the world: the
-// first of them is taken.
+// Tolerance for ties: distances that differ only by rounding, which depends on the world's origin. The first camera
+// wins.
 constexpr double kTie = 1e-6;  // of a squared distance
 
 std::vector<int> farthest_first(std::span<const Eigen::Vector3d> p, int k) {
@@ -33,7 +33,7 @@ std::vector<int> farthest_first(std::span<const Eigen::Vector3d> p, int k) {
   return out;
 }
 
-// The names a view answers to, the closest to the listing first.
+// The names that match a view, the closest to the listing first.
 std::vector<std::string> names_of(const ListedView& view) {
   const fs::path path = fs::path(view.name).lexically_normal();
   return {view.name, path.string(), fs::path(path).replace_extension().string(), path.filename().string(),
@@ -119,7 +119,7 @@ std::vector<int> with_pictures(const ViewSet& set) {
   return out;
 }
 
-// Error(file) where a view has a mask listed that is not there.
+// Error(file) if a view lists a mask that does not exist.
 void need_masks(const ViewSet& set, const std::vector<int>& views) {
   std::error_code error;
   for (const int i : views)
@@ -147,7 +147,8 @@ std::vector<Group> kmeans(std::span<const Eigen::Vector3d> p, int k) {
   for (const int seed : farthest_first(p, k)) groups.push_back({{}, p[seed]});
   std::vector<int> of(p.size(), -1);
   bool changed = true;
-  for (int step = 0; changed && step < 1000; ++step) {  // rounding could make it go round in circles for ever
+  for (int step = 0; changed && step < 1000; ++step) {  // limits the steps, because rounding could cause an endless
+                                                        // cycle
     changed = false;
     for (std::size_t i = 0; i < p.size(); ++i) {
       int best = 0;

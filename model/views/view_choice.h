@@ -1,4 +1,4 @@
-// Which of the listed views are used.
+// Chooses the listed views to use.
 #pragma once
 #include <Eigen/Core>
 #include <span>
@@ -16,33 +16,34 @@ struct Group {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
 };
 
-// k-means of camera positions, the same everywhere: starts from position 0 and then always the one farthest from those
-// chosen; Lloyd's steps to convergence; ties go to the lower index; groups ordered by their lowest member. Fewer than k
-// groups where fewer than k positions differ. Positions finite, 1 <= k.
+// Deterministic k-means of camera positions. Starts from position 0 and then repeatedly takes the position farthest
+// from those chosen; runs Lloyd's steps to convergence; ties go to the lower index; groups are sorted by their lowest
+// member. Fewer than k groups if fewer than k positions differ. Positions must be finite, 1 <= k.
 std::vector<Group> kmeans(std::span<const Eigen::Vector3d> positions, int k);
 
-// Of each group the member nearest its mean, in the groups' order.
+// The member nearest to the mean of each group, in the groups' order.
 std::vector<int> nearest_members(std::span<const Eigen::Vector3d> positions, std::span<const Group> groups);
 
 struct ViewRequest {
   std::vector<std::string> names;  // a picture's path as listed, its file name or stem, or @INDEX among all listed
-  int wanted = 4;                  // how many, where no names are given
-  int least = 4;                   // fewer are warned of
+  int wanted = 4;                  // number of views if no names are given
+  int least = 4;                   // a warning if there are fewer
 };
 
-// Indices into `set.views`, the reference view first. Named: those, in that order. Else, with more pictures than
-// wanted, of each of `wanted` groups the view nearest its mean; else all, as listed, with a warning where they are
-// fewer than `least`; where pictures are left over, how many are used is said. Error(usage) for a name that is unknown,
-// ambiguous, there twice or without a picture, and for more than 16 names; Error(file) where a view chosen has a mask
-// listed that is not there; Error(input) where none is left.
+// Indices into `set.views`, the reference view first. Named views are returned in the given order. Otherwise, if there
+// are more pictures than `wanted`, the views are clustered into `wanted` groups, and the view nearest to each mean is
+// chosen; if not, all are returned as listed, with a warning if they are fewer than `least`. If pictures are unused,
+// the log says how many are used. Error(usage) for a name that is unknown, ambiguous, duplicate or without a picture,
+// and for more than 16 names; Error(file) if a chosen view lists a mask that does not exist; Error(input) if no view is
+// left.
 std::vector<int> choose_views(const ViewSet& set, const ViewRequest& request);
 
-// Those named, as ViewRequest has them but in any number, or all that have a picture. Errors as choose_views(); `field`
-// is what they call the names.
+// The named views, as in ViewRequest but in any number, or all views with a picture. Errors as choose_views(); `field`
+// is the name of the option in messages.
 std::vector<int> listed_views(const ViewSet& set, const std::vector<std::string>& names,
                               const char* field = "vsplat_input_options.names");
 
-// `wanted` of these views: of each of so many groups the view nearest its mean; all where they are no more.
+// `wanted` of these views: the one nearest to the mean of each of `wanted` groups; all if there are no more than that.
 std::vector<int> spread_views(const ViewSet& set, std::span<const int> among, int wanted);
 
 }  // namespace vsplat

@@ -12,7 +12,7 @@
 namespace vsplat {
 namespace {
 
-// The framing the network is trained on: this many cube edges fill the picture.
+// The framing that the network is trained with: this many cube edges fill the picture.
 constexpr double edges_in_picture = 1.5;
 
 void check_sizes(const Camera& camera, const PixelRows& picture, const PixelRows* mask, const PictureNames& names) {
@@ -42,7 +42,7 @@ void warn_of_dark_mask(float brightest, const PictureNames& names) {
         names.mask, 255 * brightest);
 }
 
-// The listed camera with what it leaves open filled in from the picture.
+// The listed camera, with unknown values taken from the picture.
 Camera completed(Camera camera, const PixelRows& picture) {
   const bool no_size = camera.width == 0 && camera.height == 0;
   camera.width = picture.width;
@@ -70,7 +70,7 @@ Window object_window(const Camera& camera, const Framing& framing, const Picture
   return {u - 0.5 * side, v - 0.5 * side, side, framing.size};
 }
 
-// Whole pixels, so that a crop without scaling keeps them.
+// Aligned to whole pixels, so that a crop without scaling copies them.
 Window centred_window(const Camera& camera, int side, int size) {
   const auto corner = [&](int length) { return std::floor(0.5 * (length - side)); };
   return {corner(camera.width), corner(camera.height), static_cast<double>(side), size};
@@ -92,7 +92,7 @@ Window find_window(const Camera& camera, const Framing& framing, const PictureNa
   return object_window(camera, framing, names);
 }
 
-// The listed camera completed, where the pictures agree with it.
+// The completed camera, after checking that the pictures agree with it.
 Camera checked(const Camera& listed, const PixelRows& picture, const PixelRows* mask, const PictureNames& names) {
   if (picture.width < 1 || picture.height < 1 || (picture.channels != 3 && picture.channels != 4) ||
       (mask && mask->channels != 1))
@@ -116,7 +116,7 @@ Image seen_through(PixelRows& picture, PixelRows* mask, const Window& window, co
   return out;
 }
 
-// Everything of one value.
+// Rows with a constant value.
 class PlainRows : public PixelRows {
  public:
   PlainRows(int w, int h, int c, float value) : PixelRows(w, h, c), value_(value) {}
@@ -126,7 +126,7 @@ class PlainRows : public PixelRows {
   float value_;
 };
 
-// Calls `work` with the rows of both.
+// Calls `work` with the rows of the picture and the mask.
 template <class Work>
 auto with_rows(const Image& picture, const Image* mask, const Work& work) {
   const Image none;
@@ -134,7 +134,7 @@ auto with_rows(const Image& picture, const Image* mask, const Work& work) {
   return work(pixels, mask ? &masks : nullptr);
 }
 
-// The camera that sees the window alone, undistorted.
+// The undistorted camera that sees exactly the window.
 Camera pinhole(const Camera& camera, const Window& window) {
   Camera out = camera;
   out.distortion = {};
@@ -173,7 +173,7 @@ WholeView whole_view(const Camera& listed, PixelRows& picture, PixelRows* mask, 
   const Camera camera = checked(listed, picture, mask, names);
   const int longer = std::max(picture.width, picture.height);
   const double step = longest > 0 && longer > longest ? static_cast<double>(longer) / longest : 1.0;
-  // Pixels that the picture covers in part are left out.
+  // Partly covered pixels at the border are dropped.
   const auto pixels = [&](int length) { return std::max(static_cast<int>(std::floor(length / step + 1e-9)), 1); };
   const int columns = pixels(picture.width);
   const Window window{0, 0, columns * step, columns, pixels(picture.height)};

@@ -1,4 +1,4 @@
-// Photographs made into what the network takes: square, undistorted, on white, each with the pinhole that took it.
+// Converts photographs to network input: square, undistorted, on white, each with its pinhole camera.
 #pragma once
 #include <Eigen/Core>
 #include <string>
@@ -10,19 +10,19 @@
 
 namespace vsplat {
 
-// Which square of the undistorted picture becomes the view.
+// How a picture is cropped: the square of the undistorted picture that becomes the view.
 enum class Fit {
-  automatic,  // all of a square picture, unchanged where it has the network's size; `object` for others
+  automatic,  // a square picture completely, unchanged if it has the network's size; `object` for other pictures
   object,     // centred on the projected cube centre, 1.5 cube edges (by the larger of fx and fy) wide at its depth
   crop,       // the largest centred square
-  pad         // all of the picture, white beside it
+  pad         // the whole picture, padded with white
 };
 
-// "auto", "object", "crop" or "pad"; else Error(usage).
+// "auto", "object", "crop" or "pad"; otherwise Error(usage).
 Fit fit_from_name(const std::string& name);
 
 struct Framing {
-  int size = 0;  // S, the network's
+  int size = 0;  // S, the network's input size
   Fit fit = Fit::automatic;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // the object's cube, in the world
   double edge = 1;
@@ -33,39 +33,40 @@ struct PreparedView {
   Camera camera;  // S x S, no distortion, the listed pose and file name
 };
 
-// The same with its background still open.
+// As PreparedView, without a background yet.
 struct FramedView {
   Image image;  // [S][S][4], premultiplied
   Camera camera;
 };
 
-// All of a picture, undistorted, with the pinhole that took it.
+// A whole picture, undistorted, with its pinhole camera.
 struct WholeView {
   Image image;    // [H][W][4], premultiplied
   Camera camera;  // W x H, no distortion
-  Image known;    // [H][W][1]: 0 where the lens shows nothing of the pixel; empty: all is known
+  Image known;    // [H][W][1]: 0 for pixels that the lens does not show; empty if all are valid
 };
 
-// What messages call the picture and the mask.
+// Names of the picture and the mask in messages.
 struct PictureNames {
   std::string picture, mask;
 };
 
-// `picture` has 3 or 4 channels, `mask` (may be null) 1: white is the object, grey covers in part. Where the camera
-// gives no size it takes the picture's, and its middle where it gives no principal point (NaN, or 0 without a size).
-// Error(input) where sizes disagree, or where `object` is asked for and the cube's centre is not in front of the
-// camera. Without `names` messages go by the camera's file.
+// `picture` has 3 or 4 channels, `mask` (may be null) 1: white is the object, grey is partial coverage. If the camera
+// has no size, it takes the picture's; a missing principal point (NaN, or 0 without a size) is the picture's centre.
+// Error(input) if sizes disagree, or if `object` is requested and the cube's centre is not in front of the camera.
+// Without `names`, messages use the camera's file.
 FramedView frame_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 FramedView frame_view(const Camera& camera, PixelRows& picture, PixelRows* mask, const Framing& framing,
                       const PictureNames& names);
 PreparedView prepare_view(const Camera& camera, const Image& picture, const Image* mask, const Framing& framing);
 
-// As frame_view(), but all of the picture; its longer side made `longest` pixels where it is longer (0: kept), by area.
+// As frame_view() for the whole picture; if its longer side exceeds `longest` pixels, it is scaled down to that by area
+// (0: unchanged).
 WholeView whole_view(const Camera& camera, const Image& picture, const Image* mask, int longest,
                      const PictureNames& names);
 WholeView whole_view(const Camera& camera, PixelRows& picture, PixelRows* mask, int longest, const PictureNames& names);
 
-// The same from files; `mask_path` may be empty. Errors name them.
+// Reads the pictures from files; `mask_path` may be empty. Errors name the files.
 PreparedView prepare_view(const Camera& camera, const std::string& picture_path, const std::string& mask_path,
                           const Framing& framing);
 
