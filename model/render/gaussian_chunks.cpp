@@ -33,7 +33,7 @@ GaussianChunks place_on_device(Context& ctx, const Gaussians& g, double pixels) 
   const ArenaLimits& limits = ctx.memory().limits();
   const long k = static_cast<long>(g.count);
   const bool surfels = g.kind == GaussianKind::surfel;
-  // Beside the scene: a picture, and of each Gaussian what is projected and sorted, with a few tiles that it touches.
+  // Memory beside the scene: a picture, and for each Gaussian its projection and its sort pairs, assuming a few tiles.
   const double drawing = 12 + 16 + 4.0 * static_cast<double>(surfels ? kSurfelRecord : kRecord) + 16 + 4 * 8;
   const double limit = static_cast<double>(limits.total), n = static_cast<double>(k);
   const double left = limit - static_cast<double>(ctx.memory().live()) - n * (bytes_of(g) + drawing) - 20 * pixels;

@@ -1,4 +1,4 @@
-// A scene as a device takes it: whole, or chunk by chunk.
+// A scene for the device: complete, or in chunks.
 #pragma once
 #include <functional>
 #include <vector>
@@ -11,9 +11,9 @@ namespace vsplat {
 constexpr long kChunkUnit = 1L << 16;
 
 struct GaussianChunks {
-  // All of it, on the device.
+  // The complete scene, on the device.
   GaussianChunks(const DeviceGaussians& gaussians);  // NOLINT(google-explicit-constructor): a scene in one chunk is one
-  // `chunk` Gaussians each, a multiple of kChunkUnit; `get` has the i-th on the context's device.
+  // Chunks of `chunk` Gaussians, a multiple of kChunkUnit; `get` returns the i-th chunk on the context's device.
   GaussianChunks(long count, int sh_degree, long chunk, std::function<DeviceGaussians(Context&, long)> get,
                  GaussianKind kind = GaussianKind::volume);
 
@@ -27,8 +27,9 @@ struct GaussianChunks {
   GaussianKind kind = GaussianKind::volume;
 };
 
-// A host's scene for pictures of up to that many pixels: on the device for good, if that leaves enough memory to draw
-// with, else uploaded chunk by chunk whenever it is read. On a context that plans, only room is taken.
+// Prepares a host scene for pictures of up to `pixels` pixels: it stays on the device if that leaves enough memory for
+// drawing, otherwise it is uploaded chunk by chunk whenever it is read. On a planning context, this only reserves
+// memory.
 GaussianChunks place_on_device(Context& ctx, const Gaussians& gaussians, double pixels);
 
 }  // namespace vsplat

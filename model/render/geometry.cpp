@@ -11,13 +11,14 @@ namespace {
 
 constexpr float kMostAlpha = 0.99f, kLeastAlpha = 1.0f / 255, kLeastLight = 1e-4f;
 
-// What the device has found out about a part of the picture.
+// The device's results for a part of the picture.
 struct SeenPart {
   std::vector<float> records;                        // [V,12], see cl/render/project.cl
-  std::vector<std::uint32_t> ids, starts, gaussian;  // of records by tiles; where each tile's begin; of records
+  std::vector<std::uint32_t> ids, starts, gaussian;  // record indices sorted by tile; begin of each tile; Gaussian of
+                                                     // each record
 };
 
-// A pixel's median and nearest, from its tile's records.
+// Median depth and nearest Gaussian of a pixel, from the records of its tile.
 void pick_pixel(const SeenPart& seen, std::uint32_t from, std::uint32_t to, float x, float y, float& median,
                 std::int32_t& nearest) {
   float light = 1;

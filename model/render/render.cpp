@@ -22,7 +22,7 @@ Part whole(const Camera& camera) {
   return {0, 0, static_cast<int>(tiles_along(camera.width)), static_cast<int>(tiles_along(camera.height))};
 }
 
-// The camera, and what it makes of every Gaussian.
+// The camera, and the culling result for every Gaussian.
 struct View {
   Tensor camera;
   Culled culled;
@@ -47,7 +47,7 @@ View cull_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camer
   return cull(ctx, scene, camera, options);
 }
 
-// What a plan assumes. Nothing is known of the chunks: each may hold all of them.
+// Counts for a plan. The distribution over chunks is unknown: each may hold all Gaussians.
 VisibleCount assumed(const GaussianChunks& scene, const RenderOptions& options, const Part& part) {
   if (options.counts) return options.counts(part);
   VisibleCount out;
@@ -63,7 +63,7 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
   Projected out = compact_visible(ctx, view.culled, part, count, surfels ? kSurfelRecord : kRecord);
   out.camera = view.camera;
   for (long i = 0; i < scene.chunks(); ++i) {
-    if (ctx.planning()) {  // as if it were all in the first chunk: the launch takes no memory
+    if (ctx.planning()) {  // plan as if all were in the first chunk: the launch itself takes no memory
       const DeviceGaussians chunk = scene.get(ctx, i);
       const long all = i == 0 ? out.ids.dim(0) : 0;
       if (surfels)
@@ -88,7 +88,7 @@ Projected project_part(Context& ctx, const GaussianChunks& scene, const View& vi
   return out;
 }
 
-// Halves across the longer side.
+// Splits across the longer side.
 void split(const Part& part, std::vector<Part>& parts) {
   Part first = part, second = part;
   if (part.y1 - part.y0 >= part.x1 - part.x0)
@@ -114,7 +114,7 @@ void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& came
     if (ctx.planning()) count = assumed(scene, options, part);
     const auto draw = [&](Context& c) {
       const Projected projected = project_part(c, scene, view, options, part, count);
-      // (What a surfel's alpha is in a tile is not known from its record alone.)
+      // A surfel's alpha within a tile cannot be bounded from its record alone.
       const bool exact = options.exact_tiles && scene.kind == GaussianKind::volume;
       work(c, part, projected, tile_bin(c, projected, count.intersections, part, {slots, exact}));
     };
@@ -159,7 +159,7 @@ DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& ca
 
 namespace {
 
-// In supersample times the size, and its means.
+// Draws at `supersample` times the size and averages.
 void render_larger(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                    const DevicePicture& out) {
   RenderOptions once = options;

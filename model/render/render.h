@@ -1,5 +1,5 @@
-// Pictures of Gaussians: 3D Gaussian splatting, and 2D where they are surfels, as their original rasterisers define it.
-// Cameras are drawn as pinholes.
+// Draws Gaussians: 3D Gaussian splatting for volumes and 2D Gaussian splatting for surfels, as their original
+// rasterisers define them. Cameras are drawn as pinholes.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -17,17 +17,17 @@ namespace vsplat {
 
 struct RenderOptions {
   std::array<float, 3> background{1, 1, 1};
-  float near = 0.2f;                           // camera z up to which Gaussians are left out, world units
+  float near = 0.2f;                           // camera z up to which Gaussians are omitted, world units
   std::optional<std::array<float, 3>> mirror;  // colours as seen from the camera's mirror image about this point
-  bool exact_tiles = false;                    // as BinOptions::exact: the same picture, sorted from fewer pairs
-  // Samples along a pixel's edge: drawn in so many times the width and height, of which each pixel is the mean. At
-  // least 1; of pictures alone, not of their derivatives.
+  bool exact_tiles = false;                    // as BinOptions::exact: the same picture from fewer sorted pairs
+  // Samples along a pixel's edge: the picture is drawn with so many times the width and height, and averaged. At least
+  // 1; for drawing only, not for derivatives.
   int supersample = 1;
-  // A plan cannot count what a part of the picture sees. Where this is given it is asked; otherwise every Gaussian is
-  // taken to be seen and to touch `assumed_tiles`.
+  // A plan cannot count what a part of the picture sees. It calls this if it is set; otherwise it assumes that every
+  // Gaussian is visible and touches `assumed_tiles` tiles.
   std::function<VisibleCount(const Part&)> counts;
   double assumed_tiles = 8;
-  // Of surfels alone. Maps that are asked for where volumes are drawn are refused.
+  // For surfels only; requesting maps of volumes is an error.
   SurfelMaps maps = {};
   SurfelRevision revision = SurfelRevision::lara;
 };
@@ -36,36 +36,37 @@ struct Picture {
   Image colour;  // 3 channels, over the background, not clamped
   Image alpha;   // 1 channel
   Image depth;   // 1 channel: sum of weight x camera z
-  // What was asked for of surfels, see DevicePicture; else empty.
+  // The maps of surfels that were requested, see DevicePicture; otherwise empty.
   Image normal{};      // 3 channels
   Image median{};      // 1 channel
   Image distortion{};  // 1 channel
 };
 
-// One camera, on the device. Waits once for each part of the picture that is drawn by itself (one, where memory
-// allows): what it sees sets the size of what follows. Throws Error(memory) where not even a single tile can be drawn.
+// Draws one camera's picture on the device. Waits once for each part of the picture that is drawn separately (a single
+// one if memory allows), because the number of visible Gaussians determines later sizes. Error(memory) if not even a
+// single tile can be drawn.
 DevicePicture render(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
-// Into tensors of the caller's, as DevicePicture has them: all three, and the maps that are asked for.
+// Draws into the caller's tensors as in DevicePicture: all three, and the requested maps.
 void render_into(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                  const DevicePicture& out);
 Picture render_picture(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options);
 Picture download(Context& ctx, const DevicePicture& picture);
 
-// One picture's part at a time: what it sees, projected and binned. The picture is one part where that fits into
-// memory, else its halves, and theirs. `slots`: as tile_bin takes it. `work` is also run on a context that only plans.
-// A part that surfels see has their records.
+// Calls `work` for each part of a picture with its projected and binned Gaussians. If the whole picture does not fit
+// into memory, it is halved repeatedly. `slots` as for tile_bin. `work` also runs on planning contexts. Parts of surfel
+// scenes have surfel records.
 using PartWork = std::function<void(Context&, const Part&, const Projected&, const Binned&)>;
 void for_each_part(Context& ctx, const GaussianChunks& scene, const Camera& camera, const RenderOptions& options,
                    bool slots, const PartWork& work);
 
-// A picture for what is drawn, on the device, once there is room for it.
+// Allocates the device picture, after reserving memory for it.
 DevicePicture picture_in_room(Context& ctx, const GaussianChunks& scene, const Camera& camera, const SurfelMaps& maps);
-// Blends what a part sees into its picture.
+// Blends the Gaussians of a part into the picture.
 void draw_part(Context& ctx, const GaussianChunks& scene, const RenderOptions& options, const Part& part,
                const Projected& projected, const Binned& binned, const DevicePicture& picture);
 
-// What render() would take: runs it on `planner`, as made from `ctx`, with the scene as the plan has it, for which
-// `ctx` projects `scene` and counts.
+// Memory that render() would need: runs it on `planner`, made from `ctx`, with the planned scene, using counts that
+// `ctx` measures on `scene`.
 void plan_render(Context& ctx, const GaussianChunks& scene, Context& planner, const GaussianChunks& planned,
                  const Camera& camera, const RenderOptions& options);
 

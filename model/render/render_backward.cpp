@@ -68,7 +68,7 @@ void render_backward(Context& ctx, const GaussianChunks& scene, const Camera& ca
   const SurfelMaps maps{static_cast<bool>(gradient.normal), false, static_cast<bool>(gradient.distortion)};
   const Stage stage(ctx, "splat");
   const DevicePicture picture = picture_in_room(ctx, scene, camera, maps);
-  std::vector<Tensor> poses;  // of each part
+  std::vector<Tensor> poses;  // one per part
   for_each_part(ctx, scene, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   draw_part(c, scene, options, part, projected, binned, picture);
@@ -108,7 +108,7 @@ DrawnPicture render_with_backward(Context& ctx, const GaussianChunks& scene, con
                   }
                   if (&c == &ctx) done = true;  // not on the plan, which may not fit
                 });
-  // In several parts: a loss may look at all of the picture, which is there only now.
+  // With several parts, the loss needs the whole picture, which is complete only now.
   if (!done) render_backward(ctx, scene, camera, options, loss(ctx, picture), out, pose);
   return drawn;
 }
@@ -133,7 +133,7 @@ void screen_pulls(Context& ctx, const DeviceGaussians& scene, const Camera& came
                   if (&c == &ctx) done = true;  // not on the plan, which may not fit
                 });
   if (done) return;
-  const PictureGradient gradient = loss(ctx, picture);  // which looks at all of the picture
+  const PictureGradient gradient = loss(ctx, picture);  // needs the whole picture
   for_each_part(ctx, chunks, camera, options, true,
                 [&](Context& c, const Part& part, const Projected& projected, const Binned& binned) {
                   pull(c, part, projected, binned, gradient);

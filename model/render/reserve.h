@@ -1,4 +1,4 @@
-// Memory made to measure before the work that needs it.
+// Reserves exactly the memory that work needs, before it runs.
 #pragma once
 #include <functional>
 
@@ -6,8 +6,8 @@
 
 namespace vsplat {
 
-// Runs `work` on a plan, then makes the memory that it came to need. Memory that nothing lives in is given up where
-// that helps. False where it would be more than may be used: nothing has changed then.
+// Runs `work` on a planning context, then reserves the memory that the plan used. Frees unused memory if that helps.
+// Returns false, with nothing reserved, if the work would exceed the memory limit.
 bool make_room(Context& ctx, const std::function<void(Context&)>& work);
 
 }  // namespace vsplat

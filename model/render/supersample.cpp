@@ -6,7 +6,7 @@
 namespace vsplat {
 namespace {
 
-// How wide a pixel is at a place; 0 where it lies behind the camera.
+// Width of a pixel at a position; 0 if the position is not in front of the camera.
 double pixel_at(const Camera& camera, const Eigen::Vector3d& at) {
   const double z = (camera.w2c * at.homogeneous())[2];
   return z > 0 && camera.fx > 0 ? z / camera.fx : 0;
@@ -36,7 +36,7 @@ std::optional<Detail> detail_of(const std::vector<Camera>& cameras, const Eigen:
 int samples_for(const Detail& detail, const Camera& camera) {
   const double width = pixel_at(camera, Eigen::Vector3d(detail.at[0], detail.at[1], detail.at[2]));
   const int most = std::min(kMostSamples, kLargestSampled / std::max({camera.width, camera.height, 1}));
-  constexpr double rounding = 1e-3;  // exactly so many times as wide, but for rounding
+  constexpr double rounding = 1e-3;  // tolerance for rounding of exact multiples
   return static_cast<int>(std::clamp(width / detail.pixel + rounding, 1.0, static_cast<double>(std::max(most, 1))));
 }
 

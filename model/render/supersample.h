@@ -1,6 +1,7 @@
-// Pictures smaller than those that a scene was made from. A Gaussian covers at least about a pixel (0.3 is added to its
-// covariance in the picture), and a network learns Gaussians that look right so in pictures of its own size: in smaller
-// ones each is too wide. Drawn in the size that they were made for, and averaged, they look as they do there.
+// Supersampling for pictures smaller than those that a scene was made from. A Gaussian covers at least about a pixel
+// (0.3 is added to its covariance in the picture), and a network learns Gaussians that look right at its own
+// resolution; in smaller pictures each one is too wide. Drawing at the original resolution and averaging preserves the
+// appearance.
 #pragma once
 #include <optional>
 #include <vector>
@@ -11,16 +12,16 @@
 namespace vsplat {
 
 inline constexpr int kMostSamples = 8;        // along a pixel's edge
-inline constexpr int kLargestSampled = 2048;  // pixels along an edge; what would be drawn larger has fewer samples
+inline constexpr int kLargestSampled = 2048;  // pixels along an edge; larger pictures get fewer samples
 
-// The same view in k times the width and height.
+// The same view at k times the width and height.
 Camera times_as_large(const Camera& camera, int k);
 
-// The median over the cameras of how wide a pixel is at that place; none where it lies before no camera.
+// The median over the cameras of a pixel's width at `at`; nothing if it is in front of no camera.
 std::optional<Detail> detail_of(const std::vector<Camera>& cameras, const Eigen::Vector3d& at);
 
-// How many samples along a pixel's edge make pixels of that detail or wider ones, 1 to kMostSamples. The camera is in
-// the detail's frame.
+// The number of samples along a pixel's edge that gives pixels at least as wide as the detail's, 1 to kMostSamples. The
+// camera is in the detail's frame.
 int samples_for(const Detail& detail, const Camera& camera);
 
 }  // namespace vsplat
