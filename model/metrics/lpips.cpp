@@ -19,8 +19,8 @@ struct Lpips::Layer {
   int index;  // of the convolution in torchvision's `features`
   long cin, cout;
   Window2d window;
-  std::optional<Window2d> pool_first;  // of what the convolution then takes
-  bool compared;                       // its result is one of the five
+  std::optional<Window2d> pool_first;  // applied to the convolution's input
+  bool compared;                       // its output is one of the five that are compared
 };
 
 struct Lpips::Network {
@@ -30,15 +30,15 @@ struct Lpips::Network {
   };
   LpipsNet net;
   std::vector<Layer> layers;
-  std::vector<Convolution> convolutions;  // one a layer
-  std::vector<Tensor> heads;              // one a compared layer: weights [C] of the features
+  std::vector<Convolution> convolutions;  // one per layer
+  std::vector<Tensor> heads;              // one per compared layer: weights [C] of the features
 };
 
 namespace {
 
 constexpr int kCompared = 5;
 
-// Pixels in [0,1] to what the networks were trained on; 3 channels.
+// Converts pixels in [0,1] to the networks' training normalisation; 3 channels.
 std::vector<float> normalised(const Image& image) {
   constexpr std::array<float, 3> shift = {-0.030f, -0.088f, -0.188f}, scale = {0.458f, 0.448f, 0.450f};
   std::vector<float> out(image.data.size());
@@ -46,7 +46,7 @@ std::vector<float> normalised(const Image& image) {
   return out;
 }
 
-// PyTorch's [Cout, Cin, side, side] as the map's taps have it: [Cout, side side, Cin].
+// Reorders PyTorch's [Cout, Cin, side, side] to the layout of the map's taps: [Cout, side side, Cin].
 std::vector<float> channels_last(const std::vector<float>& w, long cout, long cin, long taps) {
   std::vector<float> out(w.size());
   for (long n = 0; n < cout; ++n)
@@ -80,7 +80,7 @@ Lpips::Lpips(Context& ctx, const std::string& path, LpipsNet net) : network_(std
               {10, 256, 256, {3, 1, 1}, std::nullopt, true}};
   } else {
     long cin = 3;
-    int index = 0;  // each convolution and the ReLU after it count, and so does the pooling
+    int index = 0;  // counts each convolution, its ReLU and each pooling
     const std::pair<long, int> blocks[kCompared] = {{64, 2}, {128, 2}, {256, 3}, {512, 3}, {512, 3}};
     for (const auto& [cout, count] : blocks) {
       for (int i = 0; i < count; ++i, index += 2, cin = cout) {

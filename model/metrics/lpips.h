@@ -1,5 +1,5 @@
-// LPIPS (Zhang et al. 2018), version 0.1: how different two pictures look, by the features of a network that classifies
-// pictures. Its weights are the user's.
+// LPIPS (Zhang et al. 2018), version 0.1: the perceptual distance of two pictures, from the features of a
+// classification network. The user supplies its weights.
 #pragma once
 #include <memory>
 #include <string>
@@ -14,18 +14,19 @@ const char* name_of(LpipsNet net);  // "alex", "vgg"
 
 class Lpips {
  public:
-  // From a safetensors file: torchvision's `features.N.weight` and `features.N.bias` of AlexNet or VGG16, and LPIPS'
-  // `linK.model.1.weight`; others are ignored. Error(format) names a tensor that is missing, or is of another shape.
+  // Reads a safetensors file with torchvision's `features.N.weight` and `features.N.bias` of AlexNet or VGG16, and
+  // LPIPS' `linK.model.1.weight`; other tensors are ignored. Error(format) names a missing tensor or one with another
+  // shape.
   Lpips(Context& ctx, const std::string& path, LpipsNet net);
   ~Lpips();
   Lpips(Lpips&&) noexcept;
 
   LpipsNet net() const;
-  // The smallest side that the network takes, pixels.
+  // The smallest side in pixels that the network accepts.
   int smallest() const;
 
-  // Of pictures of one size, 3 channels in [0,1]; 0 for equal ones. Waits. Error(input) where they are smaller than
-  // smallest(), or their sizes differ.
+  // The distance of two pictures of the same size with 3 channels in [0,1]; 0 if they are equal. Waits for the device.
+  // Error(input) if they are smaller than smallest() or their sizes differ.
   double distance(Context& ctx, const Image& a, const Image& b) const;
 
  private:

@@ -33,12 +33,12 @@ Window gaussian_window() {
   return out;
 }
 
-// A row of weighted sums over windows: of a, b, a a + b b, a b. Each moment is a row of its own, so that the loops
+// A row of weighted sums over windows: of a, b, a a + b b, a b. Each moment has a row of its own, so that the loops
 // below run along it.
 constexpr int moments = 4;
 using Row = std::array<std::vector<double>, moments>;
 
-// out[x] = the weighted sum of the window's rows at[0], at[1], ..., each from x on; the window is symmetric.
+// out[x] is the weighted sum of at[0][x], at[1][x], ...; the window is symmetric.
 void blur(const Window& window, const std::array<const double*, ssim_window>& at, std::vector<double>& out) {
   constexpr int middle = ssim_window / 2;
   const std::size_t n = out.size();
@@ -51,7 +51,8 @@ void blur(const Window& window, const std::array<const double*, ssim_window>& at
   }
 }
 
-// One row of one channel, blurred along x: what the windows that begin at each pixel have of it. `line` is room for it.
+// Blurs one row of one channel along x: the contribution of this row to the windows that begin at each pixel. `line` is
+// scratch memory.
 void blur_row(const Window& window, const float* a, const float* b, int channels, Row& line, Row& out) {
   for (std::size_t x = 0; x < line[0].size(); ++x) {
     const double p = a[x * channels], q = b[x * channels];
@@ -94,11 +95,12 @@ double psnr(const Image& a, const Image& b) {
 
 namespace {
 
-// The sum of one channel's similarities over the windows.
+// The sum of one channel's similarities over all windows.
 double summed_similarity(const Image& a, const Image& b, int channel) {
   const Window window = gaussian_window();
   const int columns = a.width - ssim_window + 1;
-  // The last rows, row y at y modulo the window's side: two pictures of 4K need no more memory than that.
+  // Ring buffer of the last rows: row y is at y modulo the window's side. Two 4K pictures need no more memory than
+  // that.
   std::array<Row, ssim_window> blurred;
   blurred.fill(row_of(static_cast<std::size_t>(columns)));
   Row line = row_of(static_cast<std::size_t>(a.width)), sum = blurred[0];
@@ -122,7 +124,7 @@ double summed_similarity(const Image& a, const Image& b, int channel) {
 double ssim(const Image& a, const Image& b) {
   check_alike(a, b);
   if (std::min(a.width, a.height) < ssim_window) return std::numeric_limits<double>::quiet_NaN();
-  // Channels side by side where that is worth a thread; their sums are added in order.
+  // Channels run in threads if the picture is large enough; their sums are added in order.
   constexpr int worth_a_thread = 1 << 16;
   const auto how = a.width * a.height < worth_a_thread ? std::launch::deferred : std::launch::async;
   std::vector<std::future<double>> sums;

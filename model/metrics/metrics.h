@@ -1,22 +1,22 @@
-// How well two pictures agree.
+// Measures of the similarity of two pictures.
 #pragma once
 #include "model/base/image.h"
 
 namespace vsplat {
 
-// Peak signal-to-noise ratio in dB for a peak of 1, over all channels; infinite for equal pictures, NaN where one holds
-// NaN. Error(input) where the sizes differ or there is no pixel.
+// Peak signal-to-noise ratio in dB for a peak of 1, over all channels; infinite for equal pictures, NaN if one contains
+// NaN. Error(input) if the sizes differ or there is no pixel.
 double psnr(const Image& a, const Image& b);
 
-// The side of SSIM's window: smaller pictures have none.
+// The side of SSIM's window; SSIM is undefined for smaller pictures.
 inline constexpr int ssim_window = 11;
 
 // Structural similarity (Wang et al. 2004) for a peak of 1: Gaussian windows of 11 x 11 pixels, sigma 1.5, that lie
-// wholly inside; K1 = 0.01, K2 = 0.03; the mean over windows and channels. 1 for equal pictures, at least -1. NaN where
-// a side is under 11 pixels. Error(input) as above.
+// completely inside the picture; K1 = 0.01, K2 = 0.03; mean over windows and channels. 1 for equal pictures, at least
+// -1. NaN if a side is under 11 pixels. Error(input) as for psnr().
 double ssim(const Image& a, const Image& b);
 
-// |a - b|, value by value. Error(input) as above.
+// |a - b|, value by value. Error(input) as for psnr().
 Image absolute_difference(const Image& a, const Image& b);
 
 }  // namespace vsplat

@@ -14,9 +14,9 @@
 namespace vsplat {
 namespace {
 
-// What a pinhole with the camera's intrinsics sees: each pixel interpolated between four of the source, which has the
-// result's size and alpha 0 outside. (Resampling by area, as the network's inputs are made, would give the same where
-// the lens does not stretch, for ten times the work.)
+// The view of a pinhole camera with the camera's intrinsics: bilinear interpolation in the source, which has the
+// result's size; alpha is 0 outside. (Area resampling, as for network inputs, gives the same result where the lens does
+// not stretch, for ten times the work.)
 Image undistorted(const Image& source, Camera camera) {
   const double sx = static_cast<double>(source.width) / camera.width,
                sy = static_cast<double>(source.height) / camera.height;

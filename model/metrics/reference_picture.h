@@ -1,4 +1,4 @@
-// A given picture as a drawn one is: what the camera would have seen as a pinhole, over the same background.
+// Prepares a given picture for comparison with a drawn one: as seen by a pinhole camera, over the same background.
 #pragma once
 #include <array>
 #include <string>
@@ -9,15 +9,15 @@
 namespace vsplat {
 
 struct ReferenceFiles {
-  std::string picture, mask;  // the latter may be ""
-  int turning = 1;            // of the picture, as EXIF's orientation
+  std::string picture, mask;  // `mask` may be ""
+  int turning = 1;            // orientation of the picture, as in EXIF
 };
 
-// The picture, turned, [height][width][3]: its alpha, and the mask, made its size where that has its shape, over
-// `background`; the lens distortion of `camera` undone, its intrinsics scaled where it has another size. A larger
-// picture of the same proportions, to a pixel, is scaled down, each pixel the mean over its area. Those of that size,
-// of cameras without distortion, keep every pixel. Error(input) where it is smaller or has other proportions, or
-// the mask is not of its shape; else as read_image().
+// The picture, oriented, [height][width][3]. Its alpha, and the mask, scaled to its size if the aspect ratio agrees,
+// composite it over `background`. The lens distortion of `camera` is undone; its intrinsics are scaled if its size
+// differs. A larger picture of the same aspect ratio, within a pixel, is scaled down by area means. If the size agrees
+// and the camera has no distortion, every pixel is kept. Error(input) if the picture is smaller, has another aspect
+// ratio, or the mask has another one; otherwise errors as read_image().
 Image reference_picture(const Camera& camera, const ReferenceFiles& files, int width, int height,
                         const std::array<float, 3>& background);
 
