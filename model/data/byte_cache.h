@@ -1,4 +1,4 @@
-// What was made lately, up to a number of bytes. May be used by several threads.
+// A least-recently-used cache limited by bytes. Thread-safe.
 #pragma once
 #include <cstddef>
 #include <list>
@@ -13,7 +13,7 @@ class ByteCache {
  public:
   explicit ByteCache(std::size_t most) : most_(most) {}
 
-  // Null where it is not there.
+  // Null if the key is not cached.
   std::shared_ptr<const Value> find(const Key& key) {
     const std::lock_guard lock(mutex_);
     const auto at = where_.find(key);
@@ -22,7 +22,7 @@ class ByteCache {
     return at->second->value;
   }
 
-  // The oldest go until `bytes` more fit; what is larger than all that may be kept is not kept.
+  // Evicts the least recently used entries until `bytes` more fit. A value larger than the whole cache is not stored.
   void put(const Key& key, std::shared_ptr<const Value> value, std::size_t bytes) {
     const std::lock_guard lock(mutex_);
     if (bytes > most_ || where_.count(key) != 0) return;
@@ -50,7 +50,7 @@ class ByteCache {
   mutable std::mutex mutex_;
   const std::size_t most_;
   std::size_t bytes_ = 0;
-  std::list<Entry> entries_;  // the latest first
+  std::list<Entry> entries_;  // most recently used first
   std::map<Key, typename std::list<Entry>::iterator> where_;
 };
 

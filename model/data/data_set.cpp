@@ -60,7 +60,7 @@ std::vector<DataObject> objects_of(const std::string& path) {
     find_objects(path, 0, found);
   } else if (is_file(path) && is_hdf5_name(path)) {
     found.hdf5_files.push_back(path);
-  } else if (is_file(path)) {  // a list of one object's views, whatever it is called
+  } else if (is_file(path)) {  // a list of one object's views, under any name
     const fs::path folder = fs::absolute(path, ignored).parent_path();
     found.objects.push_back({folder_name(folder.string()), DataLayout::folder, path, {}, folder});
   } else {
@@ -78,7 +78,7 @@ std::vector<DataObject> objects_of(const std::string& path) {
 
 using Bad = std::function<void(int view, const std::string& name, const Error& error)>;
 
-// What is wrong with a view beyond its pose; intrinsics are filled in.
+// Checks a view beyond its pose, and returns it with all intrinsics.
 ListedView checked(const Photographs& photographs, int index) {
   const ListedView& view = photographs.set.views[index];
   need_good(view);
@@ -167,7 +167,7 @@ Photographs open_object(const DataObject& object, std::vector<std::string>* skip
     Photographs out = object.layout == DataLayout::hdf5 ? open_hdf5_object({object.path.string(), object.group}, bad)
                                                         : open_folder(object, bad, missing, to_train_on);
     if (out.set.views.empty()) fail(Status::input, "no view of it is left; {}", first);
-    if (object.layout != DataLayout::folder) {  // LaRa's objects lie in this cube
+    if (object.layout != DataLayout::folder) {  // LaRa's objects are in this cube
       if (!out.set.aabb_center) out.set.aabb_center = Eigen::Vector3d::Zero();
       if (!out.set.aabb_half) out.set.aabb_half = 0.5;
     }

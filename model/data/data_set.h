@@ -1,4 +1,4 @@
-// Data sets: folders (or files) of objects, each with posed pictures. Listing opens no picture.
+// Data sets: folders (or files) of objects, each with posed pictures. Listing a data set opens no picture.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -9,8 +9,8 @@
 namespace vsplat {
 
 enum class DataLayout {
-  folder,  // a folder per object, anything that read_views() takes
-  gso,     // the same in LaRa's layout of Google Scanned Objects
+  folder,  // a folder per object, in any format of read_views()
+  gso,     // as `folder`, in LaRa's layout of Google Scanned Objects
   hdf5     // LaRa's HDF5 files
 };
 const char* name_of(DataLayout layout);
@@ -18,34 +18,35 @@ const char* name_of(DataLayout layout);
 struct DataObject {
   std::string name;
   DataLayout layout = DataLayout::folder;
-  std::filesystem::path path;        // its folder, or its file
-  std::string group = {};            // in that file
-  std::filesystem::path given = {};  // the folder in which it was found, as named
+  std::filesystem::path path;        // the object's folder or file
+  std::string group = {};            // within that file
+  std::filesystem::path given = {};  // the folder, as the user named it, in which the object was found
 };
 
-// How errors call it: "object cup"; of a group, which is called as many others are, with its file.
+// The object's name in errors: "object cup". For a group it includes the file, because group names repeat between
+// files.
 std::string told(const DataObject& object);
 
 struct DataSet {
-  std::vector<DataObject> objects;  // in the order of the paths given, in each by name; no two names are equal
+  std::vector<DataObject> objects;  // in the order of the given paths, sorted by name within each; names are unique
 };
 
-// Each path: an object's folder or its list of views, an HDF5 file, or a folder with either at most four levels down.
-// Objects are called
-// like their folders or groups; of those that are equal, the second is NAME_2. Error(file) where a path is not there,
-// Error(input) where it holds no object; else as Hdf5File has them.
+// Each path is an object's folder or its list of views, an HDF5 file, or a folder that contains these at most four
+// levels down. Objects are named like their folders or groups; the second of equal names becomes NAME_2. Error(file) if
+// a path does not exist, Error(input) if it contains no object; other errors as Hdf5File.
 DataSet open_data_set(const std::vector<std::string>& paths);
 
-// The views of an object, every one with a picture and all intrinsics. What is wrong with one (no picture, no mask, a
-// size that does not fit, a pose that is none) is an Error(file, format or input) that names object, view and field; or
-// where `skipped` is given, is added to it for each view that has to be left out, while any view is left.
-// Where `missing` is given, views of a folder's list whose picture is not there are passed over instead, as
-// reconstructing does, and told in it, all in one text; none left is an Error(input).
-// Of sets with parts all are there, and ListedView::split tells them apart; `to_train_on`: those to train on alone.
+// The views of an object, each with a picture and all intrinsics. A problem with a view (no picture, no mask, a size
+// that does not fit, an invalid pose) is an Error(file, format or input) that names object, view and field. With
+// `skipped`, a problem is added there instead and the view is omitted, as long as any view is left.
+// With `missing`, listed views of a folder whose picture does not exist are skipped instead, as in reconstruction, and
+// reported there in a single text; if none is left, that is an Error(input).
+// If a set has parts, views of all parts are returned with their ListedView::split; with `to_train_on`, only those for
+// training.
 Photographs open_object(const DataObject& object, std::vector<std::string>* skipped = nullptr,
                         std::vector<std::string>* missing = nullptr, bool to_train_on = false);
 
-// Whether it says that data are bad, as against a defect or memory that is short.
+// Whether the error is about bad data, and not about a defect or a lack of memory.
 bool is_about_data(const Error& error);
 
 }  // namespace vsplat

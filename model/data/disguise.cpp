@@ -5,7 +5,7 @@
 namespace vsplat {
 namespace {
 
-// Rows of [rows, side, channels] from right to left.
+// Reverses each row of [rows, side, channels].
 template <class T>
 void mirror_rows(std::vector<T>& picture, int side, int channels) {
   const auto row = static_cast<std::size_t>(side) * channels;
@@ -26,7 +26,7 @@ void shuffle(std::vector<T>& picture, int channels, const std::array<int, 3>& or
 
 }  // namespace
 
-// With the mirror M = diag(-1, 1, 1) on both sides, of the world and of the camera, a rotation stays one.
+// With the mirror M = diag(-1, 1, 1) applied to both the world and the camera, a rotation remains a rotation.
 void mirror(TrainingViews& views) {
   if (views.cameras.empty()) return;
   const int side = views.cameras[0].width;

@@ -1,4 +1,4 @@
-// Objects that a training has not seen, of those that it has: mirrored, or in other colours.
+// Augmentation: derives unseen objects from a training's objects by mirroring or changing colours.
 #pragma once
 #include <array>
 
@@ -6,11 +6,12 @@
 
 namespace vsplat {
 
-// The object mirrored in the plane between its frame's left and right: pictures and cameras. The first view stays the
-// reference, seen from where it was.
+// Mirrors the object, its pictures and cameras, left to right in its frame. The first view stays the reference with its
+// viewpoint.
 void mirror(TrainingViews& views);
 
-// Channel c of all pictures is what channel order[c] was: another object, of other colours and the same light and dark.
+// Channel c of all pictures becomes the former channel order[c]: an object with other colours and the same brightness
+// pattern.
 void shuffle_channels(TrainingViews& views, const std::array<int, 3>& order);
 
 }  // namespace vsplat

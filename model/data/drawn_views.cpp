@@ -19,7 +19,7 @@ int one_of(const std::vector<int>& from, const std::vector<bool>& taken, Random&
   return free.empty() ? -1 : free[static_cast<std::size_t>(random.below(static_cast<int>(free.size())))];
 }
 
-// Adds `count` views to `out`, marking them as taken; fewer where all are.
+// Appends `count` views to `out` and marks them as taken; fewer if all are taken.
 void draw(std::span<const Eigen::Vector3d> positions, int count, Random& random, std::vector<bool>& taken,
           std::vector<int>& out) {
   const std::vector<Group> groups = kmeans(positions, count);
@@ -57,7 +57,7 @@ std::uint64_t shuffled(std::uint64_t index, std::uint64_t count, std::uint64_t s
   while ((std::uint64_t{1} << (2 * bits)) < count) ++bits;
   const std::array<std::uint32_t, 2> key = rng_key(seed);
   do index = mixed(index, bits, key, round);
-  while (index >= count);  // walks along a cycle that began below `count`, and so comes back below it
+  while (index >= count);  // follows a cycle that started below `count`, so it returns below it
   return index;
 }
 

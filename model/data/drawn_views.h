@@ -1,4 +1,4 @@
-// Which object and which of its views a training step takes: by chance, and the same for the same numbers.
+// Chooses the object and views of a training step at random, reproducibly for the same numbers.
 #pragma once
 #include <Eigen/Core>
 #include <cstdint>
@@ -9,17 +9,18 @@
 
 namespace vsplat {
 
-// Where `index` (below `count`) comes in an order of 0 .. count - 1 that the seed and the round decide: every number
-// once a round. Takes no memory.
+// The position of `index` (below `count`) in a permutation of 0 .. count - 1 that seed and round determine: each number
+// occurs once per round. Needs no memory.
 std::uint64_t shuffled(std::uint64_t index, std::uint64_t count, std::uint64_t seed, std::uint32_t round);
 
 struct DrawnViews {
   std::vector<int> inputs, novel;
 };
 
-// k-means groups of the camera positions, as many as views are asked for, in random order; of each group one member at
-// random: so the inputs, and apart from these so the novel views. No view twice, and none that is `excluded`, unless
-// too few are left for that: then novel views may repeat. Nothing is drawn where there are fewer views than `inputs`.
+// Draws input views: clusters the camera positions into as many k-means groups as views are needed, in random order,
+// and takes a random member of each. Then draws novel views from the rest in the same way. No view is drawn twice, and
+// no `excluded` view at all; if too few are left, novel views may repeat. Draws nothing if there are fewer views than
+// `inputs`.
 DrawnViews draw_views(std::span<const Eigen::Vector3d> positions, const std::vector<bool>& excluded, int inputs,
                       int novel, Random& random);
 

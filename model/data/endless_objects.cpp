@@ -9,7 +9,7 @@
 namespace vsplat {
 namespace {
 
-constexpr int samples = 2;  // as write_object() has them
+constexpr int samples = 2;  // as in write_object()
 
 struct Drawn {
   explicit Drawn(Mesh from) : mesh(std::move(from)), tracer(mesh) {}

@@ -1,4 +1,4 @@
-// Random objects as those of a data set, drawn when they are asked for: nothing is read or written.
+// Random objects in the form of a data set's objects, rendered on demand: no file is read or written.
 #pragma once
 #include <cstdint>
 
@@ -7,12 +7,13 @@
 
 namespace vsplat {
 
-// Which items of a training are random objects, where a share of them is: spread as evenly as can be, by number alone.
+// Decides which items of a training are random objects for a given share; spreads them as evenly as possible, by item
+// number only.
 class EndlessShare {
  public:
   explicit EndlessShare(double share) : share_(share) {}
   bool is_random(std::uint64_t item) const { return before(item + 1) > before(item); }
-  // Of the other items, how many come before this one.
+  // The number of non-random items before this one.
   std::uint64_t others_before(std::uint64_t item) const { return item - before(item); }
 
  private:
@@ -22,8 +23,8 @@ class EndlessShare {
   double share_;
 };
 
-// random_object(seed, index) as `dataset procedural` would write it with so many views of `size` pixels; a view is
-// drawn, by one thread, when its picture is asked for. May be used by several threads.
+// random_object(seed, index) as `dataset procedural` would write it, with `views` views of `size` pixels. A view is
+// rendered by one thread when its picture is requested. Thread-safe.
 FramedObject endless_object(std::uint64_t seed, std::uint32_t index, int views, int size,
                             const TextureFolder* textures);
 

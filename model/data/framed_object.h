@@ -1,5 +1,5 @@
-// An object of a data set as the network sees it: where its cube is, and its views in the network's size, as
-// `reconstruct` makes them.
+// An object of a data set as the network sees it: its cube, and its views at the network's size, as prepared by
+// `reconstruct`.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -9,23 +9,24 @@
 namespace vsplat {
 
 struct FrameRequest {
-  int image = 0;  // S, the network's
+  int image = 0;  // S, the network's input size
   Fit fit = Fit::automatic;
-  PlacementRequest placement;                   // what is estimated is from 16 views at most
-  std::vector<std::string>* missing = nullptr;  // as open_object() has it
-  bool to_train_on = false;                     // so, too
+  PlacementRequest placement;                   // estimates use at most 16 views
+  std::vector<std::string>* missing = nullptr;  // as for open_object()
+  bool to_train_on = false;                     // as for open_object()
 };
 
 struct FramedObject {
   std::string name;
-  Photographs photographs;  // as open_object() gives them
+  Photographs photographs;  // as returned by open_object()
   Placement placement;
-  std::string told = {};  // how errors call it
+  std::string told = {};  // the object's name in errors
 
   int views() const { return static_cast<int>(photographs.set.views.size()); }
 };
 
-// Opens, places and checks that the cube's centre is in most pictures. Errors and `skipped` as open_object() has them.
+// Opens and places the object, and checks that the cube's centre is in most pictures. Errors and `skipped` as for
+// open_object().
 FramedObject frame_object(const DataObject& object, const FrameRequest& request,
                           std::vector<std::string>* skipped = nullptr);
 
@@ -38,16 +39,16 @@ struct StoredView {
   std::vector<std::uint8_t> rgba;
   Camera camera;  // S x S, in the user's world
   bool opaque = false;
-  // A mask or an alpha channel says what the object is: beside it is background. Else alpha is below 1 only where the
-  // photograph ends, and nothing is known of what is there.
+  // True if a mask or an alpha channel marks the object; the rest is background. If false, alpha is below 1 only
+  // outside the photograph, where nothing is known.
   bool masked = false;
 };
 
-// Decodes one. Error(file, format or input) names object, view and what is wrong; a picture that shows nothing of the
-// object (alpha 0 everywhere) is an error, too.
+// Decodes one view. Error(file, format or input) names object, view and problem; a picture that shows nothing of the
+// object (alpha 0 everywhere) is also an error.
 StoredView store_view(const FramedObject& object, int view, const FrameRequest& request);
 
-// [S][S][3] over a background, appended.
+// Appends the view composited over a background, [S][S][3].
 void composite(const StoredView& view, const std::array<float, 3>& background, std::vector<float>& out);
 
 }  // namespace vsplat

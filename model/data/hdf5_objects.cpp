@@ -23,14 +23,14 @@ std::string real_path(const fs::path& path) {
   return (problem ? path : out).string();
 }
 
-// What a group holds.
+// The names in a group.
 std::set<std::string> fields_of(const Hdf5File& file, const std::string& group) {
   std::set<std::string> out;
   for (const Hdf5File::Link& link : file.links(group)) out.insert(link.name);
   return out;
 }
 
-// One more than the largest I of image_I, c2w_I, fov_I; 0 where there is none.
+// One more than the largest I of image_I, c2w_I, fov_I; 0 if there is none.
 int count_views(const std::set<std::string>& fields) {
   int count = 0;
   for (const std::string& field : fields)
@@ -45,7 +45,7 @@ int count_views(const std::set<std::string>& fields) {
 }
 
 ListedView read_view(const Hdf5File& file, const Hdf5Object& object, const std::set<std::string>& fields, int index) {
-  // The file is not asked for what it does not have: that may be a hundred thousand times.
+  // Does not query the file for missing fields, of which there may be a hundred thousand.
   const auto name = [&](const char* field) {
     const std::string wanted = fmt::format("{}_{}", field, index);
     if (fields.count(wanted) == 0) fail(Status::format, "{}: is not there", wanted);

@@ -16,7 +16,7 @@ using Eigen::Vector3f;
 constexpr double kNearest = 0.7, kFarthest = 5, kOutside = 8;
 constexpr int kSamples = 2;  // in each direction of a pixel
 
-// Linear, at (u, v) in [0,1] of the wall.
+// Linear colour at (u, v) in [0,1] of the wall.
 Vector3f painted(const Paint& paint, const Eigen::Vector2f& uv) {
   if (paint.gradient)
     return gradient_colour(paint, 1 + 2 * paint.along.head<2>().dot(uv - Eigen::Vector2f(0.5f, 0.5f)));
@@ -25,7 +25,7 @@ Vector3f painted(const Paint& paint, const Eigen::Vector2f& uv) {
   return paint.material.colour.cwiseProduct(sample(*paint.material.texture, there));
 }
 
-// Where a ray leaves the box of `half` edges, in its axes.
+// The point where a ray leaves the box with half edges `half`, in the box's axes.
 struct Exit {
   bool met = false;
   int wall = 0;

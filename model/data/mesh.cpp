@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 constexpr float crease_cosine = 0.70710678f;  // 45 degrees
-// Where more corners meet in one point, all of them are averaged: comparing each with each would take too long.
+// If more corners meet in a point, all of them are averaged, because pairwise comparison would take too long.
 constexpr std::size_t max_compared = 1024;
 
 const std::array<float, 256>& linear_of_byte() {
@@ -35,7 +35,7 @@ bool before(const Vector3f& a, const Vector3f& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
 
-// A coordinate in texels -> the two beside it, and the share of the second.
+// The two texels beside a texture coordinate, and the weight of the second.
 struct Neighbours {
   int first, second;
   float share;
@@ -52,7 +52,7 @@ Neighbours neighbours(float coordinate, int size, Beyond beyond, bool nearest) {
   return {first, texel(static_cast<int>(low) + 1), at - low};
 }
 
-// Twice the area times the unit normal, in double: small triangles of large coordinates keep their direction.
+// Twice the area times the unit normal, in double, so that small triangles with large coordinates keep their direction.
 Vector3d area_normal(const Mesh& mesh, std::size_t triangle) {
   const Corner* c = &mesh.corners[3 * triangle];
   const Vector3d a = c[0].position.cast<double>();
@@ -128,7 +128,7 @@ void compute_normals(Mesh& mesh) {
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     if (corners[a].position != corners[b].position) return before(corners[a].position, corners[b].position);
-    return a < b;  // so that sums are in a fixed order
+    return a < b;  // fixes the order of summation
   });
   for (std::size_t begin = 0, end = 0; begin < order.size(); begin = end) {
     while (end < order.size() && corners[order[end]].position == corners[order[begin]].position) ++end;

@@ -1,4 +1,4 @@
-// A textured triangle mesh in host memory, as data sets are drawn from.
+// A textured triangle mesh in host memory, used to render data sets.
 #pragma once
 #include <Eigen/Core>
 #include <cstdint>
@@ -8,22 +8,22 @@
 
 namespace vsplat {
 
-// 8-bit sRGB, [height][width][3], the upper row first.
+// 8-bit sRGB, [height][width][3], top row first.
 struct Texture {
   int width = 0, height = 0;
   std::vector<unsigned char> rgb;
-  std::vector<unsigned char> alpha;  // [height][width], or none: 255 everywhere
+  std::vector<unsigned char> alpha;  // [height][width], or empty: 255 everywhere
 };
 
-// What a texture is beyond its edges, and between its texels.
+// The extension of a texture beyond its edges, and its interpolation.
 enum class Beyond { repeat, clamp, mirror };
 struct Sampling {
   Beyond u = Beyond::repeat, v = Beyond::repeat;
-  bool nearest = false;  // the nearest texel, where others are interpolated
+  bool nearest = false;  // the nearest texel instead of interpolation
 };
 
-// The colour of a surface is light x colour x corners' colour x texture + emission x its texture, in linear light.
-// Where alpha x corners' alpha x the texture's alpha is below `cutoff` there is no surface; elsewhere it is opaque.
+// A surface's colour is light x colour x corner colour x texture + emission x emission texture, in linear light. Where
+// alpha x corner alpha x texture alpha is below `cutoff`, there is no surface; elsewhere it is opaque.
 struct Material {
   Eigen::Vector3f colour = Eigen::Vector3f::Ones();
   std::shared_ptr<const Texture> texture = nullptr;
@@ -36,39 +36,40 @@ struct Material {
 
 struct Corner {
   Eigen::Vector3f position = Eigen::Vector3f::Zero();
-  Eigen::Vector3f normal = Eigen::Vector3f::Zero();  // unit length, or zero where not known yet
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();  // unit length, or zero if not yet known
   Eigen::Vector3f colour = Eigen::Vector3f::Ones();  // linear
   float alpha = 1;
   Eigen::Vector2f uv = Eigen::Vector2f::Zero();           // (0,0) is the texture's lower left
-  Eigen::Vector2f emission_uv = Eigen::Vector2f::Zero();  // of the emission's texture
+  Eigen::Vector2f emission_uv = Eigen::Vector2f::Zero();  // for the emission texture
 };
 
 struct Mesh {
   std::string name;                      // for messages: the file
-  std::vector<Corner> corners;           // three a triangle
-  std::vector<std::uint32_t> materials;  // one a triangle, into `palette`
+  std::vector<Corner> corners;           // three per triangle
+  std::vector<std::uint32_t> materials;  // one per triangle, index into `palette`
   std::vector<Material> palette;
 
   std::size_t triangles() const { return materials.size(); }
 };
 
-// A picture (three or four channels) as texture.
+// Converts a picture (three or four channels) to a texture.
 struct Image;
 class PixelRows;
 std::shared_ptr<const Texture> texture_of(const Image& picture);
 std::shared_ptr<const Texture> texture_of(PixelRows& picture);
 
-// The colour at `uv`, bilinear between texels' centres, in linear light.
+// The colour at `uv`, bilinear between texel centres, in linear light.
 Eigen::Vector3f sample(const Texture& texture, const Eigen::Vector2f& uv, const Sampling& sampling = {});
-// The alpha there, 0 to 1.
+// The alpha at `uv`, 0 to 1.
 float sample_alpha(const Texture& texture, const Eigen::Vector2f& uv, const Sampling& sampling = {});
 
-// Gives corners without a normal the mean of the faces' normals about their position, by area, of those faces that
-// differ from their own by less than 45 degrees: edges stay edges. Positions are finite.
+// Sets missing normals of corners to the area-weighted mean of the normals of the faces at their position, using only
+// faces that differ from the corner's own face by less than 45 degrees, so that edges stay sharp. Positions must be
+// finite.
 void compute_normals(Mesh& mesh);
 
-// Moves and scales the mesh so that its bounding box is centred at the origin and its longest edge is 1, within
-// [-0.5,0.5]^3. Error(input) where there is no triangle, a coordinate is not finite, or the mesh has no extent.
+// Moves and scales the mesh so that its bounding box is centred at the origin with a longest edge of 1, within
+// [-0.5,0.5]^3. Error(input) if there is no triangle, a coordinate is not finite, or the mesh has no extent.
 void fit_into_cube(Mesh& mesh);
 
 // The distance of the farthest corner from the origin.

@@ -32,7 +32,7 @@ using read::MeshPart;
 using read::Message;
 using read::Unpacker;
 
-// Of what is drawn many times over, a small file can have any number.
+// Allowed for any file: instancing lets a small file have many triangles.
 constexpr std::uint64_t free_triangles = std::uint64_t{4} << 20;
 
 std::string extension_of(const std::string& path) {
@@ -42,7 +42,7 @@ std::string extension_of(const std::string& path) {
   return out;
 }
 
-// Whether it is glTF, whose colours are in linear light; others' are sRGB-encoded.
+// Whether it is glTF, whose colours are linear; those of other formats are sRGB-encoded.
 bool is_gltf(const std::string& path) {
   const std::string extension = extension_of(path);
   if (extension == ".glb" || extension == ".gltf") return true;
@@ -103,7 +103,7 @@ class MeshReader {
   void read_holes(const MeshMaterial& from, Material& out) const;
   Material material(const MeshMaterial& from);
   Corner corner(const MeshCorner& from) const;
-  std::uint64_t most_bytes() const { return reader_.given() + (std::uint64_t{4} << 20); }  // of a message
+  std::uint64_t most_bytes() const { return reader_.given() + (std::uint64_t{4} << 20); }  // limit for a message
 
   const std::string& path_;
   const fs::path folder_;
@@ -129,7 +129,7 @@ Vector3f MeshReader::emission(const std::array<float, 3>& from) const {
   return Vector3f(from[0], from[1], from[2]).cwiseMax(0.0f);
 }
 
-// A picture inside the file: it comes before the material that it belongs to.
+// Receives a picture embedded in the file, which precedes the material that uses it.
 void MeshReader::take_texture(Unpacker& in) {
   const std::string name = in.text();
   const std::string_view bytes = in.rest();
@@ -165,7 +165,7 @@ std::shared_ptr<const Texture> MeshReader::texture(const std::string& name) {
   return known = texture_of(*ImageFile(file.string()).rows());
 }
 
-// glTF: alpha counts where the material says so. What is blended there is a surface here where it is at least half.
+// In glTF, alpha matters if the material says so. Blended surfaces exist here where alpha is at least a half.
 void MeshReader::read_holes(const MeshMaterial& from, Material& out) const {
   if (from.alpha == AlphaMode::none) return;
   out.alpha = from.has_factor ? from.factor[3] : 1.0f;
@@ -183,7 +183,7 @@ Material MeshReader::material(const MeshMaterial& from) {
   out.emission = emission(from.emission);
   if (!from.emission_texture.name.empty()) out.emission_texture = texture(from.emission_texture.name);
   out.emission_sampling = sampling_of(from.emission_texture);
-  // Kd beside map_Kd is whatever the exporter left there; glTF says what its factor means.
+  // Kd beside map_Kd is an arbitrary value left by the exporter; the meaning of glTF's factor is defined.
   if (gltf_) {
     read_holes(from, out);
   } else if (out.texture && !out.texture->alpha.empty()) {

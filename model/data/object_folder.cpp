@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-// What an object's folder holds of ours, from this run or an earlier one with more views.
+// Whether we wrote this file in an object's folder, in this or an earlier run with more views.
 bool is_ours(const std::string& inside) {
   if (inside == "transforms.json") return true;
   const auto digit = [&](std::size_t i) { return inside[i] >= '0' && inside[i] <= '9'; };
@@ -28,7 +28,7 @@ bool is_ours(const std::string& inside) {
 
 ordered_json frame(const Camera& camera) {
   Eigen::Matrix4d c2w = camera.c2w();
-  c2w.middleCols<2>(1) *= -1;  // OpenCV's axes to OpenGL's
+  c2w.middleCols<2>(1) *= -1;  // OpenCV axes to OpenGL axes
   ordered_json rows = ordered_json::array();
   for (int r = 0; r < 4; ++r) rows.push_back({c2w(r, 0), c2w(r, 1), c2w(r, 2), c2w(r, 3)});
   return {{"file_path", camera.file}, {"transform_matrix", rows}};

@@ -19,7 +19,7 @@ constexpr int texels = 128;      // of a pattern
 constexpr int max_texels = 512;  // of a picture
 constexpr std::size_t kept_bytes = std::size_t{128} << 20;
 
-// [0,1] at (u, v): how much of the second colour.
+// The weight of the second colour at (u, v), in [0,1].
 using Pattern = std::function<double(double, double)>;
 
 Pattern random_pattern(Random& random) {
@@ -56,13 +56,13 @@ Vector3f colour_of(double hue, double saturation, double value) {
   return out;
 }
 
-// sRGB: a hue, from grey to saturated, from dark to light.
+// A random sRGB colour: any hue, from grey to saturated, from dark to light.
 Vector3f random_colour(Random& random) {
   const double hue = random.uniform(0, 6), saturation = std::sqrt(random.uniform()), value = random.uniform(0.25, 1);
   return colour_of(hue, saturation, value);
 }
 
-// Linear; paler and lighter than a pattern's, as most things are.
+// A random linear colour, paler and lighter than a pattern's, like most real objects.
 Vector3f random_paint_colour(Random& random) {
   const double hue = random.uniform(0, 6), saturation = 0.9 * random.uniform(), value = random.uniform(0.15, 1.2);
   return colour_of(hue, saturation, std::min(value, 1.0)).unaryExpr([](float c) { return srgb_decode(c); });

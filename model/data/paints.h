@@ -1,4 +1,4 @@
-// Colours and textures by chance.
+// Random colours and textures.
 #pragma once
 #include <cstddef>
 #include <string>
@@ -10,17 +10,17 @@
 
 namespace vsplat {
 
-// Checks, stripes, spots or clouds of two random colours, 128 texels to a side.
+// A pattern of checks, stripes, spots or clouds in two random colours, with 128 texels to a side.
 std::shared_ptr<const Texture> random_texture(Random& random);
 
-// The pictures of a folder as textures, in order of name. May be used by several threads.
+// The pictures of a folder as textures, sorted by name. Thread-safe.
 class TextureFolder {
  public:
-  // Error(file) where there is no such folder, Error(input) where no picture is in it.
+  // Error(file) if there is no such folder, Error(input) if it contains no picture.
   explicit TextureFolder(const std::string& path);
 
   std::size_t count() const { return files_.size(); }
-  // Its longer side made 512 texels where it is longer. Error(file or format) as read_image() has them.
+  // The texture, with its longer side reduced to at most 512 texels. Error(file or format) as read_image().
   std::shared_ptr<const Texture> at(std::size_t index) const;
 
  private:
@@ -28,25 +28,25 @@ class TextureFolder {
   mutable ByteCache<std::size_t, Texture> kept_;
 };
 
-// How a part is coloured.
+// The colouring of a part.
 struct Paint {
   Material material;
-  // Corners are of a colour that goes from `colours[0]` at the part's one end along `along` (of unit length) over [1]
-  // in the middle to [2] at the other, linear; without `gradient` they are white.
+  // With `gradient`, corner colours vary along `along` (of unit length) from `colours[0]` at one end of the part over
+  // [1] in the middle to [2] at the other end, in linear light; without it corners are white.
   bool gradient = false;
   Eigen::Vector3f colours[3];
   Eigen::Vector3f along = Eigen::Vector3f::UnitY();
-  // The texture is repeated so often across the part, and begins so far in.
+  // Repetitions of the texture across the part, and its offset.
   Eigen::Vector2f repeats = Eigen::Vector2f::Ones(), begins = Eigen::Vector2f::Zero();
 };
 
-// The gradient's colour, linear, from 0 at the one end over 1 in the middle to 2 at the other; the ends go on beyond.
+// The gradient's linear colour at 0 (one end) over 1 (middle) to 2 (other end); constant beyond the ends.
 Eigen::Vector3f gradient_colour(const Paint& paint, float at);
 
-// One colour, a gradient, a pattern, or one of `textures` (may be null: none), these for half of the parts.
+// A single colour, a gradient, a pattern, or one of `textures` (may be null: none); half of the parts use `textures`.
 Paint random_paint(Random& random, const TextureFolder* textures);
 
-// Colours triangles, whose texture coordinates are in [0,1].
+// Colours triangles whose texture coordinates are in [0,1].
 void apply(const Paint& paint, std::vector<Corner>& corners);
 
 }  // namespace vsplat

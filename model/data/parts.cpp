@@ -10,14 +10,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int halvings = 24;  // of an edge, until where it is cut is known to a float's precision
+constexpr int halvings = 24;  // of an edge, to locate its intersection to float precision
 
 bool before(const Corner& a, const Corner& b) {
   return std::lexicographical_compare(a.position.data(), a.position.data() + 3, b.position.data(),
                                       b.position.data() + 3);
 }
 
-// Where the edge crosses the border. The same bits from either end, so that triangles beside each other stay so.
+// The intersection of the edge with the border. The result does not depend on the edge's direction, so adjacent
+// triangles stay connected.
 Corner crossing(Corner a, Corner b, const Inside& inside) {
   if (before(b, a)) std::swap(a, b);
   const Vector3d p = a.position.cast<double>(), q = b.position.cast<double>();
@@ -40,8 +41,8 @@ void turn_over(Triangles& triangles) {
   for (std::size_t i = 0; i + 2 < triangles.size(); i += 3) std::swap(triangles[i + 1], triangles[i + 2]);
 }
 
-// Directions across a line at each of its points, the second of them turned as little as can be from the first on;
-// where the line is closed, what is left over is shared out.
+// Directions perpendicular to a line at each of its points, propagated with minimal rotation from the first one. If the
+// line is closed, the remaining rotation is distributed evenly.
 struct Frame {
   Vector3d side, up;
 };
@@ -90,7 +91,7 @@ void append_square(Triangles& out, const Corner& a, const Corner& b, const Corne
 Triangles tessellated(const Surface& surface, int around, int along) {
   const auto at = [&](int i, int j) {
     const double v = static_cast<double>(j) / along;
-    // The seam's two sides are the same point to the bit.
+    // Both sides of the seam are bitwise the same point.
     return corner(surface(static_cast<double>(i % around) / around, v), static_cast<double>(i) / around, v);
   };
   std::vector<Corner> grid;
@@ -116,7 +117,7 @@ Triangles part_of(const Triangles& from, const Inside& inside, bool within) {
                  from.begin() + static_cast<std::ptrdiff_t>(i) + 3);
       continue;
     }
-    int lone = 0;  // the corner that differs from the two others
+    int lone = 0;  // the corner that differs from the other two
     while (kept[lone] != (count == 1)) ++lone;
     const Corner &a = from[i + lone], &b = from[i + (lone + 1) % 3], &c = from[i + (lone + 2) % 3];
     const Corner ab = crossing(a, b, inside), ac = crossing(a, c, inside);

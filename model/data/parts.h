@@ -1,4 +1,4 @@
-// Triangles that objects are put together from: surfaces, what is cut out of them, tubes, and what bends them.
+// Triangle meshes that objects are built from: surfaces, differences, tubes and warps.
 #pragma once
 #include <Eigen/Geometry>
 #include <functional>
@@ -10,38 +10,38 @@
 
 namespace vsplat {
 
-// Three corners each, wound so that they are seen from outside; where triangles meet, positions are equal to the bit.
+// Three corners per triangle, wound to be seen from outside. Adjacent triangles have bitwise equal positions.
 using Triangles = std::vector<Corner>;
 using Warp = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
 
-// A grid of `around` x `along` squares over the surface, (u, v) as texture coordinates.
+// A grid of `around` x `along` squares over the surface, with (u, v) as texture coordinates.
 Triangles tessellated(const Surface& surface, int around, int along);
 
-// What of the triangles is within, or without; those that the border crosses are cut there.
+// The part of the triangles inside (or outside); triangles that cross the border are cut there.
 Triangles part_of(const Triangles& from, const Inside& inside, bool within);
 
-// A body out of which a second one is cut: what is left of its surface, and the walls of the cut, which are the second
-// one's surface seen from within. `cutter` is moved into the first one's frame by `place`.
+// A body with a second body cut out of it: the rest of its surface, and the walls of the cut, which are the second
+// body's surface seen from inside. `place` transforms `cutter` to the first body's frame.
 struct Cut {
   Triangles outside, walls;
 };
 Cut difference(const Body& body, const Body& cutter, const Eigen::Affine3d& place, int around, int along);
 
-// Round a line of at least two points, with `sides` sides; closed into itself, or at both ends by flat caps.
+// A tube with `sides` sides around a line of at least two points; closed into itself, or with flat caps at both ends.
 Triangles tube(std::span<const Eigen::Vector3d> line, bool closed, double radius, int sides);
 
-// `around` lines from pole to pole of the surface and `along` about it, as tubes.
+// A wire frame of tubes: `around` lines from pole to pole of the surface and `along` rings around it.
 Triangles wires(const Surface& surface, int around, int along, double radius);
 
 void warp(Triangles& triangles, const Warp& by);
 
-// Turned about y by an angle that grows along it, in radians per unit.
+// Rotation about y by an angle proportional to y, in radians per unit.
 Warp twist(double per_unit);
-// The y axis becomes an arc in the plane of x and y, by an angle of so much per unit.
+// Bends the y axis to an arc in the xy plane, in radians per unit.
 Warp bend(double per_unit);
-// Wider at one end of y in [-1,1] than at the other.
+// Widens one end of y in [-1,1] and narrows the other.
 Warp taper(double by);
-// A height field: each point moved away from the origin, by a sum of waves over its direction of that height at most.
+// A height field: moves each point away from the origin by a sum of waves over its direction, at most by `height`.
 Warp bumps(double height, Random& random);
 
 }  // namespace vsplat

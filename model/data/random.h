@@ -1,4 +1,4 @@
-// A row of random numbers for making data: the same for a seed, an element and a stream on every machine.
+// A sequence of random numbers for generating data; identical for a seed, element and stream on every machine.
 #pragma once
 #include <cstdint>
 
@@ -28,7 +28,7 @@ class Random {
   int at_ = 4;
 };
 
-// Streams, so that no two uses share numbers.
+// Streams, so that no two uses share random numbers.
 inline constexpr std::uint32_t camera_stream = 0x63616d73u, solid_stream = 0x736f6c69u, order_stream = 0x6f726472u,
                                draw_stream = 0x64726177u, object_stream = 0x6f626a65u;
 

@@ -26,9 +26,9 @@ Vector3d random_size(Random& random, double low, double high) {
   return out;
 }
 
-// What is painted alike.
+// Triangles that share a paint.
 struct Piece {
-  Triangles outside, walls;  // walls of what was cut out, which may be painted otherwise
+  Triangles outside, walls;  // walls of a cut may have another paint
 };
 
 void warp(Piece& piece, const Warp& by) {
@@ -36,12 +36,12 @@ void warp(Piece& piece, const Warp& by) {
   warp(piece.walls, by);
 }
 
-// A body, about the origin, within [-1,1]^3.
+// A solid part, centred at the origin, within [-1,1]^3.
 Piece random_mass(Random& random) {
   const Body body = random_body(random);
   Piece out;
   const double kind = random.uniform();
-  if (kind < 0.15) {  // a bowl: what is cut out goes through its top
+  if (kind < 0.15) {  // a bowl: the cut passes through its top
     const double wide = random.uniform(0.7, 0.92), deep = random.uniform(0.15, 0.8);
     const Body cutter = by_chance(random, 0.5) ? body : superellipsoid(0.1, 1.0);
     Cut cut = difference(body, cutter, Affine3d(Eigen::Translation3d(0, deep, 0) * Eigen::Scaling(wide, 1.0, wide)),
@@ -65,7 +65,7 @@ Piece random_mass(Random& random) {
   return out;
 }
 
-// A line within [-1,1]^3 or so: a half or a whole circle, a spring, or one that winds as it likes.
+// A curve roughly within [-1,1]^3: a half circle, a circle, a spring or a random curve.
 struct Line {
   std::vector<Vector3d> points;
   bool closed = false;
@@ -95,12 +95,12 @@ Line random_line(Random& random) {
   return out;
 }
 
-// Something thin, of about that size; thinness is not scaled with it, so that all of an object's is alike.
+// A thin part of about that size. Its thickness is not scaled, so that all thin parts of an object are similar.
 Piece random_thin(Random& random, const Vector3d& size) {
   const double thin = random.uniform(0.015, 0.06);
   const int kind = random.below(4);
   Triangles out;
-  if (kind == 0) {  // a rod, or a lath
+  if (kind == 0) {  // a rod or a lath
     const Surface rod = superellipsoid(0.1, by_chance(random, 0.5) ? 1.0 : 0.15).surface;
     const Vector3d scale(thin, size.y(), thin * random.uniform(1, 2));
     out = tessellated([&](double u, double v) { return Vector3d(scale.cwiseProduct(rod(u, v))); }, 16, along);
@@ -141,7 +141,7 @@ class Builder {
 
 Piece Builder::random_piece(bool first, bool& is_thin) {
   const Vector3d size = first ? random_size(random_, 0.35, 1) : random_size(random_, 0.12, 0.6);
-  const double kind = (first ? 0.8 : 1) * random_.uniform();  // few objects are built about something thin
+  const double kind = (first ? 0.8 : 1) * random_.uniform();  // few objects are built around a thin part
   is_thin = kind >= 0.72;
   if (is_thin) return random_thin(random_, 1.5 * size);
   if (kind >= 0.6) {
@@ -156,7 +156,7 @@ Piece Builder::random_piece(bool first, bool& is_thin) {
   return out;
 }
 
-// Mostly a point of what is there, so that parts touch.
+// Usually a point of an existing part, so that parts touch.
 Vector3d Builder::random_place(bool first) {
   if (first) return Vector3d::Zero();
   if (by_chance(random_, 0.8)) {
@@ -168,11 +168,11 @@ Vector3d Builder::random_place(bool first) {
   return out;
 }
 
-// Half of the parts stand or lie.
+// Half of the parts are aligned with the axes.
 Matrix3d Builder::random_attitude() {
   if (by_chance(random_, 0.5)) return random_rotation(random_);
   Matrix3d out = Matrix3d::Identity();
-  const int axis = random_.below(3);  // that becomes y
+  const int axis = random_.below(3);  // the axis that becomes y
   for (int i = 0; i < axis; ++i) out = (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished() * out;
   const double turn = by_chance(random_, 0.5) ? random_.uniform(0, 2 * M_PI) : 0.0;
   return Eigen::AngleAxisd(turn, Vector3d::UnitY()).toRotationMatrix() * out;

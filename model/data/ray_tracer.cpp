@@ -40,7 +40,7 @@ const RayFunctions* loaded() {
   fail(Status::internal, "{} is not of vsplat {}, whose library is to load it", path, VSPLAT_VERSION);
 }
 
-// Never unloaded: what was found once serves all.
+// The module is loaded once and never unloaded.
 const RayFunctions& rays() {
   static std::mutex one;
   static const RayFunctions* found = nullptr;
@@ -49,7 +49,7 @@ const RayFunctions& rays() {
   return *found;
 }
 
-// What a surface turned towards `normal` sends back of white light. At most 1.
+// The reflected share of white light for a surface with this normal; at most 1.
 float light(const Vector3f& normal) {
   static const Vector3f side = Vector3f(0.36f, 0.80f, 0.48f).normalized();
   return 0.48f + 0.12f * normal.y() + 0.4f * std::max(0.0f, normal.dot(side));
@@ -72,7 +72,7 @@ bool passes(const void* user, unsigned triangle, float u, float v) {
   return alpha < material.cutoff;
 }
 
-// The surface that the ray met, in linear light.
+// Colour of the hit surface in linear light.
 Vector3f shaded(const Mesh& mesh, const RayHit& hit, const Vector3f& direction) {
   const std::size_t triangle = hit.triangle;
   const Corner* c = &mesh.corners[3 * triangle];
@@ -88,7 +88,7 @@ Vector3f shaded(const Mesh& mesh, const RayHit& hit, const Vector3f& direction) 
                                             texture_place(mesh, triangle, &Corner::emission_uv, u, v),
                                             material.emission_sampling));
   Vector3f face(hit.normal[0], hit.normal[1], hit.normal[2]);
-  if (face.dot(direction) > 0) face = -face;  // the side that is seen, whichever way the triangle is wound
+  if (face.dot(direction) > 0) face = -face;  // the visible side, regardless of the triangle's winding
   Vector3f normal = w * c[0].normal + u * c[1].normal + v * c[2].normal;
   if (!(normal.norm() > 1e-6f)) normal = face;
   if (normal.dot(face) < 0) normal = -normal;

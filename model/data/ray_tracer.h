@@ -1,4 +1,4 @@
-// Pictures of a mesh by tracing rays, by the module that has Embree (rays_module.h).
+// Renders a mesh by ray tracing with the Embree module (rays_module.h).
 #pragma once
 #include <memory>
 #include <string>
@@ -9,16 +9,16 @@
 
 namespace vsplat {
 
-// Keeps a reference to the mesh, whose corners all have finite positions and normals or zero in their place.
+// Keeps a reference to the mesh. All its corners must have finite positions, and finite or zero normals.
 class RayTracer {
  public:
-  // Error(internal) where the module is not there, or of another version; Error(memory).
+  // Error(internal) if the module is missing or of another version; Error(memory).
   explicit RayTracer(const Mesh& mesh);
 
-  // [height][width][4]: sRGB-encoded colour and straight alpha, the mean of samples x samples rays a pixel; black
-  // where nothing is hit. Light comes from everywhere, more from above (+y), and some from one side, fixed to the
-  // object, so that every view shows the same colours. No shadows, no gloss. Distortion is ignored.
-  // By so many threads, 0: one a processor; the same bits whatever their number.
+  // [height][width][4]: sRGB-encoded colour and straight alpha, the mean of samples x samples rays per pixel; black
+  // where nothing is hit. Light comes from all directions, more from above (+y), and some from one side, fixed to the
+  // object, so that all views show the same colours. No shadows, no gloss. Ignores distortion.
+  // `threads`: 0 means one per processor; the result is bitwise independent of it.
   Image picture(const Camera& camera, int samples = 2, unsigned threads = 0) const;
 
  private:
@@ -29,7 +29,7 @@ class RayTracer {
   const Mesh& mesh_;
 };
 
-// Loads the module from there and not from beside the library: for tests, before the first RayTracer.
+// For tests, before the first RayTracer: loads the module from this path instead of from beside the library.
 void set_rays_module(const std::string& path);
 
 }  // namespace vsplat

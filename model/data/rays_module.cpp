@@ -26,7 +26,7 @@ struct Scene {
   }
 };
 
-// Embree asks of each triangle that a ray meets whether it counts.
+// Embree calls this for each triangle that a ray meets, to decide whether it counts.
 void filter(const RTCFilterFunctionNArguments* args) {
   const auto& of = *static_cast<const RayTriangles*>(args->geometryUserPtr);
   for (unsigned i = 0; i < args->N; ++i)
@@ -43,7 +43,7 @@ int told(RTCError code, int* error) {
 int open(const RayTriangles* triangles, void** out, int* error) {
   auto made = std::make_unique<Scene>();
   made->triangles = *triangles;
-  made->device = rtcNewDevice("threads=1");  // of building; every thread may trace
+  made->device = rtcNewDevice("threads=1");  // for building; any thread may trace
   if (!made->device) return std::max(1, told(rtcGetDeviceError(nullptr), error));
   made->scene = rtcNewScene(made->device);
   rtcSetSceneFlags(made->scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips through an edge

@@ -16,7 +16,7 @@ constexpr int around = 64, along = 40;
 
 Corner corner_at(const Surface& surface, const Matrix3d& linear, const Vector3d& offset, int i, int j) {
   Corner out;
-  // The seam's two sides are the same point to the bit, so that normals are averaged across it.
+  // Both sides of the seam are bitwise the same point, so that normals are averaged across it.
   const Vector3d p = surface(static_cast<double>(i % around) / around, static_cast<double>(j) / along);
   out.position = (linear * p + offset).cast<float>();
   out.uv = {static_cast<float>(i) / around, static_cast<float>(j) / along};

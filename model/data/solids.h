@@ -1,4 +1,4 @@
-// Textured random solids, for those who have no meshes, and for tests.
+// Textured random solids, for tests and for users without meshes.
 #pragma once
 #include <cstdint>
 
@@ -6,9 +6,9 @@
 
 namespace vsplat {
 
-// One to four rounded boxes, cylinders, balls, double cones, rings and turned vases, scaled, turned and pushed into one
-// another, each with a procedural texture (checks, stripes, spots, clouds) of two random colours. The same for the
-// same seed and index.
+// One to four rounded boxes, cylinders, balls, double cones, rings and turned vases, scaled, rotated and overlapping,
+// each with a procedural texture (checks, stripes, spots, clouds) in two random colours. The result only depends on
+// seed and index.
 Mesh random_solid(std::uint64_t seed, std::uint32_t index);
 
 }  // namespace vsplat

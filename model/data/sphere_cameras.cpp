@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 
 constexpr int max_cameras = 9999, min_size = 8, max_size = 8192;
 constexpr double fov = 0.857556, nearest = 1.6, spread = 0.3;
-constexpr double margin = 1.02;  // so that nothing touches a picture's edge
+constexpr double margin = 1.02;  // so that the object does not touch a picture's edge
 
 }  // namespace
 

@@ -7,10 +7,10 @@
 
 namespace vsplat {
 
-// `count` square cameras of `size` pixels and 49.1 degrees (those of GObjaverse) that look at the origin: directions of
-// a Fibonacci sphere, turned about y and jittered by the seed and the object's index, y up in the pictures; distances
-// from 1.6 to 1.9, or so much farther that a sphere of `radius` about the origin is wholly in every picture.
-// Error(usage) for a count outside 1 to 9999 or a size outside 8 to 8192.
+// `count` square cameras with `size` pixels and a field of view of 49.1 degrees (GObjaverse's) that look at the origin.
+// Directions are those of a Fibonacci sphere, rotated about y and jittered by the seed and the object's index; y is up
+// in the pictures. Distances are 1.6 to 1.9, or increased so that a sphere of `radius` about the origin is completely
+// in every picture. Error(usage) for a count outside 1 to 9999 or a size outside 8 to 8192.
 std::vector<Camera> sphere_cameras(int count, int size, double radius, std::uint64_t seed, std::uint32_t object);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// What there is of an object in a data set, in numbers.
+// Statistics of an object in a data set.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,20 +12,21 @@ struct Extent {
 };
 
 struct ObjectSurvey {
-  int views = 0;                 // that can be used
-  std::vector<std::string> bad;  // what is wrong with others, and with pictures that were looked at
+  int views = 0;                 // usable views
+  std::vector<std::string> bad;  // problems of other views, and of the decoded pictures
   Extent width, height;          // pixels
-  Extent fov;                    // degrees, across the picture
-  Extent distance;               // of the cameras from the cube's middle, in its edges
+  Extent fov;                    // degrees, horizontal
+  Extent distance;               // of the cameras from the cube's centre, in cube edges
   Placement placement;
   int looked_at = 0;    // pictures that were decoded
-  double coverage = 0;  // the mean of their alpha over the square that the network sees
+  double coverage = 0;  // mean alpha of these over the network's square
 };
 
-// Looks into `pictures` of its pictures, spread over the views; -1: all. Error where the object as a whole is bad.
+// Decodes `pictures` of the object's pictures, spread over the views; -1: all. Throws Error if the object as a whole is
+// bad.
 ObjectSurvey survey(const DataObject& object, int pictures);
 
-// `count` of `of` indices, evenly spread; all where there are fewer.
+// `count` of `of` indices, evenly spread; all if there are fewer.
 std::vector<int> spread(int count, int of);
 
 }  // namespace vsplat

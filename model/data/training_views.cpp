@@ -20,8 +20,8 @@
 namespace vsplat {
 namespace {
 
-constexpr std::size_t listing_bytes = std::size_t{64} << 20;  // of listed objects that are kept
-constexpr int endless_views = 40;  // of a procedural object, as the command draws them; few of them are asked for
+constexpr std::size_t listing_bytes = std::size_t{64} << 20;  // cached listings of objects
+constexpr int endless_views = 40;  // of a procedural object, as the command draws them; few are requested
 
 void check(const DataSet& data, const TrainingOptions& o) {
   if (data.objects.empty() && o.procedural < 1) fail(Status::input, "the data set has no objects");
@@ -54,7 +54,8 @@ std::vector<Eigen::Vector3d> positions_of(const FramedObject& object) {
 }
 
 std::size_t bytes_of(const Listing& listing) {
-  return listing.positions.size() * (sizeof(ListedView) + sizeof(Eigen::Vector3d) + 256);  // paths and names: about
+  return listing.positions.size() *
+         (sizeof(ListedView) + sizeof(Eigen::Vector3d) + 256);  // paths and names, approximately
 }
 
 Eigen::Matrix3d random_turn(double degrees, Random& random) {
@@ -65,11 +66,11 @@ Eigen::Matrix3d random_turn(double degrees, Random& random) {
   return Eigen::AngleAxisd(angle, axis).toRotationMatrix();
 }
 
-// The object's index, and which view of it: by index, the object as a whole, or -2 and below one that was left out when
-// it was opened.
+// The object's index and the view: its index, -1 for the object as a whole, or -2 and below for a view omitted when the
+// object was opened.
 using BadThing = std::pair<std::size_t, int>;
 constexpr int whole = -1;
-// Instead of an index: an object of no set, whose pictures are asked for once and not kept.
+// Index of an object that is not in the set; its pictures are requested once and not cached.
 constexpr std::size_t no_index = std::numeric_limits<std::size_t>::max();
 
 struct Item {
@@ -120,7 +121,8 @@ struct TrainingReader::Impl {
   void disguise(TrainingViews& views, Random& random) const;
   Listing random_listing(std::uint64_t number);
   TrainingViews make(std::uint64_t item);
-  void finish(std::uint64_t number, std::unique_lock<std::mutex>& lock);  // makes a wanted item, unlocked meanwhile
+  void finish(std::uint64_t number, std::unique_lock<std::mutex>& lock);  // makes a wanted item, with the lock released
+                                                                          // meanwhile
   void work();
 
   const DataSet data;
@@ -135,7 +137,7 @@ struct TrainingReader::Impl {
   mutable std::mutex bad_mutex;
   std::set<BadThing> bad;
 
-  std::mutex mutex;  // of what follows
+  std::mutex mutex;  // guards the following members
   std::condition_variable changed;
   std::map<std::uint64_t, Item> items;
   bool stop = false;
@@ -223,7 +225,7 @@ TrainingViews TrainingReader::Impl::composed(const Listing& from, int inputs,
   return out;
 }
 
-// Nothing is drawn by chance of what is not wanted, here and in disguise(): other runs go on as they did.
+// Draws no random number for a disabled option, here and in disguise(), so that other runs stay the same.
 std::vector<std::shared_ptr<const StoredView>> TrainingReader::Impl::shown(
     const std::vector<std::shared_ptr<const StoredView>>& views, const std::vector<Camera>& cameras,
     Random& random) const {
@@ -245,8 +247,8 @@ void TrainingReader::Impl::disguise(TrainingViews& views, Random& random) const 
   }
 }
 
-// Draws again, without them, where views turn out to be bad. Of a random object that is no fault of the data: it may be
-// so thin that nothing is seen of it from somewhere.
+// Draws again, without the bad views, if any view is bad. For a random object this is no fault of the data: it may be
+// too thin to be visible from some direction.
 TrainingViews TrainingReader::Impl::take(const Listing& from, std::size_t index, Random& random) {
   std::vector<bool> excluded(from.positions.size(), false);
   const int inputs = options.min_inputs + random.below(options.max_inputs - options.min_inputs + 1);
@@ -286,7 +288,7 @@ Listing TrainingReader::Impl::random_listing(std::uint64_t number) {
   return out;
 }
 
-// A random object, or the set's object whose turn it is, or where that is bad the next ones'.
+// A random object, or the set's next object; if that is bad, the one after it.
 TrainingViews TrainingReader::Impl::make(std::uint64_t item) {
   Random random(options.seed, static_cast<std::uint32_t>(item), draw_stream);
   const EndlessShare share(options.procedural);
@@ -347,7 +349,7 @@ TrainingViews TrainingReader::at(long step, int item) {
   const std::uint64_t number = static_cast<std::uint64_t>(step) * m.options.batch + item;
   const std::uint64_t ahead = m.options.threads > 0 ? m.options.ahead : 0;
   std::unique_lock lock(m.mutex);
-  // Those that will be asked for next.
+  // The next items to be requested.
   std::set<std::uint64_t> wanted;
   for (std::uint64_t i = number; wanted.size() <= ahead; ++i) {
     const int of_step = static_cast<int>(i % static_cast<std::uint64_t>(m.options.batch));
