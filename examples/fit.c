@@ -1,9 +1,9 @@
-/* Fits a handful of Gaussians to a picture by gradient descent, on the public C interface alone.
+/* Fits a handful of Gaussians to a picture by gradient descent, using only the public C interface.
 
        fit BEFORE.png AFTER.png
 
-   The picture is one that the library draws itself, of Gaussians that the fit does not know: a loss of 0 can be
-   reached. Prints the loss as it falls; exits with 3 if it does not come down to a hundredth. */
+   The library draws the picture from other Gaussians, which the fit does not see, so a loss of 0 is possible. Prints
+   the loss during the fit; exits with 3 if it does not fall to a hundredth. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@
 
 enum { count = 24, side = 64, steps = 300, pixels = 3 * side * side };
 
-/* Of each Gaussian what is free, unconstrained: position, logarithms of the scales, rotation, logit of the opacity, and
+/* A Gaussian's free parameters, unconstrained: position, logarithms of the scales, rotation, logit of the opacity, and
    the constant spherical harmonic. */
 enum {
   means = 0,
@@ -28,7 +28,7 @@ static void check(vsplat_status status, const char* what) {
   exit(1);
 }
 
-/* In [-1, 1), the same everywhere. */
+/* In [-1, 1), equal on every machine. */
 static float random_float(uint32_t* state) {
   *state = *state * 1664525u + 1013904223u;
   return (float)(*state >> 8) / 8388608.0f - 1.0f;
@@ -45,7 +45,7 @@ static void random_parameters(float* p, uint32_t seed) {
   }
 }
 
-/* What the library takes: scales and opacities themselves. */
+/* Converts parameters to the library's values: scales and opacities themselves. */
 static vsplat_gaussians to_gaussians(const float* p, float* v) {
   vsplat_gaussians out = VSPLAT_GAUSSIANS_INIT;
   int i;
@@ -61,14 +61,14 @@ static vsplat_gaussians to_gaussians(const float* p, float* v) {
   return out;
 }
 
-/* From derivatives by those values, v, to derivatives by the parameters: in place. */
+/* Converts derivatives by those values, v, to derivatives by the parameters, in place. */
 static void to_parameters(const float* v, float* gradient) {
   int i;
   for (i = scales; i < rotations; ++i) gradient[i] *= v[i];
   for (i = opacities; i < sh; ++i) gradient[i] *= v[i] * (1.0f - v[i]);
 }
 
-/* Adam (Kingma and Ba, 2015): step sizes come from the gradients' own history. */
+/* Adam (Kingma and Ba, 2015): step sizes adapt to the history of the gradients. */
 static void adam(float* p, const float* gradient, float* first, float* second, int step, float rate) {
   const float a = 0.9f, b = 0.99f, n = (float)step;
   int i;
@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
   camera.width = camera.height = side;
   camera.fx = camera.fy = side;
   camera.cx = camera.cy = side / 2.0;
-  camera.w2c[11] = 2.5; /* looks at the origin from there */
+  camera.w2c[11] = 2.5; /* so that it looks at the origin */
   info.count = count;
 
   random_parameters(p, 1);

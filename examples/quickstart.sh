@@ -1,6 +1,6 @@
 #!/bin/sh
-# Set-up, build and the main job: an object that the shipped model was not trained on, from four pictures, then one from
-# photographs. Both are refined. Leaves its results in out/quickstart.
+# Installs, builds, and reconstructs an object from four pictures, which the built-in model was not trained on, then one
+# from photographs. Fits both scenes. Leaves its results in out/quickstart.
 set -eu
 cd "$(dirname "$0")/.."
 

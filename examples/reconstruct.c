@@ -1,6 +1,6 @@
-/* From a folder of posed photographs to a 3D Gaussian splat and a picture of it, on the public C interface alone.
+/* From a folder of posed photographs to a 3D Gaussian splat and a picture of it, using only the public C interface.
 
-       reconstruct VIEWS SCENE.ply PICTURE.png [MODEL.safetensors] */
+     reconstruct VIEWS SCENE.ply PICTURE.png [MODEL.safetensors] */
 #include <stdio.h>
 #include <stdlib.h>
 #include <vsplat/vsplat.h>
@@ -35,7 +35,7 @@ static void draw(vsplat_device device, vsplat_scene scene, vsplat_input input, c
   vsplat_cameras_release(cameras);
 }
 
-/* What a program that goes on with the Gaussians does: takes them out. */
+/* Copies the Gaussians out, for programs that process them further. */
 static void look_at_gaussians(vsplat_scene scene) {
   vsplat_scene_info info = VSPLAT_SCENE_INFO_INIT;
   vsplat_gaussians arrays = VSPLAT_GAUSSIANS_INIT;
@@ -67,7 +67,7 @@ int main(int argc, char** argv) {
   check(vsplat_device_open(NULL, &device), "device");
   check(vsplat_device_get_info(device, &info), "device");
   fprintf(stderr, "vsplat %s on %s\n", vsplat_version_string(), info.name);
-  check(vsplat_model_load(argc == 5 ? argv[4] : NULL, &model), "model"); /* NULL: the one that the library carries */
+  check(vsplat_model_load(argc == 5 ? argv[4] : NULL, &model), "model"); /* NULL: the built-in model */
   check(vsplat_views_load(argv[1], NULL, &views), "views");
   check(vsplat_input_prepare(model, views, NULL, &input), "input");
   options.progress = show_progress;

@@ -1,8 +1,8 @@
-// A scene in a window, drawn live: drag to turn it, roll the wheel to come nearer, Space lets it turn by itself.
+// A scene in a window, drawn live: drag to turn it, roll the wheel to come nearer, press Space to let it turn by itself.
 //
 //     vsplat-window SCENE.ply [FRAMES [PICTURE.png]]
 //
-// FRAMES: turns by itself for so many frames, at full size, and ends; PICTURE.png is what the window shows then.
+// FRAMES: turns by itself at full size for so many frames, then ends; PICTURE.png is what the window shows at the end.
 // The library draws 8-bit pixels straight into SDL's texture, whose rows may have gaps.
 #include <SDL.h>
 
@@ -18,8 +18,8 @@
 
 namespace {
 
-constexpr int kDirections = 720;      // on the circle
-constexpr double kSmooth = 1.0 / 20;  // seconds of a frame, while something moves
+constexpr int kDirections = 720;      // positions on the circle
+constexpr double kSmooth = 1.0 / 20;  // target time of a frame in seconds while something moves
 
 void need(bool good) {
   if (!good) throw std::runtime_error(SDL_GetError());
@@ -33,7 +33,7 @@ using Window = std::unique_ptr<SDL_Window, Destroyer<SDL_Window, SDL_DestroyWind
 using Renderer = std::unique_ptr<SDL_Renderer, Destroyer<SDL_Renderer, SDL_DestroyRenderer>>;
 using Texture = std::unique_ptr<SDL_Texture, Destroyer<SDL_Texture, SDL_DestroyTexture>>;
 
-// From where the scene is seen: a direction on a circle about it.
+// The viewpoint: a direction on a circle about the scene.
 class Orbit {
  public:
   explicit Orbit(const vsplat::Scene& scene) : scene_(scene) {}
@@ -60,12 +60,12 @@ class Orbit {
   }
 
  private:
-  // Half of the way between two cameras that face each other.
+  // Half the distance between two cameras that face each other.
   static double radius_of(const vsplat::Cameras& circle) {
     const std::vector<vsplat_camera> all = circle.all();
     double squares = 0;
     for (int axis = 0; axis < 3; ++axis) {
-      double across = 0;  // a camera's place is -R^T t
+      double across = 0;  // a camera's centre is -R^T t
       for (int i = 0; i < 3; ++i)
         across += all[kDirections / 2].w2c[4 * i + axis] * all[kDirections / 2].w2c[4 * i + 3] -
                   all[0].w2c[4 * i + axis] * all[0].w2c[4 * i + 3];
@@ -104,7 +104,7 @@ class Viewer {
     }
   }
 
-  // What the window shows.
+  // Saves what the window shows.
   void save(const char* path) {
     int width = 0, height = 0;
     need(SDL_GetRendererOutputSize(renderer_.get(), &width, &height) == 0);
@@ -139,7 +139,7 @@ class Viewer {
     SDL_RenderPresent(renderer_.get());
   }
 
-  // Smaller while something moves, so that frames come often enough; SDL scales it up.
+  // Draws smaller while something moves, to keep the frame rate; SDL scales the picture up.
   void show(bool quickly) {
     int width = 0, height = 0;
     need(SDL_GetRendererOutputSize(renderer_.get(), &width, &height) == 0);
@@ -162,7 +162,7 @@ class Viewer {
     need(SDL_LockTexture(texture_.get(), nullptr, &picture.data, &pitch) == 0);
     picture.row_bytes = static_cast<size_t>(pitch);
     vsplat_render_options options = VSPLAT_RENDER_OPTIONS_INIT;
-    options.supersample = quickly ? 1 : 0;  // what is small for speed is not drawn larger
+    options.supersample = quickly ? 1 : 0;  // a frame drawn small for speed is not supersampled
     const Uint64 begun = SDL_GetPerformanceCounter();
     const vsplat_status status = vsplat_render(device_.get(), scene_.get(), &camera, &options, &picture);
     const double took =
@@ -188,9 +188,9 @@ class Viewer {
   Renderer renderer_;
   Texture texture_;
   int width_ = 0, height_ = 0, smaller_ = 1;
-  double seconds_ = 0;  // of a frame while something moves
+  double seconds_ = 0;  // time of a frame while something moves
   bool quit_ = false, moving_ = false, turning_ = false;
-  bool sharp_ = false, stale_ = true;  // of what the window shows: at full size; no longer what is seen from there
+  bool sharp_ = false, stale_ = true;  // sharp_: the window shows full size; stale_: the view has changed since
 };
 
 }  // namespace

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Makes the pictures of README.md: of each object in examples/data four of the pictures that go in, side by side, the
-# scene that the network makes of them turning, and that scene refined. On one device the same bytes every time.
-#   examples/pictures/make.sh [FOLDER]      with $VSPLAT, else the release build's; FOLDER: here
+# Makes the pictures of README.md. For each object in examples/data: four of the input pictures side by side, a
+# turntable of the network's scene, and one of that scene after fitting. On one device the bytes are always equal.
+#   examples/pictures/make.sh [FOLDER]      runs $VSPLAT, else the release build; FOLDER: default here
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 vsplat=${VSPLAT:-$here/../../build/release/bin/vsplat}

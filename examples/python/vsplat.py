@@ -1,12 +1,12 @@
 """vsplat from Python: posed photographs in, Gaussians and pictures out, NumPy in and out.
 
-One file over libvsplat's C interface by ctypes: nothing is compiled, and one file serves every Python from 3.9 on. The
-library is $VSPLAT_LIBRARY, else the one that this file was installed with, else the one beside an installed `vsplat` command,
-else where the system looks. NumPy is needed, and nothing else; the file's folder is to be on PYTHONPATH.
+A single file on libvsplat's C interface, by ctypes: nothing is compiled, and it serves every Python from 3.9 on. The library
+is $VSPLAT_LIBRARY, else the one that this file was installed with, else the one beside an installed `vsplat` command, else
+where the system looks. Only NumPy is needed; put the file's folder on PYTHONPATH.
 
     import vsplat
     device = vsplat.Device()                                # the first GPU, else the first device
-    model = vsplat.Model.load()                             # the one that the library carries
+    model = vsplat.Model.load()                             # the built-in model
     scene = device.reconstruct(model, vsplat.Views.load("photos").prepare(model))
     picture = device.render(scene, scene.orbit(8)[0])       # picture.colour: float32 [H, W, 3]
     scene.save("scene.ply")
@@ -19,8 +19,8 @@ torch.from_dlpack(picture.colour) and the like. Buffer has values on the device,
 Failures are vsplat.Error, with the library's sentence and `status`. A Device, a stream of one (Device.stream) and what
 is made with it are used by one thread at a time; while a call runs, other Python threads do.
 
-Training, evaluation, data sets, contact sheets and paths of cameras are the C interface's alone (vsplat/vsplat.h), and the
-command's."""
+Training, evaluation, data sets, contact sheets and camera paths are only in the C interface (vsplat/vsplat.h) and the
+command."""
 from __future__ import annotations
 
 import atexit
@@ -47,8 +47,8 @@ Progress = Callable[[str, float], Any]
 
 
 class Error(RuntimeError):
-    """What the library says went wrong. `status`: "usage", "file", "format", "input", "device", "compile", "memory", "cancelled",
-    "internal" or "busy"."""
+    """A failure in the library. `status`: "usage", "file", "format", "input", "device", "compile", "memory", "cancelled", "internal" or
+    "busy"."""
 
     def __init__(self, status: str, text: str):
         super().__init__(text)
@@ -56,7 +56,7 @@ class Error(RuntimeError):
 
 
 class UsageError(Error, ValueError):
-    """An Error of status "usage": a value that the call cannot take. (One of another type is a TypeError.)"""
+    """An Error of status "usage": a value that the call cannot take. (A value of a wrong type is a TypeError.)"""
 
     def __init__(self, text: str):
         super().__init__("usage", text)
@@ -104,7 +104,7 @@ _WHOLE = {t: (0 if t(-1).value > 0 else -(1 << 8 * c.sizeof(t) - 1), (1 << 8 * c
 
 
 def _whole(value: Any, name: str, type_: Any = c.c_size_t) -> Any:
-    """A whole number as C has it; ctypes by itself would take any, and drop the bits that do not fit."""
+    """Checks an integer for C; ctypes alone would accept any, and drop the bits that do not fit."""
     least, most = _WHOLE[type_]
     try:
         number = operator.index(bool(value) if isinstance(value, np.bool_) else value)
@@ -123,7 +123,7 @@ def _number(value: Any, name: str) -> float:
 
 
 def _numbers(values: Any, type_: Any, count: int, name: str) -> Any:
-    """`count` of them as a C array."""
+    """`count` numbers as a C array."""
     try:
         given = list(values)
     except TypeError:
@@ -134,7 +134,7 @@ def _numbers(values: Any, type_: Any, count: int, name: str) -> Any:
 
 
 def _bytes(text: str | bytes, name: str) -> bytes:
-    """A text as C has it, which ends at the first NUL."""
+    """A string for C, where it ends at the first NUL."""
     if not isinstance(text, (str, bytes)):
         raise TypeError(f"{name} is {text!r}: a text expected")
     out = os.fsencode(text)
@@ -144,7 +144,7 @@ def _bytes(text: str | bytes, name: str) -> bytes:
 
 
 class _Struct(c.Structure):
-    """A struct of the interface: begins with its size; a library that knows more fields, or fewer, takes those of both."""
+    """A struct of the interface. It begins with its size; a newer or older library uses the fields that both know."""
 
     def __init__(self, **fields: Any):
         super().__init__(c.sizeof(type(self)))
@@ -416,14 +416,14 @@ def _texts(texts: Iterable[str], name: str) -> tuple[Any, int]:
 
 
 def _given(value: Any, kind: type, name: str) -> Any:
-    """What is given for `name`, which is one of that class: C would take any pointer for what it expects."""
+    """Checks that `name` is an instance of its class: C would take any pointer in its place."""
     if not isinstance(value, kind):
         raise TypeError(f"{name} is a {type(value).__name__}: a vsplat.{kind.__name__} expected")
     return value
 
 
 def _saved(name: str, *args: Any) -> bytes:
-    """What vsplat_{name} gives as a file's bytes."""
+    """The bytes of the file that vsplat_{name} writes."""
     pointer, size = c.c_void_p(), c.c_size_t()
     _call(name, *args, c.byref(pointer), c.byref(size))
     try:
@@ -440,7 +440,7 @@ def _take_text(pointer: c.c_char_p) -> str:
 
 
 class _Telling:
-    """A progress function for C; what it raises ends the call, and is raised again after it."""
+    """A progress function for C. An exception in it ends the call, and is raised again after it."""
 
     def __init__(self, told: Progress | None):
         self.problem: BaseException | None = None
@@ -463,16 +463,16 @@ class _Telling:
             raise
 
 
-_jobs: set[Job] = set()  # that have not ended: what they write to stays, whoever drops them
+_jobs: set[Job] = set()  # unfinished jobs, kept alive with the memory that they write
 _jobs_lock = threading.Lock()
 
 
-os.register_at_fork(after_in_child=_jobs.clear)  # they are the parent's
+os.register_at_fork(after_in_child=_jobs.clear)  # they belong to the parent
 
 
 @atexit.register
 def _end_jobs() -> None:
-    """Before the interpreter goes, in which they call."""
+    """Runs before the interpreter exits, since jobs call into it."""
     with _jobs_lock:
         left = list(_jobs)
     for job in left:
@@ -494,7 +494,7 @@ class _Handle:
 
     def __del__(self):
         handle = getattr(self, "_as_parameter_", None)
-        if handle and _lib is not None:  # (None: the interpreter is going)
+        if handle and _lib is not None:  # (None: the interpreter is shutting down)
             getattr(_lib, f"vsplat_{self._noun}_release")(handle)
 
     def __reduce__(self):
@@ -506,7 +506,7 @@ class _Handle:
 
 @dataclass
 class Camera:
-    """A pinhole camera: pixels, and `w2c` [4, 4], a rigid motion from the world to OpenCV axes."""
+    """A pinhole camera: pixels, and `w2c` [4, 4], a rigid transform from the world to OpenCV axes."""
 
     width: int
     height: int
@@ -519,8 +519,8 @@ class Camera:
     @classmethod
     def looking_at(cls, target: Sequence[float], eye: Sequence[float], up: Sequence[float] = (0, -1, 0), width: int = 512,
                    height: int = 512, fov: float = 50.0) -> Camera:
-        """`fov`: degrees across the width. `up`, in the world, is up in the picture: Scene.up where that is known; the default is what
-        COLMAP's worlds mostly have."""
+        """`fov`: degrees across the width. `up`, in the world, points up in the picture: use Scene.up if it is known; the default suits
+        most of COLMAP's worlds."""
         at, eye_, up_ = np.asarray(target, float), np.asarray(eye, float), np.asarray(up, float)
         x = np.cross(at - eye_, up_)
         if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(at - eye_) * np.linalg.norm(up_):
@@ -551,15 +551,15 @@ _FORMATS = {"png": 1, "exr": 2, "exr-raw": 3, "jpeg": 4, "png-alpha": 5}
 
 @dataclass
 class Picture:
-    """What was drawn; arrays that were not asked for are None."""
+    """A drawn picture; arrays that were not requested are None."""
 
     colour: np.ndarray | None  # float32 [H, W, 3] over the background; may exceed 1
     alpha: np.ndarray | None  # float32 [H, W]
     depth: np.ndarray | None  # float32 [H, W]: sum of weight x camera z
     expected: np.ndarray | None = None  # float32 [H, W]: depth / alpha, 0 where alpha is 0
-    median: np.ndarray | None = None  # float32 [H, W]: camera z where half of the light is taken, 0 where that is nowhere
-    normal: np.ndarray | None = None  # float32 [H, W, 3]: sum of weight x normal, in the camera's axes and towards it
-    ids: np.ndarray | None = None  # int32 [H, W]: the nearest Gaussian, -1 where there is none
+    median: np.ndarray | None = None  # float32 [H, W]: camera z where half of the light is absorbed, 0 if nowhere
+    normal: np.ndarray | None = None  # float32 [H, W, 3]: sum of weight x normal, in camera axes, facing the camera
+    ids: np.ndarray | None = None  # int32 [H, W]: index of the nearest Gaussian, -1: none
 
     def __dlpack__(self, **how: Any) -> Any:
         """That of `colour`; the other arrays have theirs."""
@@ -574,7 +574,8 @@ class Picture:
         return self.colour
 
     def to_bytes(self, format: str = "png") -> bytes:
-        """A picture file: "png", "jpeg" (colour alone), "png-alpha" (and alpha; drawn over black), "exr", "exr-raw" (all three)."""
+        """The bytes of a picture file: "png", "jpeg" (both colour only), "png-alpha" (with alpha; drawn over black), "exr", "exr-raw"
+        (all three planes)."""
         if format not in _FORMATS:
             raise UsageError(f"format is {format!r}: {', '.join(_FORMATS)} expected")
         height, width = self._colour().shape[:2]
@@ -587,10 +588,10 @@ class Picture:
 
 @dataclass
 class Gaussians:
-    """float32 arrays of K Gaussians, or gradients by them; those that are not wanted are None."""
+    """float32 arrays of K Gaussians, or gradients by them; arrays that are not wanted are None."""
 
     means: np.ndarray | None  # [K, 3] relative to Scene.offset
-    scales: np.ndarray | None  # [K, 3] standard deviations; of surfels the third is 0
+    scales: np.ndarray | None  # [K, 3] standard deviations; the third of a surfel is 0
     rotations: np.ndarray | None  # [K, 4] quaternions w, x, y, z
     opacities: np.ndarray | None  # [K] in 0 to 1
     sh: np.ndarray | None  # [K, S, 3] colour = max(0, 0.5 + basis . sh)
@@ -628,7 +629,7 @@ def devices() -> list[dict[str, Any]]:
 
 
 def compare(picture: Any, truth: Any) -> tuple[float, float]:
-    """PSNR in dB and SSIM of [H, W, 3], values clamped to 0 to 1; SSIM is NaN where a side is under 11 pixels."""
+    """PSNR in dB and SSIM of [H, W, 3], values clamped to 0 to 1; SSIM is NaN if a side is under 11 pixels."""
     first = _array(picture, (None, None, 3), "picture")
     second = _array(truth, first.shape, "truth")
     out = _Comparison()
@@ -652,14 +653,14 @@ class Model(_Handle):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str] | None = None) -> Model:
-        """A model file; None: the one that the library carries."""
+        """Reads a model file; None: the built-in model."""
         handle = c.c_void_p()
         _call("model_load", _path(path), c.byref(handle))
         return cls(handle)
 
     @classmethod
     def random(cls, config: str = "paper", seed: int = 0, system: str = "vsplat", fields: Iterable[str] = ()) -> Model:
-        """Random weights; `config`: "paper", "small", "tiny" or "micro"; `fields`: "FIELD=VALUE" changes to it."""
+        """A model with random weights; `config`: "paper", "small", "tiny" or "micro"; `fields`: changes to it, "FIELD=VALUE"."""
         changes, count = _texts(fields, "fields")
         options = _ModelOptions(config=config, fields=changes, num_fields=count, seed=seed, system=system)
         handle = c.c_void_p()
@@ -668,7 +669,7 @@ class Model(_Handle):
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Model:
-        """Of a model file's bytes."""
+        """A model from the bytes of a model file."""
         handle, held = c.c_void_p(), _memory(data)
         _call("model_load_memory", held, c.c_size_t(len(held)), c.byref(handle))
         return cls(handle)
@@ -677,7 +678,7 @@ class Model(_Handle):
         _call("model_save", self, _path(path))
 
     def to_bytes(self) -> bytes:
-        """The model file that save() writes."""
+        """The bytes of the model file that save() writes."""
         return _saved("model_save_memory", self, c.c_int(1))
 
     @property
@@ -725,8 +726,8 @@ class Views(_Handle):
 
     def prepare(self, model: Model, names: Sequence[str] | None = None, center: Sequence[float] | None = None,
                 scale: float = 0.0, auto_frame: bool = False, view_count: int = 0, force: bool = False) -> Input:
-        """Chooses views, places the object's cube and prepares the pictures for the network. `center`, `scale`: the cube in the world, if
-        not the file's or, with `auto_frame`, estimated; `names`: the views to take, the first being the reference."""
+        """Chooses views, places the object's cube and prepares the pictures for the network. `center`, `scale`: the cube in the world,
+        if not the file's or, with `auto_frame`, estimated; `names`: the views to take, the reference view first."""
         options = _InputOptions(scale=scale, auto_frame=auto_frame, view_count=view_count, force=force)
         if names is not None:
             options.names, options.num_names = _texts(names, "names")
@@ -752,7 +753,7 @@ class Input(_Handle):
 
     @property
     def center(self) -> np.ndarray:
-        """[3], of the cube in the world."""
+        """[3], centre of the cube in the world."""
         return np.array(self._info().center)
 
     @property
@@ -762,7 +763,7 @@ class Input(_Handle):
 
     @property
     def up(self) -> np.ndarray | None:
-        """[3], which way is up in the world; None: not known."""
+        """[3], up direction in the world; None: unknown."""
         return _known(self._info().up)
 
     def camera(self, index: int) -> Camera:
@@ -778,7 +779,7 @@ class Input(_Handle):
         return out
 
     def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
-        """A circle about the object, as the input views see it."""
+        """Cameras on a circle about the object, at the input views' distance and elevation."""
         return _orbit("input", self, _OrbitOptions(count=count, width=width, height=height))
 
 
@@ -797,27 +798,27 @@ def _orbit(of: str, handle: _Handle, options: _OrbitOptions) -> list[Camera]:
 
 
 class Scene(_Handle):
-    """Gaussians and how they are meant to be drawn. Belongs to no device."""
+    """Gaussians with the settings to draw them with. Belongs to no device."""
 
     _noun = "scene"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
-        """A 3DGS PLY, or one of surfels."""
+        """Reads a 3DGS PLY, or one of surfels."""
         handle = c.c_void_p()
         _call("scene_load", _path(path), c.byref(handle))
         return cls(handle)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Scene:
-        """Of a PLY file's bytes."""
+        """A scene from the bytes of a PLY file."""
         handle, held = c.c_void_p(), _memory(data)
         _call("scene_load_memory", held, c.c_size_t(len(held)), None, c.byref(handle))
         return cls(handle)
 
     @classmethod
     def of(cls, *placed: Scene | tuple[Scene, Any]) -> Scene:
-        """Several scenes in one, each where it is or moved as append() moves it: Scene.of(a, (b, transform)) draws as one picture."""
+        """Combines several scenes, each in place or moved as by append(): Scene.of(a, (b, transform)) draws as one picture."""
         handle = c.c_void_p()
         _call("scene_create", c.byref(_SceneInfo()), c.byref(_Gaussians()), c.byref(handle))
         out = cls(handle)
@@ -826,15 +827,16 @@ class Scene(_Handle):
         return out
 
     def append(self, other: Scene, transform: Any = None) -> None:
-        """Adds the Gaussians of another, moved by `transform` [4, 4] in the world: a rotation times a scale, and a shift."""
+        """Adds the Gaussians of another scene, moved by `transform` [4, 4] in the world: a rotation times a scale, and a
+        translation."""
         _call("scene_append", self, _given(other, Scene, "other"), None if transform is None else _matrix(transform))
 
     def transform(self, transform: Any) -> None:
-        """Moves all of it by [4, 4]."""
+        """Moves the whole scene by [4, 4]."""
         _call("scene_transform", self, _matrix(transform))
 
     def remove(self, which: Any) -> None:
-        """Takes Gaussians away: bool [K], or their indices."""
+        """Removes Gaussians: bool [K], or their indices."""
         given, count = np.asarray(which), len(self)
         if given.dtype == bool:
             removed = given.astype(np.uint8)
@@ -853,15 +855,15 @@ class Scene(_Handle):
         _call("scene_crop", self, _numbers(low, c.c_double, 3, "low"), _numbers(high, c.c_double, 3, "high"))
 
     def to_bytes(self) -> bytes:
-        """The PLY that save() writes."""
+        """The bytes of the PLY that save() writes."""
         return _saved("scene_save_memory", self)
 
     @classmethod
     def from_arrays(cls, means: Any, scales: Any, rotations: Any, opacities: Any, sh: Any, near: float | None = None,
                     up: Sequence[float] | None = None, offset: Sequence[float] | None = None, like: Scene | None = None) -> Scene:
-        """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as Gaussians has them. `like`: the scene that these are of, changed: near plane, up,
-        offset, mirror and whether they are surfels are its, but for what is given. Without it: `near`: the near plane, world units (the usual);
-        `up` (not known); `offset`: the means plus this are in the world (0, 0, 0)."""
+        """[K, 3], [K, 3], [K, 4], [K], [K, S, 3], as in Gaussians. `like`: the scene that the values come from; near plane, up, offset,
+        mirror and whether they are surfels are taken from it unless given. Without it: `near`: the near plane, world units (the usual
+        one by default); `up` (unknown by default); `offset`: the means plus this are in the world (0, 0, 0 by default)."""
         arrays = _gaussians_of(means, scales, rotations, opacities, sh)
         info = _given(like, Scene, "like")._info() if like is not None else _SceneInfo()
         info.count, info.sh_degree = len(arrays.means), _degree_of(arrays.sh)
@@ -874,7 +876,7 @@ class Scene(_Handle):
         return cls(handle)
 
     def update(self, means: Any = None, scales: Any = None, rotations: Any = None, opacities: Any = None, sh: Any = None) -> None:
-        """New values for the same Gaussians; what is None stays as it was."""
+        """Replaces values of the same Gaussians; those that are None stay unchanged."""
         info = self._info()
         k, given = info.count, {"means": means, "scales": scales, "rotations": rotations, "opacities": opacities, "sh": sh}
         shapes = {"means": (k, 3), "scales": (k, 3), "rotations": (k, 4), "opacities": (k,), "sh": (k, (info.sh_degree + 1) ** 2, 3)}
@@ -882,7 +884,7 @@ class Scene(_Handle):
         _call("scene_update", self, c.byref(arrays._struct(k)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """A standard 3DGS PLY."""
+        """Writes a standard 3DGS PLY."""
         _call("scene_save", self, _path(path))
 
     def _info(self) -> _SceneInfo:
@@ -909,12 +911,12 @@ class Scene(_Handle):
 
     @property
     def up(self) -> np.ndarray | None:
-        """[3], which way is up in the world; None: not known."""
+        """[3], up direction in the world; None: unknown."""
         return _known(self._info().up)
 
     @property
     def surfels(self) -> bool:
-        """Whether its Gaussians are flat: scales[:, 2] is 0."""
+        """Whether the Gaussians are flat: scales[:, 2] is 0."""
         return bool(self._info().surfels)
 
     def arrays(self) -> Gaussians:
@@ -925,7 +927,7 @@ class Scene(_Handle):
         return out
 
     def orbit(self, count: int, width: int = 512, height: int = 512) -> list[Camera]:
-        """A circle about what can be seen of it."""
+        """Cameras on a circle about the visible part of the scene."""
         return _orbit("scene", self, _OrbitOptions(count=count, width=width, height=height))
 
 
@@ -1099,7 +1101,7 @@ def _cl_mem(value: Any, shape: Sequence[int], dtype: str, device: Device, name: 
 
 
 class Device(_Handle):
-    """An open OpenCL device, or a stream of one. One thread at a time; another takes a stream() of it."""
+    """An open OpenCL device, or a stream of one. One thread at a time may use it; another thread uses a stream() of it."""
 
     _noun = "device"
 
@@ -1136,7 +1138,7 @@ class Device(_Handle):
         return handles.context, handles.device, handles.queue
 
     def stream(self) -> Device:
-        """Of the same device, for another thread; programs and weights are shared."""
+        """A stream of the same device, for another thread; programs and weights are shared."""
         handle = c.c_void_p()
         _call("stream_create", self, c.byref(handle))
         out = Device.__new__(Device)
@@ -1150,22 +1152,22 @@ class Device(_Handle):
         return _info(s)
 
     def cancel(self) -> None:
-        """Stops the call that has the device: from any thread. That one raises Error("cancelled")."""
+        """Stops the call that is using the device; callable from any thread. That call raises Error("cancelled")."""
         _call("device_cancel", self)
 
     def trim(self) -> None:
-        """Gives back memory that is kept for the next call."""
+        """Frees device memory that is cached for the next call."""
         _call("device_trim", self)
 
     def prepare(self, model: Model, views: int = 0, launch: bool = False, progress: Progress | None = None) -> None:
-        """Compiles and uploads what a reconstruction will take; with `launch`, runs one of grey pictures, too."""
+        """Compiles and uploads what a reconstruction will need; with `launch`, also runs one with grey pictures."""
         told = _Telling(progress)
         options = _PrepareOptions(views=views, launch=launch, progress=told.function)
         told.call("device_prepare", self, _given(model, Model, "model"), c.byref(options))
 
     def reconstruct(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None,
                     progress: Progress | None = None) -> Scene:
-        """One forward pass. `voxels`: int32, ascending, in place of the network's selection."""
+        """Runs one forward pass. `voxels`: int32, ascending, replaces the network's selection."""
         told = _Telling(progress)
         options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
         if voxels is not None:
@@ -1176,10 +1178,10 @@ class Device(_Handle):
 
     def refine(self, views: Views, start: Scene | Model, steps: int = 0, seconds: float = 0.0, longest: int = 512, max_gaussians: int = 0,
                poses: bool = False, exposure: bool = False, seed: int = 0, progress: Progress | None = None) -> Scene:
-        """Moves a scene towards the views' photographs, and judges it on some that it is not moved towards: never worse than its start.
-        `start`: a scene, or the model that makes one of them; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
-        `longest`: pixels of the pictures' longer side (0: as they are). What `progress` raises ends it; where it says False, the best so far
-        is what comes out."""
+        """Fits a scene to the views' photographs and measures it on held-out views: it is never worse than its start. `start`: a scene,
+        or the model that makes one from the views; `steps`, `max_gaussians`: 0: by the number of views; `seconds`: 0: no limit;
+        `longest`: longer side of the pictures in pixels (0: unscaled). An exception in `progress` ends the fit; if it returns False,
+        the result is the best scene so far."""
         if not isinstance(start, Scene):
             _given(start, Model, "start, which is no vsplat.Scene,")
         options = _RefineOptions(start=0 if isinstance(start, Scene) else 1, steps=steps, seconds=seconds, longest=longest, sh_degree=-1,
@@ -1203,14 +1205,14 @@ class Device(_Handle):
     def render(self, scene: Scene, camera: Camera, background: Sequence[float] = (1, 1, 1), near: float = 0.0,
                colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0, out: np.ndarray | None = None,
                premultiplied: bool = False, also: Iterable[str] = ()) -> Picture:
-        """Draws the scene; `near`: the near plane, world units (0: the scene's); `supersample`: samples along a pixel's edge (0: as many
-        as the scene asks for; what render_backward() is of has 1).
+        """Draws the scene; `near`: the near plane, world units (0: the scene's); `supersample`: samples along a pixel's edge (0: chosen
+        by the scene; render_backward() is for 1).
 
-        `out`: an array that the picture is drawn into as well, as programs keep pictures: uint8, float16 or float32, [H, W, 3] over the
-        background, or [H, W, 4] without it, its alpha straight or `premultiplied`. Its rows may lie apart: a part of a larger frame, as in
+        `out`: an array that also receives the picture, in a program's pixel format: uint8, float16 or float32, [H, W, 3] over the
+        background, or [H, W, 4] without it, with alpha straight or `premultiplied`. It may be a part of a larger frame, as in
         device.render(scene, camera, colour=False, alpha=False, depth=False, out=frame[:480, :640]).
 
-        `also`: which of "expected", "median", "normal" and "ids" the picture has, too."""
+        `also`: additional planes of the picture, among "expected", "median", "normal" and "ids"."""
         seen_from = _given(camera, Camera, "camera")._struct()
         picture, struct = _new_picture(camera, (colour, alpha, depth), also, out, premultiplied, "out")
         _call("render", self, _given(scene, Scene, "scene"), c.byref(seen_from), c.byref(_render_options(background, near, supersample)),
@@ -1219,7 +1221,7 @@ class Device(_Handle):
 
     def reconstruct_async(self, model: Model, views: Input, seed: int | None = None, voxels: Any = None, progress: Progress | None = None,
                           on_end: Callable[[Job], Any] | None = None) -> Job:
-        """reconstruct() as a job, whose result is the scene. `progress` and `on_end` are called on the device's thread of jobs."""
+        """reconstruct() as a job whose result is the scene. `progress` and `on_end` are called on the device's job thread."""
         told = _Telling(progress)
         options = _ReconstructOptions(has_seed=seed is not None, seed=seed or 0, progress=told.function)
         if voxels is not None:
@@ -1231,7 +1233,7 @@ class Device(_Handle):
                      colour: bool = True, alpha: bool = True, depth: bool = True, supersample: int = 0,
                      out: Sequence[np.ndarray] | None = None, premultiplied: bool = False, also: Iterable[str] = (),
                      progress: Progress | None = None, on_end: Callable[[Job], Any] | None = None) -> Job:
-        """render() from each camera as a job, whose result is a list of pictures. `out`: an array for each of them."""
+        """render() from each camera, as a job whose result is a list of pictures. `out`: an array for each of them."""
         if out is not None and len(out) != len(cameras):
             raise UsageError(f"out has {len(out)} arrays: one for each of the {len(cameras)} cameras expected")
         told, also = _Telling(progress), tuple(also)
@@ -1247,8 +1249,8 @@ class Device(_Handle):
 
     def render_backward(self, scene: Scene, camera: Camera, colour: Any = None, alpha: Any = None, depth: Any = None,
                         background: Sequence[float] = (1, 1, 1), near: float = 0.0) -> tuple[Gaussians, np.ndarray]:
-        """From gradients of a loss by the picture ([H, W, 3], [H, W], [H, W]; None: zeros) to those by the Gaussians and by the camera's pose,
-        float64 [6]: (omega, tau) at 0 of exp([omega, tau]) times w2c."""
+        """Converts gradients of a loss by the picture ([H, W, 3], [H, W], [H, W]; None: zeros) to gradients by the Gaussians and by the
+        camera's pose, float64 [6]: (omega, tau) at 0 of exp([omega, tau]) times w2c."""
         seen_from, size = _given(camera, Camera, "camera")._struct(), (camera.height, camera.width)
         by = Picture(None if colour is None else _array(colour, (*size, 3), "colour"),
                      None if alpha is None else _array(alpha, size, "alpha"), None if depth is None else _array(depth, size, "depth"))
@@ -1322,13 +1324,13 @@ class Device(_Handle):
         _call("device_profile", self, c.c_int32(bool(on)))
 
     def profile_page(self) -> str:
-        """What was recorded, as one HTML page that needs nothing else."""
+        """The recording as one self-contained HTML page."""
         text = c.c_char_p()
         _call("device_profile_text", self, 4, c.byref(text))
         return _take_text(text)
 
     def profile_rows(self) -> dict[str, Any]:
-        """What was recorded: {"device", "driver", "wall_s", "wall", "peak_bytes", "kernels": [...], "stages": [...], "host": [...]}"""
+        """The recording: {"device", "driver", "wall_s", "wall", "peak_bytes", "kernels": [...], "stages": [...], "host": [...]}"""
         text = c.c_char_p()
         _call("device_profile_text", self, 1, c.byref(text))
         return json.loads(_take_text(text))
@@ -1347,8 +1349,8 @@ def _shapes_there(info: _SceneInfo, scales: int) -> dict[str, tuple[int, ...]]:
 
 
 class Job(_Handle):
-    """A call that runs beside the program, on its device's thread of jobs, one after the other. While a device has jobs, other calls that
-    take it raise Error("busy"). What a job needs stays until it has ended; those that have not ended when the program does are cancelled."""
+    """A call that runs beside the program, on its device's job thread, one after the other. While a device has jobs, other calls that
+    use it raise Error("busy"). A job keeps alive what it needs. Jobs that have not ended when the program exits are cancelled."""
 
     _noun = "job"
     _STATES = {1: "queued", 2: "running", 3: "done", 4: "failed", 5: "cancelled"}
@@ -1390,7 +1392,7 @@ class Job(_Handle):
         return self
 
     def __del__(self):
-        if getattr(self, "_as_parameter_", None) and _lib is not None:  # what it is told its end by goes with this
+        if getattr(self, "_as_parameter_", None) and _lib is not None:  # the callback for its end is freed with this
             _lib.vsplat_job_wait(self, c.c_double(-1), c.byref(c.c_int()))
         super().__del__()
 
@@ -1400,20 +1402,20 @@ class Job(_Handle):
         return self.wait(0)
 
     def wait(self, seconds: float | None = None) -> str:
-        """Until it has ended and `on_end` has returned, or for so many seconds. -> its state then"""
+        """Waits until the job has ended and `on_end` has returned, or for so many seconds. Returns its state then."""
         state, until = c.c_int(), float("inf") if seconds is None else time.monotonic() + _number(seconds, "seconds")
-        while True:  # in pieces, so that Ctrl-C is heard
+        while True:  # in short intervals, so that Ctrl-C is handled
             _call("job_wait", self, c.c_double(min(max(until - time.monotonic(), 0.0), 0.1)), c.byref(state))
             is_over = self._over.is_set() or self._ends_on == threading.get_ident()
             if is_over and state.value > 2 or time.monotonic() >= until:
                 return self._STATES[state.value]
 
     def cancel(self) -> None:
-        """Tells it to stop, from any thread."""
+        """Asks the job to stop; callable from any thread."""
         _call("job_cancel", self)
 
     def result(self) -> Any:
-        """Waits; the scene or the pictures. Raises what the call would have raised, and what `on_end` has raised."""
+        """Waits, and returns the scene or the pictures. Raises what the call would have raised, or what `on_end` has raised."""
         self.wait()
         out = c.c_void_p()
         self._told.call("job_result", self, c.byref(out))
@@ -1441,7 +1443,7 @@ _PIXELS = {"float32": 0, "float16": 1, "uint8": 2}
 
 def _new_picture(camera: Camera, wanted: tuple[bool, bool, bool], also: Iterable[str], out: np.ndarray | None, premultiplied: bool,
                  name: str) -> tuple[Picture, _Picture]:
-    """Arrays for what is wanted, and where they are."""
+    """Arrays for the wanted planes, and the C struct that points to them."""
     size = (camera.height, camera.width)
     names = [each for each, is_wanted in zip(("colour", "alpha", "depth"), wanted) if is_wanted]
     for each in (also,) if isinstance(also, str) else also:

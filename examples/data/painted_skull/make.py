@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How this folder was made: the 48 photographs with their masks and poses, resized. Needs Pillow.
+"""Makes this folder: resizes the 48 photographs with their masks and poses. Needs Pillow.
 
   make.py SET        a folder with transforms.json, images/ and masks/ of 1599 x 1066 pixels
 """
