@@ -8,7 +8,7 @@
 
 struct vsplat_cameras_impl : vsplat::api::Counted {
   std::vector<vsplat::Camera> cameras;  // used as pinholes: `distortion` is that of the listed picture
-  vsplat::ViewSet listed;               // for cameras from a list: its entries, in the same order; else empty
+  vsplat::ViewSet listed;               // for cameras from a list: what it says about each; else it has no views
 
   const vsplat::Camera& at(std::size_t index) const {
     if (index >= cameras.size())

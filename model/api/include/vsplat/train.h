@@ -41,7 +41,7 @@ typedef struct vsplat_train_options {
   int32_t resume;     /* not 0: resume from its newest good checkpoint */
   int32_t skip_bad;   /* not 0: skip and count data that cannot be read */
   void (*on_progress)(void* user, const vsplat_train_progress* progress); /* may be NULL, as may those below */
-  void (*on_message)(void* user, const char* text);                       /* a file was written */
+  void (*on_message)(void* user, const char* text);                       /* a file was written, or a note */
   int32_t (*go_on)(void* user); /* called after every step; 0: writes a checkpoint and ends the training */
   void* user;
   const char* selection;  /* NULL, or a file of voxels in the format of vsplat_scene_save_selection: every step refines
