@@ -1,4 +1,4 @@
-// Models and baselines on data sets under protocols, in one table.
+// Systems (models) on data sets under protocols, in one table.
 #pragma once
 #include <string>
 #include <vector>
