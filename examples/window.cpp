@@ -1,4 +1,4 @@
-// A scene in a window, drawn live: drag to turn it, roll the wheel to come nearer, press Space to let it turn by itself.
+// A scene in a window, drawn live: drag to turn it, roll the wheel to come nearer, press Space to let it turn.
 //
 //     vsplat-window SCENE.ply [FRAMES [PICTURE.png]]
 //
