@@ -1,5 +1,5 @@
-// What the device can do at the most: independent multiply-adds, and a stream through memory. Results are written so
-// that the compiler cannot leave the work out.
+// Measures the device's peak performance: independent multiply-adds, and a stream through memory. Results are written
+// so that the compiler cannot remove the work.
 // ```
 // define         default  what
 // define WIDTH   4        numbers in a vector
@@ -19,11 +19,11 @@
 #define STORE CAT(vstore, WIDTH)
 #define LOAD CAT(vload, WIDTH)
 
-// Multiply-adds alone: steps * CHAINS * WIDTH of them in each work-item.
+// Only multiply-adds: steps * CHAINS * WIDTH of them in each work-item.
 // ```
 // argument    type   shape               what
 // steps       int                        rounds
-// a           float                      any number that the compiler does not know
+// a           float                      any number unknown to the compiler
 // out         f32    [work-items,WIDTH]  written
 // work-items  any number
 // ```
@@ -43,7 +43,7 @@ kernel void peak_fma(int steps, float a, global float* out) {
   STORE(sum, i, out);
 }
 
-// Memory alone: y = a + s b, two reads and a write of each vector.
+// Only memory: y = a + s b, two reads and a write of each vector.
 // ```
 // argument    type   shape      what
 // n           int               vectors

@@ -1,4 +1,4 @@
-// GELU (exact, or by tanh), SiLU and ReLU by themselves, where the input is kept for the backward, and their
+// GELU (exact, or by tanh), SiLU and ReLU as separate operations, for inputs that the backward needs, and their
 // derivatives.
 // ```
 // argument      type  shape  what
@@ -21,9 +21,9 @@
 #define SQRT_8_BY_PI 1.59576912160573071f
 
 // act'(x). GELU: the normal distribution's cumulative function, plus x times its density. SiLU: s (1 + x (1 - s)), s =
-// sigmoid(x). GELU by tanh: s + x (e s) s 2 u', s = sigmoid(2 u), where e =
-// exp(-2 u), since 1 - s would lose what is small. x is held within 40: beyond, either derivative is 0 or 1 in float,
-// but exp_16 never returns 0, which a large x would magnify.
+// sigmoid(x). GELU by tanh: s + x (e s) s 2 u', s = sigmoid(2 u), with e =
+// exp(-2 u), since 1 - s would cancel. x is clamped to [-40, 40]: beyond that both derivatives are 0 or 1 in float,
+// but exp_16 never returns 0, and a large x would magnify its value.
 static inline float16 slope_16(float16 v, int act) {
   if (act == 3) return select((float16)(0.0f), (float16)(1.0f), v > 0.0f);
   const float16 x = clamp(v, -40.0f, 40.0f);

@@ -1,7 +1,7 @@
 // Adds some columns of one tensor to some columns of another, in place. With X = W = C it adds two tensors.
 // ```
 // argument    type  shape  what
-// x           f32   [R,X]  columns from .. from + C - 1 are what is added
+// x           f32   [R,X]  columns from .. from + C - 1 are added
 // out         f32   [R,W]  columns column .. column + C - 1 are added to; the others stay
 // work-items  (lane, row): the lanes of a row share its channels, any number of them
 // ```

@@ -2,8 +2,8 @@
 // weights p of a query's softmax, and the gradient g of the output:
 //   dv = sum over queries of p g          ds = p (g . v - delta), delta = g . out
 //   dq = sum over keys of ds k / sqrt(D)  dk = sum over queries of ds q / sqrt(D)
-// The scores are computed twice again, and p from them and from the statistics that the forward kept: once by query,
-// for dq, and once by key, for dk and dv. So every sum has one owner and one order.
+// The scores are computed again twice, and p follows from them and from the forward's statistics: once by query, for
+// dq, and once by key, for dk and dv. So every sum has one owner and one order.
 // ```
 // argument         type   shape                  what
 // qkv              f32    [V,T,3,H,D]            as the forward took it; any sizes >= 1
@@ -59,7 +59,7 @@ kernel void attention_backward_pack(global const float* qkv, global const float*
   }
 }
 
-// a [D, ROWS] of ROWS tokens from t0 on, out of `along` of their head. Tokens beyond T repeat the last one; their
+// Loads a [D, ROWS] for ROWS tokens from t0 on, from `along` of their head. Tokens beyond T repeat the last one; their
 // results are not stored.
 static inline void load_rows(global const float* along, int t0, int T, int D, float* a) {
   for (int i = 0; i < ROWS; ++i) {
@@ -127,7 +127,7 @@ kernel void attention_backward_by_query(global const float* across, global const
       for (int j = 0; j < here * KEYS; j += 16) {
         const float16 p = exp2_16(vload16(0, s + i * STEP + j) - top) * inverse;
         const float16 ds = p * (vload16(0, dp + i * STEP + j) - delta);
-        // A key beyond T has score 0, which may be far above the others: its gradient is set to 0.
+        // A key beyond T has score 0, which may be far above the other scores: its gradient is set to 0.
         const int16 gone = lane >= (float)(T - n0 * KEYS - j);
         vstore16(select(ds, (float16)(0.0f), gone), 0, s + i * STEP + j);
       }
@@ -183,7 +183,7 @@ kernel void attention_backward_by_key(global const float* across, global const f
     global float* dk = dqkv + ((size_t)((v * T + t0 + i) * 3 + 1) * H + h) * D;
     global float* dv = dk + (size_t)H * D;
     for (int d = 0; d < D; ++d) {
-      dk[d] = ok[i * HEAD_PAD + d] * LN2;  // q came scaled by log2(e) / sqrt(D)
+      dk[d] = ok[i * HEAD_PAD + d] * LN2;  // q is scaled by log2(e) / sqrt(D)
       dv[d] = ov[i * HEAD_PAD + d];
     }
   }

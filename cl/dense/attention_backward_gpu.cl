@@ -40,7 +40,7 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
   global const float* keys = queries + out_step;
   global const float* values = keys + out_step;
   global const float* g = dout + (size_t)v * T * out_step + (size_t)h * D;
-  // Of its four rows.
+  // The statistics of its four rows.
   global const float* own = stats + 2 * ((size_t)vh * T + t0);
   const int left = T - t0 - 4 * y;
   const float2 s0 = left > 0 ? vload2(4 * y, own) : (float2)(0.0f),
@@ -84,7 +84,7 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
   for (int q0 = 0; q0 < T; q0 += COLS) {
     const int near = q0 + x, far = near + 16, at = x * (ROW_STRIDE / 4) + y, beyond = 16 * (ROW_STRIDE / 4);
     const size_t row = (size_t)vh * T;
-    {  // its weights wait in local memory for what follows
+    {  // its weights are in local memory for the next step
       const float8 s =
           products(keys + t0 * step, step, T - t0, 1.0f, queries + q0 * step, step, T - q0, scale * LOG2E, D, stage);
       const float2 row0 = near < T ? vload2(row + near, stats) : (float2)(0.0f),
@@ -96,7 +96,7 @@ kernel MANY_REGISTERS __attribute__((reqd_work_group_size(GROUP, 1, 1))) void at
     add_up(p, g + q0 * out_step, out_step, T - q0, D, stage, by_value);
     const float8 dp =
         products(values + t0 * step, step, T - t0, 1.0f, g + q0 * out_step, out_step, T - q0, 1.0f, D, stage);
-    // From here on their derivatives: each work-item makes them of its own.
+    // From here on p holds derivatives: each work-item computes those of its own weights.
     p[at] *= dp.lo - (near < T ? delta[row + near] : 0.0f);
     p[at + beyond] *= dp.hi - (far < T ? delta[row + far] : 0.0f);
     barrier(CLK_LOCAL_MEM_FENCE);

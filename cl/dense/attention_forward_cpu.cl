@@ -1,5 +1,5 @@
 // Multi-head self-attention without a T x T matrix, cpu flavour: out = softmax(Q K^T / sqrt(D)) V, by blocks of keys,
-// with the softmax carried along from block to block (its sum and its largest score so far). attention_forward_pack
+// with a running softmax (its sum and its largest score so far). attention_forward_pack
 // lays out keys and values first. The register tiles are explicit float16, and neighbouring groups share a head's keys
 // in cache.
 // ```
@@ -12,7 +12,7 @@
 //                                              channel D
 // out              f32    [V,T,H D]            written
 // stats            f32    [V,H,T,2]            written for the backward: each query's largest score, in units of ln 2,
-//                                              and one over the sum of 2^(score - largest); null: not wanted
+//                                              and one over the sum of 2^(score - largest); null: not written
 // scale            float                       1 / sqrt(D)
 // define HEAD_PAD  64                          D rounded up to a multiple of 32
 // work-items       groups of one; attention_forward_pack: (panel, v H + h); then (ROWS queries, v H + h)
@@ -56,7 +56,7 @@ kernel void attention_forward_pack(global const float* qkv, global float* kt, gl
 typedef struct {
   float16 total[ROWS];  // sums of the weights 2^(score - largest) so far, lane by lane
   float largest[ROWS];  // score so far
-  float decay[ROWS];    // what the last step multiplied earlier sums by
+  float decay[ROWS];    // factor that the last step applied to earlier sums
 } Softmax;
 
 #define TILE_MASK(i)                                  \
@@ -67,9 +67,9 @@ typedef struct {
   vstore16(hi##i, 0, p + (i)*STEP + column + 16); \
   high[i] = max(high[i], max(lo##i, hi##i));
 
-// Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS]: to p [ROWS, STEP] from `column` on. The last
-// `beyond` keys of the panel are not there, where that is > 0, and score -infinity. high [ROWS]: the largest scores,
-// lane by lane, made larger.
+// Scores of the queries q [D, ROWS] with a panel of keys b [D, KEYS]: written to p [ROWS, STEP] from `column` on. If
+// `beyond` > 0, the last `beyond` keys of the panel do not exist and have score -infinity. high [ROWS]: the largest
+// scores, lane by lane, updated.
 static inline void tile_scores(const float* q, global const float* b, int D, int beyond, int column, float* p,
                                float16* high) {
   EACH_ROW(TILE_ZERO)
@@ -87,7 +87,7 @@ static inline void tile_scores(const float* q, global const float* b, int D, int
   EACH_ROW(TILE_SCORE)
 }
 
-// Makes weights of the first `count` scores of each row of p [ROWS, STEP], in place.
+// Turns the first `count` scores of each row of p [ROWS, STEP] into weights, in place.
 static inline void softmax_step(Softmax* state, const float16* high, int count, float* p) {
   for (int i = 0; i < ROWS; ++i) {
     const float before = state->largest[i], top = max(before, max_of(high[i]));

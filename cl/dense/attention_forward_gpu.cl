@@ -1,30 +1,21 @@
 // Multi-head self-attention without a T x T matrix, gpu flavour: out = softmax(Q K^T / sqrt(D)) V, by blocks of keys,
-// with the softmax carried along from block to block (its sum and its largest score so far).
-// ```
-// argument         type   shape        what
-// qkv              f32    [V,T,3,H,D]  queries, keys and values of T tokens in V views, H heads of D channels; any
-//                                      sizes >= 1
-// out              f32    [V,T,H D]    written
-// stats            f32    [V,H,T,2]    written for the backward: each query's largest score, in units of ln 2, and one
-//                                      over the sum of 2^(score - largest); null: not wanted
-// scale            float               1 / sqrt(D)
-// define HEAD_PAD  64                  D rounded up to a multiple of 64
-// define GROUP     256                 256, 128 or 64
-// work-items       groups of GROUP: (tile of GROUP / 4 queries, v H + h)
-// ```
-// A group goes through the keys in blocks of 32. Weights go through local memory, 17.5 KB in all (13 KB in groups of
-// 128, 10.8 KB in groups of 64); the softmax of a query is shared by 4 work-items, which take a quarter of the block's
-// keys each.
+// with a running softmax (its sum and its largest score so far). ``` argument type shape what qkv f32 [V,T,3,H,D]
+// queries, keys and values of T tokens in V views, H heads of D channels; any sizes >= 1 out f32 [V,T,H D] written
+// stats f32 [V,H,T,2] written for the backward: each query's largest score, in units of ln 2, and one over the sum of
+// 2^(score - largest); null: not written scale float 1 / sqrt(D) define HEAD_PAD 64 D rounded up to a multiple of 64
+// define GROUP 256 256, 128 or 64 work-items groups of GROUP: (tile of GROUP / 4 queries, v H + h) ``` A group goes
+// through the keys in blocks of 32. Weights go through local memory, 17.5 KB in all (13 KB in groups of 128, 10.8 KB in
+// groups of 64); the softmax of a query is shared by 4 work-items, which take a quarter of the block's keys each.
 #include "attention_tile_gpu.clh"
 
-// The running softmax of query item % ROWS, of which this work-item takes the keys of one quarter of each block. The
-// four work-items of a query keep the same state.
+// The running softmax of query item % ROWS, for which this work-item handles one quarter of the keys of each block. The
+// four work-items of a query have the same state.
 typedef struct {
   float largest, total;  // score so far, and the sum of 2^(score - largest)
 } Softmax;
 
-// Makes weights of a block's scores w [COLS, ROW_STRIDE], in place. part: local memory [4 * ROWS], whose first ROWS
-// numbers are left as what each query's earlier sums are to be multiplied by. Begins and ends with a barrier.
+// Turns a block's scores w [COLS, ROW_STRIDE] into weights, in place. part: local memory [4 * ROWS]; on return its
+// first ROWS numbers are the factors for each query's earlier sums. Begins and ends with a barrier.
 INLINE void softmax_step(local float* w, local float* part, Softmax* state) {
   const int item = get_local_id(0), mine = item % ROWS, quarter = item / ROWS;
   local float* own = w + quarter * (COLS / 4) * ROW_STRIDE + mine;

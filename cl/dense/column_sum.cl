@@ -1,10 +1,10 @@
 // Sums over the rows of a tensor, ROWS rows at a time: the result is the next step's input until one row is left. So no
-// sum has more than ROWS terms, and all are taken in a fixed order, the same in both flavours.
+// sum has more than ROWS terms, and the order of additions is fixed and equal in both flavours.
 // ```
 // argument     type  shape             what
 // x            f32   [R,C]             rows
 // out          f32   [ceil(R/ROWS),C]  written: the sums of ROWS rows each, taken in order
-// add          int                     where not 0, out is added to (for the last step)
+// add          int                     if not 0, the sums are added to out (for the last step)
 // define ROWS  64                      rows of a sum
 // ```
 #include "common.clh"

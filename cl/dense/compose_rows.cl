@@ -1,5 +1,5 @@
-// Composed rows, written to memory: for a GEMM whose map reads every row many times, and for sums over the rows of what
-// a layer got.
+// Writes composed rows to memory: for a GEMM whose map reads every row many times, and for sums over the rows of a
+// layer's input.
 //
 // "Composed" means the same in all dense kernels (gemm, conv3d, Winograd). Row m in [0, M) of A has, for each of T
 // taps, the channels of one source row: row map[row0 + m, t] or, without a map, row row0 + m.

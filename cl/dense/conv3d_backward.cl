@@ -1,9 +1,9 @@
-// What stands around the products of the convolutions' gradients, in both flavours.
+// Steps before and after the matrix products of convolutions' gradients, in both flavours.
 
-// The end of a 3x3x3 convolution's weight gradient.
+// The last step of a 3x3x3 convolution's weight gradient.
 // ```
 // argument    type  shape            what
-// partial     f32   [chunks,27,C,N]  sums over some voxels each, which are added in order
+// partial     f32   [chunks,27,C,N]  sums over some voxels each, added in order
 // dw          f32   [N,C,27]         added to
 // work-items  one per element of one chunk's sum
 // ```
@@ -20,7 +20,7 @@ kernel void conv3d_backward_weights_sum(global const float* restrict partial, gl
 // A 2x2x2 convolution with stride 2 is a GEMM over patches [8,C]. Its weights in the patches' order:
 // ```
 // argument    type  shape    what
-// w           f32   [N,C,8]  weights as PyTorch has them
+// w           f32   [N,C,8]  weights in PyTorch's layout
 // ordered     f32   [N,8,C]  written
 // work-items  one per weight
 // ```
@@ -31,7 +31,7 @@ kernel void conv3d_down_order(global const float* restrict w, global float* rest
   ordered[i] = w[(n * C + c) * 8 + t];
 }
 
-// The way back, of the weights' gradient:
+// The reverse, for the weights' gradient:
 // ```
 // argument    type  shape    what
 // dordered    f32   [N,8,C]  gradient in the patches' order

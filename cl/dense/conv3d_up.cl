@@ -1,6 +1,6 @@
 // Transposed convolution 2x2x2 with stride 2: every voxel of [X, Y, Z] becomes 8, out[2 i + a] = x[i] W[:, :, a] + b.
 // The products are one GEMM, whose columns are PyTorch's, 8 corners of each channel side by side (corner (i, j, k) is
-// 4 i + 2 j + k); here they are put where they belong, for n voxels from voxel `first` on.
+// 4 i + 2 j + k); this kernel moves them to their places in out, for n voxels from voxel `first` on.
 // ```
 // argument    type  shape        what
 // parts       f32   [n,Cout,8]   products
@@ -23,7 +23,7 @@ kernel void conv3d_up_forward(global const float* restrict parts, global const f
   for (int c = get_global_id(0); c < Cout; c += get_local_size(0)) to[c] = from[8 * c] + (bias ? bias[c] : 0.0f);
 }
 
-// The other way round.
+// Backward.
 // ```
 // argument    type  shape        what
 // dy          f32   [8 XYZ,Cout] gradient of out

@@ -1,6 +1,6 @@
 // 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X,Y,Z,C], cpu flavour, by Winograd's F(4x4,
 // 3x3) over x and y and directly along z: 36 products where the direct sum needs 144. A tile is 4 x 4 columns of
-// outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, where G g G^T is made before. Tile t of
+// outputs, from 6 x 6 columns of inputs d: out = A^T [(G g G^T) . (B^T d B)] A, with G g G^T computed before. Tile t of
 // the volume is at x = 4 (t / TY), y = 4 (t mod TY), TY = ceil(Y/4). Along z a tile is cut in ZT = ceil(Z/12) parts of
 // 12 outputs; part zt has the inputs z = 12 zt - 1 + j, j = 0 .. 13.
 // flavour: cpu
@@ -105,8 +105,8 @@ static inline void pack_source(global const float* x, int count, global const fl
 // scale, shift  f32   [c0+c1]                         composed as compose_rows.cl says; null: neither
 // silu          int                                   whether SiLU is applied; the padding is zero after all that
 // tile0         int                                   the first tile that is packed
-// v             f32   [tiles,ZT,36,ceil(C/16),14,16]  written: B^T d B; 16 channels side by side, of the last block
-//                                                     those below C alone
+// v             f32   [tiles,ZT,36,ceil(C/16),14,16]  written: B^T d B; 16 channels side by side, the last block
+//                                                     has only those below C
 // work-items    groups of one: (zt, tile from tile0 on)
 // ```
 kernel void winograd_forward_pack(global const float* x0, int c0, global const float* x1, int c1,
@@ -124,15 +124,15 @@ kernel void winograd_forward_pack(global const float* x0, int c0, global const f
 
 #define WINOGRAD_TILES 4
 
-// Of some parts of tiles: 12 outputs along z of a tile's 4 x 4 columns, times 32 channels. Coefficient by coefficient,
-// so that what u has of one stays in the first caches for all parts: a panel of u is larger than these.
+// Computes some parts of tiles: 12 outputs along z of a tile's 4 x 4 columns, times 32 channels. It goes coefficient by
+// coefficient: u's numbers of one stay in the first-level cache for all parts, whereas a panel of u would not fit.
 // ```
 // argument    type  shape                           what
 // v           f32   [tiles,ZT,36,ceil(C/16),14,16]  from winograd_forward_pack
 // u           f32   [ceil(N/32),36,C,3,32]          from winograd_pack_weights
 // tile0       int                                   the first tile of v
 // count       int                                   parts of tiles in v
-// each        int                                   those of a work-item, at the most WINOGRAD_TILES
+// each        int                                   parts of a work-item, at most WINOGRAD_TILES
 // bias        f32   [N]                             null: none
 // residual    f32   [X,Y,Z,N]                       null: none; may be out
 // out         f32   [X,Y,Z,N]                       written: the tiles of v
@@ -144,7 +144,7 @@ kernel void winograd_forward_tile(global const float* v, global const float* u, 
   const int ZT = DIV_UP(Z, TILE_ROWS), TY = DIV_UP(Y, 4), first = GROUP_ID(0) * each, here = min(each, count - first);
   const int n0 = GROUP_ID(1) * TILE_COLS;
   const size_t coefficient = (size_t)DIV_UP(C, 16) * PACK_ROWS * 16;
-  // Of each tile: coefficient, z, half of the channels.
+  // for each tile: coefficient, z, half of the channels
   float16 products[WINOGRAD_TILES * 36 * 2 * TILE_ROWS];
   for (int i = 0; i < 36; ++i) {
     for (int p = 0; p < here; ++p) {
@@ -153,8 +153,8 @@ kernel void winograd_forward_tile(global const float* v, global const float* u, 
       TILE_DECLARE
       for (int c0 = 0; c0 < C; c0 += 16) {
         const int width = min(16, C - c0);
-        // By planes along z, and not by channels: the numbers of v that three planes share would stay in registers, and
-        // drive sums out of them.
+        // Loops over planes along z, not over channels: otherwise the numbers of v that three planes share would stay
+        // in registers and displace sums.
 #pragma unroll 1
         for (int dz = 0; dz < 3; ++dz) {
 #pragma unroll 4

@@ -1,6 +1,6 @@
 // The gradient of a 3x3x3 convolution by its weights, cpu flavour, by Winograd's F(4x4, 3x3) over x and y and directly
 // along z (see conv3d_winograd.cl): dg = G^T [sum over tiles of (A dy A^T) . (B^T d B)] G, 36 products where the direct
-// sum needs 144. Some tiles of the volume come at a time; tile t of them is the volume's tile tile0 + t.
+// sum needs 144. It processes some tiles of the volume at a time; tile t of them is the volume's tile tile0 + t.
 // flavour: cpu
 #include "tile_cpu.clh"
 #include "winograd.clh"
@@ -36,7 +36,7 @@ kernel void winograd_backward_in(global const float* x, int C, int X, int Y, int
 // ```
 // argument    type  shape            what
 // dy          f32   [X,Y,Z,N]        gradient of the convolution's output
-// e           f32   [36,tiles,Z,NP]  written: A dy A^T; NP is N made a multiple of 32, with zeros
+// e           f32   [36,tiles,Z,NP]  written: A dy A^T; NP is N rounded up to a multiple of 32, with zeros
 // work-items  groups of one: (z, tile), Z and `tiles` of them
 // ```
 kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, int Z, int tile0, int tiles,
@@ -64,10 +64,10 @@ kernel void winograd_backward_out(global const float* dy, int N, int X, int Y, i
 // The sum over these tiles.
 // ```
 // argument    type  shape            what
-// v           f32   [36,tiles,Z,C]   from winograd_backward_in; 12 more numbers lie behind it, which are read and not
+// v           f32   [36,tiles,Z,C]   from winograd_backward_in; 12 more numbers lie after it, which are read but not
 //                                    used
 // e           f32   [36,tiles,Z,NP]  from winograd_backward_out
-// add         int                    where not 0, m is added to
+// add         int                    if not 0, the sums are added to m
 // m           f32   [36,3,C,N]       written: the sums; coefficient, dz
 // work-items  groups of one: (12 channels, 32 outputs, coefficient)
 // ```
@@ -75,7 +75,7 @@ kernel void winograd_backward_tile(global const float* v, global const float* e,
                                    int add, global float* m) {
   const int c0 = GROUP_ID(0) * TILE_ROWS, n0 = GROUP_ID(1) * TILE_COLS, i = GROUP_ID(2);
   const int NP = DIV_UP(N, TILE_COLS) * TILE_COLS,
-            block = max(1, 64 / Z);  // tiles whose rows stay in the first cache for all dz
+            block = max(1, 64 / Z);  // tiles whose rows stay in the first-level cache for all dz
   global const float* pv = v + (size_t)i * tiles * Z * C + c0;
   global const float* pe = e + (size_t)i * tiles * Z * NP + n0;
   float16 sums[3 * 2 * TILE_ROWS];

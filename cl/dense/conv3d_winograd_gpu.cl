@@ -1,11 +1,11 @@
 // 3x3x3 convolution, stride 1, zero padding 1, of a channels-last volume [X,Y,Z,C], gpu flavour, by Winograd's F(4x4,
 // 3x3) over x and y and directly along z: see conv3d_winograd.cl for the method, and for what tile t of the volume is.
-// Inputs are transformed into memory, for each of the 36 coefficients a product follows, whose rows are lines of three
-// neighbours along z side by side, and what that gives is transformed back.
+// Inputs are transformed into memory; then a product for each of the 36 coefficients follows, whose rows are three
+// neighbours along z side by side; its results are transformed back.
 #define LANES 1
 #include "winograd.clh"
 
-// Rows of a coefficient's transformed inputs: Z + 2 of each tile, with the padding along z.
+// Rows of a coefficient's transformed inputs: Z + 2 for each tile, with the padding along z.
 struct Rows {
   int Z;
 };
@@ -67,7 +67,7 @@ kernel MORE_REGISTERS void winograd_forward_pack_gpu(global const float* x0, int
   const float a = scale ? scale[c] : 1.0f, b = scale ? shift[c] : 0.0f;
   global const float* from = c < c0 ? x0 + c : x1 + (c - c0);
   const int stride = c < c0 ? c0 : c1;
-  float near[18], far[18];  // x = 0 .. 2 and 3 .. 5, y: an array of 36 Intel's compiler keeps in memory
+  float near[18], far[18];  // x = 0 .. 2 and 3 .. 5, y: Intel's compiler keeps an array of 36 in memory
 #pragma unroll
   for (int k = 0; k < 6; ++k) {
     const int x = x_first + k, inside = x >= 0 && x < X && z >= 0 && z < Z;

@@ -1,9 +1,8 @@
-// Attention in many small groups that know nothing of each other: the queries of group g look at the keys of group g
-// alone,
+// Attention in many small independent groups: the queries of group g attend only to the keys of group g,
 //   out[q] = sum_s p_s v_s,   p = softmax over the group's keys of q . k_s / sqrt(D),
-// head by head. LaRa's windows (the voxels of a cell at what was lifted to it) and its fine decoder (a primitive at
-// what the views show at its place); the windows of the ray predictor, where a key is in groups of several views, and
-// where windows join tokens of a picture's opposite sides: of those 100 is taken from the score.
+// head by head. It serves LaRa's windows (the voxels of a cell attend to the features lifted to it), its fine decoder
+// (a primitive attends to the views' features at its place), and the windows of the ray predictor. There a key is in
+// groups of several views, and windows join tokens of a picture's opposite sides: their scores are lowered by 100.
 // ```
 // argument    type   shape    what
 // q           f32    [Q,H,D]  queries; each is in one group
@@ -11,16 +10,16 @@
 // v           f32    [N,H,D]  values, of the keys
 // queries     i32    [G,L]    each group's rows of q; null: the g-th L of them
 // keys        i32    [G,S]    each group's rows of k and v; null: the g-th S of them
-// query_parts i32    [G,L]    which part of the picture a query is of, and
-// key_parts   i32    [G,S]    a key: those of different parts are strangers; null: nobody is
+// query_parts i32    [G,L]    part of the picture of each query, and
+// key_parts   i32    [G,S]    of each key; 100 is subtracted between parts; null: no mask
 // out         f32    [Q,H,D]  written
-// stats       f32    [Q,H]    written: the logarithm of the sum of exponentials; null: not wanted
+// stats       f32    [Q,H]    written: the logarithm of the sum of exponentials; null: not written
 // scale       float           1 / sqrt(D)
 // define HEAD_PAD  16         D rounded up to 16
 // work-items  one per (query of a group, head), heads fastest
 // ```
-// A head is a few vectors of 16 in registers, and neighbouring work-items read neighbouring heads: the same on all
-// devices. Nothing is stored of a size L x S.
+// A head is a few vectors of 16 in registers, and neighbouring work-items read neighbouring heads: one kernel for all
+// devices. No array of size L x S is stored.
 #include "many_registers.clh"
 #include "vector16.clh"
 
@@ -42,7 +41,7 @@ static inline float dot_head(float16* a, float16* b) {
   return sum_of(sum);
 }
 
-// What is added to the score of a query and a key, each by its place in the groups.
+// The mask that is added to the score of a query and a key, by their places in the groups.
 static inline float stranger(global const int* query_parts, int query, global const int* key_parts, int key) {
   return query_parts && query_parts[query] != key_parts[key] ? -100.0f : 0.0f;
 }
@@ -125,11 +124,11 @@ kernel MANY_REGISTERS void cross_attention_backward_by_query(
 
 // ```
 // argument    type  shape    what
-// places      i32   [N,B]    where each key is among the G S of the groups: in B of them; null: each is in one
+// places      i32   [N,B]    the B places of each key among the G S of the groups; null: each key has one
 // delta       f32   [Q,H]    from cross_attention_backward_by_query
 // dk          f32   [N,H,D]  written
 // dv          f32   [N,H,D]  written
-// work-items  one per (key, head), heads fastest; without `places` in the order of the groups
+// work-items  one per (key, head), heads fastest; without `places`, in the order of the groups
 // ```
 kernel MANY_REGISTERS void cross_attention_backward_by_key(
     global const float* restrict q, global const float* restrict k, global const float* restrict v,
@@ -154,7 +153,7 @@ kernel MANY_REGISTERS void cross_attention_backward_by_key(
       load_head(x, dout + row * D, D);
       const float by_score = p * (dot_head(own_v, x) - delta[row]) * scale;
       for (int i = 0; i < VECTORS; ++i) by_v[i] += p * x[i];
-      // Once more, by an address that waits for the score: registers would not hold it beside dout.
+      // Loads q again, with an address that depends on the score: registers could not hold it beside dout.
       load_head(x, q + (by_score == by_score ? row * D : 0), D);
       for (int i = 0; i < VECTORS; ++i) by_k[i] += by_score * x[i];
     }

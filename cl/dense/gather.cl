@@ -1,8 +1,8 @@
-// Rows taken by index, into some columns of the result.
+// Copies rows by index into some columns of the result.
 // ```
 // argument    type  shape  what
 // x           f32   [N,C]  rows
-// index       i32   [P]    which row of x, times `shared`: each in 0 .. N shared - 1
+// index       i32   [P]    row of x, times `shared`: each in 0 .. N shared - 1
 // out         f32   [..,W] rows row0 .. row0 + P - 1, columns column .. column + C - 1 are written: row index[p] /
 //                          shared of x; the others stay
 // work-items  (lane, p): the lanes of a row share its channels, any number of them
@@ -16,7 +16,7 @@ kernel void gather_forward(global const float* restrict x, global const int* res
   for (int c = get_global_id(0); c < C; c += get_local_size(0)) to[c] = from[c];
 }
 
-// The same of whole numbers, one a row.
+// The same for integers, one a row.
 // ```
 // argument    type  shape  what
 // x           i32   [N]
@@ -34,8 +34,8 @@ kernel void gather_integers(global const int* restrict x, global const int* rest
 // ```
 // argument    type  shape  what
 // dout        f32   [..,W] gradient of out, of which rows from row0 on, columns column .. column + C - 1 are read
-// index       i32   [P]    negative: passed over; no two others are equal, so that no row has two writers. Where
-//                          `shared` is above 1 they ascend: those of a row lie side by side, and the first adds up all
+// index       i32   [P]    negative: skipped; no two others are equal, so that no row has two writers. If
+//                          `shared` > 1 they ascend: those of a row lie side by side, and the first adds up all
 // dx          f32   [N,C]  row index[p] / shared is added to; other rows stay
 // work-items  (lane, p): the lanes of a row share its channels, any number of them
 // ```

@@ -30,8 +30,8 @@ kernel void gemm_pack_a(global const float* x0, int c0, global const float* x1, 
 #define ROWS 64
 #endif
 
-// Any matrix [K,N] on the device as panels of `width` columns. Its element (k, n) is w[offset + (first + k) k_stride +
-// n n_stride].
+// Packs any matrix [K,N] on the device into panels of `width` columns. Its element (k, n) is
+// w[offset + (first + k) k_stride + n n_stride].
 // ```
 // argument     type  shape                    what
 // w            f32                            where the matrix lies
@@ -57,8 +57,8 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
 
 #define GEMM_PANELS 8
 
-// tile += the products of `count` columns of A's panel at `a`, and as many rows of B's at `b`: by pointers and some at
-// once, that little of the loop stands beside its multiply-adds.
+// tile += the products of `count` columns of A's panel at `a` with as many rows of B's at `b`: by pointers and several
+// at once, so that there is little loop overhead beside the multiply-adds.
 #define TILE_RUN(a, b, count)                                  \
   {                                                            \
     global const float* run_a_ = (a);                          \
@@ -71,14 +71,14 @@ kernel void gemm_pack_panels(global const float* w, int offset, int first, int K
     }                                                          \
   }
 
-// Sums of more than TILE_TERMS terms are made slice by slice of K, each for a whole block of A's panels, so that B's
-// slice stays in the first cache while these pass by.
+// Sums of more than TILE_TERMS terms are computed slice by slice of K, each for a whole block of A's panels, so that
+// B's slice stays in the first-level cache during the block.
 // ```
 // argument    type  shape              what
 // panels      f32   [ceil(M/12),K,12]  A, from gemm_pack_a
 // b           f32   [ceil(N/32),K,32]  B, 32 columns at a time; columns beyond N are zero
-// block       int                      panels of A that a work-item goes through; at the most GEMM_PANELS where K is
-//                                      more than TILE_TERMS
+// block       int                      panels of A that a work-item goes through; at most GEMM_PANELS if K >
+//                                      TILE_TERMS
 // bias        f32   [N]                null: none
 // act         int                      0 none, 1 GELU, 2 SiLU
 // residual    f32   [..,N]             from row row0 on; null: none; may be out

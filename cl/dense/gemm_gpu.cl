@@ -37,12 +37,12 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
            ALL_TERMS);
 }
 
-// The same for a sum of many terms and a result of few tiles: the sums in parts, each of `terms`, without what follows
-// them. x0 .. b as above; gemm_split_sum adds them up.
+// The same for long sums and a result of few tiles: computes the sums in parts of `terms` terms, without bias,
+// activation and residual. x0 .. b as above; gemm_split_sum adds the parts up.
 // ```
 // argument    type  shape    what
 // M, N        int            rows and columns of the result
-// terms       int            of a part: a multiple of 16
+// terms       int            terms of a part: a multiple of 16
 // parts       f32   [s,M,N]  written
 // work-items  groups of SIDE SIDE: (tile of columns, tile of rows, s)
 // ```
@@ -79,7 +79,7 @@ kernel void gemm_split_sum(global const float* parts, int count, int M, int N, g
 // ```
 // argument    type  shape      what
 // at          f32   [s][M,..]  A's rows as columns: for every s in turn [M, min(chunk, rows - s chunk)]
-// b           f32   [..,N]     of which the rows from `first` on are meant, `rows` in all
+// b           f32   [..,N]     rows from `first` on are used, `rows` in all
 // residual    f32   [M,N]      null: none; else there is one part, and it may be parts
 // parts       f32   [..,M,N]   written
 // work-items  groups of SIDE SIDE: (tile of columns, tile of rows, s)
@@ -98,14 +98,14 @@ kernel MANY_REGISTERS FOUR_WAVES __attribute__((reqd_work_group_size(SIDE * SIDE
 #define PACK_SIDE 16
 #endif
 
-// Any matrix [K,N] on the device as matrices of `piece` columns each, one after the other (the last may be narrower).
-// Its element (k, n) is w[offset + k k_stride + (first + n) n_stride]. It goes through local memory, so that
+// Splits any matrix [K,N] on the device into matrices of `piece` columns, one after the other (the last may have
+// fewer). Its element (k, n) is w[offset + k k_stride + (first + n) n_stride]. It goes through local memory, so that
 // neighbouring work-items read and write neighbouring numbers where a stride is 1.
 // ```
 // argument          type  shape          what
 // w                 f32                  where the matrix lies
 // out               f32   [K,piece], ..  written
-// define PACK_SIDE                       16, or 8 where groups are small
+// define PACK_SIDE                       16, or 8 if groups are small
 // work-items        groups of PACK_SIDE PACK_SIDE: (so many columns, so many rows, piece)
 // ```
 kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void gemm_pack_plain(
@@ -124,7 +124,7 @@ kernel __attribute__((reqd_work_group_size(PACK_SIDE * PACK_SIDE, 1, 1))) void g
     out[(size_t)begin * K + (size_t)(k0 + y) * width + n0 + x] = tile[y * (PACK_SIDE + 1) + x];
 }
 
-// What follows the product where a library made it: out = act(x + bias) + residual.
+// The step after a product that a library computed: out = act(x + bias) + residual.
 // ```
 // argument    type  shape   what
 // x           f32   [..,N]  the product, from row x_row0 on; may be the rows of out

@@ -1,7 +1,7 @@
-// The product of gemm_cpu.cl where A needs no composing, cpu flavour: its rows are read where they lie, without the
-// packing, which takes longer than the products where B has few columns. The same bits.
+// The product of gemm_cpu.cl for an A that needs no composing, cpu flavour: A's rows are read in place. Packing them
+// would take longer than the products if B has few columns. The results have the same bits.
 // ```
-// define COLUMNS  32   columns of a tile, 16, 24 or 32: no more than out needs of its last
+// define COLUMNS  32   columns of a tile, 16, 24 or 32: only as many as out has in its last
 // ```
 #include "tile_cpu.clh"
 
@@ -38,20 +38,20 @@
   tile[2 * (i)] = k ? tile[2 * (i)] + lo##i : lo##i; \
   IF_HIGH(HIGH_PART(tile[2 * (i) + 1]) = k ? HIGH_PART(tile[2 * (i) + 1]) + hi##i : hi##i;)
 
-// out = act(A B + bias) + residual, A being two sources side by side. Sums of more than TILE_TERMS terms are made slice
-// by slice of K, as in gemm_tile.
+// out = act(A B + bias) + residual, with two sources side by side as A. Sums of more than TILE_TERMS terms are computed
+// slice by slice of K, as in gemm_tile.
 // ```
 // argument    type  shape              what
 // x0          f32   [..,c0]            A's columns up to c0, from row row0 on
-// x1          f32   [..,c1]            those after it; null where c1 is 0
+// x1          f32   [..,c1]            those after it; null if c1 is 0
 // b           f32   [ceil(N/32),K,32]  B, 32 columns at a time, K = c0 + c1; columns beyond N are zero
-// block       int                      panels of twelve rows that a work-item goes through, MOST_PANELS at the most
-// M           int                      rows, twelve at the least
+// block       int                      panels of twelve rows that a work-item goes through, at most MOST_PANELS
+// M           int                      rows, at least twelve
 // bias        f32   [N]                null: none
 // act         int                      0 none, 1 GELU, 2 SiLU
 // residual    f32   [..,N]             from row out_row0 on; null: none; may be out
 // out         f32   [..,N]             written: rows out_row0 .. out_row0 + M - 1
-// work-items  groups of one: (panel of B, block of panels of A); one panel of B where COLUMNS is less than 32
+// work-items  groups of one: (panel of B, block of panels of A); one panel of B if COLUMNS is less than 32
 // ```
 kernel void gemm_rows(global const float* x0, int c0, global const float* x1, int c1, int row0, global const float* b,
                       int block, int M, int N, global const float* bias, int act, global const float* residual,
@@ -62,7 +62,7 @@ kernel void gemm_rows(global const float* x0, int c0, global const float* x1, in
   for (int k = 0; k < K; k += TILE_TERMS) {
     const int until = min(K, k + TILE_TERMS);
     for (int panel = first; panel < last; ++panel) {
-      // The last twelve rows may begin among those of the panel before, which are not written again.
+      // The last twelve rows may overlap those of the panel before, which are not written again.
       const int m = min(panel * TILE_ROWS, M - TILE_ROWS), skip = panel * TILE_ROWS - m;
       float16* tile = sums + (panel - first) * 2 * TILE_ROWS;
       EACH_ROW(DECLARE_ROW)
@@ -74,8 +74,8 @@ kernel void gemm_rows(global const float* x0, int c0, global const float* x1, in
         global const float* a = (source ? x1 : x0) + (row0 + m) * far + from;
         global const float* end = a + (to - from);
         global const float* pb = b + (size_t)n0 * K + (size_t)(base + from) * TILE_COLS;
-        // Twelve short rows are more streams than a processor foresees: it is told of the next panel, which is the
-        // memory right after this one's where whole rows are read.
+        // Twelve short rows are more streams than a processor prefetches by itself. So this prefetches the next panel,
+        // which follows this one directly in memory if whole rows are read.
         global const float* next = a + TILE_ROWS * far;
         const int step = to - from == width ? TILE_ROWS : 0;
 #pragma unroll 4

@@ -1,5 +1,5 @@
-// GroupNorm's statistics over all rows of a channels-last tensor, made into one scale and one shift per channel.
-// Whoever reads the tensor next applies them while loading (composed rows, see compose_rows.cl): y = x * scale + shift.
+// GroupNorm's statistics over all rows of a channels-last tensor, as one scale and one shift per channel. The next
+// reader of the tensor applies them while loading (composed rows, see compose_rows.cl): y = x * scale + shift.
 // ```
 // argument                  type  shape       what
 // x                         f32   [N,width]   one of at most two tensors whose channels stand side by side; its
@@ -12,15 +12,15 @@
 //                                             channel's group
 // shift                     f32   [C]         written: beta - mean * scale, with the mean of the channel's group
 // ```
-// In three steps, each with a fixed order of additions, none of which subtracts large squares: the statistics of every
-// chunk of rows and channel; these merged over the chunks; then over a group's channels. Merging is always sum (m2_i +
-// n_i (mean_i - mean)^2).
+// There are three steps, each with a fixed order of additions, and none subtracts large squares: the statistics of
+// every chunk of rows and channel; their merge over the chunks; the merge over a group's channels. A merge is always
+// sum (m2_i + n_i (mean_i - mean)^2).
 #include "tile_cpu.clh"
 
 // Rows that are reduced in registers before they are merged into the running mean and m2.
 #define ROWS 8
 
-// Merges ROWS rows r0 .. r7 of type T into mean and m2, which n rows went into before. share = ROWS / (n + ROWS).
+// Merges ROWS rows r0 .. r7 of type T into mean and m2 of n earlier rows. share = ROWS / (n + ROWS).
 #define MERGE(T, mean, m2, r0, r1, r2, r3, r4, r5, r6, r7, n, share)                                             \
   {                                                                                                              \
     const T block =                                                                                              \
@@ -33,7 +33,7 @@
           away * away * (share * n);                                                                             \
   }
 
-// Merges one more row v into mean and m2, which n rows went into before.
+// Merges one more row v into mean and m2 of n earlier rows.
 #define MERGE_ONE(T, mean, m2, v, n)        \
   {                                         \
     const T away = v - mean;                \
@@ -130,7 +130,7 @@ kernel void groupnorm_forward_channels(global const float* restrict mean, global
 
 // Over a group's channels, computed again for each of them: one work-item per channel. N = 0: mean and variance count
 // as 0. out_mean, out_rstd [C]: written for the backward, the mean and 1 / sqrt(var + eps) of the channel's group;
-// null: not wanted.
+// null: not written.
 kernel void groupnorm_forward_scale(global const float* restrict channel_mean, global const float* restrict channel_m2,
                                     global const float* restrict gamma, global const float* restrict beta,
                                     global float* restrict scale, global float* restrict shift,
@@ -171,7 +171,7 @@ kernel void groupnorm_forward_scale(global const float* restrict channel_mean, g
 // channel_sums, channel_sums_u  f32   [C]         written: the same over all rows
 // dgamma, dbeta                 f32   [C]         added to
 // group_mean, group_mean_u      f32   [C]         written: means of gamma dz and gamma dz u over the channel's group
-// dx                            f32   [N,width]   written, or added to where `add` is not 0; may be dy where width is C
+// dx                            f32   [N,width]   written, or added to if `add` is not 0; may be dy if width is C
 // ```
 // Sums are taken over ROWS rows, then over these within a chunk, then over the chunks, then over a group's channels.
 static inline float silu_slope(float z) {

@@ -1,5 +1,5 @@
-// A scale of each of a Linear's outputs, folded into its weights: s (W x + b) = (s W) x + s b. So what is scaled takes
-// no pass of its own over the tokens, there or back.
+// Folds a scale for each output of a Linear into its weights: s (W x + b) = (s W) x + s b. So scaling needs no separate
+// pass over the tokens, forward or backward.
 // ```
 // argument    type  shape  what
 // w           f32   [N,K]  weight

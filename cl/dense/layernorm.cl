@@ -1,12 +1,12 @@
 // LayerNorm over the last axis, with the biased variance in two passes and eps inside the root:
 //   out = n gamma + beta, n = (x - mean) / sqrt(var + eps)
-// Modulated (where film is given): out = (n gamma + beta) (1 + scale) + shift, and the first `skip` tokens of each view
+// Modulated (if film is given): out = (n gamma + beta) (1 + scale) + shift, and the first `skip` tokens of each view
 // are dropped. Row r of out comes from row (r / P) (P + skip) + r % P + skip of x. The plain call has skip = 0 and P =
 // R.
 // ```
 // argument     type  shape   what
 // x            f32   [R,C]   modulated: [V,skip+P,C] with R = V P
-// gamma, beta  f32   [C]     weights; null: ones and zeros (not where film is given)
+// gamma, beta  f32   [C]     weights; null: ones and zeros (not allowed with film)
 // film         f32   [R,2C]  shift, then scale, of each row of out; null: not modulated
 // out          f32   [R,C]   written; plain: may be x
 // work-items   cpu: one per row; gpu: groups of 64, one per row
@@ -18,15 +18,15 @@
 // ```
 // argument    type  shape   what
 // dy          f32   [R,C]   gradient of out
-// dx          f32   as x    written, or added to where `add` is not 0; dropped rows get zeros where it is written
-// dfilm       f32   [R,2C]  written where film is given
+// dx          f32   as x    written, or added to if `add` is not 0; dropped rows get zeros if it is written
+// dfilm       f32   [R,2C]  written if film is given
 // stats       f32   [R,2]   written: each row's mean and 1 / sqrt(var + eps), for the next kernel
 // work-items  cpu: one per row; gpu: groups of 64, one per row
 // ```
 #include "common.clh"
 #include "vector16.clh"
 
-// (mean, 1 / sqrt(var + eps)) of a row, by one work-item.
+// (mean, 1 / sqrt(var + eps)) of a row, computed by one work-item.
 static inline float2 statistics(global const float* x, int C, float eps) {
   const int whole = C & ~15;
   float16 sums = (float16)(0.0f);
@@ -75,7 +75,7 @@ kernel void layernorm_forward_cpu(global const float* x, global const float* gam
   }
 }
 
-// u of sixteen channels from c on: dy, times 1 + scale where scale is not null.
+// u of sixteen channels from c on: dy, times 1 + scale if scale is not null.
 static inline float16 upstream(global const float* dy, global const float* scale, int c, int width) {
   const float16 u = load_part(dy + c, width);
   return scale ? u * (1.0f + load_part(scale + c, width)) : u;

@@ -1,6 +1,6 @@
-// What stands around the GEMM of the patch embedding, which is a convolution whose stride is its size p: the GEMM's
-// rows before it, the tokens' positions after it. A picture has h x w patches, h = H / p, w = W / p, and P tokens come
-// before them, which are no patches: a class token, registers. T = P + h w.
+// The steps around the GEMM of the patch embedding, which is a convolution with a stride of its size p: the GEMM's rows
+// before it, the tokens' positions after it. A picture has h x w patches, h = H / p, w = W / p. P tokens that are no
+// patches come before them: a class token, registers. T = P + h w.
 #include "common.clh"
 
 // The mean and standard deviation of the pictures that the encoder was trained on (ImageNet), for red, green and blue.
@@ -10,7 +10,7 @@ constant float image_deviation[3] = {0.229f, 0.224f, 0.225f};
 // ```
 // argument    type  shape         what
 // images      f32   [V,H,W,3]     pictures, each value in [0, 1]
-// rows        f32   [V,T,3pp]     written: (image - mean) / deviation; of a row the channel is slowest, then y, then x,
+// rows        f32   [V,T,3pp]     written: (image - mean) / deviation; in a row the channel is slowest, then y, then x,
 //                                 as PyTorch stores the weight; the first P rows of each view are zero
 // work-items  (y, token, view): one per line of pixels of a patch
 // ```
@@ -32,8 +32,8 @@ kernel void patch_embed_rows(global const float* images, global float* rows, int
 
 // ```
 // argument    type  shape    what
-// position    f32   [N,C]    of the first N tokens: what is added to a patch, and what stands before patches. N is T,
-//                            or P where patches have no positions
+// position    f32   [N,C]    added to a patch's token; the value of a token before the patches. For the first
+//                            N tokens: N is T, or P if patches have no positions
 // tokens      f32   [V,T,C]  the GEMM's result, in place: + position. The first P become their rows of `position`
 // work-items  (4 channels, token below N, view)
 // ```
@@ -52,7 +52,7 @@ kernel void patch_embed_forward_tokens(global const float* position, global floa
 // argument    type  shape    what
 // dtokens     f32   [V,T,C]  gradient of the tokens
 // dposition   f32   [N,C]    written: the sum over the views
-// dpatches    f32   [T-P,C]  written: the same of the patches, the rows that the GEMM's result reached
+// dpatches    f32   [T-P,C]  written: the patches' rows of that sum, for the GEMM's gradient
 // work-items  (channel, token)
 // ```
 kernel void patch_embed_backward_positions(global const float* dtokens, global float* dposition, global float* dpatches,

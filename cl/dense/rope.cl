@@ -1,10 +1,10 @@
-// Rotary position embedding: each pair of channels of a head's query and key is turned by an angle that follows from
-// the token's place, in place. Entry j and entry j + D/2 are the two coordinates of one plane.
+// Rotary position embedding: rotates each pair of channels of a head's query and key in place, by an angle that depends
+// on the token's position. Entries j and j + D/2 are the two coordinates of one plane.
 // ```
 // argument    type  shape          what
-// qkv         f32   [V,T,3,H,D]    queries, keys and values; of the tokens from P on, q and k are turned. D is even
-// turns       f32   [T-P,D/2,2]    cosine and sine of each angle, by token; the same for all views and heads
-// P           int                  tokens that come first and are not turned
+// qkv         f32   [V,T,3,H,D]    queries, keys and values; q and k of the tokens from P on are rotated. D is even
+// turns       f32   [T-P,D/2,2]    cosine and sine of each angle, by token; shared by all views and heads
+// P           int                  first tokens, which are not rotated
 // work-items  (j of all heads: H D/2, token from P on, view)
 // ```
 static inline void turn(global float* x, float c, float s, int half_) {
@@ -13,7 +13,7 @@ static inline void turn(global float* x, float c, float s, int half_) {
   x[half_] = a * s + b * c;
 }
 
-// Both q and k, which lie H D apart.
+// Rotates both q and k, which lie H D apart.
 static inline void turn_pair(global float* qkv, global const float* turns, int V, int T, int H, int D, int P,
                              float sign) {
   const int i = get_global_id(0), token = get_global_id(1), v = get_global_id(2), half_ = D / 2;
@@ -29,8 +29,7 @@ kernel void rope_forward(global float* qkv, global const float* turns, int V, in
   turn_pair(qkv, turns, V, T, H, D, P, 1.0f);
 }
 
-// By the turned queries and keys before, by those that were given after: the opposite angle. Arguments as in the
-// forward, with the gradient in qkv's place.
+// Backward: rotates the gradient by the opposite angle. Arguments as in the forward, with the gradient in qkv's place.
 kernel void rope_backward(global float* dqkv, global const float* turns, int V, int T, int H, int D, int P) {
   turn_pair(dqkv, turns, V, T, H, D, P, -1.0f);
 }

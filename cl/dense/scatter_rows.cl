@@ -4,15 +4,15 @@
 // then of those sums: so a row may have any number of entries, and the work is shared out evenly.
 // ```
 // argument       type  shape          what
-// index          i32   [E]            the row of out that an entry goes to; negative: passed over
-// weight         f32   [E]            0: passed over (scatter_windows takes it sorted)
-// keys           u32   [E]            the plan: each entry's row, `rows` for those passed over; sorted, they come last
-// from           u32   [E]            the plan: which entry each of the sorted ones is
+// index          i32   [E]            the row of out that an entry goes to; negative: skipped
+// weight         f32   [E]            0: skipped (scatter_windows takes it sorted)
+// keys           u32   [E]            the plan: each entry's row, `rows` for skipped ones; sorted, they come last
+// from           u32   [E]            the plan: the index of each sorted entry
 // sorted_weight  f32   [E]            the plan: their weights
 // starts         u32   [rows+1]       the plan: where each row's run of sorted entries begins
-// d              f32   [D,C]          rows that are added: entry e has row first + e / per_row
-// edges          f32   [windows,2,C]  of each window, the sum 0 of the run that began in an earlier window, and the sum
-//                                     1 of the run that begins here and goes on in the next
+// d              f32   [D,C]          added rows: entry e has row first + e / per_row
+// edges          f32   [windows,2,C]  for each window, sum 0 of the run that began in an earlier window, and sum 1
+//                                     of the run that begins here and continues in the next
 // out            f32   [rows,C]       added to
 // define LANES   16                   channels of a work-item, 4 or 16
 // define WINDOW  64                   sorted entries of a window
@@ -46,8 +46,8 @@ kernel void scatter_plan(global const uint* keys, global const uint* from, globa
 #define LOAD(p) JOIN(vload, LANES)(0, p)
 #define STORE(x, p) JOIN(vstore, LANES)(x, 0, p)
 
-// The channels of a work-item: LANES of them from c on, or one (the rest of C, where it is no multiple of LANES); none
-// where c is C.
+// The channels of a work-item: LANES of them from c on, or one (the rest of C, if it is no multiple of LANES); none if
+// c is C.
 typedef struct {
   int c, one;
 } Channels;
@@ -80,7 +80,7 @@ static inline void add_to(FLOATS sum, global float* to, Channels at) {
     STORE(LOAD(to + at.c) + sum, to + at.c);
 }
 
-// Runs that lie within the window are added to out; the others go to edges. Work-items (channels, window).
+// Runs within the window are added to out; the others go to edges. Work-items (channels, window).
 kernel void scatter_windows(global const float* d, global const uint* from, global const uint* keys,
                             global const float* weight, global const uint* starts, global float* edges,
                             global float* out, uint E, uint rows, int C, uint first, uint per_row, float scale) {

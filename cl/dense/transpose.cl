@@ -1,12 +1,12 @@
-// A matrix with its rows as columns: what is stored channels first, as channels last, and back.
+// Transposes a matrix: converts between channels first and channels last.
 // ```
 // argument     type  shape  what
 // x            f32   [A,B]  matrix
 // out          f32   [B,A]  written: x transposed; with `add` added to
-// define TILE               16, or 8 where groups are small
+// define TILE               16, or 8 if groups are small
 // work-items   groups of TILE TILE, one per tile of x: (columns, rows)
 // ```
-// A tile goes through local memory, so that both sides are reached along their rows.
+// A tile goes through local memory, so that both sides are accessed along their rows.
 #include "common.clh"
 
 #ifndef TILE

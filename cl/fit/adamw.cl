@@ -64,7 +64,7 @@ kernel void adamw_squares_cpu(global const float* restrict grad, global float* r
 // sums        f32    [count]  sums of squares of all tensors
 // out         f32    [2]      written: norm = scale * sqrt(total), and the factor for the gradients as they are stored,
 //                             scale * min(1, max_norm / (norm + 1e-6))
-// scale       float           what the stored gradients are multiplied by to be the gradients that are meant
+// scale       float           factor from the stored gradients to the true ones
 // work-items  one group of GROUP
 // ```
 // Kahan's summation, so that the error does not grow with count.
@@ -84,7 +84,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(global
     const float norm = scale * sqrt(sum);
     const float clip = max_norm / (norm + 1e-6f);
     out[0] = norm;
-    out[1] = scale * (clip > 1.0f ? 1.0f : clip);  // a norm that is no number stays one in the factor
+    out[1] = scale * (clip > 1.0f ? 1.0f : clip);  // a norm that is NaN stays NaN in the factor
   }
 }
 
@@ -94,7 +94,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void adamw_clip(global
 // argument     type   shape  what
 // param, m, v  f32    [n]    in place: the weights and the two moments
 // grad         f32    [n]    gradient as stored; null: zeros
-// clip         f32    [2]    of adamw_clip, of which clip[1] is the factor; null: 1
+// clip         f32    [2]    from adamw_clip, clip[1] is the factor; null: 1
 // new1, new2   float         1 - beta1, 1 - beta2
 // decay        float         learning rate times weight decay
 // rate         float         learning rate / (1 - beta1^t), t: the number of the step from 1

@@ -1,5 +1,5 @@
-// A picture as its camera's exposure and colour balance would show it: an affine map of the object's colours, of which
-// what is drawn over a background has the share alpha.
+// Applies a camera's exposure and colour balance to a picture: an affine map of the object's colours. The object's
+// share of a pixel that is drawn over a background is alpha.
 //   object = colour - (1 - alpha) background      out = A object + alpha b + (1 - alpha) background
 // ```
 // argument      type   shape   what
@@ -33,7 +33,7 @@ kernel void exposure_forward(global const float* restrict map, global const floa
 // ```
 // argument    type  shape        what
 // dcolour     f32   [P,3]        in: by out; out: by colour
-// dalpha      f32   [P]          added to; null: not wanted
+// dalpha      f32   [P]          added to; null: not written
 // rows        f32   [blocks,12]  written: a block's part of the gradient by the map
 // work-items  one per block of BLOCK pixels
 // ```

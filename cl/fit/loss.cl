@@ -9,8 +9,8 @@
 // = B d,
 //   vm = B m^2 - M^2, vd = B d^2 - D^2, D1 = 2 (M + 1/2)^2 + D^2/2 + c1, D2 = 2 vm + vd/2 + c2 :
 //   luminance l = 1 - D^2/D1, contrast and structure cs = 1 - vd/D2, SSIM = l cs
-// which is Wang et al. 2004 with a = M + 1/2 + D/2 and b = M + 1/2 - D/2. What blurs is for GPUs; loss_cpu.cl has the
-// same by rows.
+// which is Wang et al. 2004 with a = M + 1/2 + D/2 and b = M + 1/2 - D/2. The blurring kernels are for GPUs;
+// loss_cpu.cl has them by rows.
 // ```
 // define        default  what
 // define GROUP  64       work-items of a group that sums, a power of two
@@ -25,7 +25,7 @@
 #define EACH 32
 #endif
 
-// sign() makes 0 of NaN, which shall stay.
+// The built-in sign() returns 0 for NaN; this one keeps NaN.
 static inline float sign_of(float x) { return x > 0.0f ? 1.0f : x < 0.0f ? -1.0f : x; }
 
 // ```
@@ -98,7 +98,7 @@ kernel void loss_rows(global const float* restrict m, global const float* restri
 
 DEFINE_SIMILARITY(float)
 
-// Blurs along y, and makes the similarity.
+// Blurs along y, and computes the similarity.
 // ```
 // argument  type  shape          what
 // rows      f32   [4,N,H,V3]     from loss_rows
@@ -156,11 +156,11 @@ kernel void loss_backward_spread(global const float* restrict slopes, global flo
 // m, d       f32   [N,H,W3]       at this scale
 // by         f32   [..]           by[first + 3 n + c] is the loss's derivative by a value of off, for plane c of
 //                                 picture n
-// coarser    f32   [N,h,3w]       gradient of the next coarser scale, of which a quarter is added; null: none
-// pictures   f32   [N,H,W3]       at the finest scale the pictures as they came: there error * d is added, and the
+// coarser    f32   [N,h,3w]       gradient of the next coarser scale; a quarter of it is added; null: none
+// pictures   f32   [N,H,W3]       at the finest scale the input pictures: there error * d is added, and the
 //                                 gradient is 0 where a picture is outside of [0, 1]; null at the others
 // dpictures  f32   [N,H,W3]       written
-// absolute   int                  where not 0, error * sign(d) is added in its place
+// absolute   int                  if not 0, error * sign(d) is added instead
 // ```
 kernel void loss_backward(global const float* restrict spread, global const float* restrict m,
                           global const float* restrict d, global const float* restrict by,
@@ -189,11 +189,11 @@ kernel void loss_backward(global const float* restrict spread, global const floa
   dpictures[at] = sum;
 }
 
-// The gradient of the error alone.
+// The gradient of only the error.
 // ```
 // argument    type  shape    what
 // d           f32   [count]  from loss_differences
-// pictures    f32   [count]  as they came
+// pictures    f32   [count]  input pictures
 // dpictures   f32   [count]  written: error * d, or error * sign(d); 0 where a picture is outside of [0, 1]
 // work-items  one per number
 // ```
@@ -208,7 +208,7 @@ kernel void loss_error_slopes(global const float* restrict d, global const float
 // Sums of a picture's planes, of their squares or of their absolute values, over blocks of GROUP * EACH pixels.
 // ```
 // argument    type  shape         what
-// x           f32   [N,pixels,3]  what is summed
+// x           f32   [N,pixels,3]  values to sum
 // sums        f32   [N,blocks,3]  written
 // of          int                 0: values are summed, 1: squares, 2: absolute values
 // work-items  groups of GROUP: (block, n)
@@ -263,7 +263,7 @@ kernel void loss_means(global const float* restrict sums, global float* restrict
 // argument    type   shape              what
 // means       f32    [1+scales,planes]  of d^2 or |d|, then of off scale by scale
 // out         f32    [3]                written: loss, mean error, similarity
-// by          f32    [scales,planes]    written: what loss_backward takes, times gradient_scale
+// by          f32    [scales,planes]    written: input of loss_backward, times gradient_scale
 // H, W        int                       of the pictures at the finest scale
 // weight      float                     of the similarity in the loss
 // work-items  one

@@ -1,5 +1,5 @@
-// The similarity of loss.cl on a CPU: a work-item has a row of a picture, 16 numbers of it at a time, with the same
-// arguments and the same results.
+// The similarity of loss.cl on a CPU: a work-item processes a row of a picture, 16 numbers at a time. Arguments and
+// results are equal.
 #include "loss.clh"
 #include "vector16.clh"
 
@@ -83,7 +83,7 @@ kernel void loss_backward_spread(global const float* restrict slopes, global flo
   }
 }
 
-// A picture's planes' values in turn, from that of number j on, a multiple of 16.
+// The values of a picture's planes in rotation, starting with that of number j, a multiple of 16.
 static inline float16 in_turn(global const float* by, int j) {
   const float3 v = vload3(0, by);
   const float16 turns = (float16)(v.x, v.y, v.z, v.x, v.y, v.z, v.x, v.y, v.z, v.x, v.y, v.z, v.x, v.y, v.z, v.x);

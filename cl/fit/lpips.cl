@@ -1,14 +1,14 @@
-// What LPIPS (a distance of pictures by the features of a network) takes beside GEMMs: maps that make GEMMs of the
-// convolutions of pictures, ReLU, pooling, distances of features. Pictures are [H,W,C], channels last. A window has
-// side x side pixels; [h,w] are its places, `stride` pixels apart. One work-item per element of the output, in both
-// flavours: beside the GEMMs this costs nothing.
+// The steps of LPIPS (a distance of pictures by a network's features) other than GEMMs: maps that turn the convolutions
+// of pictures into GEMMs, ReLU, pooling, distances of features. Pictures are [H,W,C], channels last. A window has side
+// x side pixels; [h,w] are its positions, `stride` pixels apart. One work-item per element of the output, in both
+// flavours: the cost is negligible beside the GEMMs.
 
 // ```
 // argument  type  shape           what
 // map       i32   [hw,side side]  written: for each place the rows (y W + x) of the picture under the window; -1
 //                                 outside of the picture
 // N         int                   elements of map
-// pad       int                   by how many pixels the first window begins before the picture
+// pad       int                   pixels by which the first window begins before the picture
 // ```
 kernel void lpips_map(global int* map, int N, int H, int W, int w, int side, int stride, int pad) {
   const int i = get_global_id(0);
@@ -30,7 +30,7 @@ kernel void lpips_relu(global float* x, int N) {
 // ```
 // argument  type  shape    what
 // in        f32   [H,W,C]  a picture
-// out       f32   [h,w,C]  written: the largest value under each window, all of which lie in the picture
+// out       f32   [h,w,C]  written: the largest value under each window; all windows lie in the picture
 // N         int            elements of out
 // ```
 kernel void lpips_pool(global const float* in, global float* out, int N, int W, int C, int w, int side, int stride) {
@@ -45,8 +45,7 @@ kernel void lpips_pool(global const float* in, global float* out, int N, int W, 
   out[i] = most;
 }
 
-// No fused multiplication and addition from here on, so that equal features have distance 0: both products are rounded
-// alike.
+// No fused multiply-add from here on: both products must be rounded alike, so that equal features have distance 0.
 #pragma OPENCL FP_CONTRACT OFF
 
 // ```

@@ -1,15 +1,15 @@
 // The elementwise parts of Muon (Jordan et al. 2024); the products of matrices between them are GEMMs.
 #include "common.clh"
 
-// The moving average of the gradient, and Nesterov's look ahead, which is what is made orthogonal: a matrix that has no
-// more columns than rows.
+// The moving average of the gradient, and Nesterov's look-ahead. The latter is the input of the orthogonalisation: a
+// matrix with at most as many columns as rows.
 //   m += (1 - momentum) (g - m)   out = (1 - momentum) g + momentum m
 // ```
 // argument    type   shape          what
 // grad        f32    [n,k]          gradient as stored
-// clip        f32    [2]            of adamw_clip, of which clip[1] is the factor; null: 1
+// clip        f32    [2]            from adamw_clip, clip[1] is the factor; null: 1
 // m           f32    [n,k]          in place
-// out         f32    [n,k] / [k,n]  written; turned where `turned` is not 0
+// out         f32    [n,k] / [k,n]  written; transposed if `turned` is not 0
 // fresh       float                 1 - momentum
 // work-items  one per element
 // ```
@@ -27,15 +27,15 @@ kernel void muon_momentum(global const float* restrict grad, global const float*
 // ```
 // argument    type  shape    what
 // x           f32   [count]  in place: divided by its norm
-// norm        f32   [2]      of adamw_clip, of which norm[0] is the norm of x; 0: x becomes 0
+// norm        f32   [2]      from adamw_clip, norm[0] is the norm of x; 0: x becomes 0
 // work-items  one per element
 // ```
 kernel void muon_normalize(global float* restrict x, global const float* restrict norm, int count) {
   const int i = get_global_id(0);
-  if (i < count) x[i] = norm[0] == 0.0f ? 0.0f : x[i] / norm[0];  // squares of what is tiny are 0
+  if (i < count) x[i] = norm[0] == 0.0f ? 0.0f : x[i] / norm[0];  // squares of tiny numbers underflow to 0
 }
 
-// p = a I + b s + c s^2 of a square matrix s.
+// p = a I + b s + c s^2 for a square matrix s.
 // ```
 // argument    type  shape  what
 // s, s2       f32   [k,k]  a matrix and its square
@@ -53,7 +53,7 @@ kernel void muon_polynomial(global const float* restrict s, global const float* 
 // ```
 // argument    type   shape          what
 // param       f32    [n,k]          in place
-// x           f32    [n,k] / [k,n]  turned where `turned` is not 0
+// x           f32    [n,k] / [k,n]  transposed if `turned` is not 0
 // decay       float                 learning rate times weight decay
 // work-items  one per element
 // ```

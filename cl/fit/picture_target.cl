@@ -1,16 +1,16 @@
-// What a drawn picture should have been, over the background it was drawn over, and the loss's slope by its alpha.
-//   target = c / 255 + (1 - a / 255) background      where nothing is known of the pixel: what was drawn, within [0, 1]
+// The target of a drawn picture, over the background that it was drawn over, and the loss's slope by its alpha.
+//   target = c / 255 + (1 - a / 255) background      for a masked pixel: the drawn colour, clamped to [0, 1]
 //   dalpha = alpha_weight sign(alpha - a / 255), 0 where they differ by less than half a step of a
 // ```
 // argument      type       shape    what
 // given         u8         [P,4]    red, green, blue premultiplied by a, and a
-// known         u8         [P]      0: nothing is known of the pixel; null: of all
+// known         u8         [P]      0: the pixel is masked out; null: none is
 // colour        f32        [P,3]    drawn
 // alpha         f32        [P]      drawn
 // target        f32        [P,3]    written
-// dalpha        f32        [P]      written; null: not wanted
+// dalpha        f32        [P]      written; null: not written
 // b0, b1, b2    float               the background
-// alpha_weight  float               what the loss gains by a pixel's alpha being off by 1
+// alpha_weight  float               increase of the loss for an alpha that is off by 1
 // work-items    one per pixel
 // ```
 #include "common.clh"

@@ -5,16 +5,16 @@
 // param, m, v   f32    [n]         in place: the parameters of each Gaussian, width of them, and their moments
 // grad          f32    [n]         gradient; zeros afterwards
 // rates         f32    [width,16]  for each of a Gaussian's parameters its learning rate / (1 - beta1^t), t: the number
-//                                  of the step from 1; again and again until the rows are full
+//                                  of the step from 1; repeated until the rows are full
 // width         int                parameters of a Gaussian
 // new1, new2    float              1 - beta1, 1 - beta2
 // root          float              1 / sqrt(1 - beta2^t)
-// low, high     float              parameters are held within; infinite: not
-// sparse        int                1: where the gradient is 0 nothing moves, not even the moments
+// low, high     float              parameters are clamped to this range; infinite: not
+// sparse        int                1: nothing changes where the gradient is 0, not even the moments
 // define BLOCK  1024               elements of a work-item in the cpu flavour, a multiple of 16
 // work-items    cpu: one per BLOCK elements; gpu: one per element
 // ```
-// The cpu flavour passes over 16 parameters that nothing has touched: in a closed scene each picture leaves out half.
+// The cpu flavour skips 16 parameters without a gradient: in a closed scene each picture leaves out half of them.
 #include "common.clh"
 #include "vector16.clh"
 

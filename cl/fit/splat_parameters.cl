@@ -1,5 +1,5 @@
-// Gaussians from parameters that may take any value, and the way back: a scene that is fitted to pictures is moved in
-// these. Means, quaternions and spherical harmonics are their own.
+// Gaussians from unconstrained parameters, and the gradient: a scene that is fitted to pictures is optimised in these.
+// Means, quaternions and spherical harmonics are used as they are.
 //   scale = exp(x)      opacity = min(1, raise * sigmoid(x)), or 0 where the Gaussian is left out of a step
 // ```
 // argument     type   shape  what
@@ -12,7 +12,7 @@
 // raise        float         1 / (1 - share left out): the picture stays as bright on average (DropGaussian, Park et
 //                            al. 2025)
 // define BLOCK 256              Gaussians of a work-item in the cpu flavour, a multiple of 16
-// work-items   cpu: one per BLOCK Gaussians; gpu: one per scale, of which the first K take an opacity each, too
+// work-items   cpu: one per BLOCK Gaussians; gpu: one per scale; the first K also handle an opacity each
 // ```
 #include "rng.clh"
 #include "tile_cpu.clh"
@@ -59,12 +59,12 @@ kernel void splat_parameters_forward_gpu(global const float* restrict log_scales
 //   opacity_weight sum sigmoid(x) + scale_weight sum exp(x) + pull / 2 (|mean - home|^2 + |x - home x|^2)
 // ```
 // argument        type   shape  what
-// dmeans          f32    [K,3]  the pull is added
+// dmeans          f32    [K,3]  added to: the pull's gradient
 // dscales         f32    [K,3]  in: by scales; out: by log_scales
 // dopacities      f32    [K]    in: by opacities; out: by logits
 // means           f32    [K,3]  means
-// home_means      f32    [K,3]  where the pull leads; null: no pull
-// home_scales     f32    [K,3]  log scales there; null as home_means is
+// home_means      f32    [K,3]  centres of the pull; null: no pull
+// home_scales     f32    [K,3]  log scales there; null if home_means is
 // opacity_weight  float         of the sum of opacities
 // scale_weight    float         of the sum of scales
 // pull            float         of the squared distances

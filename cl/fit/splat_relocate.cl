@@ -1,18 +1,18 @@
-// Gaussians that are nearly transparent go to where others are, and new ones come there: 3D Gaussian splatting as
-// Markov chain Monte Carlo (Kheradmand et al. 2024). A source that n - 1 others join is replaced by n equal ones that
-// look as it did:
+// Moves nearly transparent Gaussians to the places of others, and adds new ones there: 3D Gaussian splatting as Markov
+// chain Monte Carlo (Kheradmand et al. 2024). A source that n - 1 others join is replaced by n equal ones that together
+// look like it:
 //   opacity' = 1 - (1 - opacity)^(1/n)
 //   scale'   = scale opacity / sum_{i=1..n} sum_{k=0..i-1} binomial(i-1, k) (-1)^k opacity'^(k+1) / sqrt(k+1)
 //
-// Sources are drawn in proportion to their opacity, by one random number (systematic resampling): the weights w in a
-// row, W in all, are hit by N points at equal distances, point j at floor((j W + offset) / N). So both the source of a
-// point and the points of a source follow without a sort.
+// Sources are drawn in proportion to their opacity, with one random number (systematic resampling): N points at equal
+// distances, point j at floor((j W + offset) / N), hit the consecutive weights w, whose sum is W. So both the source of
+// a point and the points of a source follow without a sort.
 // ```
 // argument     type  shape  what
 // logits       f32   [K]    opacity = sigmoid(logit)
 // log_scales   f32   [K,3]  scale = exp(log scale)
 // starts       u32   [K+1]  exclusive scan of the weights, W its last
-// N            uint         points: Gaussians that move or come
+// N            uint         points: Gaussians that move or are added
 // offset       uint         below W
 // ```
 #include "common.clh"
@@ -22,7 +22,7 @@
 
 // ```
 // argument    type  shape  what
-// weights     u32   [K]    written: the opacity in steps of 1 / finest, and 1; 0 where it moves
+// weights     u32   [K]    written: the opacity in steps of 1 / finest, plus 1; 0 if it moves
 // moving      u32   [K]    written: 1 where it moves
 // finest      uint         such that the sum of weights stays below 2^32
 // work-items  one per Gaussian
@@ -32,7 +32,7 @@ kernel void splat_relocate_weigh(global const float* restrict logits, global uin
   const int k = get_global_id(0);
   if (k >= K) return;
   const float opacity = sigmoid(logits[k]);
-  const bool stays = opacity >= LEAST;  // false where it is no number, too
+  const bool stays = opacity >= LEAST;  // false for NaN, too
   weights[k] = stays ? (uint)(opacity * finest) + 1u : 0u;
   moving[k] = stays ? 0u : 1u;
 }
@@ -94,7 +94,7 @@ static inline float logit(float p) {
   return log(held / (1.0f - held));
 }
 
-// The n-th part of a source, into Gaussian `to`; its moments are zeros.
+// Writes the n-th part of a source into Gaussian `to`, with zero moments.
 static inline void put_share(global float* restrict logits, global float* restrict log_scales,
                              global float* restrict m_logits, global float* restrict v_logits,
                              global float* restrict m_scales, global float* restrict v_scales, float opacity,

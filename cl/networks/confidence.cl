@@ -1,5 +1,5 @@
-// How sure it is that a point is worth refining: a sigmoid of its logit, or a softmax over all points; and the gradient
-// of feature x confidence, which stands in for that of the choice (straight through).
+// The confidence that a point is worth refining: a sigmoid of its logit, or a softmax over all points; and the gradient
+// of feature x confidence, which replaces that of the choice (straight through).
 // ```
 // argument    type  shape  what
 // logits      f32   [P]
@@ -43,11 +43,11 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void confidence_forwar
   for (int p = item; p < P; p += GROUP) confidence[p] = exp(logits[p] - largest) / total;
 }
 
-// Backward: of y = x confidence.
+// Backward of y = x confidence.
 // ```
 // argument     type  shape  what
 // x            f32   [P,C]  the features
-// dy           f32   [P,C]  gradient of what goes on
+// dy           f32   [P,C]  gradient of y
 // dx           f32   [P,C]  written: dy confidence; may be dy
 // dconfidence  f32   [P]    written: dy . x
 // work-items   one per point

@@ -1,4 +1,4 @@
-// What the heads' raw numbers mean: Gaussians in the object's frame.
+// Decodes the heads' raw numbers to Gaussians in the object's frame.
 //   mean    = anchor + (2 sigmoid(offset) - 1) reach      opacity = sigmoid(x - 2.1792)
 //   scale   = softplus(x + scale_shift)                   quat    = x / max(|x|, 1e-12)
 //             or exp(x + scale_shift)
@@ -12,8 +12,8 @@
 // opacities    f32    [K]      written
 // sh           f32    [K,S,3]  written
 // sh_size      int             3S
-// reach        float           how far from its anchor a mean may lie along each axis
-// scale_shift  float           what a raw scale of 0 stands for
+// reach        float           largest distance of a mean from its anchor along each axis
+// scale_shift  float           offset of raw scales
 // exponential  int             0: softplus, else exp
 // work-items   one per Gaussian, in all kernels
 // ```
@@ -23,7 +23,7 @@
 
 static inline float softplus(float x) { return fmax(x, 0.0f) + log1p(exp(-fabs(x))); }
 
-// What a Gaussian looks like, from the numbers behind its offset, into row k.
+// Decodes a Gaussian's appearance, from the numbers after its offset, into row k.
 static inline void decode_looks(global const float* raw, float scale_shift, int sh_size, int D, int exponential, long k,
                                 global float* scales, global float* quats, global float* opacities, global float* sh) {
   for (int i = 0; i < sh_size; ++i) sh[k * sh_size + i] = raw[i];
@@ -64,7 +64,7 @@ kernel void decode_coarse_forward(global const float* restrict raw, global float
          exponential, k, means, scales, quats, opacities, sh);
 }
 
-// M Gaussians for each of P voxels, anchored at the coarse centre plus an offset that is one of M.
+// M Gaussians for each of P voxels, anchored at the coarse centre plus one of M offsets.
 // ```
 // argument    type  shape    what
 // raw         f32   [P,M A]  M Gaussians side by side
@@ -83,7 +83,7 @@ kernel void decode_fine_forward(global const float* restrict raw, global const f
          sh);
 }
 
-// One for each of P points, which is its mean: no offset among the numbers. Gaussians row0 .. row0 + P - 1 are written.
+// One Gaussian for each of P points, its mean: raw has no offset. Gaussians row0 .. row0 + P - 1 are written.
 // ```
 // argument    type  shape     what
 // raw         f32   [P,A-3]   a Gaussian's numbers without the offset

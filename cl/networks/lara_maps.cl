@@ -1,12 +1,12 @@
-// What LaRa makes of the maps that surfels were drawn into, and its derivative: colours held between 0 and 1, depths
-// divided by alpha, normals in the world's axes, and normals of the surface that neighbouring depths span.
+// LaRa's maps, from the maps that surfels were drawn into, and their derivative: colours clamped to [0, 1], depths
+// divided by alpha, normals in world axes, and normals of the surface that neighbouring depths span.
 // ```
 // argument       type  shape    what
 // colour         f32   [H,W,3]  as in rasterize_surfels.cl, and so are
 // alpha, depth   f32   [H,W]
 // normal         f32   [H,W,3]
 // views          f32   [..,32]  cameras as in project.cl, of which `view` is meant
-// image          f32   [H,W,3]  written: colour, held between 0 and 1
+// image          f32   [H,W,3]  written: colour, clamped to [0, 1]
 // mean_depth     f32   [H,W]    written: depth / alpha, 0 where alpha is 0
 // world_normal   f32   [H,W,3]  written: normal in the world's axes
 // depth_normal   f32   [H,W,3]  written: alpha times the unit normal, in the world's axes, of the points under the
@@ -25,13 +25,13 @@ static inline float3 point_at(global const float* alpha, global const float* dep
   return z * (float3)(((float)x + 0.5f - camera[17]) / camera[15], ((float)y + 0.5f - camera[18]) / camera[16], 1.0f);
 }
 
-// What the points about a pixel say of its normal.
+// The normal at a pixel, from the points around it.
 typedef struct {
   float3 down, right, normal;  // the normal of length 1
-  float inverse;               // one over the length that it had
+  float inverse;               // one over its original length
 } Surface;
 
-#define SHORTEST 1e-12f  // normals shorter than that are divided by it, not by their length
+#define SHORTEST 1e-12f  // normals shorter than this are divided by it instead of by their length
 
 static inline Surface surface_at(global const float* alpha, global const float* depth, global const float* camera,
                                  int width, int x, int y) {
@@ -81,8 +81,8 @@ kernel void lara_maps_forward(global const float* colour, global const float* al
 // dworld_normal   f32   [H,W,3]
 // ddepth_normal   f32   [H,W,3]
 // dcolour         f32   [H,W,3]  written; null: not wanted
-// by_alpha        f32   [H,W]    written, as by_depth [H,W]; both null: not wanted. The alpha that depth_normal is
-//                                multiplied by counts as constant, as LaRa has it
+// by_alpha        f32   [H,W]    written, as by_depth [H,W]; both null: not written. The alpha that depth_normal is
+//                                multiplied by counts as constant, as in LaRa
 // by_normal       f32   [H,W,3]  written; null: not wanted
 // work-items      one per pixel
 // ```

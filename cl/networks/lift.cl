@@ -1,10 +1,10 @@
-// From feature maps to a volume, for n voxels from voxel `first` on. Voxel (i R + j) R + k has its centre at ((i, j, k)
-// + 0.5) / R - 0.5 of the object's frame, i along x. The maps have t x t texels; texel (x, y) of view v is row (v t +
-// y) t + x.
+// Lifts feature maps to a volume, for n voxels from voxel `first` on. Voxel (i R + j) R + k has its centre at ((i, j,
+// k) + 0.5) / R - 0.5 of the object's frame, i along x. The maps have t x t texels; texel (x, y) of view v is row (v t
+// + y) t + x.
 // ```
 // define         default  what
-// define LANES   16       channels that a work-item takes at a time: 1, 4 or 16
-// define VOXELS  8        voxels that a group takes one after the other
+// define LANES   16       channels that a work-item processes at a time: 1, 4 or 16
+// define VOXELS  8        voxels that a group processes one after the other
 // ```
 #include "common.clh"
 #include "many_registers.clh"
@@ -17,7 +17,7 @@
 #define VOXELS 8
 #endif
 
-// Where the views see each voxel.
+// The places at which the views see each voxel.
 // ```
 // argument    type   shape    what
 // w2c         f32    [V,4,4]  object's frame to camera, row-major

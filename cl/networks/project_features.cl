@@ -1,4 +1,4 @@
-// The selected voxels' features as the views see them: the bilinear samples of each point, averaged over the views,
+// The views' features at the selected voxels: the bilinear samples of each point, averaged over the views,
 //   out[p] = sum_v a_v sample_v(p) / sum_v a_v,   a_v = 1 / (d + 1e-6),
 // where d is the point's depth in the camera or, with by_distance, its distance from the camera.
 // ```
@@ -35,7 +35,8 @@ static inline float weight_of_views(float3 point, global const float* w2c, globa
   return total;
 }
 
-// What view v adds to a point: p0 .. p3 point to the first channels of its four texels, a holds their weights.
+// The contribution of view v to a point: p0 .. p3 point to the first channels of its four texels, a holds their
+// weights.
 #define TEXELS(v)                                                                                  \
   const Footprint f = footprint(point, w2c + 16 * v, vload4(v, intrinsics), image, half_pixel, t); \
   const float4 a = f.weight * (view_weight(point, c2w + 16 * v, f.depth, by_distance) / total);    \

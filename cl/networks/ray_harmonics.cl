@@ -1,4 +1,4 @@
-// Rays that are given as six numbers, a direction and a moment of any length, as the numbers that the network reads.
+// Converts rays of six numbers, a direction and a moment of any length, to the numbers that the network reads.
 // ```
 // argument    type  shape   what
 // rays        f32   [R,6]   direction, moment

@@ -2,9 +2,9 @@
 // ```
 // argument    type   shape  what
 // predicted   f32    [R,6]  rays
-// target      f32    [R,6]  what they should be
+// target      f32    [R,6]  targets
 // errors      f32    [R]    written: each ray's share of the mean
-// dpredicted  f32    [R,6]  written: the gradient times `scale`; null: not wanted
+// dpredicted  f32    [R,6]  written: the gradient times `scale`; null: not written
 // work-items  one per ray
 // ```
 kernel void ray_loss(global const float* predicted, global const float* target, global float* errors,

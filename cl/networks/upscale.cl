@@ -1,11 +1,10 @@
-// Every point becomes F: its children lie within half a cell of it, and what they are made of are waves of how far they
-// lie from it, beside its own feature.
-// One of three numbers.
+// Every point becomes F children, which lie within half a cell of it. A child's features are sines and cosines of its
+// offset, beside the point's own feature.
 static inline float axis(float3 v, int i) { return select(select(v.z, v.y, i == 1), v.x, i == 0); }
 
 // ```
 // argument    type  shape      what
-// raw         f32   [P,3F]     how far each child lies, before tanh
+// raw         f32   [P,3F]     offset of each child, before tanh
 // points      f32   [P,3]      the points
 // feature     f32   [P,C]      the points' features
 // children    f32   [P F,3]    written: point + offset, offset = reach tanh(raw); a point's children together
@@ -13,7 +12,7 @@ static inline float axis(float3 v, int i) { return select(select(v.z, v.y, i == 
 // wide        f32   [P F,W]    written, W = 6 N + C: sines, then cosines of 2^f unit offset for f = 0 .. N - 1, x y z
 //                              each; then the point's feature
 // reach       float            half a cell
-// unit        float            what offsets are multiplied by in the waves
+// unit        float            factor of offsets in the sines and cosines
 // work-items  (lane, child): the lanes of a child share its numbers, any number of them
 // ```
 static inline float wave(float offset, float unit, int f, int is_cosine) {

@@ -1,5 +1,5 @@
-// What is seen in the input views, 8 numbers a pixel side by side: the photograph (3), the drawing (3), the drawing's
-// alpha and its depth. One sample of a map is then one place in memory.
+// Maps of the input views, 8 numbers a pixel side by side: the photograph (3), the drawing (3), the drawing's alpha and
+// its depth. A sample of a map then reads one place in memory.
 // ```
 // argument    type  shape      what
 // images      f32   [V,S,S,3]  photographs
@@ -28,7 +28,7 @@ kernel void view_maps_forward(global const float* restrict images, global const 
   to[7] = !by_alpha ? depth[i] : alpha[i] > 0.0f ? depth[i] / alpha[i] : 0.0f;
 }
 
-// Backward. Photographs have no gradient, and nothing comes back to a colour beyond [0,1].
+// Backward. Photographs have no gradient, and a colour outside of [0,1] has gradient 0.
 // ```
 // argument    type  shape      what
 // dmaps       f32   [V,S,S,8]  gradient of maps

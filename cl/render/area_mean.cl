@@ -1,4 +1,4 @@
-// A picture in a k-th of its size: the mean over k x k pixels, summed by rows, then over them.
+// Shrinks a picture by a factor k: the mean over k x k pixels, summed by rows, then over them.
 // ```
 // argument    type  shape          what
 // x           f32   [k H, k W, C]

@@ -1,4 +1,4 @@
-// Gaussians to the picture: the projection of 3D Gaussian splatting.
+// Projects Gaussians to the picture, as in 3D Gaussian splatting.
 // ```
 // argument      type  shape    what
 // means         f32   [K,3]    world units. The K Gaussians may be a chunk of a larger scene, whose Gaussian `base`
@@ -7,7 +7,7 @@
 // quats         f32   [K,4]    w x y z, of any length > 0
 // opacities     f32   [K]      o, in 0 to 1
 // sh            f32   [K,S,3]  spherical harmonics, S = 1, 4, 9 or 16 coefficients
-// views         f32   [..,32]  cameras, of which `view` is meant
+// views         f32   [..,32]  cameras; `view` is the index of the one in use
 // define WIDTH                 Gaussians of a work-item, 1 or 16
 // work-items    one per WIDTH Gaussians, in both kernels
 // ```
@@ -16,12 +16,12 @@
 // numbers   what
 // 0 .. 8    rotation world to camera, row-major
 // 9 .. 11   the camera's centre
-// 12 .. 14  what rounding took from the centre: the two add up to it
+// 12 .. 14  the centre's rounding error: the two add up to the centre
 // 15 .. 18  fx, fy, cx, cy in pixels; pixel centres are at + 0.5
 // 19, 20    the largest |x/z| and |y/z| that enter the Jacobian
 // 21        near plane, >= 0
-// 22 .. 24  where colours are seen from
-// 25 .. 27  what rounding took from that
+// 22 .. 24  the point that colours are seen from
+// 25 .. 27  its rounding error
 // ```
 // The covariance [a b; b c] of a Gaussian in the picture has the determinant det = |s1 x s2|^2 + 0.3 (a + c) + 0.09,
 // with a and c before 0.3 is added to them, by the cross product of the Jacobian's rows: exact for needles and discs,
@@ -92,7 +92,7 @@ kernel void project_cull(global const float* means, global const float* scales, 
       ceil(3.0f * sqrt(0.5f * (s.a + s.c) + sqrt(max(s.half_diff * s.half_diff + s.b * s.b, (real)(0.1f)))));
   const real sigmas = sigmas_of(log2_of(g.opacity));
   const real reach_x = sigmas * sqrt(s.a) + 0.01f, reach_y = sigmas * sqrt(s.c) + 0.01f;
-  // Not finite where any of them is infinite or no number.
+  // Not finite if any of them is infinite or NaN.
   const real finite = (s.u + s.v) + (s.det + radius) + (reach_x + reach_y);
   const ireal seen = (s.z > camera[21]) & (g.opacity >= MIN_ALPHA) & isfinite(finite);
   const real ud = s.u - 0.5f, vd = s.v - 0.5f;

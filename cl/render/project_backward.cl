@@ -4,21 +4,21 @@
 // argument         type  shape    what
 // means .. view                   as in project.cl: a chunk of a larger scene, whose Gaussian `base` comes first
 // mirrored         int            whether colours are seen from the camera's mirror image
-// ids              u32   [N]      the visible Gaussians, as indices into the scene; those that are not of the chunk are
+// ids              u32   [N]      the visible Gaussians, as indices into the scene; those of other chunks are
 //                                 left to other launches
 // records          f32   [N,12]   of the visible Gaussians, as project.cl writes them
 // rows             f32   [M,10]   of the intersections, as rasterize_backward.cl writes them
 // touched          u8    [M]      whether a row was written
 // offsets          u32   [N+1]    visible Gaussian i has the rows offsets[i] .. offsets[i + 1] - 1
 // dmeans, dscales  f32   [K,3]    added to
-// dquats           f32   [K,4]    added to: by the quaternion as given, of whatever length
+// dquats           f32   [K,4]    added to: by the quaternion as given, of any length
 // dopacities       f32   [K]      added to
 // dsh              f32   [K,S,3]  added to
 // twists           f32   [N,6]    written: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times
-//                                 world to camera; null: not wanted
+//                                 world to camera; null: not written
 // work-items       one per visible Gaussian
 // ```
-// Constant here as there: tiles, culling, the limits of the Jacobian, and a colour held at 0.
+// As in the forward, these count as constant: tiles, culling, the limits of the Jacobian, and a colour clamped to 0.
 #include "many_registers.clh"
 #include "project_backward.clh"
 
@@ -63,14 +63,14 @@ static inline Ellipse ellipse_sums(float4 form, float8 low) {
   return p;
 }
 
-// What the forward computed of a Gaussian, by its names there.
+// Values that the forward computed for a Gaussian, with its names.
 typedef struct {
   float3 W0, W1, W2;  // rows of the rotation world to camera
   float3 d;           // the mean seen from the camera's centre, in the world
   float fx, fy, z, rz, xz, yz, sx, sy;
   float3 j1, j2;      // rows of J W
-  float4 q;           // the quaternion made a unit one
-  float q1;           // one over the length that it came with
+  float4 q;           // the normalised quaternion
+  float q1;           // one over its original length
   float3 r0, r1, r2;  // columns of its rotation
   float3 a1, a2;      // rows of J W R
 } Seen;
@@ -192,7 +192,7 @@ kernel void project_backward_pose(global const float* twists, global float* sums
   sums[at] = sum;
 }
 
-// How much a picture pulls at each Gaussian's place on the screen: the sums over its tiles, in their order.
+// The magnitude of the loss's derivatives by each Gaussian's place on the screen: the sums over its tiles, in order.
 // ```
 // argument    type  shape  what
 // ids         u32   [N]    the visible Gaussians, as indices into the scene

@@ -1,16 +1,16 @@
-// Surfels to the picture: the projection of 2D Gaussian splatting. A surfel is flat: centre p, unit tangents t_u and
+// Projects surfels to the picture, as in 2D Gaussian splatting. A surfel is flat: centre p, unit tangents t_u and
 // t_v (the first two columns of its rotation), two standard deviations, and the normal n (the third column). The ray
 // through a pixel meets its plane in one point, (s, t) in deviations along the tangents; the Gaussian is taken there.
 // ```
 // argument      type  shape    what
 // scales        f32   [K,2]    standard deviations along t_u and t_v, world units
-// current       int            0: as LaRa's rasteriser is; 1: as the later one is
+// current       int            0: LaRa's rasteriser; 1: the later one
 // means .. view                as in project.cl, and so are the cameras
 // define WIDTH                 as in project.cl
 // work-items    one per WIDTH surfels, in both kernels
 // ```
-// Where both rasterisers differ: the box whose centre the low pass is about is that of one deviation (LaRa) or of
-// three, and the tiles are those of a square about the pixel's corner or its centre.
+// The two rasterisers differ in two points: the low pass is centred on the box of one deviation (LaRa) or of three, and
+// the tiles are those of a square around the pixel's corner or its centre.
 //
 // With dx, dy from a pixel to the projected centre, a ray meets the plane at
 //   (s, t) = ((m11 dx + m12 dy) / h, (m21 dx + m22 dy) / h), h = 1 + g1 dx + g2 dy, in the depth z / h:
@@ -20,11 +20,11 @@
 #define SURFELS
 #include "project.clh"
 
-// A surfel in the picture; the record below says what is what.
+// A surfel in the picture; the record below documents the names.
 typedef struct {
   real u, v, z, m11, m12, m21, m22, g1, g2, ex, ey, reach_x, reach_y, radius;
   real3 normal;
-  ireal there;  // whether it has a box, and is not seen edge on
+  ireal there;  // whether it has a box and is not seen edge on
 } Shape;
 
 // The box of the ellipse of `cut2` squared deviations, about (u, v): its middle, and half its size squared. It has one
@@ -117,7 +117,7 @@ kernel void project_surfels_cull(global const float* means, global const float* 
   global const float* camera = views + (size_t)view * 32;
   const Batch g = load_batch(means, scales, quats, opacities, 0, first, base, n);
   const Shape s = shape_of(g, sigmas_of(log2_of(g.opacity)), camera, current);
-  // Not finite where any of them is infinite or no number.
+  // Not finite if any of them is infinite or NaN.
   const real finite = (s.u + s.v) + (s.ex + s.ey) + (s.m11 + s.m12 + s.m21 + s.m22) + (s.g1 + s.g2 + s.radius);
   const ireal seen = (s.z > camera[21]) & (g.opacity >= MIN_ALPHA) & s.there & isfinite(finite);
   const real ud = s.u - 0.5f, vd = s.v - 0.5f, to_middle = current ? 0.0f : 0.5f;

@@ -12,7 +12,7 @@
 // dmeans .. twists               as in project_backward.cl
 // work-items       one per visible surfel
 // ```
-// Constant here as there: tiles, culling, which side the normal is turned to, and a colour held at 0.
+// As in the forward, these count as constant: tiles, culling, the normal's side, and a colour clamped to 0.
 #include "many_registers.clh"
 #include "project_backward.clh"
 
@@ -39,14 +39,14 @@ static inline RowSums sum_rows(global const float* rows, global const uchar* tou
   return sum;
 }
 
-// What the forward computed of a surfel, by its names there, in the camera's axes.
+// Values that the forward computed for a surfel, with its names, in the camera's axes.
 typedef struct {
   float3 p, tu, tv, n;
   float2 s;
   float fx, fy, rz, xz, yz;
   float rn;           // 1 / N
-  float4 q;           // the quaternion made a unit one
-  float q1;           // one over the length that it came with
+  float4 q;           // the normalised quaternion
+  float q1;           // one over its original length
   float3 W0, W1, W2;  // rows of the rotation world to camera
 } Seen;
 

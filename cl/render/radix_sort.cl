@@ -4,8 +4,8 @@
 // ```
 // argument           type     shape            what
 // keys               u32      [n]              u64 with -DKEY64
-// values             u32      [n]              carried along; null: each key's index
-// histogram          u32      [mask+1,blocks]  written by the histogram: how many keys of each digit each block has
+// values             u32      [n]              moved with the keys; null: each key's index
+// histogram          u32      [mask+1,blocks]  written by the histogram: the number of keys of each digit in each block
 // offsets            u32      [mask+1,blocks]  the histogram's exclusive scan
 // out_keys           as keys  [n]              written by the scatter; not keys itself
 // out_values         u32      [n]              written by the scatter; not values itself
@@ -58,7 +58,7 @@ kernel void radix_scatter_cpu(global const key_type* keys, global const uint* va
 }
 #else
 
-// count [mask + 1][WG]: how many keys of each digit are in each item's run. Ends with a barrier.
+// count [mask + 1][WG]: the number of keys of each digit in each item's run. Ends with a barrier.
 static inline void count_runs(global const key_type* keys, local uint* count, uint begin, uint end, int shift,
                               uint mask) {
   const uint item = get_local_id(0);
@@ -87,7 +87,7 @@ kernel void radix_scatter_gpu(global const key_type* keys, global const uint* va
   const uint item = get_local_id(0), b = GROUP_ID(0), run = block / WG;
   const uint begin = min(n, b * block + item * run), end = min(n, begin + run);
   count_runs(keys, count, begin, end, shift, mask);
-  // Where each item's run of each digit goes.
+  // The place of each item's run of each digit.
   for (uint d = item; d <= mask; d += WG) {
     uint at = offsets[d * blocks + b];
     for (int j = 0; j < WG; ++j) {

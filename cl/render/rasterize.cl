@@ -3,9 +3,9 @@
 // ```
 // argument              type   shape      what
 // records               f32    [V,12]     as project.cl writes them
-// ids                   u32    [N]        which records the tiles see, tile by tile, near to far
+// ids                   u32    [N]        the records that the tiles see, tile by tile, near to far
 // starts                u32    [tiles+1]  where each tile's run of ids begins
-// colour                f32    [H,W,3]    written: sum of weight x colour, + what is left x background
+// colour                f32    [H,W,3]    written: sum of weight x colour, + remaining transmittance x background
 // alpha                 f32    [H,W]      written: sum of weights
 // depth                 f32    [H,W]      written: sum of weight x camera z, not divided by alpha
 // width, height         int               of the picture, pixels
@@ -13,7 +13,7 @@
 //                                         pixels
 // tiles_x, tile_count   int               tiles in a row of the part, and in all
 // background_r, _g, _b  float             colour behind the scene
-// define BATCH                            cpu flavour: Gaussians that are taken at a time, a multiple of 16
+// define BATCH                            cpu flavour: Gaussians that are processed at a time, a multiple of 16
 // define PIXELS                           gpu flavour: pixels of a work-item, every (16 / PIXELS)th row of one column
 // work-items            cpu: one per tile, a float16 being a block of 4 x 4 pixels; gpu: groups of 256 / PIXELS, one
 //                       per tile, with records going through local memory
@@ -22,14 +22,14 @@
 #include "rasterize.clh"
 
 #ifdef BATCH
-// A tile's Gaussians come in batches. First each is held against the tile's 16 blocks, 16 Gaussians at a time; then it
-// is blended into those blocks that it can reach and that have unfinished pixels.
+// A tile's Gaussians come in batches. Each is first tested against the tile's 16 blocks, 16 Gaussians at a time; then
+// it is blended into the blocks that it can reach and that have unfinished pixels.
 #define BLOCKS 16
 
 // masks [BATCH]: the blocks that each Gaussian can reach (bit 4 row + column). A block's pixel centres lie within 1.5
-// of its middle, so dx and t lie within 1.5 and 1.5 (1 + |k|) of what they are there. Where even the nearest of these
-// leave log2 alpha < log2(1/255), the block is left out, and nothing is lost. What is more than 1.5 is for rounding.
-// (rasterize.clh's least_fall leaves out a few more blocks, but costs more than it saves here.)
+// of its middle, so dx and t differ from their values there by at most 1.5 and 1.5 (1 + |k|). If log2 alpha <
+// log2(1/255) even at the nearest of these, the block is skipped, without any loss. The excess over 1.5 is a margin for
+// rounding. (rasterize.clh's least_fall skips a few more blocks, but costs more than it saves here.)
 static inline void reach_blocks(const float* records, uint n, float corner_x, float corner_y, uint* masks) {
   for (uint first = 0; first < n; first += 16) {
     float part[7][16];
@@ -79,7 +79,7 @@ static inline void write_row(float4 r, float4 g, float4 b, float4 a, float4 z, g
   }
 }
 
-// Of each of a tile's blocks:
+// State of each of a tile's blocks:
 typedef struct {
   float16 column[BLOCKS], row[BLOCKS];                            // pixels' places in the tile
   float16 T[BLOCKS];                                              // transmittance, 0 where a pixel is finished
@@ -178,14 +178,14 @@ kernel void rasterize_forward_cpu(global const float* records, global const uint
 #ifdef PIXELS
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
-// Several pixels of an item, which small groups have, need registers.
+// Small groups have several pixels for each item, which need registers.
 #if PIXELS > 1
 #define PIXELS_REGISTERS MANY_REGISTERS
 #else
 #define PIXELS_REGISTERS
 #endif
 
-// Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
+// State of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
   int x0, y0, x, y;
   float T[PIXELS];                                              // transmittance, 0 where a pixel is finished

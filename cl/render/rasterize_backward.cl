@@ -1,9 +1,9 @@
-// What a picture's gradient says of each Gaussian in each tile: blending (rasterize.cl) differentiated.
+// The gradient of blending (rasterize.cl): from a picture's gradient to sums for each Gaussian in each tile.
 // ```
 // argument               type  shape    what
 // records, ids, starts                  as in rasterize.cl
 // slots                  u32   [N]      the row that each intersection's sums go to
-// colour, alpha, depth   f32            what blending made of them, as in rasterize.cl
+// colour, alpha, depth   f32            blending's results, as in rasterize.cl
 // dcolour                f32   [H,W,3]  gradient of colour; null: zeros
 // dalpha, ddepth         f32   [H,W]    gradients of alpha and depth; null: zeros
 // rows                   f32   [N,10]   written: sums over the tile's pixels of h, h dx, h t, h dx^2, h dx t, h t^2, w
@@ -13,7 +13,7 @@
 // width .. background_b                 as in rasterize.cl
 // define BATCH, PIXELS                  cpu and gpu flavour, as in rasterize.cl
 // define PULL                           rows [N,2] instead: sums over the pixels of |h p|, where p is as below
-// define THROUGH_CLAMP                  with PULL: h is that of an alpha which is not held at 0.99
+// define THROUGH_CLAMP                  with PULL: h is for an alpha that is not clamped to 0.99
 // work-items             as in rasterize.cl
 // ```
 // w is the weight of a Gaussian in a pixel, h the loss's derivative by ln alpha (0 where alpha is held at 0.99); dx, t
@@ -22,8 +22,8 @@
 //   T s - (sum of w s behind it) / (1 - alpha);
 // the sum over all Gaussians is known from the picture, so that walking near to far, with blending's own decisions,
 // suffices. Sums are taken in a fixed order.
-// With PULL a row says how much each pixel by itself pulls at the Gaussian's place on the screen, whatever the
-// direction: the loss's derivatives by u and v are h times those of ln alpha, p = 2 ln 2 (qx dx - k qy t, qy t).
+// With PULL a row sums the magnitudes of each pixel's derivatives by the Gaussian's place on the screen, regardless of
+// sign: the loss's derivatives by u and v are h times those of ln alpha, p = 2 ln 2 (qx dx - k qy t, qy t).
 #include "many_registers.clh"
 #include "rasterize.clh"
 
@@ -33,7 +33,7 @@
 #define COLUMNS 10
 #endif
 #define TWO_LN2 1.38629436f
-// h of a pixel: gain and behind as below, a the alpha that was blended, full before it was held at 0.99.
+// h of a pixel: gain and behind as below, a the blended alpha, full its value before the clamp to 0.99.
 #ifdef THROUGH_CLAMP
 #define SLOPE(gain, behind, a, full) (((gain) - (a) * (behind) / (1.0f - (a))) * ((full) / (a)))
 #define IS_FREE(full) ((full) >= MIN_ALPHA)
@@ -48,13 +48,13 @@
 #include "vector16.clh"
 #endif
 
-// Pictures that blending made, and the loss's gradients by them.
+// The pictures from blending, and the loss's gradients by them.
 typedef struct {
   global const float *colour, *alpha, *depth, *dcolour, *dalpha, *ddepth;
   int width, height;
 } Pictures;
 
-// Of each of a tile's blocks:
+// State of each of a tile's blocks:
 typedef struct {
   float16 T[BLOCKS];                                       // transmittance, 0 where a pixel is finished
   float16 gr[BLOCKS], gg[BLOCKS], gb[BLOCKS], gz[BLOCKS];  // gradients by red, green, blue, depth
@@ -98,7 +98,7 @@ typedef struct {
   float u[BATCH], v[BATCH], far[BATCH], lo[BATCH], k[BATCH], qx[BATCH], qy[BATCH], r[BATCH], g[BATCH], b[BATCH];
 } Batch;
 
-// Takes n records; those that fill up a multiple of LANES are zeros.
+// Loads n records, padded with zeros to a multiple of LANES.
 static inline void load_batch(Batch* batch, global const float* records, global const uint* ids, int n, int x0,
                               int y0) {
   for (int i = 0; i < n; ++i) {
@@ -140,7 +140,7 @@ static inline void reach_blocks(const Batch* batch, int n, uint* masks) {
   }
 }
 
-// Blends record i into the blocks of `todo`, of which there is one at least. Returns its row: ten numbers, then zeros.
+// Blends record i into the blocks of `todo`, at least one. Returns its row: ten numbers, then zeros.
 static inline float16 blend_backward(Tile* tile, const Batch* batch, int i, uint todo) {
 #ifdef PULL
   float16 pull_u = 0.0f, pull_v = 0.0f;
@@ -240,7 +240,7 @@ kernel void rasterize_backward_cpu(global const float* records, global const uin
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
 #include "rows_gpu.clh"
 
-// Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
+// State of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
   int x0, y0, x, y;
   float T[PIXELS];      // transmittance, 0 where a pixel is finished

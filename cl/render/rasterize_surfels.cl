@@ -1,17 +1,17 @@
-// Blending of surfels, near to far: as that of volumes (rasterize.cl), but that alpha and depth are those of the point
-// where a pixel's ray meets a surfel, and that there are more maps.
+// Blending of surfels, near to far: like that of volumes (rasterize.cl), but alpha and depth are those of the point
+// where a pixel's ray meets a surfel, and there are more maps.
 // ```
 // argument              type  shape    what
 // records               f32   [V,20]   as project_surfels.cl writes them
 // ids, starts                          as in rasterize.cl
 // colour, alpha, depth  f32            written, as in rasterize.cl
-// normal                f32   [H,W,3]  written: sum of weight x normal, in the camera's axes; null: not wanted
-// median                f32   [H,W]    written: the depth of the last that met a transmittance over 0.5, 0 where none
-//                                      did; null: not wanted
+// normal                f32   [H,W,3]  written: sum of weight x normal, in the camera's axes; null: not written
+// median                f32   [H,W]    written: the depth of the last surfel that met a transmittance over 0.5, 0 if
+//                                      none did; null: not written
 // distortion            f32   [H,W]    written: sum over pairs i > j of w_i w_j (m_i - m_j)^2, with the warped depth m
-//                                      of rasterize_surfels.clh; null: not wanted
-// moments               f32   [H,W,2]  written: sums of w m and of w m^2, for the derivative; null: not wanted
-// near                  float          what is met nearer than that is left out
+//                                      of rasterize_surfels.clh; null: not written
+// moments               f32   [H,W,2]  written: sums of w m and of w m^2, for the derivative; null: not written
+// near                  float          nearer intersections are ignored
 // current               int            as in project_surfels.cl
 // width .. background_b                as in rasterize.cl
 // define BATCH, PIXELS                 cpu and gpu flavour, as in rasterize.cl
@@ -22,7 +22,7 @@
 #include "rasterize_surfels.clh"
 
 #ifdef BATCH
-// Of each of a tile's blocks:
+// State of each of a tile's blocks:
 typedef struct {
   float16 T[BLOCKS];                                              // transmittance, 0 where a pixel is finished
   float16 red[BLOCKS], green[BLOCKS], blue[BLOCKS], far[BLOCKS];  // sums of weight x colour, weight x depth
@@ -64,7 +64,7 @@ static inline void blend(Tile* tile, Record r, float u, float v, float near, int
     const int16 seen = at.in & (full >= MIN_ALPHA), live = after >= MIN_TRANSMITTANCE, drawn = seen & live;
     const float16 w = select((float16)(0.0f), before * a, drawn);
     COUNT_ROWS(tile, drawn);
-    const float16 depth = select((float16)(1.0f), at.depth, drawn);  // what is not drawn may be met nowhere
+    const float16 depth = select((float16)(1.0f), at.depth, drawn);  // a surfel that is not drawn may not be met at all
     tile->T[b] = select(before, select((float16)(0.0f), after, live), seen);
     tile->red[b] = FMA(w, (float16)(r.tint.x), tile->red[b]);
     tile->green[b] = FMA(w, (float16)(r.tint.y), tile->green[b]);
@@ -148,14 +148,14 @@ kernel void rasterize_surfels_forward_cpu(global const float* records, global co
 #ifdef PIXELS
 #define WG (TILE * TILE / PIXELS)
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
-// Several pixels of an item, which small groups have, need registers.
+// Small groups have several pixels for each item, which need registers.
 #if PIXELS > 1
 #define PIXELS_REGISTERS MANY_REGISTERS
 #else
 #define PIXELS_REGISTERS
 #endif
 
-// Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
+// State of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
   int x0, y0, x, y;
   float T[PIXELS];      // transmittance, 0 where a pixel is finished

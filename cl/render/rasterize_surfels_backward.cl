@@ -1,9 +1,9 @@
-// What a picture's gradient says of each surfel in each tile: blending (rasterize_surfels.cl) differentiated, as
-// rasterize_backward.cl does it for volumes.
+// The gradient of blending (rasterize_surfels.cl), as in rasterize_backward.cl for volumes: from a picture's gradient
+// to sums for each surfel in each tile.
 // ```
 // argument                     type  shape    what
 // records, ids, starts, slots                 as in rasterize_surfels.cl and rasterize_backward.cl
-// colour .. distortion, moments               what blending made of them; the last three null where the gradients of
+// colour .. distortion, moments               blending's results; the last three are null if the gradients of
 //                                             normal and distortion are
 // dcolour                      f32   [H,W,3]  gradient of colour; null: zeros
 // dalpha, ddepth               f32   [H,W]    gradients of alpha and depth; null: zeros
@@ -34,7 +34,7 @@
 #ifdef BATCH
 #include "vector16.clh"
 
-// A block's pixels of a picture with two values a pixel; 0 outside of it, or where there is none.
+// A block's pixels of a picture with two values a pixel; 0 outside of it, or if the picture is null.
 static inline void load_pairs(global const float* picture, int x, int y, int width, int height, float16* a,
                               float16* b) {
   float first[LANES], second[LANES];
@@ -49,14 +49,14 @@ static inline void load_pairs(global const float* picture, int x, int y, int wid
   *b = vload16(0, second);
 }
 
-// Pictures that blending made, and the loss's gradients by them.
+// The pictures from blending, and the loss's gradients by them.
 typedef struct {
   global const float *colour, *alpha, *depth, *normal, *distortion, *moments;
   global const float *dcolour, *dalpha, *ddepth, *dnormal, *ddistortion;
   int width, height;
 } Pictures;
 
-// Of each of a tile's blocks:
+// State of each of a tile's blocks:
 typedef struct {
   float16 T[BLOCKS];                                       // transmittance, 0 where a pixel is finished
   float16 gr[BLOCKS], gg[BLOCKS], gb[BLOCKS], gz[BLOCKS];  // gradients by red, green, blue, depth
@@ -146,9 +146,9 @@ static inline float16 blend_backward(Tile* tile, Record r, float u, float v, flo
     const float16 gain = w * by_weight, behind = tile->rest[b] - gain;
     tile->rest[b] = behind;
     const float16 h = select(none, gain - a * behind / (1.0f - a), drawn & (full <= MAX_ALPHA));
-    // On the surfel alpha goes as s and t; depth and both as the denominator.
+    // If the surfel decides, alpha depends on s and t; depth and both depend on the denominator.
     const int16 on = drawn & at.on, inside = drawn & at.inside;
-    // (Elsewhere the ray may meet it nowhere.)
+    // (Otherwise the ray may not meet it.)
     const float16 at_s = select(none, at.s, on), at_t = select(none, at.t, on);
     const float16 hq = select(none, -h * at.q, on), bp = hq * at_s, bq = hq * at_t;
     const float16 bz = select(by_depth, by_depth * at.q, inside);
@@ -226,7 +226,7 @@ kernel void rasterize_surfels_backward_cpu(
 #define STEP (TILE / PIXELS)  // rows between an item's pixels
 #include "rows_gpu.clh"
 
-// Of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
+// State of a work-item's pixels, which lie in column x of the tile at (x0, y0), STEP rows apart from row y on:
 typedef struct {
   int x0, y0, x, y;
   float T[PIXELS];      // transmittance, 0 where a pixel is finished
@@ -271,7 +271,7 @@ INLINE bool blend_backward(Column* own, Record r, float near, int current, float
         const float gain = w * by_weight;
         own->rest[p] -= gain;
         const float h = full <= MAX_ALPHA ? gain - a * own->rest[p] / (1.0f - a) : 0.0f;
-        // (Where it is not on the surfel, s and t may be no numbers.)
+        // (If it is not on the surfel, s and t may be NaN.)
         const float s = at.on ? at.s : 0.0f, t = at.on ? at.t : 0.0f, h2 = at.on ? 0.0f : -2.0f * h;
         const float hq = at.on ? -h * at.q : 0.0f, bp = hq * s, bq = hq * t;
         const float bz = at.inside ? by_depth * at.q : by_depth;

@@ -1,17 +1,17 @@
 // Exclusive prefix sum of unsigned integers, in levels. Blocks of GROUP * EACH elements are summed (scan_sums); the
-// sums are scanned by the same kernels one level up; then every block is scanned from where its sum stands
+// sums are scanned by the same kernels one level up; then every block is scanned from its own start value
 // (scan_blocks).
 // ```
 // argument      type  shape       what
 // in            u32   [n]         n >= 1
 // sums          u32   [blocks]    written by scan_sums: the sum of each block
-// before        u32   [blocks+1]  exclusive scan of the sums; null where there is one block
+// before        u32   [blocks+1]  exclusive scan of the sums; null if there is one block
 // out           u32   [n+1]       written: out[i] = in[0] + ... + in[i-1], so that out[n] is the total (modulo 2^32)
 // define GROUP  64                work-items of a group, a power of two
 // define EACH   32                consecutive elements of a work-item, a multiple of 16
 // work-items    groups of exactly GROUP items, one group per block
 // ```
-// The order of the additions is fixed, and of no matter for integers.
+// The order of the additions is fixed, though it does not matter for integers.
 #include "common.clh"
 
 #ifndef GROUP

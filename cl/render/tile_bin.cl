@@ -1,14 +1,14 @@
-// Which Gaussians each tile of a part of the picture sees, near to far. An intersection is a pair of a tile (row-major,
-// tiles_x in a row) and a Gaussian that touches it; there are N of them.
+// The Gaussians that each tile of a part of the picture sees, near to far. An intersection is a pair of a tile
+// (row-major, tiles_x in a row) and a Gaussian that touches it; there are N of them.
 // ```
 // argument      type  shape  what
 // order         u32   [V]    the Gaussians by depth, near to far
 // rects         u32   [V,2]  x0 | x1 << 16 and y0 | y1 << 16: the rectangle of tiles that each one touches, ends
 //                            exclusive
-// masks         u64   [V]    which parts of its rectangle each one touches (Span.mask); read where EXACT is defined
+// masks         u64   [V]    the parts of its rectangle that each one touches (Span.mask); read if EXACT is defined
 // offsets       u32   [V+1]  exclusive scan of the numbers of tiles that each one touches, in the Gaussians' own order;
-//                            null: no slots are wanted
-// slots         u32   [N]    written where offsets are given: of each sorted intersection the place in that order,
+//                            null: no slots are written
+// slots         u32   [N]    written if offsets are given: the place of each sorted intersection in that order,
 //                            offsets[v] + its number among v's tiles
 // define EXACT               masks are given
 // ```
@@ -31,7 +31,7 @@ typedef struct {
 #define MASK(i) (~(ulong)0)
 #endif
 
-// The least shift that makes n tiles at most 8 squares.
+// The smallest shift for which n tiles are at most 8 squares.
 static inline uint shift_for(uint n) { return n <= 8 ? 0 : 29 - clz(n - 1); }
 
 // The tiles of a rect; only its `first` depends on tiles_x.
@@ -46,8 +46,8 @@ static inline uint touches(Span s, uint x, uint y) {
   return (uint)(s.mask >> ((y >> s.shift_y) * 8 + (x >> s.shift_x))) & 1;
 }
 
-// A tile of a span. Going from one to the next makes one loop of all of them, whose end the processor mispredicts once,
-// not once per row.
+// A tile of a span. A single loop over all tiles of a span has one end for the processor to mispredict, instead of one
+// for each row.
 typedef struct {
   uint tile, x, y;
 } Place;
@@ -58,7 +58,7 @@ static inline Place next_place(Place p, uint width, int tiles_x) {
   return out;
 }
 
-// How many tiles the Gaussian touches.
+// The number of tiles that the Gaussian touches.
 static inline uint count_of(Span s) {
   if (s.mask == ~(ulong)0) return s.width * s.height;
   uint count = 0;
@@ -67,12 +67,12 @@ static inline uint count_of(Span s) {
   return count;
 }
 
-// Where in its rectangle a Gaussian's alpha reaches 1/255 at all, exactly but for a margin for rounding.
+// The parts of its rectangle in which a Gaussian's alpha reaches 1/255, exact up to a margin for rounding.
 // ```
 // argument    type  shape   what
 // records     f32   [V,12]  as project.cl writes them
 // masks       u64   [V]     written
-// x0, y0      int           the tile that rectangles count from
+// x0, y0      int           the origin of the rectangles, a tile
 // work-items  one per Gaussian
 // ```
 kernel void tile_bin_masks(global const float* records, global const uint* rects, global ulong* masks, int V, int x0,
@@ -87,6 +87,7 @@ kernel void tile_bin_masks(global const float* records, global const uint* rects
   // The rectangle of pixel centres, a hundredth of a pixel larger on every side.
   const float left = place.x - (16.0f * (float)(x0 + (int)(rect.x & 0xffff)) + 0.49f);
   const float top = place.y - (16.0f * (float)(y0 + (int)(rect.y & 0xffff)) + 0.49f);
+
   ulong mask = 0;
   for (uint y = 0; y << s.shift_y < s.height; ++y) {
     for (uint x = 0; x << s.shift_x < s.width; ++x) {
@@ -130,7 +131,7 @@ kernel void tile_bin_count(global const uint* ordered, global const ulong* masks
   const int end = min(V, (b + 1) * block);
   for (int i = b * block; i < end; ++i) {
     const Span s = span_of(vload2(i, ordered), MASK(i), tiles_x);
-    if (s.width <= 2 && s.height <= 2) {  // most: without a branch for each tile
+    if (s.width <= 2 && s.height <= 2) {  // the most frequent case: no branch for each tile
       const uint right = s.width - 1, below = s.height - 1, mask = (uint)s.mask;
       global uint* at = count + s.first;
       at[0] += mask & 1;
@@ -157,7 +158,7 @@ kernel void tile_bin_totals(global const uint* histogram, global uint* totals, i
   totals[t] = sum;
 }
 
-// Makes places of the counts in histogram: a tile's run begins at starts[t] and holds the blocks' parts in order. One
+// Turns the counts in histogram into places: a tile's run begins at starts[t] and holds the blocks' parts in order. One
 // work-item per tile.
 kernel void tile_bin_place(global uint* histogram, global const uint* starts, int blocks, int tiles) {
   const int t = get_global_id(0);
@@ -170,7 +171,7 @@ kernel void tile_bin_place(global uint* histogram, global const uint* starts, in
   }
 }
 
-// a where `which` is 1, b where it is 0, never by a branch.
+// a if `which` is 1, b if it is 0, without a branch.
 static inline uint either(uint a, uint b, uint which) { return b ^ ((a ^ b) & -which); }
 
 // Places the intersections. One work-item per block.
@@ -179,8 +180,8 @@ static inline uint either(uint a, uint b, uint which) { return b ^ ((a ^ b) & -w
 // ordered    u32   [V,2]           from tile_bin_order
 // masks      u64   [V]             from tile_bin_order
 // histogram  u32   [blocks,tiles]  places, from tile_bin_place; counted up
-// gaussians  u32   [N+blocks]      written: the sorted intersections' Gaussians; what comes after N is scratch, where a
-//                                  block writes what touches no tile
+// gaussians  u32   [N+blocks]      written: the sorted intersections' Gaussians; after N there is scratch memory, for
+//                                  Gaussians that touch no tile
 // ```
 kernel void tile_bin_scatter(global const uint* ordered, global const ulong* masks, global const uint* order,
                              global uint* histogram, global const uint* offsets, global uint* gaussians,
@@ -225,9 +226,9 @@ kernel void tile_bin_scatter(global const uint* ordered, global const ulong* mas
 // ```
 // argument    type  shape  what
 // emitted     u32   [V+1]  exclusive scan of the numbers of tiles in each one's rectangle, in order of depth
-// tiles       u32   [N]    written; what a mask leaves out comes too, as tile tile_count, which is after the last
+// tiles       u32   [N]    written; tiles that a mask leaves out are included as tile tile_count, after the last
 // gaussians   u32   [N]    written
-// slots       u32   [N]    written where offsets are given
+// slots       u32   [N]    written if offsets are given
 // work-items  one per Gaussian
 // ```
 kernel void tile_bin_emit(global const uint* rects, global const ulong* masks, global const uint* order,
@@ -259,7 +260,7 @@ kernel void tile_bin_ranges(global const uint* tiles, global uint* starts, uint 
   for (uint t = first; t <= last; ++t) starts[t] = i;
 }
 
-// out [N]: written, values[from[i]]. For values that were not sorted along: the sort carried their places (from)
+// out [N]: written, values[from[i]]: for values that were not sorted themselves; the sort moved their places (from)
 // instead. One work-item per intersection.
 kernel void tile_bin_pick(global const uint* from, global const uint* values, global uint* out, uint N) {
   const uint i = get_global_id(0);

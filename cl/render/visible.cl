@@ -1,19 +1,19 @@
-// Which Gaussians a part of the picture sees. The part is the tiles x0 to x1 and y0 to y1, ends exclusive. Both kernels
-// go through blocks of `block` Gaussians in order.
+// The Gaussians that a part of the picture sees. The part is the tiles x0 to x1 and y0 to y1, ends exclusive. Both
+// kernels go through blocks of `block` Gaussians in order.
 // ```
 // argument     type  shape       what
-// rects        u32   [K,2]       of all Gaussians, in tiles of the whole picture, as project_cull writes them
-// keys         u32   [K]         of all Gaussians, as project_cull writes them
-// sums         u64   [blocks,4]  written by visible_count: how many are seen, the tiles that they touch in all, their
-//                                least and their largest key
-// ids          u32   [V]         written by visible_compact: those seen, ascending
+// rects        u32   [K,2]       for all Gaussians, in tiles of the whole picture, as project_cull writes them
+// keys         u32   [K]         for all Gaussians, as project_cull writes them
+// sums         u64   [blocks,4]  written by visible_count: the number of visible ones, the tiles that they touch in
+//                                all, their smallest and their largest key
+// ids          u32   [V]         written by visible_compact: visible ones, ascending
 // seen_rects   u32   [V,2]       written: their rects, clipped to the part and counted from its corner
 // seen_keys    u32   [V]         written: their keys less `least`
 // define WIDE                    16 Gaussians at a time (cpu flavour)
 // work-items   one per block
 // ```
 
-// A rect's two words clipped to the part and counted from its corner; both are 0 where nothing is left.
+// A rect's two words, clipped to the part and relative to its corner; both are 0 if nothing is left.
 static inline uint2 clipped(uint2 rect, uint x0, uint x1, uint y0, uint y1) {
   const uint l = max(rect.x & 0xffff, x0), r = min(rect.x >> 16, x1);
   const uint t = max(rect.y & 0xffff, y0), b = min(rect.y >> 16, y1);

@@ -1,27 +1,27 @@
-// Which points are neighbours, for submanifold convolutions over cells of a sparse grid in which several points may
-// share a cell. Of those that do, the one of the highest index stands for the cell. Cells are found by halving the list
-// of points in Morton's order.
+// Neighbours of points, for submanifold convolutions over the cells of a sparse grid in which several points may share
+// a cell. The one with the highest index represents the cell. Cells are found by bisection in the list of points in
+// Morton order.
 // ```
 // argument    type  shape   what
 // cells       i32   [P,3]   each point's cell, below 2^depth
 // codes       u64   [P]     places along Morton's curve, ascending
-// points      u32   [P]     which point each of them is; of equal places in ascending order
-// standing    i32   [P]     written: the point that stands for the cell of each
+// points      u32   [P]     the point at each place; points at equal places ascend
+// standing    i32   [P]     written: the point that represents the cell of each
 // map         i32   [P,27]  written: the point at offset (a-1, b-1, c-1) for tap (3a + b) 3 + c, where a goes along x;
-//                           -1 where there is none. The middle tap is the point itself, the others are what stands for
-//                           their cells
+//                           -1 if there is none. The middle tap is the point itself, the others are the points that
+//                           represent their cells
 // depth       int           bits of an axis
-// all         int           0: points that do not stand for their cell have the first 13 taps and the middle alone
+// all         int           0: points that do not represent their cell have only the first 13 taps and the middle
 // work-items  one per point, in all kernels
 // ```
 #include "space_curve.clh"
 
-// What stands for a cell, -1 where no point lies in it.
+// The point that represents a cell, -1 if the cell is empty.
 static inline int standing_at(int3 c, int depth, global const ulong* codes, global const uint* points, int P) {
   const int edge = 1 << depth;
   if (c.x < 0 || c.y < 0 || c.z < 0 || c.x >= edge || c.y >= edge || c.z >= edge) return -1;
   const ulong code = interleave(c, depth);
-  int low = 0, high = P;  // the last place that is not beyond the cell's lies before `high`
+  int low = 0, high = P;  // the last place that is not beyond the cell's is before `high`
   while (low < high) {
     const int middle = (low + high) / 2;
     if (codes[middle] <= code)
@@ -52,13 +52,13 @@ kernel void cell_map_forward(global const int* restrict cells, global const ulon
   }
 }
 
-// The other way, for a convolution's derivative by its inputs: what reads a point through tap t comes back to it
-// through tap 26 - t. It is read out of 2 P rows: each point's own, then for each point that stands for a cell the sum
-// of the rows of the points in it.
+// The reverse map, for a convolution's derivative by its inputs: the gradient of what reads a point through tap t
+// returns through tap 26 - t. It is read from 2 P rows: each point's own, then for each point that represents a cell
+// the sum of the rows of the points in it.
 // ```
 // argument    type  shape   what
 // standing    i32   [P]     as the forward left it
-// map         i32   [P,27]  written: rows of the 2 P, -1 where there is none
+// map         i32   [P,27]  written: rows of the 2 P, -1 if there is none
 // ```
 kernel void cell_map_backward(global const int* restrict cells, global const ulong* restrict codes,
                               global const uint* restrict points, global const int* restrict standing,
@@ -72,7 +72,7 @@ kernel void cell_map_backward(global const int* restrict cells, global const ulo
       at = p;
     } else if (standing[p] == p) {
       at = standing_at(c + offset_of(tap), depth, codes, points, P);
-      // All of a cell's points read through the forward's tap 26 - tap, or what stands for it alone.
+      // Either all of a cell's points read through the forward's tap 26 - tap, or only its representative.
       if (at >= 0 && (all || 26 - tap < 13)) at += P;
     }
     map[(long)p * 27 + tap] = at;

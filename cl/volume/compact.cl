@@ -2,7 +2,7 @@
 // ```
 // argument    type  shape           what
 // flags       u32   [n]             0 or 1
-// positions   u32   [n+1]           exclusive prefix sum of the flags; positions[n] is how many are set
+// positions   u32   [n+1]           exclusive prefix sum of the flags; positions[n] is their number
 // indices     i32   [positions[n]]  written: where flags are set
 // total       u32   [1]             written by compact_total: positions[n]
 // work-items  one per element
@@ -14,7 +14,7 @@ kernel void compact_indices(global const uint* restrict flags, global const uint
   if (i < n && flags[i]) indices[positions[i]] = (int)i;
 }
 
-// The count, copied to where the host reads it without the rest. One work-item.
+// Copies the count to a place where the host reads it without the rest. One work-item.
 kernel void compact_total(global const uint* restrict positions, global uint* restrict total, uint n) {
   if (get_global_id(0) == 0) total[0] = positions[n];
 }

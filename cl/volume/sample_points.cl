@@ -1,4 +1,4 @@
-// What the views show at a primitive's place: the bilinear sample of each view's map of 8 numbers a pixel
+// The views' maps at a primitive's place: the bilinear sample of each view's map of 8 numbers a pixel
 // (view_maps.cl), the last of them, the drawn depth, as its distance from the point's own depth,
 //   out[p, v, 0..6] = m_v(p)[0..6],   out[p, v, 7] = |m_v(p)[7] - z_v(p)|.
 // ```
@@ -65,7 +65,7 @@ kernel void sample_points_backward_points(global const float* restrict maps, glo
   vstore3(vload3(p, dpoints) + sum, p, dpoints);
 }
 
-// Backward, by the maps: what scatter_rows adds to them.
+// Backward, by the maps: the input of scatter_rows, which adds to them.
 // ```
 // argument    type  shape    what
 // index       i32   [P,V,4]  written: the texel's row of the maps as [V S S, 8]

@@ -1,4 +1,4 @@
-// Which voxels are refined, and by how much the coarse opacity of each counts. The variants:
+// Selects the voxels to refine, and weights the coarse opacity of each. The variants:
 //   1 gumbel            factor = sigmoid((logit + noise) / temperature), flag = factor > 0.5
 //   2 sigmoid           factor = sigmoid(logit), flag = factor > 0.5
 //   3 straight-through  factor = flag = sigmoid(logit) > 0.5
@@ -7,10 +7,10 @@
 // argument    type  shape  what
 // logits      f32   [n]    the network's vote for each voxel; null in variant 4
 // noise       f32   [n]    added to the logits in variant 1; null: none
-// opacities   f32   [n]    of the coarse Gaussians
-// factor      f32   [n]    written: see the variants; null: not wanted
-// refined     f32   [n]    written: opacity * factor; null: not wanted
-// flags       u32   [n]    written: 1 where the voxel is refined, else 0
+// opacities   f32   [n]    opacities of the coarse Gaussians
+// factor      f32   [n]    written: see the variants; null: not written
+// refined     f32   [n]    written: opacity * factor; null: not written
+// flags       u32   [n]    written: 1 if the voxel is refined, else 0
 // variant     int          1 to 4
 // work-items  one per voxel
 // ```
@@ -37,11 +37,11 @@ kernel void select_forward(global const float* restrict logits, global const flo
   flags[i] = chosen ? 1u : 0u;
 }
 
-// Backward. Variant 3's factor is given the derivative of sigmoid(logit); variant 4 has none by the logit.
+// Backward. The derivative of variant 3's factor is that of sigmoid(logit); variant 4 has none by the logit.
 // ```
 // argument    type  shape  what
 // drefined    f32   [n]    gradient of refined
-// dlogits     f32   [n]    written; null: not wanted
+// dlogits     f32   [n]    written; null: not written
 // dopacities  f32   [n]    written; may be drefined
 // work-items  one per voxel
 // ```

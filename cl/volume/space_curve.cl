@@ -1,5 +1,5 @@
-// Points in the order of curves that fill space: in which cells of a grid they lie, the cells' places along a curve,
-// and runs of so many points along it.
+// Orders points along space-filling curves: the cells of a grid in which they lie, the cells' places along a curve, and
+// runs of a fixed number of points along it.
 // ```
 // argument    type  shape        what
 // points      f32   [P,3]        places
@@ -89,14 +89,14 @@ kernel void space_curve_codes(global const int* restrict cells, global ulong* re
   codes[p] = hilbert_one ? hilbert(c, depth) : interleave(c, depth);
 }
 
-// Runs of `size` points, one after the other along the curve. The last run, where it is not full, ends with the same
+// Runs of `size` points, one after the other along the curve. A last run that is not full is filled with the same
 // columns of the run before it.
 // ```
 // argument    type  shape  what
 // order       u32   [P]    the points along the curve
-// slots       i32   [S]    written: which point is where in the runs, S a multiple of `size` (or P, where P <= size)
-// places      i32   [P]    written: where each point itself is in the runs
-// filled      i32   [S-P]  written: the points in the slots behind the first P
+// slots       i32   [S]    written: the point at each place of the runs, S a multiple of `size` (or P, if P <= size)
+// places      i32   [P]    written: the place of each point itself in the runs
+// filled      i32   [S-P]  written: the points in the slots after the first P
 // work-items  one per slot
 // ```
 kernel void space_curve_runs(global const uint* restrict order, global int* restrict slots, global int* restrict places,

@@ -1,11 +1,11 @@
-// Which active voxels are neighbours, for submanifold convolutions.
+// Neighbours of active voxels, for submanifold convolutions.
 // ```
 // argument    type  shape   what
 // index       i32   [P]     active voxels as (i R + j) R + k, no two equal
-// grid        i32   [R^3]   the active voxel's row + 1, 0 where the voxel is not active; zeros before sparse_map_grid
+// grid        i32   [R^3]   the active voxel's row + 1, 0 if the voxel is not active; zeros before sparse_map_grid
 //                           writes it
 // map         i32   [P,27]  written: the row of the voxel at offset (a-1, b-1, c-1) for tap (3a + b) 3 + c, where a
-//                           goes along x; -1 where that voxel is not active or outside the grid
+//                           goes along x; -1 if that voxel is not active or outside the grid
 // work-items  one per active voxel, in both kernels
 // ```
 

@@ -1,5 +1,5 @@
-// Which of n numbers are among the k largest, equal ones in their own order: their bits, turned into keys whose order
-// is the numbers' reversed, are sorted (radix_sort.cl), and what comes first is flagged.
+// Flags the k largest of n numbers, equal ones in their order: their bits are turned into keys with the reverse order,
+// the keys are sorted (radix_sort.cl), and the first ones are flagged.
 // ```
 // argument    type  shape  what
 // x           f32   [n]    the numbers; 0 and -0 are equal
@@ -16,9 +16,9 @@ kernel void top_k_keys(global const float* restrict x, global uint* restrict key
 
 // ```
 // argument    type  shape  what
-// order       u32   [n]    the numbers' places, the largest first
+// order       u32   [n]    the numbers' indices, largest first
 // flags       u32   [n]    written: 1 for the first k of them, else 0
-// others      u32   [n]    written: 1 - flags; null: not wanted
+// others      u32   [n]    written: 1 - flags; null: not written
 // ```
 kernel void top_k_flags(global const uint* restrict order, global uint* restrict flags, global uint* restrict others,
                         int n, int k) {

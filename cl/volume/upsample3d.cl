@@ -1,4 +1,4 @@
-// Trilinear upsampling of a volume by two along every axis, with sample centres as align_corners = False has them.
+// Trilinear upsampling of a volume by two along every axis, with sample centres as for align_corners = False.
 // Output o lies at (o + 0.5) / 2 - 0.5 of the input: it is 3/4 of input o >> 1 and 1/4 of the neighbour on the side of
 // o's parity, which at the border is input o >> 1 itself.
 // ```
@@ -8,13 +8,13 @@
 // work-items  cpu: one per line of the output along its third axis; gpu: (4 channels, output voxel)
 // ```
 
-// Of two neighbours along one axis: 3/4 of the near input and 1/4 of the far one.
+// Interpolates two neighbours along one axis: 3/4 of the near input and 1/4 of the far one.
 #define MIX(near, far) ((near)*0.75f + (far)*0.25f)
 
 // The far input of output o along an axis of `size` inputs.
 static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1 : -1), 0, size - 1); }
 
-// Where the input's eight voxels around output (i,j,k) begin, p0 .. p7: near before far along every axis, the third
+// The starts of the input's eight voxels around output (i,j,k), p0 .. p7: near before far along every axis, the third
 // axis fastest.
 #define CORNERS(i, j, k)                                                                                               \
   const int in = (i) >> 1, jn = (j) >> 1, kn = (k) >> 1, ifar = far_of(i, D), jfar = far_of(j, H),                     \
@@ -25,7 +25,7 @@ static inline int far_of(int o, int size) { return clamp((o >> 1) + ((o & 1) ? 1
   global const float *p6 = x + (((long)ifar * H + jfar) * W + kn) * C,                                                 \
                      *p7 = x + (((long)ifar * H + jfar) * W + kfar) * C;
 
-// The eight voxels blended, at channel c. LOAD says how many channels at a time.
+// Blends the eight voxels at channel c. LOAD determines how many channels at a time.
 #define BLEND(LOAD, c)                                                   \
   MIX(MIX(MIX(LOAD(p0, c), LOAD(p1, c)), MIX(LOAD(p2, c), LOAD(p3, c))), \
       MIX(MIX(LOAD(p4, c), LOAD(p5, c)), MIX(LOAD(p6, c), LOAD(p7, c))))
@@ -67,7 +67,7 @@ kernel void upsample3d_forward_gpu(global const float* restrict x, global float*
 // ```
 // argument    type  shape         what
 // dy          f32   [2D,2H,2W,C]  gradient of y
-// dx          f32   [D,H,W,C]     written, or added to where `add` is not 0
+// dx          f32   [D,H,W,C]     written, or added to if `add` is not 0
 // work-items  cpu: one per line of the input along its third axis; gpu: (channel, input voxel)
 // ```
 #define TAPS(i, size) \
