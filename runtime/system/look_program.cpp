@@ -3,8 +3,8 @@
 //
 //   vsplat-look driver|loader lazy|now LIBRARY
 //
-// It writes one fact a line to the third descriptor, with fields separated by tabs. Each is written at once, so that the
-// output shows how far it came if it crashes.
+// It writes one fact a line to the third descriptor, with fields separated by tabs. Each is written at once, so that
+// the output shows how far it came if it crashes.
 #define CL_TARGET_OPENCL_VERSION 120
 #define CL_USE_DEPRECATED_OPENCL_1_1_APIS
 #include <CL/cl.h>

@@ -1,10 +1,10 @@
-// Tuned parameters: parameters of kernels that only affect speed, with their names and allowed values. They are declared
-// in one place (tuning.cpp) and looked up through the Context, by operation and class of shape.
+// Tuned parameters: parameters of kernels that only affect speed, with their names and allowed values. They are
+// declared in one place (tuning.cpp) and looked up through the Context, by operation and class of shape.
 //   const TunedValues set = ctx.tuned({TunedOp::gemm, {m, n, k, taps}});
 //   ... set.at("tile") ...
 // The first allowed value is the default, chosen by hand. Results are correct with every value, and one set of values
-// gives the same bits each time. `tune` (model/diagnose/tune/) finds the fastest values for a device and stores them in a
-// table.
+// gives the same bits each time. `tune` (model/diagnose/tune/) finds the fastest values for a device and stores them in
+// a table.
 #pragma once
 #include <array>
 #include <compare>
