@@ -1,5 +1,5 @@
-// GELU (also by tanh), SiLU and ReLU outside of a GEMM: in training their inputs are kept, which the GEMM's
-// epilogue would not do.
+// GELU (also by tanh), SiLU and ReLU outside of a GEMM: training keeps their inputs, which the GEMM's epilogue would
+// not store.
 #pragma once
 #include "runtime/gemm.h"
 
@@ -14,7 +14,7 @@ struct ActivationForward {
 void activation_forward(Context& ctx, const ActivationForward& a);
 
 struct ActivationBackward {
-  Tensor x;  // as forward had it; of ReLU forward's out does as well, which is above 0 where x is
+  Tensor x;  // the forward's x; for ReLU the forward's out also works, since it is above 0 exactly where x is
   Activation activation = Activation::silu;
   Tensor dy;  // as x
   Tensor dx;  // as x; may be dy; written

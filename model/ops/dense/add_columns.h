@@ -1,4 +1,4 @@
-// Tensors that come together: one is added to another, or some of its columns to some of the other's.
+// Adds one tensor to another, or some of its columns to some of the other's.
 #pragma once
 #include "runtime/context.h"
 
@@ -8,7 +8,7 @@ struct AddColumns {
   Tensor x;         // [R, X]; C is all of its columns
   Tensor out;       // [R, W], not x: columns column .. column + C - 1 are added to, the others stay
   long column = 0;  // column + C <= W
-  // Columns from .. from + count - 1 of x are added, C = count; count < 0: all from there on.
+  // Adds columns from .. from + count - 1 of x, C = count; count < 0: all columns from `from` on.
   long from = 0, count = -1;
 };
 void add_columns(Context& ctx, const AddColumns& a);

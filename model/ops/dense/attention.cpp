@@ -11,7 +11,7 @@
 namespace vsplat {
 namespace {
 
-// What both directions are told about a call.
+// Sizes of a call, for both directions.
 struct Sizes {
   long v, t, h, c;
   double product;  // FLOPs of one product of all queries with all keys
@@ -26,7 +26,7 @@ struct Sizes {
     if (ctx.device().native_float_width < 4) return 2;
     return tuned.at("rows") > 0 ? tuned.at("rows") : 12;
   }
-  // Of the cpu flavour's kernels.
+  // Defines of the cpu flavour's kernels.
   std::string defines(const Context& ctx, const TunedValues& tuned) const {
     std::string out = fmt::format("-DHEAD_PAD={} -DROWS={}", round_up(c, 32L), rows(ctx, tuned));
     if (tuned.at("panels") != default_values(*tuned.of).at("panels"))
@@ -36,7 +36,8 @@ struct Sizes {
   TunedShape tuned_shape(TunedOp op) const { return {op, {v * h, t, c}}; }
 };
 
-// Work-items of a group of a kernel of the gpu flavour, a quarter as many tokens: the most that the device takes.
+// The work-items of a group in the gpu flavour, which processes a quarter as many tokens: the most that the device
+// allows.
 struct GpuGroup {
   long items;
   std::string defines;

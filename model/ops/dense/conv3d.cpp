@@ -15,7 +15,7 @@ namespace vsplat {
 namespace {
 
 constexpr long kTileRows = 12, kTileCols = 32, kPackRows = 14;  // of cl/dense/tile_cpu.clh and cl/dense/conv3d_cpu.cl
-// Of a weight gradient's partial sums, and what they are made of: scratch memory stays bounded.
+// Limit of the floats of a weight gradient's partial sums and of their operands, which bounds scratch memory.
 constexpr long kScratchFloats = 4 << 20;
 constexpr long kTileSide = 4, kCoefficients = 36, kMostTiles = 4;  // of cl/dense/conv3d_winograd.cl
 
@@ -94,7 +94,7 @@ ConvMethod choose(const Context& ctx, ConvMethod method, long cout, long cin) {
   if (ctx.switched_off().winograd || (!gpu && ctx.device().native_float_width < 4)) return ConvMethod::direct;
   const TunedValues tuned = ctx.tuned({TunedOp::conv3d_method, {cin, cout}});
   if (tuned.of && tuned.at("method") > 0) return static_cast<ConvMethod>(tuned.at("method"));
-  // What is transformed lies in registers of the cpu flavour, and goes through memory in the gpu's.
+  // The cpu flavour keeps transformed data in registers; the gpu flavour passes it through memory.
   return std::min(cin, cout) >= (gpu ? 64 : 32) ? ConvMethod::winograd : ConvMethod::direct;
 }
 
@@ -225,7 +225,7 @@ void forward_winograd(Context& ctx, const Conv3dForward& c, const Shape3d& s) {
                {0, 4.0 * static_cast<double>(count * per_tile)}, c.in.x0, s.c0, c.in.x1, s.c1, c.in.scale, c.in.shift,
                c.in.silu ? 1 : 0, s.x, s.y, s.z, t,
                s.c() % 16 == 0 ? written(v, count * per_tile) : written_somewhere(v));
-    // As many tiles a work-item as leave each core some of these.
+    // As many tiles a work-item as leave several work-items for each core.
     const long panels = div_up(s.n, kTileCols), cores = ctx.device().compute_units;
     const long each = std::clamp(zt * count * panels / (4 * cores), 1L, kMostTiles);
     ctx.launch({"conv3d_winograd", "winograd_forward_tile", "", c.name}, groups(div_up(zt * count, each), 1, panels),
@@ -432,7 +432,7 @@ void conv3d_backward_weights(Context& ctx, const Conv3dBackwardWeights& g) {
 }
 
 void conv3d_backward_inputs(Context& ctx, const Conv3dBackwardInputs& g) {
-  // What goes from voxel i through a tap to voxel j comes back through the opposite one.
+  // The path from voxel i through a tap to voxel j leads back through the opposite tap.
   const ConvWeights mirrored = pack_on_device(ctx, g.w, true, g.name, g.method);
   Conv3dForward c;
   c.in.x0 = g.dy;

@@ -4,7 +4,7 @@
 
 namespace vsplat {
 
-// w [Cin][Cout][2][2][2], as PyTorch has a transposed convolution's; repacked for conv3d_up_forward().
+// Repacks w [Cin][Cout][2][2][2], PyTorch's layout for a transposed convolution, for conv3d_up_forward().
 PackedMatrix pack_conv3d_up(Context& ctx, const float* w, long cin, long cout, const std::string& what);
 // The same from device memory, for weights that training changes. w [Cin, Cout, 2, 2, 2].
 PackedMatrix pack_conv3d_up(Context& ctx, const Tensor& w, const std::string& what);
@@ -18,11 +18,11 @@ struct Conv3dUpForward {
   Tensor out;   // [2X 2Y 2Z, Cout]
   const char* name = "conv3d_up";
 };
-// Takes some 20 MiB of scratch memory: the voxels come some at a time.
+// Uses some 20 MiB of scratch memory: it processes some of the voxels at a time.
 void conv3d_up_forward(Context& ctx, const Conv3dUpForward& a);
 
 struct Conv3dUpBackward {
-  Tensor in;  // as forward had it
+  Tensor in;  // the forward's
   long x = 0, y = 0, z = 0;
   Tensor w;      // [Cin, Cout, 2, 2, 2]
   Tensor dy;     // [2X 2Y 2Z, Cout]

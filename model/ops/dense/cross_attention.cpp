@@ -11,7 +11,7 @@
 namespace vsplat {
 namespace {
 
-// What both directions are told about a call.
+// Sizes of a call, for both directions.
 struct Sizes {
   long g, l, s, h, d;
   long b = 1;  // groups that a key is in

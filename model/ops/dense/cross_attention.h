@@ -1,20 +1,19 @@
 // Multi-head attention in groups of a few queries and a few keys: out = softmax(Q K^T / sqrt(D)) V inside each group.
-// For many tokens that all look at each other see attention.h.
+// For many tokens that all attend to each other see attention.h.
 #pragma once
 #include "runtime/context.h"
 
 namespace vsplat {
 
-// Who looks at whom. Every query is in one group, and every key in as many as `places` says.
+// Which queries attend to which keys. Every query is in one group, and every key in as many as `places` says.
 struct AttentionGroups {
-  Tensor queries;  // i32 [G, L]: each group's rows of q; none: L rows after the other
-  Tensor keys;     // i32 [G, S]: each group's rows of k and v; none: S rows after the other
-  long l = 1;      // L, where `queries` is none
-  long s = 1;      // S, where `keys` is none
-  // i32 [N, B]: of each row of k its places in `keys`, counted over all groups; none: each is in one group.
+  Tensor queries;  // i32 [G, L]: each group's rows of q; none: consecutive runs of L rows
+  Tensor keys;     // i32 [G, S]: each group's rows of k and v; none: consecutive runs of S rows
+  long l = 1;      // L, if `queries` is none
+  long s = 1;      // S, if `keys` is none
+  // i32 [N, B]: for each row of k its places in `keys`, counted over all groups; none: each is in one group.
   Tensor places = {};
-  // i32 [G, L] and [G, S], both or none: parts of a picture. Of queries and keys of different parts 100 is taken from
-  // the score.
+  // i32 [G, L] and [G, S], both or none: parts of a picture. Scores between different parts are lowered by 100.
   Tensor query_parts = {}, key_parts = {};
 };
 
@@ -24,7 +23,7 @@ struct CrossAttentionForward {
   long heads = 1;
   AttentionGroups groups;
   Tensor out;    // [Q, H D]
-  Tensor stats;  // [Q, H] or none: what the backward needs of each query's softmax
+  Tensor stats;  // [Q, H] or none: statistics of each query's softmax, for the backward
 };
 void cross_attention_forward(Context& ctx, const CrossAttentionForward& a);
 

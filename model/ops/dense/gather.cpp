@@ -16,7 +16,7 @@ Tensor rows_of(const Tensor& x) {
   return x.reshaped({x.dim(0), c});
 }
 
-// Of a wider and longer matrix `whole`.
+// Checks a part of a wider and longer matrix `whole`.
 void check_part(long column, long columns, long row0, long rows, const Tensor& whole) {
   if (column < 0 || column + columns > whole.dim(1))
     fail(Status::internal, "gather: columns {} to {} of {}", column, column + columns, whole.describe());

@@ -1,4 +1,4 @@
-// LayerScale, a learnt scale of each of a Linear's outputs, folded into the Linear: s (W x + b) = (s W) x + s b.
+// LayerScale, a learnt scale for each output of a Linear, folded into the Linear: s (W x + b) = (s W) x + s b.
 #pragma once
 #include "runtime/context.h"
 
@@ -15,7 +15,7 @@ void layer_scale_forward(Context& ctx, const LayerScaleForward& a);
 
 struct LayerScaleBackward {
   Tensor weight, bias, scale;     // as forward had them
-  Tensor dout_weight, dout_bias;  // the loss by what forward made
+  Tensor dout_weight, dout_bias;  // gradients of the forward's outputs
   Tensor dweight, dbias, dscale;  // added to
 };
 void layer_scale_backward(Context& ctx, const LayerScaleBackward& a);

@@ -1,4 +1,4 @@
-// LayerNorm over the last axis, and the same with a shift and a scale of its own for every token (adaptive layer norm).
+// LayerNorm over the last axis, and adaptive LayerNorm with a shift and a scale for every token.
 #pragma once
 #include "runtime/context.h"
 
@@ -13,20 +13,20 @@ struct LayerNormForward {
 
 void layernorm_forward(Context& ctx, const LayerNormForward& a);
 
-// Takes what the forward was given, and nothing that it would have to save: means and deviations are computed again.
+// Needs only the forward's inputs and nothing saved: means and deviations are computed again.
 struct LayerNormBackward {
   Tensor x;      // [R, C], as forward had it
   Tensor gamma;  // [C]; or none
   float eps = 1e-6f;
   Tensor dy;             // [R, C]: the loss by forward's out
   Tensor dx;             // [R, C], neither x nor dy; written, or with `add` added to
-  Tensor dgamma, dbeta;  // [C], added to; none where there is no gamma
+  Tensor dgamma, dbeta;  // [C], added to; none if there is no gamma
   bool add = false;
 };
 
 void layernorm_backward(Context& ctx, const LayerNormBackward& a);
 
-// out = LayerNorm(x) * (1 + scale) + shift, the first N tokens of every view (class token, registers) left out.
+// out = LayerNorm(x) * (1 + scale) + shift, without the first N tokens of every view (class token, registers).
 struct ModulateForward {
   Tensor x;            // [V, N + P, C]
   Tensor gamma, beta;  // [C]
@@ -43,7 +43,7 @@ struct ModulateBackward {
   Tensor film;         // [V, P, 2 C]
   float eps = 1e-6f;
   Tensor dy;             // [V, P, C]
-  Tensor dx;             // [V, N + P, C], not x; written (of those left out: 0), or with `add` added to
+  Tensor dx;             // [V, N + P, C], not x; written (0 for tokens left out), or with `add` added to
   Tensor dfilm;          // [V, P, 2 C], not film; written
   Tensor dgamma, dbeta;  // [C], added to
   bool add = false;

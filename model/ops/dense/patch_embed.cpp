@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-// What both directions are told about a call.
+// Sizes of a call, for both directions.
 struct PatchSizes {
   long v, h, w, t, c, n, prefix;  // V, H, W, T, C; rows of the position, and P
 
@@ -62,7 +62,7 @@ void patch_embed_backward(Context& ctx, const PatchEmbedBackward& a) {
   const long p = a.patch, k = 3 * p * p;
   d.set("p", p).bind("dweight", a.dweight, {"C", "3", "p", "p"}).bind("dbias", a.dbias, {"C"});
   if (z.v == 0) return ctx.fill_zero(a.dposition);
-  // The rows of tokens that are no patches are zero: what came back to them reaches no weight.
+  // The rows of tokens that are no patches are zero: their gradients reach no weight.
   TransposedGemm g;
   g.a = a.dtokens;
   g.b = patch_rows(ctx, a.images, a.patch, z);

@@ -1,4 +1,4 @@
-// From pictures to tokens: a convolution whose stride is its size, as one GEMM, then class token and positions.
+// Converts pictures to tokens: a convolution with a stride of its size, as one GEMM, then class token and positions.
 #pragma once
 #include "runtime/gemm.h"
 
@@ -10,7 +10,7 @@ struct PatchEmbedForward {
   const PackedMatrix* weight = nullptr;  // [3 p p, C]: channel, then y, then x, as PyTorch stores the convolution
   Tensor bias;                           // [C]
   // [P + h w, C], h = H / p, w = W / p: the tokens before the patches (the class token plus its position), then the
-  // patches' positions; or, where those have none, [P, C].
+  // patches' positions; or [P, C] if patches have no positions.
   Tensor position;
   Tensor out;  // [V, P + h w, C]
 };
@@ -26,7 +26,7 @@ struct PatchEmbedBackward {
   Tensor dposition;  // as forward's position; written
 };
 
-// Of the pictures there is no gradient.
+// There is no gradient by the pictures.
 void patch_embed_backward(Context& ctx, const PatchEmbedBackward& a);
 
 }  // namespace vsplat

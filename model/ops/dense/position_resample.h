@@ -1,6 +1,6 @@
-// The position embedding, stored for g x g tokens, on the grid of t x t tokens: bicubic (Keys, a = -0.5), widened when
-// it shrinks the grid (antialiased), as PyTorch's interpolate does with antialias=True. With t = g the values stay as
-// they are.
+// Resamples the position embedding, stored for g x g tokens, to a grid of t x t tokens: bicubic (Keys, a = -0.5),
+// widened when it shrinks the grid (antialiased), like PyTorch's interpolate with antialias=True. With t = g the values
+// do not change.
 #pragma once
 #include <vector>
 
@@ -8,15 +8,15 @@
 
 namespace vsplat {
 
-// What an output position draws on along one axis: `taps` stored positions from first[i] on, with weights that add up
-// to 1.
+// The stored positions that an output position uses along one axis: `taps` of them from first[i] on, with weights that
+// add up to 1.
 struct ResampleAxis {
   int taps = 0;
   std::vector<int> first;     // [t]
   std::vector<float> weight;  // [t, taps]; 0 beyond the grid
 };
 ResampleAxis bicubic_axis(int from, int to);
-// The other way round: which of the outputs each of `from` stored positions is drawn on by, and how much by each.
+// The transposed table: the outputs that use each of `from` stored positions, with their weights.
 ResampleAxis transposed(const ResampleAxis& axis, int from);
 
 struct PositionResampleForward {
@@ -26,7 +26,7 @@ struct PositionResampleForward {
   Tensor out;            // [1 + t t, C]: class token plus its position, then the grid's
 };
 
-// Uploads two small tables: for use at load.
+// Uploads two small tables, so call it at load.
 void position_resample_forward(Context& ctx, const PositionResampleForward& a);
 
 struct PositionResampleBackward {

@@ -1,4 +1,4 @@
-// Rows as columns: channels first, as PyTorch stores volumes, to channels last and back.
+// Transposes a matrix: converts volumes from channels first, as PyTorch stores them, to channels last and back.
 #pragma once
 #include "runtime/context.h"
 

@@ -8,23 +8,23 @@
 
 namespace vsplat {
 
-// As torch.nn.utils.clip_grad_norm_: the Euclidean norm of all gradients taken together, and what to multiply them by
-// so that it is at most max_norm. The gradients stay as they are; adamw_step() takes the factor. A gradient that is
-// infinite or no number, or larger than 1e19, makes the norm infinite or NaN: whoever reads it and wants to know which
-// tensor it was asks again with one gradient at a time.
+// Like torch.nn.utils.clip_grad_norm_: computes the Euclidean norm of all gradients together, and the factor that
+// limits it to max_norm. The gradients are not changed; adamw_step() applies the factor. A gradient that is infinite,
+// NaN or larger than 1e19 makes the norm infinite or NaN; to find the tensor, call this again with one gradient at a
+// time.
 struct GradientClip {
   std::vector<Tensor> grads;  // those that are none count as zero
-  float scale = 1;            // the gradients proper are scale * grads: one over the number of accumulated batches
+  float scale = 1;            // the true gradients are scale * grads: one over the number of accumulated batches
   float max_norm = 0.5f;
-  Tensor out;  // [2]: the norm of scale * grads; the factor, which has scale in it
+  Tensor out;  // [2]: the norm of scale * grads; the factor, which includes scale
 };
 
 void gradient_clip(Context& ctx, const GradientClip& a);
 
-// As torch.optim.AdamW: decoupled decay, bias-corrected moments.
+// Like torch.optim.AdamW: decoupled decay, bias-corrected moments.
 struct AdamwStep {
-  Tensor param, grad, m, v;  // of one shape; no grad: zero, so that moments fade and decay goes on
-  Tensor clip;               // [2], GradientClip's out; none: the gradient as it is
+  Tensor param, grad, m, v;  // of one shape; grad none: zero, so that moments fade and decay continues
+  Tensor clip;               // [2], GradientClip's out; none: the gradient is used unchanged
   long step = 1;             // from 1; m and v start as zeros
   double lr = 4e-4, beta1 = 0.9, beta2 = 0.95, eps = 1e-8, weight_decay = 0.05;
 };

@@ -1,5 +1,5 @@
-// A picture as its camera's exposure and colour balance would show it, an affine map of the object's colours, and the
-// derivative of that; see cl/fit/exposure.cl.
+// Applies a camera's exposure and colour balance to a picture, an affine map of the object's colours, with its
+// derivative; see cl/fit/exposure.cl.
 #pragma once
 #include <array>
 
@@ -19,7 +19,7 @@ struct ExposureBackward {
   Tensor map;
   DevicePicture drawn;
   std::array<float, 3> background = {};
-  PictureGradient dpicture;  // colour: in by `out`, out by the drawn colour; alpha, where it is not none: added to
+  PictureGradient dpicture;  // colour: in: by `out`, out: by the drawn colour; alpha, if not none: added to
   Tensor dmap;               // f32 [12], written
 };
 void exposure_backward(Context& ctx, const ExposureBackward& a);

@@ -1,20 +1,20 @@
-// What LPIPS (a distance of pictures by a network's features) takes beside GEMMs. Pictures are f32 [H, W, C], channels
-// last.
+// The steps of LPIPS (a distance of pictures by a network's features) other than GEMMs. Pictures are f32 [H, W, C],
+// channels last.
 #pragma once
 #include "runtime/context.h"
 
 namespace vsplat {
 
-// A square window that is moved over a picture.
+// A square window that moves over a picture.
 struct Window2d {
   long side = 1, stride = 1, pad = 0;
 
-  // At how many places it lies along an edge; 0 where the edge is too short.
+  // The number of its positions along an edge; 0 if the edge is too short.
   long places(long length) const { return length + 2 * pad < side ? 0 : (length + 2 * pad - side) / stride + 1; }
 };
 
-// i32 [places, side side]: the rows (pixels) under the window at each place, -1 beside the picture. A GEMM over a
-// picture's rows with this map is its convolution, with a weight [Cout, side, side, Cin].
+// i32 [places, side side]: the rows (pixels) under the window at each position, -1 outside of the picture. With this
+// map a GEMM over a picture's rows is its convolution, with a weight [Cout, side, side, Cin].
 Tensor picture_map(Context& ctx, long height, long width, const Window2d& window);
 
 // x = max(x, 0)

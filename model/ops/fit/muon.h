@@ -5,14 +5,14 @@
 
 namespace vsplat {
 
-// The moving average of the gradient, looked ahead as Nesterov does, is replaced by a matrix with the same singular
-// vectors whose singular values are all near 1 (0.7 to 1.2): five steps of Newton and Schulz's iteration with the
-// published coefficients. Scaled by 0.2 sqrt(the larger of rows and columns) it is as large as AdamW's steps are (Liu
-// et al. 2025), so that learning rate and weight decay mean what they mean there.
+// Replaces the moving average of the gradient, with Nesterov's look-ahead, by a matrix with the same singular vectors
+// whose singular values are all near 1 (0.7 to 1.2): five Newton-Schulz iterations with the published coefficients. A
+// scale of 0.2 sqrt(the larger of rows and columns) makes the step as large as AdamW's (Liu et al. 2025), so that
+// learning rate and weight decay mean the same as there.
 struct MuonStep {
-  Tensor param, grad, m;  // f32 of one shape [rows, ..], of which all but the first dimension count as columns; m
-                          // starts as zeros
-  Tensor clip;            // [2], GradientClip's out; none: the gradient as it is
+  Tensor param, grad, m;  // f32 of one shape [rows, ..]; all but the first dimension count as columns; m starts as
+                          // zeros
+  Tensor clip;            // [2], GradientClip's out; none: the gradient is used unchanged
   double lr = 4e-4, momentum = 0.95, weight_decay = 0.05;
 };
 

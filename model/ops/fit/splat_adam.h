@@ -1,4 +1,4 @@
-// Adam on the parameters of Gaussians, a kind at a time.
+// Adam on the parameters of Gaussians, one kind at a time.
 #pragma once
 #include <limits>
 
@@ -6,18 +6,19 @@
 
 namespace vsplat {
 
-// Bias-corrected, without decay. Moments start as zeros. The gradient is zeros afterwards. Never waits for the device;
-// every run gives the same bits.
+// Bias-corrected, without decay. Moments start as zeros. Clears the gradient. Never waits for the device; every run
+// gives the same bits.
 struct SplatAdam {
   Tensor param, grad, m, v;  // f32 [K, ...], of one shape
   long step = 1;             // from 1
   double rate = 1e-3;
-  // Of each Gaussian's parameters those from `head` on have `rate_rest`; 0: none.
+  // The parameters of each Gaussian from `head` on have the learning rate `rate_rest`; 0: none.
   long head = 0;
   double rate_rest = 0;
   double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
-  float low = -std::numeric_limits<float>::infinity(), high = std::numeric_limits<float>::infinity();  // held within
-  // Parameters whose gradient is exactly 0 stay as they are, and so do their moments.
+  float low = -std::numeric_limits<float>::infinity(),
+        high = std::numeric_limits<float>::infinity();  // clamped
+  // Leaves parameters with a gradient of exactly 0 unchanged, with their moments.
   bool sparse = false;
 };
 

@@ -1,5 +1,5 @@
-// Gaussians from parameters that may take any value, and the derivative of that: a scene that is fitted to pictures is
-// moved in these.
+// Gaussians from unconstrained parameters, and the derivative: a scene that is fitted to pictures is optimised in
+// these.
 #pragma once
 #include <cstdint>
 
@@ -8,7 +8,7 @@
 
 namespace vsplat {
 
-// Means, quaternions and spherical harmonics are their own; scale = exp(log scale), opacity = sigmoid(logit).
+// Means, quaternions and spherical harmonics are used as they are; scale = exp(log scale), opacity = sigmoid(logit).
 struct SplatParameters {
   Tensor means;       // f32 [K,3]
   Tensor log_scales;  // f32 [K,3]
@@ -19,8 +19,8 @@ struct SplatParameters {
   long count() const { return means ? means.dim(0) : 0; }
 };
 
-// Which Gaussians are left out of a step, by the seed: each with this probability. The others' opacities are raised by
-// one over what is kept, up to 1.
+// Leaves Gaussians out of a step at random, by the seed: each with this probability. The opacities of the others are
+// divided by the share that is kept, up to 1.
 struct Dropping {
   float share = 0;  // below 1
   std::uint64_t seed = 0;
@@ -31,12 +31,13 @@ struct SplatParametersForward {
   SplatParameters x;
   Dropping dropping;
   Tensor scales;     // f32 [K,3], written
-  Tensor opacities;  // f32 [K], written: 0 where the Gaussian is left out
+  Tensor opacities;  // f32 [K], written: 0 if the Gaussian is left out
 };
 void splat_parameters_forward(Context& ctx, const SplatParametersForward& a);
 
-// Gradients by scales and opacities become those by log scales and logits, in place; the regularisers' are added:
-//   opacity_weight sum opacity + scale_weight sum scale + pull / 2 (|mean - home mean|^2 + |log scale - home's|^2)
+// Turns gradients by scales and opacities into those by log scales and logits, in place, and adds those of the
+// regularisers: opacity_weight sum opacity + scale_weight sum scale + pull / 2 (|mean - home mean|^2 + |log scale -
+// home's|^2)
 struct SplatParametersBackward {
   SplatParameters x;
   Dropping dropping;

@@ -52,7 +52,7 @@ long splat_relocate(Context& ctx, const SplatRelocate& a) {
   const Tensor nth = ctx.tensor({K + 1}, Type::u32, "relocate.nth");
   exclusive_scan(ctx, weights, p.starts);
   exclusive_scan(ctx, moving, nth);
-  // How many move sets the size of what follows.
+  // The number of Gaussians that move determines the sizes below.
   const Tensor totals = ctx.tensor({2}, Type::u32, "relocate.totals");
   ctx.launch({"splat_relocate", "splat_relocate_totals", ""}, items(1, 1), {}, p.starts, nth, written(totals), K);
   const std::vector<std::uint32_t> total =

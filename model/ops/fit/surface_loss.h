@@ -1,4 +1,4 @@
-// The part of a training's loss that surfels' surface has: forward and backward in one, as loss.h has the pictures'.
+// The part of a training loss on surfels' surface: forward and backward in one call, as in loss.h for pictures.
 #pragma once
 #include "runtime/context.h"
 
@@ -9,8 +9,8 @@ struct SurfaceWeights {
   bool any() const { return distortion > 0 || normal > 0; }
 };
 
-// distortion times the mean distortion, and normal times the mean of alpha (1 - normal . depth_normal), in which alpha
-// counts as constant. Never waits; every run gives the same bits.
+// `distortion` times the mean distortion, plus `normal` times the mean of alpha (1 - normal . depth_normal), where
+// alpha counts as constant. Never waits; every run gives the same bits.
 struct SurfaceLoss {
   Tensor normal, depth_normal;  // [H,W,3], see LaraMaps
   Tensor alpha, distortion;     // [H,W]

@@ -1,4 +1,4 @@
-// How sure a network is of each point, and the gradient of the choice that is made by it (straight through).
+// A network's confidence in each point, and the gradient of the choice made by it (straight through).
 #pragma once
 #include "runtime/context.h"
 
@@ -11,12 +11,12 @@ struct ConfidenceForward {
 };
 void confidence_forward(Context& ctx, const ConfidenceForward& a);
 
-// Features pass the choice as they are; their gradient is that of feature x confidence.
+// The choice leaves features unchanged; their gradient is that of feature x confidence.
 struct ConfidenceBackward {
   Tensor x;              // [P, C]: the features
   Tensor confidence;     // [P], as forward left it
   bool softmax = false;  // as forward had it
-  Tensor dy;             // [P, C]: the loss by what passes
+  Tensor dy;             // [P, C]: gradient of the chosen features
   Tensor dx;             // [P, C], written; may be dy
   Tensor dlogits;        // [P], written
 };

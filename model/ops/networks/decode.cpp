@@ -23,7 +23,7 @@ Dims& bind(Dims& d, const Tensors& g, const std::string& name, const std::string
   return d.bind(name + ".opacities", g.opacities, {k}).bind(name + ".sh", g.sh, {k, "S", "3"});
 }
 
-// What both directions of the coarse ones are told.
+// Arguments that both directions of the coarse decoder share.
 struct Coarse {
   long voxels, count, each, exponential;
   float reach, shift;

@@ -1,18 +1,18 @@
-// The heads' raw numbers as Gaussians. A = 3 + 3S + 1 + D + 4 numbers each: offset, SH, opacity, scale, rotation. D =
-// 3, or 2 of surfels.
+// Decodes the heads' raw numbers to Gaussians. A = 3 + 3S + 1 + D + 4 numbers each: offset, SH, opacity, scale,
+// rotation. D = 3, or 2 for surfels.
 #pragma once
 #include "model/base/gaussians.h"
 #include "runtime/context.h"
 
 namespace vsplat {
 
-// Room for `count` Gaussians with S = sh_count coefficients and D = scales.
+// Allocates `count` Gaussians with S = sh_count coefficients and D = scales.
 DeviceGaussians make_gaussians(Context& ctx, long count, long sh_count, const std::string& what, long scales = 3);
 
-// What the networks' coarse primitives differ in.
+// The properties in which the networks' coarse primitives differ.
 struct CoarseKind {
   long each = 1;             // K, primitives of a voxel
-  double reach = 0.25;       // how far, in voxels, one may lie from its voxel's centre along each axis
+  double reach = 0.25;       // largest distance of a primitive from its voxel's centre along each axis, in voxels
   bool exponential = false;  // a scale is exp(x + log(voxel / 3)), else softplus(x + log(exp(voxel / 6) - 1))
 };
 
@@ -53,11 +53,11 @@ struct DecodeFineBackward {
 };
 void decode_fine_backward(Context& ctx, const DecodeFineBackward& a);
 
-// One for each of P points, which is its mean; a scale is exp(x + log(unit)).
+// One Gaussian for each of P points, its mean; a scale is exp(x + log(unit)).
 struct DecodePointsForward {
   Tensor raw;       // [P, A - 3]: no offset
   Tensor points;    // [P, 3]
-  double unit = 1;  // the scale that a raw one of 0 means
+  double unit = 1;  // the scale for a raw value of 0
   long row0 = 0;    // Gaussians row0 .. row0 + P - 1 of `out` are written
   DeviceGaussians out;
 };
@@ -88,7 +88,7 @@ struct DecodeAdjustedBackward {
   long row0 = 0;
   GaussianGradients dout;       // Gaussians row0 .. row0 + P - 1 are read
   Tensor draw;                  // [P, 3S + 1], not raw; written
-  GaussianGradients dskeleton;  // P, added to; nothing depends on its SH, which may be none
+  GaussianGradients dskeleton;  // P, added to; its SH may be none, since nothing depends on them
 };
 void decode_adjusted_backward(Context& ctx, const DecodeAdjustedBackward& a);
 

@@ -1,11 +1,11 @@
-// What LaRa makes of the maps that surfels were drawn into; and its derivative.
+// LaRa's maps, from the maps that surfels were drawn into, with their derivative.
 #pragma once
 #include "model/ops/render/rasterize.h"
 
 namespace vsplat {
 
 struct LaraMaps {
-  Tensor image;         // f32 [H,W,3]: colour, held between 0 and 1
+  Tensor image;         // f32 [H,W,3]: colour, clamped to [0, 1]
   Tensor depth;         // f32 [H,W]: divided by alpha, 0 where alpha is 0
   Tensor normal;        // f32 [H,W,3]: of the surfels, in the world's axes
   Tensor depth_normal;  // f32 [H,W,3]: of the surface that neighbouring depths span, in the world's axes, times alpha
@@ -18,7 +18,7 @@ struct LaraMapsForward {
 };
 LaraMaps lara_maps_forward(Context& ctx, const LaraMapsForward& a);
 
-// A loss's derivatives by these maps, and by alpha and distortion, which stay as they are; each may be none: zeros.
+// A loss's derivatives by these maps, and by the unchanged alpha and distortion; each may be none: zeros.
 struct LaraMapsGradient {
   Tensor image, alpha, depth, normal, depth_normal, distortion;
 };
@@ -29,8 +29,7 @@ struct LaraMapsBackward {
   long view = 0;
   LaraMapsGradient dmaps;
 };
-// By those of the picture's maps that the loss depends on. The alpha that depth_normal is multiplied by counts as
-// constant.
+// Gradients by the picture's maps on which the loss depends. The alpha factor of depth_normal counts as constant.
 PictureGradient lara_maps_backward(Context& ctx, const LaraMapsBackward& a);
 
 }  // namespace vsplat

@@ -1,12 +1,12 @@
-// Feature maps sampled at voxel centres, some voxels at a time, so that the volume of all views' samples is never
-// stored.
+// Samples feature maps at voxel centres, some voxels at a time, so that the samples of all views are never stored for
+// the whole volume.
 #pragma once
 #include "model/base/device_cameras.h"
 #include "model/ops/dense/scatter_rows.h"
 
 namespace vsplat {
 
-// Where voxels [first, first + n) of the R^3 grid over [-0.5,0.5]^3 (x slowest) land in each view's t x t map.
+// The places of voxels [first, first + n) of the R^3 grid over [-0.5,0.5]^3 (x slowest) on each view's t x t map.
 struct LiftCorners {
   DeviceCameras cameras;   // V of them
   int volume = 0;          // R
@@ -45,7 +45,7 @@ struct LiftSamplesForward {
 };
 void lift_samples_forward(Context& ctx, const LiftSamplesForward& a);
 
-// Gradients by the maps, of the same run of voxels: with `plan`, make_scatter_plan() of its index and weight for as
+// Gradients by the maps, for the same run of voxels: with `plan`, make_scatter_plan() of its index and weight for as
 // many rows as the maps have.
 struct LiftVarianceBackward {
   Tensor maps;           // [V t t, C]
@@ -54,7 +54,7 @@ struct LiftVarianceBackward {
   Tensor dout;   // [n, C]
   Tensor dmaps;  // [V t t, C], added to
 };
-// Takes n V C numbers of scratch memory.
+// Uses scratch memory of n V C numbers.
 void lift_variance_backward(Context& ctx, const LiftVarianceBackward& a);
 
 struct LiftMeanBackward {

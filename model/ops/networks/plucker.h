@@ -1,4 +1,4 @@
-// Where each patch looks: the Pluecker vector of the ray through its centre, as spherical harmonics to degree 3.
+// The ray of each patch: the Pluecker vector through its centre, as spherical harmonics to degree 3.
 #pragma once
 #include "model/base/device_cameras.h"
 

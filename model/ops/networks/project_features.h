@@ -17,10 +17,10 @@ struct ProjectFeaturesForward {
 
 void project_features_forward(Context& ctx, const ProjectFeaturesForward& a);
 
-// The derivatives of what the forward computes, between texels; the cameras have none. A point on a texel's border or
-// at a camera's centre, where there is no derivative, gets that of one side, and 0 for the distance.
+// The forward's derivatives between texels; the cameras have none. A point on a texel's border or at a camera's centre
+// has no derivative: it gets that of one side, and 0 for the distance.
 struct ProjectFeaturesBackward {
-  ProjectFeaturesForward forward;  // as it was given; its `out` is not looked at
+  ProjectFeaturesForward forward;  // the forward's arguments; its `out` is ignored
   Tensor dout;                     // [P, C]
   Tensor dfeatures;                // [V, t, t, C], added to
   Tensor dpoints;                  // [P, 3], added to

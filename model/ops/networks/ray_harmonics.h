@@ -1,5 +1,5 @@
-// Rays of six numbers, a direction and a moment of any length, as the network reads them: spherical harmonics to degree
-// 3. Of cameras' rays see plucker.h.
+// Rays of six numbers, a direction and a moment of any length, in the network's format: spherical harmonics to degree
+// 3. For cameras' rays see plucker.h.
 #pragma once
 #include "runtime/context.h"
 

@@ -1,4 +1,4 @@
-// The loss of predicted rays: forward and backward in one.
+// The loss of predicted rays: forward and backward in one call.
 #pragma once
 #include "runtime/context.h"
 

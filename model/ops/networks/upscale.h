@@ -1,18 +1,18 @@
-// Every point becomes several, near it: where they lie, and what their features are made of.
+// Replaces every point by several near it, with their features.
 #pragma once
 #include "runtime/context.h"
 
 namespace vsplat {
 
 struct UpscaleForward {
-  Tensor raw;            // [P, 3 F]: how far its F children lie from a point, before tanh
+  Tensor raw;            // [P, 3 F]: offsets of F children from a point, before tanh
   Tensor points;         // [P, 3]
   Tensor feature;        // [P, C]
   long frequencies = 0;  // N
-  double reach = 0;      // the farthest that a child lies from its point along an axis
-  double unit = 1;       // what offsets are multiplied by before waves are made of them
-  Tensor children;       // [P F, 3], written: a point's together
-  Tensor offsets;        // [P F, 3], written: from the point
+  double reach = 0;      // largest distance of a child from its point along an axis
+  double unit = 1;       // factor of offsets in the sines and cosines
+  Tensor children;       // [P F, 3], written: a point's children are consecutive
+  Tensor offsets;        // [P F, 3], written: offsets from the point
   Tensor wide;           // [P F, 6 N + C], written: sines and cosines of 2^f unit offset, then the point's feature
 };
 void upscale_forward(Context& ctx, const UpscaleForward& a);

@@ -1,4 +1,4 @@
-// What is seen in the input views, 8 numbers a pixel: photograph, drawing, and the drawing's alpha and depth.
+// Maps of the input views, 8 numbers a pixel: photograph, drawing, and the drawing's alpha and depth.
 #pragma once
 #include "runtime/context.h"
 
@@ -6,7 +6,7 @@ namespace vsplat {
 
 inline constexpr long kViewMap = 8;  // photograph 3, colour 3, alpha, depth
 
-// Drawings of n views, as the rasteriser leaves them: colours not clamped, depth accumulated.
+// Drawings of n views, as the rasteriser writes them: colours not clamped, depth accumulated.
 struct ViewDrawings {
   Tensor colour;  // [n, S, S, 3]
   Tensor alpha;   // [n, S, S]

@@ -1,4 +1,4 @@
-// Pictures made smaller by a whole number.
+// Shrinks pictures by an integer factor.
 #pragma once
 #include "runtime/context.h"
 

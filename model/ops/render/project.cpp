@@ -11,7 +11,7 @@ namespace {
 constexpr long kViewFloats = 32;
 constexpr long kSumBlock = 512;  // Gaussians whose twists one work-item sums
 
-// A position as a float and what rounding took from it: differences of nearby positions far from the origin stay exact.
+// A position as a float and its rounding error: differences of nearby positions far from the origin stay exact.
 void put_split(float* out, const Eigen::Vector3d& p) {
   for (int i = 0; i < 3; ++i) {
     out[i] = static_cast<float>(p[i]);

@@ -1,4 +1,5 @@
-// Gaussians to the picture: 2D Gaussians, colours, depths and the tiles they may touch; and its derivative.
+// Projects Gaussians to the picture: 2D Gaussians, colours, depths and the tiles that they may touch; with the
+// derivative.
 #pragma once
 #include <array>
 #include <optional>
@@ -15,31 +16,31 @@ class Dims;
 constexpr int kTile = 16;  // pixels along a tile's edge
 inline long tiles_along(long pixels) { return (pixels + kTile - 1) / kTile; }
 
-// Cameras as cl/render/project.cl reads them, pinhole (distortion is ignored): f32 [V,32].
+// Cameras in the format of cl/render/project.cl, pinhole (distortion is ignored): f32 [V,32].
 Tensor upload_views(Context& ctx, const std::vector<Camera>& cameras, float near,
                     const std::optional<std::array<float, 3>>& mirror);
 
-// Gaussians that a work-item of projection takes: compilers that take vectors apart are given scalars.
+// Gaussians of a work-item of projection: 1 for compilers that split vectors.
 long projection_width(const Context& ctx);
-// Names the shapes of a scene's arrays, of Gaussians that are counted by the label `n`; S goes into `d`, too.
+// Binds the shapes of a scene's arrays, with `n` as the label of the number of Gaussians; S is set in `d`, too.
 void bind_gaussians(Dims& d, const DeviceGaussians& g, const char* n, GaussianKind kind);
-// Of the sizes n, V and K in `d`: what culling cannot do is refused.
+// Checks the sizes n, V and K in `d`: fails if culling cannot handle them.
 void check_culling(const Dims& d, long view, long base, int width, int height);
 
 // Numbers of a record.
 constexpr long kRecord = 12;
 
-// Every Gaussian of a scene, in one view; see cl/render/project.cl.
+// Culling's results for every Gaussian of a scene, in one view; see cl/render/project.cl.
 struct Culled {
-  Tensor rects;  // u32 [K,2]: tiles of the picture that it may touch; 0, 0 where culled
+  Tensor rects;  // u32 [K,2]: tiles of the picture that it may touch; 0, 0 if culled
   Tensor keys;   // u32 [K]: order as depth does
   Tensor sums;   // u64 [blocks,4]: see visible.h
 };
 
-// Those that are seen in a view.
+// The visible Gaussians of a view.
 struct Projected {
-  Tensor ids;        // u32 [V]: which of the scene's, ascending
-  Tensor rects;      // u32 [V,2]: of a part of the picture, counted from its corner
+  Tensor ids;        // u32 [V]: indices into the scene, ascending
+  Tensor rects;      // u32 [V,2]: tiles in a part of the picture, relative to its corner
   Tensor keys;       // u32 [V]: order as depth does
   int key_bits = 0;  // of the largest key
   Tensor records;    // f32 [V,12], of surfels (project_surfels.h) [V,20]
@@ -51,10 +52,10 @@ struct Projected {
 void project_cull(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view, int width,
                   int height, const Culled& out);
 
-// The records of some of those that are seen, all of which are in the chunk.
+// Writes the records of some visible Gaussians, all of which are in the chunk.
 struct ProjectForward {
   DeviceGaussians chunk;
-  long base = 0;  // the scene's index of the chunk's first
+  long base = 0;  // the scene's index of the chunk's first Gaussian
   Tensor views;   // [V,32]
   long view = 0;
   Tensor ids;            // u32 [N]: see Projected
@@ -63,38 +64,39 @@ struct ProjectForward {
 };
 void project_forward(Context& ctx, const ProjectForward& a);
 
-// What a picture's gradient says of each Gaussian in each tile: a row per intersection of the two, where Binned::slots
-// puts it. See cl/render/rasterize_backward.cl (of surfels cl/render/rasterize_surfels_backward.cl) for the columns.
+// The gradient of a picture, summed for each Gaussian in each tile: a row per intersection of the two, at the place
+// given by Binned::slots. For the columns see cl/render/rasterize_backward.cl (for surfels
+// cl/render/rasterize_surfels_backward.cl).
 struct IntersectionGradients {
-  Tensor rows;     // f32 [M,10], of surfels [M,20]; of pulls [M,2]
-  Tensor touched;  // u8 [M]: 1 where a row was written; the others are zeros, and not written
+  Tensor rows;     // f32 [M,10], for surfels [M,20]; for pulls [M,2]
+  Tensor touched;  // u8 [M]: 1 if the row was written; other rows count as zeros and are not written
 };
 
 // Gradients of a chunk's Gaussians, and of the camera's pose.
 struct ProjectBackward {
   DeviceGaussians chunk;
-  long base = 0;  // the scene's index of the chunk's first
+  long base = 0;  // the scene's index of the chunk's first Gaussian
   Tensor views;   // [V,32]
   long view = 0;
-  bool mirrored = false;  // whether upload_views() was given a mirror point
+  bool mirrored = false;  // upload_views() was given a mirror point
   Projected visible;      // N of them
-  Tensor offsets;         // u32 [N + 1]: as Binned has them
+  Tensor offsets;         // u32 [N + 1]: from Binned
   IntersectionGradients intersections;
   GaussianGradients dchunk;  // of the chunk, added to
-  Tensor twists;             // [N,6] or none: a row for each visible Gaussian, of which the chunk's are written
+  Tensor twists;             // [N,6] or none: a row for each visible Gaussian; those of the chunk are written
 };
 void project_backward(Context& ctx, const ProjectBackward& a);
 
 // f32 [6]: the gradient by (omega, tau) at 0, where the pose is exp([omega, tau]) times world to camera.
 Tensor sum_twists(Context& ctx, Tensor twists);
 
-// How much a picture pulls at each Gaussian's place on the screen (rasterize_backward() with Pulls).
+// The magnitude of the loss's derivatives by each Gaussian's place on the screen (rasterize_backward() with Pulls).
 struct ProjectPulls {
   Projected visible;                    // N of them
-  Tensor offsets;                       // u32 [N + 1]: as Binned has them
+  Tensor offsets;                       // u32 [N + 1]: from Binned
   IntersectionGradients intersections;  // rows [M,2]
-  double by_u = 1, by_v = 1;            // what the sums are multiplied by
-  Tensor pulls;                         // f32 [K,2], of all of the scene: added to
+  double by_u = 1, by_v = 1;            // factors of the sums
+  Tensor pulls;                         // f32 [K,2], for the whole scene: added to
 };
 void project_pulls(Context& ctx, const ProjectPulls& a);
 // pulls [K,2] -> [K]

@@ -1,20 +1,21 @@
-// Surfels to the picture: as project.h has it for volumes.
+// Projects surfels to the picture: project.h for surfels.
 #pragma once
 #include "model/ops/render/project.h"
 
 namespace vsplat {
 
-// Which state of the original rasteriser's code counts where they differ: what LaRa was trained with, or the later one.
+// The version of the original rasteriser's code to follow where they differ: the one that LaRa was trained with, or the
+// later one.
 enum class SurfelRevision { lara, current };
 
 // Numbers of a surfel's record, see cl/render/project_surfels.cl.
 constexpr long kSurfelRecord = 20;
 
-// As project_cull().
+// Like project_cull().
 void project_surfels_cull(Context& ctx, const DeviceGaussians& chunk, long base, const Tensor& views, long view,
                           int width, int height, SurfelRevision revision, const Culled& out);
 
-// As ProjectForward; records [N,20].
+// Like ProjectForward; records [N,20].
 struct ProjectSurfelsForward {
   DeviceGaussians chunk;
   long base = 0;
@@ -27,7 +28,7 @@ struct ProjectSurfelsForward {
 };
 void project_surfels_forward(Context& ctx, const ProjectSurfelsForward& a);
 
-// As ProjectBackward; records [N,20], rows [M,20].
+// Like ProjectBackward; records [N,20], rows [M,20].
 struct ProjectSurfelsBackward {
   DeviceGaussians chunk;
   long base = 0;

@@ -19,7 +19,7 @@ constexpr long kBackwardPixels = 4;  // of an item of the gpu flavour's, at the 
 // Whether blending is that of the cpu flavour: the device must take vectors, too.
 bool in_blocks(const Context& ctx) { return ctx.flavour() == Flavour::cpu && ctx.device().native_float_width >= 4; }
 
-// Of local memory: a record for each item of a group; backward also its number, and sums by parts of 16 items.
+// Bytes of local memory: a record for each item of a group; backward also its number, and sums by parts of 16 items.
 std::size_t local_bytes(const TileKernel& k, long group) {
   const long each = 4 * k.record + (k.columns ? 4 : 0),
              sums = k.columns ? 4 * k.columns * (group + 2 * (group / 16)) : 0;
@@ -101,7 +101,7 @@ void rasterize_forward(Context& ctx, const RasterizeForward& a) {
   Dims d;
   bind_blended(d, a.projected, a.binned, part, a.picture, "12", "rasterize");
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
-  // How much of it is blended is known only when it is done: what must move at the least counts alone.
+  // How much is blended is known only afterwards, so only the bytes that must move count.
   const Cost cost{0, n * 52.0 + pixels * 20.0, 0, most_blended(n, kForwardFlops)};
   const bool whole = part.tiles_x() == tiles_along(d["W"]) && tiles == tiles_along(d["W"]) * tiles_along(d["H"]);
   const auto drawn = [&](const Tensor& t) { return whole ? written(t) : written_somewhere(t); };
@@ -126,7 +126,7 @@ IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& 
   const std::string flavour = !pulls ? "" : a.pulls == Pulls::through ? " -DPULL -DTHROUGH_CLAMP" : " -DPULL";
   const IntersectionGradients out = make_rows(ctx, d["N"], pulls ? 2 : kColumns);
   const double n = static_cast<double>(d["N"]), pixels = static_cast<double>(tiles * kTile * kTile);
-  // As in drawing, what must move at the least counts alone.
+  // As in drawing, only the bytes that must move count.
   const Cost cost{0, n * (56.0 + 4.0 * kColumns + 1.0) + pixels * 40.0, 0,
                   most_blended(n, pulls ? kPullFlops : kBackwardFlops)};
   const TileLaunch l = tile_launch({"rasterize_backward", "rasterize_backward_cpu", "rasterize_backward_gpu", flavour,

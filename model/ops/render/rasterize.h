@@ -12,14 +12,14 @@ struct DevicePicture {
   Tensor colour;  // f32 [H,W,3], over the background
   Tensor alpha;   // f32 [H,W]
   Tensor depth;   // f32 [H,W]: sum of weight x camera z
-  // Of surfels alone, and each of them only where it is asked for:
+  // Only for surfels, and each only on request:
   Tensor normal{};      // f32 [H,W,3]: sum of weight x normal, in the camera's axes, towards the camera
-  Tensor median{};      // f32 [H,W]: the depth of the last that met a transmittance over 0.5; 0 where none did
-  Tensor distortion{};  // f32 [H,W]: how far apart along the ray its weights are, see cl/render/rasterize_surfels.cl
-  Tensor moments{};     // f32 [H,W,2]: what the derivative of the distortion needs beside it
+  Tensor median{};      // f32 [H,W]: the depth of the last surfel that met a transmittance over 0.5; 0 if none did
+  Tensor distortion{};  // f32 [H,W]: spread of its weights along the ray, see cl/render/rasterize_surfels.cl
+  Tensor moments{};     // f32 [H,W,2]: sums for the derivative of the distortion
 };
 
-// What a picture of surfels has beside colour, alpha and depth.
+// The maps of a picture of surfels besides colour, alpha and depth.
 struct SurfelMaps {
   bool normal = false, median = false;
   bool distortion = false;  // with its moments
@@ -37,22 +37,22 @@ struct RasterizeForward {
 };
 void rasterize_forward(Context& ctx, const RasterizeForward& a);
 
-// A loss's derivatives by a picture, of which any may be none: zeros.
+// A loss's derivatives by a picture; any may be none: zeros.
 struct PictureGradient {
   Tensor colour;  // f32 [H,W,3]
   Tensor alpha;   // f32 [H,W]
   Tensor depth;   // f32 [H,W]
-  // Of surfels alone:
+  // Only for surfels:
   Tensor normal{};      // f32 [H,W,3]
   Tensor distortion{};  // f32 [H,W]
 };
 
-// Instead of gradients how much each pixel by itself pulls at a Gaussian's place on the screen, summed whatever the
-// direction: rows [N,2] of |dE/du| and |dE/dv|, with the Gaussian's shape held.
+// Computes, instead of gradients, the magnitudes of each pixel's derivatives by a Gaussian's place on the screen,
+// summed regardless of sign: rows [N,2] of |dE/du| and |dE/dv|, with the Gaussian's shape constant.
 enum class Pulls {
   none,
-  held,     // alpha held at 0.99 does not move
-  through,  // it is taken to move as if it were not held
+  held,     // an alpha clamped to 0.99 has derivative 0
+  through,  // it has the derivative of the unclamped alpha
 };
 
 struct RasterizeBackward {
@@ -60,23 +60,23 @@ struct RasterizeBackward {
   Binned binned;  // with slots
   Part part;
   std::array<float, 3> background = {};
-  DevicePicture picture;  // as the forward made it
+  DevicePicture picture;  // from the forward
   PictureGradient dpicture;
   Pulls pulls = Pulls::none;
 };
 IntersectionGradients rasterize_backward(Context& ctx, const RasterizeBackward& a);
 
-// What blending volumes and blending surfels (rasterize_surfels.h) have alike, forward and backward: what a work-item
-// or a group takes of a picture, what they read, and the rows that they write.
+// Shared by the blending of volumes and surfels (rasterize_surfels.h), forward and backward: a work-item's or group's
+// share of a picture, the inputs, and the output rows.
 
-// A kernel of either flavour of which one work-item (cpu) or one group (gpu) blends a tile.
+// A kernel of both flavours, in which one work-item (cpu) or one group (gpu) blends a tile.
 struct TileKernel {
   const char *file, *cpu, *gpu;  // the file, and the names of the flavours' kernels
-  std::string defines;           // of both, each beginning with a space
+  std::string defines;           // for both, each beginning with a space
   long record;                   // floats of a Gaussian's record
-  long columns = 0;              // backward: floats of a row of sums; 0: forward, which sums nothing
-  double flops = 0;              // operations for a pixel and a Gaussian that it sees, which the kernel counts
-  // cpu: how many of a tile's Gaussians are looked at together; gpu: pixels of an item, at the least. 0: the usual
+  long columns = 0;              // backward: floats of a row of sums; 0: forward, without sums
+  double flops = 0;              // operations for a pixel and a Gaussian that it sees; the kernel counts such pairs
+  // cpu: Gaussians of a tile that are processed together; gpu: least number of pixels of an item. 0: the default
   long batch = 0, pixels = 0;
 };
 
@@ -84,19 +84,19 @@ struct TileLaunch {
   KernelId id;
   Range range;
 };
-// The flavour's kernel over `tiles` tiles. In the gpu flavour as many items a group as the device lets it have, each
-// with the fewest pixels; Error(device) where it allows too few.
+// Launches the flavour's kernel over `tiles` tiles. In the gpu flavour with as many items a group as the device allows,
+// each with the fewest pixels; Error(device) if it allows too few.
 TileLaunch tile_launch(const TileKernel& kernel, Context& ctx, long tiles);
-// Cost::most of it, where tiles have `n` Gaussians in all.
+// Cost::most of blending, if tiles have `n` Gaussians in all.
 double most_blended(double n, double flops);
 
-// Binds "V", "N", "H", "W" and "tiles + 1" by what both directions read, and maps of surfels where the picture has
-// them. Refuses a part that is not one of the picture. `record`: as in TileKernel, in words.
+// Binds "V", "N", "H", "W" and "tiles + 1" by the inputs of both directions, and the surfels' maps that the picture
+// has. Rejects a part outside of the picture. `record`: as in TileKernel, as text.
 void bind_blended(Dims& d, const Projected& projected, const Binned& binned, const Part& part,
                   const DevicePicture& picture, const char* record, const char* operation);
-// Binds those gradients by a picture that there are, for a backward pass, and the slots that its rows go to.
+// Binds the gradients by a picture that are given, for a backward pass, and the slots of its rows.
 void bind_gradient(Dims& d, const Binned& binned, const PictureGradient& dpicture);
-// The rows of sums of N intersections, and their marks, which are zero.
+// Allocates the rows of sums for N intersections, and their marks, which are zero.
 IntersectionGradients make_rows(Context& ctx, long n, long columns);
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// Which Gaussians each tile of a part of a picture sees, near to far.
+// The Gaussians that each tile of a part of a picture sees, near to far.
 #pragma once
 #include <cstdint>
 
@@ -7,17 +7,17 @@
 namespace vsplat {
 
 struct Binned {
-  Tensor ids;      // u32 [N], the first starts[tiles] of them: of the V projected Gaussians, tile by tile, near to far,
-                   // equal depths in their own order
+  Tensor ids;      // u32 [N]; the first starts[tiles] are used: indices of the V projected Gaussians, tile by tile,
+                   // near to far, equal depths in their order
   Tensor starts;   // u32 [tiles + 1]: where each tile's (row-major) run begins
-  Tensor offsets;  // u32 [V+1], if asked for: where each Gaussian's run of slots begins
-  Tensor slots;    // u32 [N], if asked for: the place of each of `ids` when the pairs are ordered by Gaussian
+  Tensor offsets;  // u32 [V+1], on request: where each Gaussian's run of slots begins
+  Tensor slots;    // u32 [N], on request: the place of each of `ids` when the pairs are ordered by Gaussian
 };
 
 struct BinOptions {
-  bool slots = false;  // whether offsets and slots are wanted, for a backward
-  // Whether the tiles of a Gaussian's rectangle in which its alpha stays below 1/255 are left out; of thin, slanted
-  // Gaussians that is most of them. It changes no picture, since nothing below 1/255 is drawn.
+  bool slots = false;  // whether to compute offsets and slots, for a backward
+  // Whether to leave out the tiles of a Gaussian's rectangle in which its alpha stays below 1/255; for thin, slanted
+  // Gaussians these are most tiles. Pictures do not change, since nothing below 1/255 is drawn.
   bool exact = false;
 };
 

@@ -1,4 +1,4 @@
-// Which Gaussians a part of a picture sees.
+// The Gaussians that a part of a picture sees.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -16,21 +16,21 @@ struct Part {
 };
 
 struct VisibleCount {
-  std::uint64_t gaussians = 0;      // seen
+  std::uint64_t gaussians = 0;      // visible Gaussians
   std::uint64_t intersections = 0;  // pairs of one of them and a tile that it touches
   std::uint32_t least_key = 0, largest_key = 0;
   long block = 1;                     // Gaussians that `before` counts at a time: a power of two
-  std::vector<std::uint64_t> before;  // [blocks + 1]: seen among those ahead of each block
+  std::vector<std::uint64_t> before;  // [blocks + 1]: visible ones before each block
 };
 
-// Room for what project_cull writes about `k` Gaussians.
+// Allocates project_cull's outputs for `k` Gaussians.
 Culled make_culled(Context& ctx, long k);
 
-// Waits for the device: these numbers set the size of what follows.
+// Waits for the device: the sizes of later tensors depend on these numbers.
 VisibleCount count_visible(Context& ctx, const Culled& culled, const Part& part);
 
-// All but the records' values, for which there is room. The count must be the last one made of `culled`. `record`: how
-// many numbers of each.
+// Fills everything but the records, which are only allocated. The count must be the last one made from `culled`.
+// `record`: numbers of a record.
 Projected compact_visible(Context& ctx, const Culled& culled, const Part& part, const VisibleCount& count,
                           long record = kRecord);
 

@@ -1,4 +1,4 @@
-// What the views show at points: bilinear samples of view_maps.h's maps, the drawn depth as its distance from the
+// The views' maps at points: bilinear samples of view_maps.h's maps, with the drawn depth as its distance from the
 // point's own.
 #pragma once
 #include "model/base/device_cameras.h"
@@ -15,9 +15,9 @@ struct SamplePointsForward {
 };
 void sample_points_forward(Context& ctx, const SamplePointsForward& a);
 
-// The derivatives of what the forward computes, between pixels; the cameras have none.
+// The forward's derivatives between pixels; the cameras have none.
 struct SamplePointsBackward {
-  SamplePointsForward forward;  // as it was given; its `out` is not looked at
+  SamplePointsForward forward;  // the forward's arguments; its `out` is ignored
   Tensor dout;                  // [P, V, 8]
   Tensor dpoints;               // [P, 3], added to
   Tensor dmaps;                 // [V, S, S, 8], added to; or none

@@ -1,4 +1,4 @@
-// Confidence per voxel, and which voxels are refined.
+// Confidence per voxel, and the selection of voxels to refine.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -8,23 +8,23 @@
 namespace vsplat {
 
 enum class Selection : int { gumbel = 1, sigmoid = 2, ste = 3, opacity = 4 };
-Selection selection_of(const std::string& name);  // the configuration's word
+Selection selection_of(const std::string& name);  // from the configuration's word
 
 struct SelectForward {
-  Tensor logits;     // [n]; opacity does without
-  Tensor noise;      // [n] or none; gumbel alone uses it
+  Tensor logits;     // [n]; not used by opacity
+  Tensor noise;      // [n] or none; only used by gumbel
   Tensor opacities;  // [n]
   Selection selection = Selection::gumbel;
-  float temperature = 0.1f;          // of gumbel
-  float opacity_threshold = 0.005f;  // of opacity
-  Tensor factor;                     // [n]: by how much the opacity counts; or none
+  float temperature = 0.1f;          // for gumbel
+  float opacity_threshold = 0.005f;  // for opacity
+  Tensor factor;                     // [n]: factor of the opacity; or none
   Tensor refined;                    // [n]: opacity * factor; or none
-  Tensor flags;                      // u32 [n]: 1 where the voxel is selected
+  Tensor flags;                      // u32 [n]: 1 if the voxel is selected
 };
 void select_forward(Context& ctx, const SelectForward& a);
 
-// Which voxels are selected has no derivative. The factor of "ste" (straight-through), 0 or 1, is given the derivative
-// of sigmoid(logit).
+// The selection has no derivative. For the factor of "ste" (straight-through), 0 or 1, the derivative of sigmoid(logit)
+// is used.
 struct SelectBackward {
   Tensor logits, noise, opacities;  // [n], as forward had them
   Selection selection = Selection::gumbel;

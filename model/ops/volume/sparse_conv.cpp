@@ -31,8 +31,8 @@ Sizes check(const SubmanifoldBackward& a) {
   return {d["P"], taps, d["Cin"], d["Cout"]};
 }
 
-// What goes from row i through tap k to row j comes back from j through the opposite tap to i: dx is a convolution of
-// dy with mirrored weights, over the same map.
+// The path from row i through tap k to row j leads back from j through the opposite tap to i: dx is a convolution of dy
+// with mirrored weights, over the same map.
 void by_inputs(Context& ctx, const SubmanifoldBackward& a, const Sizes& s) {
   Tensor mirrored = a.w;
   if (s.taps > 1) {

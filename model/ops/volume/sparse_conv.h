@@ -1,4 +1,4 @@
-// Submanifold convolutions: of active voxels alone, whose rows are found through a neighbour map (sparse_map.h).
+// Submanifold convolutions: only over active voxels, whose rows are found through a neighbour map (sparse_map.h).
 #pragma once
 #include "model/ops/dense/conv3d.h"
 
@@ -12,7 +12,7 @@ ConvWeights pack_submanifold(Context& ctx, const float* w, const float* bias, lo
 ConvWeights pack_submanifold(Context& ctx, const Tensor& w, const Tensor& bias, const std::string& what);
 
 struct SubmanifoldForward {
-  RowSource in;  // x0 [P, C0], x1, scale, shift, silu; the map [P, taps] of sparse_map_forward(), none where taps is 1
+  RowSource in;  // x0 [P, C0], x1, scale, shift, silu; the map [P, taps] of sparse_map_forward(), none if taps is 1
   const ConvWeights* weights = nullptr;
   Tensor residual;                   // [P, Cout] or none; may be `out`
   Tensor out;                        // [P, Cout]
@@ -23,15 +23,15 @@ void submanifold_forward(Context& ctx, const SubmanifoldForward& a);
 // Gradients by the convolution's inputs, weights and biases, from dy, the gradient by its outputs. Summed in a fixed
 // order: the same bits each time.
 struct SubmanifoldBackward {
-  RowSource in;                      // as for the forward; the map's taps are symmetric, but see `back`
+  RowSource in;                      // as for the forward; the map's taps are symmetric, otherwise see `back`
   Tensor w;                          // [Cout, kx, ky, kz, Cin], as pack_submanifold() took it
   Tensor dy;                         // [P, Cout]
-  Tensor dx;                         // [P, Cin] or none where it is not wanted: by the composed inputs
-  bool add = false;                  // else dx is written
+  Tensor dx;                         // [P, Cin]: gradient by the composed inputs; none: not computed
+  bool add = false;                  // dx is added to, not overwritten
   Tensor dw;                         // [Cout, kx, ky, kz, Cin], added to
   Tensor dbias;                      // [Cout], added to
   const char* name = "submanifold";  // its rows in the profile
-  // Where points share cells (cell_map.h), and the map's taps are not symmetric: cell_map_backward()'s map [P, taps],
+  // If points share cells (cell_map.h), so that the map's taps are not symmetric: cell_map_backward()'s map [P, taps],
   // and cell_sums() of dy [2 P, Cout].
   Tensor back, back_dy;
 };
