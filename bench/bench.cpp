@@ -246,7 +246,8 @@ void run_all(Context& ctx, const Options& options, Report& report) {
       if (!options.on_progress) return;
       const double now = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       const auto done = static_cast<double>(at), all = static_cast<double>(cases.size());
-      // Of cases that take what those before took, or this one; of the one that is on, what of that is left.
+      // The estimate assumes that a case takes as long as those before it, or as this one, plus the rest of the current
+      // case.
       const double here = now - so_far, of_this = here + std::max(0.0, left_of_case);
       const double each = at == 0 ? of_this : so_far / done;
       const double rest = left_of_case >= 0 ? left_of_case : std::max(0.0, each - here);

@@ -15,14 +15,13 @@
 
 namespace vsplat::bench {
 
-// A single kernel, named by the peak that it is held against, or a whole pass of many: of drawing, of training, of
-// refinement, or of a network. An operation becomes compute or memory when it has been timed: whichever peak it is
-// nearer to.
+// A single kernel, named by the peak that it is compared with, or a whole pass of many: drawing, training, fitting, or
+// a network. After timing an operation becomes compute or memory, by the peak that it is nearer to.
 enum class Kind { compute, memory, operation, forward, backward, training, fitting, network };
 const char* name_of(Kind kind);
 inline bool is_pass(Kind kind) { return kind >= Kind::forward; }
 
-// Another library at the same task, or at the part of it that is its own (references.h).
+// Another library doing the same task, or its part of the task (references.h).
 struct Reference {
   std::function<void()> run;      // until it is done
   std::function<double()> error;  // after a run, as Prepared has it; none: not looked at
@@ -31,11 +30,10 @@ struct Reference {
 // A case that is ready to run, its data on the device.
 struct Prepared {
   Kind kind = Kind::compute;
-  // Of one run, by the definition of what is computed. A pass and an operation cost what their launches say, on
-  // average.
+  // Cost of one run, by definition. A pass and an operation cost the average of what their launches state.
   Cost cost;
-  double performed_flops = 0;  // where the method gets by with fewer: held against the peak (0: cost.flops)
-  int inputs = 1;              // run() goes through so many in turn
+  double performed_flops = 0;  // operations of a method that needs fewer; compared with the peak (0: cost.flops)
+  int inputs = 1;              // number of inputs that run() uses in turn
   std::function<void()> run;   // enqueues one run
   std::function<double()>
       error;  // after a run: the worst error, relative to the largest value (on a sample of outputs)

@@ -129,7 +129,7 @@ note() { notes="$notes${notes:+; }$*"; }
 told() { grep -v '^$' "$dir/$1.err" 2>/dev/null | tail -n 1 | cut -c 1-300; }
 seconds_in() { field seconds <"$dir/$1.out" | awk '{ printf "%.3f", $1 }'; }
 
-# Of a profile: the seconds in which the device ran something, the network and the drawing.
+# From a profile: the seconds in which the device ran something, the network and the drawing.
 device_seconds() {
   sed -n 's/^ *"device_s": *\([0-9.e+-]*\).*$/\1/p' "$1" 2>/dev/null | head -n 1 | awk '{ printf "%.4f", $1 }'
 }

@@ -22,10 +22,11 @@ struct ModelInput {
   DeviceCameras views;
 };
 
-// Of a named configuration: pictures of a drawn scene, random weights without zeros, a tenth of the voxels selected.
+// Input for a named configuration: pictures of a drawn scene, random weights without zeros, a tenth of the voxels
+// selected.
 ModelInput model_input(Context& ctx, const std::string& config);
 
-// The worst error, relative to the largest value of its kind. `worst`, where it is not null, is told of which layer.
+// The worst error, relative to the largest value of its kind. If `worst` is not null, it is set to the layer's name.
 double model_error(Context& ctx, const ModelInput& in, const VsplatModel& model, std::string* worst = nullptr);
 
 }  // namespace vsplat::bench

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kSamples = 300;
 
-// Of a program in bin/ or tests/ of where it was built. It is not installed.
+// The module in the build folder of a program in bin/ or tests/. It is not installed.
 std::string module_file() {
   std::error_code problem;
   const std::filesystem::path program = sys::program_path(problem);

@@ -1,4 +1,4 @@
-// The case that a step of refinement is held against.
+// The case that a fitting step is compared with.
 #pragma once
 #include <string>
 

@@ -26,7 +26,7 @@ struct TimingOptions {
 };
 
 // One round after the other runs each with every input: three or more, and as many as `seconds` allow each on average,
-// but no more than 30 times that long. The first run with each input, which compiles and makes room, is not counted,
+// but no more than 30 times that long. The first run with each input, which compiles and allocates, is not counted,
 // unless `warm` says that it was made.
 std::vector<Times> time_by_turns(Context& ctx, const std::vector<Timed>& all, const TimingOptions& options, bool warm);
 

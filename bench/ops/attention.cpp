@@ -12,7 +12,7 @@ namespace {
 
 constexpr long kTokenRows = kTokens * kTokens + 1, kViewHeads = 12, kViewHeadSize = kDim / kViewHeads;
 
-// Of some spread, so that the weights differ.
+// With enough spread that the weights differ.
 std::vector<float> queries_keys_values() { return random_floats(kViews * kTokenRows * 3 * kDim, 1, -2.0f, 2.0f); }
 
 Prepared prepare_attention(Context& ctx, bool references) {

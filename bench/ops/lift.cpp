@@ -60,7 +60,7 @@ struct Lifted {
       sum += std::pow(sample(row, view, c) - mean(row, c), 2) / static_cast<double>(kViews);
     return sum;
   }
-  // Of a texel's channel: the sum over all samples that it is in, of its share times by(row, view).
+  // The gradient of a texel's channel: the sum over all samples that include it, of its share times by(row, view).
   template <class By>
   double gradient(long texel, const By& by) const {
     const long view = texel / (kTokens * kTokens), y = texel / kTokens % kTokens, x = texel % kTokens;
