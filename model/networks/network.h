@@ -1,5 +1,5 @@
-// A network on the device, whichever it is: what reconstructing, measuring and training take of one. Behind it stands
-// the network's own room; how each of them is taken is in a source of its own here.
+// The interface of a network on a device, for reconstruction, evaluation and training. Each architecture has its own
+// folder and an implementation of this interface in it.
 #pragma once
 #include <memory>
 #include <utility>
@@ -19,22 +19,23 @@ class Network {
  public:
   virtual ~Network() = default;
 
-  // Cameras are in the object's frame. Of ForwardOptions each takes what it knows of: LaRa's and GenDen's select
-  // primitives that are not transparent, without noise or temperature; GenDen's seed is that of its curves' order.
+  // Cameras are in the object's frame. Each architecture uses the ForwardOptions that apply to it: LaRa's and GenDen's
+  // networks select the primitives that are not transparent, without noise or temperature; GenDen's takes the seed for
+  // the order of its curves.
   virtual const AnyConfig& config() const = 0;
-  // How what it makes is drawn in that frame, over white.
+  // Options for rendering its result in that frame, over white.
   virtual RenderOptions drawing() const = 0;
 
   struct Result {
     DeviceGaussians coarse, final;
-    std::vector<int> voxels;  // selected, or with a primitive that is: ascending
+    std::vector<int> voxels;  // voxels that are selected or hold a selected primitive, ascending
     int volume = 0;           // voxels along an edge of their grid
-    Tensor rays;              // [V, t, t, 6], where poses are predicted
+    Tensor rays;              // [V, t, t, 6] if poses are predicted
   };
-  // Plans and makes its memory, see VsplatModel::forward().
+  // Plans and reserves its memory, see VsplatModel::forward().
   virtual Result forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                          const ForwardOptions& options) const = 0;
-  // What that takes.
+  // Memory that forward needs.
   virtual MemoryPlan plan(const Context& ctx, long views, long selected) const = 0;
 
   // What an architecture keeps between the calls of a training's step.
@@ -59,7 +60,7 @@ class Network {
     std::shared_ptr<State> state;
   };
   struct Trained {
-    DeviceGaussians coarse, final;  // none where there is one level, or ForwardOptions::fine is not set
+    DeviceGaussians coarse, final;  // `final` is empty if there is one level or ForwardOptions::fine is false
     long selected = 0;
     Tensor rays;                   // as Result has them
     std::shared_ptr<State> state;  // backward takes it apart as it goes
@@ -67,16 +68,15 @@ class Network {
   virtual Half begin(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                      const ForwardOptions& options, bool recompute) const = 0;
   virtual Trained finish(Context& ctx, Half half, const ForwardOptions& options) const = 0;
-  // From gradients by both levels, `dfinal` without tensors where there is one, and by predicted rays alone, to those
-  // by the weights, which are added to LearntWeights'. `dcoarse` and `drays` are used up; no `drays`: zeros, or there
-  // are no rays.
+  // Takes the gradients by both levels (`dfinal` without tensors if there is one) and by predicted rays; adds those by
+  // the weights to LearntWeights'. Consumes `dcoarse` and `drays`. `drays` is empty for zeros or if there are no rays.
   virtual void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
                         const GaussianGradients& dfinal, const Tensor& drays) const = 0;
 };
 
 // Uploads and repacks the weights.
 std::unique_ptr<Network> make_network(Context& ctx, const AnyConfig& config, const WeightSource& weights);
-// What a model not loaded yet would take, weights included; nothing is allocated.
+// Memory of a model that is not loaded yet, including its weights; allocates nothing.
 MemoryPlan plan_network(const Context& ctx, const AnyConfig& config, const Weights& weights, long views, long selected);
 
 // For make_network().

@@ -15,7 +15,7 @@
 namespace vsplat {
 namespace {
 
-// The rows of x [N, C] that an index names.
+// Rows of x [N, C], selected by an index.
 Tensor rows_at(Context& ctx, const Tensor& x, const Tensor& index, const char* what) {
   const Tensor out = ctx.tensor({index.dim(0), x.dim(1)}, Type::f32, what);
   gather_forward(ctx, {x, index, out});
@@ -34,12 +34,12 @@ Tensor children_rows(Context& ctx, long n) {
   return ctx.upload({n}, rows, Type::i32, "densify.rows");
 }
 
-// Of a level's points. As the published code rounds: both are floats.
+// Number of a level's points that continue. Computed in float, to round like the published code.
 long going_on(const DensifyConfig& config, long points) {
   return static_cast<long>(std::ceil(static_cast<float>(config.non_leaf_ratio) * static_cast<float>(points)));
 }
 
-// The k largest, and the others: ascending.
+// Indices of the k largest values, and of the others, ascending.
 struct Chosen {
   Tensor on, off;
 };
@@ -73,13 +73,13 @@ long densified_count(const DensifyConfig& config, long candidates) {
   return out;
 }
 
-// What a level's backward wants beside its stage's.
+// What a level's backward needs besides its stage's state.
 struct Densifier::LevelSaved {
   DensifyLevelStage::Saved stage;
-  Tensor feature;                  // [n, C'] of the children
-  Tensor sure_hidden, confidence;  // where some go on
+  Tensor feature;                  // [n, C'], of the children
+  Tensor sure_hidden, confidence;  // if some points continue
   Chosen chosen;
-  Tensor head_input, head_hidden;  // of those whose attributes were made
+  Tensor head_input, head_hidden;  // of the points whose attributes were computed
 };
 
 struct Densifier::Saved {
@@ -98,7 +98,7 @@ Densifier::Densifier(Context& ctx, const DensifyConfig& config, long sh_count, c
 std::vector<Densifier::Leaves> Densifier::grow(Context& ctx, Tensor points, Tensor feature, const CurveOrders& orders,
                                                Saved* saved, const DensifyTap& tap) const {
   std::vector<Leaves> out;
-  Tensor parent;  // attributes of those that went on
+  Tensor parent;  // attributes of the points that continued
   for (std::size_t s = 0; s < levels_.size(); ++s) {
     const DensifyLevelStage& level = levels_[s];
     const std::string name = "level." + std::to_string(s) + ".";
@@ -196,7 +196,7 @@ Densifier::Gradients Densifier::backward(Context& ctx, Saved& saved, const Gauss
 
 DensifyLevelStage::Children Densifier::grow_backward(Context& ctx, Saved& saved,
                                                      const std::vector<Leaves>& dleaves) const {
-  DensifyLevelStage::Children d;  // by what went on to the level behind
+  DensifyLevelStage::Children d;  // gradient by the points that continued to the next level
   Tensor dparent;
   for (std::size_t s = levels_.size(); s-- > 0;) {
     const DensifyLevelStage& level = levels_[s];

@@ -1,5 +1,5 @@
-// Generative Densification: Gaussians that are too coarse are replaced by what grows out of their features, level by
-// level. Of a level's points the surest go on to the next one, the others are leaves.
+// Generative Densification: replaces Gaussians that are too coarse by finer ones that grow from their features, level
+// by level. A level's most confident points continue to the next level; the others are leaves.
 #pragma once
 #include <functional>
 #include <vector>
@@ -9,43 +9,43 @@
 
 namespace vsplat {
 
-// Which curve each block of each level takes: a permutation of the curves for every level.
+// The curve of each block of each level: a permutation of the curves per level.
 using CurveOrders = std::vector<std::vector<int>>;
-// Those that PyTorch's randperm draws, level by level, behind manual_seed(seed).
+// The permutations that PyTorch's randperm draws level by level after manual_seed(seed).
 CurveOrders random_orders(const DensifyConfig& config, std::uint64_t seed);
 
-// How many Gaussians come of so many candidates.
+// Number of Gaussians after densification of so many candidates.
 long densified_count(const DensifyConfig& config, long candidates);
 
 class Densifier {
  public:
-  // Takes "dec.*". `sh_count`: spherical harmonics of a Gaussian.
+  // Loads "dec.*". `sh_count`: spherical harmonics of a Gaussian.
   Densifier(Context& ctx, const DensifyConfig& config, long sh_count, const WeightSource& weights);
 
-  // Gaussians of which the less fine ones are replaced, and what else is told of them.
+  // The candidates for replacement, with their scores and features.
   struct Input {
     DeviceGaussians candidates;  // P
     Tensor score;                // [P]: the top_k largest are replaced
-    // i32 [k]: those -> their features [k, C]. Runs on a plan, too.
+    // Maps the indices of replaced candidates, i32 [k], to their features [k, C]. Also runs on a plan.
     std::function<Tensor(Context&, const Tensor& selected)> features;
     CurveOrders orders;
   };
   struct Saved;
-  // The new ones, level by level, then those that were not replaced.
+  // Returns the new Gaussians, level by level, then the candidates that were not replaced.
   DeviceGaussians forward(Context& ctx, const Input& in, std::shared_ptr<Saved>* saved = nullptr,
                           const DensifyTap& tap = {}) const;
 
   struct Gradients {
     Tensor selected;               // i32 [k]
     GaussianGradients candidates;  // P
-    Tensor features;               // [k, C]; none where k is 0
+    Tensor features;               // [k, C]; empty if k is 0
   };
-  // From the loss by what forward gave. Takes `saved` apart.
+  // Gradients of the loss, given its gradient by forward's result. Consumes `saved`.
   Gradients backward(Context& ctx, Saved& saved, const GaussianGradients& dfinal) const;
 
  private:
   struct LevelSaved;
-  // A level's leaves: where they are, and their raw attributes [Q, 8 + 3 S].
+  // A level's leaves: their positions, and their raw attributes [Q, 8 + 3 S].
   struct Leaves {
     Tensor points, attributes;
   };

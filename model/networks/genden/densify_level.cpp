@@ -24,7 +24,7 @@ Tensor plain_norm(Context& ctx, const Tensor& x, const char* what) {
   return normed_forward(ctx, kPlain, x, kEps, what);
 }
 
-// Linear, GELU, Linear. `hidden`: before GELU, for the backward, or null.
+// Linear, GELU, Linear. `hidden`: receives the values before GELU for the backward, or null.
 Tensor gelu_forward(Context& ctx, const Linear& first, const Linear& second, const Tensor& x, const char* name,
                     Tensor* hidden, const Tensor& base = {}) {
   Tensor h = linear_forward(ctx, first, rows_of(x), name, hidden ? Activation::none : Activation::gelu);
@@ -38,7 +38,7 @@ Tensor gelu_forward(Context& ctx, const Linear& first, const Linear& second, con
   return base;
 }
 
-// dx [rows, in]: written, or with `add` added to.
+// dx [rows, in]: overwritten, or added to if `add` is set.
 void gelu_backward(Context& ctx, const Linear& first, const Linear& second, const Tensor& x, const Tensor& hidden,
                    const Tensor& dy, const Tensor& dx, bool add, const char* name) {
   const Tensor dhidden = ctx.tensor(hidden.shape(), Type::f32, name);
@@ -161,13 +161,14 @@ DensifyLevelStage::Children DensifyLevelStage::forward(Context& ctx, const Tenso
   up.raw = raw, up.points = points, up.feature = parent;
   up.frequencies = config_.frequencies;
   up.reach = cell() / 2;
-  up.unit = config_.residual ? 2 : 1;  // the residual model works in coordinates from -1 to 1; only waves notice
+  // the residual model's coordinates range from -1 to 1; this only affects the frequencies
+  up.unit = config_.residual ? 2 : 1;
   up.children = ctx.tensor({n, 3}, Type::f32, "densify.children");
   up.offsets = ctx.tensor({n, 3}, Type::f32, "densify.offsets");
   up.wide = ctx.tensor({n, 6L * config_.frequencies + c}, Type::f32, "densify.wide");
   upscale_forward(ctx, up);
   if (tap) tap(level + "offset", up.offsets), tap(level + "xyz", up.children);
-  // Every child takes its parent's skip.
+  // Every child gets its parent's skip.
   const Tensor summed = ctx.tensor({n, layers_.skip.w.n}, Type::f32, "densify.summed");
   gather_forward(ctx, {linear_forward(ctx, layers_.skip, rows_of(parent), "skip"), count_up(ctx, n), summed, 0, f});
   gelu_forward(ctx, layers_.feature1, layers_.feature2, plain_norm(ctx, up.wide, "densify.normed"), "delta_f",
@@ -209,14 +210,14 @@ void DensifyLevelStage::block_backward(Context& ctx, const Block& b, const Level
     {
       const Tensor dgathered = like(s.gathered);
       linear_backward(ctx, b.proj, {rows_of(s.gathered), d, dgathered, {}, false, "attn.proj"});
-      ctx.fill_zero(dattended);  // nothing comes back to what fills up the last run
+      ctx.fill_zero(dattended);  // the padding of the last run has no gradient
       gather_backward(ctx, {dgathered, runs.places, flat(dattended)});
     }
     attention_backward(ctx, {s.qkv, s.attended, s.stats, dattended, dqkv});
     const long p = d.dim(0), c = d.dim(1), slots = runs.runs * runs.size;
     const Tensor down = ctx.tensor({p, 3 * c}, Type::f32, "densify gradient");
     ctx.fill_zero(down);
-    // Each point's own slot, then what fills up the last run: in either no point twice.
+    // First each point's own slot, then the padding of the last run: no point occurs twice in either.
     const Tensor by_slot = dqkv.reshaped({slots, 3 * c});
     gather_backward(ctx, {by_slot, runs.slots.first(p), down, 0, 1, 0});
     if (slots > p) {

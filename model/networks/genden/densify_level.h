@@ -1,5 +1,5 @@
-// One level of the densifier: points in the order of space-filling curves go through blocks of a submanifold
-// convolution, attention inside runs and an MLP; then each becomes several.
+// One level of the densifier. Points, ordered along space-filling curves, pass through blocks of a submanifold
+// convolution, attention within runs, and an MLP; then each is split into several points.
 #pragma once
 #include <functional>
 #include <string>
@@ -11,15 +11,15 @@
 
 namespace vsplat {
 
-// Called with a stage's result under its golden name ("level.0.block0.conv"); may be none.
+// Called with a stage's result under its golden name ("level.0.block0.conv"); may be empty.
 using DensifyTap = std::function<void(const std::string&, const Tensor&)>;
 
-// Where a level's points are, and who is whose neighbour.
+// A level's points in space, and their neighbours.
 struct LevelPlaces {
   GridCells cells;
-  Tensor codes, points;         // by Morton's order, as CellMapForward has them
+  Tensor codes, points;         // in Morton order, as in CellMapForward
   Tensor standing, map;         // of cell_map_forward()
-  std::vector<CurveRuns> runs;  // of each block
+  std::vector<CurveRuns> runs;  // one per block
 };
 
 class DensifyLevelStage {
@@ -27,37 +27,37 @@ class DensifyLevelStage {
   DensifyLevelStage(const DensifyConfig& config, std::size_t s, DensifyLevel<WeightLoader> layers)
       : config_(config), s_(s), layers_(std::move(layers)) {}
 
-  // What a block's backward wants of its forward; norms and GELU it makes again.
+  // What a block's backward needs from its forward; norms and GELU are recomputed.
   struct BlockSaved {
-    Tensor x, conv, mixed;        // [P, C]: the input; behind the convolution; behind its Linear
-    Tensor middle;                // behind the sum with the norm of that
+    Tensor x, conv, mixed;        // [P, C]: the input; after the convolution; after its Linear
+    Tensor middle;                // after the sum of x and the norm of `mixed`
     Tensor qkv, attended, stats;  // in runs
-    Tensor gathered;              // [P, C]: what was attended, in the points' order
-    Tensor after, hidden;         // behind the attention; in the MLP before GELU
+    Tensor gathered;              // [P, C]: `attended` in the points' order
+    Tensor after, hidden;         // after the attention; in the MLP before GELU
   };
   struct Saved {
     LevelPlaces places;
     std::vector<BlockSaved> blocks;
-    Tensor last;                          // [P, C]: what the blocks made
-    Tensor parent, offset_hidden, raw;    // its norm [P, C]; before GELU; [P, 3 F]
+    Tensor last;                          // [P, C]: output of the blocks
+    Tensor parent, offset_hidden, raw;    // norm of `last` [P, C]; before GELU; [P, 3 F]
     Tensor wide, feature_hidden, summed;  // [P F, W]; before GELU; before the last norm [P F, C']
   };
   struct Children {
     Tensor points, feature;  // [P F, 3], [P F, C']
   };
-  // points [P, 3], feature [P, C], P at least 1. `perm`: which curve each block takes.
+  // points [P, 3], feature [P, C], P at least 1. `perm`: the curve of each block.
   Children forward(Context& ctx, const Tensor& points, const Tensor& feature, const std::vector<int>& perm,
                    Saved* saved, const DensifyTap& tap) const;
-  // From the loss by children to that by the points, dpoints [P, 3] and dfeature [P, C], which are returned.
+  // Takes the gradients by the children; returns those by the points, dpoints [P, 3] and dfeature [P, C].
   Children backward(Context& ctx, Saved saved, const Children& dchildren) const;
 
-  // Confidence, P -> [P]: logits of what goes on.
+  // Confidence, P -> [P]: logits of continuing to the next level.
   Tensor sureness(Context& ctx, const Tensor& feature, Tensor* hidden) const;
   void sureness_backward(Context& ctx, const Tensor& feature, const Tensor& hidden, const Tensor& dlogits,
                          const Tensor& dfeature) const;
-  // Raw attributes [Q, 8 + 3 S] of features [Q, C'], added to `base` where it is given.
+  // Raw attributes [Q, 8 + 3 S] of features [Q, C'], added to `base` if given.
   Tensor head(Context& ctx, const Tensor& feature, const Tensor& base, Tensor* hidden) const;
-  // dfeature is added to.
+  // Adds to dfeature.
   void head_backward(Context& ctx, const Tensor& feature, const Tensor& hidden, const Tensor& draw,
                      const Tensor& dfeature) const;
 
@@ -68,7 +68,7 @@ class DensifyLevelStage {
   LevelPlaces places(Context& ctx, const Tensor& points, const std::vector<int>& perm) const;
   Tensor block_forward(Context& ctx, const Block& block, const LevelPlaces& places, const CurveRuns& runs,
                        const Tensor& x, BlockSaved* saved, const std::string& name, const DensifyTap& tap) const;
-  // d: by the block's output before, by its input after.
+  // d: gradient by the block's output on entry, by its input on return.
   void block_backward(Context& ctx, const Block& block, const LevelPlaces& places, const Tensor& back,
                       const CurveRuns& runs, const BlockSaved& saved, const Tensor& d) const;
 

@@ -32,7 +32,7 @@ DeviceGaussians GendenModel::densify(Context& ctx, const LaraResult& base, const
   in.candidates = base.final;
   in.score = ctx.tensor({p}, Type::f32, "densify.score");
   gather_forward(ctx, {score.reshaped({score.dim(0), 1}), base.index, in.score.reshaped({p, 1})});
-  // What the fine decoder made for it, then its voxel's.
+  // The fine decoder's features, then the voxel's.
   in.features = [&](Context& on, const Tensor& selected) {
     const long k = selected.dim(0);
     const Tensor out = on.tensor({k, f + c}, Type::f32, "densify.feature");

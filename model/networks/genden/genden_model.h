@@ -1,5 +1,5 @@
-// GenDen's network, whole: LaRa's with one Gaussian a voxel makes the candidates, and those at whose places the input
-// views pull at most are replaced by finer ones.
+// GenDen's whole network. LaRa's network with one Gaussian a voxel makes the candidates; those with the largest
+// screen-space scores in the input views are replaced by finer ones.
 #pragma once
 #include <memory>
 #include <vector>
@@ -11,16 +11,16 @@
 namespace vsplat {
 
 struct GendenOptions {
-  LaraOptions backbone;  // its tap and progress are those of everything
-  CurveOrders orders;    // none: random_orders() of the seed
+  LaraOptions backbone;  // its tap and progress serve the whole network
+  CurveOrders orders;    // empty: random_orders() of the seed
   std::uint64_t seed = 0;
-  const Tensor* score = nullptr;  // [N], instead of what the views pull
+  const Tensor* score = nullptr;  // [N], replaces the screen-space scores
 };
 
 struct GendenResult {
-  DeviceGaussians coarse;  // of each voxel
-  DeviceGaussians final;   // the new ones, then those that were not replaced
-  std::vector<int> kept;   // of the coarse ones, ascending
+  DeviceGaussians coarse;  // one per voxel
+  DeviceGaussians final;   // the new ones, then the coarse ones that were not replaced
+  std::vector<int> kept;   // indices of the candidates among the coarse ones, ascending
 };
 
 class GendenModel {
@@ -34,8 +34,8 @@ class GendenModel {
   GendenResult forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                        const GendenOptions& options) const;
 
-  // A training's forward, in two halves or in one, and backward, as LaraModel has them. No gradient flows through the
-  // scores.
+  // A training's forward, in two halves or in one, and its backward, as in LaraModel. The scores are constants for the
+  // gradient.
   struct Trained {
     GendenResult result;
     LaraModel::Trained backbone;

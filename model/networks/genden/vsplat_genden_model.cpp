@@ -15,11 +15,11 @@
 
 namespace vsplat {
 
-// What the backward wants of the densifier's half.
+// What the backward needs from the densifier's half.
 struct VsplatGendenModel::Dense {
   std::shared_ptr<Densifier::Saved> saved;
-  Tensor index;   // i32 [Q]: which of the final Gaussians are candidates
-  Tensor rows;    // i32 [k]: the voxel of each that was replaced, as a row of the refined features
+  Tensor index;   // i32 [Q]: indices of the candidates among the final Gaussians
+  Tensor rows;    // i32 [k]: for each replaced Gaussian, its voxel's row in the refined features
   long base = 0;  // N
 };
 
@@ -52,7 +52,7 @@ DeviceGaussians VsplatGendenModel::densify(Context& ctx, const DeviceGaussians& 
     in.score = ctx.tensor({index.dim(0)}, Type::f32, "densify.score");
     gather_forward(ctx, {score.reshaped({n, 1}), index, in.score.reshaped({index.dim(0), 1})});
   }
-  // M fine ones of each voxel, then a skeletal one of each.
+  // M fine Gaussians per voxel, then one skeletal Gaussian per voxel.
   std::vector<int> voxels(static_cast<std::size_t>(n));
   for (long i = 0; i < n; ++i) voxels[static_cast<std::size_t>(i)] = static_cast<int>(i < m * p ? i / m : i - m * p);
   const Tensor voxel = ctx.upload({n}, voxels, Type::i32, "densify.voxels");
@@ -143,7 +143,7 @@ void VsplatGendenModel::backward(Context& ctx, Trained& trained, const GaussianG
     const Densifier::Gradients d = densifier_->backward(ctx, *dense.saved, dfinal);
     const Stage stage(ctx, "densify");
     gather_backward(ctx, d.candidates, dense.index, dbase);
-    if (d.features) {  // several of those that were replaced may have one voxel's
+    if (d.features) {  // several replaced Gaussians may share a voxel
       const long k = d.features.dim(0);
       drefined = ctx.tensor(trained.backbone.refined.shape(), Type::f32, "gradient by refined");
       ctx.fill_zero(drefined);

@@ -1,5 +1,5 @@
-// VS-Splat's network with the densifier behind it: its final Gaussians, fine and skeletal, are the candidates where
-// they are not transparent; each brings the refined feature of its voxel.
+// VS-Splat's network followed by the densifier. The candidates are its final Gaussians, fine and skeletal, that are not
+// transparent; each has the refined feature of its voxel.
 #pragma once
 #include <memory>
 #include <vector>
@@ -11,18 +11,18 @@
 namespace vsplat {
 
 struct VsplatGendenOptions {
-  ForwardOptions backbone;  // its tap and progress are those of everything
-  CurveOrders orders;       // none: random_orders() of the seed
+  ForwardOptions backbone;  // its tap and progress serve the whole network
+  CurveOrders orders;       // empty: random_orders() of the seed
   std::uint64_t seed = 0;
-  const Tensor* score = nullptr;  // [N], instead of what the views pull
+  const Tensor* score = nullptr;  // [N], replaces the screen-space scores
 };
 
 struct VsplatGendenResult {
-  DeviceGaussians coarse;     // VS-Splat's coarse ones
-  DeviceGaussians base;       // VS-Splat's final ones, N = (M + 1) P
+  DeviceGaussians coarse;     // VS-Splat's coarse Gaussians
+  DeviceGaussians base;       // VS-Splat's final Gaussians, N = (M + 1) P
   DeviceGaussians final;      // the new ones, then the candidates that were not replaced
   std::vector<int> selected;  // voxels
-  Tensor rays;                // [V, t, t, 6], where poses are predicted
+  Tensor rays;                // [V, t, t, 6] if poses are predicted
 };
 
 class VsplatGendenModel {
@@ -36,8 +36,8 @@ class VsplatGendenModel {
   VsplatGendenResult forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                              const VsplatGendenOptions& options) const;
 
-  // A training's forward, in two halves or in one, and backward, as VsplatModel has them. No gradient flows through the
-  // scores. `drays` is by predicted rays alone.
+  // A training's forward, in two halves or in one, and its backward, as in VsplatModel. The scores are constants for
+  // the gradient. `drays` is used only with predicted rays.
   struct Dense;
   struct Trained {
     DeviceGaussians final;

@@ -18,7 +18,7 @@ constexpr float kEps = 1e-5f;
 
 CoarseKind kind_of(const LaraConfig& c) { return {c.primitives, 0.25 * c.grid() / c.offset_cells, true}; }
 
-// Rows [first, first + n) by themselves.
+// A copy of rows [first, first + n).
 Tensor rows_from(Context& ctx, const Tensor& x, long first, long n) {
   const Tensor out = ctx.tensor({n, x.dim(1)}, Type::f32, "decoder.rows");
   compose_rows(ctx, rows_of(x), out, first);

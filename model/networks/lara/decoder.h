@@ -1,5 +1,5 @@
-// LaRa's decoders: a voxel's feature to K primitives; and the colours of those that are kept, from what the input views
-// show at their places.
+// LaRa's decoders: from a voxel's feature to K primitives, and from the input views at a kept primitive's position to
+// its colours.
 #pragma once
 #include <vector>
 
@@ -12,16 +12,16 @@ namespace vsplat {
 
 class LaraCoarseDecoder {
  public:
-  // Takes "decoder.mlp_coarse.*".
+  // Loads "decoder.mlp_coarse.*".
   LaraCoarseDecoder(Context& ctx, const LaraConfig& config, const WeightSource& weights);
 
   struct Saved {
-    std::vector<Tensor> mlp;  // what each layer was given
+    std::vector<Tensor> mlp;  // input of each layer
     Tensor raw;               // [N, K A]
   };
   // volume [N, C], N = (2R)^3 -> N K primitives, voxel by voxel.
   DeviceGaussians forward(Context& ctx, const Tensor& volume, Saved* saved = nullptr) const;
-  // By the primitives to that by the volume, which is added to.
+  // Takes the gradients by the primitives; adds the gradient by the volume to dvolume.
   void backward(Context& ctx, const Saved& saved, const GaussianGradients& dgaussians, const Tensor& dvolume) const;
 
  private:
@@ -31,40 +31,40 @@ class LaraCoarseDecoder {
 
 class LaraFineDecoder {
  public:
-  // Takes "decoder.norm.*", "decoder.cross_att.*" and "decoder.mlp_fine.*".
+  // Loads "decoder.norm.*", "decoder.cross_att.*" and "decoder.mlp_fine.*".
   LaraFineDecoder(Context& ctx, const LaraConfig& config, const WeightSource& weights);
 
   struct Input {
     Tensor volume;          // [N, C]
-    Tensor means;           // [P, 3], of the kept primitives
-    std::vector<int> kept;  // P of them: primitive / K is the voxel; ascending
+    Tensor means;           // [P, 3], the kept primitives
+    std::vector<int> kept;  // indices of the P kept primitives, ascending; primitive / K is the voxel
     Tensor maps;            // [V, S, S, 8], see model/ops/networks/view_maps.h
     DeviceCameras cameras;
-    long block = 16384;  // how many primitives come at a time: keys and values of all would be gigabytes
+    long block = 16384;  // primitives processed at a time: keys and values of all would take gigabytes
   };
-  // -> [P, F + 3 S]: F features, then what is added to the colours.
+  // -> [P, F + 3 S]: F features, then the values added to the colours.
   Tensor forward(Context& ctx, const Input& in) const;
-  // -> [P, V, 8]: what the views show at each one's place, of all of them at once.
+  // -> [P, V, 8]: samples of the views at each position, for all primitives at once.
   Tensor samples(Context& ctx, const Input& in) const;
 
-  // All added to, and each may be none where it is not wanted but the first.
+  // All are added to. Any but the first may be empty if it is not needed.
   struct Gradients {
     Tensor volume;  // [N, C]
-    Tensor means;   // [N K, 3], by the coarse primitives
+    Tensor means;   // [N K, 3], by the coarse primitives' means
     Tensor maps;    // [V, S, S, 8]
   };
-  // dout [P, F + 3 S]. Makes what it wants of the forward again, a block at a time.
+  // dout [P, F + 3 S]. Recomputes the forward, a block at a time.
   void backward(Context& ctx, const Input& in, const Tensor& dout, const Gradients& out) const;
 
  private:
-  // What the primitives first .. first + n - 1 went through.
+  // Intermediate values of the primitives first .. first + n - 1.
   struct Block {
     long first, n;
     Tensor index;                            // i32 [n]
     Tensor points;                           // [n, 3]
     Tensor feature, samples;                 // [n, C], [n, V, 8]
-    Tensor q, k, v, attended, stats, mixed;  // mixed: behind the attention's last Linear
-    Tensor hidden;                           // [n, fine_hidden], behind ReLU
+    Tensor q, k, v, attended, stats, mixed;  // mixed: after the attention's last Linear
+    Tensor hidden;                           // [n, fine_hidden], after ReLU
   };
   Block run(Context& ctx, const Input& in, long first, long n, bool keep) const;
   void backward(Context& ctx, const Input& in, const Block& block, const Tensor& dout, const Gradients& out) const;

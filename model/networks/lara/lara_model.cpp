@@ -142,7 +142,7 @@ LaraResult LaraModel::fine(Context& ctx, const Coarse& state, const LaraOptions&
   out.coarse = state.gaussians;
   out.index = state.index;
   out.volume = state.volume;
-  // The fine decoder takes some at a time, and results tell which they are.
+  // The host needs the indices for the fine decoder's blocks and for the result.
   out.kept.resize(static_cast<std::size_t>(state.index.dim(0)));
   if (!ctx.planning()) out.kept = ctx.read<int>(state.index);
   {
@@ -186,7 +186,7 @@ LaraResult LaraModel::forward(Context& ctx, const Tensor& images, const std::vec
     ctx.memory().commit(planner->memory());
   }
   const Coarse state = coarse(ctx, images, cameras, options, nullptr);
-  {  // how much the fine half takes is known only now
+  {  // the fine half's memory is known only now
     const auto planner = ctx.planner();
     fine(*planner, state, options, nullptr);
     refuse_unless_fits(*planner, fmt::format("the fine stage at {} kept primitives", state.index.dim(0)));
@@ -217,7 +217,7 @@ MemoryPlan LaraModel::plan(const Context& ctx, long views, long kept) const {
   const Tensor images = first->tensor({views, edge, edge, 3}, Type::f32, "pictures");
   const Coarse state = coarse(*first, images, cameras, options, nullptr);
   out.selected = state.index.dim(0);
-  const auto second = first->planner();  // the first half's slabs stand; the second grows beside them
+  const auto second = first->planner();  // keeps the first half's slabs; the second half adds its own
   fine(*second, state, options, nullptr);
   out.peak = second->memory().peak();
   for (const Context* part : {first.get(), second.get()})

@@ -1,6 +1,6 @@
-// LaRa's network, whole: posed pictures in, surfels (or, as GenDen's backbone, Gaussians) out. Encoder, modulation,
-// lifting, volume transformer, coarse decoder; the coarse primitives are drawn in the input views; those that are not
-// transparent get finer colours from what photographs and drawings show at their places.
+// LaRa's whole network: from posed pictures to surfels (or Gaussians, as GenDen's backbone). Encoder, modulation,
+// lifting, volume transformer and coarse decoder make coarse primitives. These are rendered in the input views. Those
+// that are not transparent get finer colours from the photographs and the renderings at their positions.
 #pragma once
 #include <functional>
 #include <memory>
@@ -18,35 +18,36 @@
 
 namespace vsplat {
 
-// Draws the coarse primitives in an input view, over white: [1, S, S, ..], depth accumulated.
+// Renders the coarse primitives in an input view, over white: [1, S, S, ..], with accumulated depth.
 using DrawView = std::function<ViewDrawings(Context&, const DeviceGaussians&, const Camera&)>;
 
 struct LaraOptions {
-  DrawView draw;                       // none: draw_view() below
-  const ViewDrawings* held = nullptr;  // of all views, used instead of drawing; their depth is divided by alpha already
-  long planned_kept = 0;               // primitives that a plan takes for kept
-  bool fine = true;                    // in a training, with the final primitives
-  // As ForwardOptions has them.
+  DrawView draw;  // empty: draw_view() below
+  // renderings of all views to use instead; their depth is already divided by alpha
+  const ViewDrawings* held = nullptr;
+  long planned_kept = 0;  // kept primitives that a plan assumes
+  bool fine = true;       // in training: whether to compute the final primitives
+  // As in ForwardOptions.
   std::function<void(const std::string&, const Tensor&)> tap;
   std::function<void(const std::string& stage, double done)> progress;
 };
 
 struct LaraResult {
-  DeviceGaussians coarse;  // K of each of the (2R)^3 voxels
-  DeviceGaussians final;   // the P of them that are kept, with their finer colours
-  Tensor features;         // [P, F], what the fine decoder gives beside colours; none where F = 0
-  std::vector<int> kept;   // which: ascending
-  Tensor index;            // i32 [P]: the same on the device
+  DeviceGaussians coarse;  // K per voxel of the (2R)^3
+  DeviceGaussians final;   // the P kept ones, with finer colours
+  Tensor features;         // [P, F], the fine decoder's features besides the colours; empty if F = 0
+  std::vector<int> kept;   // indices of the kept ones, ascending
+  Tensor index;            // i32 [P]: the same indices on the device
   Tensor volume;           // [(2R)^3, out_ch]: primitive / K is its voxel
 };
 
-// Gradients by what a result tells beside primitives; none where nothing depends on it.
+// Gradients by a result's features; empty if nothing depends on them.
 struct LaraFeatureGradients {
   Tensor features;  // [P, F]
-  Tensor voxels;    // [P, out_ch], by the volume's rows of the kept ones
+  Tensor voxels;    // [P, out_ch], by the kept primitives' rows of the volume
 };
 
-// By model/render's renderer, as the configuration says.
+// Options and function for the renderer of model/render, from the configuration.
 RenderOptions drawing_of(const LaraConfig& config);
 DrawView draw_view(const LaraConfig& config);
 
@@ -58,12 +59,12 @@ class LaraModel {
 
   const LaraConfig& config() const { return config_; }
 
-  // images [V,S,S,3] in [0,1], on white; cameras in the object's frame, 1 to view_slots of them: Error(usage) names the
-  // field where there are more. Plans and reserves the memory of each half before it runs, as VsplatModel does.
+  // images [V,S,S,3] in [0,1], on white. cameras in the object's frame, 1 to view_slots: for more, Error(usage) names
+  // the field. Plans and reserves the memory of each half before it runs, like VsplatModel.
   LaraResult forward(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                      const LaraOptions& options) const;
 
-  // A training's forward, in two calls, which plan no memory; both keep what backward needs.
+  // A training's forward, in two calls, which plan no memory. Both keep what backward needs.
   struct Coarse;
   struct Saved;
   struct CoarseHalf {
@@ -72,22 +73,23 @@ class LaraModel {
     std::shared_ptr<Saved> saved;
   };
   struct Trained {
-    LaraResult result;             // without final ones where LaraOptions::fine is not set
-    std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
+    LaraResult result;             // without final primitives if LaraOptions::fine is false
+    std::shared_ptr<Saved> saved;  // consumed by backward
   };
-  // `recompute`: of most stages the inputs alone are kept, and backward runs each once more before its own.
+  // `recompute`: stores only the inputs of most stages; backward runs each stage once more.
   CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras,
                                 const LaraOptions& options, bool recompute) const;
   Trained fine_in_training(Context& ctx, CoarseHalf half, const LaraOptions& options) const;
-  // From gradients by the coarse and the final primitives to those by the weights, which are added to LearntWeights'.
-  // `dcoarse` is used up. `dfinal` without tensors: nothing depends on the final ones; else the coarse ones are drawn
-  // once more, for what the final colours owe to them. Drawings that LaraOptions gave are constants.
+  // Takes the gradients by the coarse and the final primitives; adds those by the weights to LearntWeights'. Consumes
+  // `dcoarse`. `dfinal` without tensors: nothing depends on the final primitives. Otherwise the coarse ones are
+  // rendered once more, for the gradient of the final colours through the renderings. Renderings given in LaraOptions
+  // are constants.
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                 const LaraFeatureGradients& by = {}) const;
 
-  // What forward would take for so many views and kept primitives. `ctx` may be a planner.
+  // Memory that forward needs for so many views and kept primitives. `ctx` may be a planner.
   MemoryPlan plan(const Context& ctx, long views, long kept) const;
-  // The same for a model not loaded yet, weights included; nothing is allocated.
+  // The same for a model that is not loaded yet, including its weights; allocates nothing.
   static MemoryPlan plan(const Context& ctx, const LaraConfig& config, const Weights& weights, long views, long kept);
 
  private:
@@ -97,9 +99,10 @@ class LaraModel {
   LaraResult fine(Context& ctx, const Coarse& state, const LaraOptions& options, Saved* saved) const;
   Tensor draw(Context& ctx, const Tensor& images, const std::vector<Camera>& cameras, const DeviceGaussians& coarse,
               const LaraOptions& options) const;
-  // From the maps that the fine decoder sampled, through the drawings, to the coarse primitives, added to.
+  // Takes the gradient by the maps that the fine decoder sampled; adds those by the coarse primitives, through the
+  // renderings.
   void drawings_backward(Context& ctx, const Saved& saved, const Tensor& dmaps, const GaussianGradients& dcoarse) const;
-  // What the stages are run from once more, where they do not keep what backward needs.
+  // Stores the inputs of the stages that backward will run again.
   void hold_inputs(Saved& saved, const Tensor& images, const Coarse& state) const;
 
   LaraConfig config_;

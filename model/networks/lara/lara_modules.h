@@ -1,4 +1,4 @@
-// The network's stages, and what passes between its two halves: for the sources of LaraModel alone.
+// LaRa's stages, and the data between its two halves. Included only by the sources of LaraModel.
 #pragma once
 #include "model/networks/lara/decoder.h"
 #include "model/networks/lara/lara_model.h"
@@ -27,17 +27,17 @@ struct LaraModel::Modules {
         fine_decoder(ctx, config, weights) {}
 };
 
-// What the coarse half leaves to the fine one.
+// Results of the coarse half that the fine half needs.
 struct LaraModel::Coarse {
   DeviceCameras cameras;
-  Tensor tokens;              // [V,1+t t,C]; in training alone
+  Tensor tokens;              // [V,1+t t,C]; in training only
   Tensor volume;              // [(2R)^3,C]
   DeviceGaussians gaussians;  // K (2R)^3
-  Tensor index;               // i32 [P]: the kept ones
-  Tensor maps;                // [V,S,S,8]: what the views show, see model/ops/networks/view_maps.h
+  Tensor index;               // i32 [P]: indices of the kept primitives
+  Tensor maps;                // [V,S,S,8]: samples of the views, see model/ops/networks/view_maps.h
 };
 
-// What the backward wants of each stage.
+// What backward needs from each stage.
 struct LaraModel::Saved {
   explicit Saved(bool recompute)
       : encoder(recompute), modulation(recompute), volume(recompute), coarse_decoder(recompute) {}
@@ -50,8 +50,8 @@ struct LaraModel::Saved {
   Shape volume_shape;
   LaraFineDecoder::Input fine;
   Tensor index;
-  DeviceCameras cameras;  // for the stages that run once more
-  // What is drawn once more, and from where; none where the drawings were given.
+  DeviceCameras cameras;  // for the stages that run again
+  // What is rendered again, and with which cameras; empty if renderings were given.
   DeviceGaussians drawn;
   std::vector<Camera> drawn_from;
 };

@@ -1,4 +1,4 @@
-// What LaRa's network and those behind it take and give, as Network has it.
+// Conversions between Network's options and results and those of LaRa's network and the networks built on it.
 #pragma once
 #include <vector>
 
@@ -16,7 +16,7 @@ inline LaraOptions lara_options(const ForwardOptions& options) {
   return out;
 }
 
-// Those of the kept primitives, which ascend.
+// The voxels of the kept primitives, ascending like these.
 inline std::vector<int> voxels_of(const std::vector<int>& kept, const LaraConfig& config) {
   std::vector<int> out;
   for (const int primitive : kept)

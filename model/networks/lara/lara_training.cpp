@@ -1,4 +1,4 @@
-// The network in training: its forward, and the backward of everything in the forward's order turned round.
+// The network in training: its forward, and the backward of all stages in reverse order.
 #include <utility>
 
 #include "model/networks/lara/lara_modules.h"
@@ -63,7 +63,7 @@ void LaraModel::drawings_backward(Context& ctx, const Saved& saved, const Tensor
   }
 }
 
-// What each stage kept goes back to the arena as soon as its backward is done.
+// Frees each stage's saved tensors as soon as its backward is done.
 void LaraModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
                          const GaussianGradients& dfinal, const LaraFeatureGradients& by) const {
   const Modules& m = *modules_;

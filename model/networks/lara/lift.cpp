@@ -43,7 +43,8 @@ Tensor LaraLifting::backward(Context& ctx, const Saved& saved, const Tensor& dsa
   const Stage stage(ctx, "lifting");
   const long v = saved.features.at(0), c = config_.vit_dim, n = config_.lifted_voxels(), e = config_.view_ch;
   const long texels = v * saved.features.at(1) * saved.features.at(2);
-  // The V rows of a voxel side by side: a sum over rows is then each view's, those of the first V of the embeddings.
+  // Puts a voxel's V rows side by side, so that a sum over rows gives each view's sum: the gradient of the first V
+  // embeddings.
   column_sum(ctx, {dembedded.reshaped({n, v * e}),
                    layers_.embedding.gradient.reshaped({config_.view_slots * e}).first(v * e), true});
   const Corners at = corners(ctx, saved.cameras);

@@ -9,10 +9,10 @@
 namespace vsplat {
 namespace {
 
-// PyTorch's own in the layers, and what the published code asks for behind them.
+// PyTorch's default in the layers, and the published code's value after them.
 constexpr float kEps = 1e-5f, kLastEps = 1e-6f;
 
-// The rows of the voxels of each of cells^3 cells of an edge^3 grid, each of `views` rows: [cells^3, ..].
+// For each of cells^3 cells of an edge^3 grid, the rows of its voxels, `views` rows a voxel: [cells^3, ..].
 Tensor rows_of_cells(Context& ctx, long edge, long views, long cells) {
   const long b = edge / cells;
   std::vector<int> rows;
@@ -40,7 +40,7 @@ LaraVolume::LaraVolume(Context& ctx, const LaraConfig& config, const WeightSourc
   const long c = config.volume_ch, n = config.voxels();
   start_ = ctx.tensor({n, c}, Type::f32, "volume.start");
   transpose(ctx, {layers_.start.value.reshaped({c, n}), start_});
-  if (!layers_.start.gradient) layers_.start.value = {};  // read once
+  if (!layers_.start.gradient) layers_.start.value = {};  // used only once
 }
 
 std::vector<AttentionGroups> LaraVolume::all_groups(Context& ctx, long views) const {
@@ -50,7 +50,7 @@ std::vector<AttentionGroups> LaraVolume::all_groups(Context& ctx, long views) co
   return out;
 }
 
-// y = x + attention(norm1(x)), y = y + mlp(norm2(y)), then n + conv(n) with n = norm3(y): what is carried on is the
+// y = x + attention(norm1(x)), y = y + mlp(norm2(y)), then n + conv(n) with n = norm3(y): the residual is the
 // normalised volume.
 Tensor LaraVolume::forward(Context& ctx, const Layer& l, const Tensor& x, const RowSource& lifted,
                            const AttentionGroups& groups, LayerSaved* saved, const std::string& name,
@@ -123,7 +123,7 @@ Tensor LaraVolume::backward(Context& ctx, const Layer& l, const LayerSaved& s, c
                             const AttentionGroups& groups, const Tensor& dy, const Gradients& out) const {
   const auto like = [&](const Tensor& t) { return ctx.tensor(t.shape(), Type::f32, "volume.gradient"); };
   const Tensor d = like(s.x);
-  {  // n + conv(n): the norm's backward is linear in what comes back, and takes both one after the other
+  {  // n + conv(n): the norm's backward is linear in its gradient, so it processes both one after the other
     const Tensor normed = normed_forward(ctx, l.norm3, s.after, kEps, "volume.normed");
     normed_backward(ctx, l.norm3, s.after, kEps, dy, d, false);
     normed_backward(ctx, l.norm3, s.after, kEps,

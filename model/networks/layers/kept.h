@@ -1,5 +1,5 @@
-// What a stage's backward wants of its forward: kept from the forward, or, in less memory, made when it is asked for by
-// running the forward once more. The same bits either way.
+// What a stage's backward needs from its forward. It is either stored by the forward or, to save memory, recomputed on
+// demand by running the forward again. Both ways give the same bits.
 #pragma once
 #include <functional>
 #include <utility>
@@ -15,13 +15,13 @@ class Kept {
 
   explicit Kept(bool recompute) : recompute_(recompute) {}
 
-  // Where the forward is to write it; null where the forward will run once more.
+  // Where the forward stores it; null if the forward will run again.
   State* place() { return recompute_ ? nullptr : &state_; }
 
-  // The stage's forward with its inputs, which are held until it has run.
+  // Sets the forward to run again. The function holds the stage's inputs until it has run.
   void made_by(Forward forward) { forward_ = std::move(forward); }
 
-  // Once: the memory goes back with the caller's copy.
+  // Call once: the memory is freed with the caller's copy.
   State take(Context& ctx) {
     if (const Forward forward = std::exchange(forward_, nullptr)) forward(ctx, state_);
     return std::exchange(state_, {});

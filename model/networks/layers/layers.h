@@ -1,5 +1,5 @@
-// The layers that the stages are made of, and what several of them do with those. Backwards add to the gradients by
-// weights, which are there in training only (see LearntWeights). Layers are made by WeightLoader.
+// Layers of the stages, and operations that several stages share. Backward functions add to the gradients of weights,
+// which exist only in training (see LearntWeights). WeightLoader makes the layers.
 #pragma once
 #include <vector>
 
@@ -11,7 +11,7 @@ namespace vsplat {
 // The rows of x, or of SiLU(x).
 RowSource rows_of(const Tensor& x, bool silu = false);
 
-// What is learnt as it is, and in training the gradient by it.
+// A tensor that is itself a parameter, and in training its gradient.
 struct Learnt {
   Tensor value, gradient;
 };
@@ -19,21 +19,22 @@ struct Learnt {
 // A Linear, a 1x1x1 convolution or a convolution of patches.
 struct Linear {
   PackedMatrix w;
-  Tensor bias;                   // may be none
+  Tensor bias;                   // may be empty
   Tensor plain, dweight, dbias;  // in training: [out, in], and the gradients
 };
 Tensor linear_forward(Context& ctx, const Linear& layer, const RowSource& in, const char* name,
                       Activation activation = Activation::none);
 
-// The backward of linear_forward() without an activation. `in` as the forward had it, without a map.
+// The backward of linear_forward() without an activation. `in` as in the forward, without a map.
 struct LinearBackward {
   RowSource in;
   Tensor dy;  // [rows, out]
-  // By the input as composed, after scale, shift and SiLU: none where not wanted; written, or with `add` added to.
-  Tensor dx0;  // [rows, C0 + C1], or [rows, C0] where dx1 is there
+  // Gradients by the composed input, after scale, shift and SiLU. Empty if not needed; overwritten, or added to if
+  // `add` is set.
+  Tensor dx0;  // [rows, C0 + C1], or [rows, C0] if dx1 is given
   Tensor dx1;  // [rows, C1]
   bool add = false;
-  const char* name = "linear";  // its rows in the profile
+  const char* name = "linear";  // label in the profile
 };
 void linear_backward(Context& ctx, const Linear& layer, const LinearBackward& b);
 
@@ -51,7 +52,7 @@ struct LayerNorm {
 };
 // x [.., C] -> [rows, C]
 Tensor normed_forward(Context& ctx, const LayerNorm& norm, const Tensor& x, float eps, const char* what);
-// dx += what comes back through the norm of x; without `add` dx is written.
+// Adds the gradient through the norm of x to dx; without `add`, overwrites dx.
 void normed_backward(Context& ctx, const LayerNorm& norm, const Tensor& x, float eps, const Tensor& dy,
                      const Tensor& dx, bool add = true);
 
@@ -62,10 +63,10 @@ struct GeluMlp {
   float eps;
   Activation activation = Activation::gelu;  // or its approximation by tanh
 };
-// out = x + MLP(x); out may be x where nothing is kept. `hidden` [rows, fc1.out] before GELU, for the backward, or
-// null.
+// out = x + MLP(x); out may be x if nothing is stored. `hidden`: receives the values [rows, fc1.out] before GELU for
+// the backward, or null.
 void gelu_mlp_forward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& out, Tensor* hidden = nullptr);
-// dx: by the output before, by x after.
+// dx: gradient by the output on entry, by x on return.
 void gelu_mlp_backward(Context& ctx, const GeluMlp& mlp, const Tensor& x, const Tensor& hidden, const Tensor& dx);
 
 struct GroupNorm {
@@ -74,27 +75,27 @@ struct GroupNorm {
   Tensor dgamma, dbeta;  // in training
 };
 struct NormSaved {
-  RowSource rows;     // what norm_silu_forward() gave
+  RowSource rows;     // result of norm_silu_forward()
   Tensor mean, rstd;  // [C]
 };
-// SiLU(GroupNorm([x0, x1])), to be made by whoever loads it. Computes the statistics over all rows. What `saved` holds
-// is for the backward.
+// SiLU(GroupNorm([x0, x1])), evaluated by the kernel that loads the rows. Computes the statistics over all rows.
+// `saved`: receives what the backward needs.
 RowSource norm_silu_forward(Context& ctx, const GroupNorm& norm, const Tensor& x0, const Tensor& x1 = {},
                             NormSaved* saved = nullptr);
-// dy [rows, C0 + C1] by the composed rows -> dx0, dx1 by the inputs: written, or with `add` added to. dx0 may be dy
-// where there is no x1.
+// dy [rows, C0 + C1] by the composed rows -> dx0, dx1 by the inputs: overwritten, or added to if `add` is set. dx0 may
+// be dy if there is no x1.
 void norm_silu_backward(Context& ctx, const GroupNorm& norm, const NormSaved& saved, const Tensor& dy,
                         const Tensor& dx0, const Tensor& dx1 = {}, bool add = false);
 
-// A Linear whose outputs are multiplied by a learnt scale, folded into its weights.
+// A Linear whose outputs are multiplied by a learnt scale, which is folded into its weights.
 struct ScaledLinear {
-  Linear folded;        // in training with `plain`, and gradients only where there is no scale
-  Tensor scale;         // [out], or none: then `folded` is all
-  Tensor weight, bias;  // in training, as they are stored
+  Linear folded;        // in training with `plain`, and with gradients only if there is no scale
+  Tensor scale;         // [out]; empty: `folded` is the whole layer
+  Tensor weight, bias;  // in training, as stored
   Tensor dweight, dbias, dscale;
 };
-// What a scaled layer's backward goes through: the folded layer with gradients of its own, which start as zeros; add()
-// makes the stored ones' of them.
+// Backward of a scaled layer: gradients of the folded layer, which start as zeros. add() converts them to gradients of
+// the stored parameters.
 class FoldedGradients {
  public:
   FoldedGradients(Context& ctx, const ScaledLinear& layer);
@@ -106,23 +107,23 @@ class FoldedGradients {
   Linear linear_;
 };
 
-// A Linear on channels of two kinds, each of which is multiplied apart.
+// A Linear whose input has two groups of channels, each with its own matrix.
 struct SplitLinear {
   PackedMatrix first, rest;
   Tensor bias;
   Tensor plain, dweight, dbias;  // in training: [out, in], and the gradients
 };
 
-// A convolution's weights. In training: as PyTorch has them, and the gradients by them and the bias.
+// A convolution's weights. In training also in PyTorch's layout, with the gradients of weights and bias.
 struct Conv {
   ConvWeights w;
   Tensor plain, dweight, dbias;
 };
 
-// 3x3x3 at edge^3 voxels; `residual` and `out` may be none, a new tensor then.
+// 3x3x3 at edge^3 voxels. `residual` may be empty; if `out` is empty, a new tensor is made.
 Tensor volume_conv_forward(Context& ctx, const Conv& conv, const RowSource& in, long edge, const char* name,
                            const Tensor& residual = {}, const Tensor& out = {});
-// -> by the composed rows of `in`.
+// Returns the gradient by the composed rows of `in`.
 Tensor volume_conv_backward(Context& ctx, const Conv& conv, const RowSource& in, const Tensor& dy, long edge,
                             const char* name);
 
@@ -136,14 +137,14 @@ struct ConvUp {
 // The encoder's position embedding, resampled to the grid of its tokens, with the class token.
 struct Positions {
   int from = 0, to = 0;          // g, t
-  Tensor resampled;              // [1 + t t, C], the class token added to its own
-  Tensor dstored, dclass_token;  // in training, by what is stored: [1 + g g, C], [C]
+  Tensor resampled;              // [1 + t t, C], with the class token added to the first row
+  Tensor dstored, dclass_token;  // in training, by the stored values: [1 + g g, C], [C]
 };
 
-// Linear layers with ReLU between them. `saved`: what each was given, for the backward, or null.
+// Linear layers with ReLU between them. `saved`: receives each layer's input for the backward, or null.
 Tensor relu_mlp_forward(Context& ctx, const std::vector<Linear>& mlp, const Tensor& x, const char* name,
                         std::vector<Tensor>* saved = nullptr);
-// dy [rows, out] -> dx [rows, in]: written, or with `add` added to.
+// dy [rows, out] -> dx [rows, in]: overwritten, or added to if `add` is set.
 void relu_mlp_backward(Context& ctx, const std::vector<Linear>& mlp, const std::vector<Tensor>& saved, const Tensor& dy,
                        const Tensor& dx, bool add, const char* name);
 
@@ -155,7 +156,7 @@ struct Mlp3Saved {
   Tensor x, h1, h2;  // input, and the hidden rows before their SiLU
 };
 Tensor mlp3_forward(Context& ctx, const Mlp3& mlp, const Tensor& x, const char* name, Mlp3Saved* saved = nullptr);
-// dy [rows, out] -> dx [rows, in]: written, or with `add` added to.
+// dy [rows, out] -> dx [rows, in]: overwritten, or added to if `add` is set.
 void mlp3_backward(Context& ctx, const Mlp3& mlp, const Mlp3Saved& saved, const Tensor& dy, const Tensor& dx, bool add,
                    const char* name);
 

@@ -10,7 +10,7 @@
 namespace vsplat {
 namespace {
 
-// Small enough for any device and to be placed easily, large enough for few launches.
+// Small enough for any device and to be allocated easily, large enough for few launches.
 constexpr std::size_t kLongestRun = std::size_t{64} << 20;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A model's weights while they are learnt: on the device, in PyTorch's layout, each with its gradient.
+// A model's weights in training: on the device, in PyTorch's layout, each with its gradient.
 #pragma once
 #include <functional>
 #include <map>
@@ -13,35 +13,35 @@
 namespace vsplat {
 
 struct LearntTensor {
-  Tensor value;     // f32, the shape that parameters() gives it
-  Tensor gradient;  // as `value`; none for a buffer, which is not learnt
+  Tensor value;     // f32, in the shape that parameters() lists
+  Tensor gradient;  // shape of `value`; empty for a buffer, which is not learnt
 };
 
-// Weights that lie side by side, so that an optimiser moves all of them in one launch.
+// Weights stored contiguously, so that an optimiser updates all of them in one launch.
 struct LearntRun {
-  int kind = 0;                    // as LearntWeights was told
-  std::vector<std::string> names;  // in the order in which they lie
+  int kind = 0;                    // value of KindOf
+  std::vector<std::string> names;  // in storage order
   std::vector<Shape> shapes;
-  LearntTensor all;  // one-dimensional, side_by_side() of `shapes`; zeros between them
+  LearntTensor all;  // one-dimensional, side_by_side() of `shapes`; zeros in the gaps
 };
 
 class LearntWeights {
  public:
-  // Which weights lie in one run: those of one kind.
+  // Kind of a weight. Weights of one kind share a run.
   using KindOf = std::function<int(const Parameter&)>;
 
-  // Uploads what parameters(config) lists. Gradients start as zeros. Error(format) names what is missing or misshapen.
-  // A context that only plans asks for no values: `weights` may be empty, so that a model beyond memory is planned.
-  // Without `kind_of` all are of one kind. Buffers have a run of their own.
+  // Uploads what parameters(config) lists. Gradients start as zeros. Error(format) names a weight that is missing or
+  // has the wrong shape. On a planning context `weights` may be empty, so that models larger than memory can be
+  // planned. Without `kind_of`, all are of one kind. Buffers have a run of their own.
   LearntWeights(Context& ctx, const Config& config, const Weights& weights, const KindOf& kind_of = {});
-  // The same of a list of them.
+  // The same for a given list of parameters.
   LearntWeights(Context& ctx, const std::vector<Parameter>& listed, const Weights& weights, const KindOf& kind_of = {});
 
-  // Error(format) names what is missing.
+  // Error(format) names a missing weight.
   const LearntTensor& at(const std::string& name) const;
   // In the state dict's order.
   const std::vector<std::string>& names() const { return names_; }
-  // Of every weight; several of one kind where they would be longer than one piece of memory.
+  // The runs of all weights; a kind has several if one would exceed the largest allocation.
   const std::vector<LearntRun>& runs() const { return runs_; }
 
   void zero_gradients(Context& ctx) const;

@@ -1,4 +1,4 @@
-// What a network's run tells while it goes on, and what it refuses before it begins.
+// Progress of a network's run, and the memory check before it starts.
 #pragma once
 #include <functional>
 #include <string>
@@ -7,13 +7,13 @@
 
 namespace vsplat {
 
-// Names the stage that begins and the share of the work behind it. The queue is drained first, where somebody listens,
-// so that what is told is true.
+// Reports the stage that begins and the share of the work that is done. If there is a listener, it waits for the queue
+// first, so that the report is accurate.
 class Progress {
  public:
   using Listener = std::function<void(const std::string& stage, double done)>;  // may throw to cancel
 
-  // `total`: of the work that begin() and skip() are given.
+  // `total`: the sum of the work passed to begin() and skip().
   Progress(Context& ctx, const Listener& listener, double total) : ctx_(ctx), listener_(listener), total_(total) {}
   void begin(const char* stage, double work) {
     if (!listener_ || ctx_.planning()) return;
@@ -29,10 +29,11 @@ class Progress {
   double total_, done_ = 0;
 };
 
-// Error(memory) with both figures, where what `plan` came to need is more than the device has.
+// Error(memory) with both figures if `plan` needs more than the device has.
 void refuse_unless_fits(const Context& plan, const std::string& what);
 
-// make(ctx), whose memory is planned before: its slabs are made at once, and to measure. Error(memory) as above.
+// Calls make(ctx) after planning its memory, so that its slabs are allocated at once with their exact size.
+// Error(memory) as above.
 template <class Make>
 auto made_to_measure(Context& ctx, const std::string& what, const Make& make) {
   if (!ctx.planning()) {

@@ -8,7 +8,7 @@
 namespace vsplat {
 namespace {
 
-// A weight [N, ...] as a matrix [N, K], of a tensor that may be none.
+// A weight [N, ...] as a matrix [N, K]; the tensor may be empty.
 Tensor as_matrix(const Tensor& weight) {
   return weight ? weight.reshaped({weight.dim(0), weight.count() / weight.dim(0)}) : weight;
 }

@@ -1,5 +1,5 @@
-// What makes layers on the device of what model/networks/params/network_layers.h declares: each weight is checked against the
-// shape that the configuration makes of it.
+// Makes the layers declared in model/networks/params/network_layers.h on the device. Checks each weight against the
+// shape that the configuration requires.
 #pragma once
 #include "model/networks/layers/layers.h"
 #include "model/networks/layers/learnt_weights.h"
@@ -8,8 +8,8 @@
 
 namespace vsplat {
 
-// Where a stage finds its weights: in host memory, to be uploaded for inference, or on the device, where training
-// changes them and wants gradients. Refers to what it was made from.
+// Source of a stage's weights: host memory, from which they are uploaded for inference, or the device, where training
+// updates them and needs gradients. Holds a reference to what it was made from.
 class WeightSource {
  public:
   WeightSource(const Weights& host) : host_(&host) {}              // NOLINT(google-explicit-constructor)
@@ -21,7 +21,7 @@ class WeightSource {
   const LearntWeights* learnt_ = nullptr;
 };
 
-// As LayerBuilder takes it.
+// The `Make` of LayerBuilder.
 class WeightLoader {
  public:
   using Fixed = Tensor;
@@ -54,10 +54,9 @@ class WeightLoader {
  private:
   const std::vector<float>& host(const Parameter& p) const;
   const LearntTensor& on_device(const Parameter& p) const;
-  // As it is; none of one without a name, which the layer does without.
+  // The weight as stored; empty for a weight without a name, which the layer does not have.
   Tensor value(const Parameter& p) const;
-  // In training the tensor itself, for what only the backward wants, and the gradient by it, which is added to; else
-  // none.
+  // In training the tensor itself, which only the backward needs, and its gradient, which is added to; otherwise empty.
   Tensor plain(const Parameter& p) const;
   Tensor gradient(const Parameter& p) const;
   // Columns [k0, k0 + k) of a weight [N, ...], as the k x N matrix of a GEMM.

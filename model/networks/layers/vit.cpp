@@ -13,7 +13,7 @@ namespace {
 // A tensor's values as one row.
 Tensor row_of(const Tensor& x) { return x.reshaped({1, x.count()}); }
 
-// Tensors one behind the other.
+// Concatenates tensors.
 Tensor side_by_side_of(Context& ctx, const std::vector<Tensor>& parts, const Shape& shape, const char* what) {
   const Tensor out = ctx.tensor(shape, Type::f32, what);
   ctx.fill_zero(out);

@@ -16,7 +16,7 @@ namespace {
 
 constexpr const char* kSystem = "system";
 
-// Error(usage), since it is the user who names it here.
+// Error(usage), since the user gave the name.
 template <class Result, class Visit>
 Result of_system(const std::string& name, const Visit& visit) {
   try {

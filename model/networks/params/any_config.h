@@ -1,4 +1,4 @@
-// A configuration of any of the networks in systems.h, and what jobs ask of it.
+// A configuration of any architecture in systems.h, and the queries that jobs need.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -18,18 +18,18 @@ class AnyConfig {
   template <class C, class = std::enable_if_t<std::is_constructible_v<Systems::Configuration, C>>>
   AnyConfig(C config) : of_(std::move(config)) {}  // NOLINT(google-explicit-constructor): each is one
 
-  // visit(config) of the network's own.
+  // visit(config) with the architecture's own type.
   template <class Visit>
   auto visit(const Visit& visit) const {
     return std::visit(visit, of_);
   }
-  // None where it is of another network.
+  // Null if it belongs to another architecture.
   template <class C>
   const C* get_if() const {
     return std::get_if<C>(&of_);
   }
 
-  // The same of what stands on another's, as VS-Splat's network with the densifier does.
+  // The same, but also for architectures built on C's, like VS-Splat's network with the densifier.
   template <class C>
   const C* as() const {
     return visit([](const auto& own) -> const C* {
@@ -44,7 +44,8 @@ class AnyConfig {
   std::string network() const;  // "LaRa's network"
   TakenViews taken() const;
   int image() const { return taken().image; }
-  // How many of what the network selects there are: voxels, or primitives. In a training each may have noise.
+  // Number of candidates that the network selects from: voxels, or primitives. noise(): how many of them may have noise
+  // in a training.
   long selectable() const;
   long noise() const;
   const char* selects() const;  // "voxels", "primitives"
@@ -61,11 +62,11 @@ std::vector<Parameter> parameters(const AnyConfig& config);
 long parameter_count(const AnyConfig& config);  // see params.h
 void check(const AnyConfig& config, Status status = Status::usage);
 
-// One of a network's named ones: Error(usage) lists the systems, or the network's names.
+// A named configuration of an architecture. Error(usage) lists the architectures, or the names.
 AnyConfig named_any_config(const std::string& system, const std::string& name);
-// The fields with "system" before them, but for VS-Splat's.
+// The fields, after "system", which VS-Splat's configuration omits.
 std::string any_to_json(const AnyConfig& config);
-// Absent fields are those of the network's configuration `base`; "system" absent: VS-Splat's.
+// Absent fields come from the architecture's configuration `base`; without "system", it is VS-Splat's.
 AnyConfig any_config_from_json(const std::string& text, const std::string& base);
 AnyConfig with_fields(AnyConfig config, const std::vector<std::string>& assignments);
 

@@ -1,5 +1,5 @@
-// The model that the library carries, so that it reconstructs without any file beside it: a model file's bytes, chosen
-// when it was built (VSPLAT_MODEL in model/CMakeLists.txt).
+// The model inside the library, which can therefore reconstruct without any other file: the bytes of a model file,
+// chosen at build time (VSPLAT_MODEL in model/CMakeLists.txt).
 #pragma once
 #include <span>
 
@@ -7,10 +7,10 @@
 
 namespace vsplat {
 
-// Lives as long as the program. Empty where the library was built without a model.
+// Valid until the program ends. Empty if the library was built without a model.
 std::span<const std::byte> built_in_model();
 
-// Opened for load_model() and its like; Error(file) where there is none.
+// Opens it for load_model() and similar functions; Error(file) if there is none.
 SafetensorsFile open_built_in_model();
 
 }  // namespace vsplat

@@ -14,7 +14,7 @@ namespace vsplat {
 
 using json_fields::shown;
 
-// The one list of fields: visit(name, field) for each, in the header's order.
+// The list of fields: calls visit(name, field) for each, in the header's order.
 template <class C, class Visit>
 static void each(C& c, Visit visit) {
   visit("image", c.image);
@@ -77,9 +77,9 @@ static void each_field(const Config& c, Visit visit) {
 
 namespace {
 
-// Bounds so far out that no sensible model meets them, so near that products of a few of them fit 64 bits.
+// Bounds beyond all sensible models, but small enough that products of a few of them fit 64 bits.
 void check_bounds(const Config& c, const FieldChecks& is) {
-  is.at_most("image", c.image, 2048);  // every picture is made as large as that, in floats, before anything is planned
+  is.at_most("image", c.image, 2048);  // pictures of this size are allocated as floats before any planning
   is.at_most("patch", c.patch, 256);
   is.at_most("vit_dim", c.vit_dim, 16384);
   is.at_most("vit_depth", c.vit_depth, 256);
@@ -94,7 +94,7 @@ void check_bounds(const Config& c, const FieldChecks& is) {
   is.at_most("fine_count", c.fine_count, 1024);
 }
 
-// Fields of parts that this configuration does not have.
+// Fields of components that this configuration does not have.
 std::vector<std::string> without_meaning(const Config& c) {
   std::vector<std::string> out;
   if (c.encoder != "dinov3")
@@ -182,11 +182,11 @@ Config named_config(const std::string& name) {
     c.image = 128, c.patch = 8, c.vit_dim = 384, c.vit_depth = 4, c.vit_heads = 6, c.vit_pos_grid = 16;
     c.volume = 32, c.volume_ch = 64, c.voxel_ch = 128, c.voxel_levels = 1, c.fine_dim = 256, c.fine_count = 8;
     c.groups = 16;
-  } else if (name == "tiny") {  // odd enough that a transposed axis or a hard-coded size shows
+  } else if (name == "tiny") {  // sizes that reveal a transposed axis or a hard-coded size
     c.image = 48, c.views = 3, c.patch = 8, c.vit_dim = 24, c.vit_depth = 2, c.vit_heads = 3, c.vit_pos_grid = 4;
     c.volume = 10, c.volume_ch = 16, c.voxel_ch = 24, c.voxel_levels = 2, c.fine_dim = 32, c.fine_count = 3;
     c.groups = 8;
-  } else if (name == "micro") {  // for interpreters: everything is there, almost nothing of it
+  } else if (name == "micro") {  // for interpreters: every component, at minimal size
     c.image = 16, c.views = 2, c.patch = 8, c.vit_dim = 12, c.vit_depth = 1, c.vit_heads = 2, c.vit_pos_grid = 3;
     c.volume = 4, c.volume_ch = 4, c.voxel_ch = 8, c.voxel_levels = 1, c.fine_dim = 8, c.fine_count = 2;
     c.groups = 2;
@@ -248,7 +248,7 @@ Config with_fields(Config config, const std::vector<std::string>& assignments) {
 
 std::string to_json(const Config& config) {
   nlohmann::ordered_json out = field_list::object_of(config);
-  // Files stay as they are, and readable everywhere, where nothing is said that was not always said.
+  // Omits newer fields with default values, so that files do not change and older versions can read them.
   if (config.use_views == 0) out.erase("use_views");
   for (const std::string& field : without_meaning(config))
     if (differing_fields(config, Config(), {field}).empty()) out.erase(field);

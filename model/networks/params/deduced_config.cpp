@@ -15,7 +15,7 @@ class Shapes {
  public:
   Shapes(const TorchFile& file, const std::string& prefix) : file_(file), prefix_(prefix) {}
 
-  // Of a tensor with `rank` sides the one at `axis`.
+  // The size of a tensor's dimension `axis`; the tensor must have `rank` dimensions.
   int side(const std::string& name, std::size_t rank, std::size_t axis) const {
     constexpr long kMost = 1 << 20;
     const TensorEntry& entry = file_.at(prefix_ + name);
@@ -24,7 +24,7 @@ class Shapes {
            printable(entry.name), printable(text_of(entry.shape)), rank, kMost);
     return static_cast<int>(entry.shape[axis]);
   }
-  // How many of first.0.last, first.1.last, ... there are.
+  // Number of consecutive tensors first.0.last, first.1.last, ...
   int count(const std::string& first, const std::string& last) const {
     int out = 0;
     while (file_.find(fmt::format("{}{}.{}.{}", prefix_, first, out, last)) != nullptr) ++out;
@@ -47,7 +47,7 @@ int position_grid(const Shapes& shapes, const std::string& name) {
   return grid;
 }
 
-// What is told of the encoder, which is the module `encoder`.
+// Deduces the fields of the encoder, which is the module `encoder`.
 template <class Config>
 void tell_encoder(const Shapes& shapes, const std::string& encoder, Deduced<Config>& out) {
   Config& c = out.config;
@@ -75,8 +75,8 @@ int sh_degree(const Shapes& shapes) {
 
 namespace {
 
-// K primitives of 8 + D + 3 S numbers each, and F features beside 3 S: two counts of rows tell all four, and where more
-// than one answer fits, degree 1 is what the published code has.
+// K primitives of 8 + D + 3 S values each, and F features besides 3 S: two row counts determine all four. If several
+// solutions exist, degree 1 is chosen, as in the published code.
 void tell_primitives(const Shapes& shapes, LaraConfig& c) {
   const char* const coarse = "decoder.mlp_coarse.4.weight";
   const int rows = shapes.side(coarse, 2, 0), fine = shapes.side("decoder.mlp_fine.2.weight", 2, 0);
@@ -110,7 +110,7 @@ DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& 
                             "primitives", "kind", "fine_features", "sh_degree"})
     out.fields.emplace_back(field);
   out.untold = {"vit_heads", "heads", "fine_heads", "windows", "image", "offset_cells"};
-  // A buffer that nothing reads, and which says what else no shape does.
+  // A buffer that the network does not use, but the only tensor whose shape shows this field.
   if (file.find(prefix + "volume_grid") != nullptr) {
     c.feature_volume = shapes.side("volume_grid", 4, 0);
     out.fields.emplace_back("feature_volume");
@@ -122,7 +122,7 @@ DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& 
 
 namespace {
 
-// What is told of the densifier, after that of the network that it stands on.
+// Deduces the fields of the densifier, after those of its backbone.
 template <class Config>
 void tell_densifier(const TorchFile& file, const std::string& prefix, Deduced<Config>& out) {
   const Shapes shapes(file, prefix);
@@ -140,7 +140,7 @@ void tell_densifier(const TorchFile& file, const std::string& prefix, Deduced<Co
     d.mlp_ratio = shapes.side(level + "block0.mlp.0.fc1.weight", 2, 0) / d.channels[0];
     d.frequencies = (shapes.side(level + "up.delta_f.1.weight", 2, 1) - d.channels[0]) / 6;
   }
-  // One entry a level, whatever they are, for what shapes alone are asked of.
+  // One placeholder per level, since only shapes are computed with them.
   d.heads.assign(d.channels.size(), 1), d.patch.assign(d.channels.size(), 1);
   for (const char* field :
        {"densify.channels", "densify.depths", "densify.upscale", "densify.mlp_ratio", "densify.frequencies"})
@@ -154,7 +154,7 @@ void tell_densifier(const TorchFile& file, const std::string& prefix, Deduced<Co
   }
 }
 
-// That of a network which has another's fields, too.
+// The configuration of a network that extends another one's fields.
 template <class Config, class Backbone>
 Deduced<Config> on_top_of(const Deduced<Backbone>& backbone) {
   Deduced<Config> out;

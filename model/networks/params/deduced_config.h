@@ -1,4 +1,4 @@
-// The fields of a configuration that the shapes of a network's tensors tell.
+// Deduces a configuration's fields from the shapes of a network's tensors.
 #pragma once
 #include <string>
 #include <vector>
@@ -13,20 +13,20 @@ namespace vsplat {
 
 template <class Configuration>
 struct Deduced {
-  Configuration config;             // all else as it is in an empty one
-  std::vector<std::string> fields;  // those that were told
-  std::vector<std::string> untold;  // of the others, those that have no value which goes without saying
-  std::vector<std::string> kinds;   // of those told, the ones that name a part's kind: every named configuration has it
+  Configuration config;             // other fields as in an empty configuration
+  std::vector<std::string> fields;  // fields that were deduced
+  std::vector<std::string> untold;  // other fields that have no default value to assume
+  std::vector<std::string> kinds;   // deduced fields that name a component's kind: every named configuration has them
 };
 using DeducedConfig = Deduced<Config>;
 using DeducedLaraConfig = Deduced<LaraConfig>;
 using DeducedGendenConfig = Deduced<GendenConfig>;
 using DeducedVsplatGendenConfig = Deduced<VsplatGendenConfig>;
 
-// From the tensors below `prefix`. Error(format) that names the tensor which is missing or of no such network's shape.
+// From the tensors below `prefix`. Error(format) names a tensor that is missing or has an impossible shape.
 DeducedConfig deduced_config(const TorchFile& file, const std::string& prefix);
 DeducedLaraConfig deduced_lara_config(const TorchFile& file, const std::string& prefix);
-// Whether the model is the residual one no shape tells: as the file has it whose heads come before its masks.
+// No shape shows whether the model is the residual one: it is if the file lists the heads before the masks.
 DeducedGendenConfig deduced_genden_config(const TorchFile& file, const std::string& prefix);
 DeducedVsplatGendenConfig deduced_vsplat_genden_config(const TorchFile& file, const std::string& prefix);
 

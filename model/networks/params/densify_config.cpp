@@ -8,9 +8,10 @@ namespace {
 constexpr std::pair<const char*, CurveName> kCurves[] = {
     {"z", {false, false}}, {"z-trans", {false, true}}, {"hilbert", {true, false}}, {"hilbert-trans", {true, true}}};
 
-constexpr double kLeastCell = 1e-4;  // of which 2^16 along an axis, as many as a curve has bits for, are six units
+// 2^16 of these, as many cells as a curve has bits for along an axis, span six units
+constexpr double kLeastCell = 1e-4;
 
-// The parts between commas.
+// Splits at commas.
 std::vector<std::string> parts_of(const std::string& text) {
   std::vector<std::string> out;
   for (std::size_t at = 0; at <= text.size();) {

@@ -1,5 +1,5 @@
-// The densifier, written once, as network_layers.h has VS-Splat's network: `dec` of the published state dict. Its
-// LayerNorms have no weights.
+// The declaration of the densifier's layers, like network_layers.h for VS-Splat's network: `dec` of the published state
+// dict. Its LayerNorms have no weights.
 #pragma once
 #include <string>
 #include <vector>
@@ -27,8 +27,8 @@ struct DensifyBlock {
 template <class Make>
 struct DensifyLevel {
   std::vector<DensifyBlock<Make>> blocks;
-  typename Make::Linear offset1, offset2, skip, feature1, feature2;  // of the children
-  typename Make::Linear sure1, sure2;                                // none at the last level
+  typename Make::Linear offset1, offset2, skip, feature1, feature2;  // for the children
+  typename Make::Linear sure1, sure2;                                // empty at the last level
   typename Make::Linear head1, head2;
 
   // `sh_count`: spherical harmonics of a Gaussian.

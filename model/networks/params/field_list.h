@@ -1,6 +1,6 @@
-// What follows from a configuration's list of fields, whichever network it is of: names, "FIELD=VALUE", JSON both ways,
-// comparisons. A configuration has each_field(config, visit), which calls visit(name, field) for each in its header's
-// order.
+// Functions derived from a configuration's list of fields, for every architecture: names, "FIELD=VALUE", JSON in both
+// directions, comparison. A configuration provides each_field(config, visit), which calls visit(name, field) for each
+// field in its header's order.
 #pragma once
 #include <fmt/ranges.h>
 
@@ -75,7 +75,7 @@ void set(C& config, const std::string& assignment) {
   if (!known) fail(Status::usage, "no field {}; there are {}", json_fields::shown(name), fmt::join(names<C>(), ", "));
 }
 
-// Every field, in order; then whoever asks may leave some out.
+// All fields, in order; callers may remove some.
 template <class C>
 nlohmann::ordered_json object_of(const C& config) {
   nlohmann::ordered_json out = nlohmann::ordered_json::object();
@@ -86,7 +86,7 @@ inline std::string text_of(const nlohmann::ordered_json& object) {
   return object.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-// The fields that `text` has are put into `config`; -> their names. Unknown ones and wrong types: Error(format).
+// Sets the fields that `text` has in `config`. Returns their names. Error(format) for unknown fields and wrong types.
 template <class C>
 std::vector<std::string> set_from_json(C& config, const std::string& text) {
   const nlohmann::json object = parse_json("the configuration", text);

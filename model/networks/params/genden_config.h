@@ -1,5 +1,5 @@
-// GenDen's network: LaRa's with one Gaussian in each voxel, and the densifier behind it. The defaults are the published
-// sizes.
+// The configuration of GenDen's network: LaRa's with one Gaussian in each voxel, followed by the densifier. The
+// defaults are the published sizes.
 #pragma once
 #include "model/networks/params/densify_config.h"
 #include "model/networks/params/lara_config.h"
@@ -18,7 +18,7 @@ struct GendenConfig : LaraConfig {
 const std::vector<std::string>& genden_config_names();
 GendenConfig named_genden_config(const std::string& name);  // Error(usage) that lists the names
 
-// As config.h has them for VS-Splat's. The densifier's fields are called "densify.top_k" and so on.
+// As in config.h. The densifier's fields are called "densify.top_k" and so on.
 void check(const GendenConfig& config, Status status = Status::usage);
 void set_field(GendenConfig& config, const std::string& assignment);
 std::string to_json(const GendenConfig& config);

@@ -27,11 +27,11 @@ bool has_part(const TorchFile& file, std::string_view part) {
                      [part](const TensorEntry& entry) { return entry.name.find(part) != std::string::npos; });
 }
 
-// Or GenDen's, whose backbone it is.
+// True also for GenDen's, whose backbone it is.
 bool is_lara(const TorchFile& file) { return has_part(file, "vol_decoder.pos_embed"); }
 bool has_densifier(const TorchFile& file) { return has_part(file, "dec.0.up."); }
 
-// Networks that are known by their tensors, and not read.
+// Networks that are recognised by their tensors but not supported.
 void refuse_others(const TorchFile& file) {
   const char* other = nullptr;
   if (has_part(file, "share.transformer."))
@@ -41,7 +41,7 @@ void refuse_others(const TorchFile& file) {
   if (other != nullptr) fail(Status::format, "{}: {}, which is not read yet", file.path(), other);
 }
 
-// What stands before the network's names.
+// The prefix of the network's tensor names.
 template <class S>
 std::string network_prefix(const TorchFile& file) {
   for (const char* prefix :
@@ -59,7 +59,7 @@ std::string read_text(const std::string& path) {
   return {bytes.begin(), bytes.end()};
 }
 
-// {"densify": {"top_k": 9}} is {"densify.top_k": 9}.
+// Converts {"densify": {"top_k": 9}} to {"densify.top_k": 9}.
 void add_flat(const nlohmann::json& object, const std::string& before, nlohmann::json& out) {
   for (const auto& [name, value] : object.items()) {
     const std::string whole = before + name;
@@ -72,22 +72,21 @@ void add_flat(const nlohmann::json& object, const std::string& before, nlohmann:
   }
 }
 
-// A configuration as fields with dotted names. It may be written with objects within objects, and may be a member
-// "config" of what tells more: as vsplat_model_inspect tells of a model file, or as such a file's metadata have it, as
-// text.
+// A configuration as fields with dotted names. It may be written with nested objects. It may also be the member
+// "config" of a larger object: as in the output of vsplat_model_inspect, or, as text, in a model file's metadata.
 std::string flat_fields(const std::string& text) {
   nlohmann::json given = parse_json("the configuration", text);
   if (given.is_object() && given.contains("config")) {
     nlohmann::json inner = given["config"];
     given = inner.is_string() ? parse_json("its config", inner.get<std::string>()) : std::move(inner);
   }
-  if (!given.is_object()) return given.dump();  // refused where it is read
+  if (!given.is_object()) return given.dump();  // refused by the reader
   nlohmann::json out = nlohmann::json::object();
   add_flat(given, "", out);
   return out.dump();
 }
 
-// Puts what was asked for into `config`; -> its fields' names.
+// Sets the requested fields in `config`; returns their names.
 template <class Config>
 std::set<std::string> set_given(Config& config, const ImportOptions& options) {
   std::set<std::string> given;
@@ -111,7 +110,7 @@ void copy_field(Config& to, const Config& from, const std::string& field) {
   set_fields_from_json(to, "{\"" + field + "\": " + field_text(from, field) + "}");
 }
 
-// What no shape tells and the order of the tensors does.
+// Fields that no shape shows, but the order of the tensors does.
 template <class Config>
 void take_order(Config&, const Config&) {}
 void take_order(GendenConfig& config, const GendenConfig& deduced) {
@@ -128,7 +127,7 @@ bool same_order(const GendenConfig& config, const GendenConfig& deduced) {
   return config.densify.residual == deduced.densify.residual;
 }
 
-// The named configuration with every value that the shapes told, and what the order tells where there are several.
+// The named configuration with all values that the shapes show; if there are several, the order of the tensors decides.
 template <class S>
 std::string name_of_shapes(const Deduced<typename S::Config>& deduced) {
   std::string by_shapes;
@@ -176,10 +175,10 @@ bool in_network(std::string_view name) {
                      [name](const char* module) { return name.starts_with(module); });
 }
 
-// Of the densifier's waves, a buffer: "dec.0.up.frequencies".
+// The densifier's frequencies, a buffer: "dec.0.up.frequencies".
 bool is_frequencies(std::string_view name) { return name.starts_with("dec.") && name.ends_with(".up.frequencies"); }
 
-// Ours are powers of two, as the published code makes them.
+// The frequencies must be powers of two, as in the published code.
 void check_frequencies(const TorchFile& file, const std::string& prefix) {
   for (const TensorEntry& entry : file.tensors()) {
     if (!entry.name.starts_with(prefix) || !is_frequencies(std::string_view(entry.name).substr(prefix.size())))
@@ -194,7 +193,7 @@ void check_frequencies(const TorchFile& file, const std::string& prefix) {
   }
 }
 
-// What the network would compute with, and ours does not: leaving it out would make another network of it.
+// Refuses tensors that the published network computes with and ours does not: without them it would be another network.
 template <class S>
 void refuse_more(const TorchFile& file, const std::string& prefix, const std::vector<std::string>& names) {
   std::vector<std::string> more;
@@ -202,7 +201,7 @@ void refuse_more(const TorchFile& file, const std::string& prefix, const std::ve
     const std::string_view bare = std::string_view(name).substr(name.starts_with(prefix) ? prefix.size() : 0);
     const std::string encoder(S::mark, std::string_view(S::mark).rfind('.') + 1);  // "encoder.model."
     if (bare.starts_with(encoder + "head.") || bare.starts_with(encoder + "fc_norm.")) continue;
-    if (is_frequencies(bare)) continue;  // looked at by check_frequencies()
+    if (is_frequencies(bare)) continue;  // checked by check_frequencies()
     if (name.starts_with(prefix) && in_network<S>(bare)) more.push_back(name);
   }
   if (!more.empty())
@@ -210,7 +209,8 @@ void refuse_more(const TorchFile& file, const std::string& prefix, const std::ve
          list_of(more));
 }
 
-// Strides and shared arrays let a few bytes stand for any number of values; a saved model has as many as it has.
+// Refuses tensors that represent many values with few bytes, by strides or shared arrays; a saved model stores every
+// value.
 void refuse_repeated(const TorchFile& file, const std::vector<const TensorEntry*>& entries) {
   std::uint64_t bytes = 0;
   for (const TensorEntry* entry : entries) bytes += entry->bytes;
@@ -220,7 +220,7 @@ void refuse_repeated(const TorchFile& file, const std::vector<const TensorEntry*
          bytes, file.stored_bytes());
 }
 
-// What is missing is told with what the file was taken for.
+// Deduces the configuration; an error about a missing tensor also says what the file was taken for.
 template <class S>
 Deduced<typename S::Config> deduced_as(const TorchFile& file, const std::string& prefix) {
   try {
@@ -235,7 +235,7 @@ ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
   using Config = typename S::Config;
   const std::string prefix = network_prefix<S>(file);
   const Deduced<Config> deduced = deduced_as<S>(file, prefix);
-  const std::vector<Parameter> expected = parameters(deduced.config);  // whose shapes are by what was deduced alone
+  const std::vector<Parameter> expected = parameters(deduced.config);  // with the shapes of the deduced fields
   const std::vector<const TensorEntry*> entries = match_tensors(file, expected, {prefix});
 
   ImportedModel out;
@@ -257,7 +257,7 @@ ImportedModel import_as(const TorchFile& file, const ImportOptions& options) {
   return out;
 }
 
-// A VS-Splat about the encoder that the file holds, and nothing else.
+// Makes a VS-Splat model around the encoder in the file.
 ImportedModel import_encoder(const TorchFile& file, const ImportOptions& options) {
   DeducedConfig deduced = deduced_encoder(file);
   deduced.kinds = {"encoder", "vit_registers", "vit_qkv_bias"};
@@ -276,7 +276,7 @@ ImportedModel import_encoder(const TorchFile& file, const ImportOptions& options
     bytes += static_cast<double>(parameter.count()) * sizeof(float);
   const HostMemory memory(file.path() + ": a model about its encoder", bytes);
   file.verify();
-  Weights encoder;  // first, since the rest takes long to make
+  Weights encoder;  // read first, since the other weights take long to make
   out.left_out = load_encoder(encoder, model.config, file);
   model.weights = initial_weights(model.config, 0);
   for (const auto& [name, tensor] : encoder.all()) model.weights.set(name, tensor);

@@ -1,5 +1,5 @@
-// Models of PyTorch's files: state dicts of the published code of any of the systems, alone or in a checkpoint of
-// Lightning's; and of encoders alone, DINO's and DINOv3's, about which a VS-Splat is made that is still to be trained.
+// Imports PyTorch files: state dicts of the published code of all architectures, bare or in a Lightning checkpoint; and
+// bare encoders, DINO's and DINOv3's, around which it makes a VS-Splat model that still has to be trained.
 #pragma once
 #include <string>
 #include <vector>
@@ -9,22 +9,23 @@
 namespace vsplat {
 
 struct ImportOptions {
-  std::string config_file;          // a JSON object with fields of the configuration; empty: none
-  std::vector<std::string> fields;  // "FIELD=VALUE", after those of the file
+  std::string config_file;          // JSON object with fields of the configuration; empty: none
+  std::vector<std::string> fields;  // "FIELD=VALUE", applied after those of the file
 };
 
 struct ImportedModel {
   AnyModel model;
-  std::string named;                  // the named configuration whose shapes all of them are; empty: none is
-  std::vector<std::string> left_out;  // tensors and keys of the file that are no part of the model
-  bool encoder_alone = false;         // the file holds no more: all else is what initial_weights() makes of the seed 0
+  std::string named;                  // the named configuration with exactly these shapes; empty: none
+  std::vector<std::string> left_out;  // tensors and keys of the file that do not belong to the model
+  // the file holds only an encoder; the other weights are those of initial_weights() with seed 0
+  bool encoder_alone = false;
 };
 
-// Every tensor's name and shape is checked, and the whole file against its checksums. What the shapes do not tell of
-// the configuration is that of the named one that has all of them, unless `options` says otherwise; where there is
-// none, `options` has to say it, or an Error(usage) names the fields. Camera centres are negated, as they were in
-// training, unless `options` says otherwise; not about an encoder alone. What is another network's file is refused
-// by its name.
+// Checks every tensor's name and shape, and the whole file against its checksums. Fields that shapes do not show come
+// from the named configuration with these shapes, unless `options` sets them. If there is no such configuration,
+// `options` must set them, or an Error(usage) names the fields. Camera centres are negated, as in the published
+// training, unless `options` says otherwise; with a bare encoder they are not. A file of another network is refused by
+// that network's name.
 ImportedModel import_model(const std::string& path, const ImportOptions& options = {});
 
 }  // namespace vsplat

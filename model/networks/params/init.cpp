@@ -12,8 +12,8 @@
 namespace vsplat {
 namespace {
 
-// Element i takes word i % 4 of the block whose counter is {i / 4 (two words), stream, 0}, as a number in (0,1) ->
-// make(u).
+// Fills out[i] with make(u), where u in (0,1) is word i % 4 of the block with the counter {i / 4 (two words), stream,
+// 0}.
 template <class Make>
 void draw(std::vector<float>& out, std::uint64_t seed, std::uint32_t stream, Make make) {
   const auto key = rng_key(seed);
@@ -93,7 +93,7 @@ std::vector<double> sobol_points(int count) {
   return out;
 }
 
-// VS-Splat's, and what stands on it.
+// For VS-Splat's network and those built on it.
 template <class C>
 static Weights weights_with_places(const C& config, std::uint64_t seed) {
   check(config);

@@ -9,8 +9,8 @@
 
 namespace vsplat {
 
-// Every one of parameters(config), drawn as its `init` says. A value depends on the seed, the parameter's name and the
-// element's index alone, and takes only operations that IEEE 754 defines to the bit: a seed gives the same file
+// Draws each of parameters(config) by its `init`. A value depends only on the seed, the parameter's name and the
+// element's index, and is computed only with operations that IEEE 754 defines to the bit: a seed gives the same file
 // everywhere.
 Weights initial_weights(const Config& config, std::uint64_t seed);
 Weights initial_weights(const LaraConfig& config, std::uint64_t seed);
@@ -18,8 +18,8 @@ Weights initial_weights(const GendenConfig& config, std::uint64_t seed);
 Weights initial_weights(const VsplatGendenConfig& config, std::uint64_t seed);
 Weights initial_weights(const AnyConfig& config, std::uint64_t seed);
 
-// Scales the places of the fine primitives within their voxel, which are in units of the cube's edge, for a cube with
-// another number of voxels: `factor` is the old number over the new one. How many values that were.
+// Rescales the fine primitives' offsets within their voxel, which are in units of the cube's edge, for another number
+// of voxels: `factor` is the old number over the new one. Returns how many values it scaled.
 std::size_t scale_places(Weights& weights, const Config& config, double factor);
 
 // The first `count` points of the unscrambled three-dimensional Sobol sequence after the origin, in Gray-code order,

@@ -21,7 +21,7 @@ static void each_field(const LaraConfig& c, Visit visit) {
 
 namespace {
 
-// Bounds so far out that no sensible model meets them, so near that products of a few of them fit 64 bits.
+// Bounds beyond all sensible models, but small enough that products of a few of them fit 64 bits.
 void check_bounds(const LaraConfig& c, const FieldChecks& is) {
   const std::tuple<const char*, int, int> bounds[] = {{"image", c.image, 2048},
                                                       {"patch", c.patch, 256},
@@ -75,11 +75,11 @@ LaraConfig named_lara_config(const std::string& name) {
     c.image = 128, c.patch = 8, c.vit_dim = 384, c.vit_depth = 4, c.vit_heads = 6, c.vit_pos_grid = 16;
     c.feature_volume = 16, c.volume = 16, c.volume_ch = 64, c.layers = 6, c.heads = 4, c.view_ch = 16;
     c.out_ch = 32, c.offset_cells = 16, c.fine_heads = 4, c.fine_hidden = 32;
-  } else if (name == "tiny") {  // odd enough that a transposed axis or a hard-coded size shows
+  } else if (name == "tiny") {  // sizes that reveal a transposed axis or a hard-coded size
     c.image = 24, c.views = 3, c.patch = 4, c.vit_dim = 24, c.vit_depth = 2, c.vit_heads = 3, c.vit_pos_grid = 4;
     c.feature_volume = 3, c.volume = 6, c.windows = {3}, c.volume_ch = 16, c.layers = 3, c.heads = 4;
     c.view_ch = 4, c.out_ch = 12, c.offset_cells = 5, c.fine_heads = 2, c.fine_hidden = 10;
-  } else if (name == "micro") {  // for interpreters: everything is there, almost nothing of it
+  } else if (name == "micro") {  // for interpreters: every component, at minimal size
     c.image = 12, c.views = 2, c.patch = 4, c.vit_dim = 12, c.vit_depth = 1, c.vit_heads = 2, c.vit_pos_grid = 2;
     c.feature_volume = 2, c.volume = 2, c.windows = {2, 1}, c.volume_ch = 8, c.layers = 2, c.heads = 2;
     c.view_slots = 3, c.view_ch = 3, c.out_ch = 6, c.offset_cells = 3, c.fine_heads = 2, c.fine_hidden = 5;

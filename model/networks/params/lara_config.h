@@ -1,5 +1,5 @@
-// LaRa's network (and GenDen's backbone, which is the same with other values): its sizes and choices. The defaults are
-// the published sizes.
+// The configuration of LaRa's network (and, with other values, of GenDen's backbone): sizes and choices. The defaults
+// are the published sizes.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,15 +10,15 @@
 namespace vsplat {
 
 struct LaraConfig {
-  int image = 512;  // input and drawing resolution, square, pixels
-  int views = 4;    // how many it is trained with; the network takes 1 to view_slots
+  int image = 512;  // input and rendering resolution, square, pixels
+  int views = 4;    // number of views in training; the network takes 1 to view_slots
   int patch = 16;
   int vit_dim = 768;
   int vit_depth = 12;
   int vit_heads = 12;
   int vit_pos_grid = 14;    // side of the stored position embedding
-  int feature_volume = 16;  // side of the grid that the pictures are lifted to, every view by itself
-  int volume = 32;          // side of the transformer's grid; the primitives' has twice that
+  int feature_volume = 16;  // side of the grid that each picture is lifted to
+  int volume = 32;          // side of the transformer's grid; the primitives' grid has twice that
   std::vector<int> windows = {
       16};  // cells along an axis of the attention's windows; layer i takes windows[i mod count]
   int volume_ch = 256;
@@ -29,16 +29,16 @@ struct LaraConfig {
   int out_ch = 80;              // width of the upsampled volume and of the decoders
   int primitives = 2;           // K per voxel
   std::string kind = "surfel";  // surfel: 2 scales; gaussian: 3
-  int offset_cells = 32;        // a primitive stays within 0.25 / offset_cells of its voxel's centre, along each axis
+  int offset_cells = 32;        // a primitive stays within 0.25 / offset_cells of its voxel's centre on each axis
   int fine_heads = 8;
   int fine_hidden = 64;
-  int fine_features = 0;  // what the fine decoder gives before its colours (GenDen)
+  int fine_features = 0;  // features that the fine decoder returns besides colours (GenDen)
   int sh_degree = 1;
   double opacity_threshold = 0.005;
   bool sample_half_pixel = true;
   bool negate_camera_centre = true;
   std::string revision = "lara";  // of the surfels' rasteriser: lara, current
-  std::string rebase = "move";    // rotate, move: as its weights were trained
+  std::string rebase = "move";    // rotate, move: as in its training
 
   int tokens() const { return encoder_sizes().tokens(); }
   TakenViews taken() const { return {image, views, views, view_slots, rebase}; }
@@ -46,12 +46,12 @@ struct LaraConfig {
   int sh_count() const { return (sh_degree + 1) * (sh_degree + 1); }
   int scales() const { return kind == "surfel" ? 2 : 3; }
   int primitive_size() const { return 8 + 3 * sh_count() + scales(); }  // offset, SH, opacity, scale, rotation
-  int grid() const { return 2 * volume; }                               // the primitives'
+  int grid() const { return 2 * volume; }                               // side of the primitives' grid
   int lifted_ch() const { return vit_dim + view_ch; }
   long voxels() const { return static_cast<long>(volume) * volume * volume; }
   long lifted_voxels() const { return static_cast<long>(feature_volume) * feature_volume * feature_volume; }
   long most_primitives() const { return 8 * voxels() * primitives; }
-  // As AnyConfig has them.
+  // As in AnyConfig.
   long selectable() const { return most_primitives(); }
   long noise() const { return 0; }
   bool has_fine() const { return true; }
@@ -64,7 +64,7 @@ struct LaraConfig {
 const std::vector<std::string>& lara_config_names();
 LaraConfig named_lara_config(const std::string& name);  // Error(usage) that lists the names
 
-// As config.h has them for VS-Splat's.
+// As in config.h for VS-Splat's.
 void check(const LaraConfig& config, Status status = Status::usage);
 void set_field(LaraConfig& config, const std::string& assignment);
 std::string to_json(const LaraConfig& config);

@@ -1,9 +1,9 @@
-// The one list of LaRa's fields, for the configurations that have them.
+// The list of LaRa's fields, for the configurations that have them.
 #pragma once
 
 namespace vsplat {
 
-// visit(name, field) for each, in the header's order.
+// Calls visit(name, field) for each, in the header's order.
 template <class C, class Visit>
 void each_lara_field(C& c, const Visit& visit) {
   visit("image", c.image);

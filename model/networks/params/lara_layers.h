@@ -1,5 +1,5 @@
-// LaRa's network, written once, as network_layers.h has VS-Splat's: each stage's layers with their names and sizes, in
-// the order of the published state dict. The encoder is VS-Splat's (EncoderLayers), under "img_encoder".
+// The declaration of LaRa's layers, like network_layers.h for VS-Splat's: each stage's layers with their names and
+// sizes, in the order of the published state dict. The encoder is VS-Splat's (EncoderLayers), under "img_encoder".
 #pragma once
 #include <string>
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace vsplat {
 
-// A multi-head attention without any bias.
+// A multi-head attention without biases.
 template <class Make>
 struct LaraAttention {
   typename Make::Linear q, k, v, out;
@@ -24,7 +24,7 @@ struct LaraAttention {
   }
 };
 
-// What is appended to a view's lifted features, by the view's number: the state dict's first entry.
+// The embedding of a view's number, appended to its lifted features: the state dict's first entry.
 template <class Make>
 struct LaraViewLayers {
   typename Make::Learnt embedding;  // [1, slots, E, 1, 1, 1]
@@ -34,7 +34,7 @@ struct LaraViewLayers {
   }
 };
 
-// SiLU on the rays themselves, then the only Linear.
+// SiLU on the rays, then a single Linear.
 template <class Make>
 struct LaraModulationLayers {
   typename Make::LayerNorm norm;
@@ -82,7 +82,7 @@ struct LaraVolumeLayers {
   }
 };
 
-// A voxel's feature to K primitives.
+// From a voxel's feature to K primitives.
 template <class Make>
 struct LaraCoarseLayers {
   std::vector<typename Make::Linear> mlp;
@@ -95,10 +95,10 @@ struct LaraCoarseLayers {
   }
 };
 
-// What the views show at a primitive's place to its colours.
+// From the views at a primitive's position to its colours.
 template <class Make>
 struct LaraFineLayers {
-  static constexpr long kSeen = 8;  // numbers of a view
+  static constexpr long kSeen = 8;  // values per view
   typename Make::LayerNorm norm;
   LaraAttention<Make> attention;
   std::vector<typename Make::Linear> mlp;

@@ -1,6 +1,6 @@
-// The layers that the network is made of: a declaration gives a name and sizes, and here stands what parameters such a
-// layer has, in which shapes, how they begin and whether they decay. What a declaration gives is up to `Make`: an entry
-// in the list of parameters (params.cpp), or a layer on the device (model/networks/layers/upload_weights.h).
+// Layers in the declaration of a network. A declaration gives a name and sizes; this class derives the layer's
+// parameters, their shapes, initial values and weight decay. `Make` decides what the result is: an entry in the list of
+// parameters (params.cpp), or a layer on the device (model/networks/layers/upload_weights.h).
 #pragma once
 #include <string>
 #include <utility>
@@ -9,7 +9,7 @@
 
 namespace vsplat {
 
-// "<name>.weight" and "<name>.bias", which has no name in a layer without one.
+// "<name>.weight" and "<name>.bias"; the bias has no name if the layer has none.
 struct LayerParameters {
   std::string name;
   Parameter weight, bias;
@@ -29,45 +29,45 @@ class LayerBuilder {
     out.prefix_ += name + ".";
     return out;
   }
-  // For layers on which the result depends if `used`.
+  // For layers that affect the result only if `used`.
   LayerBuilder used_if(bool used) const {
     LayerBuilder out = *this;
     out.used_ = used;
     return out;
   }
 
-  // For layers whose weights start as a head's do.
+  // For layers that are initialised like heads.
   LayerBuilder like_heads() const {
     LayerBuilder out = *this;
     out.like_heads_ = true;
     return out;
   }
 
-  // A tensor that is stored but not learnt.
+  // A tensor that is stored but not trained.
   typename Make::Fixed fixed(const std::string& name, Shape shape, Init init) const {
     Parameter p = parameter(name, std::move(shape), init);
     p.trained = false;
     return make_.fixed(p);
   }
-  // A tensor that is learnt as it is; begins normal with variance 1/width.
+  // A tensor that is trained as it is; starts normal with variance 1/width.
   typename Make::Learnt learnt(const std::string& name, Shape shape, long width) const {
     Parameter p = parameter(name, std::move(shape), Init::normal);
     p.fan_in = width;
     return make_.learnt(p);
   }
-  // What is added to tokens: a class token, and position embeddings stored for a grid of `from` x `from` tokens (and
-  // the class token's), to be resampled to `to` x `to`.
+  // Embeddings added to tokens: a class token, and position embeddings stored for a grid of `from` x `from` tokens (and
+  // for the class token), to be resampled to `to` x `to`.
   typename Make::Positions positions(const std::string& class_token, const std::string& name, int from, int to,
                                      long dim) const {
     return make_.positions(parameter(class_token, {1, 1, dim}, Init::zeros),
                            parameter(name, {1, static_cast<long>(from) * from + 1, dim}, Init::position), from, to);
   }
 
-  // Tokens that are learnt, as a class token is: [1, count, dim].
+  // Learnt tokens, like a class token: [1, count, dim].
   typename Make::Learnt tokens(const std::string& name, long count, long dim) const {
     return make_.learnt(parameter(name, {1, count, dim}, Init::position));
   }
-  // What is added to `size` channels, and what they are multiplied by, by themselves.
+  // A learnt vector that is added to `size` channels, and one that they are multiplied by.
   typename Make::Learnt bias(const std::string& name, long size) const {
     Parameter p = parameter(name, {size}, Init::zeros);
     p.decays = false;
@@ -83,19 +83,19 @@ class LayerBuilder {
     p.bias = {};
     return make_.linear(p);
   }
-  // One whose outputs are multiplied by `scale`, where that is not null.
+  // A Linear whose outputs are multiplied by `scale`, unless that is null.
   typename Make::ScaledLinear scaled_linear(const std::string& name, long in, long out,
                                             const typename Make::Learnt* scale) const {
     return make_.scaled_linear(dense(name, {out, in}), scale);
   }
-  // One without a bias, whose weight has the name alone.
+  // A Linear without a bias, whose weight is called just `name`.
   Linear matrix(const std::string& name, long in, long out) const {
     LayerParameters p{prefix_ + name, parameter(name, {out, in}, Init::xavier), {}};
     p.weight.fan_in = in;
     p.weight.fan_out = out;
     return make_.linear(p);
   }
-  // One of a head, which begins as heads do.
+  // A Linear of a head, initialised as such.
   Linear head(const std::string& name, long in, long out) const {
     LayerParameters p = layer(name, {out, in}, Init::xavier, Init::zeros);
     p.weight.fan_in = in;
@@ -110,16 +110,16 @@ class LayerBuilder {
   Linear pointwise(const std::string& name, long in, long out) const {
     return make_.linear(dense(name, {out, in, 1, 1, 1}));
   }
-  // One of which the first `first` of the input's channels and the rest are applied apart.
+  // One that is applied separately to the first `first` input channels and to the rest.
   typename Make::SplitLinear split_pointwise(const std::string& name, long first, long rest, long out) const {
     return make_.split_linear(dense(name, {out, first + rest, 1, 1, 1}), first);
   }
-  // A convolution of pictures whose stride is its size.
+  // A convolution of pictures with a stride equal to its size.
   Linear patches(const std::string& name, long in, long out, long size) const {
     return make_.linear(dense(name, {out, in, size, size}));
   }
 
-  // 3x3x3; 2x2x2 with stride 2; and over active voxels alone, of kernel^3 taps.
+  // 3x3x3; 2x2x2 with stride 2; and, over active voxels only, kernel^3 taps.
   Conv conv3d(const std::string& name, long in, long out) const {
     return make_.conv3d(dense(name, {out, in, 3, 3, 3}));
   }
@@ -131,7 +131,7 @@ class LayerBuilder {
   Conv conv3d_down(const std::string& name, long in, long out) const {
     return make_.conv3d_down(dense(name, {out, in, 2, 2, 2}));
   }
-  // Transposed 2x2x2 with stride 2, whose weight is [in, out, ..]; PyTorch takes its second size for the inputs' count.
+  // Transposed 2x2x2 with stride 2. Its weight is [in, out, ..]; PyTorch uses its second size as the number of inputs.
   typename Make::ConvUp conv3d_up(const std::string& name, long in, long out) const {
     LayerParameters p{prefix_ + name, parameter(name + ".weight", {in, out, 2, 2, 2}, Init::fan_in),
                       parameter(name + ".bias", {out}, Init::fan_in)};
@@ -154,7 +154,7 @@ class LayerBuilder {
     return make_.group_norm(layer(name, {channels}, Init::ones, Init::zeros), groups);
   }
 
-  // Three linear layers, SiLU between them.
+  // Three linear layers with SiLU between them.
   typename Make::Mlp3 mlp3(const std::string& name, long in, long out) const {
     return {head(name + ".0", in, in), head(name + ".2", in, in), head(name + ".4", in, out)};
   }
@@ -168,7 +168,7 @@ class LayerBuilder {
     p.used = used_;
     return p;
   }
-  // The weight is [out, ...], and there is a bias for each of `out`.
+  // The weight is [out, ...], with one bias for each of `out`.
   LayerParameters layer(const std::string& name, Shape shape, Init weight, Init bias) const {
     const long out = shape.at(0);
     LayerParameters p{prefix_ + name, parameter(name + ".weight", std::move(shape), weight),
@@ -176,7 +176,7 @@ class LayerBuilder {
     p.bias.decays = false;
     return p;
   }
-  // Everything but the shape's first size feeds one output.
+  // All sizes of the shape but the first feed one output.
   LayerParameters dense(const std::string& name, Shape shape) const {
     LayerParameters p = layer(name, std::move(shape), Init::fan_in, Init::fan_in);
     p.weight.fan_in = p.bias.fan_in = p.weight.count() / p.weight.shape.at(0);

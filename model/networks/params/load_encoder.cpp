@@ -23,7 +23,7 @@ namespace {
 constexpr const char* kPrefixes[] = {"",          "model.",  "encoder.model.",  "net.encoder.model.",
                                      "backbone.", "module.", "module.backbone."};
 
-// How the names of the encoder's parameters begin.
+// The prefix of the encoder's parameter names.
 std::string encoder_of(const AnyConfig& config) {
   return config.visit(
       [](const auto& c) { return SystemOf<std::decay_t<decltype(c)>>::modules[0] + std::string("model."); });
@@ -31,7 +31,7 @@ std::string encoder_of(const AnyConfig& config) {
 
 bool is_head(std::string_view name) { return name.starts_with("head.") || name.starts_with("fc_norm."); }
 
-// An encoder's tensors in a file, whichever its naming is, by timm's names.
+// An encoder's tensors in a file, by timm's names, in either naming.
 template <class File>
 class EncoderIn {
  public:
@@ -53,12 +53,12 @@ class EncoderIn {
   const Config& config() const { return config_; }
   bool dinov3() const { return config_.encoder == "dinov3"; }
 
-  // Those of the parameter that is called `bare` within the encoder; the entries that they come of are used.
+  // The values of the parameter called `bare` within the encoder; marks the entries they come from as used.
   HostTensor values(const Parameter& p, const std::string& bare) {
     const bool query = bare.ends_with("attn.q_bias");
     if (meta_ && (query || bare.ends_with("attn.v_bias"))) {
       const std::string attention = bare.substr(0, bare.rfind('.'));
-      file_.at(prefix_ + attention + ".qkv.bias");  // where one block has it, all must
+      file_.at(prefix_ + attention + ".qkv.bias");  // if one block has it, all must
       const std::vector<float> all = bias(attention);
       const auto third = static_cast<std::ptrdiff_t>(all.size() / 3), first = query ? 0 : 2 * third;
       return {p.shape, {all.begin() + first, all.begin() + first + third}};
@@ -69,7 +69,7 @@ class EncoderIn {
     return {p.shape, finite_values(file_, entry)};
   }
 
-  // Tensors that no parameter is made of. What an encoder of ours would have to compute with is an error.
+  // Tensors that no parameter uses. Refuses those that an encoder of ours would have to compute with.
   std::vector<std::string> left_out() const {
     std::vector<std::string> out;
     for (const TensorEntry& entry : file_.tensors()) {
@@ -87,7 +87,7 @@ class EncoderIn {
     return out;
   }
 
-  // Meta's files hold the periods of their angles, DINOv3's alone: "exact" or "bf16"; empty where there are none.
+  // Only Meta's DINOv3 files hold the periods of their angles: "exact" or "bf16"; empty if there are none.
   std::string periods(int heads, double base) const {
     const TensorEntry* entry = meta_ ? find("rope_embed.periods") : nullptr;
     if (entry == nullptr) return "";
@@ -156,7 +156,7 @@ class EncoderIn {
     return bare;
   }
 
-  // Meta's bias of queries, keys and values, which counts times its mask: nothing where that is 0, whatever it is.
+  // Meta's bias of queries, keys and values, multiplied by its mask: values under a mask of 0 are ignored.
   std::vector<float> bias(const std::string& attention) const {
     const TensorEntry* entry = find(attention + ".qkv.bias");
     if (entry == nullptr) return {};
@@ -187,7 +187,7 @@ class EncoderIn {
   std::set<std::string> used_;
 };
 
-// The configuration's fields as the file's tensors show them; each that differs is named.
+// Compares the configuration's fields with the file's tensors; the error names each that differs.
 template <class File>
 void compare_sizes(const File& file, const EncoderIn<File>& encoder, const AnyConfig& config) {
   if (encoder.dinov3() && !config.as<Config>())

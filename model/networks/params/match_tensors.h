@@ -1,4 +1,4 @@
-// A model's parameters, found in a file of tensors: a SafetensorsFile or a TorchFile.
+// Finds a model's parameters in a file of tensors: a SafetensorsFile or a TorchFile.
 #pragma once
 #include <fmt/format.h>
 
@@ -15,7 +15,7 @@
 
 namespace vsplat {
 
-// The first few of them, fit for a message.
+// The first few of them, for a message.
 inline std::string list_of(const std::vector<std::string>& names) {
   constexpr std::size_t kMost = 5;
   std::string out;
@@ -24,7 +24,7 @@ inline std::string list_of(const std::vector<std::string>& names) {
   return out;
 }
 
-// Of a tensor called as a parameter is, below any prefix.
+// Whether a tensor has a parameter's name, below any prefix.
 inline void require_weights(const std::string& path, const TensorEntry& entry, const Parameter& parameter) {
   if (entry.shape != parameter.shape)
     fail(Status::format, "{}: tensor {} has shape {}, expected {} for this configuration", path, printable(entry.name),
@@ -34,8 +34,8 @@ inline void require_weights(const std::string& path, const TensorEntry& entry, c
          name_of(entry.dtype));
 }
 
-// expected[i] -> its entry, found under the name with one of `prefixes`; complains of what is missing, misshapen or
-// there twice.
+// Returns the entry of each expected[i], found under its name with one of `prefixes`. Refuses tensors that are missing,
+// have the wrong shape or occur twice.
 template <class File>
 std::vector<const TensorEntry*> match_tensors(const File& file, const std::vector<Parameter>& expected,
                                               const std::vector<std::string>& prefixes) {
@@ -72,7 +72,7 @@ std::vector<std::string> beside(const File& file, const std::vector<const Tensor
   return out;
 }
 
-// A network with one NaN in it may give plausible pictures, or none.
+// A network with a single NaN may still give plausible pictures, or none.
 template <class File>
 std::vector<float> finite_values(const File& file, const TensorEntry& entry) {
   std::vector<float> out = file.floats(entry);

@@ -37,7 +37,7 @@ std::string read_system(const SafetensorsFile& file) {
   return found == file.metadata().end() ? VsplatSystem::name : found->second;
 }
 
-// Its messages with the path before them.
+// Calls `read` and puts the file's path before its error messages.
 template <class Result, class Read>
 Result of_file(const SafetensorsFile& file, const Read& read) {
   try {
@@ -53,7 +53,7 @@ typename S::Config read_config(const SafetensorsFile& file) {
   return of_file<typename S::Config>(file, [&] { return S::from_json(text); });
 }
 
-// The model that the header tells of, without its weights.
+// The model that the header describes, without its weights.
 AnyModel read_header(const SafetensorsFile& file) {
   const std::string system = read_system(file);
   const auto found = file.metadata().find("system");
@@ -69,12 +69,12 @@ std::vector<Parameter> parameters_of(const AnyModel& model) {
   return std::visit([](const auto& m) { return parameters(m.config); }, model);
 }
 
-// A classification head that DINO files carry along; the network has no use for it.
+// A classification head in DINO files, which the network does not use.
 bool is_harmless(const std::string& name) {
   return name.starts_with("encoder.model.head.") || name.starts_with("encoder.model.fc_norm.");
 }
 
-// With or without "net."; complains of tensors that the configuration does not have, too.
+// Accepts names with or without "net."; also refuses tensors that the configuration does not have.
 std::vector<const TensorEntry*> match_model(const SafetensorsFile& file, const std::vector<Parameter>& expected) {
   const std::vector<const TensorEntry*> found = match_tensors(file, expected, {"", "net."});
   std::vector<std::string> unexpected;
@@ -115,7 +115,7 @@ Weights read_weights(const SafetensorsFile& file, const Config& config, const st
 }
 
 AnyModel load_any_model(const SafetensorsFile& file) {
-  // Before anything that damage could have changed is believed, or complained of.
+  // Checks the hash before it uses, or complains about, content that may be damaged.
   checked_hash(file);
   AnyModel out = read_header(file);
   const std::vector<Parameter> expected = parameters_of(out);
@@ -148,7 +148,8 @@ void save(const std::string& path, const Config& config, const Weights& weights,
   metadata["version"] = kVersion;
   metadata["config"] = to_json(config);
   const std::string system = SystemOf<Config>::name;
-  if (system != VsplatSystem::name) metadata["system"] = system;  // files without it stay as they are
+  // omitted for VS-Splat, so that its files do not change
+  if (system != VsplatSystem::name) metadata["system"] = system;
   std::vector<TensorToWrite> tensors;
   std::vector<std::vector<std::uint16_t>> halves;
   for (const Parameter& parameter : parameters(config)) {

@@ -1,4 +1,4 @@
-// A model in memory: its configuration, its weights, and what its file says of it.
+// A model in memory: its configuration, its weights, and its file's metadata.
 #pragma once
 #include <map>
 #include <string>
@@ -15,7 +15,7 @@ template <class Configuration>
 struct ModelOf {
   Configuration config;
   Weights weights;
-  std::map<std::string, std::string> metadata;  // as in the file: config, sha256 and provenance too
+  std::map<std::string, std::string> metadata;  // as in the file, including config, sha256 and provenance
 };
 
 using ModelFile = ModelOf<Config>;

@@ -1,5 +1,5 @@
-// The network, written once: each stage's layers with their names and sizes, in the order of the state dict. The stages
-// (model/networks/vsplat) hold them loaded; parameters() lists them. `Make` is as LayerBuilder has it.
+// The declaration of VS-Splat's network: each stage's layers with their names and sizes, in the order of the state
+// dict. The stages (model/networks/vsplat) hold them loaded; parameters() lists them. `Make` as in LayerBuilder.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,12 +12,12 @@ namespace vsplat {
 inline constexpr int kPositionValues = 63;  // x, then sine and cosine of 10 octaves, three values each
 inline constexpr int kRayValues = 32;       // spherical harmonics to degree 3 of a ray's direction and moment
 
-// A block of a transformer: x + attention(norm1(x)), then that plus its MLP.
+// A transformer block: y = x + attention(norm1(x)), then y + MLP(norm2(y)).
 template <class Make>
 struct TransformerBlock {
-  typename Make::Learnt gamma1, gamma2;  // what proj's and fc2's results are multiplied by; DINOv3's
+  typename Make::Learnt gamma1, gamma2;  // factors on the results of proj and fc2; DINOv3 only
   typename Make::LayerNorm norm1;
-  typename Make::Learnt q_bias, v_bias;  // where qkv has none of its own; DINOv3's
+  typename Make::Learnt q_bias, v_bias;  // if qkv has no bias of its own; DINOv3 only
   typename Make::Linear qkv;
   typename Make::ScaledLinear proj;
   typename Make::LayerNorm norm2;
@@ -33,7 +33,7 @@ struct TransformerBlock {
         fc1(build.linear("mlp.fc1", dim, hidden)),
         fc2(build.scaled_linear("mlp.fc2", hidden, dim, nullptr)) {}
 
-  // DINOv3's.
+  // For DINOv3.
   TransformerBlock(const LayerBuilder<Make>& build, const EncoderSizes& c) {
     const long dim = c.vit_dim;
     gamma1 = build.scale("gamma_1", dim), gamma2 = build.scale("gamma_2", dim);
@@ -50,13 +50,13 @@ struct TransformerBlock {
 // The encoder: a vision transformer, DINO's or DINOv3's.
 template <class Make>
 struct EncoderLayers {
-  typename Make::Positions positions;            // DINO's, the class token among them
-  typename Make::Learnt class_token, registers;  // DINOv3's, which adds no positions
+  typename Make::Positions positions;            // DINO only, including the class token
+  typename Make::Learnt class_token, registers;  // DINOv3 only, which adds no positions
   typename Make::Linear patches;
   std::vector<TransformerBlock<Make>> blocks;
   typename Make::LayerNorm norm;
 
-  // `network` with the name of the module that the encoder is.
+  // `network` with the name of the encoder's module.
   EncoderLayers(const LayerBuilder<Make>& network, const EncoderSizes& c) {
     const LayerBuilder<Make> build = network.in("model");
     const long dim = c.vit_dim;
@@ -75,7 +75,7 @@ struct EncoderLayers {
   }
 };
 
-// What predicts rays from the encoder's features: names and layers of SHARE's, behind `reduce`.
+// The ray predictor on the encoder's features: names and layers of SHARE's code, after `reduce`.
 template <class Make>
 struct RayPredictorLayers {
   struct Reduce {  // norm, SiLU, 1x1 convolution
@@ -93,8 +93,8 @@ struct RayPredictorLayers {
   };
   std::vector<Reduce> reduce;
   std::vector<MatchBlock> matching;
-  typename Make::Linear pre_conv;   // or none
-  typename Make::Learnt view_code;  // [max_views, view_dim], or none
+  typename Make::Linear pre_conv;   // may be empty
+  typename Make::Learnt view_code;  // [max_views, view_dim]; may be empty
   typename Make::Linear embedder;
   std::vector<TransformerBlock<Make>> blocks;
   typename Make::LayerNorm norm;
@@ -155,7 +155,7 @@ struct ModulationLayers {
   }
 };
 
-// The convolution of what is lifted: of the mean and the variance over the views.
+// The convolution of the lifted features: of the mean and the variance over the views.
 template <class Make>
 struct LiftingLayers {
   typename Make::SplitLinear mean_and_variance;
@@ -173,7 +173,7 @@ struct VolumeResBlock {
   typename Make::Conv conv1;
   typename Make::GroupNorm norm2;
   typename Make::Conv conv2;
-  typename Make::Linear shortcut;  // none where the width stays
+  typename Make::Linear shortcut;  // empty if the width does not change
 
   VolumeResBlock() = default;
   VolumeResBlock(const LayerBuilder<Make>& build, long in, long out, int groups) {
@@ -191,7 +191,7 @@ struct VolumeLayers {
   using ResBlock = VolumeResBlock<Make>;
   struct Down {
     ResBlock res;
-    typename Make::Conv downsample;  // none at the last level
+    typename Make::Conv downsample;  // empty at the last level
   };
   struct Up {
     ResBlock res[2];
@@ -295,7 +295,8 @@ struct FineHeadLayers {
   }
 };
 
-// Where the fine primitives begin within their voxel: the state dict's first entry, apart from the heads that use it.
+// Initial offsets of the fine primitives within their voxel: the state dict's first entry, separate from the heads that
+// use it.
 template <class Make>
 struct FinePlaceLayers {
   typename Make::Fixed div_offset;  // [M, 3]

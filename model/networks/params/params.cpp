@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-// What makes a list of a declaration: a layer is nothing but its parameters.
+// Turns a declaration into a list: a layer is just its parameters.
 class Lister {
  public:
   struct Listed {};

@@ -1,5 +1,5 @@
-// The list of what a model is made of, as network_layers.h, lara_layers.h and densify_layers.h declare it. Weight
-// files, initial weights and the optimiser all go by it.
+// The list of a model's parameters, as declared in network_layers.h, lara_layers.h and densify_layers.h. Weight files,
+// initial weights and the optimiser use it.
 #pragma once
 #include <vector>
 
@@ -12,14 +12,14 @@
 namespace vsplat {
 
 // In the state dict's order. Names and shapes depend on sizes, `use_projected` and `refine_out_kernel`; every module
-// exists for every value of `selection` and `levels`.
+// exists for all values of `selection` and `levels`.
 std::vector<Parameter> parameters(const Config& config);
-// The published state dict's, but for its buffers, which nothing reads.
+// Those of the published state dict, without its unused buffers.
 std::vector<Parameter> parameters(const LaraConfig& config);
 std::vector<Parameter> parameters(const GendenConfig& config);
 std::vector<Parameter> parameters(const VsplatGendenConfig& config);
 
-// Of what is trained.
+// Number of trained values.
 long parameter_count(const Config& config);
 long parameter_count(const LaraConfig& config);
 long parameter_count(const GendenConfig& config);

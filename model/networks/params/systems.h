@@ -1,5 +1,5 @@
-// The networks that there are. A new one is a folder in model/ with its stages, its configuration and layers here, a
-// struct as those below, and its line in the table, the list `Systems`.
+// The table of architectures. To add one, write a folder in model/networks/ with its stages, its configuration and
+// layers here, a struct like those below, and an entry in the list `Systems`.
 #pragma once
 #include <string>
 #include <variant>
@@ -19,8 +19,8 @@ namespace vsplat {
 
 struct VsplatSystem {
   using Config = vsplat::Config;
-  static constexpr const char* name = "vsplat";                   // in model files; they are its where none is named
-  static constexpr const char* network = "VS-Splat's network";    // in messages, and so is
+  static constexpr const char* name = "vsplat";                   // in model files; the default if absent
+  static constexpr const char* network = "VS-Splat's network";    // in messages
   static constexpr const char* selects = "voxels";                // what it selects from
   static constexpr const char* mark = "encoder.model.cls_token";  // a tensor that it has, after a checkpoint's prefix
   static constexpr const char* modules[] = {"encoder.", "dir_norm.", "volume_network.", "voxel_network.", "predictor."};
@@ -90,7 +90,8 @@ struct SystemList {
   using Model = std::variant<ModelOf<typename All::Config>...>;
   using Configuration = std::variant<typename All::Config...>;
 
-  // visit(S()) of the one with this name, with a Result; Error(format) that lists them where there is none.
+  // Calls visit(S()) for the architecture with this name and returns its Result; Error(format) lists the names if there
+  // is none.
   template <class Result, class Visit>
   static Result of(const std::string& name, const Visit& visit) {
     Result out{};
@@ -108,7 +109,7 @@ struct SystemList {
 // The table.
 using Systems = SystemList<VsplatSystem, LaraSystem, GendenSystem, VsplatGendenSystem>;
 
-// A model of any of them.
+// A model of any architecture.
 using AnyModel = Systems::Model;
 
 template <class Config>
@@ -122,7 +123,7 @@ struct SystemOf<GendenConfig> : GendenSystem {};
 template <>
 struct SystemOf<VsplatGendenConfig> : VsplatGendenSystem {};
 
-// "lara", and "LaRa's network".
+// For example "lara", and "LaRa's network".
 inline std::string system_of(const AnyModel& model) {
   return std::visit([](const auto& m) { return std::string(SystemOf<decltype(m.config)>::name); }, model);
 }

@@ -5,7 +5,7 @@
 
 namespace vsplat {
 
-// The densifier's fields by themselves: the others are VS-Splat's own business.
+// Only the densifier's fields: VS-Splat's are handled elsewhere.
 template <class Visit>
 static void each_field(DensifyConfig& c, const Visit& visit) {
   each_densify_field(c, visit, true);

@@ -1,5 +1,5 @@
-// VS-Splat's network with the densifier behind it. The paper halves M beside it; the other values no page tells, and
-// what stands here is a choice: a candidate's feature is its voxel's refined one, the cells are VS-Splat's voxels.
+// The configuration of VS-Splat's network with the densifier. The paper only says that M is halved. The other values
+// are our choice: a candidate's feature is its voxel's refined one, and the cells are VS-Splat's voxels.
 #pragma once
 #include "model/networks/params/config.h"
 #include "model/networks/params/densify_config.h"
@@ -20,7 +20,7 @@ struct VsplatGendenConfig : Config {
 const std::vector<std::string>& vsplat_genden_config_names();
 VsplatGendenConfig named_vsplat_genden_config(const std::string& name);  // Error(usage) that lists the names
 
-// As config.h has them for VS-Splat's. The densifier's fields are called "densify.top_k" and so on.
+// As in config.h. The densifier's fields are called "densify.top_k" and so on.
 void check(const VsplatGendenConfig& config, Status status = Status::usage);
 void set_field(VsplatGendenConfig& config, const std::string& assignment);
 std::string to_json(const VsplatGendenConfig& config);

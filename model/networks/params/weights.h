@@ -1,4 +1,4 @@
-// A model's weights in host memory, by the names of the reference's state dict.
+// A model's weights in host memory, by their names in the reference's state dict.
 #pragma once
 #include <map>
 #include <string>
@@ -16,9 +16,9 @@ struct HostTensor {
 
 class Weights {
  public:
-  // Throws Error(format) that names what is missing.
+  // Error(format) names a missing tensor.
   const HostTensor& at(const std::string& name) const;
-  // The same of a parameter, whose shape it must have: Error(format) that names both, where it has not.
+  // The same for a parameter. Error(format) names both shapes if they differ.
   const HostTensor& of(const Parameter& parameter) const;
   bool has(const std::string& name) const { return tensors_.count(name) != 0; }
   void set(const std::string& name, HostTensor tensor) { tensors_[name] = std::move(tensor); }

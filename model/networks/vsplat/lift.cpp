@@ -14,7 +14,7 @@ namespace {
 
 // Voxels whose variance is in memory at a time: 24 MiB at C = 768.
 constexpr long kBlock = 8192;
-// Numbers that the backward's largest scratch tensor, the gradients by all samples of a block of voxels, may have.
+// Maximum size, in floats, of the backward's largest scratch tensor: the gradients by all samples of a block of voxels.
 constexpr long kBackwardFloats = 8 << 20;
 
 Tensor zeros(Context& ctx, const Shape& shape, const char* what) {

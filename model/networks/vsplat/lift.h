@@ -1,6 +1,6 @@
-// Lifting with the 1x1x1 convolution that follows it, so that neither the views' volumes nor the 2C channels of mean
-// and variance ever exist. Sampling and the mean are linear: the convolution's mean half is applied to the maps, whose
-// samples are then averaged. Only the variance half needs C channels per voxel, a block of voxels at a time.
+// Lifting fused with the 1x1x1 convolution after it, so that neither the views' volumes nor the 2C channels of mean and
+// variance are ever stored. Sampling and the mean are linear: the mean half of the convolution is applied to the maps,
+// whose samples are then averaged. Only the variance half needs C channels per voxel, for a block of voxels at a time.
 #pragma once
 #include "model/base/device_cameras.h"
 #include "model/networks/layers/upload_weights.h"
@@ -11,7 +11,7 @@ namespace vsplat {
 
 class Lifting {
  public:
-  // Takes "volume_network.conv_in.0.*".
+  // Loads "volume_network.conv_in.0.*".
   Lifting(Context& ctx, const Config& config, const WeightSource& weights);
 
   struct Saved {
@@ -20,7 +20,8 @@ class Lifting {
   };
   // features [V, t, t, C] -> [R^3, 4 C~], x slowest: the convolution of (mean, biased variance) over the views.
   Tensor forward(Context& ctx, const Tensor& features, const DeviceCameras& cameras, Saved* saved = nullptr) const;
-  // dout [R^3, 4 C~] -> dfeatures [V, t, t, C], added to. The variance is computed again, a block of voxels at a time.
+  // dout [R^3, 4 C~] -> dfeatures [V, t, t, C], which is added to. Recomputes the variance, a block of voxels at a
+  // time.
   void backward(Context& ctx, const Saved& saved, const Tensor& dout, const Tensor& dfeatures) const;
 
  private:

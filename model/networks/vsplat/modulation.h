@@ -1,4 +1,4 @@
-// Pose modulation: an adaptive layer norm that tells every token which ray it saw.
+// Pose modulation: an adaptive layer norm that conditions every token on its ray.
 #pragma once
 #include "model/base/device_cameras.h"
 #include "model/networks/layers/upload_weights.h"
@@ -8,26 +8,26 @@ namespace vsplat {
 
 class PoseModulation {
  public:
-  // Takes "dir_norm.*".
+  // Loads "dir_norm.*".
   PoseModulation(Context& ctx, const Config& config, const WeightSource& weights);
 
-  // What the backward wants of a forward.
+  // What backward needs from a forward.
   struct Saved {
-    Tensor tokens;     // as they came
-    Tensor predicted;  // likewise
+    Tensor tokens;     // input
+    Tensor predicted;  // input
     Tensor rays;       // [V t t, 32]
     Tensor hidden;     // [V t t, C], before SiLU
     Tensor film;       // [V, t t, 2 C]
   };
 
-  // tokens [V, P + t t, C] with the P that are no patches, which are dropped -> features [V, t, t, C]:
-  // LayerNorm(x) (1 + scale) + shift, (shift, scale) = MLP(spherical harmonics of the ray's direction and moment).
-  // `predicted` [V, t, t, 6] stand for the cameras' rays, where they are there.
+  // tokens [V, P + t t, C], whose first P tokens are not patches and are dropped -> features [V, t, t, C]: LayerNorm(x)
+  // (1 + scale) + shift, (shift, scale) = MLP(spherical harmonics of the ray's direction and moment). `predicted` [V,
+  // t, t, 6], if given, replaces the cameras' rays.
   Tensor forward(Context& ctx, const Tensor& tokens, const DeviceCameras& cameras, Saved* saved = nullptr,
                  const Tensor& predicted = {}) const;
-  // dfeatures [V, t, t, C], by forward's result -> by the tokens, [V, P + t t, C], zeros by the first P. Adds to
-  // the gradients by the weights. Of the cameras there is none.
-  // drays [V, t, t, 6], by predicted rays, is added to.
+  // dfeatures [V, t, t, C], by forward's result -> gradient by the tokens, [V, P + t t, C], with zeros for the first P.
+  // Adds to the gradients of the weights. There is no gradient by the cameras. Adds to drays [V, t, t, 6], by the
+  // predicted rays.
   Tensor backward(Context& ctx, const Saved& saved, const Tensor& dfeatures, const Tensor& drays = {}) const;
 
  private:

@@ -30,7 +30,7 @@ Tensor RayPredictor::rows_of_view(Context& ctx, long view, bool among_tokens) co
   return ctx.upload({n}, rows, Type::i32, "poses.rows");
 }
 
-// Norm, SiLU and convolution, three times; the norms' statistics are a view's.
+// Norm, SiLU and convolution, three times; norm statistics are per view.
 Tensor RayPredictor::reduce(Context& ctx, const Tensor& tokens, Saved* saved) const {
   const long v = tokens.dim(0), n = patches();
   const Tensor out = ctx.tensor({v * n, config_.share_dim}, Type::f32, "poses.tokens");
@@ -110,7 +110,7 @@ Tensor RayPredictor::match(Context& ctx, const Matching& l, const Tensor& x, con
     s.out = linear_forward(ctx, l.mlp2, rows_of(active), "match.mlp.2");
     out = normed_forward(ctx, l.norm2, s.out, kMatchEps, "match.out");
   } else if (saved) {
-    s.message = {};  // carried on, with x added
+    s.message = {};  // x is added and it becomes the result
   }
   add_columns(ctx, {x, out});
   if (saved) *saved = s;
@@ -161,7 +161,7 @@ Tensor RayPredictor::forward(Context& ctx, const Tensor& tokens, Saved* saved, c
   if (saved) saved->matching.resize(2 * layers_.matching.size());
   for (std::size_t i = 0; i < layers_.matching.size(); ++i) {
     const std::string name = "match" + std::to_string(i);
-    const Tensor before = x;  // which the other views look at
+    const Tensor before = x;  // the other views attend to this
     x = match(ctx, layers_.matching[i].self, x, x, groups(ctx, v, i, false), saved ? &saved->matching[2 * i] : nullptr);
     told(name + ".self", x);
     x = match(ctx, layers_.matching[i].cross, x, before, groups(ctx, v, i, true),
@@ -223,7 +223,7 @@ void RayPredictor::backward(Context& ctx, const Saved& s, const Tensor& drays, c
     in.x1 = s.codes;
     const Tensor dcodes = s.codes ? like(s.codes) : Tensor();
     linear_backward(ctx, layers_.embedder, {in, d, dx, dcodes, false, "share.embedder"});
-    if (dcodes) {  // each view's sum, by a product with ones where a row is of the view
+    if (dcodes) {  // each view's sum, as a product with a matrix that has ones where a row belongs to the view
       const long codes = config_.share_max_views;
       std::vector<float> ones(static_cast<std::size_t>(rows * codes), 0.0f);
       for (long i = 0; i < rows; ++i) ones[static_cast<std::size_t>(i * codes + i / patches())] = 1;

@@ -48,8 +48,8 @@ std::vector<float> view_and_token_numbers(const Config& config) {
 
 TokenWindows token_windows(long t, long splits, bool shifted) {
   const long window = t / splits, shift = shifted && splits > 1 ? window / 2 : 0;
-  // Of the grid rolled up and left by the shift: before its last windows, in them, and in those what came from the
-  // other side.
+  // Regions of the grid after the cyclic shift up and left: before the last windows, in them, and, within those, what
+  // was wrapped around.
   const auto part = [&](long i) { return shift == 0 ? 0 : (i >= t - window ? 1 : 0) + (i >= t - shift ? 1 : 0); };
   TokenWindows out;
   out.count = splits * splits, out.length = window * window;
@@ -72,7 +72,7 @@ AttentionGroups match_groups(Context& ctx, long views, long t, long splits, bool
       for (std::size_t i = first; i < first + static_cast<std::size_t>(windows.length); ++i) {
         query_rows.push_back(static_cast<int>(view * n) + windows.tokens[i]);
         query_parts.push_back(windows.parts[i]);
-        for (long other = 0; other < views; ++other)  // a token's keys lie together
+        for (long other = 0; other < views; ++other)  // a token's keys are contiguous
           if ((other == view) != across) key_rows.push_back(static_cast<int>(other * n) + windows.tokens[i]);
       }
       for (long j = 0; j < keys; ++j)

@@ -7,7 +7,7 @@
 namespace vsplat {
 namespace {
 
-// One of the streams of the seed's random numbers.
+// Index of this stream among the seed's random streams.
 constexpr std::uint32_t kSelectionStream = 1;
 
 Tensor upload_forced(Context& ctx, const std::vector<int>& forced, long voxels) {

@@ -20,7 +20,7 @@ Tensor downsample(Context& ctx, const Conv& conv, const Tensor& x, long edge) {
   return c.out;
 }
 
-// By x at edge^3 voxels, added to dx.
+// Adds the gradient by x at edge^3 voxels to dx.
 void downsample_backward(Context& ctx, const Conv& conv, const Tensor& x, const Tensor& dy, const Tensor& dx,
                          long edge) {
   Conv3dDownBackward g;
@@ -40,7 +40,7 @@ Tensor upsample(Context& ctx, const Tensor& x, long edge) {
   return y;
 }
 
-// dy at 2 edge -> by x at `edge`.
+// dy at 2 edge -> gradient by x at `edge`.
 Tensor upsample_backward(Context& ctx, const Tensor& dy, long edge) {
   const Tensor dx = ctx.tensor({edge * edge * edge, dy.dim(1)}, Type::f32, "upsample gradient");
   upsample3d_backward(ctx, {dy, edge, edge, edge, dx});
@@ -120,7 +120,7 @@ std::pair<Tensor, Tensor> VolumeNetwork::res_backward(Context& ctx, const ResBlo
   norm_silu_backward(ctx, block.norm2, std::exchange(saved.norm2, {}), dh, dh);
   const Tensor dcomposed =
       volume_conv_backward(ctx, block.conv1, saved.norm1.rows, std::exchange(dh, {}), edge, "res.conv1");
-  Tensor dx0 = dy, dx1;  // where the residual is x0 itself
+  Tensor dx0 = dy, dx1;  // for a residual that is x0 itself
   if (block.shortcut.bias) {
     RowSource x;
     x.x0 = saved.norm1.rows.x0;
@@ -140,7 +140,7 @@ Tensor VolumeNetwork::backward(Context& ctx, Saved saved, Tensor dout) const {
   Tensor d =
       volume_conv_backward(ctx, layers_.conv_out, saved.norm_out.rows, std::exchange(dout, {}), edge, "conv_out");
   norm_silu_backward(ctx, layers_.norm_out, std::exchange(saved.norm_out, {}), d, d);
-  std::vector<Tensor> dskips;  // the first skip's gradient comes first, as it was the last to be used
+  std::vector<Tensor> dskips;  // the first skip's gradient comes first, since the forward uses it last
   for (std::size_t i = layers_.up.size(); i-- > 0;) {
     for (const int j : {1, 0}) {
       auto [dx, dskip] = res_backward(ctx, layers_.up[i].res[j], take_last(saved.up), std::move(d), edge);

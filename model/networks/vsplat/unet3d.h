@@ -10,32 +10,34 @@ namespace vsplat {
 
 class VolumeNetwork {
  public:
-  // Takes "volume_network.*" but its first convolution, which lifting has (see model/networks/vsplat/lift.h).
+  // Loads "volume_network.*" except for its first convolution, which lifting applies (see
+  // model/networks/vsplat/lift.h).
   VolumeNetwork(Context& ctx, const Config& config, const WeightSource& weights);
 
-  // A res block's inputs, and what its first convolution made, each with its norm's statistics.
+  // A residual block's inputs and the output of its first convolution, each with its norm's statistics.
   struct ResSaved {
     NormSaved norm1, norm2;
   };
   struct Saved {
     NormSaved norm_in, norm_out;
-    std::vector<ResSaved> down, up;   // as the forward came by
-    std::vector<Tensor> downsampled;  // what each downsampling was given
+    std::vector<ResSaved> down, up;   // in the forward's order
+    std::vector<Tensor> downsampled;  // input of each downsampling
     ResSaved mid;
   };
 
-  // volume [R^3, 4 C~], x slowest: what the first 1x1x1 convolution made; its memory goes back as soon as it has been
-  // read, if neither the caller nor `saved` keeps it. -> [R^3, C~]
+  // volume [R^3, 4 C~], x slowest: the output of the first 1x1x1 convolution. Its memory is freed as soon as it has
+  // been read, unless the caller or `saved` holds it. -> [R^3, C~]
   Tensor forward(Context& ctx, Tensor volume, Saved* saved = nullptr) const;
-  // dout [R^3, C~] -> by the volume [R^3, 4 C~]. Gives back what is saved as it goes, if the caller keeps no copy.
+  // dout [R^3, C~] -> gradient by the volume [R^3, 4 C~]. Frees the saved tensors as it goes, unless the caller holds a
+  // copy.
   Tensor backward(Context& ctx, Saved saved, Tensor dout) const;
 
  private:
   using ResBlock = VolumeResBlock<WeightLoader>;
 
-  // Of [x0, x1] at edge^3 voxels.
+  // Applies a residual block to [x0, x1] at edge^3 voxels.
   Tensor res(Context& ctx, const ResBlock& block, Tensor x0, Tensor x1, long edge, ResSaved* saved) const;
-  // dy, which is written over -> by x0, and by x1 where there was one.
+  // dy, which is overwritten -> gradients by x0, and by x1 if there was one.
   std::pair<Tensor, Tensor> res_backward(Context& ctx, const ResBlock& block, ResSaved saved, Tensor dy,
                                          long edge) const;
 

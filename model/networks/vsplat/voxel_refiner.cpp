@@ -12,8 +12,8 @@ namespace {
 
 static_assert(kPositionEncoding == kPositionValues);
 
-// A submanifold convolution of `in`, whose rows are the active voxels, into `out`; `map` none for a 1x1x1. residual and
-// out may be the same.
+// A submanifold convolution of `in`, whose rows are the active voxels, into `out`. `map` is empty for a 1x1x1. residual
+// and out may be the same.
 void convolve(Context& ctx, const Conv& conv, RowSource in, const Tensor& map, const char* name, const Tensor& out,
               const Tensor& residual = {}) {
   SubmanifoldForward a;
@@ -26,7 +26,7 @@ void convolve(Context& ctx, const Conv& conv, RowSource in, const Tensor& map, c
   submanifold_forward(ctx, a);
 }
 
-// Writes dx, by the composed rows.
+// Overwrites dx, the gradient by the composed rows.
 void convolve_backward(Context& ctx, const Conv& conv, RowSource in, const Tensor& map, const char* name,
                        const Tensor& dy, const Tensor& dx) {
   SubmanifoldBackward b;
@@ -41,7 +41,7 @@ void convolve_backward(Context& ctx, const Conv& conv, RowSource in, const Tenso
   submanifold_backward(ctx, b);
 }
 
-// Two sources, of which the first may be none.
+// Joins two sources, the first of which may be empty.
 RowSource beside(const Tensor& first, const Tensor& second) {
   RowSource out;
   out.x0 = first ? first : second;
@@ -49,7 +49,7 @@ RowSource beside(const Tensor& first, const Tensor& second) {
   return out;
 }
 
-// All but `out`. `cameras` stays where it is.
+// All arguments but `out`. Refers to `cameras`.
 ProjectFeaturesForward projection(const Config& config, const Tensor& features, const DeviceCameras& cameras,
                                   const Tensor& means) {
   ProjectFeaturesForward a;
@@ -153,7 +153,7 @@ void Refinement::backward(Context& ctx, const Saved& saved, const Tensor& drefin
     dh = dlinear;
   }
 
-  // The projected features also came in before the last layer: both gradients are added up.
+  // The projected features also entered before the last layer: adds up both gradients.
   const Tensor down = rows(config_.volume_ch + kPositionEncoding, "gradient");
   ctx.fill_zero(down);
   LinearBackward b;

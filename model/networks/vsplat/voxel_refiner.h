@@ -1,5 +1,5 @@
-// The fine stage's features: what the views see at the coarse centres (PAP), refined by a sparse network over the
-// selected voxels (SFR).
+// Features of the fine stage: projected features of the views at the coarse centres (PAP), refined by a sparse network
+// over the selected voxels (SFR).
 #pragma once
 #include <vector>
 
@@ -11,46 +11,46 @@ namespace vsplat {
 
 class Refinement {
  public:
-  // Takes "voxel_network.*".
+  // Loads "voxel_network.*".
   Refinement(Context& ctx, const Config& config, const WeightSource& weights);
 
   struct Input {
-    Tensor volume;    // [R^3, C~], the volume network's
+    Tensor volume;    // [R^3, C~], result of the volume network
     Tensor features;  // [V, t, t, C]
     const DeviceCameras* cameras = nullptr;
     Tensor means;  // [P, 3], the coarse centres of the selected voxels
     Tensor index;  // i32 [P], the selected voxels
   };
   struct Output {
-    Tensor projected;  // [P, C]; none where the configuration does not use it
+    Tensor projected;  // [P, C]; empty if the configuration does not use it
     Tensor refined;    // [P, fine_dim]
   };
 
-  // What the backward wants of a forward: some ten tensors [P, voxel_ch], and [P, C].
+  // What backward needs from a forward: some ten tensors [P, voxel_ch], and [P, C].
   struct Saved {
-    Tensor features, means, index;  // of the input
+    Tensor features, means, index;  // input
     DeviceCameras cameras;
     Tensor volume_position;  // [P, C~ + 63]
-    Tensor projected;        // [P, C] or none
+    Tensor projected;        // [P, C] or empty
     Tensor map;              // i32 [P, 27]
-    Tensor linear;           // [P, voxel_ch], comp_linear's
+    Tensor linear;           // [P, voxel_ch], result of comp_linear
     struct Block {
       NormSaved norm1, norm2;
     };
     std::vector<Block> blocks;
     NormSaved norm_out;
   };
-  // `saved`, for the backward, or null.
+  // `saved`: for the backward, or null.
   Output forward(Context& ctx, const Input& in, Saved* saved = nullptr) const;
 
-  // All added to.
+  // All are added to.
   struct Gradients {
     Tensor volume;    // [R^3, C~]
-    Tensor features;  // [V, t, t, C]; not looked at where the configuration does not use the projected features
+    Tensor features;  // [V, t, t, C]; unused if the configuration does not use the projected features
     Tensor means;     // [P, 3]
   };
-  // drefined [P, fine_dim], by the refined features, to gradients by the inputs and, added to, by the weights, which
-  // are LearntWeights.
+  // drefined [P, fine_dim], by the refined features -> gradients by the inputs. Adds to the gradients of the weights,
+  // which are LearntWeights.
   void backward(Context& ctx, const Saved& saved, const Tensor& drefined, const Gradients& out) const;
 
  private:

@@ -41,9 +41,9 @@ struct Work {
   double total() const { return encoder + poses + modulation + lifting + volume + heads + fine; }
 };
 
-// Drawing the result, once the network's own tensors are gone and their slabs free: a picture of the network's size,
-// with the number of tiles a Gaussian touches taken for RenderOptions::assumed_tiles (how many do is known only when it
-// is drawn).
+// Plans the rendering of the result, after the network's own tensors are freed: a picture of the network's size.
+// Assumes that a Gaussian touches RenderOptions::assumed_tiles tiles, since the actual number is known only when it is
+// rendered.
 std::unique_ptr<Context> plan_picture(const Context& ctx, const Arena& after_network, long gaussians,
                                       const Config& config) {
   auto plan = ctx.planner();
@@ -168,7 +168,7 @@ ForwardResult VsplatModel::forward(Context& ctx, const Tensor& images, const Dev
   }
   const Coarse state = coarse(ctx, images, cameras, options, nullptr);
 
-  {  // how much the fine half takes is known only now
+  {  // the fine half's memory is known only now
     const auto planner = ctx.planner();
     fine(*planner, state, cameras, options, nullptr);
     refuse_unless_fits(*planner, fmt::format("the fine stage at {} selected voxels", state.selected.count));
@@ -205,7 +205,7 @@ MemoryPlan VsplatModel::plan(const Context& ctx, long views, long selected) cons
   const DeviceCameras cameras = upload_cameras(*first, std::vector<Camera>(static_cast<std::size_t>(views)));
   const Coarse state = coarse(*first, images, cameras, options, nullptr);
   out.selected = state.selected.count;
-  const auto second = first->planner();  // the first half's slabs stand; the second grows beside them
+  const auto second = first->planner();  // keeps the first half's slabs; the second half adds its own
   const DeviceGaussians gaussians = fine(*second, state, cameras, options, nullptr);
   const auto third = plan_picture(ctx, second->memory(), gaussians.count(), config_);
   out.peak = std::max(second->memory().peak(), third->memory().peak());

@@ -1,6 +1,6 @@
-// The network, whole: posed pictures in, Gaussians out. `forward` is the paper's figure: encoder, modulation, lifting,
-// volume network, coarse heads, selection, then, at the selected voxels only, projection, refinement, fine heads and
-// adjustor.
+// VS-Splat's whole network: from posed pictures to Gaussians. `forward` follows the paper's figure: encoder,
+// modulation, lifting, volume network, coarse heads, selection; then, at the selected voxels only, projection,
+// refinement, fine heads and adjustor.
 #pragma once
 #include <memory>
 #include <vector>
@@ -16,10 +16,10 @@ namespace vsplat {
 
 struct ForwardResult {
   DeviceGaussians coarse;     // one per voxel, with refined opacity
-  DeviceGaussians final;      // M P fine ones voxel by voxel, then P adjusted skeletal ones (or what `levels` says)
+  DeviceGaussians final;      // M P fine ones voxel by voxel, then P adjusted skeletal ones (fewer for other `levels`)
   std::vector<int> selected;  // voxel indices (i R + j) R + k, ascending
-  Tensor refined;             // [P, fine_dim]: the selected voxels' features; none where `levels` is not "fine"
-  Tensor rays;                // [V, t, t, 6], where poses are predicted
+  Tensor refined;             // [P, fine_dim]: the selected voxels' features; empty unless `levels` is "fine"
+  Tensor rays;                // [V, t, t, 6] if poses are predicted
 };
 
 class VsplatModel {
@@ -31,46 +31,46 @@ class VsplatModel {
   const Config& config() const { return config_; }
 
   // images [V,S,S,3] in [0,1], composited; cameras in the object's frame. Plans and reserves the memory of each half
-  // before it runs, and refuses (Error(memory)) what does not fit: before the start at `planned_selected`, after the
-  // selection at the true count.
+  // before it runs, and throws Error(memory) if it does not fit: before the start for `planned_selected`, after the
+  // selection for the actual count.
   ForwardResult forward(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                         const ForwardOptions& options) const;
 
-  // A training's forward, in two calls: what memory the second takes is known after the first. Both keep what backward
-  // needs, and plan no memory; `ctx` may be a planner.
+  // A training's forward, in two calls, since the second one's memory is known only after the first. Both keep what
+  // backward needs, and plan no memory; `ctx` may be a planner.
   struct Coarse;
   struct Saved;
   struct CoarseHalf {
-    long selected = 0;  // voxels; 0 where `levels` is "coarse"
+    long selected = 0;  // voxels; 0 if `levels` is "coarse"
     DeviceCameras cameras;
     std::shared_ptr<Coarse> coarse;
     std::shared_ptr<Saved> saved;
   };
   struct Trained {
     DeviceGaussians coarse, final;
-    Tensor selected;               // i32 [P]; none where `levels` is "coarse"
-    Tensor refined;                // as ForwardResult has it
-    Tensor rays;                   // [V, t, t, 6], where poses are predicted
-    std::shared_ptr<Saved> saved;  // backward takes it apart as it goes
+    Tensor selected;               // i32 [P]; empty if `levels` is "coarse"
+    Tensor refined;                // as in ForwardResult
+    Tensor rays;                   // [V, t, t, 6] if poses are predicted
+    std::shared_ptr<Saved> saved;  // consumed by backward
   };
-  // `recompute`: of most stages the inputs alone are kept, and backward runs each once more before its own: the same
-  // bits from less memory.
+  // `recompute`: stores only the inputs of most stages; backward runs each stage once more before its own. Gives the
+  // same bits with less memory.
   CoarseHalf coarse_in_training(Context& ctx, const Tensor& images, const DeviceCameras& cameras,
                                 const ForwardOptions& options, bool recompute) const;
   Trained fine_in_training(Context& ctx, CoarseHalf half, const ForwardOptions& options) const;
-  // From gradients by the coarse and the final Gaussians to those by the weights, which are added to LearntWeights'.
-  // `dcoarse` is used up. `dfinal` is none where `levels` is "coarse": there is one level. `drefined`: by the refined
-  // features, where something else depends on them. `drays`, by predicted rays alone, is used up, too; none: zeros.
+  // Takes the gradients by the coarse and the final Gaussians; adds those by the weights to LearntWeights'. Consumes
+  // `dcoarse`. `dfinal` is empty if `levels` is "coarse", which has one level. `drefined`: by the refined features, if
+  // something else depends on them. `drays`: by predicted rays, if there are any; consumed, too; empty: zeros.
   void backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                 const Tensor& drefined = {}, Tensor drays = {}) const;
 
-  // What forward would take for so many views. `ctx` may be a planner.
+  // Memory that forward needs for so many views. `ctx` may be a planner.
   MemoryPlan plan(const Context& ctx, long views, long selected) const;
 
-  // The same for a model not loaded yet, weights included; nothing is allocated.
+  // The same for a model that is not loaded yet, including its weights; allocates nothing.
   static MemoryPlan plan(const Context& ctx, const Config& config, const Weights& weights, long views, long selected);
 
-  // No voxel can take more: every voxel selected, as a Gaussian count.
+  // Upper bound: the number of Gaussians if every voxel is selected.
   static long most_gaussians(const Config& config);
 
  private:
@@ -79,10 +79,10 @@ class VsplatModel {
                 Saved* saved) const;
   DeviceGaussians fine(Context& ctx, const Coarse& state, const DeviceCameras& cameras, const ForwardOptions& options,
                        Saved* saved, Tensor* refined = nullptr) const;
-  // What either half is run from once more, where its stages do not keep what backward needs.
+  // Store the inputs of either half, if backward will run its stages again.
   void hold_coarse_inputs(Saved& saved, const Tensor& images, const DeviceCameras& cameras, const Coarse& state) const;
   void hold_fine_inputs(Saved& saved, const Coarse& state, const DeviceGaussians& skeleton) const;
-  // From the final Gaussians, or the skeletal ones, to what the coarse half gave; all added to.
+  // Takes the gradients by the final Gaussians, or the skeletal ones; adds to those by the coarse half's results.
   void fine_backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse, const GaussianGradients& dfinal,
                      const Tensor& drefined, const Tensor& dvolume, const Tensor& dfeatures) const;
 

@@ -1,4 +1,4 @@
-// The network's stages, and what passes between its two halves: for the sources of VsplatModel alone.
+// VS-Splat's stages, and the data between its two halves. Included only by the sources of VsplatModel.
 #pragma once
 #include <optional>
 
@@ -17,7 +17,7 @@ namespace vsplat {
 
 struct VsplatModel::Modules {
   Vit encoder;
-  std::optional<RayPredictor> rays;  // where poses are predicted
+  std::optional<RayPredictor> rays;  // if poses are predicted
   PoseModulation modulation;
   Lifting lifting;
   VolumeNetwork volume;
@@ -37,18 +37,18 @@ struct VsplatModel::Modules {
   }
 };
 
-// What the coarse half leaves to the fine one.
+// Results of the coarse half that the fine half needs.
 struct VsplatModel::Coarse {
-  Tensor tokens;              // [V,P+t t,C]; in training alone
-  Tensor rays;                // [V,t,t,6], where they are predicted
+  Tensor tokens;              // [V,P+t t,C]; in training only
+  Tensor rays;                // [V,t,t,6] if predicted
   Tensor features;            // [V,t,t,C]
   Tensor volume;              // [R^3,C~]
   DeviceGaussians gaussians;  // R^3, opacities refined by the confidence
-  SelectedVoxels selected;    // none where `levels` is "coarse"
+  SelectedVoxels selected;    // empty if `levels` is "coarse"
 };
 
-// What the backward wants of each stage: of lifting and volume network together, since what is between them is larger
-// than the inputs of both, and of refinement and fine heads together.
+// What backward needs from each stage. Lifting and volume network are recomputed together, since the tensor between
+// them is larger than the inputs of both; so are refinement and fine heads.
 struct VsplatModel::Saved {
   struct Volume {
     Lifting::Saved lifting;
@@ -74,8 +74,8 @@ struct VsplatModel::Saved {
   Kept<CoarseHeads::Saved> coarse_heads;
   SelectionSaved selection;
   Kept<Fine> fine;
-  DeviceCameras cameras;               // for the stages that run once more
-  Shape features_shape, volume_shape;  // whose gradients are sums
+  DeviceCameras cameras;               // for the stages that run again
+  Shape features_shape, volume_shape;  // tensors whose gradients are sums
 };
 
 }  // namespace vsplat

@@ -1,4 +1,4 @@
-// What VS-Splat's network and that with a densifier behind it give, as Network has it.
+// Render options of VS-Splat's network, with or without a densifier, for Network.
 #pragma once
 #include <array>
 

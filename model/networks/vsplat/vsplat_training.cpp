@@ -1,4 +1,4 @@
-// The network in training: its forward, and the backward of everything in the forward's order turned round.
+// The network in training: its forward, and the backward of all stages in reverse order.
 #include <utility>
 
 #include "model/networks/vsplat/vsplat_modules.h"
@@ -62,7 +62,7 @@ void VsplatModel::hold_fine_inputs(Saved& saved, const Coarse& state, const Devi
   });
 }
 
-// What each stage kept goes back to the arena as soon as its backward is done.
+// Frees each stage's saved tensors as soon as its backward is done.
 void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
                            const GaussianGradients& dfinal, const Tensor& drefined, Tensor drays) const {
   const Modules& m = *modules_;
@@ -92,7 +92,7 @@ void VsplatModel::backward(Context& ctx, Trained& trained, const GaussianGradien
 void VsplatModel::fine_backward(Context& ctx, Trained& trained, const GaussianGradients& dcoarse,
                                 const GaussianGradients& dfinal, const Tensor& besides, const Tensor& dvolume,
                                 const Tensor& dfeatures) const {
-  GaussianGradients dskeleton = dfinal;  // where `levels` is "skeletal"
+  GaussianGradients dskeleton = dfinal;  // if `levels` is "skeletal"
   if (config_.levels == "fine") {
     const Modules& m = *modules_;
     Saved::Fine kept = trained.saved->fine.take(ctx);
