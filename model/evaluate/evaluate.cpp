@@ -45,7 +45,7 @@ class Strip {
       std::transform(picture.at(0, y), picture.at(0, y) + row(), image_.at(static_cast<int>(place) * edge_, y),
                      [](float v) { return std::clamp(v, 0.0f, 1.0f); });
   }
-  // White where the view is not shown (EvaluationObject::shown).
+  // Makes pixels white that the view does not show (EvaluationObject::shown).
   void leave_out(std::size_t place, const Image& shown) {
     for (int y = 0; y < shown.height; ++y)
       for (int x = 0; x < shown.width; ++x) {
@@ -78,7 +78,7 @@ class Evaluator {
         options_(options) {}
 
   void check() const;
-  // Edge in pixels of what is compared.
+  // Edge of the compared pictures, in pixels.
   int judged() const { return options_.request.judged > 0 ? options_.request.judged : config_.image(); }
   EvaluationObject load(const DataObject& object, std::vector<std::string>& skipped,
                         std::vector<std::string>& missing) const {
@@ -87,13 +87,13 @@ class Evaluator {
   }
   // Means over the draws of noise.
   Scores score(const EvaluationObject& object) const;
-  // Of these objects side by side: their inputs, and below, what was compared.
+  // A sheet of these objects side by side: their inputs, and below them the compared pictures.
   Image sheet(const std::vector<const DataObject*>& objects) const;
 
  private:
   struct Drawn {
     Strip truth, coarse, result;
-    Scores poses;         // those of poses and rays, and what the network took and made
+    Scores poses;         // scores of poses and rays, of the network's time and result
     double selected = 0;  // a share
   };
 
@@ -150,7 +150,7 @@ Strip Evaluator::render_all(const DeviceGaussians& gaussians, const EvaluationOb
   return out;
 }
 
-// From those of the inputs that are among `views`, in the user's world.
+// Reconstructs from those inputs that are among `views`, in the user's world.
 Scene Evaluator::reconstructed(const EvaluationObject& object, const std::vector<int>& views) const {
   std::vector<PreparedView> prepared;
   for (std::size_t i = 0; i < object.inputs; ++i)
@@ -161,7 +161,7 @@ Scene Evaluator::reconstructed(const EvaluationObject& object, const std::vector
   return reconstruct(ctx_, network_, prepared, object.framed.placement, options).scene;
 }
 
-// Moved towards the inputs and nothing else: what is compared takes no part.
+// Fits the scene to the inputs only: the compared views are not used.
 Strip Evaluator::render_refined(const EvaluationObject& object) const {
   FitRequest request;
   for (const int view : object.input_views) request.names.push_back(fmt::format("@{}", view));
@@ -214,7 +214,7 @@ Evaluator::Drawn Evaluator::draw(const EvaluationObject& object, int noise_draw)
     return render_all(gaussians, object, static_cast<float>(kNearInObject), mirror, detail);
   };
   const Strip coarse = drawn(result.coarse);
-  // With no voxel selected there is nothing to move.
+  // Without a selected voxel there is nothing to fit.
   if (options_.refine && result.final.count() > 0) return {truth, coarse, render_refined(object), poses, selected};
   return {truth, coarse, config_.has_fine() ? drawn(result.final) : coarse, poses, selected};
 }
@@ -236,7 +236,7 @@ Scores Evaluator::score(const EvaluationObject& object) const {
   return mean_of(draws);
 }
 
-// How much of what is compared is shown, 0 to 1: elsewhere pictures are equal.
+// Share of the compared pixels that photographs show, 0 to 1: elsewhere pictures are equal.
 double share_shown(const EvaluationObject& object) {
   double sum = 0, all = 0;
   for (const Image& shown : object.shown) {
@@ -271,7 +271,8 @@ Scores Evaluator::score(const EvaluationObject& object, int noise_draw) const {
 Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
   constexpr std::size_t kViews = 4;
   const Image blank(judged(), judged(), 3, ContactSheet::paper);
-  std::array<std::vector<std::pair<Image, std::string>>, 4> rows;  // with their labels, at each object's first
+  // with their labels, at the first picture of each object
+  std::array<std::vector<std::pair<Image, std::string>>, 4> rows;
   for (const DataObject* listed : objects) {
     std::vector<std::string> told;
     const EvaluationObject object = load(*listed, told, told);
@@ -293,7 +294,7 @@ Image Evaluator::sheet(const std::vector<const DataObject*>& objects) const {
   return sheet.sheet();
 }
 
-// Places in `objects` of the best, the median and the worst, as far as there are so many.
+// Indices of the best, the median and the worst object, or fewer if there are not as many.
 std::vector<std::size_t> typical(const std::vector<ObjectScores>& objects) {
   std::vector<std::size_t> ranked(objects.size());
   for (std::size_t i = 0; i < ranked.size(); ++i) ranked[i] = i;
@@ -317,14 +318,14 @@ Scores::Scores()
 
 namespace {
 
-// An evaluation while it goes on, by however many workers.
+// An evaluation in progress, shared by all workers.
 class Evaluated {
  public:
-  // `own`: how many of the objects this process does.
+  // `own`: number of objects of this process.
   Evaluated(const DataSet& data, const EvaluateOptions& options, std::size_t own)
       : data_(data), options_(options), own_(own), found_(data.objects.size()) {}
 
-  // By one worker, beside others.
+  // Called by one worker, in parallel with others.
   void score(const Evaluator& evaluator, std::size_t item) {
     const DataObject& listed = data_.objects[item];
     if (options_.progress) {
@@ -347,7 +348,7 @@ class Evaluated {
             object.name, s.psnr, s.psnr_coarse, s.psnr_white, s.psnr_nearest, 100 * s.selected);
     found_[item] = ObjectScores{object.name, s};
   }
-  // What this rank found of its items, for rank 0; and there.
+  // Sends this rank's results of its items to rank 0, and receives them there.
   void put(MessageOut& out, const std::vector<std::size_t>& items) const {
     for (const std::size_t item : items) {
       out.add(found_[item].has_value());
@@ -361,7 +362,7 @@ class Evaluated {
       found_[item] = ObjectScores{name, from.take<Scores>()};
     }
   }
-  // In order.
+  // Called in the data set's order.
   void add(std::size_t item) {
     if (!found_[item]) {
       ++out_.skipped;
@@ -374,7 +375,7 @@ class Evaluated {
       options_.on_object(out_.objects.back());
     }
   }
-  // Of a rank but 0; nothing where it failed, which is rank 0's to tell.
+  // Result of a rank other than 0; empty if it failed, which rank 0 reports.
   Evaluation own_result(bool whole) {
     if (whole && !out_.objects.empty()) out_.mean = mean_of(out_.objects);
     return std::move(out_);
@@ -383,7 +384,7 @@ class Evaluated {
     if (out_.objects.empty()) fail(Status::input, "none of the {} objects could be evaluated", data_.objects.size());
     out_.mean = mean_of(out_.objects);
     if (options_.sheet) {
-      // Drawn once more: keeping every object's pictures would take memory without bound.
+      // Renders again, since keeping every object's pictures would need unbounded memory.
       std::vector<const DataObject*> shown;
       for (const std::size_t i : typical(out_.objects)) shown.push_back(evaluated_[i]);
       out_.sheet = evaluator.sheet(shown);
@@ -402,7 +403,7 @@ class Evaluated {
   Evaluation out_;
 };
 
-// Of a rank: every count-th, so that each has as many as another.
+// Items of a rank: every count-th, so that the ranks have equal numbers.
 std::vector<std::size_t> items_of(const DataSet& data, int count, int rank) {
   std::vector<std::size_t> out;
   for (auto i = static_cast<std::size_t>(rank); i < data.objects.size(); i += static_cast<std::size_t>(count))
@@ -410,7 +411,7 @@ std::vector<std::size_t> items_of(const DataSet& data, int count, int rank) {
   return out;
 }
 
-// Whether all of it is done.
+// Runs on the other ranks; returns whether all their items are done.
 template <class F>
 bool told_to_rank_0(Ranks& ranks, const F& evaluate_own, const Evaluated& evaluated,
                     const std::vector<std::size_t>& own) {
@@ -428,7 +429,8 @@ bool told_to_rank_0(Ranks& ranks, const F& evaluate_own, const Evaluated& evalua
   return whole;
 }
 
-// On rank 0: its own and the others', told in order as far as nothing is missing. An error of its own goes first.
+// Runs on rank 0: evaluates its own items and collects the others', reported in order up to the first missing one. Its
+// own error takes precedence.
 template <class F>
 void gather(Ranks& ranks, const F& evaluate_own, Evaluated& evaluated, const DataSet& data) {
   std::exception_ptr failed;
@@ -475,7 +477,7 @@ Evaluation evaluate(const std::vector<Evaluating>& workers, const DataSet& data,
   const auto evaluate_own = [&] {
     share_out({.items = own.size(),
                .workers = workers.size(),
-               .ahead = own.size(),  // what is kept of each are numbers
+               .ahead = own.size(),  // results are only numbers
                .work = [&](std::size_t worker, std::size_t i) { evaluated.score(evaluators[worker], own[i]); },
                .done =
                    [&](std::size_t i) {

@@ -17,13 +17,14 @@ struct Chosen {
   std::vector<std::size_t> nearest;
 };
 
-// Of the views that are good.
+// Chooses among the readable views.
 Chosen choose(const FramedObject& object, const std::vector<int>& good, int inputs, const EvaluationRequest& request) {
   std::vector<Eigen::Vector3d> positions;
   positions.reserve(good.size());
   for (const int view : good)
     positions.push_back(object.photographs.set.views[static_cast<std::size_t>(view)].camera.centre());
-  // Of a set with parts: what the views for tests show is never an input. Where there are none, those for validation.
+  // In a set with splits, pictures of test views are never inputs. If there is no test split, the validation views are
+  // used.
   std::vector<bool> to_test;
   const auto part = [&](Split split) {
     to_test.clear();
@@ -55,7 +56,7 @@ Image on_white(const StoredView& view) {
   return picture;
 }
 
-// EvaluationObject::shown of one.
+// EvaluationObject::shown of a view.
 Image shown(const StoredView& view) {
   if (view.masked || view.opaque) return {};
   Image out(view.camera.width, view.camera.height, 1);
@@ -63,7 +64,7 @@ Image shown(const StoredView& view) {
   return out;
 }
 
-// The first of the views that cannot be decoded; none: `out` has them all.
+// Decodes the views. Returns the first that cannot be decoded; none if `out` is complete.
 std::optional<int> decode(const FramedObject& object, const Chosen& chosen, const FrameRequest& request,
                           std::vector<std::string>* skipped, EvaluationObject& out) {
   FrameRequest judged = request;
@@ -71,7 +72,7 @@ std::optional<int> decode(const FramedObject& object, const Chosen& chosen, cons
   for (const std::vector<int>* views : {&chosen.inputs, &chosen.novel})
     for (const int view : *views) try {
         const bool is_input = views == &chosen.inputs;
-        // From its photograph: a size of its own is resampled from there, by area.
+        // Made from the original photograph: another size is resampled from there, by area.
         const StoredView stored = store_view(object, view, is_input ? request : judged);
         out.pictures.push_back(on_white(stored));
         out.cameras.push_back(stored.camera);

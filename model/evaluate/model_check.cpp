@@ -12,7 +12,7 @@ namespace vsplat {
 namespace {
 
 constexpr std::array<float, 3> kPaper{1, 1, 1};
-// The object, and how many cameras there are to choose from: as many as a data set's objects have.
+// The object, and the number of cameras to choose from, typical for a data set.
 constexpr std::uint64_t kSeed = 20;
 constexpr std::uint32_t kObject = 0;
 constexpr int kCameras = 40;
@@ -27,7 +27,7 @@ struct Inputs {
   std::vector<int> views;  // of the object
   std::vector<Image> pictures;
   std::vector<Camera> cameras;       // in the object's frame
-  std::vector<std::size_t> nearest;  // of each the place of the other one that is nearest by angle
+  std::vector<std::size_t> nearest;  // for each the index of the nearest other one by angle
 };
 
 Inputs inputs_of(const FramedObject& object, const TakenViews& taken) {

@@ -1,5 +1,4 @@
-// Whether a model's weights do what they should, at a glance: an object that needs no file is reconstructed, and its
-// input views are drawn again.
+// A quick check of a model's weights: reconstructs an object that needs no file, and renders its input views again.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,11 +7,11 @@
 
 namespace vsplat {
 
-// PSNR in dB on white, at the model's size, drawn values clamped to [0,1].
+// PSNR in dB on white, at the model's size; renderings are clamped to [0,1].
 struct CheckedView {
   std::string name;
-  double psnr = 0;          // of what is drawn from this input's camera, against the input
-  double psnr_nearest = 0;  // of the other input nearest by angle
+  double psnr = 0;          // of the rendering from this input's camera
+  double psnr_nearest = 0;  // of the nearest other input by angle
 };
 
 struct ModelCheck {
@@ -21,13 +20,13 @@ struct ModelCheck {
   double psnr = 0, psnr_nearest = 0;  // the views' means
   long gaussians = 0;
 
-  // What was put in would have been a better answer than what came out: the weights are untrained, damaged or read
-  // wrongly. Where a number is NaN, too.
+  // True if the inputs themselves are a better answer than the renderings, or if a score is NaN: the weights are
+  // untrained, damaged or read wrongly.
   bool is_below_nearest() const { return !(psnr > psnr_nearest); }
 };
 
-// Of a random object, the same for every model, in as many views as the network is trained with, but at least two, as
-// an evaluation chooses them. Waits.
+// Checks with a random object, the same for every model, in as many views as the network is trained with, but at least
+// two, chosen as in an evaluation. Waits for the device.
 ModelCheck check_model(Context& ctx, const Network& network, const ForwardOptions& options);
 
 }  // namespace vsplat
