@@ -38,7 +38,7 @@ void add_inputs(Dump& dump, const PlacedViews& placed) {
   dump.add("input.K", {views, 3, 3}, k);
 }
 
-// Whether what was selected looks as if something were wrong, in words; "" where it does not. `made` by VS-Splat's.
+// A warning if the selection looks wrong, or "". `made`: by VS-Splat's network.
 std::string doubts(const Config& config, const Reconstruction& made, const std::vector<PreparedView>& views,
                    bool masked) {
   const bool background = !masked && shows_background(views);

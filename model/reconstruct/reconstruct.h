@@ -1,4 +1,4 @@
-// The product's main job: prepared views and a placed cube in, a scene in the user's own frame out.
+// The product's main task: from prepared views and a placed cube to a scene in the user's frame.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,18 +12,18 @@ namespace vsplat {
 
 struct ReconstructOptions {
   double near = 0;      // near plane in world units; 0: 0.2 of the cube's edge
-  bool masked = false;  // the pictures' background was taken away by masks or alpha
+  bool masked = false;  // the pictures' background was removed by masks or alpha
   ForwardOptions forward;
-  std::string dump;  // a folder for every stage's output; empty: none
+  std::string dump;  // folder for every stage's output; empty: no dump
 };
 
 struct Reconstruction {
   Scene scene;                // in the user's world: positions (relative to its offset), scales, rotations and SH
-  std::vector<int> selected;  // voxels, or those with a primitive that is: ascending
+  std::vector<int> selected;  // voxels that are selected or hold a selected primitive, ascending
 };
 
-// `views`: at least one, as many as the network takes at the most; the first is the reference view; pictures of the
-// configuration's size.
+// `views`: one up to as many as the network takes; the first is the reference view. Pictures have the configuration's
+// size.
 Reconstruction reconstruct(Context& ctx, const Network& network, const std::vector<PreparedView>& views,
                            const Placement& placement, const ReconstructOptions& options);
 

@@ -7,11 +7,11 @@
 namespace vsplat {
 namespace {
 
-constexpr int least_volume = 8;  // below, most voxels are at a face
+constexpr int least_volume = 8;  // in smaller volumes most voxels are at a face
 
-// Measured with the shipped model, 4 and 16 views, R = 16. Photographs with their background: 0.26 to 0.79 of the
-// voxels at the faces; cut out by masks, or drawn: up to 0.05, boxes that fill their cube up to 0.28 (a die: 0.59); in
-// a cube of half their size 0.54 to 0.59.
+// Measured with the shipped model, 4 and 16 views, R = 16. Share of the face voxels selected: 0.26 to 0.79 for
+// photographs with background; up to 0.05 for masked or rendered pictures, up to 0.28 for boxes that fill their cube (a
+// die: 0.59); 0.54 to 0.59 in a cube of half the size.
 constexpr double most_with_background = 0.1, most_cut_out = 0.4;
 
 }  // namespace
@@ -30,7 +30,7 @@ SelectedShares selected_shares(std::span<const int> selected, int volume) {
 
 bool shows_background(std::span<const PreparedView> views) {
   constexpr float white = 0.95f;
-  constexpr long fifth = 5;  // the square may be wider than the picture, and white beside it
+  constexpr long fifth = 5;  // the square may exceed the picture, with white beside it
   long edge = 0, shown = 0;
   for (const PreparedView& view : views) {
     const int w = view.image.width, h = view.image.height;

@@ -1,4 +1,4 @@
-// Whether what the network selected can be an object in its cube, told by how much of the cube it fills.
+// Checks whether the network's selection can be an object in its cube, by how much of the cube it fills.
 #pragma once
 #include <span>
 #include <string>
@@ -15,11 +15,11 @@ struct SelectedShares {
 // `selected`: indices of an R x R x R volume, R >= 1.
 SelectedShares selected_shares(std::span<const int> selected, int volume);
 
-// Whether the pictures' edges show something: a background that is not white, most likely. `views` on white.
+// Whether the pictures show something at their edges, most likely a background that is not white. `views` on white.
 bool shows_background(std::span<const PreparedView> views);
 
-// What seems to be wrong with the pictures or the cube, and what to do; "" where nothing does, or where there are too
-// few voxels to tell. `background`: as shows_background() has it, of pictures without mask or alpha.
+// What seems to be wrong with the pictures or the cube, and what to do. Returns "" if nothing is wrong, or if there are
+// too few voxels to judge. `background`: result of shows_background(), for pictures without mask or alpha.
 std::string doubts_about(const SelectedShares& shares, int volume, bool background);
 
 }  // namespace vsplat
