@@ -16,7 +16,7 @@ std::string digest_of(const void* bits, std::size_t bytes) {
   return hash.hex();
 }
 
-// By the largest that should have come; where all should be zeros, as it is.
+// Relative to the largest expected value; absolute if all expected values are zero.
 double largest_error(const float* got, const double* want, std::size_t count, std::size_t stride) {
   double largest = 0, worst = 0;
   for (std::size_t i = 0; i < count; i += stride) {

@@ -1,4 +1,5 @@
-// What a case of a self-test is given: a device, a way to say what should have come of it, and which kernels it was.
+// Interface for the cases of a self-test: a device, functions that compare results with expectations, and the kernels
+// involved.
 #pragma once
 #include <algorithm>
 #include <functional>
@@ -13,19 +14,19 @@
 
 namespace vsplat::selftest {
 
-// One result held against what it should be. The kernels are those launched since the result before (where there are
-// none, they are that one's), and what was kept: the error is of one of them.
+// One comparison of a result with its expectation. `kernels`: those launched since the previous result (or that one's,
+// if none were), and those that keep() recorded; one of them caused the error.
 struct Finding {
   std::string what;                  // "rope: turned"
   std::vector<NamedKernel> kernels;  // in alphabetical order
-  double error = 0;                  // the largest difference by the largest value; infinite where numbers are none
+  double error = 0;  // largest difference relative to the largest value; infinite if values are not finite
   double tolerance = 0;
   bool right = true;
-  std::string trouble;  // what else is wrong: an error of the device, other bits the second time
+  std::string trouble;  // other problems: an error of the device, or different bits in the second run
 };
 
-// A case is run twice: the second time its results are to have the same bits. The context outlives its checks, and is
-// used for nothing else.
+// A case runs twice; the second run must give the same bits. The context must outlive the checks and is used for
+// nothing else.
 class Checks {
  public:
   Checks(Context& context, bool quick);
@@ -35,10 +36,11 @@ class Checks {
   Context& ctx;
   const bool quick;
 
-  // Runs it, both times. Errors that the device may be to blame for are findings; others pass (tells_of_the_device()).
+  // Runs the case twice. Errors that may be the device's fault become findings; others are thrown
+  // (tells_of_the_device()).
   void run(const std::string& name, const std::function<void(Checks&)>& work);
 
-  // A device's floats against numbers, or what makes them (it is called once).
+  // Compares a device's floats with values, or with a function that computes them (called once).
   template <class Want>
   void close(const char* what, const Tensor& got, const Want& want, double tolerance) {
     close(what, ctx.read<float>(got), want, tolerance);
@@ -47,14 +49,14 @@ class Checks {
   void close(const char* what, const std::vector<float>& got, const Want& want, double tolerance) {
     if (begins(what, got.data(), got.size() * sizeof(float))) compare(got, doubles_of(want), tolerance);
   }
-  // The same for rows of so many numbers of different kinds: each kind by its own largest value.
+  // The same for rows with values of different kinds: each kind relative to its own largest value.
   template <class Want>
   void close_by_column(const char* what, const std::vector<float>& got, std::size_t columns, const Want& want,
                        double tolerance) {
     if (begins(what, got.data(), got.size() * sizeof(float)))
       compare_columns(got, columns, doubles_of(want), tolerance);
   }
-  // Exactly these.
+  // Requires exactly these values.
   template <class T>
   void equal(const char* what, const Tensor& got, const std::vector<T>& want) {
     equal(what, ctx.read<T>(got), want);
@@ -66,14 +68,14 @@ class Checks {
     for (std::size_t i = 0; wrong == 0 && i < got.size(); ++i) wrong += !(got[i] == want[i]);
     ends(got.empty() ? 0.0 : static_cast<double>(wrong) / static_cast<double>(got.size()), 0, wrong == 0);
   }
-  // A statement that is right or wrong, of bits that are to be the same again.
+  // A statement that is true or false, about bits that must repeat.
   void that(const char* what, bool right, double error = 0, double tolerance = 0);
 
-  // From now on, to the end of the case, whatever was launched for the last result and since has a part in all results:
-  // what they are made from, and is not looked at by itself.
+  // Adds the kernels launched since the last result to all further results of the case: they made its inputs, which are
+  // not checked by themselves.
   void keep();
 
-  // Of these sizes all, or in a quick test some: the first, every third and the last.
+  // All of these sizes, or in a quick test a subset: the first, every third and the last.
   template <class T>
   std::vector<T> some(std::initializer_list<T> all) const {
     std::vector<T> out;
@@ -88,12 +90,12 @@ class Checks {
   Tensor up(const Shape& shape, const std::vector<float>& x) { return ctx.upload(shape, x); }
   Tensor up(const Shape& shape, const std::vector<int>& x) { return ctx.upload(shape, x, Type::i32); }
   Tensor up(const Shape& shape, const std::vector<std::uint32_t>& x) { return ctx.upload(shape, x, Type::u32); }
-  // Nothing but NaN, which is to be overwritten.
+  // Fills with NaN, which must be overwritten.
   Tensor gap(const Shape& shape);
   Tensor zeros(const Shape& shape);
 
   const std::vector<Finding>& findings() const { return findings_; }
-  const std::set<NamedKernel>& launched() const { return launched_; }  // in all
+  const std::set<NamedKernel>& launched() const { return launched_; }  // in total
 
  private:
   template <class Want>
@@ -112,7 +114,7 @@ class Checks {
 
   std::string name_;
   bool again_ = false;
-  std::size_t first_ = 0, at_ = 0;  // findings of this case: where they begin, and the next one
+  std::size_t first_ = 0, at_ = 0;  // findings of this case: the first one, and the next one
   std::vector<Finding> findings_;
   std::vector<std::string> digests_;
   NotedKernels noted_;

@@ -13,7 +13,7 @@
 namespace vsplat::selftest {
 namespace {
 
-constexpr int kUnseenEnds = 2;  // that are no chance
+constexpr int kUnseenEnds = 2;  // so many are no coincidence
 
 }  // namespace
 
@@ -35,7 +35,7 @@ Journal::Journal(const std::string& folder, const std::string& ended) {
   }
 }
 
-// -> whether there was something under way.
+// Returns whether an item was in progress.
 bool Journal::read(const std::string& ended) {
   const auto text = kept_finding(path_);
   const nlohmann::json json = text ? nlohmann::json::parse(*text, nullptr, false) : nlohmann::json();
@@ -50,7 +50,7 @@ bool Journal::read(const std::string& ended) {
     if (!ended.empty()) end.how = ended;
     end.kernel = json.at("kernel");
     return true;
-  } catch (const nlohmann::json::exception&) {  // of another version, then
+  } catch (const nlohmann::json::exception&) {  // written by another version
     ends_.clear();
     return false;
   }

@@ -1,6 +1,6 @@
-// What a self-test is doing, in a file of the cache's folder: a driver may end the process, or the whole machine, and
-// the next self-test passes over what it was at then. The file is there while a self-test is under way, and stays
-// where one was ended.
+// Records what a self-test is doing in a file of the cache folder: a driver may end the process, or crash the machine,
+// and the next self-test then skips what was running. The file exists while a self-test runs, and remains if one was
+// ended.
 #pragma once
 #include <map>
 #include <memory>
@@ -14,30 +14,30 @@ namespace vsplat::selftest {
 
 class Journal {
  public:
-  // In `folder`, which is made; "": nothing is kept, and nothing is known. `ended` tells how the process ended that
-  // wrote there last, where somebody has seen it: what it was at is to blame. Where nobody has ("") it may have been
-  // stopped from outside, and is to blame once it has ended two. While another self-test holds the folder, nothing is
-  // kept either.
+  // Keeps the journal in `folder`, which is created; "": no journal. `ended`: how the process ended that last wrote
+  // there, if someone observed it; what was running then is to blame. If it is unknown (""), the process may have been
+  // stopped from outside, so something is only to blame after it has ended two. While another self-test holds the
+  // folder, no journal is kept either.
   Journal(const std::string& folder, const std::string& ended);
   static std::string folder_of(const DeviceInfo& device);
-  // What was under way is no more, since the process goes on; what ended others is known still.
+  // Clears the entry in progress, since the process survived; earlier entries stay.
   ~Journal();
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
 
-  // How this is known to end a process, in words; "" where it is not.
+  // How this item ended a process, in words; "" if it is not known to.
   std::string ended_by(const std::string& doing) const;
-  // Written before anything of it is done.
+  // Call before the item starts.
   void begins(const std::string& doing);
-  // Of any thread.
+  // Any thread may call it.
   void compiles(const std::string& kernel);
-  // All of it was done: what ended others has been told, and is tried again by the next self-test.
+  // Call when all is done: earlier ends have been reported, and the next self-test tries these items again.
   void done();
 
  private:
   struct End {
     int times = 0;
-    std::string how, kernel;  // empty: not known
+    std::string how, kernel;  // empty: unknown
   };
   bool read(const std::string& ended);
   void write();

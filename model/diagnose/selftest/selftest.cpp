@@ -20,24 +20,24 @@
 namespace vsplat::selftest {
 namespace {
 
-// How far beyond its tolerance; what has none is right or infinitely wrong.
+// Error relative to the tolerance; without a tolerance, a result is right or infinitely wrong.
 double excess(const Finding& f) {
   if (f.tolerance > 0 && (f.right || f.error > f.tolerance)) return f.error / f.tolerance;
   return f.right ? 0 : INFINITY;
 }
 
-// A flavour in which so many cases end their process is given up, and with something left out the first one says
-// enough: what hangs takes minutes each time.
+// A flavour is given up after so many cases ended their process; after a feature was disabled, one is enough: what
+// hangs takes minutes each time.
 constexpr int kMostEnds = 4;
 
 struct Findings {
   std::vector<Finding> all;
   std::set<NamedKernel> launched;
   std::vector<std::string> wrong_cases;
-  int ends = 0;  // cases that have ended a process
+  int ends = 0;  // number of cases that ended a process
 };
 
-// What ended a process before, and is not run again.
+// Items that ended a process before, which are not run again.
 Finding ended_finding(const std::string& what, const std::string& how) {
   Finding out;
   out.what = what;
@@ -47,7 +47,7 @@ Finding ended_finding(const std::string& what, const std::string& how) {
   return out;
 }
 
-// What all runs of a self-test share.
+// State shared by all runs of a self-test.
 class Runner {
  public:
   Runner(const std::string& device, const Options& options, Journal& journal)
@@ -55,7 +55,7 @@ class Runner {
 
   std::unique_ptr<Context> open(Flavour flavour, const SwitchedOff& off, const Variant* variant) const {
     ContextOptions options = to_open(flavour, off);
-    options.tuning = std::make_shared<Tuning>();  // the defaults; a table's choices are tried by themselves
+    options.tuning = std::make_shared<Tuning>();  // the defaults; a table's choices are tested separately
     if (variant) variant->choose(options);
     return std::make_unique<Context>(options);
   }
@@ -72,14 +72,14 @@ class Runner {
     return out;
   }
 
-  // How it has ended a process before; "" where it has not, and is begun now.
+  // How the item ended a process before; "" if it did not, in which case it is now in progress.
   std::string begins(const std::string& doing) const {
     std::string how = journal_.ended_by(doing);
     if (how.empty()) journal_.begins(doing);
     return how;
   }
 
-  // Those of the cases; an empty list: all.
+  // The selected cases; an empty list means all.
   Findings run(Context& ctx, const std::vector<std::string>& cases, const std::string& stage, double from, double to,
                int most_ends = kMostEnds) {
     Findings out;
@@ -124,7 +124,7 @@ std::vector<NamedKernel> untested(Flavour flavour, const std::set<NamedKernel>& 
   for (const NamedKernel& kernel : launched) there.insert(kernel.file + "\n" + kernel.name);
   std::vector<NamedKernel> out;
   for (const KernelFile& file : kernel_files()) {
-    if (!file.targets.empty()) continue;  // one vendor's compilers alone can read it
+    if (!file.targets.empty()) continue;  // only one vendor's compilers can read it
     for (const std::string& kernel : file.kernels)
       if ((flavour == Flavour::gpu ? is_of_gpu(file, kernel) : is_of_cpu(file, kernel)) &&
           there.count(file.name + "\n" + kernel) == 0)
@@ -133,7 +133,7 @@ std::vector<NamedKernel> untested(Flavour flavour, const std::set<NamedKernel>& 
   return out;
 }
 
-// What a flavour may do without, in the order in which it is tried: the less that is lost the earlier.
+// Features that a flavour can do without, tried in order of increasing loss.
 std::vector<bool SwitchedOff::*> choices_of(const Context& ctx) {
   std::vector<bool SwitchedOff::*> out;
   out.push_back(&SwitchedOff::winograd);
@@ -156,7 +156,7 @@ FlavourResult flavour_result(Flavour flavour, const Findings& found) {
   return out;
 }
 
-// What is wrong with the defaults is run again with one thing less, and with that left out what is wrong still.
+// Reruns what is wrong with the defaults with one more feature disabled, and continues with what is still wrong.
 FlavourResult test_flavour(Runner& runner, Flavour flavour, double from, double to) {
   const std::string stage = fmt::format("{} kernels", name_of(flavour));
   if (const std::string how = runner.begins(stage + ": opening the device"); !how.empty()) {
@@ -186,7 +186,7 @@ FlavourResult test_flavour(Runner& runner, Flavour flavour, double from, double 
   return out;
 }
 
-// Of both flavours that can be used.
+// Features disabled in both usable flavours.
 SwitchedOff all_off(const std::vector<FlavourResult>& flavours) {
   SwitchedOff out;
   for (const FlavourResult& f : flavours)
@@ -195,7 +195,8 @@ SwitchedOff all_off(const std::vector<FlavourResult>& flavours) {
   return out;
 }
 
-// What is left out makes other kernels run, in both flavours: with all of it each is right, or not used.
+// Disabled features make other kernels run, in both flavours: with all of them disabled, each kernel must be right or
+// unused.
 SwitchedOff hold_what_is_left(Runner& runner, std::vector<FlavourResult>& flavours) {
   for (;;) {
     const SwitchedOff off = all_off(flavours);
@@ -219,13 +220,13 @@ SwitchedOff hold_what_is_left(Runner& runner, std::vector<FlavourResult>& flavou
   }
 }
 
-// A table that the environment names is of one flavour.
+// A table named by the environment belongs to one flavour.
 bool names_a_table_of_another(Flavour flavour) {
   const std::string asked = environment("VSPLAT_TUNING");
   return !asked.empty() && asked != "off" && read_tuning(asked).of.flavour != name_of(flavour);
 }
 
-// What the device's table chooses in place of defaults, tried again; what is wrong is taken out of it.
+// Tests the choices in the device's table; removes wrong ones from it.
 void check_table(const Runner& runner, const Options& options, const SwitchedOff& off, FlavourResult& flavour) {
   if (!flavour.usable || names_a_table_of_another(flavour.flavour)) return;
   Context ctx(runner.to_open(flavour.flavour, off));
@@ -240,7 +241,7 @@ void check_table(const Runner& runner, const Options& options, const SwitchedOff
   if (!options.forget) refuse_chosen(ctx, wrong);
 }
 
-// What is wrong where no kernel can be named, in words.
+// Describes wrong results for which no kernel can be named.
 std::string unnamed_of(const FlavourResult& flavour) {
   for (const Finding& f : flavour.wrong)
     if (f.kernels.empty() && !f.trouble.empty())
@@ -248,7 +249,7 @@ std::string unnamed_of(const FlavourResult& flavour) {
   return "";
 }
 
-// The kernel that is furthest off, in words.
+// Describes the kernel with the largest error.
 std::string worst_of(const FlavourResult& flavour) {
   const KernelResult* worst = nullptr;
   const auto beyond = [](const KernelResult& k) { return k.tolerance > 0 ? k.error / k.tolerance : INFINITY; };
@@ -268,7 +269,7 @@ std::string worst_of(const FlavourResult& flavour) {
   return text + fmt::format(": an error of {:.2g}, {:.2g} allowed", worst->error, worst->tolerance);
 }
 
-// What was found wrong before stays so, but where it is right now.
+// Earlier wrong verdicts stay, unless the kernel is right now.
 std::vector<std::string> refused_by(const DeviceInfo& device, const std::vector<FlavourResult>& flavours) {
   std::set<std::string> out;
   if (const auto before = remembered_verdict(device)) out.insert(before->refused.begin(), before->refused.end());
@@ -360,7 +361,7 @@ Report run(const std::string& device, const Options& options) {
   }
   const SwitchedOff off = hold_what_is_left(runner, out.flavours);
   for (FlavourResult& flavour : out.flavours) check_table(runner, options, off, flavour);
-  // A kernel without a flavour in its name is of whichever launches it.
+  // A kernel without a flavour in its name belongs to the flavour that launches it.
   for (std::size_t i = 0; i < 2; ++i) {
     const std::vector<KernelResult>& others = out.flavours[1 - i].kernels;
     std::erase_if(out.flavours[i].untested, [&](const NamedKernel& k) {

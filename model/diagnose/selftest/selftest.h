@@ -1,6 +1,6 @@
-// Whether a device with its driver computes rightly: every kernel of both flavours on numbers made here, held against
-// scalar implementations on the host, and the network's stages against PyTorch's. What is wrong is switched off where
-// there is something else for it.
+// Tests whether a device and its driver compute correctly. Every kernel of both flavours runs on generated numbers and
+// is compared with scalar implementations on the host; the network's stages are compared with PyTorch's. Features with
+// wrong results are disabled if there is a replacement.
 #pragma once
 #include <functional>
 #include <string>
@@ -13,8 +13,8 @@
 
 namespace vsplat::selftest {
 
-// What is tried beside the defaults: contexts are made by these options, and those cases run again. For parameter sets
-// that a tuner has found: a variant whose findings are wrong is not to be used, and the verdict does not fall for it.
+// Additional variants to test: contexts made with these options, on which those cases run again. For parameter sets
+// found by a tuner: a variant with wrong results must not be used, but does not affect the verdict.
 struct Variant {
   std::string name;
   std::function<void(ContextOptions&)> choose;
@@ -22,12 +22,12 @@ struct Variant {
 };
 
 struct Options {
-  bool quick = false;       // fewer sizes
-  bool forget = false;      // a table's wrong choices stay in it
-  std::string ended;        // how the process ended that the last self-test ran in; empty: not known (journal.h)
-  std::vector<Case> cases;  // none: all of them
+  bool quick = false;       // uses fewer sizes
+  bool forget = false;      // true: wrong choices stay in the device's table
+  std::string ended;        // how the process of the last self-test ended; empty: unknown (journal.h)
+  std::vector<Case> cases;  // empty: all of them
   std::vector<Variant> variants;
-  // What is done now, and how much of all; false stops: Error(cancelled).
+  // Receives what is tested now, and the share that is done; on false throws Error(cancelled).
   std::function<bool(const std::string& stage, double done)> progress;
   std::function<void(const std::string& kernel, int compiled)> on_compile;
 };
@@ -35,26 +35,25 @@ struct Options {
 enum class KernelVerdict { right, wrong, in_doubt };
 const char* name_of(KernelVerdict verdict);
 
-// A kernel with its defines, over all the results that it had a part in.
+// A kernel with its defines, summarised over all results that it contributed to.
 struct KernelResult {
   NamedKernel kernel;
-  KernelVerdict verdict =
-      KernelVerdict::right;  // in doubt: no result is right that it had a part in, others are blamed
+  KernelVerdict verdict = KernelVerdict::right;  // doubtful: it contributed to no right result, but others are to blame
   int results = 0, wrong = 0;
-  std::string what;                 // the worst of them: that furthest beyond its tolerance, or nearest to it
-  double error = 0, tolerance = 0;  // of that one
+  std::string what;                 // the result that is furthest beyond its tolerance, or nearest to it
+  double error = 0, tolerance = 0;  // of that result
 };
 
 struct FlavourResult {
   Flavour flavour = Flavour::cpu;
   std::string variant;  // empty: the defaults
-  bool usable = true;   // with what is switched off
-  SwitchedOff off;      // of the defaults
+  bool usable = true;   // with the disabled features
+  SwitchedOff off;      // for the defaults
   int results = 0;
   std::vector<KernelResult> kernels;
-  std::vector<CheckedChoice> chosen;  // of the device\'s table
-  std::vector<Finding> wrong;         // as the defaults left it, and what is switched off of both flavours
-  std::vector<NamedKernel> untested;  // that no case has launched
+  std::vector<CheckedChoice> chosen;  // from the device's table
+  std::vector<Finding> wrong;         // with the defaults, and with the disabled features, in both flavours
+  std::vector<NamedKernel> untested;  // kernels that no case launched
 };
 
 struct Report {
@@ -66,8 +65,8 @@ struct Report {
 
 Report run(const std::string& device, const Options& options);
 
-// Of what was found, each kernel's part. One is wrong where it is in a wrong result that no smaller one explains: of
-// the fewest kernels, those that are in no right one, or else all of them.
+// Per-kernel verdicts. Blames the smallest sets of kernels that explain the wrong results: within a wrong result that
+// no smaller one explains, those kernels that have no right result, or else all of them.
 std::vector<KernelResult> by_kernel(const std::vector<Finding>& findings);
 
 }  // namespace vsplat::selftest

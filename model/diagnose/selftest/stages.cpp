@@ -18,7 +18,7 @@ extern const std::uint64_t vsplat_selftest_stages_bytes;
 namespace vsplat::selftest {
 namespace {
 
-// Of a row: harmonics [N,S,3] are S colours, each coefficient of its own scale; one number is its own row.
+// Layout of a row: harmonics [N,S,3] are S colours, with a scale for each coefficient; a single value is its own row.
 std::size_t columns_of(const Shape& shape) {
   if (shape.size() < 2) return 1;
   return static_cast<std::size_t>(shape.size() == 3 && shape[2] == 3 ? shape[1] * shape[2] : shape.back());
@@ -39,7 +39,7 @@ std::vector<Camera> stages_cameras(const SafetensorsFile& file, int edge) {
   return out;
 }
 
-// Pixels at thresholds may fall to either side: the mean error, and how many are far off.
+// Pixels at thresholds may differ: checks the mean error, and how many pixels are far off.
 void check_picture(Checks& c, const char* what, const std::vector<float>& got, const std::vector<float>& want) {
   double largest = 1, sum = 0, off = 0;
   for (const float v : want) largest = std::max(largest, std::abs(static_cast<double>(v)));
@@ -67,7 +67,7 @@ void stages_all(Checks& c) {
   options.tap = [&](const std::string& name, const Tensor& t) {
     c.close_by_column(name.c_str(), c.ctx.read<float>(t), columns_of(t.shape()), file.floats(file.at("stage." + name)),
                       1e-4);
-    c.keep();  // later stages are made of it
+    c.keep();  // later stages use it as input
   };
   const ForwardResult got =
       model.forward(c.ctx, c.up({views, edge, edge, 3}, images), upload_cameras(c.ctx, cameras), options);

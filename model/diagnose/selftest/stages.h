@@ -1,5 +1,5 @@
-// The network's stages, one after the other, of a small model: what PyTorch makes of the same weights and pictures is
-// part of the library (stages.safetensors: tests/golden/micro.safetensors without its gradients).
+// Tests the network's stages in order on a small model. PyTorch's results for the same weights and pictures are part of
+// the library (stages.safetensors: tests/golden/micro.safetensors without its gradients).
 #pragma once
 #include <cstddef>
 #include <span>

@@ -13,7 +13,7 @@
 namespace vsplat {
 namespace {
 
-// The kernels are the same; fewer rows, voxels, tokens and keys of what there may be many of.
+// The same kernels with fewer rows, voxels, tokens and keys.
 TunedShape little(TunedShape shape) {
   const auto at_most = [&](std::size_t size, long most) { shape.sizes[size] = std::min(shape.sizes[size], most); };
   switch (shape.op) {
@@ -93,7 +93,7 @@ int refuse_chosen(const Context& ctx, const std::vector<CheckedChoice>& wrong) {
   try {
     lock.emplace(folder, folder + ", where tuned parameters are kept");
     lock->keep_folders();
-  } catch (const Error& e) {  // a search, which would write over it
+  } catch (const Error& e) {  // a search is running and would overwrite it
     warn("what is wrong stays in the table, and is not used all the same: {}", e.what());
     return 0;
   }

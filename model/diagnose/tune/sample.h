@@ -1,4 +1,4 @@
-// Random numbers for trials, and errors on samples of what they compute.
+// Random numbers for trials, and errors on samples of their results.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace vsplat::tuning {
 
-// Numbers in [-1, 1) that look random, and are cheap to make by the hundred million.
+// Pseudorandom numbers in [-1, 1), cheap enough for hundreds of millions.
 inline std::vector<float> numbers(long count, std::uint32_t seed) {
   std::vector<float> out(static_cast<std::size_t>(count));
   std::uint32_t state = seed * 2654435761u + 1;
@@ -19,7 +19,7 @@ inline std::vector<float> numbers(long count, std::uint32_t seed) {
   return out;
 }
 
-// The worst |got - want| so far, by the largest |want|; infinite, from then on, where something was no number.
+// Largest |got - want| so far relative to the largest |want|; infinite once a value is not finite.
 class WorstError {
  public:
   void add(double got, double want) {
@@ -33,7 +33,7 @@ class WorstError {
   double worst_ = 0, largest_ = 0;
 };
 
-// Indices below `count`: the last ones, where tiles go wrong, and others.
+// Indices below `count`: the last ones, where tiles fail most often, and others.
 inline std::vector<long> sampled(long count, int samples) {
   std::mt19937_64 engine(1);
   std::vector<long> out;

@@ -17,11 +17,11 @@ namespace {
 
 using namespace tuning;
 
-constexpr double kBetter = 0.97;  // of what the best so far takes
-constexpr double kSample = 4e-3;  // seconds of a time that is taken
-constexpr double kRace = 0.25;    // seconds of a race, or three rounds
+constexpr double kBetter = 0.97;  // factor on the best time that counts as an improvement
+constexpr double kSample = 4e-3;  // seconds of one timing
+constexpr double kRace = 0.25;    // seconds of a comparison, or three rounds
 constexpr int kMostRounds = 15;
-constexpr double kHopeless = 2.0;  // times what the best takes: one look is enough
+constexpr double kHopeless = 2.0;  // factor on the best time: beyond it one timing is enough
 
 double now_s() { return static_cast<double>(now_ns()) * 1e-9; }
 
@@ -50,7 +50,7 @@ Runner make_ready(Context& ctx, TuneCase& of, TunedOp op, const TunedValues& val
   return out;
 }
 
-// Seconds of one of `times` runs in a row.
+// Seconds per run, over `times` consecutive runs.
 double seconds_of(Context& ctx, const Runner& runner, int times) {
   ctx.use_tuning(runner.tuning);
   const double begun = now_s();
@@ -59,7 +59,7 @@ double seconds_of(Context& ctx, const Runner& runner, int times) {
   return (now_s() - begun) / times;
 }
 
-// Medians of both, by turns, and the least of both: other load makes times longer, and never shorter.
+// Medians and minima of both, timed alternately: other load only makes times longer.
 struct Race {
   double best, other;
   double least_best, least_other;
@@ -84,7 +84,7 @@ Race race_of(Context& ctx, const Runner& best, const Runner& other, const std::f
           *std::min_element(of_other.begin(), of_other.end())};
 }
 
-// The worst error of what it computes, by the tolerance.
+// Largest error of its results, relative to the tolerance.
 double share_of_tolerance(Context& ctx, TuneCase& of, const Runner& runner, double* error) {
   of.spoil(ctx);
   ctx.use_tuning(runner.tuning);
@@ -95,7 +95,7 @@ double share_of_tolerance(Context& ctx, TuneCase& of, const Runner& runner, doub
   return *error > 0 ? INFINITY : 0.0;
 }
 
-// What is worth more of the time: operations of all calls.
+// Weight of a shape for the search time: operations of all calls.
 struct Task {
   TunedShape shape, exact;
   long calls = 0;
@@ -126,7 +126,7 @@ double weight_of(const TunedShape& shape, long calls) {
       flops = 10 * size(0) * size(1);
       break;
     case TunedOp::rasterize_forward:
-      flops = 39.0 * 64 * size(1);  // a quarter of the pixels of a tile, as a guess
+      flops = 39.0 * 64 * size(1);  // assumes a quarter of a tile's pixels
       break;
   }
   return flops * static_cast<double>(calls);
@@ -143,7 +143,7 @@ std::vector<Task> tasks_of(const NotedShapes& shapes) {
   return out;
 }
 
-// How many sets a search of a shape looks at, at the most.
+// Maximum number of sets that the search of a shape tries.
 long sets_of(const TunedDeclaration& of, bool full) {
   long all = 1, each = 1;
   for (const TunedParameter& p : of.parameters) {
@@ -177,7 +177,7 @@ class Search {
         search(task, *of);
         done_ = before + sets_of(*of, request_.full);
       }
-    table_.keep();  // where the time was too short for a single trial, too: the path that is told has a table
+    table_.keep();  // even if there was no time for a trial: the reported path must hold a table
     out_.path = table_.path();
     out_.before = table_.before();
     out_.table = table_.table();
@@ -192,7 +192,7 @@ class Search {
 
   bool out_of_time() const { return !request_.full && now_s() - begun_ > request_.seconds; }
 
-  // Tells what is done, and asks whether to go on.
+  // Reports progress, and asks whether to continue.
   void tell() {
     const double by_sets = all_ > 0 ? static_cast<double>(done_) / static_cast<double>(all_) : 1;
     const double by_time = request_.full ? 0 : (now_s() - begun_) / request_.seconds;
@@ -210,7 +210,7 @@ class Search {
     }
     if (request_.again) table_.forget(task.shape);
     const TunedValues first = default_values(of);
-    std::optional<TunedValues> best;  // of what is right
+    std::optional<TunedValues> best;  // among the right ones
     const auto consider = [&](const TunedValues& values) {
       if (values != best && takes_the_lead(task, values, best)) best = values;
     };
@@ -235,7 +235,7 @@ class Search {
     }
   }
 
-  // Whether that set is right, and beats `best`, where there is one.
+  // Whether that set is right, and faster than `best`, if there is one.
   bool takes_the_lead(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best) {
     if (const TunedTrial* known = table_.find(task.shape, values); known && !is_begun(*known)) {
       ++done_;
@@ -254,7 +254,7 @@ class Search {
     return trial.verdict == "default" || trial.verdict == "right" || trial.verdict == "best";
   }
 
-  // False where there was no room to try it, and nothing is known of it.
+  // False if there was not enough memory to try it, so nothing is known of it.
   bool attempt(const Task& task, const TunedValues& values, const std::optional<TunedValues>& best, TunedTrial& trial) {
     try {
       judge(task, values, best, trial);
@@ -322,18 +322,18 @@ class Search {
     }
     const Runner other = make_ready(ctx_, *case_, op, *best);
     Race found = race(other, runner);
-    if (found.won()) found = race(other, runner);  // twice, so that chance does not decide
+    if (found.won()) found = race(other, runner);  // repeated, so that chance does not decide
     trial.seconds = found.other, trial.against = found.best;
     trial.verdict = found.won() ? "best" : "slower";
   }
 
-  // What is chosen has won a race: step by step, and then against the default in one more. Where that is not right,
-  // what is right has lost none.
+  // Each choice won a comparison: step by step, and finally against the default. If it turns out to be wrong, the best
+  // right set has lost no comparison.
   void settle(const Task& task, const TunedValues& first, const TunedValues& best) {
     const TunedValues chosen = table_.chosen(task.shape, *best.of);
     const TunedTrial *of_best = table_.find(task.shape, best), *of_first = table_.find(task.shape, first);
     if (best == chosen || !of_first || is_begun(*of_first)) return;
-    if (best == first) {  // what was chosen has been tried anew, or was not reached
+    if (best == first) {  // the previous choice was retried, or was not reached
       if (const TunedTrial* known = table_.find(task.shape, chosen); known && !is_begun(*known))
         table_.choose(task.shape, first);
       return;
@@ -377,7 +377,7 @@ class Search {
   double begun_, tolerance_ = 0;
   long all_ = 0, done_ = 0;
   bool no_room_ = false;
-  std::string now_;  // what is tried
+  std::string now_;  // set under trial
   TriedTable table_;
   TuneResult out_;
   std::unique_ptr<TuneCase> case_, odd_;

@@ -37,7 +37,7 @@ TriedTable::TriedTable(const TuningSubject& of, const std::string& path)
     fail(Status::usage,
          "there is no folder to keep the table in (VSPLAT_CACHE_DIR is off, or others may write to the cache's "
          "folder): vsplat_tune_options.path names a file");
-  // Two searches at once would take each other's time, and each would lose what the other has tried.
+  // Parallel searches would distort each other's times and overwrite each other's trials.
   const fs::path file(path_), folder = file.parent_path();
   if (of_cache_) {
     make_private_folder(folder.string());
@@ -51,7 +51,7 @@ TriedTable::TriedTable(const TuningSubject& of, const std::string& path)
   table_.measured = day_of_search();
 }
 
-// What it replaces is kept by its hash.
+// Keeps the replaced table by its hash.
 void TriedTable::take_up() {
   std::error_code error;
   if (!fs::exists(path_, error)) return;
@@ -59,7 +59,7 @@ void TriedTable::take_up() {
   try {
     before = read_tuning(path_);
   } catch (const Error& e) {
-    if (!of_cache_) throw;  // a file of the caller's, which may be anything
+    if (!of_cache_) throw;  // the caller's file, which may be anything
     warn("the search begins anew: {}", e.what());
     return;
   }
@@ -105,7 +105,7 @@ TunedTrial& TriedTable::begin(const TunedShape& shape, const TunedValues& values
   return table_.trials.back();
 }
 
-// What won before it has lost to it, then; and what it has lost to has won.
+// It beat the previous winner, so that one lost; and sets that beat it won.
 void TriedTable::end(const TunedTrial& trial) {
   for (TunedTrial& t : table_.trials) {
     if (&t == &trial || t.shape != trial.shape) continue;
@@ -133,7 +133,7 @@ void TriedTable::forget(const TunedShape& shape) {
 void TriedTable::choose(const TunedShape& shape, const TunedValues& values) {
   if (chosen(shape, *values.of) == values) return;
   table_.choice.set(shape, values);
-  // A run that begins now names the table by its hash.
+  // Runs that start now record the table by its hash.
   if (const std::string hash = table_.choice.hash(); of_cache_ && !hash.empty())
     write_tuning(kept_tuning_path(hash), table_);
   keep();

@@ -1,4 +1,4 @@
-// The table of a search as its file: what is tried is in it at once, what is chosen when that is sure.
+// The table of a search as a file: trials are written immediately, choices once they are final.
 #pragma once
 #include <optional>
 #include <string>
@@ -10,28 +10,28 @@ namespace vsplat::tuning {
 
 class TriedTable {
  public:
-  // With what an earlier search has left there. `path` empty: the device's table in the cache's folder, of which every
-  // choice is kept by its hash, too. Error(usage) where there is no such folder, or the file is another subject's;
-  // Error(file) where another process searches.
+  // Reads what an earlier search left there. `path` empty: the device's table in the cache folder, which also keeps
+  // every choice by its hash. Error(usage) if there is no such folder, or if the file belongs to another subject;
+  // Error(file) if another process is searching.
   TriedTable(const TuningSubject& of, const std::string& path);
 
   const std::string& path() const { return path_; }
   const TuningTable& table() const { return table_; }
-  const std::string& before() const { return before_; }  // the hash that it had
+  const std::string& before() const { return before_; }  // the previous hash
 
   const TunedTrial* find(const TunedShape& shape, const TunedValues& values) const;
-  // The trial of a shape that has won all races.
+  // The trial of a shape that won all comparisons.
   const TunedTrial* best(const TunedShape& shape) const;
-  // What the table chooses; the default where it chooses nothing.
+  // The table's choice; the default if it has none.
   TunedValues chosen(const TunedShape& shape, const TunedDeclaration& of) const;
 
-  // Each change is in the file when it returns. A set's trial is, before it runs: of one that ends the process twice
-  // the verdict is "failed".
+  // Each change is in the file when the call returns. A trial is recorded before it runs: if it ends the process twice,
+  // its verdict is "failed".
   TunedTrial& begin(const TunedShape& shape, const TunedValues& values);
   void end(const TunedTrial& trial);
   void replace(const TunedTrial& trial);
   void drop(const TunedShape& shape, const TunedValues& values);
-  void forget(const TunedShape& shape);  // all trials; what is chosen stays
+  void forget(const TunedShape& shape);  // removes all trials; the choice stays
   void choose(const TunedShape& shape, const TunedValues& values);
 
   void keep();

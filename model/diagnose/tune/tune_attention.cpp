@@ -6,9 +6,9 @@
 namespace vsplat::tuning {
 namespace {
 
-constexpr int kTokens = 16;  // that are looked at, of the first head and of the last
+constexpr int kTokens = 16;  // tokens checked, of the first and of the last head
 
-// One view's heads.
+// The heads of one view.
 class AttentionCase : public TuneCase {
  public:
   AttentionCase(Context& ctx, long heads, long tokens, long channels, bool backward)
@@ -44,7 +44,7 @@ class AttentionCase : public TuneCase {
         for (const long t : sampled(t_, kTokens)) check_row(got, h, t, worst[0]);
     }
     double out = worst[0].of_largest();
-    for (int i = 1; backward_ && i < 3; ++i)  // queries, keys and values have scales of their own
+    for (int i = 1; backward_ && i < 3; ++i)  // queries, keys and values have different scales
       out = std::max(out, worst[i].of_largest());
     return out;
   }
@@ -81,7 +81,7 @@ class AttentionCase : public TuneCase {
     }
   }
 
-  // Of a query's scores, and its weights.
+  // A query's scores, and its weights.
   std::vector<double> by_scores(long h, long t, const std::vector<double>& p) const {
     std::vector<double> out(p.size());
     double along = 0;

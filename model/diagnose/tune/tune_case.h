@@ -1,5 +1,5 @@
-// An operation at one shape, on random numbers, ready to be run with any set of its parameters, and held against sums
-// in double on the host, on a sample of what it computes.
+// An operation at one shape, on random numbers, ready to run with any set of its parameters. A sample of its results is
+// checked against sums in double on the host.
 #pragma once
 #include <functional>
 #include <memory>
@@ -12,23 +12,23 @@ namespace vsplat {
 class TuneCase {
  public:
   virtual ~TuneCase() = default;
-  // What comes before runs with what the context is tuned to now: weights, in the layout that it wants. The run, then,
-  // which may be repeated, and is enqueued.
+  // Prepares weights in the layout of the context's current tuning. The returned function enqueues a run, and may be
+  // called repeatedly.
   virtual std::function<void()> ready(Context& ctx) = 0;
-  // What a run writes.
+  // The outputs of a run.
   virtual std::vector<Tensor> outputs() const = 0;
-  // Overwrites that with what is no number: what another run has left there is no result.
+  // Overwrites the outputs with NaN, so that results of an earlier run do not count.
   virtual void spoil(Context& ctx);
-  // Of what the last run wrote, the worst error of a sample, by the sample's largest value; infinite where something is
-  // no number.
+  // Largest error of a sample of the last run's outputs, relative to the sample's largest value; infinite if a value is
+  // not finite.
   virtual double error(Context& ctx) = 0;
   virtual double tolerance() const { return 1e-4; }
-  double flops = 0;  // of a run, or what is like them
+  double flops = 0;  // of a run, or a comparable measure
 };
 
-// Its data on the context's device. Error(memory) where there is no room.
+// Allocates its data on the context's device. Error(memory) if they do not fit.
 std::unique_ptr<TuneCase> tune_case(Context& ctx, const TunedShape& shape);
-// A shape with the same operation whose every size is small, odd, and no multiple of any tile's.
+// A shape of the same operation whose sizes are all small, odd, and no multiple of a tile.
 TunedShape odd_shape(const TunedShape& like);
 
 }  // namespace vsplat

@@ -4,7 +4,7 @@
 
 namespace vsplat::tuning {
 
-// Null where the operation is none of theirs.
+// Null if the operation does not belong to the family.
 std::unique_ptr<TuneCase> product_case(Context& ctx, const TunedShape& shape);
 std::unique_ptr<TuneCase> attention_case(Context& ctx, const TunedShape& shape);
 std::unique_ptr<TuneCase> rasterize_case(Context& ctx, const TunedShape& shape);

@@ -11,7 +11,7 @@ constexpr int kSamples = 300;
 std::size_t at(long i) { return static_cast<std::size_t>(i); }
 double product(float a, float b) { return static_cast<double>(a) * static_cast<double>(b); }
 
-// What has one output of numbers, of which each is a sum.
+// Operations with one output, whose values are sums.
 class Sums : public TuneCase {
  public:
   std::vector<Tensor> outputs() const override { return {out_}; }
@@ -28,7 +28,7 @@ class Sums : public TuneCase {
   Tensor out_;
 };
 
-// Rows of A as they are, or gathered: neighbours of a sheet of voxels, two in five of them absent.
+// Rows of A as stored, or gathered: neighbours in a sheet of voxels, two in five of them absent.
 class GemmCase : public Sums {
  public:
   GemmCase(Context& ctx, long m, long n, long k, long taps) : n_(n), k_(k), taps_(std::max(1L, taps)) {
@@ -99,7 +99,7 @@ class TransposedCase : public Sums {
   TransposedGemm gemm_;
 };
 
-// Volumes are cubes: of the voxels of a shape the side is known.
+// Volumes are cubes, so the number of voxels gives the side.
 class ConvCase : public Sums {
  public:
   ConvCase(Context& ctx, long voxels, long cin, long cout, ConvMethod method)
@@ -116,7 +116,7 @@ class ConvCase : public Sums {
     flops = 54.0 * static_cast<double>(there * cin) * static_cast<double>(cout);
   }
 
-  // A run's weights live as long as it: methods are run beside each other.
+  // A run owns its weights, since methods run side by side.
   std::function<void()> ready(Context& ctx) override {
     const auto weights =
         std::make_shared<ConvWeights>(pack_conv3d(ctx, w_.data(), bias_.data(), cout_, cin_, "weights", method_));
@@ -164,7 +164,7 @@ class ConvWeightsCase : public Sums {
 
   std::function<void()> ready(Context& ctx) override {
     return [this, &ctx] {
-      ctx.fill_zero(g_.dw);  // it is added to
+      ctx.fill_zero(g_.dw);  // the kernel adds to it
       conv3d_backward_weights(ctx, g_);
     };
   }
@@ -201,7 +201,7 @@ std::unique_ptr<TuneCase> product_case(Context& ctx, const TunedShape& shape) {
       return std::make_unique<ConvCase>(ctx, s[0], s[1], s[2], ConvMethod::direct);
     case TunedOp::conv3d_winograd:
       return std::make_unique<ConvCase>(ctx, s[0], s[1], s[2], ConvMethod::winograd);
-    case TunedOp::conv3d_method:  // at a size for a volume of which it is worth the choice
+    case TunedOp::conv3d_method:  // for volumes large enough that the choice matters
       return std::make_unique<ConvCase>(ctx, 16 * 16 * 16, s[0], s[1], ConvMethod::auto_);
     case TunedOp::conv3d_weights:
       return std::make_unique<ConvWeightsCase>(ctx, s[0], s[1], s[2]);

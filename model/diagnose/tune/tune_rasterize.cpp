@@ -58,7 +58,7 @@ class RasterizeCase : public TuneCase {
   }
 
  private:
-  // u, v, how far it reaches in rows, depth; log2 of opacity, k, qx, qy; colour: as cl/render/project.cl has them.
+  // u, v, extent in rows, depth; log2 of opacity, k, qx, qy; colour: as in cl/render/project.cl.
   void write_record(const float* random, long tile, float* out) const {
     const auto between = [&](int i, float low, float high) { return low + (high - low) * (random[i] + 1) / 2; };
     const float wide = between(3, 1, 9), high = between(4, 1, 9);
@@ -77,7 +77,7 @@ class RasterizeCase : public TuneCase {
   struct Blended {
     std::array<double, 3> colour{};
     double alpha = 0, depth = 0;
-    bool by_a_hair = false;  // a threshold that a float may see otherwise
+    bool by_a_hair = false;  // so close to a threshold that a float may decide differently
   };
 
   Blended blended(long pixel) const {

@@ -1,4 +1,4 @@
-// Sorting, which is right or wrong.
+// Sorting, whose results are either right or wrong.
 #include <numeric>
 
 #include "model/diagnose/tune/sample.h"
@@ -25,16 +25,16 @@ class SortCase : public TuneCase {
 
   std::function<void()> ready(Context& ctx) override {
     return [this, &ctx] {
-      sorted_ = {};  // the next one's memory
+      sorted_ = {};  // frees memory for the next one
       const Tensor keys = ctx.tensor(from_.shape(), from_.type(), "keys");
-      ctx.copy(from_, keys);  // which the sort overwrites
+      ctx.copy(from_, keys);  // the sort overwrites it
       sorted_ = radix_sort(ctx, keys, {}, static_cast<int>(bits_));
     };
   }
 
   std::vector<Tensor> outputs() const override { return {sorted_.keys, sorted_.values}; }
 
-  // A run's tensors are new: what is spoiled is the memory that they get.
+  // A run allocates new tensors: fills the memory that they will get.
   void spoil(Context& ctx) override {
     sorted_ = {};
     Sorted both[2];
@@ -88,7 +88,7 @@ namespace vsplat {
 
 void TuneCase::spoil(Context& ctx) {
   for (const Tensor& out : outputs()) {
-    const std::vector<unsigned char> nothing(out.bytes(), 0xff);  // no number as a float, no index as an integer
+    const std::vector<unsigned char> nothing(out.bytes(), 0xff);  // NaN as a float, out of range as an index
     ctx.write(out, nothing.data());
   }
 }

@@ -212,12 +212,11 @@ void tile_bin_exact(Checks& c) {
   const Binned got = tile_bin(c.ctx, p, pairs, {0, 0, tiles_x, tiles_y}, {true, true});
   const auto ids = c.ctx.read<std::uint32_t>(got.ids), starts = c.ctx.read<std::uint32_t>(got.starts),
              offsets = c.ctx.read<std::uint32_t>(got.offsets), slots = c.ctx.read<std::uint32_t>(got.slots);
-  // The largest exponent on a grid finer than a tile's pixels, over what it takes to be drawn: in a column it is the
-  // largest at the grid's point that is nearest to the slant.
-  const auto room = [&](std::size_t id, int tile) {
+  const auto room = [&](std::size_t id, int tile) {  // margin of the largest exponent over the drawing threshold
     const float* r = &records[12 * id];
     const int left = 16 * (tile % tiles_x), top = 16 * (tile / tiles_x);
     double most = -1e30;
+    // On a grid finer than a tile's pixels. In a column the grid point nearest to the slant has the largest exponent.
     for (int x = 0; x <= 60; ++x) {
       const double dx = r[0] - (left + 0.5 + x / 4.0), slant = r[1] - (top + 0.5) - r[5] * dx;
       const double t = slant - std::clamp(std::round(4 * slant), 0.0, 60.0) / 4;

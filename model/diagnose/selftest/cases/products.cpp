@@ -133,8 +133,8 @@ void gemm_all(Checks& c) {
   }
 }
 
-// Of rounded operands, on emulated fragments: of small integers it is exact. Whose units else a device has are tried
-// where mixed precision is asked for (runtime/tuning/matrix_probe.h).
+// Products of rounded operands on emulated fragments, which are exact for small integers. The device's own matrix units
+// are tested when mixed precision is requested (runtime/tuning/matrix_probe.h).
 void gemm_matrix_all(Checks& c) {
   if (c.ctx.flavour() != Flavour::gpu || c.ctx.switched_off().mixed) return;
   for (const Operands operands : {Operands::bf16, Operands::tf32})

@@ -19,7 +19,7 @@ struct ProjectionRows {
   std::vector<std::uint32_t> ids, offsets{0};
   std::vector<float> records, rows;
   std::vector<std::uint8_t> touched;
-  // Of Gaussian ids[i], as given, in a camera as given.
+  // The derivatives for Gaussian ids[i], as given, in a camera as given.
   std::vector<std::function<double(const Gaussians&, const Camera&)>> losses;
 
   // Split over up to four tiles, beside one that no pixel saw.
@@ -37,7 +37,8 @@ struct ProjectionRows {
   }
 };
 
-// Of volumes. Those near the limits of the Jacobian and of colour are left out, so that differences stay on one side.
+// The sums for volumes. Gaussians near the limits of the Jacobian and of colour are left out, so that differences stay
+// on one side.
 inline ProjectionRows volume_rows(const Gaussians& g, const Camera& cam, const ref::Options& options) {
   const auto is_smooth = [&](const ref::Splat& s) {
     const double x = (s.u - cam.cx) / cam.fx, y = (s.v - cam.cy) / cam.fy;
@@ -56,7 +57,7 @@ inline ProjectionRows volume_rows(const Gaussians& g, const Camera& cam, const r
     for (const double v : {s.u, s.v, 0.0, s.z, std::log2(s.opacity), slope, -0.5 * log2e * X, -0.5 * log2e * Y,
                            s.colour[0], s.colour[1], s.colour[2], 0.0})
       p.records.push_back(static_cast<float>(v));
-    // Of the size that pictures make them: by the place, one over the smaller radius.
+    // Magnitudes as pictures give them: by the position, one over the smaller radius.
     const double n[] = {normal(engine), normal(engine), normal(engine)};
     const double by_u = n[0] / std::sqrt(s.a), by_v = n[1] / std::sqrt(s.c), by_z = n[2], by_a = n[0] * n[0] / s.a,
                  by_b = n[0] * n[1] / std::sqrt(s.a * s.c), by_c = n[1] * n[1] / s.c, by_opacity = normal(engine);

@@ -64,8 +64,8 @@ struct SurfelCotangent {
   }
 };
 
-// What rows, in the order of ids, say of the records' numbers (see cl/render/rasterize_surfels_backward.cl): all but the
-// reaches.
+// Values of the rows, in the order of ids, for the records' numbers (see cl/render/rasterize_surfels_backward.cl): all
+// but the reaches.
 inline std::vector<double> by_surfel_records(const Records& c, const std::vector<float>& rows) {
   std::vector<double> out(c.records.size());
   for (std::size_t n = 0; n < c.ids.size(); ++n) {

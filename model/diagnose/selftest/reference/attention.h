@@ -36,7 +36,8 @@ std::vector<double> attention(const std::vector<F>& qkv, long v, long t, long h,
   return out;
 }
 
-// Of sum(dout * attention(qkv)): through every weight, and through the softmax by its Jacobian, p_i ([i = j] - p_j).
+// The gradient of sum(dout * attention(qkv)): through every weight, and through the softmax by its Jacobian, p_i ([i =
+// j] - p_j).
 template <class F>
 std::vector<double> attention_backward(const std::vector<F>& qkv, long v, long t, long h, long d,
                                        const std::vector<double>& dout) {

@@ -35,7 +35,7 @@ struct CrossAttentionCase {
     return out;
   }
 
-  // Of sum(dout out), by one of q, k and v, by central differences.
+  // The gradient of sum(dout out) by one of q, k and v, by central differences.
   std::vector<double> gradient(std::vector<double> CrossAttentionCase::*by, const std::vector<float>& dout) const {
     constexpr double step = 1e-5;
     CrossAttentionCase moved = *this;

@@ -5,7 +5,8 @@
 
 namespace vsplat::ref {
 
-// Of f, by central differences of `step` and of half of it, whose leading errors cancel; f(0) is not asked for.
+// The derivative of f, by central differences of `step` and of half of it, whose leading errors cancel; f(0) is not
+// evaluated.
 template <class F>
 double derivative_at_0(double step, const F& f) {
   const auto slope = [&](double h) { return (f(h) - f(-h)) / (2 * h); };

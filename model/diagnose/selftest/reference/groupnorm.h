@@ -35,7 +35,7 @@ struct GroupNormGradient {
   std::vector<double> dx, dgamma, dbeta;
 };
 
-// Of y = silu(groupnorm(x)), for a loss whose derivative by y is dy [n,c].
+// The gradient through y = silu(groupnorm(x)), for a loss whose derivative by y is dy [n,c].
 template <class T>
 GroupNormGradient groupnorm_backward(const std::vector<T>& x, std::size_t n, std::size_t c, std::size_t groups,
                                      const std::vector<T>& gamma, const std::vector<T>& beta, double eps,

@@ -1,4 +1,4 @@
-// What LaRa makes of a picture's maps, in double: what cl/networks/lara_maps.cl is held against.
+// The maps that LaRa derives from a picture's maps, in double: the reference for cl/networks/lara_maps.cl.
 #pragma once
 #include <Eigen/Geometry>
 #include <algorithm>

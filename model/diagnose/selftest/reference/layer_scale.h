@@ -16,7 +16,7 @@ struct LayerScaleCase {
     for (std::size_t i = 0; i < n; ++i) out.push_back(s[i] * b[i]);
     return out;
   }
-  // Of sum(dy forward()), by one of the three.
+  // The gradient of sum(dy forward()) by one of the three.
   std::vector<double> gradient(std::vector<double> LayerScaleCase::*by, const std::vector<float>& dy) const {
     LayerScaleCase at = *this;
     const auto loss = [&] {

@@ -27,7 +27,7 @@ struct LayerNormGradients {
   std::vector<double> gamma, beta;  // [c]
 };
 
-// Of sum(dy * layernorm(x)): through the mean and the variance, each by itself.
+// The gradient of sum(dy * layernorm(x)): through the mean and the variance separately.
 template <class T>
 LayerNormGradients layernorm_backward(const std::vector<T>& x, std::size_t c, const std::vector<float>& gamma,
                                       double eps, const std::vector<double>& dy) {

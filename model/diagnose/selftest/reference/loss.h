@@ -85,7 +85,8 @@ inline double plane_similarity(Plane a, Plane b, const LossKind& kind) {
   return product;
 }
 
-// Of plane i = 3 n + c of pictures and target [N, h, w, 3]: the sum of errors, and the similarity (1 where there is
+// For plane i = 3 n + c of pictures and target [N, h, w, 3]: the sum of errors, and the similarity (1 if there is
+// none).
 // none).
 inline std::array<double, 2> plane_loss(const std::vector<double>& pictures, const std::vector<float>& target, long i,
                                         long h, long w, const LossKind& kind) {

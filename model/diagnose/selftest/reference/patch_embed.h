@@ -54,7 +54,7 @@ struct PatchEmbedGradients {
   std::vector<double> position;  // [rows, c]
 };
 
-// Of sum(dtokens * patch_embed(...)).
+// The gradient of sum(dtokens * patch_embed(...)).
 inline PatchEmbedGradients patch_embed_backward(const std::vector<float>& images, const PatchSizes& z, std::size_t c,
                                                 const std::vector<double>& dtokens) {
   const std::size_t p = z.p, across = z.width / p, tokens = z.tokens();

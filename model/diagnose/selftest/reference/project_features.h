@@ -15,7 +15,8 @@ double texel(const std::vector<T>& features, long t, long channels, long v, long
   return features[static_cast<std::size_t>(((v * t + y) * t + x) * channels + c)];
 }
 
-// Of a point and a view: where on the map of t x t texels it falls, in texels, and the camera's coordinates of it.
+// The projection of a point into a view: its position on the map of t x t texels, in texels, and its camera
+// coordinates.
 struct MapPosition {
   double x, y;
   Eigen::Vector3d camera;

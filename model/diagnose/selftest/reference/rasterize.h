@@ -1,4 +1,4 @@
-// Blending of binned records in double, pixel by pixel: what cl/render/rasterize.cl alone is held against.
+// Blending of binned records in double, pixel by pixel: the reference for cl/render/rasterize.cl by itself.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -14,7 +14,7 @@ struct Blended {
   std::uint64_t pairs = 0;                   // of a pixel and a record that is blended into it
 };
 
-// records [K,12], ids and starts as model/ops/render/tile_bin.h has them.
+// records [K,12], ids and starts as in model/ops/render/tile_bin.h.
 inline Blended blend(const std::vector<float>& records, const std::vector<std::uint32_t>& ids,
                      const std::vector<std::uint32_t>& starts, int width, int height,
                      const std::array<float, 3>& background) {

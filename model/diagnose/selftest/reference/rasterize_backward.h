@@ -1,4 +1,5 @@
-// Blending's derivative in double, pixel by pixel and far to near: what cl/render/rasterize_backward.cl alone is held against.
+// The derivative of blending in double, pixel by pixel and far to near: the reference for
+// cl/render/rasterize_backward.cl by itself.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -9,10 +10,10 @@
 
 namespace vsplat::ref {
 
-// What a row is: the columns of cl/render/rasterize_backward.cl, or with pulls the two of its PULL.
+// The content of a row: the columns of cl/render/rasterize_backward.cl, or, with pulls, the two of its PULL.
 enum class RowKind { sums, pulls, pulls_through_clamp };
 
-// records [V,12], ids [N] and starts as model/ops/render/tile_bin.h has them, derivatives of a loss by colour [H,W,3], alpha
+// records [V,12], ids [N] and starts as in model/ops/render/tile_bin.h; derivatives of a loss by colour [H,W,3], alpha
 // and depth [H,W]. Returns [N,10] (or [N,2]), the rows of cl/render/rasterize_backward.cl in the order of ids.
 inline std::vector<double> blend_backward(const std::vector<float>& records, const std::vector<std::uint32_t>& ids,
                                           const std::vector<std::uint32_t>& starts, int width, int height,

@@ -1,4 +1,5 @@
-// Blending of binned surfels' records in double, pixel by pixel: what cl/render/rasterize_surfels.cl alone is held against.
+// Blending of binned surfels' records in double, pixel by pixel: the reference for cl/render/rasterize_surfels.cl by
+// itself.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -23,7 +24,7 @@ Meeting meet_record(const Number* r, double x, double y, const SurfelOptions& o)
   return {alpha, depth};
 }
 
-// records [V,20], ids and starts as model/ops/render/tile_bin.h has them.
+// records [V,20], ids and starts as in model/ops/render/tile_bin.h.
 template <class Number>
 SurfelFrame blend_surfels(const std::vector<Number>& records, const std::vector<std::uint32_t>& ids,
                           const std::vector<std::uint32_t>& starts, int width, int height, const SurfelOptions& o) {

@@ -12,7 +12,7 @@ inline std::vector<double> ray_harmonics(const std::vector<double>& rays) {
   return out;
 }
 
-// Of sum(dy ray_harmonics()), by the rays.
+// The gradient of sum(dy ray_harmonics()) by the rays.
 inline std::vector<double> ray_harmonics_gradient(std::vector<double> rays, const std::vector<float>& dy) {
   std::vector<double> out;
   for (std::size_t i = 0; i < rays.size(); ++i) {

@@ -37,7 +37,7 @@ struct SamplePointsCase {
     return sum;
   }
 
-  // Of sum(dout out), by the points and by the maps, by central differences.
+  // The gradients of sum(dout out) by the points and by the maps, by central differences.
   std::vector<double> points_gradient(const std::vector<float>& dout) const {
     constexpr double step = 1e-7;
     SamplePointsCase moved = *this;

@@ -26,7 +26,7 @@ struct SelectGradient {
   double logit = 0, opacity = 0;
 };
 
-// Of a loss whose derivative by the refined opacity is d.
+// The gradient of a loss whose derivative by the refined opacity is d.
 inline SelectGradient select_backward(const std::string& selection, double logit, double noise, double opacity,
                                       double temperature, double d) {
   const double factor = select(selection, logit, noise, opacity, temperature, 0).factor;

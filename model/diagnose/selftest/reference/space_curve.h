@@ -26,8 +26,8 @@ inline std::uint64_t morton(const Cell& c, int depth) {
   return code;
 }
 
-// Of all cells of a curve of this depth: from that of one bit less, the axes of whose eight copies are turned so that
-// each ends beside where the next one begins. By Skilling's rule applied forwards (from place to cell), where the code
+// All cells of a curve of this depth, made from the curve of one bit less: the axes of its eight copies are turned so
+// that each ends next to the start of the next one. Applies Skilling's rule forwards (from position to cell); the code
 // under test goes backwards.
 inline Cell hilbert_cell(std::uint64_t place, int depth) {
   Cell x{};

@@ -1,5 +1,5 @@
-// 3D Gaussian splatting, one picture, in double and without cleverness: what cl/render/project.cl, cl/render/tile_bin.cl and
-// cl/render/rasterize.cl are held against.
+// 3D Gaussian splatting of one picture, in double and straightforward: the reference for cl/render/project.cl,
+// cl/render/tile_bin.cl and cl/render/rasterize.cl.
 #pragma once
 #include <Eigen/Geometry>
 #include <Eigen/LU>

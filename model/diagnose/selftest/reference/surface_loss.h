@@ -1,4 +1,4 @@
-// What a training wants of surfels' surface, in double: what cl/fit/surface_loss.cl is held against.
+// The loss terms on surfels' surface, in double: the reference for cl/fit/surface_loss.cl.
 #pragma once
 #include <cstddef>
 #include <vector>

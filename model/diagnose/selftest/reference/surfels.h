@@ -1,5 +1,5 @@
-// 2D Gaussian splatting, one picture, in double and without cleverness: what cl/render/project_surfels.cl and
-// cl/render/rasterize_surfels.cl are held against.
+// 2D Gaussian splatting of one picture, in double and straightforward: the reference for cl/render/project_surfels.cl
+// and cl/render/rasterize_surfels.cl.
 #pragma once
 #include <Eigen/Geometry>
 #include <Eigen/LU>

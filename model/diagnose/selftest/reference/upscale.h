@@ -33,7 +33,7 @@ struct UpscaleCase {
     return out;
   }
 
-  // Of sum(dchildren children) + sum(dwide wide), by central differences.
+  // The gradients of sum(dchildren children) + sum(dwide wide), by central differences.
   std::vector<double> gradient(std::vector<double> UpscaleCase::*by, const std::vector<float>& dchildren,
                                const std::vector<float>& dwide) const {
     UpscaleCase moved = *this;
