@@ -6,7 +6,7 @@
 #
 #   --minutes M         how long all of it may take, from the first check to the last file (a number, 0.5 is half a minute)
 #   --output DIR        where the results go: at most eight files below 16 MiB each for a model of the shipped one's size
-#   --from DIR          goes on with the training that an earlier call has left there; may be the same folder
+#   --from DIR          continues the training that an earlier call left there; may be the same folder
 #   --config FILE       what vsplat train trains (gpu.json beside this file; with --from that training's)
 #   --init FILE         the model that it begins with (the one inside vsplat); "none": random weights
 #   --piece M           a training is interrupted and resumed after so many minutes (8), and its results written each time
@@ -128,7 +128,7 @@ if [ -z "$device" ]; then
   device=gpu
 fi
 
-# --- Whether it calculates what it should: a wrong driver is told before it costs the time. Known answers, and the same bits twice.
+# --- Checks that the device computes correctly, so that a wrong driver is reported before it costs time. Known answers, and the same bits twice.
 rm -rf "$work/check"
 mkdir -p "$work/check"
 "$vsplat" dataset procedural --count 2 --solids --views 12 --size 64 --seed 4711 --output "$work/check/set" --quiet ||
@@ -213,7 +213,7 @@ if [ "$draw" -gt 0 ]; then
   draw_objects
   set -- --data "$work/drawn"
   say "$((each * drawers)) objects drawn in $(($(now) - draw_begun)) s"
-  # Of what a step takes, a tenth is still drawn for it.
+  # A tenth of a step's objects is still generated during training.
   if [ -z "$from" ]; then sed -i 's/"procedural": *[0-9.]*/"procedural": 0.1/' "$work/run.json"; fi
 fi
 if [ -n "$data" ]; then
@@ -298,7 +298,7 @@ pack() {
   summary
   rm -rf "$work/packed"
   mkdir -p "$work/packed" "$output"
-  # Of each stage the newest checkpoint and sheet alone.
+  # Only the newest checkpoint and sheet of each stage.
   (
     cd "$work"
     echo run.json
@@ -406,7 +406,7 @@ if [ $pieces -eq 0 ] && [ $stopped = no ]; then
   say "$minutes minutes leave no time to train: what comes before and after takes $(($(now) - begun + reserve)) s here"
 fi
 if [ $pieces -gt 0 ] && [ $stopped = no ] && [ -f "$run/model.safetensors" ]; then
-  # Of the weights that are handed out, so that the next call finds the same.
+  # Measured on the weights that are handed out, so that the next call finds the same value.
   if [ -f "$output/model.safetensors" ]; then psnr_after=$(psnr_of after "$output/model.safetensors"); else psnr_after=$(psnr_of after "$run/model.safetensors"); fi
 fi
 mkdir -p "$output"
